@@ -56,9 +56,10 @@ fn run(command: &mut Command, ranks: usize, accepted: i32) -> Said {
             .unwrap_or("")
     };
     // Earlier versions print grain-steps per second and rank.
-    let unit = match after("speed ").contains("million") {
-        true => 1.0,
-        false => ranks as f64 * 1e-6,
+    let unit = if after("speed ").contains("million") {
+        1.0
+    } else {
+        ranks as f64 * 1e-6
     };
     let speed = after("speed ").split(' ').next().unwrap_or("");
     Said {
@@ -148,9 +149,12 @@ impl Packed {
             .arg(&out);
         command.arg(format!("--set=shear.strain={}", self.strain));
         // What begins with a dash is an option of the program.
-        command.args(set.iter().map(|s| match s.starts_with('-') {
-            true => s.to_string(),
-            false => format!("--set={s}"),
+        command.args(set.iter().map(|s| {
+            if s.starts_with('-') {
+                s.to_string()
+            } else {
+                format!("--set={s}")
+            }
         }));
         let said = run(&mut command, ranks, 0);
         std::fs::remove_dir_all(&out).expect("the run's folder");

@@ -93,9 +93,10 @@ fn of_a_servo(case: &Case, varies: bool) {
     let [force, pressure] = ["normal_force", "pressure"].map(|of| run.number(of).expect("a load"));
     let gain = number("servo_gain =") * pressure / force;
     let most = number("servo_speed_max =");
-    let load = match varies {
-        true => column("imposed_normal_force").to_vec(),
-        false => vec![force; series.rows()],
+    let load = if varies {
+        column("imposed_normal_force").to_vec()
+    } else {
+        vec![force; series.rows()]
     };
     let rows = column("normal_force").iter().zip(&load);
     let follows = |((force, load), velocity): ((&f64, &f64), &f64)| {

@@ -244,9 +244,10 @@ impl Subject for BoxFile {
         std::fs::write(self.folder.join(name), bytes).expect("written");
         let name = name.to_string_lossy();
         let mut command = reduce();
-        match name.starts_with("newtonian") {
-            true => command.arg("growth"),
-            false => command.args(["stability", "--until-pair"]),
+        if name.starts_with("newtonian") {
+            command.arg("growth")
+        } else {
+            command.args(["stability", "--until-pair"])
         };
         command.arg(self.folder.join(&*name)).arg("--out");
         let reported = ended(command.arg(self.folder.join("reduced")), &name)?;
@@ -651,9 +652,12 @@ fn every_number_is_protected() {
         let attributes = attributes.iter().map(|name| (name, true));
         for (object, is_attribute) in names.into_iter().map(|n| (n, false)).chain(attributes) {
             std::fs::write(&path, &whole).expect("written");
-            common::change_file(&path, |file| match is_attribute {
-                true => change_attribute(file, object),
-                false => change_one(&file.dataset(object).expect("a dataset")),
+            common::change_file(&path, |file| {
+                if is_attribute {
+                    change_attribute(file, object);
+                } else {
+                    change_one(&file.dataset(object).expect("a dataset"));
+                }
             });
             let bytes = std::fs::read(&path).expect("the file");
             let found = subject

@@ -293,9 +293,10 @@ impl Scenario {
         let mut compare = Command::new(env!("CARGO_BIN_EXE_gshear-reduce"));
         let compare = compare.arg("compare").args([&run, &reference]);
         let compared = compare.output().expect("the program starts");
-        match compared.status.success() {
-            true => Ok(()),
-            false => Err(String::from_utf8_lossy(&compared.stdout).into_owned()),
+        if compared.status.success() {
+            Ok(())
+        } else {
+            Err(String::from_utf8_lossy(&compared.stdout).into_owned())
         }
     }
 
@@ -736,9 +737,10 @@ fn first_seconds(many: u64) {
         println!("{name}: {calls} calls");
         let many = many.min(calls);
         for k in 0..many {
-            let call = match many == calls {
-                true => k + 1,
-                false => 1 + calls * k * k / (many * many),
+            let call = if many == calls {
+                k + 1
+            } else {
+                1 + calls * k * k / (many * many)
             };
             let _ = std::fs::remove_dir_all(&run);
             let mut faulty = command(&arguments);

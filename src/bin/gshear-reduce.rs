@@ -22,10 +22,7 @@ struct Output<W> {
 impl<W: Write> Write for Output<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let text = String::from_utf8_lossy(bytes);
-        let shown = match self.draws {
-            true => text,
-            false => printable(&text),
-        };
+        let shown = if self.draws { text } else { printable(&text) };
         match self.to.write_all(shown.as_bytes()) {
             Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(e),
             _ => Ok(bytes.len()),

@@ -13,9 +13,10 @@ use std::process::{Command, Output};
 fn launcher() -> Vec<String> {
     let given = std::env::var("MPIRUN").unwrap_or_default();
     let words: Vec<String> = given.split_whitespace().map(String::from).collect();
-    match words.is_empty() {
-        true => vec!["mpirun".into()],
-        false => words,
+    if words.is_empty() {
+        vec!["mpirun".into()]
+    } else {
+        words
     }
 }
 
@@ -213,9 +214,10 @@ pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
 
 /// The variable that says which rank a process is, with its equals sign.
 pub fn rank_variable() -> &'static str {
-    match is_open_mpi() {
-        true => "OMPI_COMM_WORLD_RANK=",
-        false => "PMI_RANK=",
+    if is_open_mpi() {
+        "OMPI_COMM_WORLD_RANK="
+    } else {
+        "PMI_RANK="
     }
 }
 

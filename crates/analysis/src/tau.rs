@@ -31,9 +31,12 @@ impl TauReading {
         let every = self.every.get();
         let first = if self.average { every } else { 0 };
         let rows: Vec<usize> = (first..tau.len()).step_by(every).collect();
-        let value = |row: &usize| match self.average {
-            true => tau[row + 1 - every..=*row].iter().sum::<f64>() / every as f64,
-            false => tau[*row],
+        let value = |row: &usize| {
+            if self.average {
+                tau[row + 1 - every..=*row].iter().sum::<f64>() / every as f64
+            } else {
+                tau[*row]
+            }
         };
         let rounded = |tau: f64| match self.round {
             Some(unit) => (tau / unit).round() * unit,

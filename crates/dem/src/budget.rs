@@ -248,9 +248,12 @@ impl EnergyBudget {
         });
         // Trapezoidal rule: the power at the end of the last step counts half.
         let (dissipated, uncounted) = self.sums(exchange, self.last_power);
-        let dissipated = dissipated.map(|n| match uncounted {
-            true => f64::NAN,
-            false => 0.5 * n as f64 * self.unit,
+        let dissipated = dissipated.map(|n| {
+            if uncounted {
+                f64::NAN
+            } else {
+                0.5 * n as f64 * self.unit
+            }
         });
         let work_load = match self.normal {
             None => -of.load * (of.height - begin.height),

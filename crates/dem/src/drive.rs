@@ -43,9 +43,10 @@ impl Piston {
         let fall = self.load / self.mass;
         // Without a force the acceleration is -N/m, to rounding.
         let is_free = self.acceleration <= -(1.0 - 1e-12) * fall;
-        match is_free && self.velocity > 0.0 {
-            true => 0.5 * self.velocity * self.velocity / fall,
-            false => 0.0,
+        if is_free && self.velocity > 0.0 {
+            0.5 * self.velocity * self.velocity / fall
+        } else {
+            0.0
         }
     }
 
@@ -390,9 +391,10 @@ impl Slider {
     /// The velocity of the full step: of the drive, or predicted from the last acceleration.
     fn predicted(&self, step: f64) -> f64 {
         let now = self.state.step;
-        match self.is_free(self.protocol.segment_before(now)) {
-            true => self.state.velocity + 0.5 * step * self.state.acceleration,
-            false => self.protocol.full_velocity(now),
+        if self.is_free(self.protocol.segment_before(now)) {
+            self.state.velocity + 0.5 * step * self.state.acceleration
+        } else {
+            self.protocol.full_velocity(now)
         }
     }
 
@@ -438,9 +440,10 @@ impl Slider {
     /// step.
     pub fn drive_velocity(&self) -> f64 {
         let now = self.state.step;
-        match self.protocol.segment_before(now).is_pulled() {
-            true => self.state.velocity,
-            false => self.protocol.full_velocity(now),
+        if self.protocol.segment_before(now).is_pulled() {
+            self.state.velocity
+        } else {
+            self.protocol.full_velocity(now)
         }
     }
 }

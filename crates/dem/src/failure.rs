@@ -66,9 +66,12 @@ fn escaped(text: &str, is_bad: fn(char) -> bool) -> Cow<'_, str> {
     if !text.contains(is_bad) {
         return text.into();
     }
-    let escape = |c: char| match is_bad(c) {
-        true => c.escape_default().to_string(),
-        false => c.to_string(),
+    let escape = |c: char| {
+        if is_bad(c) {
+            c.escape_default().to_string()
+        } else {
+            c.to_string()
+        }
     };
     text.chars().map(escape).collect::<String>().into()
 }

@@ -695,9 +695,10 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         }
         let touched = contacts.touching[block];
         let idle = !normal.greater(zero).bits() & touched;
-        contacts.limits[block] = match C::FRICTION || C::ROLLING {
-            true => [response.sliding & touched, response.rolls & touched, idle],
-            false => [0, 0, idle],
+        contacts.limits[block] = if C::FRICTION || C::ROLLING {
+            [response.sliding & touched, response.rolls & touched, idle]
+        } else {
+            [0, 0, idle]
         };
         let mut force = n;
         let (mut on_i, mut on_j) = ([zero; 3], [zero; 3]);

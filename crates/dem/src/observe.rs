@@ -192,9 +192,10 @@ pub fn series<D: Dimension>(
     let of_wall = 0.5 * piston.mass * piston.velocity * piston.velocity;
     let has_wall = |budget: &EnergyBudget| budget.has_wall();
     let of_grains = kinetic_energy + constants.energy.value(part(3));
-    let of_sample = match system.budget.as_ref().is_none_or(has_wall) {
-        true => of_grains + of_wall,
-        false => of_grains,
+    let of_sample = if system.budget.as_ref().is_none_or(has_wall) {
+        of_grains + of_wall
+    } else {
+        of_grains
     };
     let energy = system
         .budget

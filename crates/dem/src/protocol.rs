@@ -153,9 +153,10 @@ impl Course {
 
     /// The force after so many of all steps of the segment.
     pub fn at(&self, steps: u64, all: u64) -> f64 {
-        let linear = match steps >= all {
-            true => self.to,
-            false => self.from + (self.to - self.from) * (steps as f64 / all as f64),
+        let linear = if steps >= all {
+            self.to
+        } else {
+            self.from + (self.to - self.from) * (steps as f64 / all as f64)
         };
         self.wave.map_or(linear, |wave| linear + wave.at(steps))
     }

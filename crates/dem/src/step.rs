@@ -71,9 +71,12 @@ pub fn advance<D: Dimension>(
     let second_kick_deferred = std::mem::take(&mut system.second_kick_deferred);
     system.pool.over_owned(
         &mut system.grains,
-        |part| match second_kick_deferred {
-            true => isa.run(HalfKickAndDrift::<_, true> { part, step, cell }),
-            false => isa.run(HalfKickAndDrift::<_, false> { part, step, cell }),
+        |part| {
+            if second_kick_deferred {
+                isa.run(HalfKickAndDrift::<_, true> { part, step, cell })
+            } else {
+                isa.run(HalfKickAndDrift::<_, false> { part, step, cell })
+            }
         },
         |speed| fastest = greater_or_nan(fastest, speed),
     );
@@ -178,9 +181,10 @@ impl<const K: usize> Message<K> {
         for (to, yes) in numbers[Self::ANSWERS..FORCES_AT].iter_mut().zip(questions) {
             *to = i64::from(yes);
         }
-        let sent = match drive.has_bottom_force() {
-            true => MESSAGE,
-            false => MESSAGE - FORCE,
+        let sent = if drive.has_bottom_force() {
+            MESSAGE
+        } else {
+            MESSAGE - FORCE
         };
         Self { numbers, sent }
     }
@@ -328,9 +332,10 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool> Work
             let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
             for axis in 0..D::AXES {
                 dv[axis] = linear * force[axis];
-                v[axis] = match SECOND_KICK_DEFERRED {
-                    true => (r[D::HALF_VELOCITY + axis] + dv[axis]) + dv[axis],
-                    false => r[D::VELOCITY + axis] + dv[axis],
+                v[axis] = if SECOND_KICK_DEFERRED {
+                    (r[D::HALF_VELOCITY + axis] + dv[axis]) + dv[axis]
+                } else {
+                    r[D::VELOCITY + axis] + dv[axis]
                 };
             }
             r[D::HALF_VELOCITY..][..D::AXES].copy_from_slice(&v[..D::AXES]);
@@ -347,9 +352,10 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool> Work
             let (mut dw, mut w) = ([0.0; 3], [0.0; 3]);
             for k in 0..D::SPINS {
                 dw[k] = angular * force[D::TORQUE + k];
-                w[k] = match SECOND_KICK_DEFERRED {
-                    true => (r[D::HALF_SPIN + k] + dw[k]) + dw[k],
-                    false => r[D::SPIN + k] + dw[k],
+                w[k] = if SECOND_KICK_DEFERRED {
+                    (r[D::HALF_SPIN + k] + dw[k]) + dw[k]
+                } else {
+                    r[D::SPIN + k] + dw[k]
                 };
             }
             r[D::HALF_SPIN..][..D::SPINS].copy_from_slice(&w[..D::SPINS]);

@@ -553,9 +553,10 @@ impl<D: Dimension> System<D> {
                         self.grains.id[g],
                         place(g),
                         0.5 * self.list.skin,
-                        length(std::array::from_fn(|axis| match axis < D::AXES {
-                            true => self.grains.fields(g)[D::VELOCITY + axis],
-                            false => 0.0,
+                        length(std::array::from_fn(|axis| if axis < D::AXES {
+                            self.grains.fields(g)[D::VELOCITY + axis]
+                        } else {
+                            0.0
                         })),
                     )
                 }

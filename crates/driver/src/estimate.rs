@@ -135,9 +135,10 @@ impl Estimate {
         let (bytes, rows) = stage.output;
         let output = bytes / FRAMES_PER_SECOND + ROW * f64::from(self.grains) * rows as f64;
         let output = output / self.ranks.min(cores()) as f64;
-        let computed = match stage.moves {
-            true => budget * self.work(stage) / self.speed?,
-            false => steps as f64 * self.strain_step?,
+        let computed = if stage.moves {
+            budget * self.work(stage) / self.speed?
+        } else {
+            steps as f64 * self.strain_step?
         };
         Some(computed + output)
     }
@@ -362,9 +363,10 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
         bytes: NUMBER * (columns + 1) as f64 * counts.rows as f64,
         content: format!("{} rows", counts.rows),
     });
-    let kept = match scene.keep_checkpoints {
-        true => counts.checkpoints + 1,
-        false => 2.min(counts.checkpoints),
+    let kept = if scene.keep_checkpoints {
+        counts.checkpoints + 1
+    } else {
+        2.min(counts.checkpoints)
     };
     estimate.checkpoints(scene, kept);
     estimate

@@ -133,15 +133,16 @@ impl Files {
                 exchange.sum(&mut counts);
                 let [frames, rows, scalars] = counts.map(|count| count as u64);
                 // The log first: if it does not fit, the other file is left as it is.
-                let log = match format.log {
-                    true => Some(Log::open_to_append(
+                let log = if format.log {
+                    Some(Log::open_to_append(
                         exchange,
                         &log,
                         format.columns,
                         last,
                         rows,
-                    )?),
-                    false => None,
+                    )?)
+                } else {
+                    None
                 };
                 let mut trajectory = TrajectoryWriter::open_to_append(
                     exchange,

@@ -487,16 +487,18 @@ impl RunFolder {
                 };
                 let spectra = self.path.join(SPECTRA_FILE);
                 let time = step as f64 * scene.time_step.step;
-                let found = match wanted && beside {
-                    true => readable(rows_up_to(&spectra, time))?.flatten().unwrap_or(0),
-                    false => *lines,
+                let found = if wanted && beside {
+                    readable(rows_up_to(&spectra, time))?.flatten().unwrap_or(0)
+                } else {
+                    *lines
                 };
-                match found < *lines {
-                    true => Err(Failure::input(format!(
+                if found < *lines {
+                    Err(Failure::input(format!(
                         "{}: is missing or has {found} lines up to the checkpoint, which counts {lines}; put it back, or leave the spectra out with --set newtonian.spectra=0",
                         spectra.display()
-                    ))),
-                    false => Ok(()),
+                    )))
+                } else {
+                    Ok(())
                 }
             }
             _ => Ok(()),
@@ -510,9 +512,10 @@ impl RunFolder {
     /// # Errors
     /// [`Failure::Other`] if a file can be neither removed nor linked.
     pub fn clear(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        let removed = match self.clear.replace(false) {
-            true => remove_run(&self.path),
-            false => Ok(()),
+        let removed = if self.clear.replace(false) {
+            remove_run(&self.path)
+        } else {
+            Ok(())
         };
         let cut_back = self.cut_back_to.take();
         let newest = cut_back.map_or(Ok(()), |path| checkpoint::make_newest(&path, &self.path));
@@ -555,9 +558,10 @@ fn check_name(folder: &Path) -> Result<(), Failure> {
 /// What a run finds in its folder, without writing there: a sentence, and whether the run can begin
 /// or go on in it.
 pub fn outlook(folder: &Path, claim: &Claim<'_>) -> (String, bool) {
-    let place = match folder.as_os_str().is_empty() {
-        true => Path::new("."),
-        false => folder,
+    let place = if folder.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        folder
     };
     let existing = place.ancestors().find(|path| path.exists());
     let existing = match existing {
@@ -620,9 +624,12 @@ fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Writte
 
 /// Whether two paths lead to the same folder. An empty path is the present one.
 pub fn same_folder(one: &Path, other: &Path) -> bool {
-    let place = |path: &Path| match path.as_os_str().is_empty() {
-        true => Path::new(".").canonicalize(),
-        false => path.canonicalize(),
+    let place = |path: &Path| {
+        if path.as_os_str().is_empty() {
+            Path::new(".").canonicalize()
+        } else {
+            path.canonicalize()
+        }
     };
     match (place(one), place(other)) {
         (Ok(one), Ok(other)) => one == other,

@@ -93,9 +93,10 @@ impl FrameAnalysis {
         };
         let message = |rank: usize| {
             let share = shares.range(rank);
-            let frames = match share.is_empty() {
-                true => 0..0,
-                false => share.start as usize..share.end as usize + 1,
+            let frames = if share.is_empty() {
+                0..0
+            } else {
+                share.start as usize..share.end as usize + 1
             };
             let mut message = Vec::new();
             self.frames[frames]

@@ -466,9 +466,10 @@ fn check_ends(
     match (header, &scene.boundary, &before.boundary) {
         (Header::Pack { step, .. }, Boundary::Walls(walls), _) => {
             let most = walls.pack.max_steps;
-            match most < *step {
-                true => past("pack.max_steps", format!("step {most}")),
-                false => Ok(()),
+            if most < *step {
+                past("pack.max_steps", format!("step {most}"))
+            } else {
+                Ok(())
             }
         }
         (Header::Shear { step, height, .. }, Boundary::Walls(walls), Boundary::Walls(former)) => {
@@ -509,9 +510,10 @@ fn check_ends(
         ) => {
             let steps = periodic.aqs.steps;
             let begun = unfinished.as_ref().is_some_and(|of| of.work.is_step());
-            match steps < progress.steps + u64::from(begun) {
-                true => past("aqs.steps", format!("strain step {steps}")),
-                false => Ok(()),
+            if steps < progress.steps + u64::from(begun) {
+                past("aqs.steps", format!("strain step {steps}"))
+            } else {
+                Ok(())
             }
         }
         (
@@ -527,9 +529,10 @@ fn check_ends(
                 return past("newtonian", "the last strain step".into());
             };
             let steps = newtonian::steps(of, progress.pair.as_ref(), scene.time_step.step);
-            match steps < *step {
-                true => past("newtonian.growth_times", format!("step {steps}")),
-                false => Ok(()),
+            if steps < *step {
+                past("newtonian.growth_times", format!("step {steps}"))
+            } else {
+                Ok(())
             }
         }
         // A scene of the other kind is refused where its stages begin.

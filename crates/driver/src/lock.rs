@@ -229,9 +229,10 @@ impl Lock {
             }
             let _ = fs::remove_file(&aside);
             if same {
-                let why = match gone {
-                    true => "is gone",
-                    false => "loses it by --break-lock",
+                let why = if gone {
+                    "is gone"
+                } else {
+                    "loses it by --break-lock"
                 };
                 notes.push(format!(
                     "{}: {whose}, {why}; took the lock over",

@@ -47,9 +47,10 @@ pub struct Continuation {
 impl std::fmt::Display for Continuation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} step {}", self.stage, self.step)?;
-        match self.changes.is_empty() {
-            true => Ok(()),
-            false => write!(f, ": {}", self.changes.join(", ")),
+        if self.changes.is_empty() {
+            Ok(())
+        } else {
+            write!(f, ": {}", self.changes.join(", "))
         }
     }
 }

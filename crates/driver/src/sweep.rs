@@ -135,9 +135,10 @@ impl<'a> Sweep<'a> {
         let task = self.task(exchange, member)?;
         let mut options = self.options_of(member, options);
         await_lock(exchange, &mut options);
-        let resumed = match options.overwrite {
-            true => Resumable::Task(Box::new(task)),
-            false => resume_if_begun(exchange, &options.out, task)?,
+        let resumed = if options.overwrite {
+            Resumable::Task(Box::new(task))
+        } else {
+            resume_if_begun(exchange, &options.out, task)?
         };
         let Resumable::Task(task) = resumed else {
             say(exchange, &format!("sweep: {} is done", member.name));

@@ -75,10 +75,7 @@ impl Screen {
 impl Terminal {
     /// `speaks`: whether this rank prints.
     pub fn new(speaks: bool, verbosity: Verbosity) -> Self {
-        let verbosity = match speaks {
-            true => verbosity,
-            false => Verbosity::Quiet,
-        };
+        let verbosity = if speaks { verbosity } else { Verbosity::Quiet };
         Self {
             verbosity,
             speaks,
@@ -405,12 +402,13 @@ fn phases_within(table: &str, width: usize) -> String {
         let kept = columns.filter(|(at, _)| !(20..30).contains(at) && !(40..50).contains(at));
         kept.map(|(_, c)| c).collect()
     };
-    let lines = table.lines().map(
-        |line| match table.lines().any(|l| l.chars().count() > width) {
-            true => narrowed(line),
-            false => line.to_string(),
-        },
-    );
+    let lines = table.lines().map(|line| {
+        if table.lines().any(|l| l.chars().count() > width) {
+            narrowed(line)
+        } else {
+            line.to_string()
+        }
+    });
     lines.collect::<Vec<_>>().join("\n")
 }
 

@@ -76,9 +76,10 @@ impl Node {
         communicator.all_gather_into(&world.rank(), &mut ranks[..]);
         let mut allowed = vec![0u64; here as usize * CPU_WORDS];
         communicator.all_gather_into(&allowed_cpus()[..], &mut allowed[..]);
-        let polls = match here as usize <= number_of_cpus(&allowed) {
-            true => POLLS_ALONE,
-            false => POLLS_CROWDED,
+        let polls = if here as usize <= number_of_cpus(&allowed) {
+            POLLS_ALONE
+        } else {
+            POLLS_CROWDED
         };
         let mut slots = vec![null_mut(); world.size() as usize];
         // A slot begins at the first multiple of its alignment, the same offset on all ranks

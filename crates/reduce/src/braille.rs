@@ -24,9 +24,10 @@ pub fn plot(
         let least = values.clone().fold(f64::INFINITY, f64::min);
         let most = values.fold(f64::NEG_INFINITY, f64::max);
         // A constant lies in the middle.
-        let margin = match most > least {
-            true => 0.0,
-            false => most.abs().max(1e-300) * 0.1,
+        let margin = if most > least {
+            0.0
+        } else {
+            most.abs().max(1e-300) * 0.1
         };
         [least - margin, most + margin]
     });

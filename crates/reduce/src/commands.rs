@@ -601,9 +601,10 @@ fn once(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> 
             out,
         } => {
             let run = RunFile::open_any(run)?;
-            let history = match paper_form {
-                true => History::Unturned,
-                false => History::Turned,
+            let history = if *paper_form {
+                History::Unturned
+            } else {
+                History::Turned
             };
             let folder = out.as_deref().unwrap_or(run.folder());
             let path = stability::write(&run, (*frames, *until_pair), history, folder)?;

@@ -487,7 +487,7 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameComparison::new(Dimensions::Two, false, true);
+        let mut fields = FrameComparison::new(Dimensions::Two);
         fields.see_contacts(7, &a, &b);
         assert_eq!((fields.pairs.compared, fields.pairs.differing), (4, 2));
         assert_eq!(fields.pairs.first, Location::ContactOf(7, 0, 1));

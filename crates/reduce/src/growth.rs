@@ -29,9 +29,10 @@ const RADIUS: f64 = 5.0;
 /// # Errors
 /// A damaged run, a file of another stage, a file that cannot be written.
 pub fn write(path: &Path, folder: &Path) -> Result<[PathBuf; 2], Failure> {
-    let path = match path.is_dir() {
-        true => path.join(NEWTONIAN_FILE),
-        false => path.to_path_buf(),
+    let path = if path.is_dir() {
+        path.join(NEWTONIAN_FILE)
+    } else {
+        path.to_path_buf()
     };
     let run = RunFile::open_any(&path)?;
     if run.stage() != RunStage::Newtonian {

@@ -39,11 +39,10 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     let walls = run.stage() == RunStage::Shear;
     lines.push((
         "grains",
-        match walls {
-            true => {
-                format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall")
-            }
-            false => all.to_string(),
+        if walls {
+            format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall")
+        } else {
+            all.to_string()
         },
     ));
     let least = grains.radius.iter().copied().fold(f64::INFINITY, f64::min);
@@ -60,9 +59,10 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
         f64::INFINITY => String::new(),
         width => format!(" × {width:.4e} m"),
     };
-    let of_height = match walls {
-        true => "(periodic) × {} at the start",
-        false => "× {} (periodic)",
+    let of_height = if walls {
+        "(periodic) × {} at the start"
+    } else {
+        "× {} (periodic)"
     };
     let of_height = of_height.replace("{}", &format!("{height:.4e} m"));
     lines.push(("box", format!("{length:.4e} m{width} {of_height}")));

@@ -58,9 +58,10 @@ pub fn range(text: &str) -> Result<[f64; 2], String> {
     let (from, to) = text.split_once("..").ok_or_else(wrong)?;
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
     let (from, to) = (number(from)?, number(to)?);
-    match from >= 0.0 && to > from && to.is_finite() {
-        true => Ok([from, to]),
-        false => Err(wrong()),
+    if from >= 0.0 && to > from && to.is_finite() {
+        Ok([from, to])
+    } else {
+        Err(wrong())
     }
 }
 
@@ -246,9 +247,10 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Sna
 
 /// Whether a path is of a run in a box: Newton's equations are replayed by their time.
 pub fn has_newtonian(run: &Path) -> bool {
-    let of_walls = match run.is_dir() {
-        true => run.join(RUN_FILE).exists(),
-        false => run.file_name().is_some_and(|name| name == RUN_FILE),
+    let of_walls = if run.is_dir() {
+        run.join(RUN_FILE).exists()
+    } else {
+        run.file_name().is_some_and(|name| name == RUN_FILE)
     };
     !of_walls
 }
@@ -266,9 +268,10 @@ pub fn newtonian(
     out: Option<&Path>,
     output: &mut impl Write,
 ) -> Result<(), Failure> {
-    let folder = match run.is_dir() {
-        true => run,
-        false => run.parent().unwrap_or(Path::new(".")),
+    let folder = if run.is_dir() {
+        run
+    } else {
+        run.parent().unwrap_or(Path::new("."))
     };
     let default = folder.join(format!("replay-newtonian-{}-{}", time[0], time[1]));
     let out = out.unwrap_or(&default);

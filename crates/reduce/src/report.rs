@@ -37,9 +37,10 @@ pub fn write(path: &Path, folder: Option<&Path>, threads: usize) -> Result<PathB
         replay::window(run, request, &folder.join("replay"))
     };
     let replayed = missing.map(again).transpose()?;
-    let slider = match rate_state::is_test(run) {
-        true => Some("rate-state"),
-        false => None,
+    let slider = if rate_state::is_test(run) {
+        Some("rate-state")
+    } else {
+        None
     };
     if let Some(name) = slider {
         let runs = std::slice::from_ref(run);

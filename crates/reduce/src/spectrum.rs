@@ -143,9 +143,10 @@ pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), F
     };
     summary(&spectrum, output).map_err(cannot_write)?;
 
-    let beside = match source.is_dir() {
-        true => Some(source.as_path()),
-        false => source.parent(),
+    let beside = if source.is_dir() {
+        Some(source.as_path())
+    } else {
+        source.parent()
     };
     let beside = beside.unwrap_or(Path::new(""));
     let folder = options.out.as_deref().unwrap_or(beside);
@@ -410,11 +411,10 @@ fn amplified(
         "polynomials of degrees {:?}, {} products\n{}",
         found.degrees,
         found.products,
-        match found.complete {
-            true => format!("complete: all modes with {within}, or that grow as fast"),
-            false => format!(
-                "the fastest-growing modes; there may be more with {within}: increase --count"
-            ),
+        if found.complete {
+            format!("complete: all modes with {within}, or that grow as fast")
+        } else {
+            format!("the fastest-growing modes; there may be more with {within}: increase --count")
         }
     )
     .map_err(cannot_write)?;

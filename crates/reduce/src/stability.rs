@@ -80,12 +80,13 @@ pub fn write(
     dictionary::write_table(&path, &csv)?;
     let failed = rows.iter().filter_map(|(.., found)| found.as_ref().err());
     let failed: Vec<String> = failed.map(ToString::to_string).collect();
-    match failed.is_empty() {
-        true => Ok(path),
-        false => Err(Failure::numbers(format!(
+    if failed.is_empty() {
+        Ok(path)
+    } else {
+        Err(Failure::numbers(format!(
             "{}; {} has NaN for it and all other frames",
             failed.join("; "),
             path.display()
-        ))),
+        )))
     }
 }

@@ -52,9 +52,10 @@ pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
         let killed = running && is_abandoned(folder);
         curves.read(status.as_ref())?;
         if status.is_none() && curves.rows() == 0 {
-            let what = match run.exists() {
-                true => format!("holds neither {STATUS_FILE} nor {LOG_FILE}"),
-                false => "no such folder".into(),
+            let what = if run.exists() {
+                format!("holds neither {STATUS_FILE} nor {LOG_FILE}")
+            } else {
+                "no such folder".into()
             };
             let name = if run.exists() { folder } else { run };
             return Err(Failure::input(format!(
@@ -62,9 +63,10 @@ pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
                 name.display()
             )));
         }
-        let width = match shown {
-            true => usize::from(term.size().1).saturating_sub(1),
-            false => usize::MAX,
+        let width = if shown {
+            usize::from(term.size().1).saturating_sub(1)
+        } else {
+            usize::MAX
         };
         let mut text = vec![headline(status.as_ref(), killed, width, shown && colours)];
         if shown {
@@ -169,9 +171,10 @@ impl Curves {
         if self.log.rows() > 0 {
             let names = ["strain", "time", "stress_ratio", "solid_fraction"];
             let [strain, time, tau, phi] = names.map(|name| self.log.column(name));
-            let (over, x) = match returns(&strain) {
-                true => ("time", time),
-                false => ("strain", strain),
+            let (over, x) = if returns(&strain) {
+                ("time", time)
+            } else {
+                ("strain", strain)
             };
             (self.names, self.over) = (["tau", "phi"], over);
             let points = |y: Vec<f64>| x.iter().zip(y).map(|(x, y)| [*x, y]).collect();
@@ -183,9 +186,10 @@ impl Curves {
         self.strains.read(status)?;
         let column = |k: usize| -> Vec<f64> { self.strains.all().map(|row| row[k]).collect() };
         let [step, strain, stress] = [0, 1, 2].map(column);
-        let (over, x) = match returns(&strain) {
-            true => ("strain step", step),
-            false => ("strain", strain),
+        let (over, x) = if returns(&strain) {
+            ("strain step", step)
+        } else {
+            ("strain", strain)
         };
         (self.names, self.over) = (["stress", ""], over);
         self.points[0] = x.into_iter().zip(stress).map(|(x, y)| [x, y]).collect();
@@ -199,27 +203,26 @@ impl Curves {
         }
         let unicode = speaks_utf8();
         let [first, second] = &self.points;
-        match second.len() > 1 && height >= 2 * LEAST[1] + 4 {
-            true => {
-                // The stress has twice the room.
-                let lower = (height / 3).max(LEAST[1]);
-                let mut lines = plot(
-                    first,
-                    self.names[0],
-                    self.over,
-                    [width, height - lower],
-                    unicode,
-                );
-                lines.extend(plot(
-                    second,
-                    self.names[1],
-                    self.over,
-                    [width, lower],
-                    unicode,
-                ));
-                lines
-            }
-            false => plot(first, self.names[0], self.over, [width, height], unicode),
+        if second.len() > 1 && height >= 2 * LEAST[1] + 4 {
+            // The stress has twice the room.
+            let lower = (height / 3).max(LEAST[1]);
+            let mut lines = plot(
+                first,
+                self.names[0],
+                self.over,
+                [width, height - lower],
+                unicode,
+            );
+            lines.extend(plot(
+                second,
+                self.names[1],
+                self.over,
+                [width, lower],
+                unicode,
+            ));
+            lines
+        } else {
+            plot(first, self.names[0], self.over, [width, height], unicode)
         }
     }
 }

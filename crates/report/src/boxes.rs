@@ -318,9 +318,10 @@ fn in_time(run: &RunFile, facts: &mut Facts) -> Result<Vec<ReportFigure>, Failur
 /// The eigenvalues over time, if the run has computed some.
 fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>, Failure> {
     let path = run.folder().join(SPECTRA_FILE);
-    let rows: Vec<SpectrumRow> = match path.exists() {
-        true => table::read(&path)?,
-        false => Vec::new(),
+    let rows: Vec<SpectrumRow> = if path.exists() {
+        table::read(&path)?
+    } else {
+        Vec::new()
     };
     if rows.is_empty() {
         return Ok(None);

@@ -31,9 +31,10 @@ impl Axis {
         if is_imposed(run) {
             return Self::over_time(run.series(), "time (s)");
         }
-        let (name, label, factor) = match is_driven(run) {
-            true => ("slip", "slip (mm)", 1e3),
-            false => ("strain", "shear strain γ (%)", 100.0),
+        let (name, label, factor) = if is_driven(run) {
+            ("slip", "slip (mm)", 1e3)
+        } else {
+            ("strain", "shear strain γ (%)", 100.0)
         };
         Self::over(run.series(), name, label, factor)
     }

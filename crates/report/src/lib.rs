@@ -129,13 +129,14 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
     let of_tau = axis.table(run.series(), &["stress_ratio"]);
     let mut figures = vec![ReportFigure {
         name: "stress-strain",
-        caption: match phases.is_empty() {
-            true => "Shear stress ratio over the whole run.".into(),
-            false => format!(
+        caption: if phases.is_empty() {
+            "Shear stress ratio over the whole run.".into()
+        } else {
+            format!(
                 "Shear stress ratio over the whole run. In colour: stick (τ increases) and slip (τ decreases) phases that \
                  change it by more than {} % of its range.",
                 100.0 * stress::VISIBLE
-            ),
+            )
         },
         svg: stress::whole(&axis, tau, phases, summary.drop.as_ref()),
         data: of_tau.clone(),

@@ -138,18 +138,15 @@ pub fn identity(run: &RunFile) -> Facts {
 pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
     let mut facts = identity(run);
     let strain = run.series().column("strain");
-    facts.push(match is_imposed(run) {
-        false => {
-            let percent = |strain: &f64| format!("{:.4} %", 100.0 * strain);
-            let last = strain.last().map_or("none".into(), percent);
-            ("Shear strain reached", last)
-        }
-        true => {
-            let least = strain.iter().copied().fold(0.0, f64::min);
-            let most = strain.iter().copied().fold(0.0, f64::max);
-            let range = format!("{:.4} … {:.4} %", 100.0 * least, 100.0 * most);
-            ("Shear strain, least and greatest", range)
-        }
+    facts.push(if is_imposed(run) {
+        let least = strain.iter().copied().fold(0.0, f64::min);
+        let most = strain.iter().copied().fold(0.0, f64::max);
+        let range = format!("{:.4} … {:.4} %", 100.0 * least, 100.0 * most);
+        ("Shear strain, least and greatest", range)
+    } else {
+        let percent = |strain: &f64| format!("{:.4} %", 100.0 * strain);
+        let last = strain.last().map_or("none".into(), percent);
+        ("Shear strain reached", last)
     });
     let stress = summary.stress;
     facts.push((

@@ -43,9 +43,10 @@ fn seen([x, y, z]: [f64; 3]) -> ([f64; 2], f64) {
 
 /// [`seen`], but disks are seen from above their plane.
 fn view(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
-    match planar {
-        true => ([place[0], place[1]], 0.0),
-        false => seen(place),
+    if planar {
+        ([place[0], place[1]], 0.0)
+    } else {
+        seen(place)
     }
 }
 
@@ -78,9 +79,12 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         let earlier = run.records(numbers[0]..numbers[0] + 1)?.swap_remove(0);
         let interval = run.interval(numbers, [&earlier, &last]);
         let moved: Vec<f64> = (0..last.grains.len())
-            .map(|n| match planar {
-                true => interval.displacement::<Two>(n)[0],
-                false => interval.displacement::<Three>(n)[0],
+            .map(|n| {
+                if planar {
+                    interval.displacement::<Two>(n)[0]
+                } else {
+                    interval.displacement::<Three>(n)[0]
+                }
             })
             .collect();
         let when = " in the latter half of the run";
@@ -91,9 +95,10 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             &moved,
         ));
         let (grains, mean) = (run.grains(), run.grains().mean_radius());
-        let dmin = match planar {
-            true => event::between_frames::<Two>(grains, &interval, RADIUS * mean),
-            false => event::between_frames::<Three>(grains, &interval, RADIUS * mean),
+        let dmin = if planar {
+            event::between_frames::<Two>(grains, &interval, RADIUS * mean)
+        } else {
+            event::between_frames::<Three>(grains, &interval, RADIUS * mean)
         };
         let over_square: Vec<f64> = dmin.iter().map(|d| (d / (mean * mean)).log10()).collect();
         pictures.push(packing.figure(
@@ -161,9 +166,10 @@ impl<'a> Packing<'a> {
 
     fn note(&self) -> String {
         let (all, drawn) = (self.frame.grains.len(), self.order.len());
-        let part = match drawn < all {
-            true => format!("Drawn are the {drawn} in front, of {all}. "),
-            false => String::new(),
+        let part = if drawn < all {
+            format!("Drawn are the {drawn} in front, of {all}. ")
+        } else {
+            String::new()
         };
         part + match self.run.stage() {
             RunStage::Shear => "Grey: grains of the walls, and those without a value.",
@@ -256,12 +262,11 @@ impl<'a> Packing<'a> {
         let svg = self.drawn(&VIRIDIS, [low, high], (label, unit), |plot| {
             let pixels = plot.scale();
             for &g in &self.order {
-                let colour = match free(&&g) && !values[g].is_nan() {
-                    true => {
-                        let part = (values[g] - low) / (high - low);
-                        VIRIDIS.at((part * COLOURS).round() / COLOURS)
-                    }
-                    false => WALL,
+                let colour = if free(&&g) && !values[g].is_nan() {
+                    let part = (values[g] - low) / (high - low);
+                    VIRIDIS.at((part * COLOURS).round() / COLOURS)
+                } else {
+                    WALL
                 };
                 let place = self.seen(g);
                 plot.disk(place, self.run.grains().radius[g] * pixels, colour, None);

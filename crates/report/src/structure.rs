@@ -78,9 +78,10 @@ pub fn figures(
     let ends = [-reach(-1.0), reach(1.0)];
     let mean_diameter = 2.0 * run.grains().mean_radius();
     let walls = run.stage() == RunStage::Shear;
-    let across = match walls {
-        true => 0.25 * (ends[1] - ends[0]),
-        false => 0.45 * run.height(),
+    let across = if walls {
+        0.25 * (ends[1] - ends[0])
+    } else {
+        0.45 * run.height()
     };
     let [x, y] = run.periods();
     let farthest = (FARTHEST * mean_diameter).min(across).min(0.5 * x.min(y));
@@ -221,12 +222,11 @@ impl Sums<'_> {
         let centres: Vec<&[f64; 3]> = free.iter().filter(inner).collect();
         let every = centres.len().div_ceil(MOST_CENTRES).max(1);
         let centres: Vec<&[f64; 3]> = centres.into_iter().step_by(every).collect();
-        let volume = match self.walls {
-            true => self.base() * (high - low),
-            false => {
-                let edges = self.run.box_edges(t);
-                (0..axes).map(|axis| edges[axis][axis]).product()
-            }
+        let volume = if self.walls {
+            self.base() * (high - low)
+        } else {
+            let edges = self.run.box_edges(t);
+            (0..axes).map(|axis| edges[axis][axis]).product()
         };
         let density = free.len() as f64 / volume;
         let width = self.mean_diameter / BINS_PER_DIAMETER as f64;

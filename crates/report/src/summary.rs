@@ -61,14 +61,12 @@ const LEAST_LOAD: f64 = 0.01;
 pub fn stress_ratio(run: &RunFile) -> Vec<f64> {
     let series = run.series();
     let (tau, normal) = (series.column("stress_ratio"), series.column("normal_force"));
-    let least = match is_imposed(run) {
-        true => LEAST_LOAD * normal.iter().copied().fold(0.0, f64::max),
-        false => f64::NEG_INFINITY,
+    let least = if is_imposed(run) {
+        LEAST_LOAD * normal.iter().copied().fold(0.0, f64::max)
+    } else {
+        f64::NEG_INFINITY
     };
-    let shown = |(tau, normal): (&f64, &f64)| match *normal < least {
-        true => f64::NAN,
-        false => *tau,
-    };
+    let shown = |(tau, normal): (&f64, &f64)| if *normal < least { f64::NAN } else { *tau };
     tau.iter().zip(normal).map(shown).collect()
 }
 
@@ -92,9 +90,10 @@ fn is_free(run: &RunFile, phase: &Phase) -> bool {
 /// Rows of the latter half of the strain; of the time, if a protocol imposes more than velocities.
 fn latter_half(run: &RunFile) -> std::ops::RangeFrom<usize> {
     // A strain that returns does not tell the halves of a run.
-    let clock = match is_imposed(run) {
-        true => &run.series().time[..],
-        false => run.series().column("strain"),
+    let clock = if is_imposed(run) {
+        &run.series().time[..]
+    } else {
+        run.series().column("strain")
     };
     let half = 0.5 * clock.last().copied().unwrap_or(0.0);
     clock.partition_point(|now| *now < half)..

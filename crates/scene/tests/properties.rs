@@ -332,13 +332,11 @@ fn check<T: std::fmt::Debug>(
         failure_persistence: Some(Box::new(FileFailurePersistence::Direct(path))),
         ..ProptestConfig::default()
     };
-    let mut runner = match cases < LONG {
-        // The same at every `make test`.
-        true => {
-            let rng = TestRng::deterministic_rng(config.rng_algorithm);
-            TestRunner::new_with_rng(config, rng)
-        }
-        false => TestRunner::new(config),
+    let mut runner = if cases < LONG {
+        let rng = TestRng::deterministic_rng(config.rng_algorithm);
+        TestRunner::new_with_rng(config, rng)
+    } else {
+        TestRunner::new(config)
     };
     if let Err(e) = runner.run(strategy, property) {
         panic!("{e}\n{runner}");

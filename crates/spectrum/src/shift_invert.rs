@@ -106,9 +106,12 @@ fn nearest_in<T: Scalar>(
     let mut inverse = Inverse::<T>::near(problem, symbolic, request.shift, request.par)?;
     let settings = settings(request, problem.size());
     let n = problem.size();
-    let mut solve = |adjoint: bool, x: MatMut<'_, T>| match adjoint {
-        true => inverse.apply_adjoint(x),
-        false => inverse.apply(x),
+    let mut solve = |adjoint: bool, x: MatMut<'_, T>| {
+        if adjoint {
+            inverse.apply_adjoint(x);
+        } else {
+            inverse.apply(x);
+        }
     };
     let right = krylov::largest(n, |x| solve(false, x), settings).map_err(Failed::Stalled)?;
     let wanted = right.basis.ncols();

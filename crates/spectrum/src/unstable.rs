@@ -125,9 +125,12 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
             resolution = (resolution / FINER).max(sought.resolution);
         } else {
             let turned = known.turned();
-            let filter = |adjoint: bool, x: MatMut<'_, f64>| match adjoint {
-                true => filter(&columns, &turned, x),
-                false => filter(&rows, &known, x),
+            let filter = |adjoint: bool, x: MatMut<'_, f64>| {
+                if adjoint {
+                    filter(&columns, &turned, x);
+                } else {
+                    filter(&rows, &known, x);
+                }
             };
             let [right, left] = krylov::matched(n, right, filter, wanted)?;
             known.add(&right.basis, &left.basis);
@@ -171,9 +174,12 @@ impl Known {
 /// An orthonormal basis of the span of both.
 fn orthonormal(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
     let first = a.ncols();
-    let both = Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| match j < first {
-        true => a[(i, j)],
-        false => b[(i, j - first)],
+    let both = Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| {
+        if j < first {
+            a[(i, j)]
+        } else {
+            b[(i, j - first)]
+        }
     });
     both.qr().compute_thin_Q()
 }

@@ -32,10 +32,10 @@ pub fn empty<T: H5Type>(group: &Group, name: &str, shape: &[usize]) -> hdf5::Res
     if piece.len() > 1 {
         piece[0] = 1;
     }
-    let builder = match piece.contains(&0) || shape[0] == 0 {
-        // No numbers.
-        true => builder,
-        false => builder.chunk(piece).fletcher32(),
+    let builder = if piece.contains(&0) || shape[0] == 0 {
+        builder
+    } else {
+        builder.chunk(piece).fletcher32()
     };
     builder.shape(shape).create(name)
 }

@@ -272,9 +272,10 @@ impl Datasets {
                 let path = format!("{BOX}/edges");
                 file.group(&path)?;
                 link_clock(&element(0), &path)?;
-                let (shape, chunk): (&[usize], &[usize]) = match layout.walls {
-                    true => (&[0, 3], &[CHUNK_ROWS / 8, 3]),
-                    false => (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3]),
+                let (shape, chunk): (&[usize], &[usize]) = if layout.walls {
+                    (&[0, 3], &[CHUNK_ROWS / 8, 3])
+                } else {
+                    (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3])
                 };
                 let dataset = file.dataset(EDGES_VALUE, shape, Some(chunk))?;
                 in_units(dataset, &EDGES)?

@@ -92,9 +92,10 @@ fn coordinates(
         let mut words = lines.text.split_ascii_whitespace();
         let row: usize = lines.word(&mut words, "row")?;
         let column: usize = lines.word(&mut words, "column")?;
-        let value: f64 = match header.pattern {
-            true => 1.0,
-            false => lines.word(&mut words, "value")?,
+        let value: f64 = if header.pattern {
+            1.0
+        } else {
+            lines.word(&mut words, "value")?
         };
         lines.end(words)?;
         if !(1..=rows).contains(&row) || !(1..=columns).contains(&column) {

@@ -27,9 +27,10 @@ pub fn reserve(path: &Path, start: u64, end: u64) -> Result<(), Failure> {
         match fallocate(&file, FallocateFlags::KEEP_SIZE, start, needed) {
             Err(Errno::OPNOTSUPP | Errno::NOSYS) => {
                 let system = fstatvfs(&file)?;
-                match system.f_bavail.saturating_mul(system.f_frsize) >= needed {
-                    true => Ok(()),
-                    false => Err(Errno::NOSPC.into()),
+                if system.f_bavail.saturating_mul(system.f_frsize) >= needed {
+                    Ok(())
+                } else {
+                    Err(Errno::NOSPC.into())
                 }
             }
             other => Ok(other?),

@@ -49,9 +49,10 @@ fn can_hold(dataset: &Dataset, bytes: u64) -> hdf5::Result<()> {
     if !create.get_external()?.is_empty() || create.get_layout()? == Layout::Virtual {
         return Err(format!("the numbers of {name} are in another file").into());
     }
-    let most = match create.has_filters() {
-        true => bytes.saturating_mul(DENSEST),
-        false => bytes,
+    let most = if create.has_filters() {
+        bytes.saturating_mul(DENSEST)
+    } else {
+        bytes
     };
     let (shape, of_one) = (dataset.get_shape()?, dataset.dtype()?.size() as u64);
     let announced = shape

@@ -73,9 +73,10 @@ pub fn remove_remnants(folder: &Path, names: &[&str], age: Duration) {
 /// What is no file, or longer than any such text; a file that cannot be read.
 pub fn read(path: &Path) -> io::Result<String> {
     let of = std::fs::metadata(path)?;
-    match of.is_file() && of.len() <= LONGEST {
-        true => std::fs::read_to_string(path),
-        false => Err(io::ErrorKind::InvalidData.into()),
+    if of.is_file() && of.len() <= LONGEST {
+        std::fs::read_to_string(path)
+    } else {
+        Err(io::ErrorKind::InvalidData.into())
     }
 }
 

@@ -120,9 +120,10 @@ fn with_auto(text: &str, shell: Shell) -> String {
 fn files_without_dash(text: &str, has_commands: bool) -> String {
     let words = "COMPREPLY=( $(compgen -W \"${opts}\" -- \"${cur}\") )";
     let end = format!("esac\n            {words}\n");
-    let kept = match has_commands {
-        true => text.find(&end).map_or(0, |at| at + end.len()),
-        false => 0,
+    let kept = if has_commands {
+        text.find(&end).map_or(0, |at| at + end.len())
+    } else {
+        0
     };
     let (head, tail) = text.split_at(kept);
     let mut lines = Vec::new();
@@ -130,9 +131,10 @@ fn files_without_dash(text: &str, has_commands: bool) -> String {
         let condition = line
             .trim_start()
             .starts_with("if [[ ${cur} == -* || ${COMP_CWORD}");
-        lines.push(match condition {
-            true => "            if [[ ${cur} == -* ]] ; then".to_string(),
-            false => line.to_string(),
+        lines.push(if condition {
+            "            if [[ ${cur} == -* ]] ; then".to_string()
+        } else {
+            line.to_string()
         });
     }
     head.to_string() + &lines.join("\n") + "\n"

@@ -24,9 +24,12 @@ pub fn paper_form(jacobian: &Jacobian, radius: impl Fn(u32) -> f64) -> SparseCol
     let (per_grain, grains) = (jacobian.per_grain, jacobian.grains.len());
     let place = |unknown: usize| unknown % per_grain * grains + unknown / per_grain;
     let rotation = |unknown: usize| unknown % per_grain >= jacobian.axes;
-    let lever = |unknown: usize| match rotation(unknown) {
-        true => radius(jacobian.grains[unknown / per_grain]),
-        false => 1.0,
+    let lever = |unknown: usize| {
+        if rotation(unknown) {
+            radius(jacobian.grains[unknown / per_grain])
+        } else {
+            1.0
+        }
     };
     let entry = |(force, unknown, value): (usize, usize, f64)| {
         let sign = if rotation(force) == rotation(unknown) {

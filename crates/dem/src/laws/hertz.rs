@@ -136,9 +136,10 @@ impl Constants for Spheres {
         let damping = |gamma: f64| secant / k_n * 0.5 * mass * gamma;
         Rigidity {
             normal: 1.5 * secant,
-            tangential: match tangential {
-                true => self.tangential_stiffness() / k_n * secant,
-                false => 0.0,
+            tangential: if tangential {
+                self.tangential_stiffness() / k_n * secant
+            } else {
+                0.0
             },
             rolling: 0.0,
             damping: [self.normal_damping, self.tangential_damping].map(damping),
@@ -188,9 +189,10 @@ impl Constants for Spheres {
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        Some(match contact.friction > 0.0 {
-            true => Box::new(Hertz::<true>::new(self, contact)),
-            false => Box::new(Hertz::<false>::new(self, contact)),
+        Some(if contact.friction > 0.0 {
+            Box::new(Hertz::<true>::new(self, contact))
+        } else {
+            Box::new(Hertz::<false>::new(self, contact))
         })
     }
 }

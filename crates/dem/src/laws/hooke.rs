@@ -167,9 +167,10 @@ impl Constants for Springs {
 
     /// Without rolling resistance.
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        Some(match contact.friction > 0.0 {
-            true => Box::new(Hooke::<Three, true, false>::new(self, contact)),
-            false => Box::new(Hooke::<Three, false, false>::new(self, contact)),
+        Some(if contact.friction > 0.0 {
+            Box::new(Hooke::<Three, true, false>::new(self, contact))
+        } else {
+            Box::new(Hooke::<Three, false, false>::new(self, contact))
         })
     }
 }

@@ -111,9 +111,10 @@ impl Constants for Material {
 
     fn rigidity(&self, secant: f64, mass: f64, tangential: bool) -> Rigidity {
         let modulus = PI * self.effective_modulus();
-        let tangential = match tangential {
-            true => secant / NORMAL_PER_TANGENTIAL,
-            false => 0.0,
+        let tangential = if tangential {
+            secant / NORMAL_PER_TANGENTIAL
+        } else {
+            0.0
         };
         Rigidity {
             // πE*/(ℓ-2), as F/δ = πE*/(ℓ-1).

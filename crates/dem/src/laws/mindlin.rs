@@ -71,9 +71,10 @@ impl MindlinSprings {
     }
 
     fn force<D: Dimension>(&self, contact: &Contact) -> Box<dyn PairForce<D>> {
-        match contact.friction > 0.0 {
-            true => Box::new(Mindlin::<D, true>::new(self, contact)),
-            false => Box::new(Mindlin::<D, false>::new(self, contact)),
+        if contact.friction > 0.0 {
+            Box::new(Mindlin::<D, true>::new(self, contact))
+        } else {
+            Box::new(Mindlin::<D, false>::new(self, contact))
         }
     }
 }

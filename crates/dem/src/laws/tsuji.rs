@@ -162,9 +162,10 @@ impl Constants for TsujiSpheres {
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        Some(match contact.friction > 0.0 {
-            true => Box::new(self.force::<true>(contact)),
-            false => Box::new(self.force::<false>(contact)),
+        Some(if contact.friction > 0.0 {
+            Box::new(self.force::<true>(contact))
+        } else {
+            Box::new(self.force::<false>(contact))
         })
     }
 }

@@ -188,9 +188,10 @@ impl Contacts {
                 .map(|listed| listed.gap)
                 .fold(f64::INFINITY, f64::min);
             let inner = self.asleep_until.len() < self.inner;
-            self.asleep_until.push(match inner {
-                true => way_to_touch(least),
-                false => 2.0 * way_to_touch(least) - ghosts_move,
+            self.asleep_until.push(if inner {
+                way_to_touch(least)
+            } else {
+                2.0 * way_to_touch(least) - ghosts_move
             });
         }
         let blocks = self.geometry.len();

@@ -122,9 +122,10 @@ pub const SERIES_COLUMNS: [Column; SeriesRow::COLUMNS.len() + ImposedRow::COLUMN
     let mut all = [SeriesRow::COLUMNS[0]; SeriesRow::COLUMNS.len() + ImposedRow::COLUMNS.len()];
     let mut k = 0;
     while k < all.len() {
-        all[k] = match k < SeriesRow::COLUMNS.len() {
-            true => SeriesRow::COLUMNS[k],
-            false => ImposedRow::COLUMNS[k - SeriesRow::COLUMNS.len()],
+        all[k] = if k < SeriesRow::COLUMNS.len() {
+            SeriesRow::COLUMNS[k]
+        } else {
+            ImposedRow::COLUMNS[k - SeriesRow::COLUMNS.len()]
         };
         k += 1;
     }

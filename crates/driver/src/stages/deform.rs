@@ -245,9 +245,12 @@ impl<D: Dimension> Strain<'_, D> {
                 )));
             }
             let lengths = self.system.cell.lengths::<D>();
-            let lengths: [f64; 3] = std::array::from_fn(|axis| match axis < D::AXES {
-                true => lengths[axis] * (1.0 - of.toward * change),
-                false => lengths[axis],
+            let lengths: [f64; 3] = std::array::from_fn(|axis| {
+                if axis < D::AXES {
+                    lengths[axis] * (1.0 - of.toward * change)
+                } else {
+                    lengths[axis]
+                }
             });
             if self.stretch(run, lengths)?.is_ok() {
                 return Ok(Some(Search::Pressure(of)));

@@ -343,9 +343,10 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
 
     fn save_due(&self) -> Save {
         let looks = self.step.is_multiple_of(LOOK);
-        match looks && self.due.window.is_none() {
-            true => Save::IfOld,
-            false => Save::No,
+        if looks && self.due.window.is_none() {
+            Save::IfOld
+        } else {
+            Save::No
         }
     }
 

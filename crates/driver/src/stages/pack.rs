@@ -301,9 +301,10 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
     }
 
     fn save_due(&self) -> Save {
-        match !self.at_rest && self.step.is_multiple_of(PACK_CHECKPOINT) {
-            true => Save::Now,
-            false => Save::No,
+        if !self.at_rest && self.step.is_multiple_of(PACK_CHECKPOINT) {
+            Save::Now
+        } else {
+            Save::No
         }
     }
 

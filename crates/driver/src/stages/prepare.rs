@@ -184,9 +184,10 @@ fn compress<D: Dimension>(
         system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
         // At the end the waves of the last steps must decay before the relaxation: with a weak drag
         // of the scene they might lead to overlaps outside the law.
-        let settling = match length == target {
-            true => 10 * SETTLING,
-            false => SETTLING << halvings,
+        let settling = if length == target {
+            10 * SETTLING
+        } else {
+            SETTLING << halvings
         };
         let mut moved = settle(run, &mut system, law, settling);
         if moved == Ok(true) {

@@ -155,9 +155,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let files = Files::open(run.place(), &mut system, &format, before)?;
         // The first row of new scalars is of a frame without a frame before it.
         let before = state.analysed.filter(|_| files.resumed());
-        let analysis = match plane_shear.analysis.scalars {
-            true => Some(FrameAnalysis::new(exchange, &mut system, before)),
-            false => None,
+        let analysis = if plane_shear.analysis.scalars {
+            Some(FrameAnalysis::new(exchange, &mut system, before))
+        } else {
+            None
         };
         Ok(Self {
             scene,
@@ -407,9 +408,10 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
 
     fn save_due(&self) -> Save {
         let ends = self.is_done() && self.schedule.window().is_none();
-        match self.schedule.checkpoint_due(self.step) || ends {
-            true => Save::Now,
-            false => Save::No,
+        if self.schedule.checkpoint_due(self.step) || ends {
+            Save::Now
+        } else {
+            Save::No
         }
     }
 

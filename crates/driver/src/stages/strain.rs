@@ -347,9 +347,10 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             &mut self.samples,
             self.scene.sample.grains,
         );
-        let eigenvalues = match aqs.spectrum {
-            true => Some(self.eigenvalues(run)?),
-            false => None,
+        let eigenvalues = if aqs.spectrum {
+            Some(self.eigenvalues(run)?)
+        } else {
+            None
         };
         if let Some(found) = &eigenvalues {
             (self.progress.pairs, self.progress.pair) = (found.pairs(), found.fastest_pair());

@@ -209,12 +209,13 @@ fn packing_laws<D: LawSpace>(
         ..scene.contact
     };
     // Without friction also no rolling resistance, which gives the densest packing.
-    let contact = match pack.friction > 0.0 {
-        true => Contact {
+    let contact = if pack.friction > 0.0 {
+        Contact {
             friction: pack.friction,
             ..scene.contact
-        },
-        false => smooth,
+        }
+    } else {
+        smooth
     };
     [force(&law, contact), force(&law, smooth)]
 }

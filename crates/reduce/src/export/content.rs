@@ -297,9 +297,10 @@ impl<'a> ExportedRun<'a> {
         let periodic = self.periodic();
         let moved =
             |axis: usize| periodic[axis] && (image[axis] - to[axis]).abs() > 0.25 * lengths[axis];
-        match (0..self.axes()).any(moved) {
-            true => (image, true),
-            false => (to, false),
+        if (0..self.axes()).any(moved) {
+            (image, true)
+        } else {
+            (to, false)
         }
     }
 
@@ -375,7 +376,7 @@ impl<'a> ExportedRun<'a> {
         let radius = RADIUS * grains.mean_radius();
         if dmin::is_planar(self.run) {
             let mut row = vec![0.0; grains.count()];
-            let [before, now] = [before, now].map(|frame| planar(frame));
+            let [before, now] = [before, now].map(planar);
             NonAffine::default().between(grains, radius, &before, &now, &mut row);
             return row;
         }

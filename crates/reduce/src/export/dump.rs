@@ -35,9 +35,12 @@ impl DumpWriter {
         writeln!(file, "ITEM: NUMBER OF {}\n{}", count.0, count.1)?;
         // LAMMPS needs a period along z in 2D.
         let periodic = run.periodic().into_iter().enumerate();
-        let kinds = periodic.map(|(axis, periodic)| match periodic || axis >= run.axes() {
-            true => " pp",
-            false => " ff",
+        let kinds = periodic.map(|(axis, periodic)| {
+            if periodic || axis >= run.axes() {
+                " pp"
+            } else {
+                " ff"
+            }
         });
         let kinds: String = kinds.collect();
         let mut bounds = run.bounds(frame);

@@ -100,13 +100,12 @@ pub fn write(run: &Path, request: &ExportRequest) -> Result<Vec<PathBuf>, Failur
         )));
     }
     let file = RunFile::open_any(run)?;
-    let modes = match request.modes.is_empty() {
-        true => None,
-        false => {
-            let beside = || file.folder().join("spectrum.h5");
-            let spectrum = request.spectrum.clone().unwrap_or_else(beside);
-            Some(ExportedModes::read(&file, &spectrum, &request.modes)?)
-        }
+    let modes = if request.modes.is_empty() {
+        None
+    } else {
+        let beside = || file.folder().join("spectrum.h5");
+        let spectrum = request.spectrum.clone().unwrap_or_else(beside);
+        Some(ExportedModes::read(&file, &spectrum, &request.modes)?)
     };
     let range = match (request.frame, request.frames) {
         (Some(which), None) => FrameRange::one(which.of(&file)?),

@@ -269,13 +269,12 @@ impl VtkWriter {
         let mut lines = Vec::with_capacity(2 * records.contacts.len());
         for contact in &records.contacts {
             let (image, moved) = run.nearest_image(frame, contact.i, contact.j);
-            let end = match moved {
-                true => {
-                    of_point.push(contact.j as usize);
-                    points.extend(image);
-                    of_point.len() - 1
-                }
-                false => contact.j as usize,
+            let end = if moved {
+                of_point.push(contact.j as usize);
+                points.extend(image);
+                of_point.len() - 1
+            } else {
+                contact.j as usize
             };
             lines.extend([i64::from(contact.i), end as i64]);
         }

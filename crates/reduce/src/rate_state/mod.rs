@@ -81,9 +81,10 @@ pub fn write(
     files.push(("index.html".into(), page));
     for (name, text) in &files {
         let path = folder.join(name);
-        match path.extension().is_some_and(|of| of == "csv") {
-            true => dictionary::write_table(&path, text)?,
-            false => text_writer::write(&path, text)?,
+        if path.extension().is_some_and(|of| of == "csv") {
+            dictionary::write_table(&path, text)?;
+        } else {
+            text_writer::write(&path, text)?;
         }
     }
     summary(&reduction, output).map_err(cannot_write)?;
@@ -173,9 +174,10 @@ fn seconds(duration: f64) -> String {
 /// Writes an estimate with its interval.
 fn shown(e: Estimate, digits: usize) -> String {
     let [low, high] = e.interval;
-    match e.determined {
-        true => format!("{:.digits$} ({low:.digits$} … {high:.digits$})", e.value),
-        false => "not determined".into(),
+    if e.determined {
+        format!("{:.digits$} ({low:.digits$} … {high:.digits$})", e.value)
+    } else {
+        "not determined".into()
     }
 }
 
@@ -295,9 +297,12 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
         }
     }
     for of in &reduction.relaxations {
-        let by = |a: f64, stiffness: f64| match stiffness.is_finite() {
-            true => format!("{:+.4}", of.of_direct_effect(a, stiffness)),
-            false => "unknown".into(),
+        let by = |a: f64, stiffness: f64| {
+            if stiffness.is_finite() {
+                format!("{:+.4}", of.of_direct_effect(a, stiffness))
+            } else {
+                "unknown".into()
+            }
         };
         let law = reduction.direct_effect.map_or(String::new(), |a| {
             format!(
@@ -306,9 +311,10 @@ fn summary(reduction: &Reduction, output: &mut impl Write) -> std::io::Result<()
                 by(a, of.reload)
             )
         });
-        let error = match of.error.is_finite() {
-            true => format!(" ± {:.4}", of.error),
-            false => String::new(),
+        let error = if of.error.is_finite() {
+            format!(" ± {:.4}", of.error)
+        } else {
+            String::new()
         };
         writeln!(
             output,

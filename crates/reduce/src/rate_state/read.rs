@@ -102,9 +102,10 @@ fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
     if !free && greatest - least <= SAME_LOAD * greatest {
         return Ok(());
     }
-    let what = match free {
-        true => "no load is imposed in a part of the protocol".into(),
-        false => format!("the load changes from {least:.4e} to {greatest:.4e} N"),
+    let what = if free {
+        "no load is imposed in a part of the protocol".into()
+    } else {
+        format!("the load changes from {least:.4e} to {greatest:.4e} N")
     };
     Err(format!(
         "observables/{IMPOSED}: {what}, but k/N and the laws are of one load; reduce runs whose mean load is constant \

@@ -207,9 +207,12 @@ fn fits(reduction: &Reduction) -> String {
         .column("law", |(_, law, ..)| law.name())
         .columns(estimates.into_iter().flatten(), |(_, _, fit, _)| {
             match fit {
-                Ok(fit) => fit.estimates().map(|(_, e)| match e.determined {
-                    true => [e.value, e.interval[0], e.interval[1]].map(known),
-                    false => [None; 3],
+                Ok(fit) => fit.estimates().map(|(_, e)| {
+                    if e.determined {
+                        [e.value, e.interval[0], e.interval[1]].map(known)
+                    } else {
+                        [None; 3]
+                    }
                 }),
                 Err(_) => [[None; 3]; 5],
             }
@@ -324,9 +327,10 @@ fn fit(fitted: &Fitted) -> Value {
                         "chi_squared": chi,
                     });
                     for (name, e) in fit.estimates() {
-                        value[name] = match e.determined {
-                            true => json!({ "value": e.value, "interval": e.interval }),
-                            false => Value::Null,
+                        value[name] = if e.determined {
+                            json!({ "value": e.value, "interval": e.interval })
+                        } else {
+                            Value::Null
                         };
                     }
                     value

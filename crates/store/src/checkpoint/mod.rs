@@ -629,8 +629,8 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         blocks: grains.0,
         grains: piece(from, grains, word(GrainState::CHECKSUM)?)?,
         contacts: piece(from, share("contacts/i")?, word(ContactState::CHECKSUM)?)?,
-        analysed: match has(GrainPosition::CHECKSUM) {
-            true => Some((
+        analysed: if has(GrainPosition::CHECKSUM) {
+            Some((
                 piece(
                     from,
                     share("analysed/grains/id")?,
@@ -641,26 +641,27 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
                     share("analysed/contacts/i")?,
                     word(ContactForce::CHECKSUM)?,
                 )?,
-            )),
-            false => None,
+            ))
+        } else {
+            None
         },
-        displacements: match has(Displacement::CHECKSUM) {
-            true => Some(piece(
+        displacements: if has(Displacement::CHECKSUM) {
+            Some(piece(
                 from,
                 share("travels/id")?,
                 word(Displacement::CHECKSUM)?,
-            )?),
-            false => None,
+            )?)
+        } else {
+            None
         },
-        held: match has(&format!("{HELD}{}", GrainState::CHECKSUM)) {
-            true => {
-                let shares = [
-                    share(&format!("{HELD}grains/id"))?,
-                    share(&format!("{HELD}contacts/i"))?,
-                ];
-                Some(held(&file, count, shares)?)
-            }
-            false => None,
+        held: if has(&format!("{HELD}{}", GrainState::CHECKSUM)) {
+            let shares = [
+                share(&format!("{HELD}grains/id"))?,
+                share(&format!("{HELD}contacts/i"))?,
+            ];
+            Some(held(&file, count, shares)?)
+        } else {
+            None
         },
     })
 }

@@ -322,9 +322,10 @@ impl H5File {
     pub fn remove_attribute(&self, object: &str, name: &str) -> Result<(), Failure> {
         let remove = || -> hdf5::Result<()> {
             let location = self.location(object)?;
-            match location.attr_names()?.iter().any(|n| n == name) {
-                true => location.delete_attr(name),
-                false => Ok(()),
+            if location.attr_names()?.iter().any(|n| n == name) {
+                location.delete_attr(name)
+            } else {
+                Ok(())
             }
         };
         remove().map_err(|e| {
@@ -517,9 +518,10 @@ pub fn is_refused(message: &str) -> bool {
 
 /// The failure of a file that cannot be read: [`Failure::Other`] if that may pass.
 pub fn unread(message: String) -> Failure {
-    match is_refused(&message) {
-        true => Failure::other(message),
-        false => Failure::input(message),
+    if is_refused(&message) {
+        Failure::other(message)
+    } else {
+        Failure::input(message)
     }
 }
 

@@ -229,9 +229,10 @@ impl RunFile {
         source.check_grains(&grains)?;
         let finished = parameters.contains_key("digest");
         let imposed = ImposedRow::COLUMNS[0].name;
-        let columns = match source.exists(&format!("observables/{imposed}")) {
-            true => &SERIES_COLUMNS,
-            false => stage.columns(),
+        let columns = if source.exists(&format!("observables/{imposed}")) {
+            &SERIES_COLUMNS
+        } else {
+            stage.columns()
         };
         let series = source.series(columns, finished)?;
         let scalars = source.scalars(finished)?;
@@ -257,15 +258,17 @@ impl RunFile {
             tangential_force: wide("tangential_force", tangential)?,
             tangential_history: wide("tangential_history", tangential)?,
             // Of disks only.
-            rolling_history: match planar {
-                true => Some(column("rolling_history")?),
-                false => None,
+            rolling_history: if planar {
+                Some(column("rolling_history")?)
+            } else {
+                None
             },
             overlap: column("overlap")?,
             sliding: column("sliding")?,
-            rolling: match planar {
-                true => Some(column("rolling")?),
-                false => None,
+            rolling: if planar {
+                Some(column("rolling")?)
+            } else {
+                None
             },
         };
 
@@ -345,9 +348,10 @@ impl RunFile {
 
     /// Compares a checksum of frame t with the stored one.
     fn verify(&self, t: usize, column: &str, found: u64) -> Result<(), Failure> {
-        match self.sums.agrees(t, column, found) {
-            true => Ok(()),
-            false => Err(Self::damaged_frame(&self.path, t, column)),
+        if self.sums.agrees(t, column, found) {
+            Ok(())
+        } else {
+            Err(Self::damaged_frame(&self.path, t, column))
         }
     }
 

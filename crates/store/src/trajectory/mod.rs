@@ -323,10 +323,10 @@ impl TrajectoryWriter {
     /// # Errors
     /// If the file cannot be written.
     pub fn publish_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        match self.is_flush_due(exchange) {
-            // It flushes.
-            true => self.write_rows(exchange),
-            false => Ok(()),
+        if self.is_flush_due(exchange) {
+            self.write_rows(exchange)
+        } else {
+            Ok(())
         }
     }
 
@@ -405,9 +405,10 @@ impl TrajectoryWriter {
     /// Flushes if the last flush was long ago. A flush after every batch would double the cost of
     /// frames in fast runs.
     fn flush_now_and_then(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        match self.is_flush_due(exchange) {
-            true => self.flush_file(exchange),
-            false => Ok(()),
+        if self.is_flush_due(exchange) {
+            self.flush_file(exchange)
+        } else {
+            Ok(())
         }
     }
 
