@@ -60,9 +60,10 @@ fn main() -> Result<(), Failure> {
     for k in 1..=60_000 {
         // Every 10,000th step hands out its contact forces.
         let wanted = k % 10_000 == 0;
-        let request = match wanted {
-            true => StepRequest::sampled(&mut forces),
-            false => StepRequest::default(),
+        let request = if wanted {
+            StepRequest::sampled(&mut forces)
+        } else {
+            StepRequest::default()
         };
         advance(&exchange, &mut system, &law, &mut drive, request)?;
         if wanted {
