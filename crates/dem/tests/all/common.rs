@@ -1,7 +1,5 @@
 //! A gas in a sheared periodic box, dense enough that its grains touch; its laws and random numbers.
 
-#![allow(dead_code)]
-
 use bytemuck::Zeroable;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::laws::Contact;

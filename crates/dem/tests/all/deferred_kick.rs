@@ -1,8 +1,6 @@
 //! The second kick of a step is given before grains are read, or by the next step: the bits are the
 //! same.
 
-mod common;
-
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
@@ -86,7 +84,7 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Acce
 }
 
 fn grains<D: Dimension>() -> Vec<GrainState> {
-    let mut random = common::random(5);
+    let mut random = crate::common::random(5);
     let per_layer = SIDE.pow(D::UP as u32);
     let grain = |id: usize| {
         let layer = id / per_layer;

@@ -288,7 +288,7 @@ fn motion_in_contact_is_of_second_order() {
 }
 
 /// The law itself in LAMMPS' own scheme (dampers and history with the velocities of the half step, the history projected on the tangent
-/// plane) against LAMMPS: 10,000 steps of two spheres that fall on three, see tests/lammps/bed.in.
+/// plane) against LAMMPS: 10,000 steps of two spheres that fall on three, see lammps/bed.in.
 #[test]
 fn the_law_is_that_of_lammps() {
     const STEP: f64 = 1e-6;

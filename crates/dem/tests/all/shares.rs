@@ -1,8 +1,6 @@
 //! Each thread has a share of the grains; any number of threads gives the same bits.
 
-mod common;
-
-use common::{CONTACT, gas, setup, springs};
+use crate::common::{CONTACT, gas, setup, springs};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;

@@ -1,0 +1,13 @@
+//! Laws, scheme and bookkeeping of the crate, without MPI and files.
+
+mod common;
+mod deferred_kick;
+mod ghosts;
+mod hertz;
+mod hooke;
+mod images;
+mod mindlin;
+mod protocols;
+mod shares;
+mod sleeping_blocks;
+mod tsuji;
