@@ -454,17 +454,31 @@ impl RunFolder {
             columns = series_columns(protocol.is_more_than_velocities());
         }
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
-        let Written { frames, rows, .. } = *written;
+        let Written {
+            frames,
+            rows,
+            scalars,
+        } = *written;
         let step = header.step();
         let there = path.exists();
         let mut kept = 0;
         if there {
             // The checkpoint's numbers are those of the file beside it, unless that was lost since.
             let begun_at = run_reader::owner(&path)?.begun_at;
-            if beside && begun_at < step {
+            let is_counted = beside && begun_at < step;
+            if is_counted {
                 existing::check(&path, columns, frames, rows)?;
             }
-            kept = existing::up_to(&path, columns, step)?[1];
+            let found = existing::up_to(&path, columns, step)?;
+            // A damaged step would cut off more than it must, and leave a gap.
+            if is_counted && found != [frames, rows, scalars] {
+                return Err(Failure::input(format!(
+                    "{}: is damaged: up to step {step} it has {found:?} frames, rows and scalars, the checkpoint counts {:?}",
+                    path.display(),
+                    [frames, rows, scalars]
+                )));
+            }
+            kept = found[1];
         } else if !found.is_empty() {
             notes.push(format!(
                 "{}: is missing, with {frames} frames and {rows} rows up to the checkpoint; the file begins anew at {} step {}",

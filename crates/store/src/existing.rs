@@ -3,9 +3,10 @@
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
 use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES};
-use super::run_reader::{RunFile, owner};
+use super::run_reader::owner;
 use super::scalar_columns::SCALARS;
 use super::sound;
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use std::path::Path;
@@ -95,12 +96,26 @@ pub fn check(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<(
 pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3], Failure> {
     hdf5::silence_errors(true);
     inspect(path, series, 0, 0)?;
-    // Reading compares the checksums: with a damaged step fewer would be counted, and what was left
-    // out overwritten.
-    let run = RunFile::open_any(path)?;
-    let scalars = run.stored_scalars().map_or(&[][..], |rows| &rows.step);
-    let steps = [run.frame_steps(), &run.series().step, scalars];
-    Ok(steps.map(|steps| steps.partition_point(|step| *step <= last) as u64))
+    let read = || -> hdf5::Result<[u64; 3]> {
+        let file = sound::open(path)?;
+        let steps = |name: &str| file.dataset(&format!("{name}/step"))?.read_raw();
+        let frames = steps(&format!("{PARTICLES}/position"))?;
+        let rows = steps(&format!("{OBSERVABLES}/{}", series[0]))?;
+        let scalars = if file.link_exists(SCALARS) {
+            steps(&format!("{SCALARS}/{}", FrameScalars::COLUMNS[0]))?
+        } else {
+            Vec::new()
+        };
+        Ok([frames, rows, scalars].map(|steps| ascending_up_to(&steps, last)))
+    };
+    read().map_err(|error| unfit(path, &format!("{NO_RUN} ({error})")))
+}
+
+/// Number of ascending steps up to `last`: a killed program may have left anything after them.
+fn ascending_up_to(steps: &[u64], last: u64) -> u64 {
+    let ascends = |k: &usize| *k == 0 || steps[*k] > steps[*k - 1];
+    let before = (0..steps.len()).take_while(|k| steps[*k] <= last && ascends(k));
+    before.count() as u64
 }
 
 fn unfit(path: &Path, why: &str) -> Failure {
