@@ -7,6 +7,7 @@ use std::process::{Command, Output};
 
 use common::gshear_mpi;
 use gshear_dem::state::FrameRecords;
+use gshear_store::checksums::{self, FRAMES, ROWS, of_numbers, weights};
 use gshear_store::run_reader::RunFile;
 use nalgebra::{DMatrix, Vector3};
 
@@ -166,7 +167,13 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
         let mut values = spins.read_raw::<f64>().expect("f64");
         values[(5 * n + 17) * 3 + 1] += 1.0;
         spins.write_raw(&values).expect("ω is written");
-        copy.unlink("checksums").expect("no checksums");
+        // A sound file of other numbers.
+        let sums = copy.dataset(FRAMES).expect("checksums");
+        let mut of_frames = sums.read_2d::<u64>().expect("u64");
+        let of_frame = &values[5 * 3 * n..][..3 * n];
+        // After step and time, positions and velocities.
+        of_frames[[5, 3]] = of_numbers(&weights(0, 3 * n), of_frame);
+        sums.write(&of_frames).expect("written");
     });
     let runs = [text(&folder), text(&other)];
     let words = said(&reduce(&["compare", runs[0], runs[0]]), 0);
@@ -296,7 +303,8 @@ fn another_time_series_is_noticed() {
     let run = RunFile::open(&folder).expect("a run");
     let row = run.series().column("strain").iter().position(|s| *s > 0.11);
     let row = row.expect("a row");
-    let step = run.series().step[row];
+    let series = run.series().clone();
+    let step = series.step[row];
     drop(run);
     common::change_file(&folder.join("run.h5"), |file| {
         let column = file.dataset("observables/coordination/value");
@@ -304,8 +312,19 @@ fn another_time_series_is_noticed() {
         let mut values = column.read_raw::<f64>().expect("values");
         values[row] = f64::from_bits(values[row].to_bits() ^ 1);
         column.write_raw(&values).expect("written");
-        // The checksums would tell before.
-        file.unlink("checksums").expect("no checksums");
+        // A sound file of other numbers.
+        let of_row = series
+            .declared
+            .iter()
+            .zip(&series.columns)
+            .map(|(column, of)| {
+                let is_changed = column.name == "coordination";
+                (column.name, if is_changed { values[row] } else { of[row] })
+            });
+        let sums = file.dataset(ROWS).expect("checksums");
+        let mut of_rows = sums.read_raw::<u64>().expect("u64");
+        of_rows[row] = checksums::of_row(step, series.time[row], of_row);
+        sums.write_raw(&of_rows).expect("written");
     });
     let words = said(&reduce(&arguments), 3);
     let place = format!("first at step {step}, coordination is");

@@ -178,8 +178,7 @@ pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, 
         .fold(0, u64::wrapping_add)
 }
 
-/// Of the step, the time and the edges of the box of a frame; files of earlier versions have no
-/// `edges`.
+/// Of the step, the time and the edges of the box of a frame.
 pub fn of_clock(step: u64, time: f64, edges: &[f64]) -> u64 {
     let of_edges = weight(xxh3_64(b"edges")).wrapping_mul(of_sequence(0, edges));
     of_row(step, time, std::iter::empty()).wrapping_add(of_edges)

@@ -39,7 +39,7 @@
 mod batch;
 mod checked;
 pub mod checkpoint;
-mod checksums;
+pub mod checksums;
 pub mod collective;
 pub mod columns;
 pub mod dictionary;
