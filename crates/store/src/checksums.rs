@@ -14,7 +14,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Group of the checksums.
 pub const GROUP: &str = "checksums";
-/// `[T][columns]`: of the datasets [`frame_columns`] of every frame.
+/// `[T][columns]`: of step and time, then of each dataset of every frame.
 pub const FRAMES: &str = "checksums/frames";
 /// `[R]`: of step, time and all columns of every row of the time series.
 pub const ROWS: &str = "checksums/rows";
