@@ -302,7 +302,6 @@ mod tests {
         }
     }
 
-    /// Files of earlier versions have no images.
     #[test]
     fn overlaps_of_equal_and_of_separate_fields() {
         assert_eq!(overlap(&[1.0, 2.0, f64::NAN], &[2.0, 4.0, 9.0]), 1.0);

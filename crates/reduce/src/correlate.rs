@@ -36,7 +36,7 @@ pub fn write(
     Ok(paths)
 }
 
-/// Returns one line per phase. `step`: of all rows, of which the regime has the last.
+/// Returns one line per phase. `step`: steps of all rows; the regime is the last part of them.
 fn measures(regime: &Regime, step: &[u64]) -> String {
     const QUANTITIES: [Quantity; 7] = [
         Quantity::DminMax,

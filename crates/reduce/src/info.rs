@@ -106,17 +106,15 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     Ok(text)
 }
 
-/// Returns the lengths of a box at its last row, or if there is none at its last frame. Files of
-/// earlier versions have no lengths in their rows (NaN).
+/// Returns the lengths of a box at its last row, or if there is none at its last frame.
 fn lengths_at_the_end(run: &RunFile) -> Option<Vec<f64>> {
     let axes = run.dimension().axes();
     if run.stage() == RunStage::Strain {
         let names = ["length_x", "length_y", "length_z"];
         let of_row = names[..axes].iter().map(|name| run.series().column(name));
         let lengths: Option<Vec<f64>> = of_row.map(|column| column.last().copied()).collect();
-        let known = lengths.filter(|lengths| lengths.iter().all(|length| length.is_finite()));
-        if known.is_some() {
-            return known;
+        if lengths.is_some() {
+            return lengths;
         }
     }
     let last = run.frames().checked_sub(1)?;

@@ -111,8 +111,7 @@ pub fn write(
 }
 
 /// Stages and rows of the intervals that are shown: 3 of Stage I, up to 6 of the largest slip in
-/// Stage II, of which the first three are consecutive, up to 6 of the rest of Stage II, and 3 of
-/// Stage III.
+/// Stage II (the first three are consecutive), up to 6 of the rest of Stage II, and 3 of Stage III.
 fn shown(stages: &Stages) -> Vec<(&'static str, usize)> {
     let [before, drop, after] = stages.intervals();
     let first_end = stages.drops[0][1];

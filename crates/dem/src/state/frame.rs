@@ -54,7 +54,7 @@ pub struct Frame {
     pub time: f64,
     /// `[N, 2]` wrapped into [0, L_x) along x (m).
     pub position: Vec<[f64; 2]>,
-    /// `[N]` image along x; empty if a file of an earlier version does not have it.
+    /// `[N]` image along x; empty if it is not known.
     pub image: Vec<i64>,
     /// `[N, 2]` at the full step (m/s).
     pub velocity: Vec<[f64; 2]>,

@@ -32,7 +32,7 @@ use crate::run::{Checkpoint, Run, Save, Stage, StageState};
 use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
-/// Steps after each of which the ranks agree whether the last checkpoint is old.
+/// Every so many steps the ranks agree whether a checkpoint is due.
 const LOOK: u64 = 100;
 
 /// The stage that integrates Newton's equations of a box.

@@ -101,7 +101,7 @@ impl Relaxation {
 
     /// Newton's method with one K. Every displacement is one step of the dynamics, so that the
     /// histories follow it. K is factorised again only if the last factors no longer reduce the
-    /// residual. `before`: the contacts before the method, of which it notes those that open.
+    /// residual. `before`: the contacts before the method; it notes those that open.
     /// Returns whether it converged and no contact opened and closed again on the way, because that
     /// contact would have lost its history; `None` if it goes on.
     fn newton<D: Dimension>(
