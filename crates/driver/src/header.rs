@@ -10,7 +10,7 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Snapshot};
-use gshear_scene::{Boundary, PackingFile, Sample, Scene, Source, derived};
+use gshear_scene::{Boundary, PackingFile, Sample, Scene, Source};
 use gshear_store::run_reader::RunStage;
 
 use crate::record::RunRecord;
@@ -170,15 +170,10 @@ impl Header {
         })?;
         if let (
             Self::Aqs { progress, .. } | Self::Newtonian { progress, .. },
-            Boundary::Periodic(periodic),
+            Boundary::Periodic(_),
         ) = (self, &scene.boundary)
         {
-            // Earlier versions made the box for grains of the mean volume.
-            let before = || {
-                let volume = f64::from(scene.sample.grains) * scene.sample.mean_volume;
-                derived::box_length(scene.dimension, volume / periodic.solid_fraction)
-            };
-            let length = progress.length.unwrap_or_else(before);
+            let length = progress.length.unwrap_or(scene.sample.length);
             scene.sample = scene.sample.in_box(scene.dimension, length);
         }
         Ok(scene)
@@ -192,7 +187,7 @@ pub struct Progress {
     pub steps: u64,
     /// Lees–Edwards offset: displacement of the image above along x.
     pub offset: f64,
-    /// Length of the box; earlier versions did not store it.
+    /// Length of the box.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub length: Option<f64>,
     /// The lengths of the box and how it came to them, if they change.
