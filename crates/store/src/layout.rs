@@ -1,6 +1,7 @@
 //! Layout of `run.h5`: creates its datasets, or opens them to continue.
 
 use super::checksums::{FRAMES, GROUP, ROWS};
+use super::collective::CollectiveOutcome;
 use super::h5::{Attribute, Dataset, H5File, Slab};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -10,11 +11,7 @@ pub const PARAMETERS: &str = "parameters";
 pub const PARTICLES: &str = "particles/trajectory";
 pub const BOX: &str = "particles/trajectory/box";
 pub const OBSERVABLES: &str = "observables";
-const CONTACTS: &str = "connectivity/contacts";
-/// Images of the grains at the frames.
-/// Flags of rolling at its limit.
-pub const ROLLING: &str = "connectivity/contacts/rolling";
-pub const IMAGE_VALUE: &str = "particles/trajectory/image/value";
+pub const CONTACTS: &str = "connectivity/contacts";
 /// The edges of the box at the frames.
 pub const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
 
@@ -28,10 +25,39 @@ const SPIN: Column = Column::new("angular_velocity", "rad s-1", "about z; sphere
 const EDGES: Column = Column::new("edges", "m", "edges of the box");
 const TIME: Column = Column::new("time", "s", "time");
 
-/// The grain datasets in `axes` dimensions, and the numbers per grain in each.
+/// What the values of a dataset are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Kind {
+    /// f64
+    Number,
+    /// i32
+    Image,
+    /// u32
+    Id,
+    /// u8
+    Flag,
+}
+
+/// A growing dataset of the grains or of the contacts: the quantity, the values of each grain or
+/// contact, and what they are. Writer and reader go by these.
+pub type Quantity = (Column, usize, Kind);
+
+/// The numbers of a grain in `axes` dimensions, and how many of each.
 pub fn elements(axes: usize) -> [(Column, usize); 3] {
     let spins = if axes == 2 { 1 } else { 3 };
     [(POSITION, 3), (VELOCITY, 3), (SPIN, spins)]
+}
+
+/// The quantities of a grain in `axes` dimensions.
+pub fn of_grain(axes: usize) -> [Quantity; 4] {
+    let [position, velocity, spin] = elements(axes).map(|(c, width)| (c, width, Kind::Number));
+    let image = (Column::new("image", "1", "image"), 3, Kind::Image);
+    [position, velocity, spin, image]
+}
+
+/// The dataset of a quantity of the grains.
+pub fn grain_dataset(of: &Column) -> String {
+    format!("{PARTICLES}/{of}/value")
 }
 
 const NORMAL_FORCE: Column = Column::new("normal_force", "N", "F_n");
@@ -41,7 +67,7 @@ const TANGENTIAL_HISTORY: Column = Column::new("tangential_history", "N", "histo
 const ROLLING_HISTORY: Column = Column::new("rolling_history", "N m", "M^k");
 const OVERLAP: Column = Column::new("overlap", "m", "δ");
 
-/// The contact datasets of type f64 in `axes` dimensions, and the numbers per contact in each.
+/// The numbers of a contact in `axes` dimensions, and how many of each.
 pub fn forces(axes: usize) -> &'static [(Column, usize)] {
     match axes {
         2 => &[
@@ -58,6 +84,23 @@ pub fn forces(axes: usize) -> &'static [(Column, usize)] {
             (OVERLAP, 1),
         ],
     }
+}
+
+/// The quantities of a contact in `axes` dimensions.
+pub fn of_contact(axes: usize) -> Vec<Quantity> {
+    let flag = |name| (Column::new(name, "1", "at its limit"), 1, Kind::Flag);
+    let numbers = forces(axes).iter();
+    (["i", "j"].into_iter())
+        .map(|name| (Column::new(name, "1", "id"), 1, Kind::Id))
+        .chain(numbers.map(|&(column, width)| (column, width, Kind::Number)))
+        .chain([flag("sliding")])
+        .chain((axes == 2).then(|| flag("rolling")))
+        .collect()
+}
+
+/// The dataset of a quantity of the contacts.
+pub fn contact_dataset(of: impl std::fmt::Display) -> String {
+    format!("{CONTACTS}/{of}")
 }
 
 /// Names of the datasets of a frame in `axes` dimensions, in the order of the checksums. `clock`
@@ -143,30 +186,6 @@ pub enum Mode {
     Open,
 }
 
-/// The growing checksums of a file.
-pub struct Checksums {
-    pub frames: Dataset<u64>,
-    pub rows: Dataset<u64>,
-}
-
-impl Checksums {
-    /// Creates or opens them. Collective.
-    pub fn new(file: &H5File, mode: Mode, axes: usize) -> Result<Self, Failure> {
-        let width = frame_columns(axes).len();
-        if mode == Mode::Open {
-            return Ok(Self {
-                frames: file.open_dataset(FRAMES)?,
-                rows: file.open_dataset(ROWS)?,
-            });
-        }
-        file.group(GROUP)?;
-        Ok(Self {
-            frames: file.dataset(FRAMES, &[0, width], Some(&[CHUNK_ROWS / 8, width]))?,
-            rows: file.dataset(ROWS, &[0], Some(&[CHUNK_ROWS]))?,
-        })
-    }
-}
-
 /// What the datasets of a file depend on.
 #[derive(Clone, Copy)]
 pub struct Layout<'a> {
@@ -189,215 +208,208 @@ pub struct Datasets {
     /// Dimensions.
     pub axes: usize,
     /// `[T][3]` or `[T][3][3]`.
-    pub edges: Dataset<f64>,
-    pub step: Dataset<u64>,
-    pub time: Dataset<f64>,
-    /// Of [`elements`].
-    pub values: Vec<Dataset<f64>>,
-    /// `[T][N][3]`.
-    pub image: Dataset<i32>,
-    pub offset: Dataset<u64>,
-    pub i: Dataset<u32>,
-    pub j: Dataset<u32>,
-    /// Of [`forces`].
-    pub forces: Vec<Dataset<f64>>,
-    pub sliding: Dataset<u8>,
-    /// Of disks.
-    pub rolling: Option<Dataset<u8>>,
-    pub row_step: Dataset<u64>,
-    pub row_time: Dataset<f64>,
+    pub edges: Dataset,
+    pub step: Dataset,
+    pub time: Dataset,
+    /// Of [`of_grain`].
+    pub grains: Vec<Dataset>,
+    /// `[T+1]`.
+    pub offset: Dataset,
+    /// Of [`of_contact`].
+    pub contacts: Vec<Dataset>,
+    pub row_step: Dataset,
+    pub row_time: Dataset,
     /// Of the time series, in the order of its columns.
-    pub observables: Vec<Dataset<f64>>,
+    pub observables: Vec<Dataset>,
     /// Their names.
     pub names: Vec<&'static str>,
-    pub checksums: Checksums,
+    /// Checksums of the frames and of the rows.
+    pub frame_sums: Dataset,
+    pub row_sums: Dataset,
 }
 
 impl Datasets {
     /// Creates or opens the datasets. Collective.
     pub fn new(file: &H5File, mode: Mode, layout: &Layout<'_>) -> Result<Self, Failure> {
-        let Layout {
-            grains,
-            axes,
-            series,
-            ..
-        } = *layout;
-        let units = layout.units && mode == Mode::Create;
-        let in_units = |dataset: Dataset<f64>, column: &Column| {
-            if units {
-                set_unit(&dataset, column, axes)?;
-            }
-            Ok::<_, Failure>(dataset)
-        };
-        let clock = |folder: &str| -> Result<(Dataset<u64>, Dataset<f64>), Failure> {
-            let step = growing(file, mode, &format!("{folder}/step"), CHUNK_ROWS)?;
-            let time = growing(file, mode, &format!("{folder}/time"), CHUNK_ROWS)?;
-            Ok((step, in_units(time, &TIME)?))
-        };
-        let link_clock = |from: &str, to: &str| -> Result<(), Failure> {
-            if mode == Mode::Create {
-                for part in ["step", "time"] {
-                    file.link(&format!("/{from}/{part}"), &format!("/{to}/{part}"))?;
-                }
-            }
-            Ok(())
-        };
-        let group = |name: &str| {
-            if mode == Mode::Create {
-                file.group(name)
-            } else {
-                Ok(())
-            }
-        };
-
-        let elements = elements(axes);
-        let element = |n: usize| format!("{PARTICLES}/{}", elements[n].0);
-        let mut values = Vec::new();
-        for (n, (column, width)) in elements.iter().enumerate() {
-            group(&element(n))?;
-            let name = format!("{}/value", element(n));
-            let dataset = of_grains(file, mode, &name, grains, *width)?;
-            values.push(in_units(dataset, column)?);
+        let place = Place { file, mode, layout };
+        let Layout { axes, series, .. } = *layout;
+        let first = format!("{PARTICLES}/{POSITION}");
+        let mut grains = Vec::new();
+        for (column, width, kind) in of_grain(axes) {
+            place.group(&format!("{PARTICLES}/{column}"))?;
+            let [frames, block] = grain_chunk(layout.grains, width);
+            let chunk = [frames, block, width];
+            let shape = [0, layout.grains, width];
+            let dimensions = if width == 1 { 2 } else { 3 };
+            let name = grain_dataset(&column);
+            let dataset = place.of(kind, &name, &shape[..dimensions], &chunk[..dimensions])?;
+            grains.push(place.in_units(dataset, &column)?);
         }
-        let (step, time) = clock(&element(0))?;
-        link_clock(&element(0), &element(1))?;
-        link_clock(&element(0), &element(2))?;
-        let path = format!("{PARTICLES}/image");
-        group(&path)?;
-        link_clock(&element(0), &path)?;
-        let image = of_grains(file, mode, IMAGE_VALUE, grains, 3)?;
-        let edges = match mode {
-            Mode::Open => file.open_dataset(EDGES_VALUE)?,
-            Mode::Create => {
-                let path = format!("{BOX}/edges");
-                file.group(&path)?;
-                link_clock(&element(0), &path)?;
-                let (shape, chunk): (&[usize], &[usize]) = if layout.walls {
-                    (&[0, 3], &[CHUNK_ROWS / 8, 3])
-                } else {
-                    (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3])
-                };
-                let dataset = file.dataset(EDGES_VALUE, shape, Some(chunk))?;
-                in_units(dataset, &EDGES)?
-            }
+        let (step, time) = place.clock(&first)?;
+        for (column, ..) in &of_grain(axes)[1..] {
+            place.link_clock(&first, &format!("{PARTICLES}/{column}"))?;
+        }
+        place.group(&format!("{BOX}/edges"))?;
+        place.link_clock(&first, &format!("{BOX}/edges"))?;
+        let (shape, chunk): (&[usize], &[usize]) = if layout.walls {
+            (&[0, 3], &[CHUNK_ROWS / 8, 3])
+        } else {
+            (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3])
         };
+        let edges = place.growing::<f64>(EDGES_VALUE, shape, chunk)?;
 
-        group(CONTACTS)?;
-        link_clock(&element(0), CONTACTS)?;
-        let rows = contact_chunk(grains);
-        let contact = |name: &str| format!("{CONTACTS}/{name}");
-        let mut columns = Vec::new();
-        for (column, width) in forces(axes) {
-            let dataset = growing_wide(file, mode, &contact(column.name), rows, *width)?;
-            let mut column = *column;
+        place.group(CONTACTS)?;
+        place.link_clock(&first, CONTACTS)?;
+        let mut contacts = Vec::new();
+        for (mut column, width, kind) in of_contact(axes) {
+            let chunk = [contact_chunk(layout.grains).div_ceil(width), width];
+            let dimensions = if width == 1 { 1 } else { 2 };
+            let (name, shape) = (contact_dataset(column), [0, width]);
+            let dataset = place.of(kind, &name, &shape[..dimensions], &chunk[..dimensions])?;
             if column.name == TANGENTIAL_HISTORY.name {
                 column.unit = layout.history_unit;
             }
-            columns.push(in_units(dataset, &column)?);
+            contacts.push(place.in_units(dataset, &column)?);
         }
         if mode == Mode::Create {
             let grains = Attribute::Reference(format!("/{PARTICLES}"));
             file.attribute(CONTACTS, "particles_group", &grains)?;
         }
 
-        let names: Vec<String> = (series.iter())
-            .map(|column| format!("{OBSERVABLES}/{column}"))
-            .collect();
+        let first = format!("{OBSERVABLES}/{}", series[0]);
         let mut observables = Vec::new();
-        for (name, column) in names.iter().zip(series) {
-            group(name)?;
-            let dataset = growing(file, mode, &format!("{name}/value"), CHUNK_ROWS)?;
-            observables.push(in_units(dataset, column)?);
+        for column in series {
+            let name = format!("{OBSERVABLES}/{column}");
+            place.group(&name)?;
+            let dataset = place.list::<f64>(&format!("{name}/value"))?;
+            observables.push(place.in_units(dataset, column)?);
         }
-        let (row_step, row_time) = clock(&names[0])?;
-        for name in &names[1..] {
-            link_clock(&names[0], name)?;
+        let (row_step, row_time) = place.clock(&first)?;
+        for column in &series[1..] {
+            place.link_clock(&first, &format!("{OBSERVABLES}/{column}"))?;
         }
-
+        place.group(GROUP)?;
+        let sums = frame_columns(axes).len();
         Ok(Datasets {
             axes,
-            edges,
-            image,
+            edges: place.in_units(edges, &EDGES)?,
             step,
             time,
-            values,
-            offset: growing(file, mode, &contact("offset"), CHUNK_ROWS)?,
-            i: growing(file, mode, &contact("i"), rows)?,
-            j: growing(file, mode, &contact("j"), rows)?,
-            forces: columns,
-            sliding: growing(file, mode, &contact("sliding"), rows)?,
-            rolling: match axes {
-                2 => Some(growing(file, mode, ROLLING, rows)?),
-                _ => None,
-            },
+            grains,
+            offset: place.list::<u64>(&contact_dataset("offset"))?,
+            contacts,
             row_step,
             row_time,
             observables,
             names: series.iter().map(|column| column.name).collect(),
-            checksums: Checksums::new(file, mode, axes)?,
+            frame_sums: place.growing::<u64>(FRAMES, &[0, sums], &[CHUNK_ROWS / 8, sums])?,
+            row_sums: place.list::<u64>(ROWS)?,
         })
+    }
+
+    /// Cuts the file after so many frames, contacts and rows. Collective.
+    pub fn cut(&mut self, [frames, contacts, rows]: [u64; 3], outcome: &mut CollectiveOutcome) {
+        outcome.note(self.offset.resize(frames + 1));
+        let of_frames = [&mut self.step, &mut self.time, &mut self.edges];
+        for dataset in of_frames.into_iter().chain(&mut self.grains) {
+            outcome.note(dataset.resize(frames));
+        }
+        for dataset in &mut self.contacts {
+            outcome.note(dataset.resize(contacts));
+        }
+        let of_rows = [&mut self.row_step, &mut self.row_time];
+        for dataset in of_rows.into_iter().chain(&mut self.observables) {
+            outcome.note(dataset.resize(rows));
+        }
+        outcome.note(self.frame_sums.resize(frames));
+        outcome.note(self.row_sums.resize(rows));
+    }
+}
+
+/// Where datasets are created or opened.
+struct Place<'a> {
+    file: &'a H5File,
+    mode: Mode,
+    layout: &'a Layout<'a>,
+}
+
+impl Place<'_> {
+    fn group(&self, name: &str) -> Result<(), Failure> {
+        match self.mode {
+            Mode::Create => self.file.group(name),
+            Mode::Open => Ok(()),
+        }
+    }
+
+    /// A dataset without entries yet, which grows along its first dimension.
+    fn growing<T: H5Type>(
+        &self,
+        name: &str,
+        shape: &[usize],
+        chunk: &[usize],
+    ) -> Result<Dataset, Failure> {
+        match self.mode {
+            Mode::Create => self.file.dataset::<T>(name, shape, Some(chunk)),
+            Mode::Open => self.file.open_dataset::<T>(name),
+        }
+    }
+
+    fn of(
+        &self,
+        kind: Kind,
+        name: &str,
+        shape: &[usize],
+        chunk: &[usize],
+    ) -> Result<Dataset, Failure> {
+        match kind {
+            Kind::Number => self.growing::<f64>(name, shape, chunk),
+            Kind::Image => self.growing::<i32>(name, shape, chunk),
+            Kind::Id => self.growing::<u32>(name, shape, chunk),
+            Kind::Flag => self.growing::<u8>(name, shape, chunk),
+        }
+    }
+
+    /// One number a frame or row.
+    fn list<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
+        self.growing::<T>(name, &[0], &[CHUNK_ROWS])
+    }
+
+    fn clock(&self, folder: &str) -> Result<(Dataset, Dataset), Failure> {
+        let step = self.list::<u64>(&format!("{folder}/step"))?;
+        let time = self.list::<f64>(&format!("{folder}/time"))?;
+        Ok((step, self.in_units(time, &TIME)?))
+    }
+
+    fn link_clock(&self, from: &str, to: &str) -> Result<(), Failure> {
+        if self.mode == Mode::Open {
+            return Ok(());
+        }
+        ["step", "time"].into_iter().try_for_each(|part| {
+            self.file
+                .link(&format!("/{from}/{part}"), &format!("/{to}/{part}"))
+        })
+    }
+
+    fn in_units(&self, dataset: Dataset, column: &Column) -> Result<Dataset, Failure> {
+        if self.layout.units && self.mode == Mode::Create {
+            set_unit(&dataset, column, self.layout.axes)?;
+        }
+        Ok(dataset)
     }
 }
 
 /// Writes the unit of a column as H5MD's units module has it; pure numbers have none. Collective.
-pub fn set_unit(dataset: &Dataset<f64>, column: &Column, axes: usize) -> Result<(), Failure> {
+pub fn set_unit(dataset: &Dataset, column: &Column, axes: usize) -> Result<(), Failure> {
     match column.unit_in(axes) {
         Some(unit) => dataset.attribute("unit", &Attribute::Word(unit)),
         None => Ok(()),
     }
 }
 
-/// A dataset of one number an entry, without entries yet.
-fn growing<T: H5Type + Copy>(
-    file: &H5File,
-    mode: Mode,
-    name: &str,
-    chunk: usize,
-) -> Result<Dataset<T>, Failure> {
-    match mode {
-        Mode::Create => file.dataset(name, &[0], Some(&[chunk])),
-        Mode::Open => file.open_dataset(name),
-    }
-}
-
-/// A growing dataset with `width` numbers per entry.
-fn growing_wide(
-    file: &H5File,
-    mode: Mode,
-    name: &str,
-    chunk: usize,
-    width: usize,
-) -> Result<Dataset<f64>, Failure> {
-    match (mode, width) {
-        (Mode::Create, 2..) => {
-            file.dataset(name, &[0, width], Some(&[chunk.div_ceil(width), width]))
-        }
-        _ => growing(file, mode, name, chunk),
-    }
-}
-
-/// A growing dataset `[T][N][width]`, or `[T][N]` if `width` is 1.
-fn of_grains<T: H5Type + Copy>(
-    file: &H5File,
-    mode: Mode,
-    name: &str,
-    grains: usize,
-    width: usize,
-) -> Result<Dataset<T>, Failure> {
-    if mode == Mode::Open {
-        return file.open_dataset(name);
-    }
-    let [frames, block] = grain_chunk(grains, width);
-    match width {
-        1 => file.dataset(name, &[0, grains], Some(&[frames, block])),
-        _ => file.dataset(name, &[0, grains, width], Some(&[frames, block, width])),
-    }
-}
-
 /// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.
 pub fn by_root<T: H5Type + Copy>(
     root: bool,
-    column: &mut Dataset<T>,
+    column: &mut Dataset,
     before: u64,
     data: &[T],
 ) -> Result<(), Failure> {

@@ -12,11 +12,11 @@ pub const SCALARS: &str = "observables/gshear";
 
 /// Datasets of the scalars, and the buffered rows.
 pub struct ScalarColumns {
-    step: Dataset<u64>,
+    step: Dataset,
     /// A dataset per column.
-    values: Vec<Dataset<f64>>,
+    values: Vec<Dataset>,
     /// Checksums of the rows.
-    sums: Dataset<u64>,
+    sums: Dataset,
     rows: Vec<(u64, FrameScalars)>,
     written: u64,
 }
@@ -35,7 +35,7 @@ impl ScalarColumns {
             drop(file.dataset::<u64>(checksums::SCALARS, &[0], Some(&[CHUNK_ROWS]))?);
             for n in all.clone() {
                 file.group(&format!("{SCALARS}/{}", names[n]))?;
-                let values = file.dataset(&name(n, "value"), &[0], Some(&[CHUNK_ROWS]))?;
+                let values = file.dataset::<f64>(&name(n, "value"), &[0], Some(&[CHUNK_ROWS]))?;
                 // Scalars of frames exist for disks alone.
                 set_unit(&values, &FrameScalars::COLUMNS[n], 2)?;
                 match n {
@@ -48,10 +48,10 @@ impl ScalarColumns {
             }
         }
         let mut columns = ScalarColumns {
-            step: file.open_dataset(&name(0, "step"))?,
-            values: (all.map(|n| file.open_dataset(&name(n, "value"))))
+            step: file.open_dataset::<u64>(&name(0, "step"))?,
+            values: (all.map(|n| file.open_dataset::<f64>(&name(n, "value"))))
                 .collect::<Result<_, _>>()?,
-            sums: file.open_dataset(checksums::SCALARS)?,
+            sums: file.open_dataset::<u64>(checksums::SCALARS)?,
             rows: Vec::new(),
             written: rows,
         };

@@ -5,6 +5,7 @@ use super::collective::{CollectiveOutcome, agree};
 use super::parameter::{Parameter, attributes};
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::{LoneFailure, Parallel};
+use hdf5::types::TypeDescriptor;
 use hdf5::types::{FixedAscii, FixedUnicode, VarLenUnicode};
 use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
 use hdf5_sys::h5::hsize_t;
@@ -21,7 +22,6 @@ use extents::RawData;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
-use std::marker::PhantomData;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -249,7 +249,7 @@ impl H5File {
         name: &str,
         shape: &[usize],
         chunk: Option<&[usize]>,
-    ) -> Result<Dataset<T>, Failure> {
+    ) -> Result<Dataset, Failure> {
         use hdf5::dataset::{AllocTime, FillTime};
         use hdf5::{Extent, SimpleExtents};
         let fixed = |&n: &usize| Extent::fixed(n);
@@ -274,22 +274,22 @@ impl H5File {
             }
         };
         let dataset = made.map_err(|e| self.context.failure(name, "create", &e))?;
-        self.column(name, dataset)
+        self.column::<T>(name, dataset)
     }
 
     /// Opens an existing dataset.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Dataset<T>, Failure> {
+    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
         let dataset = self.file.dataset(name);
-        self.column(
+        self.column::<T>(
             name,
             dataset.map_err(|e| self.context.failure(name, "open", &e))?,
         )
     }
 
-    fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Dataset<T>, Failure> {
+    fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Dataset, Failure> {
         let datatype = Datatype::from_type::<T>();
         let raw_data = RawData::of(dataset.clone());
         self.context.raw_data.borrow_mut().push(raw_data);
@@ -299,7 +299,7 @@ impl H5File {
             inner: dataset,
             name: name.into(),
             context: self.context.clone(),
-            element: PhantomData,
+            element: T::type_descriptor(),
         })
     }
 
@@ -449,7 +449,7 @@ impl Drop for H5File {
     }
 }
 
-impl<T> Drop for Dataset<T> {
+impl Drop for Dataset {
     fn drop(&mut self) {
         if self.context.failed.get() {
             std::mem::forget(self.inner.clone());
@@ -624,16 +624,17 @@ impl Slab {
 }
 
 /// A dataset of an [`H5File`].
-pub struct Dataset<T> {
+pub struct Dataset {
     inner: hdf5::Dataset,
     datatype: Datatype,
     shape: Vec<usize>,
     name: String,
     context: Rc<Context>,
-    element: PhantomData<T>,
+    /// What `datatype` describes.
+    element: TypeDescriptor,
 }
 
-impl<T: H5Type + Copy> Dataset<T> {
+impl Dataset {
     /// Returns the number of rows.
     pub fn rows(&self) -> u64 {
         self.shape[0] as u64
@@ -674,10 +675,12 @@ impl<T: H5Type + Copy> Dataset<T> {
     /// [`Failure::Other`] if HDF5 fails.
     ///
     /// # Panics
-    /// If `data` and `slab` differ in size, or the dataset has more than three dimensions.
-    pub fn write(&self, slab: Slab, data: &[T]) -> Result<(), Failure> {
+    /// If `data` and `slab` differ in size, the dataset is of another type, or it has more than three
+    /// dimensions.
+    pub fn write<T: H5Type + Copy>(&self, slab: Slab, data: &[T]) -> Result<(), Failure> {
         let dimensions = self.shape.len();
         assert!((1..=3).contains(&dimensions), "one to three dimensions");
+        assert_eq!(T::type_descriptor(), self.element, "{}", self.name);
         let count = &slab.count[..dimensions];
         let selected: u64 = count.iter().product();
         assert_eq!(
@@ -699,7 +702,7 @@ impl<T: H5Type + Copy> Dataset<T> {
                 let (memory, place) = (memory.id(), place.id());
                 let transfer = self.context.transfer.id();
                 let data = data.as_ptr().cast();
-                // SAFETY: the ids are open; `datatype` describes T; `memory` selects all of `data`,
+                // SAFETY: the ids are open; `datatype` describes T, as asserted above; `memory` selects all of `data`,
                 // and `place` selects as many elements.
                 let written =
                     unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
@@ -713,7 +716,12 @@ impl<T: H5Type + Copy> Dataset<T> {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn append(&mut self, rows: u64, slab: Slab, data: &[T]) -> Result<(), Failure> {
+    pub fn append<T: H5Type + Copy>(
+        &mut self,
+        rows: u64,
+        slab: Slab,
+        data: &[T],
+    ) -> Result<(), Failure> {
         // Written even after a failure, because the other ranks wait for it.
         let resized = self.resize(rows);
         let written = self.write(slab, data);

@@ -131,7 +131,7 @@ impl RunFile {
 
     /// Returns whether the file has the flags of rolling at its limit: files of disks.
     pub fn has_rolling(&self) -> bool {
-        self.contacts.rolling.is_some()
+        self.contacts.contains_key("rolling")
     }
 
     /// Reads the images of some frames, all grains of a frame after the other.
@@ -295,27 +295,20 @@ impl RunFile {
         fields: FrameFields,
     ) -> Result<ContactValues, Failure> {
         let rows = self.rows(frames.clone());
-        let columns = &self.contacts;
         // No rows of fields that are not wanted.
         let rows_from = |least: FrameFields| if fields >= least { rows.clone() } else { 0..0 };
         let (forces, others) = (rows_from(FrameFields::Forces), rows_from(FrameFields::All));
         let contacts = ContactValues {
             first: rows.start,
-            i: self.column::<u32>(&columns.i, &rows)?,
-            j: self.column::<u32>(&columns.j, &rows)?,
-            normal_force: self.column::<f64>(&columns.normal_force, &forces)?,
-            tangential_force: self.tangential(&columns.tangential_force, &forces)?,
-            tangential_history: self.tangential(&columns.tangential_history, &others)?,
-            rolling_history: match &columns.rolling_history {
-                Some(dataset) => self.column::<f64>(dataset, &others)?,
-                None => Vec::new(),
-            },
-            overlap: self.column::<f64>(&columns.overlap, &others)?,
-            sliding: self.column::<u8>(&columns.sliding, &others)?,
-            rolling: match &columns.rolling {
-                Some(dataset) => self.column::<u8>(dataset, &others)?,
-                None => Vec::new(),
-            },
+            i: self.column("i", &rows)?,
+            j: self.column("j", &rows)?,
+            normal_force: self.column("normal_force", &forces)?,
+            tangential_force: self.tangential("tangential_force", &forces)?,
+            tangential_history: self.tangential("tangential_history", &others)?,
+            rolling_history: self.column("rolling_history", &others)?,
+            overlap: self.column("overlap", &others)?,
+            sliding: self.column("sliding", &others)?,
+            rolling: self.column("rolling", &others)?,
         };
         self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
         let pairs = Pairs::new(&contacts.i, &contacts.j, rows.start, self.dimension.axes());
@@ -381,24 +374,26 @@ impl RunFile {
     }
 
     /// Reads a column of tangential vectors: `[M]` for disks, `[M][3]` for spheres.
-    fn tangential(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
+    fn tangential(&self, name: &str, rows: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
         if self.dimension == Dimensions::Two {
-            let along = self.column::<f64>(dataset, rows)?;
+            let along = self.column::<f64>(name, rows)?;
             return Ok(along.into_iter().map(|f| [f, 0.0, 0.0]).collect());
         }
         if rows.is_empty() {
             return Ok(Vec::new());
         }
+        let dataset = &self.contacts[name];
         let values = dataset
             .read_slice::<f64, _, Ix2>(s![rows.start..rows.end, ..])
             .map_err(|e| self.damaged(dataset, &e))?;
         Ok(values.outer_iter().map(|v| [v[0], v[1], v[2]]).collect())
     }
 
-    fn column<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
-        if rows.is_empty() {
+    /// Reads a column of the contacts; nothing if the file has none, since its grains are spheres.
+    fn column<T: H5Type>(&self, name: &str, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
+        let Some(dataset) = self.contacts.get(name).filter(|_| !rows.is_empty()) else {
             return Ok(Vec::new());
-        }
+        };
         let values = dataset
             .read_slice::<T, _, Ix1>(s![rows.start..rows.end])
             .map_err(|e| self.damaged(dataset, &e))?;

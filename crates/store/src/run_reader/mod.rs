@@ -19,7 +19,7 @@ use self::verify::FrameSums;
 use crate::checksums;
 use crate::columns::{AqsRow, NewtonianRow};
 use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
-use crate::layout::IMAGE_VALUE;
+use crate::layout::{CONTACTS, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain};
 pub use crate::parameter::Parameter;
 use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -67,7 +67,7 @@ impl RunStage {
     /// The stage whose columns a file has; [`RunStage::Shear`] if none fits, so that messages name
     /// the columns of that.
     fn of(source: &OpenFile<'_>) -> Self {
-        let is_stored = |name: &str| source.exists(&format!("observables/{name}"));
+        let is_stored = |name: &str| source.exists(&format!("{OBSERVABLES}/{name}"));
         let has_all = |stage: &Self| {
             let mut columns = stage.columns().iter();
             columns.all(|column| is_stored(column.name))
@@ -147,21 +147,9 @@ pub struct RunFile {
     velocity: Dataset,
     angular_velocity: Dataset,
     image: Dataset,
-    contacts: ContactColumns,
+    /// Of [`of_contact`], by name.
+    contacts: BTreeMap<&'static str, Dataset>,
     sums: FrameSums,
-}
-
-struct ContactColumns {
-    i: Dataset,
-    j: Dataset,
-    normal_force: Dataset,
-    tangential_force: Dataset,
-    tangential_history: Dataset,
-    rolling_history: Option<Dataset>,
-    overlap: Dataset,
-    sliding: Dataset,
-    /// Of disks.
-    rolling: Option<Dataset>,
 }
 
 impl RunFile {
@@ -202,141 +190,92 @@ impl RunFile {
         hdf5::silence_errors(true);
         let source = OpenFile::open(&path)?;
         let stage = RunStage::of(&source);
-
-        let id: Vec<u32> = source.all("particles/trajectory/id")?;
-        let n = id.len();
-        if let Some(row) = (0..n).find(|&row| id[row] as usize != row) {
-            let found = id[row];
-            return Err(source.wrong(
-                "particles/trajectory/id",
-                format!("row {row} is grain {found}; rows must be 0 … N-1"),
-            ));
-        }
         let parameters = source.parameters()?;
         let edges = source.edges(&parameters)?;
         let dimension = match parameters.get("dimension") {
             Some(Parameter::Integer(3)) => Dimensions::Three,
             _ => Dimensions::Two,
         };
-        let planar = dimension == Dimensions::Two;
-        let grains = Disks {
-            radius: source.of_length("particles/trajectory/radius", n)?,
-            body: source.of_length("particles/trajectory/body", n)?,
-            mass: source.of_length("particles/trajectory/mass", n)?,
-            length: edges[0],
-        };
-        source.verify_constants(&id, &grains, &edges)?;
-        source.check_grains(&grains)?;
+        let grains = source.grains(&edges)?;
         let finished = parameters.contains_key("digest");
         let imposed = ImposedRow::COLUMNS[0].name;
-        let columns = if source.exists(&format!("observables/{imposed}")) {
+        let columns = if source.exists(&format!("{OBSERVABLES}/{imposed}")) {
             &SERIES_COLUMNS
         } else {
             stage.columns()
         };
         let series = source.series(columns, finished)?;
         let scalars = source.scalars(finished)?;
-
-        let spins = if planar { &[n][..] } else { &[n, 3] };
-        let position = source.frames("particles/trajectory/position/value", &[n, 3])?;
-        let velocity = source.frames("particles/trajectory/velocity/value", &[n, 3])?;
-        let angular_velocity =
-            source.frames("particles/trajectory/angular_velocity/value", spins)?;
-        let image = source.frames(IMAGE_VALUE, &[n, 3])?;
-        let mut step: Vec<u64> = source.all("particles/trajectory/position/step")?;
-        let mut time: Vec<f64> = source.all("particles/trajectory/position/time")?;
-        let mut offset: Vec<u64> = source.all("connectivity/contacts/offset")?;
-        let wide = |name: &str, shape: &[usize]| {
-            source.frames(&format!("connectivity/contacts/{name}"), shape)
-        };
-        let column = |name: &str| wide(name, &[]);
-        let tangential = if planar { &[][..] } else { &[3] };
-        let contacts = ContactColumns {
-            i: column("i")?,
-            j: column("j")?,
-            normal_force: column("normal_force")?,
-            tangential_force: wide("tangential_force", tangential)?,
-            tangential_history: wide("tangential_history", tangential)?,
-            // Of disks only.
-            rolling_history: if planar {
-                Some(column("rolling_history")?)
-            } else {
-                None
-            },
-            overlap: column("overlap")?,
-            sliding: column("sliding")?,
-            rolling: if planar {
-                Some(column("rolling")?)
-            } else {
-                None
-            },
-        };
-
-        let stored = contacts.shortest();
-        if let Some(t) = (1..offset.len()).find(|&t| offset[t] < offset[t - 1]) {
-            return Err(source.wrong(
-                "connectivity/contacts/offset",
-                format!("decreases at frame {t}"),
-            ));
-        }
-        let whole = offset
-            .iter()
-            .take_while(|&&end| end <= stored)
-            .count()
-            .saturating_sub(1);
-        let lengths = [
-            ("particles/trajectory/position/value", position.shape()[0]),
-            ("particles/trajectory/velocity/value", velocity.shape()[0]),
-            (
-                "particles/trajectory/angular_velocity/value",
-                angular_velocity.shape()[0],
-            ),
-            ("particles/trajectory/position/step", step.len()),
-            ("particles/trajectory/position/time", time.len()),
-            ("connectivity/contacts", whole),
-            (IMAGE_VALUE, image.shape()[0]),
-        ];
-        let frames = source.common_length(&lengths, finished, "frames")?;
-        step.truncate(frames);
-        time.truncate(frames);
-        offset.truncate(frames + 1);
-        let sums = FrameSums::read(&source, dimension.axes())?;
-        let (of_box, width) = source.frame_edges(frames)?;
-        let of_box = |t: usize| &of_box[t * width..][..width];
-        let clock = |t: usize| checksums::of_clock(step[t], time[t], of_box(t));
-        if let Some(t) = (0..frames).find(|&t| !sums.agrees(t, "clock", clock(t))) {
-            return Err(Self::damaged_frame(&path, t, "step, time and box/edges"));
-        }
-
-        let square = |edges: &[f64]| -> BoxEdges {
-            let along = |axis: usize| match edges.len() {
-                9 => [edges[3 * axis], edges[3 * axis + 1], edges[3 * axis + 2]],
-                _ => std::array::from_fn(|k| if k == axis { edges[axis] } else { 0.0 }),
-            };
-            std::array::from_fn(along)
-        };
-        let boxes = (0..frames).map(|t| square(of_box(t))).collect();
-
-        Ok(RunFile {
-            path,
+        let [position, velocity, angular_velocity, image] =
+            of_grain(dimension.axes()).map(|quantity| source.of_grains(quantity, grains.count()));
+        let mut file = Self {
             stage,
-            grains,
             edges,
             dimension,
             parameters,
             series,
             scalars,
-            step,
-            time,
-            boxes,
-            offset,
-            position,
-            velocity,
-            angular_velocity,
-            image,
-            contacts,
-            sums,
-        })
+            step: source.all(&format!("{PARTICLES}/position/step"))?,
+            time: source.all(&format!("{PARTICLES}/position/time"))?,
+            boxes: Vec::new(),
+            offset: source.all(&contact_dataset("offset"))?,
+            position: position?,
+            velocity: velocity?,
+            angular_velocity: angular_velocity?,
+            image: image?,
+            contacts: source.of_contacts(dimension.axes())?,
+            sums: FrameSums::read(&source, dimension.axes())?,
+            grains,
+            path: path.clone(),
+        };
+        file.cut_to_whole_frames(&source, finished)?;
+        Ok(file)
+    }
+
+    /// Keeps the frames that every dataset has, and reads their boxes.
+    fn cut_to_whole_frames(
+        &mut self,
+        source: &OpenFile<'_>,
+        finished: bool,
+    ) -> Result<(), Failure> {
+        let offset = &self.offset;
+        if let Some(t) = (1..offset.len()).find(|&t| offset[t] < offset[t - 1]) {
+            let what = format!("decreases at frame {t}");
+            return Err(source.wrong(&contact_dataset("offset"), what));
+        }
+        let rows = |dataset: &Dataset| dataset.shape()[0];
+        let stored = self.contacts.values().map(rows).min().unwrap_or(0) as u64;
+        let whole = offset.iter().take_while(|&&end| end <= stored).count();
+        let [position, velocity, spin, image] =
+            of_grain(self.dimension.axes()).map(|(column, ..)| grain_dataset(&column));
+        let [step, time] = ["step", "time"].map(|part| format!("{PARTICLES}/position/{part}"));
+        let lengths = [
+            (&*position, rows(&self.position)),
+            (&*velocity, rows(&self.velocity)),
+            (&*spin, rows(&self.angular_velocity)),
+            (&*step, self.step.len()),
+            (&*time, self.time.len()),
+            (CONTACTS, whole.saturating_sub(1)),
+            (&*image, rows(&self.image)),
+        ];
+        let frames = source.common_length(&lengths, finished, "frames")?;
+        self.step.truncate(frames);
+        self.time.truncate(frames);
+        self.offset.truncate(frames + 1);
+        let (edges, width) = source.frame_edges(frames)?;
+        for (t, edges) in edges.chunks_exact(width).enumerate() {
+            let clock = checksums::of_clock(self.step[t], self.time[t], edges);
+            if !self.sums.agrees(t, "clock", clock) {
+                let what = "step, time and box/edges";
+                return Err(Self::damaged_frame(&self.path, t, what));
+            }
+            let along = |axis: usize| match edges.len() {
+                9 => [edges[3 * axis], edges[3 * axis + 1], edges[3 * axis + 2]],
+                _ => std::array::from_fn(|k| if k == axis { edges[axis] } else { 0.0 }),
+            };
+            self.boxes.push(std::array::from_fn(along));
+        }
+        Ok(())
     }
 
     fn damaged_frame(path: &Path, t: usize, what: &str) -> Failure {
@@ -598,27 +537,5 @@ impl RunFile {
             }
         };
         self.step.iter().map(at).collect()
-    }
-}
-
-impl ContactColumns {
-    /// Number of rows that every column has.
-    fn shortest(&self) -> u64 {
-        let columns = [
-            &self.i,
-            &self.j,
-            &self.normal_force,
-            &self.tangential_force,
-            &self.tangential_history,
-            &self.overlap,
-            &self.sliding,
-        ];
-        columns
-            .into_iter()
-            .chain(&self.rolling_history)
-            .chain(&self.rolling)
-            .map(|dataset| dataset.shape()[0] as u64)
-            .min()
-            .unwrap_or(0)
     }
 }

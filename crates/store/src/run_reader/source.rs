@@ -10,8 +10,12 @@ use hdf5::{Dataset, File, H5Type};
 use super::{Parameter, Series, StoredScalars};
 use crate::checksums::{OF_PARAMETERS, of_parameters};
 use crate::h5;
-use crate::layout::EDGES_VALUE;
+use crate::layout::{
+    EDGES_VALUE, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, contact_dataset, grain_dataset,
+    of_contact,
+};
 use crate::parameter::attributes;
+use crate::scalar_columns::SCALARS;
 use crate::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -103,17 +107,59 @@ impl<'a> OpenFile<'a> {
         Ok(dataset)
     }
 
+    /// The dataset of a quantity of so many grains.
+    pub(super) fn of_grains(
+        &self,
+        (column, width, _): Quantity,
+        grains: usize,
+    ) -> Result<Dataset, Failure> {
+        let inner = [grains, width];
+        let dimensions = if width == 1 { 1 } else { 2 };
+        self.frames(&grain_dataset(&column), &inner[..dimensions])
+    }
+
+    /// The datasets of the contacts, by name.
+    pub(super) fn of_contacts(
+        &self,
+        axes: usize,
+    ) -> Result<BTreeMap<&'static str, Dataset>, Failure> {
+        let open = |(column, width, _): Quantity| {
+            let inner = if width == 1 { &[][..] } else { &[width] };
+            let dataset = self.frames(&contact_dataset(column), inner)?;
+            Ok((column.name, dataset))
+        };
+        of_contact(axes).into_iter().map(open).collect()
+    }
+
+    /// What is constant of the grains, verified. `edges`: of the box at the start.
+    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<Disks, Failure> {
+        let name = |part: &str| format!("{PARTICLES}/{part}");
+        let id: Vec<u32> = self.all(&name("id"))?;
+        if let Some(row) = (0..id.len()).find(|&row| id[row] as usize != row) {
+            let what = format!("row {row} is grain {}; rows must be 0 … N-1", id[row]);
+            return Err(self.wrong(&name("id"), what));
+        }
+        let grains = Disks {
+            radius: self.of_length(&name("radius"), id.len())?,
+            body: self.of_length(&name("body"), id.len())?,
+            mass: self.of_length(&name("mass"), id.len())?,
+            length: edges[0],
+        };
+        self.verify_constants(&id, &grains, edges)?;
+        self.check_grains(&grains)?;
+        Ok(grains)
+    }
+
     /// Checks that there are grains, of some size.
-    pub(super) fn check_grains(&self, grains: &Disks) -> Result<(), Failure> {
-        const GRAINS: &str = "particles/trajectory";
+    fn check_grains(&self, grains: &Disks) -> Result<(), Failure> {
         let is_size = |x: f64| x.is_finite() && x > 0.0;
         let is_grain = |g: &usize| {
             is_size(grains.radius[*g]) && is_size(grains.mass[*g]) && grains.body[*g] <= 2
         };
         match (0..grains.count()).find(|g| !is_grain(g)) {
-            _ if grains.count() == 0 => Err(self.wrong(GRAINS, "holds no grain")),
+            _ if grains.count() == 0 => Err(self.wrong(PARTICLES, "holds no grain")),
             Some(g) => Err(self.wrong(
-                GRAINS,
+                PARTICLES,
                 format!("grain {g}: radius and mass must be greater than 0, body 0, 1 or 2"),
             )),
             None => Ok(()),
@@ -173,12 +219,11 @@ impl<'a> OpenFile<'a> {
         names: &'static [Column],
         finished: bool,
     ) -> Result<Series, Failure> {
-        const GROUP: &str = "observables";
-        let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
-        let mut time: Vec<f64> = self.column(GROUP, &names[0], "time")?;
-        let read = |column: &Column| self.column(GROUP, column, "value");
+        let mut step: Vec<u64> = self.column(OBSERVABLES, &names[0], "step")?;
+        let mut time: Vec<f64> = self.column(OBSERVABLES, &names[0], "time")?;
+        let read = |column: &Column| self.column(OBSERVABLES, column, "value");
         let mut columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
-        let of_first = ["step", "time"].map(|part| format!("{GROUP}/{}/{part}", names[0]));
+        let of_first = ["step", "time"].map(|part| format!("{OBSERVABLES}/{}/{part}", names[0]));
         let mut lengths = vec![(&*of_first[0], step.len()), (&*of_first[1], time.len())];
         lengths.extend(
             names
@@ -203,13 +248,12 @@ impl<'a> OpenFile<'a> {
 
     /// Reads the scalars of `observables/gshear/`, if there are any.
     pub(super) fn scalars(&self, finished: bool) -> Result<Option<StoredScalars>, Failure> {
-        const GROUP: &str = "observables/gshear";
-        if !self.exists(GROUP) {
+        if !self.exists(SCALARS) {
             return Ok(None);
         }
         let names = FrameScalars::COLUMNS;
-        let mut step: Vec<u64> = self.column(GROUP, &names[0], "step")?;
-        let read = |column: &Column| self.column(GROUP, column, "value");
+        let mut step: Vec<u64> = self.column(SCALARS, &names[0], "step")?;
+        let read = |column: &Column| self.column(SCALARS, column, "value");
         let columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
         let lengths = columns.iter().map(Vec::len);
         let mut lengths: Vec<_> = names.iter().map(|c| c.name).zip(lengths).collect();
@@ -251,7 +295,7 @@ impl<'a> OpenFile<'a> {
     }
 
     pub(super) fn parameters(&self) -> Result<BTreeMap<String, Parameter>, Failure> {
-        if !self.exists("parameters") {
+        if !self.exists(PARAMETERS) {
             return Err(Failure::input(format!(
                 "{}: parameters is missing: {FOREIGN}",
                 self.path.display()
@@ -259,7 +303,7 @@ impl<'a> OpenFile<'a> {
         }
         let group = self
             .file
-            .group("parameters")
+            .group(PARAMETERS)
             .map_err(|e| self.wrong("parameters", one_line(&e)))?;
         let mut parameters = attributes(&group)
             .map_err(|(name, e)| self.wrong(&format!("parameters{name}"), one_line(&e)))?;

@@ -46,7 +46,6 @@ impl TrajectoryWriter {
         let counts = sums.chunks_exact(width).map(|row| row[0]);
         let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
         let of_width = |width: usize| Slab::rows(begin, part.i.len() as u64, width as u64);
-        let stretch = of_width(1);
         let mut end = self.contacts_written;
         let mut ends = Vec::with_capacity(count as usize);
         for count in counts {
@@ -66,21 +65,21 @@ impl TrajectoryWriter {
         let root = exchange.rank() == 0;
         let columns = &mut self.columns;
         let mut outcome = CollectiveOutcome::default();
-        for (column, values) in columns.values.iter_mut().zip(&part.values) {
+        let mut grains = columns.grains.iter_mut();
+        for (values, column) in part.values.iter().zip(grains.by_ref()) {
             outcome.note(column.append(after, block, values));
         }
-        outcome.note(columns.image.append(after, block, &part.image));
-        outcome.note(columns.i.append(end, stretch, &part.i));
-        outcome.note(columns.j.append(end, stretch, &part.j));
-        let forces = forces(columns.axes);
-        for ((column, values), (_, width)) in
-            columns.forces.iter_mut().zip(&part.forces).zip(forces)
-        {
+        grains.for_each(|column| outcome.note(column.append(after, block, &part.image)));
+        let mut contacts = columns.contacts.iter_mut();
+        for (ids, column) in [&part.i, &part.j].into_iter().zip(contacts.by_ref()) {
+            outcome.note(column.append(end, of_width(1), ids));
+        }
+        let numbers = part.forces.iter().zip(forces(columns.axes));
+        for ((values, (_, width)), column) in numbers.zip(contacts.by_ref()) {
             outcome.note(column.append(end, of_width(*width), values));
         }
-        outcome.note(columns.sliding.append(end, stretch, &part.sliding));
-        if let Some(rolling) = &mut columns.rolling {
-            outcome.note(rolling.append(end, stretch, &part.rolling));
+        for (flags, column) in [&part.sliding, &part.rolling].into_iter().zip(contacts) {
+            outcome.note(column.append(end, of_width(1), flags));
         }
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
@@ -106,7 +105,7 @@ impl TrajectoryWriter {
             checksums.extend(row[1..].iter().map(|&sum| sum as u64));
         }
         let rows = Slab::rows(before, (checksums.len() / width) as u64, width as u64);
-        outcome.note(columns.checksums.frames.append(after, rows, &checksums));
+        outcome.note(columns.frame_sums.append(after, rows, &checksums));
         self.file.agree(exchange, outcome)?;
         (self.frames_written, self.contacts_written) = (after, end);
         self.frames.clear();
@@ -140,7 +139,7 @@ impl TrajectoryWriter {
             of_row(*step, *time, names.zip(row.iter().copied()))
         };
         let sums: Vec<u64> = rows.iter().map(sum).collect();
-        let to = &mut columns.checksums.rows;
+        let to = &mut columns.row_sums;
         outcome.note(by_root(root, to, before, &sums));
         if let Some(scalars) = &mut self.scalars {
             scalars.write(root, &mut outcome);

@@ -262,7 +262,7 @@ impl TrajectoryWriter {
         outcome.note(file.link(&name("body"), &name("species")));
         outcome.note(numbers(&RADIUS, &radius));
         outcome.note(numbers(&MASS, &mass));
-        outcome.note(by_root(root, &mut self.columns.offset, 0, &[0]));
+        outcome.note(by_root(root, &mut self.columns.offset, 0, &[0u64]));
         self.file.agree(exchange, outcome)?;
         self.flush_file(exchange)
     }
@@ -476,7 +476,7 @@ fn fixed_in_units(
     data: &[f64],
     unit: Option<String>,
 ) -> Result<(), Failure> {
-    let dataset = file.dataset(name, &[size], None)?;
+    let dataset = file.dataset::<f64>(name, &[size], None)?;
     let described = unit.map_or(Ok(()), |unit| {
         dataset.attribute("unit", &Attribute::Word(unit))
     });

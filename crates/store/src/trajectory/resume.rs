@@ -66,34 +66,7 @@ impl TrajectoryWriter {
             outcome.note(writer.file.remove_attribute(PARAMETERS, name));
         }
         outcome.note(seal(&writer.file));
-        let columns = &mut writer.columns;
-        outcome.note(columns.offset.resize(frames + 1));
-        outcome.note(columns.step.resize(frames));
-        outcome.note(columns.time.resize(frames));
-        outcome.note(columns.edges.resize(frames));
-        outcome.note(columns.image.resize(frames));
-        columns
-            .values
-            .iter_mut()
-            .for_each(|c| outcome.note(c.resize(frames)));
-        outcome.note(columns.i.resize(contacts));
-        outcome.note(columns.j.resize(contacts));
-        columns
-            .forces
-            .iter_mut()
-            .for_each(|c| outcome.note(c.resize(contacts)));
-        outcome.note(columns.sliding.resize(contacts));
-        if let Some(rolling) = &mut columns.rolling {
-            outcome.note(rolling.resize(contacts));
-        }
-        outcome.note(columns.row_step.resize(rows));
-        outcome.note(columns.row_time.resize(rows));
-        columns
-            .observables
-            .iter_mut()
-            .for_each(|c| outcome.note(c.resize(rows)));
-        outcome.note(columns.checksums.frames.resize(frames));
-        outcome.note(columns.checksums.rows.resize(rows));
+        writer.columns.cut([frames, contacts, rows], &mut outcome);
         writer.file.agree(exchange, outcome)?;
         writer.flush_file(exchange)?;
         // The space of removed rows may be used again, which the last journal does not know.
