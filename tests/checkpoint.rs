@@ -9,7 +9,7 @@ use gshear_dem::state::Snapshot;
 use gshear_store::checkpoint::{NAME, PREVIOUS, VERSION, read, write};
 use std::path::Path;
 
-const SCENE: &str = "seed = 1 # µ\n";
+const TEXTS: [&str; 2] = ["{\"step\":1}", "seed = 1 # µ\n"];
 
 fn refused(path: &Path) -> String {
     match read(&Solo, path) {
@@ -25,9 +25,9 @@ fn every_bit_comes_back() {
     // Bits that arithmetic or text would lose.
     whole.grains[0].torque[1] = f64::from_bits(0x7ff8_0000_dead_beef);
     whole.grains[1].force = [-0.0, f64::MIN_POSITIVE / 2.0, f64::MAX];
-    write(&Solo, folder.path(), SCENE, &whole).unwrap();
-    let (scene, back) = read(&Solo, &folder.path().join(NAME)).unwrap();
-    assert_eq!((scene.as_str(), &back.header), (SCENE, &whole.header));
+    write(&Solo, folder.path(), TEXTS, &whole).unwrap();
+    let (texts, back) = read(&Solo, &folder.path().join(NAME)).unwrap();
+    assert_eq!(texts, TEXTS);
     let bytes = |s: &Snapshot| {
         let contacts: Vec<u8> = bytemuck::cast_slice(&s.contacts).into();
         (bytemuck::cast_slice(&s.grains).to_vec(), contacts)
@@ -45,10 +45,10 @@ fn no_contacts_are_no_damage() {
         contacts: Vec::new(),
         ..snapshot(3, 2)
     };
-    write(&Solo, folder.path(), "", &whole).unwrap();
+    write(&Solo, folder.path(), ["", ""], &whole).unwrap();
     assert_eq!(
         read(&Solo, &folder.path().join(NAME)).unwrap(),
-        (String::new(), whole)
+        ([String::new(), String::new()], whole)
     );
 }
 
@@ -56,7 +56,7 @@ fn no_contacts_are_no_damage() {
 fn the_one_before_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     for t in 1..=3 {
-        write(&Solo, folder.path(), SCENE, &snapshot(t, 10)).unwrap();
+        write(&Solo, folder.path(), TEXTS, &snapshot(t, 10)).unwrap();
     }
     assert_eq!(
         read(&Solo, &folder.path().join(NAME)).unwrap().1,
@@ -72,7 +72,7 @@ fn the_one_before_is_kept() {
 #[test]
 fn a_flipped_bit_in_any_dataset_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    write(&Solo, folder.path(), SCENE, &snapshot(3, 20)).unwrap();
+    write(&Solo, folder.path(), TEXTS, &snapshot(3, 20)).unwrap();
     let path = folder.path().join(NAME);
     let whole = std::fs::read(&path).unwrap();
     let mut places = Vec::new();
@@ -115,7 +115,7 @@ fn a_flipped_bit_in_any_dataset_is_named() {
 fn a_flipped_bit_anywhere_changes_nothing_silently() {
     let folder = tempfile::tempdir().unwrap();
     let state = snapshot(3, 6);
-    write(&Solo, folder.path(), SCENE, &state).unwrap();
+    write(&Solo, folder.path(), TEXTS, &state).unwrap();
     let path = folder.path().join(NAME);
     let whole = std::fs::read(&path).unwrap();
     let (mut refusals, mut tries) = (0, 0);
@@ -125,7 +125,11 @@ fn a_flipped_bit_anywhere_changes_nothing_silently() {
         std::fs::write(&path, damaged).unwrap();
         tries += 1;
         match read(&Solo, &path) {
-            Ok(back) => assert_eq!(back, (SCENE.to_string(), state.clone()), "byte {place}"),
+            Ok(back) => assert_eq!(
+                back,
+                (TEXTS.map(String::from), state.clone()),
+                "byte {place}"
+            ),
             Err(Failure::Input(_)) => refusals += 1,
             Err(other) => panic!("byte {place}: {other}"),
         }
@@ -138,7 +142,7 @@ fn what_is_no_whole_checkpoint_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(NAME);
     assert!(refused(&path).contains("there is no such checkpoint"));
-    write(&Solo, folder.path(), SCENE, &snapshot(3, 20)).unwrap();
+    write(&Solo, folder.path(), TEXTS, &snapshot(3, 20)).unwrap();
     let whole = std::fs::read(&path).unwrap();
     for length in [0, 1, 100, whole.len() / 2, whole.len() - 1] {
         std::fs::write(&path, &whole[..length]).unwrap();
@@ -171,7 +175,7 @@ fn what_is_no_whole_checkpoint_is_refused() {
 #[test]
 fn a_folder_that_cannot_be_written_is_named() {
     let folder = Path::new("no/such/folder");
-    let failure = write(&Solo, folder, SCENE, &snapshot(3, 5)).unwrap_err();
+    let failure = write(&Solo, folder, TEXTS, &snapshot(3, 5)).unwrap_err();
     assert!(
         matches!(&failure, Failure::Other(m) if m.contains("no/such/folder")),
         "{failure}"

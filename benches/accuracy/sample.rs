@@ -55,8 +55,8 @@ impl Sample {
         // Stopped at a checkpoint.
         assert_eq!(ended.code(), Some(75), "gshear-mpi");
         let path = folder.path().join(checkpoint::NAME);
-        let (_, snapshot) = checkpoint::read(&Solo, &path).expect("its checkpoint");
-        let header: Value = serde_json::from_str(&snapshot.header).expect("its header");
+        let ([header, _], snapshot) = checkpoint::read(&Solo, &path).expect("its checkpoint");
+        let header: Value = serde_json::from_str(&header).expect("its header");
         let piston = Piston::deserialize(&header["piston"]).expect("its piston");
         let run = hdf5::File::open(folder.path().join("run.h5")).expect("its results");
         let velocity = run.dataset("observables/drive_velocity/value");

@@ -117,7 +117,7 @@ pub fn row(k: u64) -> SeriesRow {
     }))
 }
 
-/// All of a checkpoint at `t`, with contacts in order.
+/// The state of a checkpoint at `t`, with contacts in order.
 pub fn snapshot(t: u64, grains: u64) -> Snapshot {
     let grain = |id| GrainState {
         id: id as u32,
@@ -167,7 +167,6 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         contacts: pairs(t, grains).into_iter().map(contact).collect(),
     };
     Snapshot {
-        header: format!("{{\"step\":{t}}}"),
         grains: (0..grains).map(grain).collect(),
         contacts: pairs(t, grains).into_iter().map(contact).collect(),
         held: vec![held(1.0), held(2.0)],

@@ -16,6 +16,9 @@ use crate::common::synthetic::{
     at_the_end, attributes, contact, edges, grain, header, owner, pairs, row, shapes, snapshot,
 };
 
+/// Header and scene of the checkpoints.
+const TEXTS: [&str; 2] = ["{}", "seed = 1\n"];
+
 /// `FOLDER GRAINS` writes, `damaged CHECKPOINT` reads what it must refuse, `time FOLDER` measures.
 pub fn run(arguments: &[String]) {
     let world = World::start();
@@ -106,12 +109,11 @@ fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
             state.grains.retain(|g| is_owned(t, u64::from(g.id)));
             state.contacts.retain(|c| is_owned(t, u64::from(c.i)));
         }
-        checkpoint::write(world, folder, "seed = 1\n", &part)?;
+        checkpoint::write(world, folder, TEXTS, &part)?;
     }
-    let (scene, part) = checkpoint::read(world, &folder.join(checkpoint::NAME))?;
-    assert_eq!(scene, "seed = 1\n");
+    let (texts, part) = checkpoint::read(world, &folder.join(checkpoint::NAME))?;
+    assert_eq!(texts, TEXTS);
     let whole = Snapshot {
-        header: part.header,
         grains: together(world, &part.grains),
         contacts: together(world, &part.contacts),
         analysed: part.analysed.map(|frame| FramePart {
@@ -212,7 +214,7 @@ fn time(world: &World, folder: &Path) -> Result<(), Failure> {
             .collect();
         let start = Instant::now();
         for _ in 0..4 {
-            checkpoint::write(world, folder, "seed = 1\n", &part)?;
+            checkpoint::write(world, folder, TEXTS, &part)?;
         }
         print(
             "  checkpoint write",

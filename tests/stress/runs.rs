@@ -325,7 +325,7 @@ fn crushed(part: f64) -> (Outcome, (u32, u32)) {
     let first = gshear_mpi(1, folder.path(), &[SCENE.into(), "--stop-at=10".into()]);
     assert_eq!(first.code, 75, "{}", first.text);
     let path = folder.path().join(checkpoint::NAME);
-    let (scene, mut snapshot) = checkpoint::read(&Solo, &path).expect("a checkpoint");
+    let ([header, scene], mut snapshot) = checkpoint::read(&Solo, &path).expect("a checkpoint");
     let apart = |a: &GrainState, b: &GrainState| {
         let dx = nearest_image(a.position[0] - b.position[0], 21e-6);
         [dx, a.position[1] - b.position[1]]
@@ -357,7 +357,7 @@ fn crushed(part: f64) -> (Outcome, (u32, u32)) {
         snapshot.grains[g].velocity = [0.0; 3];
         snapshot.grains[g].force = [0.0; 3];
     }
-    checkpoint::write(&Solo, folder.path(), &scene, &snapshot).expect("written");
+    checkpoint::write(&Solo, folder.path(), [&header, &scene], &snapshot).expect("written");
     let resume = format!("--resume={}", path.display());
     let outcome = gshear_mpi(1, folder.path(), &[resume, "--stop-at=11".into()]);
     (outcome, (snapshot.grains[i].id, snapshot.grains[j].id))

@@ -20,7 +20,7 @@ use crate::terminal::ranks as in_words;
 /// Ends that a checkpoint has passed; more ranks than the sample has room for; standard output that
 /// cannot be written.
 pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<(), Failure> {
-    task.check_ends(task.header()?.as_ref(), options.stop_at)?;
+    task.check_ends(options.stop_at)?;
     print(exchange, task)?;
     prospects(exchange, task, options, None)
 }
@@ -83,7 +83,7 @@ fn prospects(
     }
     let (folder, may_write) = match refused {
         Some(refused) => (refused.to_string(), false),
-        None => outlook(&options.out, &task.claim(None)),
+        None => outlook(&options.out, &task.claim()),
     };
     let mut text = estimate.text();
     if may_write {

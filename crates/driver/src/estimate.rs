@@ -81,11 +81,11 @@ impl Estimate {
     /// A checkpoint of another version.
     pub fn of(exchange: &dyn Parallel, task: &Task, stop_at: Option<u64>) -> Result<Self, Failure> {
         let scene = &task.scene;
-        let header = task.header()?;
+        let header = task.saved().map(|saved| &saved.header);
         let last = stop_at.unwrap_or(u64::MAX);
         let mut estimate = match &scene.boundary {
-            Boundary::Walls(walls) => of_walls(scene, walls, header.as_ref(), last),
-            Boundary::Periodic(_) => of_box(scene, header.as_ref(), last),
+            Boundary::Walls(walls) => of_walls(scene, walls, header, last),
+            Boundary::Periodic(_) => of_box(scene, header, last),
         };
         estimate.ranks = exchange.size();
         estimate.hosts = memory::hosts(exchange);
@@ -306,10 +306,10 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
     let sample = &scene.sample;
     let packs = match header {
         None => !walls.pack.skip,
-        Some(header) => matches!(header, Header::Pack { .. }),
+        Some(header) => matches!(header, Header::Pack(_)),
     };
     let known = match header {
-        Some(Header::Shear { height, .. }) => Some(*height),
+        Some(Header::Shear(shear)) => Some(shear.height),
         _ => None,
     };
     let file = match &walls.origin {
@@ -322,7 +322,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
     });
     let schedule = Schedule::new(scene, walls, height);
     let done = match header {
-        Some(Header::Pack { step, .. } | Header::Shear { step, .. }) => *step,
+        Some(header @ (Header::Pack(_) | Header::Shear(_))) => header.step(),
         _ => 0,
     };
     if packs {

@@ -29,7 +29,7 @@ use gshear_store::run_reader::{self, RunFile};
 use gshear_store::table::rows_up_to;
 use gshear_store::text_writer;
 
-use crate::header::Header;
+use crate::header::{Header, Saved};
 pub use crate::lock::is_abandoned;
 use crate::lock::{Lock, unwritable};
 use crate::options::Options;
@@ -151,10 +151,8 @@ impl Contents {
                 found.stopped.get_or_insert((header.stage(), header.step()));
                 found.owners.push(FileOwner {
                     name,
-                    branch: record
-                        .as_ref()
-                        .is_some_and(|record| record.parent.is_some()),
-                    id: record.map(|record| record.id),
+                    branch: record.parent.is_some(),
+                    id: Some(record.id),
                     scene,
                     packing: header.packing().map(|file| file.content.clone()),
                 });
@@ -323,10 +321,8 @@ pub struct Claim<'a> {
     pub record: &'a RunRecord,
     /// The scene.
     pub scene: &'a Scene,
-    /// The header of the checkpoint, if the run starts from one.
-    pub header: Option<&'a Header>,
-    /// The checkpoint.
-    pub checkpoint: Option<&'a Path>,
+    /// The checkpoint, if the run starts from one.
+    pub saved: Option<&'a Saved>,
     /// Name of the file of the last stage.
     pub last_file: &'static str,
 }
@@ -379,17 +375,16 @@ impl RunFolder {
         fs::create_dir_all(&self.path).map_err(|e| unwritable(&self.path, &e))?;
         self.lock = Some(Lock::take(&self.path, options.break_lock, notes)?);
         text_writer::remove_remnants(&self.path, &WRITTEN_BESIDE, Duration::ZERO);
-        if let (Entry::Resume, Some((name, ..))) = (claim.entry, claim.header.and_then(files_of)) {
+        let saved = claim.saved.filter(|_| claim.entry == Entry::Resume);
+        if let Some((name, ..)) = saved.and_then(|saved| files_of(&saved.header)) {
             existing::recover(&self.path.join(name), notes)?;
         }
         // Another job may have written between the first look and the lock.
         self.check(claim, options, Some(notes))?;
-        if let (Entry::Resume, Some(checkpoint), false) =
-            (claim.entry, claim.checkpoint, options.overwrite)
-        {
+        if let (Some(saved), false) = (saved, options.overwrite) {
             let newest = Watched::id(&self.path.join(checkpoint::NAME));
-            if newest.is_some() && newest != Watched::id(checkpoint) {
-                self.cut_back_to.set(Some(checkpoint.into()));
+            if newest.is_some() && newest != Watched::id(&saved.path) {
+                self.cut_back_to.set(Some(saved.path.clone()));
             }
         }
         Ok(())
@@ -407,8 +402,7 @@ impl RunFolder {
             entry,
             record,
             scene,
-            header,
-            checkpoint,
+            saved,
             last_file,
         } = claim;
         let found = Contents::of(&self.path)?;
@@ -416,7 +410,7 @@ impl RunFolder {
             self.clear.set(!found.is_empty());
             return Ok(());
         }
-        match (entry, header) {
+        match (entry, saved) {
             (Entry::New, _) if found.is_begun_branch(record) => {
                 self.clear.set(true);
                 Ok(())
@@ -424,12 +418,12 @@ impl RunFolder {
             (Entry::New, _) if !found.is_empty() => {
                 Err(found.refuse_new(&self.path, record, scene, last_file))
             }
-            (Entry::Resume, Some(header)) => {
+            (Entry::Resume, Some(saved)) => {
                 found.is_of(&self.path, record, scene, false)?;
-                let folder = checkpoint.and_then(Path::parent);
+                let folder = saved.path.parent();
                 let beside = folder.is_some_and(|folder| same_folder(folder, &self.path));
                 match notes {
-                    Some(notes) => self.check_files(header, scene, &found, beside, notes),
+                    Some(notes) => self.check_files(&saved.header, scene, &found, beside, notes),
                     None => Ok(()),
                 }
             }
@@ -449,8 +443,8 @@ impl RunFolder {
         let Some((name, mut columns, written)) = files_of(header) else {
             return Ok(());
         };
-        if let (Header::Shear { height, .. }, Boundary::Walls(walls)) = (header, &scene.boundary) {
-            let protocol = Schedule::new(scene, walls, *height).protocol;
+        if let (Header::Shear(shear), Boundary::Walls(walls)) = (header, &scene.boundary) {
+            let protocol = Schedule::new(scene, walls, shear.height).protocol;
             columns = series_columns(protocol.is_more_than_velocities());
         }
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
@@ -488,7 +482,7 @@ impl RunFolder {
             ));
         }
         match header {
-            Header::Shear { .. } if there || log.exists() => {
+            Header::Shear(_) if there || log.exists() => {
                 Log::check(&log, columns, step, kept)?;
                 // A killed program may have left anything after the checkpoint, which a reader refuses.
                 let file = there.then(|| RunFile::open(&path).ok()).flatten();
@@ -627,8 +621,8 @@ pub fn free(folder: &Path) -> Option<f64> {
 fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Written)> {
     UpToCheckpoint::new(header.step()).last?;
     match header {
-        Header::Pack { .. } => None,
-        Header::Shear { written, .. } => Some((RUN_FILE, &SeriesRow::COLUMNS[..], written)),
+        Header::Pack(_) => None,
+        Header::Shear(shear) => Some((RUN_FILE, &SeriesRow::COLUMNS[..], &shear.written)),
         Header::Aqs { written, .. } => Some((AQS_FILE, &AqsRow::COLUMNS[..], written)),
         Header::Newtonian { written, .. } => {
             Some((NEWTONIAN_FILE, &NewtonianRow::COLUMNS[..], written))

@@ -1,6 +1,6 @@
 //! The header of a checkpoint: everything but grains and contacts.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -10,7 +10,9 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Snapshot};
+use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, PackingFile, Sample, Scene, Source};
+use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
 use crate::record::RunRecord;
@@ -25,40 +27,9 @@ const RECORD: &str = "run";
 #[serde(tag = "stage", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Header {
     /// Compression between smooth planes.
-    Pack {
-        /// Steps done.
-        step: u64,
-        /// The top.
-        piston: Piston,
-        /// Drag (1/s).
-        drag: f64,
-        /// Starts before this one, each of which left the contact law before it bore the load.
-        #[serde(default, skip_serializing_if = "is_zero")]
-        starts: u32,
-        /// The file that the grains came from; resuming does not read it.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        packing: Option<PackingFile>,
-    },
+    Pack(PackHeader),
     /// Shear between walls.
-    Shear {
-        /// Steps done.
-        step: u64,
-        /// The top.
-        piston: Piston,
-        /// `None` before the first step.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        slider: Option<SliderState>,
-        /// H (m).
-        height: f64,
-        /// Number of frames and rows in the files.
-        written: Written,
-        /// The energy budget, if the scene has one.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        energy_budget: Option<SavedBudget>,
-        /// The file that the grains came from; resuming does not read it.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        packing: Option<PackingFile>,
-    },
+    Shear(ShearHeader),
     /// Strain steps of a periodic box.
     Aqs {
         /// The progress of the strain steps.
@@ -82,31 +53,63 @@ pub enum Header {
     },
 }
 
+/// How a packing goes on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PackHeader {
+    /// Steps done.
+    pub step: u64,
+    /// The top.
+    pub piston: Piston,
+    /// Drag (1/s).
+    pub drag: f64,
+    /// Starts before this one, each of which left the contact law before it bore the load.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub starts: u32,
+    /// The file that the grains came from; resuming does not read it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub packing: Option<PackingFile>,
+}
+
+/// How a shear goes on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShearHeader {
+    /// Steps done.
+    pub step: u64,
+    /// The top.
+    pub piston: Piston,
+    /// `None` before the first step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slider: Option<SliderState>,
+    /// H (m).
+    pub height: f64,
+    /// Number of frames and rows in the files.
+    pub written: Written,
+    /// The energy budget, if the scene has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub energy_budget: Option<SavedBudget>,
+    /// The file that the grains came from; resuming does not read it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub packing: Option<PackingFile>,
+}
+
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it")]
 fn is_zero(starts: &u32) -> bool {
     *starts == 0
 }
 
 impl Header {
-    /// The header of a checkpoint.
+    /// Parses the text of a header, and the record of its run.
     ///
     /// # Errors
     /// A header of another version of this program.
-    pub fn read(snapshot: &Snapshot) -> Result<Self, Failure> {
-        Self::parse(&snapshot.header).map(|(header, _)| header)
-    }
-
-    /// Parses the text of a header, and the record of its run. Checkpoints of versions without
-    /// identities have none.
-    ///
-    /// # Errors
-    /// A header of another version of this program.
-    pub fn parse(text: &str) -> Result<(Self, Option<RunRecord>), Failure> {
+    pub fn parse(text: &str) -> Result<(Self, RunRecord), Failure> {
         let parse = || -> serde_json::Result<_> {
             let mut fields: Map<String, Value> = serde_json::from_str(text)?;
-            let record = fields.remove(RECORD).map(serde_json::from_value);
+            let record = fields.remove(RECORD).unwrap_or_default();
             let header = serde_json::from_value(Value::Object(fields))?;
-            Ok((header, record.transpose()?))
+            Ok((header, serde_json::from_value(record)?))
         };
         parse().map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
     }
@@ -124,8 +127,8 @@ impl Header {
     /// The stage, if it writes frames.
     pub fn run_stage(&self) -> Option<RunStage> {
         match self {
-            Header::Pack { .. } => None,
-            Header::Shear { .. } => Some(RunStage::Shear),
+            Header::Pack(_) => None,
+            Header::Shear(_) => Some(RunStage::Shear),
             Header::Aqs { .. } => Some(RunStage::Strain),
             Header::Newtonian { .. } => Some(RunStage::Newtonian),
         }
@@ -139,9 +142,9 @@ impl Header {
     /// Completed steps of the stage.
     pub fn step(&self) -> u64 {
         match self {
-            Header::Pack { step, .. }
-            | Header::Shear { step, .. }
-            | Header::Newtonian { step, .. } => *step,
+            Header::Pack(pack) => pack.step,
+            Header::Shear(shear) => shear.step,
+            Header::Newtonian { step, .. } => *step,
             Header::Aqs { progress, .. } => progress.steps,
         }
     }
@@ -149,29 +152,63 @@ impl Header {
     /// The file that the grains came from.
     pub fn packing(&self) -> Option<&PackingFile> {
         match self {
-            Header::Pack { packing, .. } | Header::Shear { packing, .. } => packing.as_ref(),
+            Header::Pack(PackHeader { packing, .. })
+            | Header::Shear(ShearHeader { packing, .. }) => packing.as_ref(),
             Header::Aqs { .. } | Header::Newtonian { .. } => None,
         }
     }
+}
 
-    /// The scene of a checkpoint (`name` in messages, text `toml`) with overrides. Does not read
-    /// the file of the packing.
+/// A checkpoint that was read.
+#[derive(Debug, Clone)]
+pub struct Saved {
+    /// Its path.
+    pub path: PathBuf,
+    /// Stage, step, walls and what was written so far.
+    pub header: Header,
+    /// The identity and history of the run.
+    pub record: RunRecord,
+    /// The scene as TOML.
+    pub toml: String,
+    /// This rank's part of the state.
+    pub state: Snapshot,
+}
+
+impl Saved {
+    /// Reads a checkpoint. Collective.
+    ///
+    /// # Errors
+    /// Those of [`checkpoint::read`], and a header of another version of this program.
+    pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<Self, Failure> {
+        let ([header, toml], state) = checkpoint::read(exchange, path)?;
+        let (header, record) = Header::parse(&header)?;
+        Ok(Self {
+            path: path.into(),
+            header,
+            record,
+            toml,
+            state,
+        })
+    }
+
+    /// The scene with overrides. Does not read the file of the packing.
     ///
     /// # Errors
     /// An override that contradicts the scene, or changes its grains.
-    pub fn scene(&self, name: &Path, toml: String, set: &[String]) -> Result<Scene, Failure> {
-        let source = Source::new(format!("{} (its scene)", name.display()), toml);
+    pub fn scene(&self, set: &[String]) -> Result<Scene, Failure> {
+        let name = format!("{} (its scene)", self.path.display());
+        let source = Source::new(name, self.toml.clone());
         let mut scene = gshear_scene::load_with(&source, set, &mut |path, copies| {
             let same = |file: &&PackingFile| file.path == path && file.replicate == copies;
-            let known = self.packing().filter(same);
+            let known = self.header.packing().filter(same);
             known.cloned().ok_or_else(|| {
                 Failure::input("the grains are those of the checkpoint; leave it as it was")
             })
         })?;
         if let (
-            Self::Aqs { progress, .. } | Self::Newtonian { progress, .. },
+            Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
             Boundary::Periodic(_),
-        ) = (self, &scene.boundary)
+        ) = (&self.header, &scene.boundary)
         {
             let length = progress.length.unwrap_or(scene.sample.length);
             scene.sample = scene.sample.in_box(scene.dimension, length);

@@ -1,23 +1,22 @@
 //! The start of a run: from a scene and its grains, or from a checkpoint.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
-use gshear_dem::state::Snapshot;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
 use gshear_scene::packing::Packing;
-use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Dimensions, Scene, Source, unlikely};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 
+use crate::ends;
 use crate::folder::{Claim, Contents, Entry, RunFolder};
-use crate::header::Header;
+use crate::header::Saved;
 use crate::lock::Lock;
 use crate::memory;
 use crate::options::Options;
@@ -26,7 +25,7 @@ use crate::record::{Continuation, RunRecord};
 use crate::report::Reporter;
 use crate::run::{Run, Start};
 use crate::say::say_error;
-use crate::stages::{newtonian, periodic, walls};
+use crate::stages::{periodic, walls};
 
 /// A scene, and the state from which its run starts.
 pub struct Task {
@@ -37,27 +36,20 @@ pub struct Task {
     /// The identity and history of the run.
     pub record: RunRecord,
     entry: Entry,
-    /// The checkpoint and its scene, if the run starts from one.
-    before: Option<(PathBuf, Scene)>,
+    /// The scene of the checkpoint, if the run starts from one.
+    before: Option<Scene>,
 }
 
 impl Task {
     /// A window of a run from one of its checkpoints, for [`Options::replay`]. `set`: overrides.
     ///
     /// # Errors
-    /// A header of another version, or an invalid override.
-    pub fn replay(
-        path: &Path,
-        toml: String,
-        snapshot: Snapshot,
-        set: &[String],
-    ) -> Result<Self, Failure> {
-        let (header, record) = Header::parse(&snapshot.header)?;
-        let scene = header.scene(path, toml, set)?;
+    /// An invalid override.
+    pub fn replay(saved: Saved, set: &[String]) -> Result<Self, Failure> {
         Ok(Self {
-            record: record.unwrap_or_else(|| RunRecord::new(&scene)),
-            scene,
-            start: Start::Checkpoint(snapshot),
+            scene: saved.scene(set)?,
+            record: saved.record.clone(),
+            start: Start::Checkpoint(Box::new(saved)),
             entry: Entry::Resume,
             before: None,
         })
@@ -68,81 +60,54 @@ impl Task {
     /// # Errors
     /// Bad input, numbers that fail, or files that cannot be written.
     pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
-        let header = self.header()?;
-        if options.replay.is_none() {
-            self.check_ends(header.as_ref(), options.stop_at)?;
-        }
-        let last_file = self.last_file();
-        let doubt = self.not_at_load();
-        let Self {
-            scene,
-            start,
-            record,
-            entry,
-            before,
-        } = self;
+        let scene = &self.scene;
+        let record = self.record.clone();
         let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, record, options)?;
         if options.replay.is_none() {
-            let claim = Claim {
-                entry,
-                record: &run.record,
-                scene: &scene,
-                header: header.as_ref(),
-                checkpoint: before.as_ref().map(|(path, _)| &**path),
-                last_file,
-            };
-            run.folder = Some(RunFolder::take(exchange, &claim, options)?);
+            self.check_ends(options.stop_at)?;
+            run.folder = Some(RunFolder::take(exchange, &self.claim(), options)?);
             if exchange.rank() == 0 {
                 let folder = options.out.clone();
-                run.reporter = Reporter::new(folder, &run.record, &scene, exchange.size());
+                run.reporter = Reporter::new(folder, &run.record, scene, exchange.size());
             }
         }
-        run.terminal.header(exchange, &scene, run.isa);
-        if let Some(warning) = doubt {
+        run.terminal.header(exchange, scene, run.isa);
+        if let Some(warning) = self.not_at_load() {
             run.terminal.warn(warning);
         }
-        let ending = match scene.dimension {
-            Dimensions::Two => stages::<Two>(&mut run, &scene, start),
-            Dimensions::Three => stages::<Three>(&mut run, &scene, start),
+        let outcome = match scene.dimension {
+            Dimensions::Two => stages::<Two>(&mut run, scene, self.start),
+            Dimensions::Three => stages::<Three>(&mut run, scene, self.start),
         };
         run.terminal.clear();
-        run.reporter.end(&ending);
-        ending
+        run.reporter.end(&outcome);
+        outcome
     }
 
-    /// The header of the checkpoint that the run starts from, if it does.
-    ///
-    /// # Errors
-    /// A checkpoint of another version.
-    pub(crate) fn header(&self) -> Result<Option<Header>, Failure> {
+    /// The checkpoint that the run starts from, if it does.
+    pub(crate) fn saved(&self) -> Option<&Saved> {
         match &self.start {
-            Start::Checkpoint(snapshot) => Header::read(snapshot).map(Some),
-            Start::Insertion | Start::Grains(_) => Ok(None),
+            Start::Checkpoint(saved) => Some(saved),
+            Start::Insertion | Start::Grains(_) => None,
         }
     }
 
-    /// Refuses ends that lie before the step reached, and another drive up to there. `header`: that
-    /// of the checkpoint from which the run starts.
+    /// Refuses ends that lie before the step reached, and another drive up to there.
     ///
     /// # Errors
     /// Such an end, or such a drive.
-    pub(crate) fn check_ends(
-        &self,
-        header: Option<&Header>,
-        stop_at: Option<u64>,
-    ) -> Result<(), Failure> {
-        let former = self.before.as_ref().map(|(_, scene)| scene);
-        check_ends(header, former, &self.scene, stop_at)
+    pub(crate) fn check_ends(&self, stop_at: Option<u64>) -> Result<(), Failure> {
+        let header = self.saved().map(|saved| &saved.header);
+        ends::check(header, self.before.as_ref(), &self.scene, stop_at)
     }
 
-    /// What the run asks of its folder. `header`: that of the checkpoint from which it starts.
-    pub(crate) fn claim<'a>(&'a self, header: Option<&'a Header>) -> Claim<'a> {
+    /// What the run asks of its folder.
+    pub(crate) fn claim(&self) -> Claim<'_> {
         Claim {
             entry: self.entry,
             record: &self.record,
             scene: &self.scene,
-            header,
-            checkpoint: self.before.as_ref().map(|(path, _)| &**path),
+            saved: self.saved(),
             last_file: self.last_file(),
         }
     }
@@ -250,17 +215,16 @@ pub fn resume(
 ) -> Result<Resumable, Failure> {
     let is_folder = exchange.broadcast(vec![u8::from(path.is_dir())])[0] == 1;
     if !is_folder {
-        let (toml, snapshot) = checkpoint::read(exchange, path)?;
-        let task = from_checkpoint(path, toml, snapshot, changes)?;
+        let task = from_checkpoint(Saved::read(exchange, path)?, changes)?;
         return Ok(Resumable::Task(Box::new(task)));
     }
-    let Some((checkpoint, toml, snapshot)) = newest(exchange, path)? else {
+    let Some(saved) = newest(exchange, path)? else {
         return Err(Failure::input(format!(
             "{}: holds no checkpoint; give the folder of a run, or one of its checkpoints, or begin the run again with its scene and --resume auto",
             path.display()
         )));
     };
-    let task = from_checkpoint(&checkpoint, toml, snapshot, changes)?;
+    let task = from_checkpoint(saved, changes)?;
     let branches = matches!(changes, Changes::Branch(_));
     if !branches && is_finished(exchange, path, &task)? {
         return Ok(Resumable::Finished);
@@ -318,9 +282,7 @@ pub fn resume_if_begun(
                 ..task
             }
         }
-        Some((path, toml, snapshot)) => {
-            from_checkpoint(&path, toml, snapshot, Changes::Scene(&task.scene))?
-        }
+        Some(saved) => from_checkpoint(saved, Changes::Scene(&task.scene))?,
     };
     Ok(Resumable::Task(Box::new(task)))
 }
@@ -335,25 +297,21 @@ fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> Result<bo
     Ok(exchange.broadcast(vec![u8::from(finished)])[0] == 1)
 }
 
-/// The newest good checkpoint of a folder: its path, scene and state; `None` if there is none.
-/// Collective.
-fn newest(
-    exchange: &dyn Parallel,
-    folder: &Path,
-) -> Result<Option<(PathBuf, String, Snapshot)>, Failure> {
+/// The newest good checkpoint of a folder; `None` if there is none. Collective.
+fn newest(exchange: &dyn Parallel, folder: &Path) -> Result<Option<Saved>, Failure> {
     let mut damaged = None;
     for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
         let path = folder.join(name);
         if !exists(exchange, &path)? {
             continue;
         }
-        match checkpoint::read(exchange, &path) {
-            Ok((toml, snapshot)) => {
+        match Saved::read(exchange, &path) {
+            Ok(saved) => {
                 if let Some(failure) = damaged {
                     let note = format!("{failure}; resuming from {}", path.display());
                     note_once(exchange, &note);
                 }
-                return Ok(Some((path, toml, snapshot)));
+                return Ok(Some(saved));
             }
             // It may be sound, and the one before it would take its place.
             Err(failure @ Failure::Other(_)) => return Err(failure),
@@ -372,16 +330,10 @@ fn note_once(exchange: &dyn Parallel, note: &str) {
 }
 
 /// The task of a checkpoint: its scene with the changes, and its state.
-fn from_checkpoint(
-    path: &Path,
-    toml: String,
-    snapshot: Snapshot,
-    wanted: Changes<'_>,
-) -> Result<Task, Failure> {
-    let (header, record) = Header::parse(&snapshot.header)?;
-    let before = header.scene(path, toml.clone(), &[])?;
+fn from_checkpoint(saved: Saved, wanted: Changes<'_>) -> Result<Task, Failure> {
+    let before = saved.scene(&[])?;
     let scene = match wanted {
-        Changes::Set(set) | Changes::Branch(set) => header.scene(path, toml, set)?,
+        Changes::Set(set) | Changes::Branch(set) => saved.scene(set)?,
         Changes::Scene(scene) => scene.clone(),
     };
     let mut changed = changes(&before.toml, &scene.toml);
@@ -395,27 +347,26 @@ fn from_checkpoint(
         Change::Branch => !branches,
         Change::End | Change::Resume => false,
     }) {
-        return Err(refused(path, change));
+        return Err(refused(&saved.path, change));
     }
-    let record = record.unwrap_or_else(|| RunRecord::new(&before));
     let at = Continuation {
-        stage: header.stage().into(),
-        step: header.step(),
+        stage: saved.header.stage().into(),
+        step: saved.header.step(),
         changes: changed.iter().map(ToString::to_string).collect(),
     };
+    let mut record = saved.record.clone();
     let (entry, record) = if branches {
         (Entry::New, record.branch(&scene, at))
     } else {
-        let mut record = record;
         record.resumed.push(at);
         (Entry::Resume, record)
     };
     Ok(Task {
         scene,
-        start: Start::Checkpoint(snapshot),
+        start: Start::Checkpoint(Box::new(saved)),
         record,
         entry,
-        before: Some((path.into(), before)),
+        before: Some(before),
     })
 }
 
@@ -430,112 +381,4 @@ fn refused(path: &Path, change: &KeyChange) -> Failure {
             "{path}: cannot change {change} in this run, because the key decides its trajectory; leave it as it was, or begin a new run at this checkpoint with --branch NEW_FOLDER"
         ),
     })
-}
-
-/// Refuses ends that lie before the step reached, and another drive up to there.
-fn check_ends(
-    header: Option<&Header>,
-    before: Option<&Scene>,
-    scene: &Scene,
-    stop_at: Option<u64>,
-) -> Result<(), Failure> {
-    let counted = match header {
-        None | Some(Header::Pack { .. }) => 0,
-        Some(Header::Shear { step, .. }) => *step,
-        Some(Header::Aqs { progress, .. }) => progress.steps,
-        Some(Header::Newtonian { step, progress, .. }) => progress.steps + step,
-    };
-    if let Some(stop) = stop_at.filter(|stop| *stop <= counted) {
-        return Err(Failure::input(match counted {
-            0 => format!("--stop-at {stop}: steps count from 1; give 1 or more"),
-            _ => {
-                format!("--stop-at {stop}: the run is at step {counted} already; give a later step")
-            }
-        }));
-    }
-    let (Some(header), Some(before)) = (header, before) else {
-        return Ok(());
-    };
-    let past = |key: &str, end: String| {
-        Err(Failure::input(format!(
-            "{key}: the run would end at {end}, but the checkpoint is at {} step {}; give a later end, or resume from an earlier checkpoint",
-            header.stage(),
-            header.step()
-        )))
-    };
-    match (header, &scene.boundary, &before.boundary) {
-        (Header::Pack { step, .. }, Boundary::Walls(walls), _) => {
-            let most = walls.pack.max_steps;
-            if most < *step {
-                past("pack.max_steps", format!("step {most}"))
-            } else {
-                Ok(())
-            }
-        }
-        (Header::Shear { step, height, .. }, Boundary::Walls(walls), Boundary::Walls(former)) => {
-            let schedule = Schedule::new(scene, walls, *height);
-            let earlier = Schedule::new(before, former, *height);
-            if schedule.total < *step {
-                let strain = schedule.strain(schedule.total);
-                let end = format!("step {}, strain {strain:.6}", schedule.total);
-                return past("shear", end);
-            }
-            if !schedule.protocol.agrees(&earlier.protocol, *step) {
-                return Err(Failure::input(format!(
-                    "shear.protocol: the first {step} steps would have had other parts; keep those \
-                     parts as they were, and change only what comes after them"
-                )));
-            }
-            let parts = [&schedule, &earlier].map(|of| of.protocol.segments().iter());
-            let turns = parts.into_iter().flatten().map(|part| part.first);
-            for at in turns.chain([*step]).filter(|at| at <= step) {
-                let [now, then] = [&schedule, &earlier].map(|of| of.protocol.position(at));
-                // Rounding of a velocity given in another way is no jump of the drive.
-                if (now - then).abs() > 1e-12 * then.abs() {
-                    return Err(Failure::input(format!(
-                        "shear: the drive has moved {then:.6e} m in the first {at} steps, and would have moved {now:.6e} m; keep its motion up to step {step}, and change it after that with shear.protocol"
-                    )));
-                }
-            }
-            Ok(())
-        }
-        (
-            Header::Aqs {
-                progress,
-                unfinished,
-                ..
-            },
-            Boundary::Periodic(periodic),
-            _,
-        ) => {
-            let steps = periodic.aqs.steps;
-            let begun = unfinished.as_ref().is_some_and(|of| of.work.is_step());
-            if steps < progress.steps + u64::from(begun) {
-                past("aqs.steps", format!("strain step {steps}"))
-            } else {
-                Ok(())
-            }
-        }
-        (
-            Header::Newtonian { step, progress, .. },
-            Boundary::Periodic(periodic),
-            Boundary::Periodic(former),
-        ) => {
-            let ends = |of: &gshear_scene::PeriodicBox| (of.aqs.steps, of.aqs.until_imaginary);
-            if ends(periodic) != ends(former) {
-                return past("aqs", "another strain step".into());
-            }
-            let Some(of) = &periodic.newtonian else {
-                return past("newtonian", "the last strain step".into());
-            };
-            let steps = newtonian::steps(of, progress.pair.as_ref(), scene.time_step.step);
-            if steps < *step {
-                past("newtonian.growth_times", format!("step {steps}"))
-            } else {
-                Ok(())
-            }
-        }
-        // A scene of the other kind is refused where its stages begin.
-        _ => Ok(()),
-    }
 }

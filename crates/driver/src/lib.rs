@@ -26,6 +26,7 @@
 
 mod calibration;
 pub mod check;
+mod ends;
 pub mod estimate;
 pub mod files;
 pub mod folder;

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::simd::Isa;
-use gshear_dem::state::{ContactState, Displacement, FramePart, GrainState, HeldState, Snapshot};
+use gshear_dem::state::{GrainState, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Bookkeeping;
 use gshear_store::checkpoint;
@@ -12,48 +12,13 @@ use gshear_store::collective::agree;
 
 use crate::files::Destination;
 use crate::folder::RunFolder;
-use crate::header::Header;
+use crate::header::{Header, Saved};
 use crate::options::{Options, Outcome};
 use crate::record::RunRecord;
 use crate::report::Reporter;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use gshear_store::status::Standing;
-
-/// This rank's part of the state with which a stage begins or resumes.
-#[derive(Debug, Clone, Default)]
-pub struct StageState {
-    /// Grains; each may be on any rank.
-    pub grains: Vec<GrainState>,
-    /// Contacts, each on the ranks that have its grains.
-    pub contacts: Vec<ContactState>,
-    /// The last frame whose scalars were computed.
-    pub analysed: Option<FramePart>,
-    /// Displacements since the stage began.
-    pub displacements: Option<Vec<Displacement>>,
-    /// States to which the stage may return.
-    pub held: Vec<HeldState>,
-}
-
-impl StageState {
-    /// The state in a checkpoint; collective.
-    pub fn restore(exchange: &dyn Parallel, snapshot: Snapshot) -> Self {
-        let both = |grains: &[GrainState], contacts: &[ContactState]| {
-            checkpoint::to_both_holders(exchange, grains, contacts)
-        };
-        let held = snapshot.held.into_iter().map(|state| HeldState {
-            contacts: both(&state.grains, &state.contacts),
-            ..state
-        });
-        Self {
-            held: held.collect(),
-            contacts: both(&snapshot.grains, &snapshot.contacts),
-            grains: snapshot.grains,
-            analysed: snapshot.analysed,
-            displacements: snapshot.displacements,
-        }
-    }
-}
 
 /// Interval between checkpoints of stages without a schedule for them (s).
 const CHECKPOINT_INTERVAL: f64 = 60.0;
@@ -66,7 +31,7 @@ pub enum Start {
     /// The grains of the scene's packing.
     Grains(Vec<GrainState>),
     /// A checkpoint.
-    Checkpoint(Snapshot),
+    Checkpoint(Box<Saved>),
 }
 
 /// Whether a checkpoint is due after a step. A stop always writes one.
@@ -297,15 +262,8 @@ impl<'a> Run<'a> {
         if let Some(folder) = &self.folder {
             folder.verify(exchange)?;
         }
-        let snapshot = Snapshot {
-            header: header.text(&self.record),
-            grains: state.grains,
-            contacts: state.contacts,
-            analysed: state.analysed,
-            displacements: state.displacements,
-            held: state.held,
-        };
-        checkpoint::write(exchange, out, self.toml, &snapshot)?;
+        let texts = [&*header.text(&self.record), self.toml];
+        checkpoint::write(exchange, out, texts, &state)?;
         self.terminal
             .saved(header.stage(), header.step(), self.saved.elapsed());
         let kept = match (keep, exchange.rank()) {
@@ -321,7 +279,7 @@ pub struct Checkpoint {
     /// The header of the checkpoint.
     pub header: Header,
     /// This rank's part of the state.
-    pub state: StageState,
+    pub state: Snapshot,
     /// Whether to keep the checkpoint under the name of its step as well.
     pub keep: bool,
 }

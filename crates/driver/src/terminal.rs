@@ -242,49 +242,8 @@ impl Terminal {
         }
         let segments = schedule.protocol.segments();
         let intervals = &schedule.intervals;
-        let every = |name: &str, steps: u64| match steps {
-            0 => format!("no {name}"),
-            n => format!("{name} every {n} steps"),
-        };
         match &plane_shear.shear.motion {
-            Motion::Strain { drive, .. } => {
-                let given = match drive {
-                    WallSpeed::InertialNumber(_) => "I given",
-                    WallSpeed::Velocity(_) => "V given",
-                };
-                let speed = schedule.protocol.velocity(0);
-                self.say(format!(
-                    "shear: I = {} = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
-                    definition_of_inertial_number(scene.dimension),
-                    schedule.inertial_number(speed),
-                    speed / schedule.height,
-                ));
-                let every = |name: &str, steps: u64| match steps {
-                    0 => every(name, 0),
-                    n => format!("{} ({:.4e} strain)", every(name, n), schedule.strain(n)),
-                };
-                self.say(format!(
-                    "shear: {} steps to strain {:.4}; {}, {}, {}",
-                    schedule.total,
-                    schedule.strain(schedule.total),
-                    every("frames", intervals[0].frames),
-                    every("series", intervals[0].series),
-                    every("checkpoints", intervals[0].checkpoints),
-                ));
-                let starts = [
-                    ("frames", intervals[0].frames, schedule.first_frame),
-                    ("scalars", intervals[0].analysis, schedule.first_analysis),
-                ];
-                for (name, steps, first) in starts {
-                    if steps > 0 && (name == "scalars" || first > 0) {
-                        self.say(format!(
-                            "shear: {} from step {first} on, strain {:.6}",
-                            every(name, steps),
-                            schedule.strain(first)
-                        ));
-                    }
-                }
-            }
+            Motion::Strain { drive, .. } => self.shearing_to_a_strain(scene, *drive, schedule),
             Motion::Protocol(_) => {
                 for (n, (segment, intervals)) in segments.iter().zip(intervals).enumerate() {
                     self.say(format!(
@@ -305,6 +264,46 @@ impl Terminal {
                 "shear: goes on from step {first}, strain {:.6}",
                 schedule.strain(first)
             ));
+        }
+    }
+
+    fn shearing_to_a_strain(&self, scene: &Scene, drive: WallSpeed, schedule: &Schedule) {
+        let given = match drive {
+            WallSpeed::InertialNumber(_) => "I given",
+            WallSpeed::Velocity(_) => "V given",
+        };
+        let speed = schedule.protocol.velocity(0);
+        self.say(format!(
+            "shear: I = {} = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
+            definition_of_inertial_number(scene.dimension),
+            schedule.inertial_number(speed),
+            speed / schedule.height,
+        ));
+        let every = |name: &str, steps: u64| match steps {
+            0 => every(name, 0),
+            n => format!("{} ({:.4e} strain)", every(name, n), schedule.strain(n)),
+        };
+        let intervals = &schedule.intervals[0];
+        self.say(format!(
+            "shear: {} steps to strain {:.4}; {}, {}, {}",
+            schedule.total,
+            schedule.strain(schedule.total),
+            every("frames", intervals.frames),
+            every("series", intervals.series),
+            every("checkpoints", intervals.checkpoints),
+        ));
+        let starts = [
+            ("frames", intervals.frames, schedule.first_frame),
+            ("scalars", intervals.analysis, schedule.first_analysis),
+        ];
+        for (name, steps, first) in starts {
+            if steps > 0 && (name == "scalars" || first > 0) {
+                self.say(format!(
+                    "shear: {} from step {first} on, strain {:.6}",
+                    every(name, steps),
+                    schedule.strain(first)
+                ));
+            }
         }
     }
 
@@ -410,6 +409,14 @@ fn phases_within(table: &str, width: usize) -> String {
         }
     });
     lines.collect::<Vec<_>>().join("\n")
+}
+
+/// How often an output is written.
+fn every(name: &str, steps: u64) -> String {
+    match steps {
+        0 => format!("no {name}"),
+        n => format!("{name} every {n} steps"),
+    }
 }
 
 /// What a segment of a protocol imposes; forces in N, in 2D N/m.

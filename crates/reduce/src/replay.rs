@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::output::cannot_write;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::Snapshot;
-use gshear_driver::header::Header;
+use gshear_driver::header::{Header, Saved};
 use gshear_driver::launch::Task;
 use gshear_driver::options::Options;
 use gshear_driver::options::Outcome;
@@ -175,10 +174,10 @@ fn again(
             )));
         }
     }
-    let (path, toml, snapshot) = before(folder, stage, window.first)?;
-    let header = Header::read(&snapshot)?;
+    let saved = before(folder, stage, window.first)?;
+    let from = saved.header.step();
     let set: Vec<String> = set.iter().map(|s| (*s).into()).collect();
-    let task = Task::replay(&path, toml, snapshot, &set)?;
+    let task = Task::replay(saved, &set)?;
     // The files get their place when they are whole.
     let unmade = |e: std::io::Error| unwritten(out, &e);
     std::fs::create_dir_all(out).map_err(unmade)?;
@@ -199,12 +198,11 @@ fn again(
         let entry = entry.map_err(unmade)?;
         std::fs::rename(entry.path(), out.join(entry.file_name())).map_err(unmade)?;
     }
-    Ok(header.step())
+    Ok(from)
 }
 
-/// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0. Returns its path,
-/// scene and state.
-fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Snapshot), Failure> {
+/// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0.
+fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved, Failure> {
     let mut damaged = None;
     let mut candidates = checkpoint::kept(folder, stage);
     for name in [checkpoint::PREVIOUS, checkpoint::NAME] {
@@ -224,15 +222,15 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<(PathBuf, String, Sna
     let fits = |(at, _): &&(u64, PathBuf)| *at < step || *at == 0;
     candidates.sort();
     for (_, path) in candidates.iter().filter(fits).rev() {
-        match checkpoint::read(&Solo, path) {
-            Ok((toml, snapshot)) => {
+        match Saved::read(&Solo, path) {
+            Ok(saved) => {
                 if let Some(failure) = damaged {
                     say_error(&format!(
                         "note: {failure}; replaying from {}",
                         path.display()
                     ));
                 }
-                return Ok((path.clone(), toml, snapshot));
+                return Ok(saved);
             }
             Err(failure) => damaged = damaged.or(Some(failure)),
         }

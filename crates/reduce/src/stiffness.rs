@@ -12,7 +12,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, ContactState, GrainState};
-use gshear_driver::header::Header;
+use gshear_driver::header::{Header, Saved};
 use gshear_scene::{Boundary, Contact, Dimensions, Law, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -197,10 +197,10 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
             path.display()
         )));
     }
-    let (toml, snapshot) = checkpoint::read(&Solo, path)?;
-    let header = Header::read(&snapshot)?;
-    let scene = header.scene(path, toml, &[])?;
-    let state = (snapshot.grains, snapshot.contacts);
+    let saved = Saved::read(&Solo, path)?;
+    let scene = saved.scene(&[])?;
+    let Saved { header, state, .. } = saved;
+    let state = (state.grains, state.contacts);
     let Some(stage) = header.run_stage() else {
         return Err(Failure::input(format!(
             "{}: a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",

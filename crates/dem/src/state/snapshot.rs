@@ -204,14 +204,13 @@ pub struct HeldState {
     pub contacts: Vec<ContactState>,
 }
 
-/// This rank's part of a checkpoint.
-#[derive(Debug, Clone, PartialEq)]
+/// This rank's part of the state of a stage.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Snapshot {
-    /// JSON with stage, step, walls and what was written so far; the same on every rank.
-    pub header: String,
-    /// Owned grains.
+    /// Grains; each on one rank, whichever.
     pub grains: Vec<GrainState>,
-    /// Contacts of owned grains.
+    /// Contacts: in a checkpoint on the rank that has their first grain, where a stage begins on
+    /// the ranks of both grains.
     pub contacts: Vec<ContactState>,
     /// The last frame whose scalars the run computed, from which the next interval starts; on all
     /// ranks or on none.

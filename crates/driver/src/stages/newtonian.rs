@@ -8,13 +8,13 @@ use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
-use gshear_dem::state::Displacement;
+use gshear_dem::state::{Displacement, Snapshot};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::Scene;
 use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
 use gshear_scene::unlikely::intervals_of_newtonian;
+use gshear_scene::{PeriodicBox, Scene};
 use gshear_store::collective::exists;
 use gshear_store::collective::gathered;
 use gshear_store::columns::NewtonianRow;
@@ -25,10 +25,11 @@ use gshear_store::run_reader::RunStage;
 use super::box_state::observe;
 use super::spectra_file::SpectraFile;
 use super::spectrum::GlobalState;
+use super::strain;
 use crate::files::{Files, Format};
 use crate::header::{Header, Pair, Progress};
 use crate::options::Outcome;
-use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::run::{Checkpoint, Run, Save, Stage};
 use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
@@ -50,15 +51,6 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     due: Due,
     /// Shear stress of the last row.
     latest: Option<f64>,
-}
-
-/// The state from which the stage starts.
-pub(super) struct From {
-    /// γ after the strain steps.
-    pub strain: f64,
-    /// The progress of the strain steps.
-    pub progress: Progress,
-    pub resumed: Option<Resumed>,
 }
 
 /// The data with which the stage resumes.
@@ -144,16 +136,14 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
     pub fn new(
         run: &Run<'_>,
         scene: &'a Scene,
-        of: &gshear_scene::Newtonian,
+        (periodic, of): (&PeriodicBox, &gshear_scene::Newtonian),
         law: &'a dyn PairForce<D>,
         mut system: System<D>,
-        from: From,
+        progress: Progress,
+        resumed: Option<Resumed>,
     ) -> Result<Self, Failure> {
         let exchange = run.exchange;
-        let attributes = attributes(scene, &from);
-        let From {
-            progress, resumed, ..
-        } = from;
+        let strain = strain::reached::<D>(periodic, &progress);
         let mut due = Due::new(of, progress.pair.as_ref(), system.step);
         if due.steps > MOST_STEPS {
             let rate = progress.pair.map_or(0.0, |pair| pair.omega_i);
@@ -176,7 +166,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             height: system.cell.sheared.map_or(0.0, |s| s.height),
             author: scene.author.as_deref(),
             history_unit: law.history_unit(),
-            attributes,
+            attributes: attributes(scene, strain, &progress),
             log: false,
             scalars: false,
         };
@@ -363,12 +353,11 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
                 written,
                 lines,
             },
-            state: StageState {
+            state: Snapshot {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law),
-
                 displacements: Some(self.motion.displacements.clone()),
-                ..StageState::default()
+                ..Snapshot::default()
             },
             keep: self.scene.keep_checkpoints,
         })
@@ -376,12 +365,11 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
 }
 
 /// Attributes of `newtonian.h5`.
-fn attributes(scene: &Scene, from: &From) -> Vec<(&'static str, Attribute)> {
+fn attributes(scene: &Scene, strain: f64, progress: &Progress) -> Vec<(&'static str, Attribute)> {
     let number = Attribute::Number;
-    let progress = &from.progress;
     let mut attributes = vec![
         ("mean_diameter", number(scene.sample.mean_diameter)),
-        ("strain", number(from.strain)),
+        ("strain", number(strain)),
         ("image_offset", number(progress.offset)),
     ];
     if let Some(pair) = &progress.pair {

@@ -7,7 +7,7 @@ use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::body;
+use gshear_dem::state::{Snapshot, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::insertion::freeze_walls;
@@ -16,8 +16,8 @@ use gshear_scene::{Load, PlaneShear, Scene};
 
 use super::setup::system;
 use super::top_wall::{height_between, mass_of, mass_of_top};
-use crate::header::Header;
-use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::header::{Header, PackHeader};
+use crate::run::{Checkpoint, Run, Save, Stage};
 use gshear_store::status::Standing;
 
 /// Steps between two checks whether the sample is at rest.
@@ -46,16 +46,6 @@ pub(super) struct PackStage<'a, D: Dimension> {
     /// Starts before this one.
     starts: u32,
     advance: Advance,
-}
-
-/// How a packing begins or resumes.
-pub(super) struct Begin {
-    pub step: u64,
-    pub piston: Piston,
-    /// Drag (1/s).
-    pub drag: f64,
-    /// Starts before this one.
-    pub starts: u32,
 }
 
 /// How far the packing has come, as a guess: the top falls to where the grains touch, then the
@@ -108,21 +98,22 @@ pub(super) fn falling_drag(scene: &Scene, load: &Load, part: f64) -> f64 {
 }
 
 impl<'a, D: Dimension> PackStage<'a, D> {
-    /// The sample after `begin.step` steps; `plane` is the law of the planes.
+    /// The sample as its packing begins or goes on; `plane` is the law of the planes.
     pub fn new(
         run: &Run<'_>,
         scene: &'a Scene,
         plane_shear: &'a PlaneShear,
         [law, plane]: [Box<dyn PairForce<D>>; 2],
-        begin: Begin,
-        state: StageState,
+        header: PackHeader,
+        state: Snapshot,
     ) -> Result<Self, Failure> {
-        let Begin {
+        let PackHeader {
             step,
             piston,
             drag,
             starts,
-        } = begin;
+            ..
+        } = header;
         let mut system = system(run, scene, scene.sample.cell())?;
         system.steps = step;
         let mut drive = Planes::new(plane, piston, drag);
@@ -167,7 +158,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
 
     /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
     /// shear.
-    pub fn finish(mut self, run: &Run<'_>) -> (Piston, StageState) {
+    pub fn finish(mut self, run: &Run<'_>) -> (Piston, Snapshot) {
         let contacts = self.system.contact_states(self.law.as_ref());
         let mut grains = self.system.grain_states();
         let planes = [0.0, self.drive.piston.height];
@@ -187,10 +178,10 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             self.step,
             height_between(self.scene, self.plane_shear, &piston),
         );
-        let state = StageState {
+        let state = Snapshot {
             grains,
             contacts,
-            ..StageState::default()
+            ..Snapshot::default()
         };
         (piston, state)
     }
@@ -310,17 +301,17 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
 
     fn checkpoint(&mut self, _: &mut Run<'_>) -> Result<Checkpoint, Failure> {
         Ok(Checkpoint {
-            header: Header::Pack {
+            header: Header::Pack(PackHeader {
                 step: self.step,
                 piston: self.drive.piston,
                 drag: self.drive.drag,
                 starts: self.starts,
                 packing: self.plane_shear.origin.file().cloned(),
-            },
-            state: StageState {
+            }),
+            state: Snapshot {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law.as_ref()),
-                ..StageState::default()
+                ..Snapshot::default()
             },
             keep: false,
         })

@@ -5,17 +5,19 @@ use gshear_dem::clock::Clock;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::{Contact, LawSpace};
 use gshear_scene::{PeriodicBox, Scene};
+use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
-use super::newtonian::{From, NewtonianStage, Resumed};
+use super::newtonian::{NewtonianStage, Resumed};
 use super::prepare;
 use super::rest::RestState;
 use super::setup::{force, system};
-use super::strain::{self, Strain};
+use super::strain::Strain;
 use crate::header::{Header, Progress};
 use crate::options::Outcome;
-use crate::run::{Run, StageState, Start};
-use gshear_dem::state::HeldState;
+use crate::run::{Run, Start};
+use crate::written::Written;
+use gshear_dem::state::{HeldState, Snapshot};
 
 /// Runs the scene from `start` to its last step; collective.
 ///
@@ -29,87 +31,59 @@ pub fn run<D: LawSpace>(
 ) -> Result<Outcome, Failure> {
     let law = force::<D>(&scene.law, scene.contact);
     let law = law.as_ref();
-    let (header, state) = if let Start::Checkpoint(snapshot) = start {
-        let header = Header::read(&snapshot)?;
-        (Some(header), StageState::restore(run.exchange, snapshot))
+    let begins = !matches!(start, Start::Checkpoint(_));
+    let (header, state) = if let Start::Checkpoint(mut saved) = start {
+        checkpoint::to_both_holders(run.exchange, &mut saved.state);
+        (saved.header, saved.state)
     } else {
-        let smooth = Contact {
-            friction: 0.0,
-            rolling_friction: 0.0,
-            ..scene.contact
-        };
-        let smooth = force::<D>(&scene.law, smooth);
-        let prepared = prepare::prepare(run, scene, periodic, smooth.as_ref())?;
-        let Some(state) = prepared else {
+        let Some(state) = prepared::<D>(run, scene, periodic)? else {
             run.terminal.unprepared();
             return Ok(Outcome::Stopped);
         };
-        (None, state)
-    };
-    let mut unfinished = None;
-    let (progress, written) = match &header {
-        None => {
-            let progress = Progress {
-                length: Some(scene.sample.length),
-                ..Progress::default()
-            };
-            (progress, None)
-        }
-        Some(Header::Aqs {
+        let progress = Progress {
+            length: Some(scene.sample.length),
+            ..Progress::default()
+        };
+        let header = Header::Aqs {
             progress,
-            written,
-            unfinished: of,
-        }) => {
-            unfinished.clone_from(of);
-            (*progress, Some(*written))
+            written: Written::default(),
+            unfinished: None,
+        };
+        (header, state)
+    };
+    let sample = &scene.sample;
+    let cell = match &header {
+        Header::Aqs {
+            unfinished: Some(of),
+            ..
+        } => of.shape.cell::<D>(sample),
+        Header::Aqs { progress, .. } | Header::Newtonian { progress, .. } => {
+            progress.cell::<D>(sample)
         }
-        Some(Header::Newtonian { progress, .. }) => (*progress, None),
-        Some(Header::Pack { .. } | Header::Shear { .. }) => {
+        Header::Pack(_) | Header::Shear(_) => {
             return Err(Failure::input("the checkpoint is not of a periodic box"));
         }
     };
-    let StageState {
+    let mut system = system::<D>(run, scene, cell)?;
+    let Snapshot {
         grains,
         contacts,
         displacements,
         held,
         ..
     } = state;
-    let sample = &scene.sample;
-    let cell = match &unfinished {
-        Some(of) => of.shape.cell::<D>(sample),
-        None => progress.cell::<D>(sample),
-    };
-    let mut system = system::<D>(run, scene, cell)?;
     // Keeps the forces of the state, because a run without a stop does not compute them again here.
     let state = HeldState { grains, contacts };
     RestState { cell, state }.put_back(run.exchange, &mut system, law)?;
 
-    let mut resumed = None;
-    let (mut system, progress) = if let Some(Header::Newtonian { step, .. }) = header {
-        resumed = Some(Resumed {
+    let (mut system, progress, resumed) = if let Header::Newtonian { step, progress, .. } = header {
+        let resumed = Resumed {
             step,
             displacements: displacements.unwrap_or_default(),
-        });
-        (system, progress)
+        };
+        (system, progress, Some(resumed))
     } else {
-        let begins = written.is_none();
-        let resumed = written.map(|written| {
-            let (shapes, work) =
-                unfinished.map_or_else(Default::default, |of| (of.held, Some(of.work)));
-            let states = shapes.iter().zip(held);
-            strain::Resumed {
-                written,
-                work,
-                held: states
-                    .map(|(shape, state)| RestState {
-                        cell: shape.cell::<D>(sample),
-                        state,
-                    })
-                    .collect(),
-            }
-        });
-        let mut strain = Strain::new(run, scene, periodic, law, system, progress, resumed)?;
+        let mut strain = Strain::new(run, scene, periodic, law, system, (header, held))?;
         let outcome = run.drive(&mut strain, begins);
         let (system, progress, outcome) = strain.finish(run, outcome)?;
         if outcome == Outcome::Stopped {
@@ -122,7 +96,7 @@ pub fn run<D: LawSpace>(
                 .stopped(&run.options.out, stage, progress.steps);
             return Ok(Outcome::Stopped);
         }
-        (system, progress)
+        (system, progress, None)
     };
     let Some(newtonian) = &periodic.newtonian else {
         run.terminal.go_on(&run.options.out);
@@ -130,12 +104,23 @@ pub fn run<D: LawSpace>(
     };
     let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
     system.clock = Clock::default();
-    let from = From {
-        strain: strain::reached::<D>(periodic, &progress),
-        progress,
-        resumed,
-    };
-    let mut stage = NewtonianStage::new(run, scene, newtonian, law, system, from)?;
+    let of = (periodic, newtonian);
+    let mut stage = NewtonianStage::new(run, scene, of, law, system, progress, resumed)?;
     let outcome = run.drive(&mut stage, begins);
     stage.finish(run, outcome)
+}
+
+/// The packing without friction; `None` if the run was stopped before.
+fn prepared<D: LawSpace>(
+    run: &mut Run<'_>,
+    scene: &Scene,
+    periodic: &PeriodicBox,
+) -> Result<Option<Snapshot>, Failure> {
+    let smooth = Contact {
+        friction: 0.0,
+        rolling_friction: 0.0,
+        ..scene.contact
+    };
+    let smooth = force::<D>(&scene.law, smooth);
+    prepare::prepare(run, scene, periodic, smooth.as_ref())
 }

@@ -12,12 +12,12 @@ use rand_chacha::ChaCha8Rng;
 use super::relax::{NOT_AT_REST, begin_overdamped, overdamped};
 use super::scatter::{Placed, move_apart};
 use super::setup::system;
-use crate::run::{Run, StageState};
+use crate::run::Run;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::state::GrainState;
+use gshear_dem::state::{GrainState, Snapshot};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_scene::insertion::{self, radius, stream};
@@ -50,7 +50,7 @@ pub(super) fn prepare<D: Dimension>(
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<Option<StageState>, Failure> {
+) -> Result<Option<Snapshot>, Failure> {
     match periodic.placement {
         Placement::Lattice => compress(run, scene, periodic, law),
         Placement::Random => {
@@ -85,7 +85,7 @@ fn part<D: Dimension>(
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<Option<StageState>, Failure> {
+) -> Result<Option<Snapshot>, Failure> {
     let exchange = run.exchange;
     let length = scene.sample.length;
     let cell = scene.sample.box_cell(length);
@@ -137,7 +137,7 @@ fn rest<D: Dimension>(
     periodic: &PeriodicBox,
     system: &mut System<D>,
     law: &dyn PairForce<D>,
-) -> Result<Option<StageState>, Failure> {
+) -> Result<Option<Snapshot>, Failure> {
     let mut steps = 0;
     begin_overdamped(&periodic.relax, run.exchange, system, law)?;
     while !overdamped(&periodic.relax, run.exchange, system, law, &mut steps)? {
@@ -146,10 +146,10 @@ fn rest<D: Dimension>(
         }
     }
     run.terminal.prepared(steps);
-    Ok(Some(StageState {
+    Ok(Some(Snapshot {
         grains: system.grain_states(),
         contacts: system.contact_states(law),
-        ..StageState::default()
+        ..Snapshot::default()
     }))
 }
 
@@ -159,7 +159,7 @@ fn compress<D: Dimension>(
     scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<Option<StageState>, Failure> {
+) -> Result<Option<Snapshot>, Failure> {
     let exchange = run.exchange;
     let target = scene.sample.length;
     let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());

@@ -2,14 +2,14 @@
 
 use std::time::Instant;
 
-use gshear_dem::budget::{EnergyBudget, SavedBudget};
+use gshear_dem::budget::EnergyBudget;
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
-use gshear_dem::drive::{GrainWalls, Piston, Slider, SliderState};
+use gshear_dem::drive::{GrainWalls, Slider};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{SeriesRow, body, series_columns};
+use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body, series_columns};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -21,9 +21,9 @@ use gshear_store::run_reader::RunStage;
 use super::setup::system;
 use crate::files::{Files, Format};
 use crate::frame_scalars::FrameAnalysis;
-use crate::header::Header;
+use crate::header::{Header, ShearHeader};
 use crate::options::Outcome;
-use crate::run::{Checkpoint, Run, Save, Stage, StageState};
+use crate::run::{Checkpoint, Run, Save, Stage};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::status::Standing;
@@ -51,19 +51,6 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     latest: Option<SeriesRow>,
 }
 
-/// The data with which a shear begins or resumes.
-pub(super) struct From {
-    /// Steps done.
-    pub step: u64,
-    /// H (m).
-    pub height: f64,
-    pub piston: Piston,
-    /// `None` before the first step.
-    pub slider: Option<SliderState>,
-    pub written: Option<Written>,
-    pub energy_budget: Option<SavedBudget>,
-}
-
 impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Takes the sample and opens its files.
     pub fn new(
@@ -71,8 +58,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         scene: &'a Scene,
         plane_shear: &'a PlaneShear,
         law: Box<dyn PairForce<D>>,
-        from: From,
-        mut state: StageState,
+        from: ShearHeader,
+        mut state: Snapshot,
     ) -> Result<Self, Failure> {
         let exchange = run.exchange;
         let mut schedule = Schedule::new(scene, plane_shear, from.height);
@@ -87,32 +74,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             let way = schedule.protocol.fastest() * schedule.step;
             system.list.at_least(4.0 * way);
         }
-        let slider = Slider::new(schedule.protocol.clone(), spring);
-        let servo = plane_shear.servo(&scene.sample);
-        let mut piston = from.piston;
-        let load = plane_shear.load.normal_force;
-        // A branch may change the load; a protocol follows its own.
-        let is_loaded_anew = !schedule.protocol.has_normal() && piston.load != load;
-        if is_loaded_anew {
-            piston.acceleration += (piston.load - load) / piston.mass;
-            piston.load = load;
-        }
-        let mut walls = GrainWalls::new(piston, slider, servo, plane_shear.output.energy);
-        walls.normal_work |= is_loaded_anew;
-        if let Some(slider) = from.slider {
-            walls.slider.state = slider;
-        }
+        let mut walls = walls(scene, plane_shear, &schedule, &from);
         if from.step == 0 {
-            let up = scene.dimension.axes() - 1;
-            let [along, top, bottom] = walls.begin();
-            for g in state.grains.iter_mut().filter(|g| g.body == body::TOP) {
-                g.velocity = [along, 0.0, 0.0];
-                g.velocity[up] = top;
-            }
-            if schedule.protocol.has_bottom() {
-                let bottoms = state.grains.iter_mut().filter(|g| g.body == body::BOTTOM);
-                bottoms.for_each(|g| g.velocity[up] = bottom);
-            }
+            set_moving(&mut state.grains, &mut walls, &schedule, D::UP);
         }
         system.replace(
             exchange,
@@ -139,8 +103,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
-        let written = from.written.filter(|_| run.options.replay.is_none());
-        let before = written.map(|_| UpToCheckpoint::new(from.step));
+        let goes_on = run.options.replay.is_none();
+        let before = goes_on.then(|| UpToCheckpoint::new(from.step));
         let format = Format {
             name: RUN_FILE,
             columns: series_columns(schedule.protocol.is_more_than_velocities()),
@@ -275,7 +239,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     }
 
     fn header(&self, run: &Run<'_>, written: Written) -> Header {
-        Header::Shear {
+        Header::Shear(ShearHeader {
             step: self.step,
             piston: self.walls.piston,
             slider: (self.step > 0).then_some(self.walls.slider.state),
@@ -283,11 +247,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             written,
             energy_budget: self.system.budget.as_ref().map(|b| b.save(run.exchange)),
             packing: self.packing.cloned(),
-        }
+        })
     }
 
-    fn state(&mut self) -> StageState {
-        StageState {
+    fn state(&mut self) -> Snapshot {
+        Snapshot {
             grains: self.system.grain_states(),
             contacts: self.system.owned_contact_states(self.law.as_ref()),
             analysed: self
@@ -295,7 +259,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
                 .as_ref()
                 .and_then(FrameAnalysis::last)
                 .cloned(),
-            ..StageState::default()
+            ..Snapshot::default()
         }
     }
 }
@@ -455,6 +419,46 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
 
     fn publish(&mut self) {
         self.files.publish();
+    }
+}
+
+/// The walls of a shear as it begins or goes on.
+fn walls(
+    scene: &Scene,
+    plane_shear: &PlaneShear,
+    schedule: &Schedule,
+    from: &ShearHeader,
+) -> GrainWalls {
+    let slider = Slider::new(schedule.protocol.clone(), plane_shear.shear.spring);
+    let servo = plane_shear.servo(&scene.sample);
+    let mut piston = from.piston;
+    let load = plane_shear.load.normal_force;
+    // A branch may change the load; a protocol follows its own.
+    let is_loaded_anew = !schedule.protocol.has_normal() && piston.load != load;
+    if is_loaded_anew {
+        piston.acceleration += (piston.load - load) / piston.mass;
+        piston.load = load;
+    }
+    let mut walls = GrainWalls::new(piston, slider, servo, plane_shear.output.energy);
+    walls.normal_work |= is_loaded_anew;
+    if let Some(slider) = from.slider {
+        walls.slider.state = slider;
+    }
+    walls
+}
+
+/// Gives the grains of the walls the velocities with which these begin.
+fn set_moving(grains: &mut [GrainState], walls: &mut GrainWalls, schedule: &Schedule, up: usize) {
+    let [along, top, bottom] = walls.begin();
+    for g in grains {
+        match g.body {
+            body::TOP => {
+                g.velocity = [along, 0.0, 0.0];
+                g.velocity[up] = top;
+            }
+            body::BOTTOM if schedule.protocol.has_bottom() => g.velocity[up] = bottom,
+            _ => {}
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{digest, frame};
+use gshear_dem::state::{HeldState, Snapshot};
 use gshear_dem::system::System;
 use gshear_scene::{Deformation, PeriodicBox, Scene};
 use gshear_store::columns::AqsRow;
@@ -24,8 +25,8 @@ use crate::header::{
     Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, Work,
 };
 use crate::options::Outcome;
-use crate::run::{Checkpoint, Run, Save, Stage, StageState};
-use crate::written::{UpToCheckpoint, Written};
+use crate::run::{Checkpoint, Run, Save, Stage};
+use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
 /// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and of
@@ -42,14 +43,6 @@ pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &Progress)
         Deformation::Compression(_) => progress.stretched.as_ref().map_or(0.0, of_volume),
         _ => periodic.aqs.strain_step * progress.steps as f64,
     }
-}
-
-/// The data with which the strain steps resume.
-pub(super) struct Resumed {
-    /// Frames and rows in the file.
-    pub written: Written,
-    pub work: Option<Work>,
-    pub held: Vec<RestState>,
 }
 
 /// The stage of the strain steps.
@@ -80,9 +73,22 @@ impl<'a, D: Dimension> Strain<'a, D> {
         periodic: &'a PeriodicBox,
         law: &'a dyn PairForce<D>,
         mut system: System<D>,
-        progress: Progress,
-        resumed: Option<Resumed>,
+        (header, held): (Header, Vec<HeldState>),
     ) -> Result<Self, Failure> {
+        let Header::Aqs {
+            progress,
+            written,
+            unfinished,
+        } = header
+        else {
+            unreachable!("strain steps begin with their header")
+        };
+        let (shapes, work) =
+            unfinished.map_or_else(Default::default, |of| (of.held, Some(of.work)));
+        let held = shapes.iter().zip(held).map(|(shape, state)| RestState {
+            cell: shape.cell::<D>(&scene.sample),
+            state,
+        });
         let format = Format {
             name: AQS_FILE,
             columns: &AqsRow::COLUMNS,
@@ -97,13 +103,12 @@ impl<'a, D: Dimension> Strain<'a, D> {
             log: false,
             scalars: false,
         };
-        let before = resumed.as_ref().map(|resumed| UpToCheckpoint {
+        let before = UpToCheckpoint {
             step: progress.steps,
-            last: (resumed.written.rows > 0).then_some(progress.steps),
-        });
-        let (work, held) = resumed.map_or((None, Vec::new()), |of| (of.work, of.held));
+            last: (written.rows > 0).then_some(progress.steps),
+        };
         Ok(Self {
-            files: Files::open(run.place(), &mut system, &format, before)?,
+            files: Files::open(run.place(), &mut system, &format, Some(before))?,
             relaxation: Relaxation::new(periodic.relax, &scene.sample),
             scene,
             periodic,
@@ -112,7 +117,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             progress,
             samples: ContactForces::default(),
             work,
-            held,
+            held: held.collect(),
             unrecorded: None,
             latest: None,
         })
@@ -428,11 +433,11 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 written: self.files.flush(run.exchange)?,
                 unfinished,
             },
-            state: StageState {
+            state: Snapshot {
                 grains: self.system.grain_states(),
                 contacts: self.system.owned_contact_states(self.law),
                 held: self.held.iter().map(RestState::owned).collect(),
-                ..StageState::default()
+                ..Snapshot::default()
             },
             keep: self.scene.keep_checkpoints && self.work.is_none(),
         })

@@ -4,18 +4,19 @@ use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, LawSpace};
-use gshear_dem::state::GrainState;
+use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::Lattice;
 use gshear_scene::schedule::mean_mass;
 use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
+use gshear_store::checkpoint;
 
-use super::pack::{Begin, PackStage, falling_drag};
+use super::pack::{PackStage, falling_drag};
 use super::setup::force;
-use super::shear::{From, ShearStage};
+use super::shear::ShearStage;
 use super::top_wall::{height_between, mass_of_top};
-use crate::header::Header;
+use crate::header::{Header, PackHeader, ShearHeader};
 use crate::options::Outcome;
-use crate::run::{Run, Stage, StageState, Start};
+use crate::run::{Run, Stage, Start};
 use crate::written::Written;
 
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
@@ -33,41 +34,13 @@ pub fn run<D: LawSpace>(
     plane_shear: &PlaneShear,
     start: Start,
 ) -> Result<Outcome, Failure> {
-    let (header, state) = begin(run, scene, plane_shear, start)?;
+    let (header, state) = begin(run, scene, plane_shear, start);
     let (from, state) = match header {
-        Header::Pack { .. } => {
-            let Some((piston, state)) = packed::<D>(run, scene, plane_shear, header, state)? else {
-                return Ok(Outcome::Stopped);
-            };
-            let from = From {
-                step: 0,
-                height: height_between(scene, plane_shear, &piston),
-                piston,
-                slider: None,
-                written: None,
-                energy_budget: None,
-            };
-            (from, state)
-        }
-        Header::Shear {
-            step,
-            piston,
-            slider,
-            height,
-            written,
-            energy_budget,
-            ..
-        } => {
-            let from = From {
-                step,
-                height,
-                piston,
-                slider,
-                written: Some(written),
-                energy_budget,
-            };
-            (from, state)
-        }
+        Header::Pack(header) => match packed::<D>(run, scene, plane_shear, header, state)? {
+            Some(packed) => packed,
+            None => return Ok(Outcome::Stopped),
+        },
+        Header::Shear(header) => (header, state),
         Header::Aqs { .. } | Header::Newtonian { .. } => {
             return Err(Failure::input(
                 "the checkpoint is of a periodic box, and its scene has none",
@@ -81,33 +54,25 @@ pub fn run<D: LawSpace>(
     shear.finish(run, outcome)
 }
 
-/// The top and the state of the packed sample; `None` if the run was stopped before. Where the loose
-/// sample leaves the contact law, it begins again under a lower load.
+/// The shear of the packed sample, and its state; `None` if the run was stopped before. Where the
+/// loose sample leaves the contact law, it begins again under a lower load.
 fn packed<D: LawSpace>(
     run: &mut Run<'_>,
     scene: &Scene,
     plane_shear: &PlaneShear,
-    mut header: Header,
-    mut state: StageState,
-) -> Result<Option<(Piston, StageState)>, Failure> {
-    while let Header::Pack {
-        step,
-        piston,
-        drag,
-        starts,
-        ..
-    } = header
-    {
+    mut header: PackHeader,
+    mut state: Snapshot,
+) -> Result<Option<(ShearHeader, Snapshot)>, Failure> {
+    loop {
+        let begins = header.step == 0;
         let laws = packing_laws::<D>(scene, plane_shear);
-        let begin = Begin {
-            step,
-            piston,
-            drag,
-            starts,
-        };
-        let mut pack = PackStage::new(run, scene, plane_shear, laws, begin, state)?;
-        let failure = match run.drive(&mut pack, step == 0) {
-            Ok(Outcome::Done) => return Ok(Some(pack.finish(run))),
+        let mut pack = PackStage::new(run, scene, plane_shear, laws, header, state)?;
+        let failure = match run.drive(&mut pack, begins) {
+            Ok(Outcome::Done) => {
+                let (piston, state) = pack.finish(run);
+                let header = sheared(scene, plane_shear, piston);
+                return Ok(Some((header, state)));
+            }
             Ok(Outcome::Stopped) => return Ok(None),
             Err(failure) => failure,
         };
@@ -117,9 +82,9 @@ fn packed<D: LawSpace>(
         };
         run.terminal.packs_again(pack.steps());
         let (height, grains) = inserted(run, scene, sizes);
-        (header, state) = loose(run, scene, plane_shear, (height, grains), starts);
+        header = falling(scene, plane_shear, height, starts);
+        state = of_grains(grains);
     }
-    unreachable!("a packing begins with its header")
 }
 
 /// The height (m) of the inserted grains, and this rank's part of them.
@@ -136,63 +101,65 @@ fn begin(
     scene: &Scene,
     plane_shear: &PlaneShear,
     start: Start,
-) -> Result<(Header, StageState), Failure> {
+) -> (Header, Snapshot) {
     let (height, grains) = match (start, &plane_shear.origin) {
-        (Start::Checkpoint(snapshot), _) => {
-            let header = Header::read(&snapshot)?;
-            return Ok((header, StageState::restore(run.exchange, snapshot)));
+        (Start::Checkpoint(mut saved), _) => {
+            checkpoint::to_both_holders(run.exchange, &mut saved.state);
+            return (saved.header, saved.state);
         }
         (Start::Grains(grains), Origin::Packing { file, .. }) => (file.height(), grains),
         (_, Origin::Packing { .. }) => unreachable!("a packing that was not read"),
         (_, Origin::Insertion(sizes)) => inserted(run, scene, sizes),
     };
-    Ok(loose(run, scene, plane_shear, (height, grains), 0))
+    let mut header = falling(scene, plane_shear, height, 0);
+    let header = if plane_shear.pack.skip {
+        header.piston.mass = mass_of_top(run, scene, &grains);
+        header.piston.load = plane_shear.load.normal_force;
+        Header::Shear(sheared(scene, plane_shear, header.piston))
+    } else {
+        Header::Pack(header)
+    };
+    (header, of_grains(grains))
 }
 
-/// The first stage of grains up to this height (m), after so many `starts` of their packing.
-fn loose(
-    run: &Run<'_>,
-    scene: &Scene,
-    plane_shear: &PlaneShear,
-    (height, grains): (f64, Vec<GrainState>),
-    starts: u32,
-) -> (Header, StageState) {
+fn of_grains(grains: Vec<GrainState>) -> Snapshot {
+    Snapshot {
+        grains,
+        ..Snapshot::default()
+    }
+}
+
+/// The packing of grains up to this height (m), after so many `starts` of it.
+fn falling(scene: &Scene, plane_shear: &PlaneShear, height: f64, starts: u32) -> PackHeader {
     let load = &plane_shear.load;
     let first_load = first_load(scene, load) * 0.25f64.powi(starts as i32);
-    let mut piston = Piston {
-        height,
-        velocity: 0.0,
-        acceleration: 0.0,
-        // About the mass of the later wall.
-        mass: mean_mass(scene) * scene.sample.base() / scene.sample.mean_section(),
-        load: load.normal_force * first_load,
-    };
-    let header = if plane_shear.pack.skip {
-        piston.mass = mass_of_top(run, scene, &grains);
-        piston.load = load.normal_force;
-        Header::Shear {
-            step: 0,
-            piston,
-            slider: None,
-            height: height_between(scene, plane_shear, &piston),
-            written: Written::default(),
-            energy_budget: None,
-            packing: None,
-        }
-    } else {
-        Header::Pack {
-            step: 0,
-            piston,
-            drag: falling_drag(scene, load, first_load),
-            starts,
-            packing: None,
-        }
-    };
-    let state = StageState {
-        grains,
-        ..StageState::default()
-    };
-    (header, state)
+    PackHeader {
+        step: 0,
+        piston: Piston {
+            height,
+            velocity: 0.0,
+            acceleration: 0.0,
+            // About the mass of the later wall.
+            mass: mean_mass(scene) * scene.sample.base() / scene.sample.mean_section(),
+            load: load.normal_force * first_load,
+        },
+        drag: falling_drag(scene, load, first_load),
+        starts,
+        packing: None,
+    }
+}
+
+/// The shear of a sample with this top, from its first step.
+fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHeader {
+    ShearHeader {
+        step: 0,
+        height: height_between(scene, plane_shear, &piston),
+        piston,
+        slider: None,
+        written: Written::default(),
+        energy_budget: None,
+        packing: None,
+    }
 }
 
 /// The laws of grains and of planes during the packing.

@@ -6,7 +6,7 @@ use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, GrainSample};
-use gshear_driver::header::Header;
+use gshear_driver::header::Saved;
 use gshear_scene::lammps_data::{self, Atom, DataFile};
 use gshear_scene::{Boundary, Dimensions};
 use gshear_store::run_reader::RunFile;
@@ -127,9 +127,8 @@ fn of_run(run: &RunFile, which: Which) -> Result<ExportedState, Failure> {
 }
 
 fn of_checkpoint(path: &Path) -> Result<ExportedState, Failure> {
-    let (toml, snapshot) = checkpoint::read(&Solo, path)?;
-    let header = Header::read(&snapshot)?;
-    let scene = header.scene(path, toml, &[])?;
+    let saved = Saved::read(&Solo, path)?;
+    let (header, scene) = (&saved.header, saved.scene(&[])?);
     let Boundary::Walls(_) = scene.boundary else {
         return Err(Failure::input(format!(
             "{}: is of a periodic box; only samples between walls are exported",
@@ -156,7 +155,7 @@ fn of_checkpoint(path: &Path) -> Result<ExportedState, Failure> {
             .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),
         cell: scene.sample.cell(),
         dimension: scene.dimension,
-        grains: snapshot.grains.iter().map(grain).collect(),
+        grains: saved.state.grains.iter().map(grain).collect(),
     })
 }
 

@@ -13,10 +13,9 @@ use gshear_dem::state::{
     Snapshot,
 };
 use gshear_mpi_exchange::Parallel;
-use records::{Record, length, read_records, write_one, write_records};
+use records::{List, Record, Stretch, checksum, length, read_records, write_one};
 use std::ffi::OsString;
 use std::io::ErrorKind;
-use std::ops::Range;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
 use std::path::{Path, PathBuf};
 use tempfile::{NamedTempFile, TempPath};
@@ -35,167 +34,118 @@ const HELD: &str = "held_";
 /// Version of the format, the only one that is read.
 pub const VERSION: u64 = 7;
 
-/// Returns the wrapping sum of the records' hashes, which depends neither on their order nor on the
-/// ranks that hold them.
-fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64 {
-    let hashes = records.iter().map(|r| xxh3_64(bytemuck::bytes_of(r)));
-    total(exchange, hashes.fold(0, u64::wrapping_add))
-}
-
 fn hex(sum: u64) -> String {
     format!("{sum:016x}")
 }
 
-/// Returns the contacts of a state that has been read, on every rank that holds one of the two
-/// grains. [`read`] returns them on the rank of the first grain only. Collective.
-pub fn to_both_holders(
-    exchange: &dyn Parallel,
-    grains: &[GrainState],
-    contacts: &[ContactState],
-) -> Vec<ContactState> {
-    let blocks = IdBlocks {
-        grains: total(exchange, grains.len() as u64),
-        ranks: exchange.size() as u64,
-    };
-    let mut to = vec![Vec::new(); exchange.size()];
-    for contact in contacts {
-        let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
-        to[a].extend_from_slice(bytemuck::bytes_of(contact));
-        if b != a {
-            to[b].extend_from_slice(bytemuck::bytes_of(contact));
+/// Brings the contacts of a state that was [`read`] to every rank that holds one of the two grains.
+/// Collective.
+pub fn to_both_holders(exchange: &dyn Parallel, state: &mut Snapshot) {
+    let both = |grains: &[GrainState], contacts: &mut Vec<ContactState>| {
+        let blocks = IdBlocks {
+            grains: total(exchange, grains.len() as u64),
+            ranks: exchange.size() as u64,
+        };
+        let mut to = vec![Vec::new(); exchange.size()];
+        for contact in &*contacts {
+            let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
+            to[a].extend_from_slice(bytemuck::bytes_of(contact));
+            if b != a {
+                to[b].extend_from_slice(bytemuck::bytes_of(contact));
+            }
         }
+        let received = exchange.all_to_all(to);
+        *contacts = received
+            .iter()
+            .flat_map(|bytes| records_of(bytes))
+            .collect();
+    };
+    both(&state.grains, &mut state.contacts);
+    for held in &mut state.held {
+        both(&held.grains, &mut held.contacts);
     }
-    let received = exchange.all_to_all(to);
-    let contacts = received.iter().flat_map(|bytes| records_of(bytes));
-    contacts.collect()
 }
 
 /// Writes `checkpoint.h5` into the folder; an existing one becomes `checkpoint.previous.h5`.
 /// Together the ranks must hold each of the grains 0 … N-1 and each contact once, in any order.
-/// Collective.
+/// `texts`: the header and the scene, of which those of rank 0 are written. Collective.
 ///
 /// # Errors
 /// [`Failure::Other`] if a file cannot be written or renamed.
 pub fn write(
     exchange: &dyn Parallel,
     folder: &Path,
-    scene_toml: &str,
+    texts: [&str; 2],
     snapshot: &Snapshot,
 ) -> Result<(), Failure> {
     let _waiting = exchange.waiting();
-    let blocks = IdBlocks {
-        grains: total(exchange, snapshot.grains.len() as u64),
-        ranks: exchange.size() as u64,
-    };
-    let grains = of_grains(exchange, blocks, &snapshot.grains, |g| g.id);
-    let contacts = of_contacts(exchange, blocks, &snapshot.contacts, |c| [c.i, c.j]);
-    let analysed = snapshot.analysed.as_ref().map(|part| {
-        let grains = of_grains(exchange, blocks, &part.grains, |g| g.id);
-        let contacts = of_contacts(exchange, blocks, &part.contacts, |c| [c.i, c.j]);
-        (grains, contacts)
-    });
-
-    let displacements = snapshot.displacements.as_ref();
-    let displacements =
-        displacements.map(|displacements| of_grains(exchange, blocks, displacements, |g| g.id));
-    let held = (!snapshot.held.is_empty()).then(|| {
-        let HeldState { grains, contacts } = one_after_another(&snapshot.held, blocks.grains);
-        let blocks = IdBlocks {
-            grains: blocks.grains * snapshot.held.len() as u64,
-            ..blocks
-        };
-        let grains = of_grains(exchange, blocks, &grains, |g| g.id);
-        let contacts = of_contacts(exchange, blocks, &contacts, |c| [c.i, c.j]);
-        (grains, contacts)
-    });
-
+    let lists = lists_of(exchange, snapshot);
     // Rank 0's texts on every rank, because HDF5 requires equal arguments.
-    let header = exchange.broadcast(snapshot.header.clone().into_bytes());
-    let scene = exchange.broadcast(scene_toml.to_owned().into_bytes());
-    let sum = |sum: u64| Attribute::Word(hex(sum));
+    let texts = texts.map(|text| exchange.broadcast(text.into()));
+    let named = || ["header", "scene"].into_iter().zip(&texts);
     let mut attributes = vec![
-        ("format", Attribute::Word(FORMAT.into())),
-        ("format_version", Attribute::Count(VERSION)),
-        ("checksum_header", sum(xxh3_64(&header))),
-        ("checksum_scene", sum(xxh3_64(&scene))),
-        (
-            GrainState::CHECKSUM,
-            sum(checksum(exchange, &grains.records)),
-        ),
-        (
-            ContactState::CHECKSUM,
-            sum(checksum(exchange, &contacts.records)),
-        ),
+        ("format".into(), Attribute::Word(FORMAT.into())),
+        ("format_version".into(), Attribute::Count(VERSION)),
     ];
-    if let Some((grains, contacts)) = &analysed {
-        attributes.extend([
-            (
-                GrainPosition::CHECKSUM,
-                sum(checksum(exchange, &grains.records)),
-            ),
-            (
-                ContactForce::CHECKSUM,
-                sum(checksum(exchange, &contacts.records)),
-            ),
-        ]);
-    }
-    if let Some(displacements) = &displacements {
-        let sum = sum(checksum(exchange, &displacements.records));
-        attributes.push((Displacement::CHECKSUM, sum));
-    }
-    let of_held =
-        [GrainState::CHECKSUM, ContactState::CHECKSUM].map(|name| format!("{HELD}{name}"));
-    if let Some((grains, contacts)) = &held {
-        let of_grains = sum(checksum(exchange, &grains.records));
-        let of_contacts = sum(checksum(exchange, &contacts.records));
-        attributes.extend([(&*of_held[0], of_grains), (&*of_held[1], of_contacts)]);
-    }
+    let of_texts = named().map(|(name, text)| (format!("checksum_{name}"), xxh3_64(text)));
+    let of_lists = lists.iter().map(|list| list.checksum(exchange));
+    let sums = of_texts.chain(of_lists);
+    attributes.extend(sums.map(|(name, sum)| (name, Attribute::Word(hex(sum)))));
     let (part, name) = part_of(exchange, folder)?;
     let path = folder.join(name);
     let file = H5File::create(&path, exchange)?;
-    let bytes = |records: u64, of_one: usize| records as usize * of_one;
-    let mut needed = header.len() + scene.len();
-    needed += bytes(grains.length, size_of::<GrainState>());
-    needed += bytes(contacts.length, size_of::<ContactState>());
-    if let Some((grains, contacts)) = &analysed {
-        needed += bytes(grains.length, size_of::<GrainPosition>());
-        needed += bytes(contacts.length, size_of::<ContactForce>());
-    }
-    if displacements.is_some() {
-        needed += bytes(blocks.grains, size_of::<Displacement>());
-    }
-    if let Some((grains, contacts)) = &held {
-        needed += bytes(grains.length, size_of::<GrainState>());
-        needed += bytes(contacts.length, size_of::<ContactState>());
-    }
-    file.reserve(exchange, needed)?;
+    let of_texts = texts.iter().map(Vec::len).sum::<usize>();
+    let of_lists = lists.iter().map(|list| list.bytes()).sum::<usize>();
+    file.reserve(exchange, of_texts + of_lists)?;
     let mut outcome = CollectiveOutcome::default();
     for (name, value) in &attributes {
         outcome.note(file.attribute("/", name, value));
     }
     let root = exchange.rank() == 0;
-    for (name, text) in [("header", &header), ("scene", &scene)] {
+    for (name, text) in named() {
         let local = if root { &text[..] } else { &[] };
         outcome.note(write_one(&file, name, &[text.len()], 0, local));
     }
-    write_records((&file, ""), &mut outcome, &grains);
-    write_records((&file, ""), &mut outcome, &contacts);
-    if let Some((grains, contacts)) = &analysed {
-        write_records((&file, ""), &mut outcome, grains);
-        write_records((&file, ""), &mut outcome, contacts);
-    }
-    if let Some(displacements) = &displacements {
-        write_records((&file, ""), &mut outcome, displacements);
-    }
-    if let Some((grains, contacts)) = &held {
-        write_records((&file, HELD), &mut outcome, grains);
-        write_records((&file, HELD), &mut outcome, contacts);
-    }
+    lists
+        .iter()
+        .for_each(|list| list.write(&file, &mut outcome));
     file.agree(exchange, outcome)?;
     file.close(exchange)?;
     verify(exchange, &path, &attributes)?;
     let moved = part.map_or(Ok(()), |part| replace(folder, part));
     agree(exchange, moved)
+}
+
+/// The lists of a checkpoint, this rank's part of each. Collective.
+fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> {
+    let blocks = IdBlocks {
+        grains: total(exchange, snapshot.grains.len() as u64),
+        ranks: exchange.size() as u64,
+    };
+    let state = |prefix, blocks, grains: &[GrainState], contacts: &[ContactState]| {
+        let place = (exchange, prefix, blocks);
+        let grains = of_grains(place, grains, |g| g.id);
+        let contacts = of_contacts(place, contacts, |c| [c.i, c.j]);
+        [Box::new(grains) as Box<dyn List>, Box::new(contacts)]
+    };
+    let mut lists = Vec::from(state("", blocks, &snapshot.grains, &snapshot.contacts));
+    let place = (exchange, "", blocks);
+    if let Some(part) = &snapshot.analysed {
+        lists.push(Box::new(of_grains(place, &part.grains, |g| g.id)));
+        lists.push(Box::new(of_contacts(place, &part.contacts, |c| [c.i, c.j])));
+    }
+    if let Some(displacements) = &snapshot.displacements {
+        lists.push(Box::new(of_grains(place, displacements, |g| g.id)));
+    }
+    if !snapshot.held.is_empty() {
+        let HeldState { grains, contacts } = one_after_another(&snapshot.held, blocks.grains);
+        let blocks = IdBlocks {
+            grains: blocks.grains * snapshot.held.len() as u64,
+            ..blocks
+        };
+        lists.extend(state(HELD, blocks, &grains, &contacts));
+    }
+    lists
 }
 
 /// Creates an empty file for the next checkpoint, which rank 0 keeps; dropping it removes it. Returns
@@ -218,7 +168,7 @@ fn part_of(
 fn verify(
     exchange: &dyn Parallel,
     path: &Path,
-    attributes: &[(&str, Attribute)],
+    attributes: &[(String, Attribute)],
 ) -> Result<(), Failure> {
     let bad = |why: String| {
         let path = path.display();
@@ -237,7 +187,7 @@ fn verify(
 }
 
 /// Compares the checksums of a file with those that were to be written.
-fn checksums_are(path: &Path, attributes: &[(&str, Attribute)]) -> Result<(), String> {
+fn checksums_are(path: &Path, attributes: &[(String, Attribute)]) -> Result<(), String> {
     let file = hdf5::File::open(path).map_err(|e| e.to_string())?;
     for (name, value) in attributes {
         if let Attribute::Word(expected) = value {
@@ -271,16 +221,20 @@ fn one_after_another(states: &[HeldState], grains: u64) -> HeldState {
 
 /// The states that were written as one: of each the grains of this rank's block of `blocks`, and
 /// their contacts. Collective.
-fn apart(exchange: &dyn Parallel, blocks: IdBlocks, pieces: &HeldPieces) -> Vec<HeldState> {
+fn apart(
+    exchange: &dyn Parallel,
+    blocks: IdBlocks,
+    (of_grains, of_contacts): &(Piece<GrainState>, Piece<ContactState>),
+) -> Vec<HeldState> {
     let grains = blocks.grains as u32;
     let mut states =
-        vec![HeldState::default(); (pieces.blocks.grains / blocks.grains.max(1)) as usize];
-    for mut g in blocks.redistribute(exchange, &pieces.grains.records, |g| g.id % grains) {
+        vec![HeldState::default(); (of_grains.blocks.grains / blocks.grains.max(1)) as usize];
+    for mut g in blocks.redistribute(exchange, &of_grains.records, |g| g.id % grains) {
         let state = g.id / grains;
         g.id %= grains;
         states[state as usize].grains.push(g);
     }
-    for mut c in blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i % grains) {
+    for mut c in blocks.redistribute(exchange, &of_contacts.records, |c| c.i % grains) {
         let state = c.i / grains;
         (c.i, c.j) = (c.i % grains, c.j % grains);
         states[state as usize].contacts.push(c);
@@ -288,19 +242,9 @@ fn apart(exchange: &dyn Parallel, blocks: IdBlocks, pieces: &HeldPieces) -> Vec<
     states
 }
 
-/// One rank's part of a list.
-struct Stretch<R> {
-    /// Length of the whole list.
-    length: u64,
-    /// Number of records before the stretch.
-    first: u64,
-    records: Vec<R>,
-}
-
 /// Returns this rank's block of the grains 0 … N-1, by id. Collective.
 fn of_grains<R: Record>(
-    exchange: &dyn Parallel,
-    blocks: IdBlocks,
+    (exchange, prefix, blocks): (&dyn Parallel, &'static str, IdBlocks),
     grains: &[R],
     id: impl Fn(&R) -> u32,
 ) -> Stretch<R> {
@@ -310,6 +254,7 @@ fn of_grains<R: Record>(
     let complete = records.iter().map(|g| u64::from(id(g))).eq(ids.clone());
     assert!(complete, "a snapshot's grains are not 0 … N-1");
     Stretch {
+        prefix,
         length: blocks.grains,
         first: ids.start,
         records,
@@ -318,14 +263,14 @@ fn of_grains<R: Record>(
 
 /// Returns the contacts whose lower id is in this rank's block, sorted by their ids. Collective.
 fn of_contacts<R: Record>(
-    exchange: &dyn Parallel,
-    blocks: IdBlocks,
+    (exchange, prefix, blocks): (&dyn Parallel, &'static str, IdBlocks),
     contacts: &[R],
     ids: impl Fn(&R) -> [u32; 2],
 ) -> Stretch<R> {
     let mut records = blocks.redistribute(exchange, contacts, |c| ids(c)[0]);
     records.sort_unstable_by_key(&ids);
     Stretch {
+        prefix,
         length: total(exchange, records.len() as u64),
         first: exchange.sum_below(records.len() as u64),
         records,
@@ -428,13 +373,14 @@ pub fn read_texts(path: &Path) -> Result<[String; 2], Failure> {
     texts.map_err(|why| h5::unread(format!("{}: {why}", path.display())))
 }
 
-/// Reads a checkpoint. Returns the scene as TOML and this rank's part of the state: a block of the
-/// grains by id, and the contacts whose lower id is in the block, sorted by their ids. Collective.
+/// Reads a checkpoint. Returns the header, the scene as TOML, and this rank's part of the state: a
+/// block of the grains by id, and the contacts whose lower id is in the block, sorted by their ids.
+/// Collective.
 ///
 /// # Errors
 /// [`Failure::Input`], the same on every rank, if the file is missing, damaged or not a checkpoint;
 /// [`Failure::Other`] if the system does not let it be read.
-pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), Failure> {
+pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapshot), Failure> {
     let bad = |why: String| h5::unread(format!("{}: {why}", path.display()));
     // Each rank reads for itself with the serial driver, so that a failure on one rank does not
     // make the others wait.
@@ -442,14 +388,13 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
     let pieces = agree(exchange, pieces)?;
 
     check(exchange, &pieces).map_err(bad)?;
-    let blocks = pieces.blocks;
+    let blocks = pieces.grains.blocks;
     let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
     let held = pieces.held.as_ref();
     let held = held.map_or_else(Vec::new, |held| apart(exchange, blocks, held));
     Ok((
-        pieces.scene,
+        [pieces.header, pieces.scene],
         Snapshot {
-            header: pieces.header,
             grains: pieces.grains.records,
             contacts,
             analysed: pieces.analysed.map(|(grains, contacts)| FramePart {
@@ -466,7 +411,7 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<(String, Snapshot), 
 
 /// Checks all lists of a checkpoint. Collective.
 fn check(exchange: &dyn Parallel, pieces: &Pieces) -> Result<(), String> {
-    let blocks = pieces.blocks;
+    let blocks = pieces.grains.blocks;
     let checked = Checked { exchange, blocks };
     checked.grains(&pieces.grains, |g| g.id)?;
     checked.contacts(&pieces.contacts, |c| [c.i, c.j])?;
@@ -477,15 +422,13 @@ fn check(exchange: &dyn Parallel, pieces: &Pieces) -> Result<(), String> {
     if let Some(displacements) = &pieces.displacements {
         checked.grains(displacements, |g| g.id)?;
     }
-    let Some(held) = &pieces.held else {
+    let Some((grains, contacts)) = &pieces.held else {
         return Ok(());
     };
-    let checked = Checked {
-        exchange,
-        blocks: held.blocks,
-    };
-    checked.grains(&held.grains, |g| g.id)?;
-    checked.contacts(&held.contacts, |c| [c.i, c.j])
+    let blocks = grains.blocks;
+    let checked = Checked { exchange, blocks };
+    checked.grains(grains, |g| g.id)?;
+    checked.contacts(contacts, |c| [c.i, c.j])
 }
 
 /// Checks the pieces of all ranks, with the same result on every rank.
@@ -534,23 +477,18 @@ impl Checked<'_> {
 struct Pieces {
     header: String,
     scene: String,
-    blocks: IdBlocks,
     grains: Piece<GrainState>,
     contacts: Piece<ContactState>,
     analysed: Option<(Piece<GrainPosition>, Piece<ContactForce>)>,
     displacements: Option<Piece<Displacement>>,
-    held: Option<HeldPieces>,
-}
-
-struct HeldPieces {
-    /// Of the ids of all states together.
-    blocks: IdBlocks,
-    grains: Piece<GrainState>,
-    contacts: Piece<ContactState>,
+    /// Of all states together.
+    held: Option<(Piece<GrainState>, Piece<ContactState>)>,
 }
 
 /// One rank's share of a list, whatever its ids, and the stored checksum of the whole list.
 struct Piece<R> {
+    /// Of the records of the list.
+    blocks: IdBlocks,
     records: Vec<R>,
     sum: String,
 }
@@ -608,90 +546,50 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
     let file = open(path)?;
     let [header, scene] = texts(&file)?;
     let names = file.attr_names().unwrap_or_default();
-    let word = |name: &str| word(&file, name);
-    let share = |name: &str| -> Result<(IdBlocks, Range<u64>), String> {
-        let list = IdBlocks {
-            grains: length(&file, name)?,
-            ranks: ranks as u64,
-        };
-        Ok((list, list.range(rank)))
-    };
-    let from = (&file, "");
-    let has = |sum: &str| names.iter().any(|n| n == sum);
-    let grains = share("grains/id")?;
-    if grains.0.grains == 0 {
+    let has = |sum: &str| names.iter().any(|name| name == sum);
+    let from = |prefix| (&file, prefix, rank, ranks);
+    let grains: Piece<GrainState> = piece(from(""))?;
+    let count = grains.blocks.grains;
+    if count == 0 {
         return Err("damaged: it holds no grain".into());
     }
-    let count = grains.0.grains;
+    let held = if has(&format!("{HELD}{}", GrainState::CHECKSUM)) {
+        let held: (Piece<GrainState>, _) = (piece(from(HELD))?, piece(from(HELD))?);
+        if !held.0.blocks.grains.is_multiple_of(count) {
+            return Err("damaged: the states that it holds have other grains".into());
+        }
+        Some(held)
+    } else {
+        None
+    };
+    let analysed =
+        has(GrainPosition::CHECKSUM).then(|| Ok::<_, String>((piece(from(""))?, piece(from(""))?)));
+    let displacements = has(Displacement::CHECKSUM).then(|| piece(from("")));
     Ok(Pieces {
         header,
         scene,
-        blocks: grains.0,
-        grains: piece(from, grains, word(GrainState::CHECKSUM)?)?,
-        contacts: piece(from, share("contacts/i")?, word(ContactState::CHECKSUM)?)?,
-        analysed: if has(GrainPosition::CHECKSUM) {
-            Some((
-                piece(
-                    from,
-                    share("analysed/grains/id")?,
-                    word(GrainPosition::CHECKSUM)?,
-                )?,
-                piece(
-                    from,
-                    share("analysed/contacts/i")?,
-                    word(ContactForce::CHECKSUM)?,
-                )?,
-            ))
-        } else {
-            None
-        },
-        displacements: if has(Displacement::CHECKSUM) {
-            Some(piece(
-                from,
-                share("travels/id")?,
-                word(Displacement::CHECKSUM)?,
-            )?)
-        } else {
-            None
-        },
-        held: if has(&format!("{HELD}{}", GrainState::CHECKSUM)) {
-            let shares = [
-                share(&format!("{HELD}grains/id"))?,
-                share(&format!("{HELD}contacts/i"))?,
-            ];
-            Some(held(&file, count, shares)?)
-        } else {
-            None
-        },
+        grains,
+        contacts: piece(from(""))?,
+        analysed: analysed.transpose()?,
+        displacements: displacements.transpose()?,
+        held,
     })
 }
 
-/// The states that are held. `grains`: in each of them; and the shares of this rank in their grains
-/// and contacts.
-fn held(
-    file: &hdf5::File,
-    grains: u64,
-    [ids, contacts]: [(IdBlocks, Range<u64>); 2],
-) -> Result<HeldPieces, String> {
-    let word = |name: &str| word(file, &format!("{HELD}{name}"));
-    let from = (file, HELD);
-    if grains == 0 || !ids.0.grains.is_multiple_of(grains) {
-        return Err("damaged: the states that it holds have other grains".into());
-    }
-    Ok(HeldPieces {
-        blocks: ids.0,
-        grains: piece(from, ids, word(GrainState::CHECKSUM)?)?,
-        contacts: piece(from, contacts, word(ContactState::CHECKSUM)?)?,
-    })
-}
-
+/// Reads this rank's share of a list, the names of whose group and checksum begin with `prefix`.
 fn piece<R: Record>(
-    from: (&hdf5::File, &str),
-    (list, local): (IdBlocks, Range<u64>),
-    sum: String,
+    (file, prefix, rank, ranks): (&hdf5::File, &str, usize, usize),
 ) -> Result<Piece<R>, String> {
+    let blocks = IdBlocks {
+        grains: length(
+            file,
+            &format!("{prefix}{}/{}", R::GROUP, R::integers()[0].name),
+        )?,
+        ranks: ranks as u64,
+    };
     Ok(Piece {
-        records: read_records(from, list.grains, local)?,
-        sum,
+        blocks,
+        records: read_records((file, prefix), blocks.grains, blocks.range(rank))?,
+        sum: word(file, &format!("{prefix}{}", R::CHECKSUM))?,
     })
 }

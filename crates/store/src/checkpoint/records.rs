@@ -1,17 +1,19 @@
 //! Records of a checkpoint and their fields, each of which is a dataset.
 
-use super::Stretch;
 use crate::collective::CollectiveOutcome;
 use crate::h5::{H5File, Slab};
 use bytemuck::Pod;
+use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactForce, ContactState, Displacement, GrainPosition, GrainState};
+use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
 use std::ops::Range;
+use xxhash_rust::xxh3::xxh3_64;
 
 /// A field of a record: name, numbers per record, getter and setter.
 pub(super) struct Field<R, T> {
-    name: &'static str,
+    pub name: &'static str,
     width: usize,
     get: fn(&R) -> &[T],
     set: fn(&mut R) -> &mut [T],
@@ -159,42 +161,69 @@ pub(super) fn write_one<T: H5Type + Copy>(
 }
 
 fn write_column<R: Record, T: H5Type + Copy>(
-    (file, prefix): (&H5File, &str),
+    file: &H5File,
+    list: &Stretch<R>,
     field: &Field<R, T>,
-    all: u64,
-    first: u64,
-    local: &[R],
 ) -> Result<(), Failure> {
-    let values: Vec<T> = local.iter().flat_map(field.get).copied().collect();
-    let name = format!("{prefix}{}/{}", R::GROUP, field.name);
-    let shape = [all as usize, field.width];
-    write_one(
-        file,
-        &name,
-        &shape[..if field.width == 1 { 1 } else { 2 }],
-        first,
-        &values,
-    )
+    let values: Vec<T> = list.records.iter().flat_map(field.get).copied().collect();
+    let name = format!("{}{}/{}", list.prefix, R::GROUP, field.name);
+    let shape = [list.length as usize, field.width];
+    let shape = &shape[..if field.width == 1 { 1 } else { 2 }];
+    write_one(file, &name, shape, list.first, &values)
 }
 
-/// Writes the records into their group, whose name begins with `prefix`.
-pub(super) fn write_records<R: Record>(
-    (file, prefix): (&H5File, &str),
-    outcome: &mut CollectiveOutcome,
-    stretch: &Stretch<R>,
-) {
-    let (all, first, local) = (stretch.length, stretch.first, &stretch.records[..]);
-    let to = (file, prefix);
-    outcome.note(file.group(&format!("{prefix}{}", R::GROUP)));
-    for field in R::integers() {
-        outcome.note(write_column(to, &field, all, first, local));
+/// One rank's part of a list of records.
+pub(super) struct Stretch<R> {
+    /// Before the names of the list's group and checksum.
+    pub prefix: &'static str,
+    /// Length of the whole list.
+    pub length: u64,
+    /// Number of records before the stretch.
+    pub first: u64,
+    pub records: Vec<R>,
+}
+
+/// A list of a checkpoint, whatever its records are.
+pub(super) trait List {
+    /// Name and value of the checksum of the whole list. Collective.
+    fn checksum(&self, exchange: &dyn Parallel) -> (String, u64);
+
+    /// Bytes of the whole list.
+    fn bytes(&self) -> usize;
+
+    /// Writes the list into its group. Collective.
+    fn write(&self, file: &H5File, outcome: &mut CollectiveOutcome);
+}
+
+impl<R: Record> List for Stretch<R> {
+    fn checksum(&self, exchange: &dyn Parallel) -> (String, u64) {
+        let name = format!("{}{}", self.prefix, R::CHECKSUM);
+        (name, checksum(exchange, &self.records))
     }
-    for field in R::numbers() {
-        outcome.note(write_column(to, &field, all, first, local));
+
+    fn bytes(&self) -> usize {
+        self.length as usize * size_of::<R>()
     }
-    for field in R::signed() {
-        outcome.note(write_column(to, &field, all, first, local));
+
+    fn write(&self, file: &H5File, outcome: &mut CollectiveOutcome) {
+        outcome.note(file.group(&format!("{}{}", self.prefix, R::GROUP)));
+        for field in R::integers() {
+            outcome.note(write_column(file, self, &field));
+        }
+        for field in R::numbers() {
+            outcome.note(write_column(file, self, &field));
+        }
+        for field in R::signed() {
+            outcome.note(write_column(file, self, &field));
+        }
     }
+}
+
+/// Returns the wrapping sum of the records' hashes, which depends neither on their order nor on the
+/// ranks that hold them.
+pub(super) fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64 {
+    let hashes = records.iter().map(|r| xxh3_64(bytemuck::bytes_of(r)));
+    total(exchange, hashes.fold(0, u64::wrapping_add))
 }
 
 pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
