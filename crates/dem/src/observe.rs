@@ -142,6 +142,59 @@ fn owned_potential_energy<D: Dimension>(system: &System<D>, energy: &FixedPoint)
     sum
 }
 
+/// Sums over the grains and contacts of all ranks.
+struct Sums {
+    /// On the top (N; N/m in 2D).
+    shear_force: f64,
+    normal_force: f64,
+    /// J; J/m in 2D.
+    kinetic_energy: f64,
+    potential_energy: f64,
+    /// Contacts, sliding contacts, and contacts of each free grain, summed.
+    counts: [i64; 3],
+}
+
+/// One message for all sums. Collective.
+fn sums<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    constants: &SampleConstants,
+) -> Sums {
+    let kinetic = owned_kinetic_energy(system, &constants.energy);
+    let potential = owned_potential_energy(system, &constants.energy);
+    let grains = &system.grains;
+    let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
+    for g in 0..grains.owned {
+        if grains.body[g] == body::TOP {
+            system.fixed.add(&mut shear, -grains.force[g][0]);
+            system.fixed.add(&mut normal, grains.force[g][D::UP]);
+        }
+    }
+    let mut counts = [0i64; 3];
+    for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
+        let free = |g: usize| i64::from(grains.body[g] == body::FREE);
+        counts[0] += 1;
+        counts[1] += i64::from(system.contacts.limits[at.block][0] >> at.lane & 1);
+        counts[2] += free(at.i) + free(at.j);
+    }
+    let mut message = [0i64; SUMS + 3];
+    let (sums, tail) = message.split_at_mut(SUMS);
+    let parts = [shear, normal, kinetic, potential];
+    for (part, limbs) in parts.iter().zip(sums.chunks_mut(LIMBS + 1)) {
+        part.write(limbs);
+    }
+    tail.copy_from_slice(&counts);
+    exchange.sum(&mut message);
+    let part = |k: usize| Accumulator::read(&message[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)]);
+    Sums {
+        shear_force: system.fixed.value(part(0)),
+        normal_force: system.fixed.value(part(1)),
+        kinetic_energy: constants.energy.value(part(2)),
+        potential_energy: constants.energy.value(part(3)),
+        counts: std::array::from_fn(|k| message[SUMS + k]),
+    }
+}
+
 /// A row of the time series, from the forces of the last step; collective.
 pub fn series<D: Dimension>(
     exchange: &dyn Exchange,
@@ -153,45 +206,17 @@ pub fn series<D: Dimension>(
     height: f64,
 ) -> SeriesRow {
     let (piston, slider) = (&walls.piston, &walls.slider.state);
-    let kinetic = owned_kinetic_energy(system, &constants.energy);
-    let potential = owned_potential_energy(system, &constants.energy);
-    let grains = &system.grains;
-    let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
-    for g in 0..grains.owned {
-        if grains.body[g] == body::TOP {
-            system.fixed.add(&mut shear, -grains.force[g][0]);
-            system.fixed.add(&mut normal, grains.force[g][D::UP]);
-        }
-    }
-    // The number of contacts, of sliding contacts, and of contacts of each free grain, summed.
-    let mut counts = [0i64; 3];
-    for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
-        let free = |g: usize| i64::from(grains.body[g] == body::FREE);
-        counts[0] += 1;
-        counts[1] += i64::from(system.contacts.limits[at.block][0] >> at.lane & 1);
-        counts[2] += free(at.i) + free(at.j);
-    }
-
-    let mut message = [0i64; SUMS + 3];
-    let (sums, tail) = message.split_at_mut(SUMS);
-    for (part, limbs) in [shear, normal, kinetic, potential]
-        .iter()
-        .zip(sums.chunks_mut(LIMBS + 1))
-    {
-        part.write(limbs);
-    }
-    tail.copy_from_slice(&counts);
-    exchange.sum(&mut message);
-    let part = |k: usize| Accumulator::read(&message[k * (LIMBS + 1)..(k + 1) * (LIMBS + 1)]);
-    let [contacts, sliding, ends] = message[SUMS..] else {
-        unreachable!("three counts were sent")
-    };
-    let (shear_force, normal_force) = (system.fixed.value(part(0)), system.fixed.value(part(1)));
+    let Sums {
+        shear_force,
+        normal_force,
+        kinetic_energy,
+        potential_energy,
+        counts: [contacts, sliding, ends],
+    } = sums(exchange, system, constants);
     let wall_height = piston.height - constants.walls - walls.bottom_displacement();
-    let kinetic_energy = constants.energy.value(part(2));
     let of_wall = 0.5 * piston.mass * piston.velocity * piston.velocity;
     let has_wall = |budget: &EnergyBudget| budget.has_wall();
-    let of_grains = kinetic_energy + constants.energy.value(part(3));
+    let of_grains = kinetic_energy + potential_energy;
     let of_sample = if system.budget.as_ref().is_none_or(has_wall) {
         of_grains + of_wall
     } else {

@@ -177,6 +177,36 @@ struct Seen {
     at: Instant,
 }
 
+impl Seen {
+    fn look(&mut self, progress: &Progress) {
+        let seconds = progress.seconds.load(Ordering::Relaxed);
+        if seconds != self.seconds {
+            (self.seconds, self.at) = (seconds, Instant::now());
+        }
+    }
+
+    fn is_silent(&self) -> bool {
+        self.at.elapsed() > Duration::from_secs(STOPPED)
+    }
+}
+
+/// Why the ranks wait.
+fn reason(ranks: &dyn Ranks, here: &[(usize, &Progress)], seen: &[Seen]) -> String {
+    let gone: Vec<String> = (0..here.len())
+        .filter(|&k| seen[k].is_silent())
+        .map(|k| {
+            let process = here[k].1.process.load(Ordering::Relaxed);
+            format!("rank {} (process {process})", here[k].0)
+        })
+        .collect();
+    match (gone.is_empty(), ranks.elsewhere()) {
+        (false, _) => format!("{} does not answer", gone.join(", ")),
+        (true, true) => "a rank of another node does not answer".into(),
+        (true, false) if here.len() == 1 => "a file operation does not end".into(),
+        (true, false) => "the ranks wait for each other, or for a file operation".into(),
+    }
+}
+
 fn watch(
     rank: usize,
     limit: Duration,
@@ -198,25 +228,17 @@ fn watch(
     // Not before a stopped process can be told.
     let limit = limit.max(Duration::from_secs(STOPPED + 2));
     let now = Instant::now();
-    let mut seen: Vec<Seen> = here
-        .iter()
-        .map(|_| Seen {
-            seconds: 0,
-            at: now,
-        })
-        .collect();
+    let unseen = || Seen {
+        seconds: 0,
+        at: now,
+    };
+    let mut seen: Vec<Seen> = here.iter().map(|_| unseen()).collect();
     let (mut operation, mut since, mut told) = (u64::MAX, now, false);
     while !stopped.load(Ordering::Relaxed) {
         std::thread::park_timeout(Duration::from_secs(1));
         own.seconds.fetch_add(1, Ordering::Relaxed);
         for ((_, progress), seen) in here.iter().zip(&mut seen) {
-            let seconds = progress.seconds.load(Ordering::Relaxed);
-            if seconds != seen.seconds {
-                *seen = Seen {
-                    seconds,
-                    at: Instant::now(),
-                };
-            }
+            seen.look(progress);
         }
         let current = own.operations.load(Ordering::Relaxed);
         if current != operation || !own.waits() {
@@ -233,9 +255,8 @@ fn watch(
         if waited < limit {
             continue;
         }
-        let silent = |k: usize| seen[k].at.elapsed() > Duration::from_secs(STOPPED);
-        let computes = (0..here.len()).find(|&k| !silent(k) && !here[k].1.waits());
-        let answers = (0..here.len()).filter(|&k| !silent(k));
+        let computes = (0..here.len()).find(|&k| !seen[k].is_silent() && !here[k].1.waits());
+        let answers = (0..here.len()).filter(|&k| !seen[k].is_silent());
         let speaks = answers.map(|k| here[k].0).min() == Some(rank);
         if let Some(k) = computes {
             if speaks && !told {
@@ -252,19 +273,7 @@ fn watch(
         }
         // The first that answers speaks; the others leave it a few seconds.
         if speaks || waited > limit + Duration::from_secs(2 * STOPPED) {
-            let gone: Vec<String> = (0..here.len())
-                .filter(|&k| silent(k))
-                .map(|k| {
-                    let process = here[k].1.process.load(Ordering::Relaxed);
-                    format!("rank {} (process {process})", here[k].0)
-                })
-                .collect();
-            let what = match (gone.is_empty(), ranks.elsewhere()) {
-                (false, _) => format!("{} does not answer", gone.join(", ")),
-                (true, true) => "a rank of another node does not answer".into(),
-                (true, false) if here.len() == 1 => "a file operation does not end".into(),
-                (true, false) => "the ranks wait for each other, or for a file operation".into(),
-            };
+            let what = reason(ranks, &here, &seen);
             end(&format!(
                 "{what}: rank {rank} has waited for {} s (bookkeeping.watchdog); resume from the last checkpoint",
                 waited.as_secs()

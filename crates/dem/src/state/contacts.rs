@@ -126,9 +126,8 @@ impl Contacts {
         self.touching.clear();
         self.limits.clear();
         self.asleep_until.clear();
-        self.limits_are_known = remembered
-            .iter()
-            .all(|c| c.limits().iter().all(Option::is_some));
+        let known = |c: &ContactState| c.limits().iter().all(Option::is_some);
+        self.limits_are_known = remembered.iter().all(known);
         let mut end = 0;
         let ends: Vec<usize> = groups
             .iter()
@@ -151,42 +150,9 @@ impl Contacts {
         let groups = groups.iter().zip(firsts.chain([0; 3]));
         let blocks = groups.flat_map(|(group, first)| group.chunks(LANES).map(move |b| (b, first)));
         for (block, first_grain) in blocks {
-            let mut of_block = Pairs {
-                i: [0; LANES],
-                j: [0; LANES],
-            };
-            let mut geometry = [Lanes16([FILLER; LANES]), Lanes16([-0.5 * FILLER; LANES])];
-            let (mut touching, mut limits) = (0, [0; 3]);
-            let first = self.history.len();
-            self.history
-                .resize(first + self.history_lanes, Lanes16::ZERO);
-            for (lane, listed) in block.iter().enumerate() {
-                let [i, j] = listed.grains;
-                of_block.i[lane] = i - first_grain;
-                of_block.j[lane] = j - first_grain;
-                geometry[0].0[lane] = radius[i as usize] + radius[j as usize];
-                geometry[1].0[lane] = radius[i as usize];
-                if let Some(contact) = listed.contact {
-                    touching |= 1 << lane;
-                    let [slides, rolls] = contact.limits().map(Option::unwrap_or_default);
-                    let is_at = [slides, rolls, contact.is_idle()];
-                    for (lanes, is_at) in limits.iter_mut().zip(is_at) {
-                        *lanes |= u16::from(is_at) << lane;
-                    }
-                    let history = law.from_state(contact.history);
-                    for (lanes, from) in self.history[first..].iter_mut().zip(history) {
-                        lanes.0[lane] = from;
-                    }
-                }
-            }
-            self.pairs.push(of_block);
-            self.geometry.push(geometry);
-            self.touching.push(touching);
-            self.limits.push(limits);
-            let least = block
-                .iter()
-                .map(|listed| listed.gap)
-                .fold(f64::INFINITY, f64::min);
+            self.push(law, block, first_grain, radius);
+            let least = block.iter().map(|listed| listed.gap);
+            let least = least.fold(f64::INFINITY, f64::min);
             let inner = self.asleep_until.len() < self.inner;
             self.asleep_until.push(if inner {
                 way_to_touch(least)
@@ -199,6 +165,42 @@ impl Contacts {
         self.parameters
             .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
         law.set_parameters(isa, &self.geometry, &mut self.parameters);
+    }
+
+    /// Appends a block of pairs. Grains are numbered from `first_grain` on.
+    fn push(&mut self, law: &dyn PairModel, block: &[Listed], first_grain: u32, radius: &[f64]) {
+        let mut pairs = Pairs {
+            i: [0; LANES],
+            j: [0; LANES],
+        };
+        let mut geometry = [Lanes16([FILLER; LANES]), Lanes16([-0.5 * FILLER; LANES])];
+        let (mut touching, mut limits) = (0, [0; 3]);
+        let first = self.history.len();
+        self.history
+            .resize(first + self.history_lanes, Lanes16::ZERO);
+        for (lane, listed) in block.iter().enumerate() {
+            let [i, j] = listed.grains;
+            pairs.i[lane] = i - first_grain;
+            pairs.j[lane] = j - first_grain;
+            geometry[0].0[lane] = radius[i as usize] + radius[j as usize];
+            geometry[1].0[lane] = radius[i as usize];
+            if let Some(contact) = listed.contact {
+                touching |= 1 << lane;
+                let [slides, rolls] = contact.limits().map(Option::unwrap_or_default);
+                let is_at = [slides, rolls, contact.is_idle()];
+                for (lanes, is_at) in limits.iter_mut().zip(is_at) {
+                    *lanes |= u16::from(is_at) << lane;
+                }
+                let history = law.from_state(contact.history);
+                for (lanes, from) in self.history[first..].iter_mut().zip(history) {
+                    lanes.0[lane] = from;
+                }
+            }
+        }
+        self.pairs.push(pairs);
+        self.geometry.push(geometry);
+        self.touching.push(touching);
+        self.limits.push(limits);
     }
 
     /// Borrows some blocks, for the kernel.

@@ -532,28 +532,26 @@ const GROWTH_GRAINS: [Column; 3] = [
 
 /// Returns all tables in `axes` dimensions.
 pub fn tables(axes: usize) -> Vec<TableDescription> {
-    let table = |file, lines, columns: &[&[Column]]| TableDescription {
+    let all = [
+        of_runs(),
+        of_walls(),
+        of_boxes(),
+        of_rate_state(),
+        of_exports(axes),
+    ];
+    all.concat()
+}
+
+fn table(file: &'static str, lines: &'static str, columns: &[&[Column]]) -> TableDescription {
+    TableDescription {
         file,
         lines,
         columns: columns.concat(),
-    };
-    let of_frame = [FRAME, STEP, TIME, STRAIN];
-    let stress_ratio = [Column::new("stress_ratio", "1", "τ")];
-    let grain = [
-        Column::new("id", "1", "id of the grain"),
-        Column::new("body", "1", "0 free, 1 bottom wall, 2 top wall"),
-        RADIUS,
-        MASS,
-    ];
-    // Which one it is depends on the law: `unit` of the dataset in run.h5 says it.
-    let either = if axes == 2 { "N m-1 or m" } else { "N or m" };
-    let named = |columns: &[(Column, usize)]| -> Vec<Column> {
-        let of_law = |(column, _): &(Column, usize)| match column.name {
-            "tangential_history" => Column::new(column.name, either, column.doc),
-            _ => *column,
-        };
-        columns.iter().map(of_law).collect()
-    };
+    }
+}
+
+/// What a run writes.
+fn of_runs() -> Vec<TableDescription> {
     let mut series = vec![STEP, TIME];
     series.extend(SERIES_COLUMNS);
     vec![
@@ -569,6 +567,13 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
             &[&NewtonianRow::COLUMNS],
         ),
         table("spectra.csv", "eigenvalue and time", &[&SPECTRA]),
+    ]
+}
+
+/// What is reduced from a run between walls.
+fn of_walls() -> Vec<TableDescription> {
+    let stress_ratio = [Column::new("stress_ratio", "1", "τ")];
+    vec![
         table(
             "phases.csv",
             "phase of τ",
@@ -622,6 +627,12 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
             "contact and interval around the largest drop",
             &[&MAP_STEP, &MAP_CONTACTS],
         ),
+    ]
+}
+
+/// What is reduced from states and from runs in a box.
+fn of_boxes() -> Vec<TableDescription> {
+    vec![
         table("spectrum.csv", "eigenvalue", &[&SPECTRUM]),
         table(
             "stability.csv",
@@ -630,6 +641,12 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
         ),
         table("growth.csv", "run", &[&GROWTH, &BoxChange::COLUMNS]),
         table("growth-grains.csv", "grain", &[&GROWTH_GRAINS]),
+    ]
+}
+
+/// Slide-hold-slide and velocity-step tests.
+fn of_rate_state() -> Vec<TableDescription> {
+    vec![
         table(
             "rate-state.csv",
             "row of the mean series",
@@ -661,6 +678,28 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
             "fit of a law",
             &[&FIT, INTERVALS.as_flattened(), &FIT_END],
         ),
+    ]
+}
+
+/// What is exported, and the data of figures.
+fn of_exports(axes: usize) -> Vec<TableDescription> {
+    let of_frame = [FRAME, STEP, TIME, STRAIN];
+    let grain = [
+        Column::new("id", "1", "id of the grain"),
+        Column::new("body", "1", "0 free, 1 bottom wall, 2 top wall"),
+        RADIUS,
+        MASS,
+    ];
+    // Which one it is depends on the law: `unit` of the dataset in run.h5 says it.
+    let either = if axes == 2 { "N m-1 or m" } else { "N or m" };
+    let named = |columns: &[(Column, usize)]| -> Vec<Column> {
+        let of_law = |(column, _): &(Column, usize)| match column.name {
+            "tangential_history" => Column::new(column.name, either, column.doc),
+            _ => *column,
+        };
+        columns.iter().map(of_law).collect()
+    };
+    vec![
         table(
             "frames.csv",
             "grain and frame",
