@@ -8,11 +8,11 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
-use gshear_driver::check::{check, check_continued};
 use gshear_driver::folder::same_folder;
 use gshear_driver::launch::{self, Changes, Resumable, Task};
 use gshear_driver::options::Outcome;
 use gshear_driver::options::{Options, Verbosity};
+use gshear_driver::preview::{check, check_continued};
 use gshear_driver::say::{say, say_error};
 use gshear_driver::signals::Signals;
 use gshear_driver::sweep::Sweep;

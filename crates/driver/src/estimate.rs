@@ -14,8 +14,8 @@ use gshear_store::trajectory::{self, file_bytes, waiting_bytes};
 use crate::header::Header;
 use crate::launch::Task;
 use crate::memory;
-use crate::progress::duration;
 use crate::stages::{PACK, PREPARE, newtonian, prepare};
+use crate::terminal::progress::duration;
 use crate::terminal::ranks;
 use gshear_dem::state::series_columns;
 

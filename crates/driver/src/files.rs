@@ -21,7 +21,7 @@ use gshear_store::text_writer::{self, unwritten};
 use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
 
 use crate::folder::{RunFolder, Watched};
-use crate::record::RunRecord;
+use crate::run_record::RunRecord;
 use crate::written::{UpToCheckpoint, Written};
 
 /// The files of a stage. Every call is collective.

@@ -18,10 +18,11 @@ use gshear_scene::{Boundary, Change, Scene};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 use gshear_store::columns::{AqsRow, NewtonianRow};
+use gshear_store::dictionary;
 use gshear_store::existing;
 use gshear_store::file_names::{
-    AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
-    STATUS_FILE,
+    AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RESULTS, RUN_FILE, SCENE_FILE,
+    SPECTRA_FILE, STATUS_FILE,
 };
 use gshear_store::h5;
 use gshear_store::log::Log;
@@ -33,7 +34,7 @@ use crate::header::{Header, Saved};
 pub use crate::lock::is_abandoned;
 use crate::lock::{Lock, unwritable};
 use crate::options::Options;
-use crate::record::{RunRecord, id_in_scene};
+use crate::run_record::{RunRecord, id_in_scene};
 use crate::say::say_error;
 use crate::written::{UpToCheckpoint, Written};
 use gshear_dem::state::series_columns;
@@ -52,26 +53,6 @@ const WRITTEN_BESIDE: [&str; 9] = [
     "aqs.h5.journal",
     "newtonian.h5.journal",
 ];
-/// What `gshear-reduce` writes into the folder of a run unless told otherwise.
-const REDUCED: [&str; 16] = [
-    "report",
-    "lee-hurley",
-    "bonfanti",
-    "rate-state",
-    "reduced.h5",
-    "phases.csv",
-    "regions.csv",
-    "measures.csv",
-    "correlations.csv",
-    "stages.csv",
-    "stages-steps.csv",
-    "stages-grains.csv",
-    "stages-contacts.csv",
-    "growth.csv",
-    "growth-grains.csv",
-    "spectrum.csv",
-];
-
 /// How a run enters its folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entry {
@@ -647,14 +628,9 @@ pub fn same_folder(one: &Path, other: &Path) -> bool {
 
 /// Removes the files of a run and what was reduced from them.
 fn remove_run(folder: &Path) -> Result<(), Failure> {
-    for name in Contents::of(folder)?
-        .names
-        .iter()
-        .map(String::as_str)
-        .chain(REDUCED)
-        .chain([STATUS_FILE])
-    {
-        let path = folder.join(name);
+    let names = Contents::of(folder)?.names.into_iter();
+    let names = names.chain(reduced(folder)).chain([STATUS_FILE.into()]);
+    for path in names.map(|name| folder.join(name)) {
         let removed = match path.symlink_metadata() {
             Err(_) => Ok(()),
             Ok(of) if of.is_dir() => fs::remove_dir_all(&path),
@@ -664,6 +640,23 @@ fn remove_run(folder: &Path) -> Result<(), Failure> {
             .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))?;
     }
     Ok(())
+}
+
+/// What `gshear-reduce` writes into the folder of a run unless told otherwise: each of its tables,
+/// with the description beside it that the user's own tables lack, and [`RESULTS`].
+fn reduced(folder: &Path) -> Vec<String> {
+    let tables = dictionary::tables(3).into_iter().map(|table| table.file);
+    let described = tables.filter_map(|name| {
+        let metadata = dictionary::metadata_name(name);
+        folder
+            .join(&metadata)
+            .exists()
+            .then_some([name.into(), metadata])
+    });
+    described
+        .flatten()
+        .chain(RESULTS.map(String::from))
+        .collect()
 }
 
 /// A file that is open for writing, and must stay where it is.
@@ -700,5 +693,36 @@ impl Watched {
                 },
             ))),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_reduced_goes_with_its_run() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let gone = [
+            "run.h5",
+            "status.json",
+            "stability.csv",
+            "stability.csv-metadata.json",
+            "spectrum.csv",
+            "spectrum.csv-metadata.json",
+            "spectrum.h5",
+        ];
+        // Of the user, who gives tables such names, too.
+        let stays = ["holds.csv", "mine.csv", "mine.csv-metadata.json"];
+        for name in gone.iter().chain(&stays) {
+            fs::write(at(name), "").expect("written");
+        }
+        fs::create_dir(at("report")).expect("a folder");
+        remove_run(folder.path()).expect("removed");
+        let entries = fs::read_dir(folder.path()).expect("a folder").flatten();
+        let mut left: Vec<_> = entries.map(|entry| entry.file_name()).collect();
+        left.sort();
+        assert_eq!(left, stays);
     }
 }

@@ -15,7 +15,7 @@ use gshear_scene::{Boundary, PackingFile, Sample, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
-use crate::record::RunRecord;
+use crate::run_record::RunRecord;
 use crate::stages::PACK;
 use crate::written::Written;
 

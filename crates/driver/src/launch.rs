@@ -21,11 +21,10 @@ use crate::lock::Lock;
 use crate::memory;
 use crate::options::Options;
 use crate::options::Outcome;
-use crate::record::{Continuation, RunRecord};
-use crate::report::Reporter;
 use crate::run::{Run, Start};
+use crate::run_record::{Continuation, RunRecord};
 use crate::say::say_error;
-use crate::stages::{periodic, walls};
+use crate::stages::{between_walls, in_a_box};
 
 /// A scene, and the state from which its run starts.
 pub struct Task {
@@ -68,7 +67,8 @@ impl Task {
             run.folder = Some(RunFolder::take(exchange, &self.claim(), options)?);
             if exchange.rank() == 0 {
                 let folder = options.out.clone();
-                run.reporter = Reporter::new(folder, &run.record, scene, exchange.size());
+                run.terminal
+                    .follow(folder, &run.record, scene, exchange.size());
             }
         }
         run.terminal.header(exchange, scene, run.isa);
@@ -79,8 +79,7 @@ impl Task {
             Dimensions::Two => stages::<Two>(&mut run, scene, self.start),
             Dimensions::Three => stages::<Three>(&mut run, scene, self.start),
         };
-        run.terminal.clear();
-        run.reporter.end(&outcome);
+        run.terminal.run_ended(&outcome);
         outcome
     }
 
@@ -139,8 +138,8 @@ impl Task {
 
 fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
     match &scene.boundary {
-        Boundary::Walls(plane_shear) => walls::run::<D>(run, scene, plane_shear, start),
-        Boundary::Periodic(periodic) => periodic::run::<D>(run, scene, periodic, start),
+        Boundary::Walls(plane_shear) => between_walls::run::<D>(run, scene, plane_shear, start),
+        Boundary::Periodic(periodic) => in_a_box::run::<D>(run, scene, periodic, start),
     }
 }
 

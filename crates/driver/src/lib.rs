@@ -25,21 +25,19 @@
 //! ```
 
 mod calibration;
-pub mod check;
 mod ends;
 pub mod estimate;
 pub mod files;
 pub mod folder;
-mod frame_scalars;
+mod frame_analysis;
 pub mod header;
 pub mod launch;
 mod lock;
 mod memory;
 pub mod options;
-pub mod progress;
-pub mod record;
-mod report;
+pub mod preview;
 pub mod run;
+pub mod run_record;
 pub mod say;
 pub mod signals;
 pub mod stages;
@@ -47,3 +45,5 @@ pub mod sweep;
 mod terminal;
 pub mod version;
 pub mod written;
+
+pub use terminal::progress;

@@ -14,8 +14,7 @@ use crate::files::Destination;
 use crate::folder::RunFolder;
 use crate::header::{Header, Saved};
 use crate::options::{Options, Outcome};
-use crate::record::RunRecord;
-use crate::report::Reporter;
+use crate::run_record::RunRecord;
 use crate::signals::Signals;
 use crate::terminal::Terminal;
 use gshear_store::status::Standing;
@@ -118,8 +117,6 @@ pub struct Run<'a> {
     /// The folder of the results; `None` for a replay.
     pub(crate) folder: Option<RunFolder>,
     pub(crate) terminal: Terminal,
-    /// What is reported while the run goes on.
-    pub(crate) reporter: Reporter,
     signals: Signals,
     started: Instant,
     saved: Instant,
@@ -154,7 +151,6 @@ impl<'a> Run<'a> {
                 exchange.rank() == 0 && options.replay.is_none(),
                 options.verbosity,
             ),
-            reporter: Reporter::default(),
             signals: Signals::catch()?,
             started: now,
             saved: now,
@@ -176,7 +172,7 @@ impl<'a> Run<'a> {
         if let Some(folder) = &self.folder {
             folder.clear(self.exchange)?;
         }
-        self.reporter.begin(&self.terminal, stage.standing());
+        self.terminal.begin(&stage.standing());
         if begins {
             stage.begin(self).map_err(|e| in_stage(e, name))?;
             stage.record(self)?;
@@ -196,21 +192,19 @@ impl<'a> Run<'a> {
                 self.save(stage)?;
             }
             stage.log(self);
-            if stage.goes_on() || self.reporter.is_due(stage.steps()) {
-                let standing = stage.standing();
-                if self.reporter.report(&self.terminal, standing) {
-                    stage.publish();
-                }
+            let due = stage.goes_on() || self.terminal.is_due(stage.steps());
+            if due && self.terminal.progress(&stage.standing()) {
+                stage.publish();
             }
             if stopped {
-                self.reporter.come_to(stage.standing());
+                self.terminal.stage_ended(&stage.standing());
                 self.terminal
                     .stopped(&self.options.out, name, stage.steps());
                 return Ok(Outcome::Stopped);
             }
         }
         self.terminal.clear();
-        self.reporter.come_to(stage.standing());
+        self.terminal.stage_ended(&stage.standing());
         Ok(Outcome::Done)
     }
 

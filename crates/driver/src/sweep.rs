@@ -9,13 +9,13 @@ use gshear_scene::Source;
 use gshear_scene::sweep::Member;
 
 use crate::calibration;
-use crate::check::{check_continued, doubts};
 use crate::estimate::{Estimate, bytes};
 use crate::launch::{Resumable, Task, await_lock, from_the_start, resume_if_begun};
 use crate::options::Outcome;
 use crate::options::{Options, Verbosity};
-use crate::progress::duration;
+use crate::preview::{check_continued, doubts};
 use crate::say::{self, say_error};
+use crate::terminal::progress::duration;
 use crate::terminal::ranks;
 
 /// The runs of a configuration with a sweep.

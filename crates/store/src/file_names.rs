@@ -18,6 +18,24 @@ pub const NEWTONIAN_FILE: &str = "newtonian.h5";
 pub const SPECTRA_FILE: &str = "spectra.csv";
 /// How far the run has come, for dashboards.
 pub const STATUS_FILE: &str = "status.json";
+/// D²min of every grain and frame.
+pub const REDUCED_FILE: &str = "reduced.h5";
+/// Eigenvalues and eigenvectors of a state.
+pub const SPECTRUM_FILE: &str = "spectrum.h5";
+/// Folders of the report and of fits of rate and state.
+pub const REPORT_FOLDER: &str = "report";
+/// See [`REPORT_FOLDER`].
+pub const RATE_STATE_FOLDER: &str = "rate-state";
+/// What `gshear-reduce` writes into the folder of a run beside tables of the [`crate::dictionary`].
+pub const RESULTS: [&str; 6] = [
+    REDUCED_FILE,
+    SPECTRUM_FILE,
+    REPORT_FOLDER,
+    RATE_STATE_FOLDER,
+    // By the studies in Python.
+    "lee-hurley",
+    "bonfanti",
+];
 
 /// The folder of a run: itself, or that of its file.
 pub fn folder_of(run: &Path) -> &Path {

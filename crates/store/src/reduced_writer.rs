@@ -9,6 +9,7 @@ use ndarray::{ArrayView, ArrayView2, s};
 use gshear_dem::failure::Failure;
 
 use crate::checked;
+use crate::file_names::REDUCED_FILE;
 use crate::text_writer::PartFile;
 
 /// Writer of `reduced.h5`.
@@ -25,7 +26,7 @@ impl ReducedWriter {
     /// # Errors
     /// [`Failure::Other`] if the folder or the file cannot be written.
     pub fn create(folder: &Path, strain: &[f64], grains: usize) -> Result<Self, Failure> {
-        let part = PartFile::create(&folder.join("reduced.h5"))?;
+        let part = PartFile::create(&folder.join(REDUCED_FILE))?;
         let make = || -> hdf5::Result<(File, Dataset)> {
             let file = checked::create(part.part())?;
             let group = file.create_group("dmin")?;

@@ -9,6 +9,7 @@ use gshear_dem::failure::Failure;
 use gshear_spectrum::{Eigenvalue, Problem};
 
 use crate::checked;
+use crate::file_names::SPECTRUM_FILE;
 use crate::run_reader::RunStage;
 use crate::text_writer::PartFile;
 
@@ -56,7 +57,7 @@ pub fn write(
     problem: &Problem,
     columns: &Columns,
 ) -> Result<PathBuf, Failure> {
-    let part = PartFile::create(&folder.join("spectrum.h5"))?;
+    let part = PartFile::create(&folder.join(SPECTRUM_FILE))?;
     let save = || -> hdf5::Result<()> {
         let file = checked::create(part.part())?;
         let numbers = |name: &str, of: &dyn Fn(&Eigenvalue) -> f64| {

@@ -20,14 +20,14 @@ mod cell;
 mod contacts;
 mod frame;
 mod grains;
-mod sample;
+mod records;
 mod snapshot;
 
 pub use cell::{BoxEdges, Cell, Image, Sheared, length, nearest_image};
 pub use contacts::{BlockRange, CandidatePair, Contacts, LocalGrains, Touching, way_to_touch};
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
-pub use sample::{
+pub use records::{
     ContactSample, GrainSample, ImposedRow, SERIES_COLUMNS, SeriesRow, series_columns,
 };
 pub use snapshot::{

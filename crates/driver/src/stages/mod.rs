@@ -1,10 +1,12 @@
 //! The stages of runs, and the sequences of stages of each kind of scene.
 
+pub mod between_walls;
 mod box_state;
 mod deform;
+mod eigenvalues;
+pub mod in_a_box;
 pub(crate) mod newtonian;
 mod pack;
-pub mod periodic;
 pub(crate) mod prepare;
 pub(crate) mod relax;
 mod rest;
@@ -12,10 +14,8 @@ mod scatter;
 pub(crate) mod setup;
 pub(crate) mod shear;
 mod spectra_file;
-mod spectrum;
 mod strain;
 mod top_wall;
-pub mod walls;
 
 /// Names of the stages before those that [`gshear_store::run_reader::RunStage`] names, as messages,
 /// checkpoints and `status.json` have them.

@@ -23,8 +23,8 @@ use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
 use super::box_state::observe;
+use super::eigenvalues::GlobalState;
 use super::spectra_file::SpectraFile;
-use super::spectrum::GlobalState;
 use super::strain;
 use crate::files::{Files, Format};
 use crate::header::{Header, Pair, Progress};

@@ -58,7 +58,7 @@ pub(super) fn prepare<D: Dimension>(
                 stage: super::PREPARE.into(),
                 ..Standing::default()
             };
-            run.reporter.begin(&run.terminal, standing);
+            run.terminal.begin(&standing);
             part(run, scene, periodic, law)
         }
     }
@@ -176,10 +176,10 @@ fn compress<D: Dimension>(
         fraction: Some((loosest / length).ln() / (loosest / target).ln().max(1e-9)),
         ..Standing::default()
     };
-    run.reporter.begin(&run.terminal, standing(boxes, length));
+    run.terminal.begin(&standing(boxes, length));
     loop {
         boxes += 1;
-        run.reporter.report(&run.terminal, standing(boxes, length));
+        run.terminal.progress(&standing(boxes, length));
         let mut system = system::<D>(run, scene, scene.sample.box_cell(length))?;
         system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
         // At the end the waves of the last steps must decay before the relaxation: with a weak drag

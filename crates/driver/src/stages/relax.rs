@@ -1,7 +1,7 @@
 //! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
 
+use super::eigenvalues::{GlobalState, Move, newton_step};
 use super::rest::RestState;
-use super::spectrum::{GlobalState, Move, newton_step};
 use crate::header::Relaxing;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};

@@ -20,7 +20,7 @@ use gshear_store::run_reader::RunStage;
 
 use super::setup::system;
 use crate::files::{Files, Format};
-use crate::frame_scalars::FrameAnalysis;
+use crate::frame_analysis::FrameAnalysis;
 use crate::header::{Header, ShearHeader};
 use crate::options::Outcome;
 use crate::run::{Checkpoint, Run, Save, Stage};
@@ -413,7 +413,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         if self.schedule.progress_due(self.step) {
             let done = (self.step - self.first, self.started.elapsed());
             run.terminal
-                .progress(&self.schedule, &self.standing(), done);
+                .log_shear(&self.schedule, &self.standing(), done);
         }
     }
 

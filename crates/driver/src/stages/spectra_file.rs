@@ -8,7 +8,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::agree;
 use gshear_store::table::{TableCell, TableFile, rows_up_to};
 
-use super::spectrum::Eigenvalues;
+use super::eigenvalues::Eigenvalues;
 
 const COLUMNS: [&str; 4] = ["time", "real", "imaginary", "verdict"];
 

@@ -17,9 +17,9 @@ use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
 use super::box_state::{Observed, observe};
+use super::eigenvalues::{Eigenvalues, GlobalState};
 use super::relax::{LONGEST, Relaxation, displace, residual};
 use super::rest::RestState;
-use super::spectrum::{Eigenvalues, GlobalState};
 use crate::files::{Files, Format};
 use crate::header::{
     Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, Work,

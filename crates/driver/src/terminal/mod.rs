@@ -1,4 +1,7 @@
-//! Terminal output of a run, by rank 0.
+//! What rank 0 tells of a run: lines, and on a terminal one line of progress that is drawn anew.
+
+pub mod progress;
+mod status;
 
 use std::path::Path;
 use std::time::Duration;
@@ -8,7 +11,6 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::header::{Birth, Progress};
 use crate::options::Verbosity;
-use crate::progress::{duration, line};
 use crate::say::{say, say_error, width};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
@@ -27,8 +29,10 @@ use gshear_scene::{
 };
 use gshear_store::provenance;
 use gshear_store::status::Standing;
+use progress::{duration, line};
+use status::StatusFile;
 
-/// Lines about the run, and on a terminal one line of progress that is drawn anew.
+/// Lines about the run, the line of progress, and `status.json`.
 pub struct Terminal {
     verbosity: Verbosity,
     /// Whether this rank prints.
@@ -36,6 +40,8 @@ pub struct Terminal {
     /// The terminal with the line of progress.
     screen: Option<Screen>,
     next_packing_line: u64,
+    /// Where this rank tells how far the run has come.
+    status: Option<StatusFile>,
 }
 
 /// A terminal, and the line of progress on it.
@@ -84,6 +90,7 @@ impl Terminal {
                 _ => Screen::find(),
             },
             next_packing_line: 10_000,
+            status: None,
         }
     }
 
@@ -121,7 +128,7 @@ impl Terminal {
     }
 
     /// Draws the line of progress. `speed`: in grain-steps/s of all ranks; `left`: in s.
-    pub fn draw(&self, standing: &Standing, speed: Option<f64>, left: Option<f64>) {
+    fn draw(&self, standing: &Standing, speed: Option<f64>, left: Option<f64>) {
         if let Some(screen) = &self.screen {
             let width = width(&screen.term).unwrap_or_default();
             let text = line(standing, speed, left, width, screen.styled);
@@ -308,7 +315,7 @@ impl Terminal {
     }
 
     /// A line about the shear. `done`: the steps since it was begun or resumed, and their time.
-    pub fn progress(&self, schedule: &Schedule, standing: &Standing, done: (u64, Duration)) {
+    pub fn log_shear(&self, schedule: &Schedule, standing: &Standing, done: (u64, Duration)) {
         let (steps, elapsed) = (done.0 as f64, done.1.as_secs_f64());
         let step = standing.step;
         let left = elapsed / steps * (schedule.total - step) as f64;

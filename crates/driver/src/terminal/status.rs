@@ -1,0 +1,136 @@
+//! What rank 0 tells while a run goes on: the line of progress on the terminal, and `status.json`.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use gshear_dem::failure::Failure;
+use gshear_scene::Scene;
+use gshear_store::provenance;
+use gshear_store::status::{self, RunState, Standing, Status};
+
+use super::Terminal;
+use super::progress::Pace;
+use crate::options::Outcome;
+use crate::run_record::RunRecord;
+
+/// Time between two versions of `status.json`.
+const INTERVAL: Duration = Duration::from_secs(1);
+
+/// How far a run has come, and the file that says so.
+pub(super) struct StatusFile {
+    folder: PathBuf,
+    started: Instant,
+    status: Status,
+    pace: Pace,
+    /// When the file was written last.
+    written: Option<Instant>,
+}
+
+/// On ranks other than 0, and in replays, nothing is told.
+impl Terminal {
+    /// Tells from now on how far the run comes, also in the folder of the run. For rank 0.
+    pub fn follow(&mut self, folder: PathBuf, record: &RunRecord, scene: &Scene, ranks: usize) {
+        let status = Status {
+            version: status::VERSION,
+            state: RunState::Running,
+            message: None,
+            run_id: record.id.clone(),
+            title: scene.title.clone(),
+            standing: Standing::default(),
+            speed: None,
+            seconds_left: None,
+            seconds: 0.0,
+            grains: scene.sample.grains,
+            ranks,
+            host: provenance::host(),
+            pid: std::process::id(),
+            started: provenance::now(),
+            updated: String::new(),
+        };
+        self.status = Some(StatusFile {
+            folder,
+            started: Instant::now(),
+            status,
+            pace: Pace::new(&Standing::default()),
+            written: None,
+        });
+    }
+
+    /// A stage begins, or resumes.
+    pub fn begin(&mut self, standing: &Standing) {
+        if let Some(file) = &mut self.status {
+            file.pace = Pace::new(standing);
+        }
+        self.show(standing);
+        self.status.iter_mut().for_each(StatusFile::write);
+    }
+
+    /// Whether to look at the clock after this step of the stage.
+    pub fn is_due(&self, step: u64) -> bool {
+        let file = self.status.as_ref();
+        file.is_some_and(|file| file.pace.is_due(step))
+    }
+
+    /// Tells how far the stage has come, if it is time. Returns whether the file was written.
+    pub fn progress(&mut self, standing: &Standing) -> bool {
+        if let Some(file) = &mut self.status {
+            file.pace.look(standing.step);
+        }
+        self.show(standing);
+        let due = |file: &&mut StatusFile| file.written.is_none_or(|at| at.elapsed() >= INTERVAL);
+        let file = self.status.as_mut().filter(due);
+        file.map(StatusFile::write).is_some()
+    }
+
+    /// A stage has ended here.
+    pub fn stage_ended(&mut self, standing: &Standing) {
+        if let Some(file) = &mut self.status {
+            file.set(standing);
+        }
+    }
+
+    /// The run has ended.
+    pub fn run_ended(&mut self, ending: &Result<Outcome, Failure>) {
+        self.clear();
+        // A run that never began leaves nothing behind.
+        let Some(file) = self.status.as_mut().filter(|file| file.written.is_some()) else {
+            return;
+        };
+        let (state, message) = match ending {
+            Ok(Outcome::Done) => (RunState::Done, None),
+            Ok(Outcome::Stopped) => (RunState::Stopped, None),
+            Err(failure) => (RunState::Failed, Some(failure.to_string())),
+        };
+        file.status.state = state;
+        file.status.message = message;
+        file.status.seconds_left = None;
+        file.write();
+    }
+
+    fn show(&mut self, standing: &Standing) {
+        self.stage_ended(standing);
+        if let Some(StatusFile { status, .. }) = &self.status {
+            self.draw(standing, status.speed, status.seconds_left);
+        }
+    }
+}
+
+impl StatusFile {
+    fn set(&mut self, standing: &Standing) {
+        let status = &mut self.status;
+        status.standing = Standing {
+            fraction: standing.fraction(),
+            ..standing.clone()
+        };
+        status.speed = self.pace.speed(standing);
+        status.seconds_left = self.pace.left(standing);
+    }
+
+    /// Writes the file. It is for those who look on: a run goes on without it.
+    fn write(&mut self) {
+        self.status.seconds = self.started.elapsed().as_secs_f64();
+        self.status.updated = provenance::now();
+        self.written = Some(Instant::now());
+        let _ = self.status.write(&self.folder);
+    }
+}
