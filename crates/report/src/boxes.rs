@@ -9,9 +9,9 @@ use gshear_store::table;
 
 use super::ReportFigure;
 use super::curves::lines;
-use super::history::{Axis, LAYOUT, Panel, Shown, drawn};
+use super::eigenvalues::{self, SpectrumRow};
+use super::history::{Axis, LAYOUT, Panel, SLIDING_FRACTION, Shown, drawn};
 use super::page::Facts;
-use super::spectrum::{self, SpectrumRow};
 use super::summary::parameters;
 
 /// A deformation of the box.
@@ -64,102 +64,96 @@ const DEFORMATIONS: [Deformation; 4] = [
 
 /// What is drawn over the strain, or the solid fraction of a compression.
 const OF_STRAIN: [Panel; 8] = [
-    Panel {
-        name: "stresses",
-        caption: "Normal stresses along the axes of the box, compression positive, and their mean, the pressure.",
-        label: "stress",
-        shown: Shown::AsTheyAre,
-        lines: &[
+    Panel::new(
+        "stresses",
+        "Normal stresses along the axes of the box, compression positive, and their mean, the pressure.",
+        "stress",
+        Shown::AsTheyAre,
+        &[
             ("stress_xx", "σ_{xx}"),
             ("stress_yy", "σ_{yy}"),
             ("stress_zz", "σ_{zz}"),
             ("pressure", "P"),
         ],
-    },
-    Panel {
-        name: "solid-fraction",
-        caption: "Solid fraction of the box.",
-        label: "solid fraction",
-        shown: Shown::AsTheyAre,
-        lines: &[("solid_fraction", "solid fraction")],
-    },
-    Panel {
-        name: "coordination",
-        caption: "Coordination z: mean number of contacts of a grain.",
-        label: "coordination z",
-        shown: Shown::AsTheyAre,
-        lines: &[("coordination", "coordination")],
-    },
-    Panel {
-        name: "sliding-fraction",
-        caption: "Share of the contacts that slide.",
-        label: "sliding fraction",
-        shown: Shown::AsTheyAre,
-        lines: &[("sliding_fraction", "sliding fraction")],
-    },
-    Panel {
-        name: "energies",
-        caption: "Elastic energy of the contacts.",
-        label: "elastic energy",
-        shown: Shown::AsTheyAre,
-        lines: &[("elastic_energy", "elastic energy")],
-    },
-    Panel {
-        name: "imaginary-parts",
-        caption: "Least and greatest imaginary part of the eigenvalues of K v = λ M v; one that is not 0 belongs to a complex pair.",
-        label: "Im λ",
-        shown: Shown::AsTheyAre,
-        lines: &[
+    ),
+    Panel::new(
+        "solid-fraction",
+        "Solid fraction of the box.",
+        "solid fraction",
+        Shown::AsTheyAre,
+        &[("solid_fraction", "solid fraction")],
+    ),
+    Panel::new(
+        "coordination",
+        "Coordination z: mean number of contacts of a grain.",
+        "coordination z",
+        Shown::AsTheyAre,
+        &[("coordination", "coordination")],
+    ),
+    SLIDING_FRACTION,
+    Panel::new(
+        "energies",
+        "Elastic energy of the contacts.",
+        "elastic energy",
+        Shown::AsTheyAre,
+        &[("elastic_energy", "elastic energy")],
+    ),
+    Panel::new(
+        "imaginary-parts",
+        "Least and greatest imaginary part of the eigenvalues of K v = λ M v; one that is not 0 belongs to a complex pair.",
+        "Im λ",
+        Shown::AsTheyAre,
+        &[
             ("imaginary_least", "least"),
             ("imaginary_greatest", "greatest"),
         ],
-    },
-    Panel {
-        name: "real-parts",
-        caption: "Least real part of the eigenvalues that are not 0, negative in an unstable packing, and that of the complex pair with the greatest imaginary part.",
-        label: "Re λ",
-        shown: Shown::AsTheyAre,
-        lines: &[("least_real", "least"), ("pair_real", "complex pair")],
-    },
-    Panel {
-        name: "pairs",
-        caption: "Number of complex pairs.",
-        label: "complex pairs",
-        shown: Shown::AsTheyAre,
-        lines: &[("pairs", "complex pairs")],
-    },
+    ),
+    Panel::new(
+        "real-parts",
+        "Least real part of the eigenvalues that are not 0, negative in an unstable packing, and that of the complex pair with the greatest imaginary part.",
+        "Re λ",
+        Shown::AsTheyAre,
+        &[("least_real", "least"), ("pair_real", "complex pair")],
+    ),
+    Panel::new(
+        "pairs",
+        "Number of complex pairs.",
+        "complex pairs",
+        Shown::AsTheyAre,
+        &[("pairs", "complex pairs")],
+    ),
 ];
 
 /// What is drawn over the time of Newton's equations.
 const OF_TIME: [Panel; 4] = [
-    Panel {
-        name: "newtonian-displacement",
-        caption: "Newton's equations: mean square displacement.",
-        label: "log_{10} mean square displacement",
-        shown: Shown::Logarithm,
-        lines: &[("msd", "mean square displacement")],
-    },
-    Panel {
-        name: "newtonian-energies",
-        caption: "Newton's equations: kinetic energy of all grains, and elastic energy of the contacts.",
-        label: "log_{10} energy",
-        shown: Shown::Logarithm,
-        lines: &[("kinetic_energy", "kinetic"), ("elastic_energy", "elastic")],
-    },
-    Panel {
-        name: "newtonian-stresses",
-        caption: "Newton's equations: change of the shear stress and of the pressure since the start.",
-        label: "change (%)",
-        shown: Shown::Growth,
-        lines: &[("shear_stress", "shear stress"), ("pressure", "pressure")],
-    },
-    Panel {
-        name: "newtonian-contacts",
-        caption: "Newton's equations: number of contacts.",
-        label: "contacts",
-        shown: Shown::AsTheyAre,
-        lines: &[("contacts", "contacts")],
-    },
+    Panel::new(
+        "newtonian-displacement",
+        "Newton's equations: mean square displacement.",
+        "log_{10} mean square displacement",
+        Shown::Logarithm,
+        &[("msd", "mean square displacement")],
+    ),
+    Panel::new(
+        "newtonian-energies",
+        "Newton's equations: kinetic energy of all grains, and elastic energy of the contacts.",
+        "log_{10} energy",
+        Shown::Logarithm,
+        &[("kinetic_energy", "kinetic"), ("elastic_energy", "elastic")],
+    ),
+    Panel::new(
+        "newtonian-stresses",
+        "Newton's equations: change of the shear stress and of the pressure since the start.",
+        "change (%)",
+        Shown::Growth,
+        &[("shear_stress", "shear stress"), ("pressure", "pressure")],
+    ),
+    Panel::new(
+        "newtonian-contacts",
+        "Newton's equations: number of contacts.",
+        "contacts",
+        Shown::AsTheyAre,
+        &[("contacts", "contacts")],
+    ),
 ];
 
 /// What the strain steps of a run measure.
@@ -223,45 +217,35 @@ impl Measured {
 
     fn figures(&self, axis: &Axis, series: &Series) -> Vec<ReportFigure> {
         let of = self.of;
-        let figures = [
-            (
-                "stress-strain",
-                format!("{}: {}.", of.name, of.stress[0]),
-                of.stress[1],
-                ("conjugate_stress", &self.stress),
-            ),
-            (
-                "modulus",
-                format!("{}, from one strain step to the next.", of.modulus),
-                of.modulus,
-                ("modulus", &self.modulus),
-            ),
-            (
-                "friction",
-                match of.key {
-                    "simple-shear" => "Shear stress over pressure.".into(),
-                    _ => "Sine of the mobilised friction angle: difference of the stresses along the height and across it, over their sum.".into(),
-                },
-                "mobilised friction",
-                ("mobilised_friction", &self.friction),
-            ),
-        ];
-        let drawn = |(name, caption, label, column): (
-            &'static str,
-            String,
-            &str,
-            (&'static str, &Vec<f64>),
-        )| {
-            let svg = lines(LAYOUT, (axis.label, &axis.values), label, &[("", column.1)])?;
-            let data = axis.table_of(series, &[(column.0, column.1)]);
-            Some(ReportFigure {
-                name,
-                caption,
-                svg,
-                data,
-            })
+        let friction = match of.key {
+            "simple-shear" => "Shear stress over pressure.",
+            _ => {
+                "Sine of the mobilised friction angle: difference of the stresses along the height and across it, over their sum."
+            }
         };
-        figures.into_iter().filter_map(drawn).collect()
+        let drawn = |name, caption: String, label, column, values: &[f64]| {
+            let svg = lines(LAYOUT, (axis.label, &axis.values), label, &[("", values)])?;
+            let data = axis.table_of(series, &[(column, values)]);
+            Some(ReportFigure::new(name, caption, svg, data))
+        };
+        let stress = format!("{}: {}.", of.name, of.stress[0]);
+        let modulus = format!("{}, from one strain step to the next.", of.modulus);
+        let column = "mobilised_friction";
+        let label = "mobilised friction";
+        [
+            drawn(
+                "stress-strain",
+                stress,
+                of.stress[1],
+                "conjugate_stress",
+                &self.stress,
+            ),
+            drawn("modulus", modulus, of.modulus, "modulus", &self.modulus),
+            drawn("friction", friction.into(), label, column, &self.friction),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
     }
 }
 
@@ -326,13 +310,10 @@ fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>, Failure> {
     if rows.is_empty() {
         return Ok(None);
     }
-    let [svg, data] = spectrum::over_time(&rows);
-    Ok(Some(ReportFigure {
-        name: "newtonian-eigenvalues",
-        caption: "Imaginary parts of all eigenvalues under Newton's equations.".into(),
-        svg,
-        data,
-    }))
+    let [svg, data] = eigenvalues::over_time(&rows);
+    let caption = "Imaginary parts of all eigenvalues under Newton's equations.";
+    let name = "newtonian-eigenvalues";
+    Ok(Some(ReportFigure::new(name, caption, svg, data)))
 }
 
 fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFigure>) {

@@ -9,10 +9,7 @@ use super::plot::Layout;
 use super::summary::{is_driven, is_imposed};
 use super::ticks;
 
-pub const LAYOUT: Layout = Layout {
-    size: [900.0, 320.0],
-    margin: [84.0, 36.0, 24.0, 58.0],
-};
+pub const LAYOUT: Layout = Layout::new([900.0, 320.0], 84.0);
 
 /// What the time series is drawn over.
 pub struct Axis {
@@ -104,60 +101,80 @@ pub struct Panel {
     pub lines: &'static [(&'static str, &'static str)],
 }
 
+impl Panel {
+    pub const fn new(
+        name: &'static str,
+        caption: &'static str,
+        label: &'static str,
+        shown: Shown,
+        lines: &'static [(&'static str, &'static str)],
+    ) -> Self {
+        Self {
+            name,
+            caption,
+            label,
+            shown,
+            lines,
+        }
+    }
+}
+
+pub const SLIDING_FRACTION: Panel = Panel::new(
+    "sliding-fraction",
+    "Share of the contacts that slide.",
+    "sliding fraction",
+    Shown::AsTheyAre,
+    &[("sliding_fraction", "sliding fraction")],
+);
+
 const PANELS: [Panel; 7] = [
-    Panel {
-        name: "slip-rate",
-        caption: "Velocity of the top wall and of the drive.",
-        label: "log_{10} velocity (m/s)",
-        shown: Shown::Logarithm,
-        lines: &[("slip_rate", "top wall"), ("drive_velocity", "drive")],
-    },
-    Panel {
-        name: "dilation",
-        caption: "Dilation: height of the sheared layer over its height in the first row, less one.",
-        label: "dilation (%)",
-        shown: Shown::Growth,
-        lines: &[("wall_height", "height")],
-    },
-    Panel {
-        name: "solid-fraction",
-        caption: "Solid fraction between the walls.",
-        label: "solid fraction",
-        shown: Shown::AsTheyAre,
-        lines: &[("solid_fraction", "solid fraction")],
-    },
-    Panel {
-        name: "coordination",
-        caption: "Coordination: mean number of contacts of a free grain.",
-        label: "coordination",
-        shown: Shown::AsTheyAre,
-        lines: &[("coordination", "coordination")],
-    },
-    Panel {
-        name: "sliding-fraction",
-        caption: "Share of the contacts that slide.",
-        label: "sliding fraction",
-        shown: Shown::AsTheyAre,
-        lines: &[("sliding_fraction", "sliding fraction")],
-    },
-    Panel {
-        name: "energies",
-        caption: "Kinetic energy of the free grains, and elastic energy of the contacts by parts.",
-        label: "log_{10} energy (J)",
-        shown: Shown::Logarithm,
-        lines: &[
+    Panel::new(
+        "slip-rate",
+        "Velocity of the top wall and of the drive.",
+        "log_{10} velocity (m/s)",
+        Shown::Logarithm,
+        &[("slip_rate", "top wall"), ("drive_velocity", "drive")],
+    ),
+    Panel::new(
+        "dilation",
+        "Dilation: height of the sheared layer over its height in the first row, less one.",
+        "dilation (%)",
+        Shown::Growth,
+        &[("wall_height", "height")],
+    ),
+    Panel::new(
+        "solid-fraction",
+        "Solid fraction between the walls.",
+        "solid fraction",
+        Shown::AsTheyAre,
+        &[("solid_fraction", "solid fraction")],
+    ),
+    Panel::new(
+        "coordination",
+        "Coordination: mean number of contacts of a free grain.",
+        "coordination",
+        Shown::AsTheyAre,
+        &[("coordination", "coordination")],
+    ),
+    SLIDING_FRACTION,
+    Panel::new(
+        "energies",
+        "Kinetic energy of the free grains, and elastic energy of the contacts by parts.",
+        "log_{10} energy (J)",
+        Shown::Logarithm,
+        &[
             ("kinetic_energy", "kinetic"),
             ("elastic_normal", "normal"),
             ("elastic_tangential", "tangential"),
             ("elastic_rolling", "rolling"),
         ],
-    },
-    Panel {
-        name: "dissipation",
-        caption: "Work of drive and load since the start, and where it went.",
-        label: "energy (J)",
-        shown: Shown::Prefixed,
-        lines: &[
+    ),
+    Panel::new(
+        "dissipation",
+        "Work of drive and load since the start, and where it went.",
+        "energy (J)",
+        Shown::Prefixed,
+        &[
             ("work_drive", "work of the drive"),
             ("work_load", "work of the load"),
             ("dissipated_damping", "dampers"),
@@ -165,7 +182,7 @@ const PANELS: [Panel; 7] = [
             ("dissipated_rolling", "rolling"),
             ("dissipated_stiffness", "stiffness"),
         ],
-    },
+    ),
 ];
 
 /// Draws the quantities that the run has recorded.
@@ -212,10 +229,6 @@ pub fn drawn(run: &RunFile, axis: &Axis, panel: &Panel) -> Option<ReportFigure> 
     let known: Vec<_> = known.iter().map(|(name, of)| (*name, &of[..])).collect();
     let svg = lines(LAYOUT, (axis.label, &axis.values), &label, &known)?;
     let columns: Vec<&str> = panel.lines.iter().map(|(column, _)| *column).collect();
-    Some(ReportFigure {
-        name: panel.name,
-        caption: panel.caption.into(),
-        svg,
-        data: axis.table(series, &columns),
-    })
+    let data = axis.table(series, &columns);
+    Some(ReportFigure::new(panel.name, panel.caption, svg, data))
 }

@@ -19,6 +19,51 @@ pub const SPECTRA_FILE: &str = "spectra.csv";
 /// How far the run has come, for dashboards.
 pub const STATUS_FILE: &str = "status.json";
 
+/// What `gshear-reduce` writes into the folder of a run unless told otherwise, apart from metadata
+/// of tables and from exports.
+const REDUCED: [&str; 20] = [
+    "report",
+    "rate-state",
+    "replay",
+    "reduced.h5",
+    "phases.csv",
+    "regions.csv",
+    "measures.csv",
+    "correlations.csv",
+    "stages.csv",
+    "stages-steps.csv",
+    "stages-grains.csv",
+    "stages-contacts.csv",
+    "growth.csv",
+    "growth-grains.csv",
+    "stability.csv",
+    "spectrum.csv",
+    "spectrum.h5",
+    "spectrum.svg",
+    "spectrum.pdf",
+    "spectrum.png",
+];
+
+/// Whether `gshear-reduce` writes something of this name into the folder of a run unless told
+/// otherwise. Its commands take the places of their results by these names alone; a new run in the
+/// folder removes what has one.
+pub fn is_reduced(name: &str) -> bool {
+    let name = name.strip_suffix("-metadata.json").unwrap_or(name);
+    let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
+    let of_frames = stem.strip_suffix("-contacts").unwrap_or(stem);
+    let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    REDUCED.contains(&name)
+        || match ending {
+            "dump" | "vtkhdf" | "xyz" | "npz" | "csv" => {
+                ["frames", "aqs-frames", "newtonian-frames"].contains(&of_frames)
+            }
+            "data" => {
+                stem.starts_with("checkpoint") || stem.strip_prefix("frame-").is_some_and(is_number)
+            }
+            _ => false,
+        }
+}
+
 /// The folder of a run: itself, or that of its file.
 pub fn folder_of(run: &Path) -> &Path {
     match run.parent() {

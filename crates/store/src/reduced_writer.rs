@@ -19,13 +19,13 @@ pub struct ReducedWriter {
 }
 
 impl ReducedWriter {
-    /// Creates the file in `folder`, which is created if missing, with an empty `dmin/value` `[T][N]`
+    /// Creates the file and, if missing, its folder, with an empty `dmin/value` `[T][N]`
     /// and `dmin/strain` `[T]`.
     ///
     /// # Errors
     /// [`Failure::Other`] if the folder or the file cannot be written.
-    pub fn create(folder: &Path, strain: &[f64], grains: usize) -> Result<Self, Failure> {
-        let part = PartFile::create(&folder.join("reduced.h5"))?;
+    pub fn create(path: &Path, strain: &[f64], grains: usize) -> Result<Self, Failure> {
+        let part = PartFile::create(path)?;
         let make = || -> hdf5::Result<(File, Dataset)> {
             let file = checked::create(part.part())?;
             let group = file.create_group("dmin")?;

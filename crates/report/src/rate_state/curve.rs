@@ -11,10 +11,7 @@ use crate::plot::{Layout, Plot, figure};
 use crate::ticks::{self, Tick};
 use gshear_analysis::rate_state::{Evolution, Experiment};
 
-pub(super) const LAYOUT: Layout = Layout {
-    size: [900.0, 460.0],
-    margin: [78.0, 36.0, 24.0, 58.0],
-};
+pub(super) const LAYOUT: Layout = Layout::new([900.0, 460.0], 78.0);
 /// Greatest number of curves named in the legend.
 const NAMED: usize = 3;
 

@@ -1,24 +1,31 @@
 //! `info`: prints the content of a run.
 
 use std::fmt::Write as _;
-use std::io::Write;
+use std::path::PathBuf;
 
 use console::Term;
 
-use crate::output::cannot_write;
+use crate::printer::Printer;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
 use gshear_driver::say::fold_for;
 use gshear_scene::identity;
 use gshear_store::run_reader::{RunFile, RunStage};
 
-/// Prints the content of a run.
-///
-/// # Errors
-/// Output that cannot be written, a run without the parameters that define its strain.
-pub fn print(run: &RunFile, output: &mut impl Write) -> Result<(), Failure> {
-    let text = fold_for(&Term::stdout(), &describe(run)?);
-    output.write_all(text.as_bytes()).map_err(cannot_write)
+/// Show the content of a run
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+    pub run: PathBuf,
+}
+
+impl Arguments {
+    /// # Errors
+    /// A damaged run, or one without the parameters that define its strain.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        let text = describe(&RunFile::open_any(&self.run)?)?;
+        write!(printer, "{}", fold_for(&Term::stdout(), &text))
+    }
 }
 
 fn describe(run: &RunFile) -> Result<String, Failure> {

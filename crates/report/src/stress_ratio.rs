@@ -9,10 +9,7 @@ use super::plot::{Layout, figure};
 use super::ticks;
 use gshear_analysis::phases::{Phase, PhaseKind};
 
-const LAYOUT: Layout = Layout {
-    size: [900.0, 400.0],
-    margin: [72.0, 36.0, 24.0, 58.0],
-};
+const LAYOUT: Layout = Layout::new([900.0, 400.0], 72.0);
 /// Phases with a change below this share of the range of τ have no colour in the figure of the whole
 /// run, where colours would blur.
 pub const VISIBLE: f64 = 0.02;

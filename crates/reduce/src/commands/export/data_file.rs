@@ -9,10 +9,12 @@ use gshear_dem::state::{Cell, GrainSample};
 use gshear_driver::header::Header;
 use gshear_scene::lammps_data::{self, Atom, DataFile};
 use gshear_scene::{Boundary, Dimensions};
+use gshear_store::file_names::folder_of;
 use gshear_store::run_reader::RunFile;
 use gshear_store::{checkpoint, provenance, text_writer};
 
-use super::selection::Which;
+use crate::frame_selection::Which;
+use crate::results::Results;
 
 /// The program that reads a data file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,18 +86,8 @@ pub fn write(
     } else {
         of_run(&RunFile::open(run)?, frame.unwrap_or(Which::Last))?
     };
-    let path = out.map_or_else(
-        || {
-            let folder = if run.is_dir() {
-                Some(run)
-            } else {
-                run.parent()
-            };
-            let file = format!("{}.data", state.name);
-            folder.unwrap_or(Path::new("")).join(file)
-        },
-        Path::to_path_buf,
-    );
+    let beside = || Results::of(None, folder_of(run)).place(&format!("{}.data", state.name));
+    let path = out.map_or_else(beside, Path::to_path_buf);
     text_writer::write(&path, reader.text(&state))?;
     Ok(path)
 }

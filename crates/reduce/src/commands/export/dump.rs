@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use gshear_dem::failure::Failure;
 use gshear_store::text_writer::PartFile;
 
-use super::content::{ContactQuantity, ExportedFrame, ExportedRun, contact_quantities};
+use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values};
 use super::{FrameWriter, contacts_beside};
 
 /// Writes both files.
@@ -96,18 +96,14 @@ impl DumpWriter {
         let file = &mut self.contacts;
         let contacts = &frame.records.contacts;
         Self::head(file, run, frame, ("ENTRIES", contacts.len()))?;
-        let quantities = contact_quantities(run.axes());
         write!(file, "ITEM: ENTRIES batom1 batom2")?;
-        for name in quantities.iter().flat_map(ContactQuantity::names) {
+        for name in contact_names(run.axes()) {
             write!(file, " {name}")?;
         }
         writeln!(file)?;
         for contact in contacts {
             write!(file, "{} {}", contact.i + 1, contact.j + 1)?;
-            for value in quantities
-                .iter()
-                .flat_map(|quantity| quantity.values(contact))
-            {
+            for value in contact_values(run.axes(), contact) {
                 write!(file, " {value:?}")?;
             }
             writeln!(file)?;

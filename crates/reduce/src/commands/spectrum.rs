@@ -1,34 +1,40 @@
 //! `spectrum`: computes eigenvalues of K v = λ M v, of a run or of matrix files.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Par, c64};
 
-use super::export::Which;
-use super::stiffness::{self, StateSelection};
-use crate::output::cannot_write;
+use crate::frame_selection::Which;
+use crate::printer::Printer;
+use crate::results::Results;
+use crate::stored_state::{StateSelection, stiffness_of};
 use gshear_analysis::jacobian::Jacobian;
 use gshear_dem::failure::Failure;
-use gshear_report::drawing;
+use gshear_report::{drawing, eigenvalues};
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
     Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
+use gshear_store::file_names::folder_of;
+use gshear_store::matrix_market;
 use gshear_store::spectrum_writer::{self, Columns, StateOrigin, Unknown};
 use gshear_store::table::Table;
-use gshear_store::{dictionary, matrix_market};
 
 /// Unknowns up to which --all-pairs uses the dense solver: 200 MB of vectors, one to two minutes.
 const DENSE: usize = 3000;
 /// Unknowns above which --dense is refused: memory grows with the square, time with the cube.
 const MOST_DENSE: usize = 12_000;
 
-/// Options of the command.
+/// Compute eigenvalues of K v = λ M v, of a run or of matrix files
+///
+/// K is real and sparse, M diagonal. Without --dense, --all-pairs or --unstable: the
+/// eigenvalues nearest the shift, by shift-invert. Trust a pair only if its verdict is pair;
+/// doubtful pairs may be rounding errors (docs/spectrum.md). Writes spectrum.csv, spectrum.h5
+/// with the eigenvectors, and spectrum.svg.
 #[derive(Debug, clap::Args)]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
-pub struct SpectrumOptions {
+pub struct Arguments {
     /// A run.h5, aqs.h5 or newtonian.h5, the folder of a run, or a checkpoint, from which K and M
     /// are assembled
     #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
@@ -110,59 +116,47 @@ fn resolution(text: &str) -> Result<f64, String> {
     ))
 }
 
-/// Writes `spectrum.csv`, `spectrum.h5` and `spectrum.svg`, and prints a summary to `output`.
-///
-/// # Errors
-/// Bad matrices, an iteration that does not converge, files that cannot be written.
-pub fn write(options: &SpectrumOptions, output: &mut impl Write) -> Result<(), Failure> {
-    let asked = asked(options, output)?;
-    let Asked {
-        problem, source, ..
-    } = &asked;
-    let par = match rayon::current_num_threads() {
-        1 => Par::Seq,
-        threads => Par::rayon(threads),
-    };
-    faer::set_global_parallelism(par);
-    writeln!(
-        output,
-        "{} unknowns, ‖A‖ = {:.6e}; projected out: {} without stiffness, {} null vectors",
-        problem.unknowns(),
-        problem.norm(),
-        problem.rattling(),
-        problem.null().ncols()
-    )
-    .map_err(cannot_write)?;
-    let mut spectrum = solve(options, problem, par, output)?;
-    refine(&mut spectrum, problem, par, output).map_err(cannot_write)?;
-    let centre = options.shift;
-    let spectrum = if options.dense || options.all_pairs {
-        spectrum.arranged(|_| true, |e| e.value.re)
-    } else {
-        spectrum.arranged(|_| true, |e| (e.value - centre).norm())
-    };
-    summary(&spectrum, output).map_err(cannot_write)?;
+impl Arguments {
+    /// # Errors
+    /// Bad matrices, an iteration that does not converge, files that cannot be written.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        let asked = asked(self, printer)?;
+        let Asked {
+            problem, source, ..
+        } = &asked;
+        let par = match rayon::current_num_threads() {
+            1 => Par::Seq,
+            threads => Par::rayon(threads),
+        };
+        faer::set_global_parallelism(par);
+        writeln!(
+            printer,
+            "{} unknowns, ‖A‖ = {:.6e}; projected out: {} without stiffness, {} null vectors",
+            problem.unknowns(),
+            problem.norm(),
+            problem.rattling(),
+            problem.null().ncols()
+        )?;
+        let mut spectrum = solve(self, problem, par, printer)?;
+        refine(&mut spectrum, problem, par, printer)?;
+        let spectrum = if self.dense || self.all_pairs {
+            spectrum.arranged(|_| true, |e| e.value.re)
+        } else {
+            spectrum.arranged(|_| true, |e| (e.value - self.shift).norm())
+        };
+        summary(&spectrum, printer)?;
 
-    let beside = if source.is_dir() {
-        Some(source.as_path())
-    } else {
-        source.parent()
-    };
-    let beside = beside.unwrap_or(Path::new(""));
-    let folder = options.out.as_deref().unwrap_or(beside);
-    let columns = columns(&asked, &spectrum);
-    let csv = folder.join("spectrum.csv");
-    dictionary::write_table(&csv, &table(&spectrum, &columns.participation))?;
-    let vectors = spectrum_writer::write(folder, source, problem, &columns)?;
-    let svg = folder.join("spectrum.svg");
-    drawing::write(
-        &svg,
-        &gshear_report::spectrum::in_the_plane(&spectrum.eigenvalues),
-    )?;
-    for path in [csv, vectors, svg] {
-        writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
+        let results = Results::of(self.out.as_deref(), folder_of(source));
+        let columns = columns(&asked, &spectrum);
+        let table = table(&spectrum, &columns.participation);
+        results.table("spectrum.csv", &table, printer)?;
+        let vectors = results.place("spectrum.h5");
+        spectrum_writer::write(&vectors, source, problem, &columns)?;
+        printer.wrote(&vectors)?;
+        let svg = results.place("spectrum.svg");
+        drawing::write(&svg, &eigenvalues::in_the_plane(&spectrum.eigenvalues))?;
+        printer.wrote(&svg)
     }
-    Ok(())
 }
 
 /// The eigenvalue problem and its origin.
@@ -176,13 +170,13 @@ struct Asked {
     origin: Option<StateOrigin>,
 }
 
-fn asked(options: &SpectrumOptions, output: &mut impl Write) -> Result<Asked, Failure> {
-    if let Some(run) = &options.run {
-        return of_run(run, options, output);
+fn asked(arguments: &Arguments, printer: &mut Printer) -> Result<Asked, Failure> {
+    if let Some(run) = &arguments.run {
+        return of_run(run, arguments, printer);
     }
-    let source = options.matrix.clone().unwrap_or_default();
-    let problem = of_files(&source, options)?;
-    let grain = (0..problem.unknowns()).map(|k| k / usize::from(options.group));
+    let source = arguments.matrix.clone().unwrap_or_default();
+    let problem = of_files(&source, arguments)?;
+    let grain = (0..problem.unknowns()).map(|k| k / usize::from(arguments.group));
     Ok(Asked {
         grain: grain.collect(),
         problem,
@@ -192,14 +186,10 @@ fn asked(options: &SpectrumOptions, output: &mut impl Write) -> Result<Asked, Fa
     })
 }
 
-fn of_run(
-    run: &Path,
-    options: &SpectrumOptions,
-    output: &mut impl Write,
-) -> Result<Asked, Failure> {
-    let frame = options.frame.map(StateSelection::Frame);
-    let selection = frame.or(options.strain.map(StateSelection::Strain));
-    let made = stiffness::of(run, selection, options.paper_form, output)?;
+fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<Asked, Failure> {
+    let frame = arguments.frame.map(StateSelection::Frame);
+    let selection = frame.or(arguments.strain.map(StateSelection::Strain));
+    let made = stiffness_of(run, selection, arguments.paper_form, printer)?;
     let jacobian = &made.jacobian;
     let n = jacobian.unknowns();
     // J contains the masses and has other null vectors.
@@ -207,7 +197,7 @@ fn of_run(
         Some(j) => (j, vec![1.0; n], Mat::zeros(n, 0)),
         None => (&jacobian.k, jacobian.mass.clone(), jacobian.translations()),
     };
-    if let Some(path) = &options.export_matrix {
+    if let Some(path) = &arguments.export_matrix {
         let entries: Vec<_> = (0..n).map(|i| Triplet::new(i, i, mass[i])).collect();
         let m = sparse(n, n, &entries);
         let of_null = (0..null.ncols()).flat_map(|j| (0..n).map(move |i| (i, j)));
@@ -223,7 +213,7 @@ fn of_run(
         }
         for (path, matrix) in files {
             matrix_market::write(&path, matrix)?;
-            writeln!(output, "wrote {}", path.display()).map_err(cannot_write)?;
+            printer.wrote(&path)?;
         }
     }
     let per_grain = jacobian.per_grain;
@@ -266,13 +256,13 @@ fn sparse(
     SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
 }
 
-fn of_files(matrix: &Path, options: &SpectrumOptions) -> Result<Problem, Failure> {
+fn of_files(matrix: &Path, arguments: &Arguments) -> Result<Problem, Failure> {
     let k = matrix_market::read(matrix)?;
-    let mass = match &options.mass {
+    let mass = match &arguments.mass {
         Some(path) => diagonal(path, &matrix_market::read(path)?)?,
         None => vec![1.0; k.ncols()],
     };
-    let null = match &options.null {
+    let null = match &arguments.null {
         Some(path) => matrix_market::read(path)?.to_dense(),
         None => Mat::zeros(k.ncols(), 0),
     };
@@ -280,9 +270,9 @@ fn of_files(matrix: &Path, options: &SpectrumOptions) -> Result<Problem, Failure
         use gshear_spectrum::Unfit;
         let path = match unfit {
             Unfit::NotSquare(_) | Unfit::NotFinite(_) => None,
-            Unfit::MassCount { .. } | Unfit::Mass { .. } => options.mass.as_ref(),
+            Unfit::MassCount { .. } | Unfit::Mass { .. } => arguments.mass.as_ref(),
             Unfit::NullLength { .. } | Unfit::NullDependent | Unfit::NotNull { .. } => {
-                options.null.as_ref()
+                arguments.null.as_ref()
             }
         };
         let path = path.map_or(matrix, |path| path.as_path());
@@ -307,67 +297,65 @@ fn diagonal(path: &Path, m: &SparseColMat<usize, f64>) -> Result<Vec<f64>, Failu
 }
 
 fn solve(
-    options: &SpectrumOptions,
+    arguments: &Arguments,
     problem: &Problem,
     par: Par,
-    output: &mut impl Write,
+    printer: &mut Printer,
 ) -> Result<Spectrum, Failure> {
     let n = problem.size();
-    if options.dense && n > MOST_DENSE {
+    if arguments.dense && n > MOST_DENSE {
         return Err(Failure::input(format!(
             "--dense: {n} unknowns, must be {MOST_DENSE} or fewer; use --all-pairs or --shift, which work on the sparse matrix"
         )));
     }
-    if options.dense || n < 3 {
+    if arguments.dense || n < 3 {
         return Ok(Spectrum::dense(problem));
     }
-    if options.unstable {
-        return amplified(options, problem, par, output);
+    if arguments.unstable {
+        return amplified(arguments, problem, par, printer);
     }
     let symbolic = Symbolic::new(problem.matrix().symbolic());
     writeln!(
-        output,
+        printer,
         "factors: {} entries, {:.3e} operations",
         symbolic.fill(),
         symbolic.operations()
-    )
-    .map_err(cannot_write)?;
-    if options.all_pairs {
-        return all_pairs(options, problem, &symbolic, par, output);
+    )?;
+    if arguments.all_pairs {
+        return all_pairs(arguments, problem, &symbolic, par, printer);
     }
     let request = Request {
-        shift: options.shift,
-        count: options.count.unwrap_or(20) as usize,
-        left: !options.right_only,
+        shift: arguments.shift,
+        count: arguments.count.unwrap_or(20) as usize,
+        left: !arguments.right_only,
         par,
     };
     let found = nearest(problem, &symbolic, request).map_err(unsolved)?;
-    tell(&found, options.shift, output).map_err(cannot_write)?;
+    tell(&found, arguments.shift, printer)?;
     Ok(found.spectrum)
 }
 
 fn all_pairs(
-    options: &SpectrumOptions,
+    arguments: &Arguments,
     problem: &Problem,
     symbolic: &Symbolic,
     par: Par,
-    output: &mut impl Write,
+    printer: &mut Printer,
 ) -> Result<Spectrum, Failure> {
     let bounds = bendixson(problem);
     let spectrum = if problem.size() <= DENSE {
         Spectrum::dense(problem)
     } else {
-        let count = options.count.unwrap_or(100) as usize;
+        let count = arguments.count.unwrap_or(100) as usize;
         let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
         writeln!(
-            output,
+            printer,
             "scan: {} shifts, {} solves",
             found.disks, found.solves
-        )
-        .map_err(cannot_write)?;
+        )?;
         let (all, null) = (found.spectrum.eigenvalues.len(), problem.null().ncols());
         let n = problem.size();
-        writeln!(output, "scan: {} of {} eigenvalues", all + null, n).map_err(cannot_write)?;
+        writeln!(printer, "scan: {} of {} eigenvalues", all + null, n)?;
         found.spectrum
     };
     let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();
@@ -380,34 +368,33 @@ fn all_pairs(
     let inside = known.iter().filter(|&&z| strip.contains(z)).count();
     match winding(problem, symbolic, strip, &known, par) {
         Ok(count) => writeln!(
-            output,
+            printer,
             "pairs above the limit of trust: {inside} found, {} counted by the winding of the determinant ({} factorisations)",
             count.eigenvalues, count.factorisations
         ),
         Err(Uncounted { at }) => writeln!(
-            output,
+            printer,
             "pairs above the limit of trust: {inside} found; not counted, because an eigenvalue lies on the contour at {at:.3e}"
         ),
-    }
-    .map_err(cannot_write)?;
+    }?;
     Ok(spectrum)
 }
 
 fn amplified(
-    options: &SpectrumOptions,
+    arguments: &Arguments,
     problem: &Problem,
     par: Par,
-    output: &mut impl Write,
+    printer: &mut Printer,
 ) -> Result<Spectrum, Failure> {
     let sought = Sought {
-        resolution: options.resolution,
-        most: options.count.unwrap_or(100) as usize,
+        resolution: arguments.resolution,
+        most: arguments.count.unwrap_or(100) as usize,
         par,
     };
     let found = unstable(problem, sought).map_err(|stalled| unsolved(Failed::Stalled(stalled)))?;
-    let within = format!("|Im λ| ≥ {:e} ‖A‖", options.resolution);
+    let within = format!("|Im λ| ≥ {:e} ‖A‖", arguments.resolution);
     writeln!(
-        output,
+        printer,
         "polynomials of degrees {:?}, {} products\n{}",
         found.degrees,
         found.products,
@@ -416,8 +403,7 @@ fn amplified(
         } else {
             format!("the fastest-growing modes; there may be more with {within}: increase --count")
         }
-    )
-    .map_err(cannot_write)?;
+    )?;
     Ok(found.spectrum)
 }
 
@@ -433,16 +419,16 @@ fn unsolved(failed: Failed) -> Failure {
     })
 }
 
-fn tell(found: &Nearest, wished: c64, output: &mut impl Write) -> std::io::Result<()> {
+fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<(), Failure> {
     if found.shift != wished {
         let moved = (found.shift - wished).norm();
         writeln!(
-            output,
+            printer,
             "K - σM is singular at the shift: moved by {moved:.3e}"
         )?;
     }
     writeln!(
-        output,
+        printer,
         "{} solves, {} restarts, {} factorisations",
         found.solves, found.restarts, found.factorisations
     )
@@ -453,8 +439,8 @@ fn refine(
     spectrum: &mut Spectrum,
     problem: &Problem,
     par: Par,
-    output: &mut impl Write,
-) -> std::io::Result<()> {
+    printer: &mut Printer,
+) -> Result<(), Failure> {
     let over = |e: &&Eigenvalue| e.residual > RESIDUAL;
     let before = spectrum.eigenvalues.iter().filter(over).count();
     if before == 0 {
@@ -463,12 +449,12 @@ fn refine(
     let symbolic = Symbolic::new(problem.matrix().symbolic());
     let after = spectrum.refine(problem, &symbolic, par);
     writeln!(
-        output,
+        printer,
         "{before} residuals were over {RESIDUAL:e} ‖A‖ and refined; {after} still are"
     )
 }
 
-fn summary(spectrum: &Spectrum, output: &mut impl Write) -> std::io::Result<()> {
+fn summary(spectrum: &Spectrum, printer: &mut Printer) -> Result<(), Failure> {
     let of = |verdict| {
         spectrum
             .eigenvalues
@@ -482,7 +468,7 @@ fn summary(spectrum: &Spectrum, output: &mut impl Write) -> std::io::Result<()> 
         .map(|e| e.residual)
         .fold(0.0, f64::max);
     writeln!(
-        output,
+        printer,
         "{} eigenvalues: {} real, {} in pairs, {} doubtful, {} zero; largest residual {worst:.1e} ‖A‖",
         spectrum.eigenvalues.len(),
         of(Verdict::Real),

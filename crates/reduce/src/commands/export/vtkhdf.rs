@@ -12,11 +12,12 @@ use hdf5::{Dataset, File, Group, H5Type};
 use ndarray::{ArrayView1, ArrayView2, s};
 
 use gshear_dem::failure::Failure;
-use gshear_dem::state::GrainSample;
+use gshear_dem::state::{Disks, GrainSample};
 use gshear_store::text_writer::{PartFile, unwritten};
 
 use super::FrameWriter;
-use super::content::{ContactQuantity, ExportedFrame, ExportedRun, contact_quantities};
+use super::content::{ExportedFrame, ExportedRun};
+use crate::contact_quantities::{ContactQuantity, of_contacts};
 
 /// The kinds of cells of PolyData, in the order of the columns of `CellOffsets`.
 const KINDS: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
@@ -33,7 +34,7 @@ pub struct VtkWriter {
     point_data: Vec<Column<f64>>,
     ids: Column<i64>,
     cells: [CellColumns; 4],
-    cell_data: Vec<(ContactQuantity, Column<f64>)>,
+    cell_data: Vec<(&'static ContactQuantity, Column<f64>)>,
     /// Steps: values, and the place of each step in the datasets.
     steps: StepColumns,
     frames: i64,
@@ -195,8 +196,8 @@ impl VtkWriter {
         let ids = Column::create(&point_group, "id", 0)?;
         point_offsets.push(Column::of_steps(&of_points, "id", 0)?);
         let (mut cell_data, mut cell_offsets) = (Vec::new(), Vec::new());
-        for quantity in contact_quantities(run.axes()) {
-            let width = match quantity.components.len() {
+        for quantity in of_contacts(run.axes()) {
+            let width = match quantity.components(run.axes()) {
                 1 => 0,
                 width => width,
             };
@@ -231,30 +232,40 @@ impl VtkWriter {
     }
 
     fn append(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> hdf5::Result<()> {
-        let records = &frame.records;
-        let grains = &records.grains;
+        self.append_step(frame.records.time)?;
+        let of_point = self.append_geometry(run, frame)?;
+        self.append_point_data(run.grains(), frame, &of_point)?;
+        let (axes, grains) = (run.axes(), frame.records.grains.len());
+        for (quantity, column) in &mut self.cell_data {
+            // Of vertices nothing is known.
+            let none = std::iter::repeat_n(f64::NAN, grains * quantity.components(axes));
+            let contacts = frame.records.contacts.iter();
+            let values = none.chain(contacts.flat_map(|contact| quantity.values(axes, contact)));
+            column.append(&values.collect::<Vec<_>>())?;
+        }
+        Ok(())
+    }
+
+    /// Appends the places of the next step in the datasets.
+    fn append_step(&mut self, time: f64) -> hdf5::Result<()> {
         let cells_before: i64 = self.cell_data.first().map_or(0, |(_, c)| c.rows as i64);
         let points_before = self.points.rows as i64;
-
-        // The places of this step in the datasets.
         let steps = &mut self.steps;
-        steps.values.append(&[records.time])?;
+        steps.values.append(&[time])?;
         steps.parts.append(&[self.frames])?;
         steps.counts.append(&[1])?;
         steps.points.append(&[points_before])?;
-        let place = |column: fn(&CellColumns) -> usize| -> Vec<i64> {
-            self.cells.iter().map(|kind| column(kind) as i64).collect()
-        };
         // Offsets have one number more than cells in every step; readers count without it.
-        let before = self.frames as usize;
-        let cells: Vec<i64> = place(|kind| kind.offsets.rows)
-            .into_iter()
-            .map(|rows| rows - before as i64)
-            .collect();
+        let cells = self
+            .cells
+            .each_ref()
+            .map(|kind| kind.offsets.rows as i64 - self.frames);
         steps.cells.append(&cells)?;
-        steps
-            .connectivity
-            .append(&place(|kind| kind.connectivity.rows))?;
+        let connectivity = self
+            .cells
+            .each_ref()
+            .map(|kind| kind.connectivity.rows as i64);
+        steps.connectivity.append(&connectivity)?;
         for column in &mut steps.point_data {
             column.append(&[points_before])?;
         }
@@ -262,12 +273,21 @@ impl VtkWriter {
             column.append(&[cells_before])?;
         }
         self.frames += 1;
+        Ok(())
+    }
 
-        // Grain of every point: the grains, then images at the ends of contacts.
+    /// Appends points and cells. Returns the grain of every point: the grains, then images at the
+    /// ends of contacts.
+    fn append_geometry(
+        &mut self,
+        run: &ExportedRun,
+        frame: &ExportedFrame,
+    ) -> hdf5::Result<Vec<usize>> {
+        let (grains, contacts) = (&frame.records.grains, &frame.records.contacts);
         let mut of_point: Vec<usize> = (0..grains.len()).collect();
         let mut points: Vec<f64> = grains.iter().flat_map(|g| g.position).collect();
-        let mut lines = Vec::with_capacity(2 * records.contacts.len());
-        for contact in &records.contacts {
+        let mut lines = Vec::with_capacity(2 * contacts.len());
+        for contact in contacts {
             let (image, moved) = run.nearest_image(frame, contact.i, contact.j);
             let end = if moved {
                 of_point.push(contact.j as usize);
@@ -278,20 +298,25 @@ impl VtkWriter {
             };
             lines.extend([i64::from(contact.i), end as i64]);
         }
-        self.steps
-            .number_of_points
-            .append(&[of_point.len() as i64])?;
+        let count = of_point.len() as i64;
+        self.steps.number_of_points.append(&[count])?;
         self.points.append(&points)?;
         let vertices: Vec<i64> = (0..grains.len() as i64).collect();
-        for (kind, (connectivity, corners)) in
-            self.cells
-                .iter_mut()
-                .zip([(&vertices[..], 1), (&lines[..], 2), (&[], 1), (&[], 1)])
-        {
-            kind.append(connectivity, corners)?;
-        }
+        let [of_vertices, of_lines, polygons, strips] = &mut self.cells;
+        of_vertices.append(&vertices, 1)?;
+        of_lines.append(&lines, 2)?;
+        polygons.append(&[], 1)?;
+        strips.append(&[], 1)?;
+        Ok(of_point)
+    }
 
-        let constants = run.grains();
+    fn append_point_data(
+        &mut self,
+        constants: &Disks,
+        frame: &ExportedFrame,
+        of_point: &[usize],
+    ) -> hdf5::Result<()> {
+        let grains = &frame.records.grains;
         let mut columns = self.point_data.iter_mut();
         for ((_, _, value), column) in STATE.iter().zip(columns.by_ref()) {
             let values: Vec<f64> = of_point.iter().flat_map(|&g| value(&grains[g])).collect();
@@ -306,15 +331,7 @@ impl VtkWriter {
             column.append(&values)?;
         }
         let ids: Vec<i64> = of_point.iter().map(|&g| g as i64).collect();
-        self.ids.append(&ids)?;
-        for (quantity, column) in &mut self.cell_data {
-            // Of vertices nothing is known.
-            let none = std::iter::repeat_n(f64::NAN, grains.len() * quantity.components.len());
-            let contacts = records.contacts.iter();
-            let values = none.chain(contacts.flat_map(|contact| quantity.values(contact)));
-            column.append(&values.collect::<Vec<_>>())?;
-        }
-        Ok(())
+        self.ids.append(&ids)
     }
 
     fn close(self) -> (PartFile, hdf5::Result<()>) {

@@ -1,9 +1,9 @@
-//! Assembles K and M of a frame or a checkpoint.
+//! A state of a run, a frame or a checkpoint, and its stiffness matrix.
 
 use std::path::Path;
 
-use super::export::Which;
-use crate::output::cannot_write;
+use crate::frame_selection::Which;
+use crate::printer::Printer;
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble, paper_form};
 use gshear_analysis::stability::Stability;
 use gshear_dem::dimension::{Three, Two};
@@ -17,7 +17,15 @@ use gshear_scene::{Boundary, Contact, Dimensions, Law, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_writer::StateOrigin;
-use std::io::Write;
+
+/// The histories in K: as the law has them, or as printed by Bonfanti et al.
+pub fn history(paper_form: bool) -> History {
+    if paper_form {
+        History::Unturned
+    } else {
+        History::Turned
+    }
+}
 
 /// The frame to take.
 #[derive(Debug, Clone, Copy)]
@@ -98,78 +106,6 @@ impl StoredState {
         Ok(Self::new(scene, run.cell(t), state, (what, origin)))
     }
 
-    /// Assembles K and M.
-    pub fn jacobian(&self, history: History) -> Jacobian {
-        let state = NetworkState {
-            grains: &self.grains,
-            contacts: &self.contacts,
-            cell: self.cell,
-            masses: self.law.masses(),
-            at_rest: self.at_rest,
-        };
-        match self.dimension {
-            Dimensions::Two => assemble::<Two>(state, self.force::<Two>().as_ref(), history),
-            Dimensions::Three => assemble::<Three>(state, self.force::<Three>().as_ref(), history),
-        }
-    }
-
-    /// Finds all eigenvalues and counts those that make the state unstable. With [`History::Unturned`]
-    /// they are those of J in the paper's form.
-    ///
-    /// # Errors
-    /// If K is not finite.
-    pub fn stability(&self, history: History) -> Result<Stability, Failure> {
-        let problem = self.jacobian(history).problem();
-        let problem =
-            problem.map_err(|why| Failure::numbers(format!("{}: K: {why}", self.what)))?;
-        Ok(Stability::of(&problem))
-    }
-
-    /// Returns the contact law, as the run itself chooses it.
-    fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
-        D::pair_force(&self.law, &self.contact)
-            .expect("a law of this dimension, as the scene was checked")
-    }
-}
-
-/// Assembles K of a run.h5, the folder that holds one, or a checkpoint, and prints its origin. With
-/// `paper` the contact histories do not turn with the contacts.
-///
-/// # Errors
-/// As [`StoredState::read`].
-pub fn of(
-    path: &Path,
-    selection: Option<StateSelection>,
-    paper: bool,
-    output: &mut impl Write,
-) -> Result<StiffnessMatrix, Failure> {
-    let found = StoredState::read(path, selection)?;
-    let history = if paper {
-        History::Unturned
-    } else {
-        History::Turned
-    };
-    let jacobian = found.jacobian(history);
-    writeln!(
-        output,
-        "{}: {} free grains of {}, {} contacts, {} of them sliding",
-        found.what,
-        jacobian.grains.len(),
-        found.grains.len(),
-        jacobian.contacts,
-        jacobian.sliding
-    )
-    .map_err(cannot_write)?;
-    let radius = |g: u32| found.grains[g as usize].radius;
-    let paper = paper.then(|| paper_form(&jacobian, radius));
-    Ok(StiffnessMatrix {
-        jacobian,
-        paper,
-        origin: found.origin,
-    })
-}
-
-impl StoredState {
     fn new(
         scene: Scene,
         cell: Cell,
@@ -188,66 +124,116 @@ impl StoredState {
             origin,
         }
     }
+
+    /// Assembles K and M.
+    pub fn jacobian(&self, history: History) -> Jacobian {
+        let state = NetworkState {
+            grains: &self.grains,
+            contacts: &self.contacts,
+            cell: self.cell,
+            masses: self.law.masses(),
+            at_rest: self.at_rest,
+        };
+        match self.dimension {
+            Dimensions::Two => assemble::<Two>(state, self.force::<Two>().as_ref(), history),
+            Dimensions::Three => assemble::<Three>(state, self.force::<Three>().as_ref(), history),
+        }
+    }
+
+    /// Finds all eigenvalues of the state's K and counts those that make it unstable.
+    ///
+    /// # Errors
+    /// If K is not finite.
+    pub fn stability(&self, jacobian: &Jacobian) -> Result<Stability, Failure> {
+        let unfit = |why| Failure::numbers(format!("{}: K: {why}", self.what));
+        Ok(Stability::of(&jacobian.problem().map_err(unfit)?))
+    }
+
+    /// Returns the contact law, as the run itself chooses it.
+    fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
+        D::pair_force(&self.law, &self.contact)
+            .expect("a law of this dimension, as the scene was checked")
+    }
+}
+
+/// Assembles K of a run.h5, the folder that holds one, or a checkpoint, and prints its origin. With
+/// `paper` the contact histories do not turn with the contacts.
+///
+/// # Errors
+/// As [`StoredState::read`].
+pub fn stiffness_of(
+    path: &Path,
+    selection: Option<StateSelection>,
+    paper: bool,
+    printer: &mut Printer,
+) -> Result<StiffnessMatrix, Failure> {
+    let found = StoredState::read(path, selection)?;
+    let jacobian = found.jacobian(history(paper));
+    writeln!(
+        printer,
+        "{}: {} free grains of {}, {} contacts, {} of them sliding",
+        found.what,
+        jacobian.grains.len(),
+        found.grains.len(),
+        jacobian.contacts,
+        jacobian.sliding
+    )?;
+    let radius = |g: u32| found.grains[g as usize].radius;
+    let paper = paper.then(|| paper_form(&jacobian, radius));
+    Ok(StiffnessMatrix {
+        jacobian,
+        paper,
+        origin: found.origin,
+    })
 }
 
 fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<StoredState, Failure> {
+    let shown = path.display();
+    let unfit = |what: &str| Err(Failure::input(format!("{shown}: {what}")));
     if selection.is_some() {
         return Err(Failure::input(format!(
-            "--frame, --strain: {} is a checkpoint, which holds one state; leave it out",
-            path.display()
+            "--frame, --strain: {shown} is a checkpoint, which holds one state; leave it out"
         )));
     }
     let (toml, snapshot) = checkpoint::read(&Solo, path)?;
     let header = Header::read(&snapshot)?;
     let scene = header.scene(path, toml, &[])?;
-    let state = (snapshot.grains, snapshot.contacts);
     let Some(stage) = header.run_stage() else {
-        return Err(Failure::input(format!(
-            "{}: a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
-            path.display()
-        )));
+        return unfit(
+            "a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
+        );
     };
-    let origin = StateOrigin {
-        run_id: None,
-        stage,
-        step: header.step(),
-    };
-    match (&header, &scene.boundary) {
-        (
-            Header::Aqs {
-                unfinished: Some(_),
-                ..
-            },
-            _,
-        ) => Err(Failure::input(format!(
-            "{}: the run was stopped within strain step {}, so the checkpoint's state is not at rest; continue the run, or give aqs.h5 and a frame of it",
-            path.display(),
-            header.step() + 1
-        ))),
+    let step = header.step();
+    let (cell, what) = match (&header, &scene.boundary) {
+        (Header::Aqs { unfinished, .. }, _) if unfinished.is_some() => {
+            return unfit(&format!(
+                "the run was stopped within strain step {}, so the checkpoint's state is not at rest; continue the run, or give aqs.h5 and a frame of it",
+                step + 1
+            ));
+        }
         (
             Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
             Boundary::Periodic(_),
         ) => {
-            let what = format!(
-                "{} step {} in {}",
-                header.stage(),
-                header.step(),
-                path.display()
-            );
             let cell = match scene.dimension {
                 Dimensions::Two => progress.cell::<Two>(&scene.sample),
                 Dimensions::Three => progress.cell::<Three>(&scene.sample),
             };
-            Ok(StoredState::new(scene, cell, state, (what, origin)))
+            (cell, format!("{} step {step} in {shown}", header.stage()))
         }
-        (_, Boundary::Walls(_)) => {
-            let what = format!("step {} of the shear in {}", header.step(), path.display());
-            let cell = scene.sample.cell();
-            Ok(StoredState::new(scene, cell, state, (what, origin)))
+        (_, Boundary::Walls(_)) => (
+            scene.sample.cell(),
+            format!("step {step} of the shear in {shown}"),
+        ),
+        (_, Boundary::Periodic(_)) => {
+            return unfit("the checkpoint is of a stage between walls, but its scene has a [box]");
         }
-        (_, Boundary::Periodic(_)) => Err(Failure::input(format!(
-            "{}: the checkpoint is of a stage between walls, but its scene has a [box]",
-            path.display()
-        ))),
-    }
+    };
+    let origin = StateOrigin {
+        run_id: None,
+        stage,
+        step,
+    };
+    let state = (snapshot.grains, snapshot.contacts);
+    Ok(StoredState::new(scene, cell, state, (what, origin)))
 }

@@ -2,7 +2,7 @@
 //! `status.json`, which can be read while the run writes.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, Seek, SeekFrom, Write};
+use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
@@ -17,8 +17,8 @@ use gshear_store::file_names::{AQS_FILE, LOG_FILE, STATUS_FILE};
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
 
-use super::braille::plot;
-use super::output::cannot_write;
+use crate::braille::plot;
+use crate::printer::Printer;
 use gshear_store::file_names::folder_of;
 
 /// Time between two looks at the run.
@@ -32,11 +32,28 @@ const PAUSE: Duration = Duration::from_millis(50);
 const WIDEST: usize = 120;
 const LEAST: [usize; 2] = [30, 8];
 
-/// Shows the run until it ends; without a terminal, prints one line.
+/// Show the curves of a run under way in the terminal, until it ends
 ///
-/// # Errors
-/// A folder without a run, output that cannot be written.
-pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
+/// Reads log.csv and status.json every second, while the run writes: stress ratio and solid
+/// fraction over the strain, or over the time if the strain returns; of a box the shear stress,
+/// from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it shows the
+/// present state and ends.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The folder of a run
+    run: PathBuf,
+}
+
+impl Arguments {
+    /// # Errors
+    /// A folder without a run, output that cannot be written.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        watch(&self.run, printer)
+    }
+}
+
+/// Shows the run until it ends; without a terminal, prints one line.
+fn watch(run: &Path, printer: &mut Printer) -> Result<(), Failure> {
     let folder = folder_of(run);
     let mut curves = Curves::new(folder);
     let term = Term::stdout();
@@ -75,25 +92,25 @@ pub fn watch(run: &Path, output: &mut impl Write) -> Result<(), Failure> {
             // The last picture is drawn over, but for one that the terminal has broken anew.
             if size != term.size() {
                 size = term.size();
-                write!(output, "\x1b[H\x1b[2J").map_err(cannot_write)?;
+                write!(printer, "\x1b[H\x1b[2J")?;
             } else if drawn > 0 {
-                write!(output, "\x1b[{drawn}A").map_err(cannot_write)?;
+                write!(printer, "\x1b[{drawn}A")?;
             }
             drawn = text.len();
         }
 
         for line in &text {
             let clear = if shown { "\x1b[2K" } else { "" };
-            writeln!(output, "{clear}{line}").map_err(cannot_write)?;
+            writeln!(printer, "{clear}{line}")?;
         }
         if shown {
-            write!(output, "\x1b[J").map_err(cannot_write)?;
+            write!(printer, "\x1b[J")?;
         }
         if killed || state == Some(RunState::Stopped) {
             let next = format!("continue with --resume {}", folder.display());
-            writeln!(output, "{}", fold_for(&term, &printable(&next))).map_err(cannot_write)?;
+            writeln!(printer, "{}", fold_for(&term, &printable(&next)))?;
         }
-        output.flush().map_err(cannot_write)?;
+        printer.flush()?;
         if !shown || !running || killed {
             return Ok(());
         }

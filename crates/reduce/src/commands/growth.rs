@@ -1,9 +1,11 @@
 //! `growth`: how the complex pair of a box grows under Newton's equations, and what becomes of it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use super::export::Which;
-use super::stiffness::{StateSelection, StoredState};
+use crate::frame_selection::Which;
+use crate::printer::Printer;
+use crate::results::Results;
+use crate::stored_state::{StateSelection, StoredState};
 use gshear_analysis::aftermath::{BoxChange, BoxSeries};
 use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
@@ -11,8 +13,7 @@ use gshear_analysis::jacobian::History;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{Spectrum, Verdict};
-use gshear_store::dictionary;
-use gshear_store::file_names::NEWTONIAN_FILE;
+use gshear_store::file_names::{NEWTONIAN_FILE, folder_of};
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::table::Table;
 
@@ -23,33 +24,45 @@ const MOST_UNKNOWNS: usize = 3000;
 /// Radius of the neighbourhood of D²min in mean radii, as in LH.
 const RADIUS: f64 = 5.0;
 
-/// Writes `growth.csv`, a line on the run, and `growth-grains.csv`, a line per grain, into `folder`;
-/// returns their paths. `path`: newtonian.h5 or the folder that holds one.
+/// Fit the growth of the complex pair in newtonian.h5, and say what became of it
 ///
-/// # Errors
-/// A damaged run, a file of another stage, a file that cannot be written.
-pub fn write(path: &Path, folder: &Path) -> Result<[PathBuf; 2], Failure> {
-    let path = if path.is_dir() {
-        path.join(NEWTONIAN_FILE)
-    } else {
-        path.to_path_buf()
-    };
-    let run = RunFile::open_any(&path)?;
-    if run.stage() != RunStage::Newtonian {
-        return Err(Failure::input(format!(
-            "{}: must be the newtonian.h5 of a run in a box, or its folder",
-            path.display()
-        )));
+/// growth.csv, of one line: ω_i and ω_r fitted to the mean square displacement, the aftermath
+/// (catastrophe, saturation or growing) with the changes of stress, pressure, energy and contacts,
+/// and the overlap of the pair's eigenvector with D²min between the first and the last frame.
+/// growth-grains.csv: |v|² and D²min of every grain; without lines if there is no pair or no frame.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A newtonian.h5, or the folder that holds one
+    pub run: PathBuf,
+    /// Folder to write into [default: the run's]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+impl Arguments {
+    /// # Errors
+    /// A damaged run, a file of another stage, a file that cannot be written.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        let path = if self.run.is_dir() {
+            self.run.join(NEWTONIAN_FILE)
+        } else {
+            self.run.clone()
+        };
+        let run = RunFile::open_any(&path)?;
+        if run.stage() != RunStage::Newtonian {
+            return Err(Failure::input(format!(
+                "{}: must be the newtonian.h5 of a run in a box, or its folder",
+                path.display()
+            )));
+        }
+        let slip = match growing_pair(&run)? {
+            Some(weight) => dmin_of(&run)?.map(|dmin| [weight, dmin]),
+            None => None,
+        };
+        let results = Results::of(self.out.as_deref(), folder_of(&self.run));
+        results.table("growth.csv", &of_run(&run, slip.as_ref()), printer)?;
+        results.table("growth-grains.csv", &of_grains(slip.as_ref()), printer)
     }
-    let weight = growing_pair(&run)?;
-    let slip = match weight {
-        Some(weight) => dmin_of(&run)?.map(|dmin| [weight, dmin]),
-        None => None,
-    };
-    let paths = ["growth.csv", "growth-grains.csv"].map(|name| folder.join(name));
-    dictionary::write_table(&paths[0], &of_run(&run, slip.as_ref()))?;
-    dictionary::write_table(&paths[1], &of_grains(slip.as_ref()))?;
-    Ok(paths)
 }
 
 fn of_run(run: &RunFile, slip: Option<&[Vec<f64>; 2]>) -> String {

@@ -10,7 +10,7 @@ use gshear_store::table::TableCell;
 use gshear_store::text_writer::{PartFile, unwritten};
 
 use super::content::{
-    ContactQuantity, ExportedFrame, ExportedRun, GrainColumn, contact_quantities, grain_columns,
+    ExportedFrame, ExportedRun, GrainColumn, contact_names, contact_values, grain_columns,
 };
 use super::{FrameWriter, contacts_beside};
 
@@ -22,7 +22,6 @@ pub struct CsvWriter {
     grains: TableStream,
     grain_columns: Vec<GrainColumn>,
     contacts: TableStream,
-    quantities: Vec<ContactQuantity>,
 }
 
 /// A table that is written line by line.
@@ -82,14 +81,14 @@ impl CsvWriter {
     /// Files that cannot be created.
     pub fn create(path: &Path, run: &ExportedRun) -> Result<Self, Failure> {
         let axes = run.axes();
-        let (of_grain, quantities) = (grain_columns(axes), contact_quantities(axes));
+        let of_grain = grain_columns(axes);
         let named = of_grain.iter().map(|(name, _)| *name);
         let fields = run.field_names();
         let grains = (FRAME.into_iter())
             .chain(["id", "body", "radius", "mass"])
             .chain(named)
             .chain(fields.iter().map(String::as_str));
-        let named: Vec<String> = quantities.iter().flat_map(ContactQuantity::names).collect();
+        let named: Vec<String> = contact_names(axes).collect();
         let named = named.iter().map(String::as_str);
         let contacts = FRAME.into_iter().chain(["i", "j"]).chain(named);
         Ok(Self {
@@ -100,7 +99,6 @@ impl CsvWriter {
                 contacts,
             )?,
             grain_columns: of_grain,
-            quantities,
         })
     }
 }
@@ -131,7 +129,7 @@ impl FrameWriter for CsvWriter {
             let table = &mut self.contacts;
             table.cells(&of_frame);
             table.cells(&[&contact.i, &contact.j]);
-            for value in self.quantities.iter().flat_map(|q| q.values(contact)) {
+            for value in contact_values(run.axes(), contact) {
                 table.cells(&[&value]);
             }
             table.end_line()?;

@@ -1,10 +1,13 @@
 //! `stages`: the stages of the largest drop of τ, and grains and contacts at steps around it.
 
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use super::correlate::GrainReduction;
 use super::replay::{self, ReplayRequest, Rows};
-use super::scalars::FrameSeries;
+use crate::printer::Printer;
+use crate::results::Results;
+use crate::scalars::FrameSeries;
 use gshear_analysis::displacement::{self, tension};
 use gshear_analysis::forces;
 use gshear_analysis::frame_scalars::{ScalarScratch, Stressed, frame_scalars};
@@ -13,7 +16,6 @@ use gshear_analysis::regions::Reduction;
 use gshear_analysis::stages::Stages;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, Frame};
-use gshear_store::dictionary;
 use gshear_store::run_reader::{FrameFields, RunFile};
 use gshear_store::table::Table;
 
@@ -22,15 +24,28 @@ const TOP: f64 = 0.01;
 /// Radius, in mean diameters, of the region whose direction of tension is determined.
 const REGION: f64 = 5.0;
 
-/// What is written of the largest drop.
-#[derive(Debug, Clone, Copy)]
-pub struct StagesRequest {
-    /// γ from which on phases are found.
-    pub from: f64,
-    /// Reduction of force that chooses the grains of GR regions.
-    pub reduction: Reduction,
-    /// Threads of a replay.
-    pub threads: usize,
+/// Write the stages of the largest drop of τ, and grains and contacts at steps around it (Lee &
+/// Hurley, section 3.2)
+///
+/// stages.csv: Stages I, II and III, and the large slips in Stage II. stages-steps.csv,
+/// stages-grains.csv and stages-contacts.csv: up to 18 intervals around the drop, with the
+/// direction of tension, D²min, the grains of the greatest reduction of force, non-affine
+/// displacements, and the changes of the contact forces; they need a frame at both ends of these
+/// intervals. Missing frames are replayed into the folder replay if checkpoints were kept
+/// (output.keep_checkpoints). Phases are those of τ at the frames.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A run.h5, or the folder that holds one
+    pub run: PathBuf,
+    /// Folder to write into [default: the run's]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Shear strain at which the stick-slip regime begins
+    #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+    from: f64,
+    /// Reduction of force of a grain, by which the grains of GR regions are chosen
+    #[arg(long, value_enum, default_value_t = GrainReduction::Net)]
+    reduction: GrainReduction,
 }
 
 /// An interval around the drop.
@@ -54,60 +69,51 @@ struct MapStep {
     displacement: Vec<[f64; 2]>,
 }
 
-/// Writes `stages.csv`, and with frames around the drop `stages-steps.csv`, `stages-grains.csv` and
-/// `stages-contacts.csv`, into `folder`; returns their paths. If frames are missing and checkpoints
-/// were kept, they are replayed into `folder`/replay.
-///
-/// # Errors
-/// An unfit or damaged run, a run without a slip, a replay that differs, a file that cannot be
-/// written.
-pub fn write(
-    run: &RunFile,
-    folder: &Path,
-    request: StagesRequest,
-) -> Result<Vec<PathBuf>, Failure> {
-    let series = FrameSeries::of(run)?;
-    let first = series.strain.partition_point(|gamma| *gamma < request.from);
-    let (step, strain, tau) = (
-        &series.step[first..],
-        &series.strain[first..],
-        &series.tau[first..],
-    );
-    let found = phases::find(strain, tau);
-    let Some(largest) = phases::largest_drop(&found) else {
-        return Err(Failure::input(format!(
-            "{}: τ never decreases from γ = {} on, so there is no drop; give a lesser --from",
-            run.path().display(),
-            request.from
-        )));
-    };
-    let stages = Stages::around(&found, largest, tau);
-    let rows = shown(&stages);
-    let mut steps = map_steps(run, &rows, (step, strain), request.reduction)?;
-    if steps.is_empty() && replay::can(run) {
-        let window = ReplayRequest {
-            rows: Rows::Strain([stages.begin, stages.end].map(|row| strain[row])),
-            every: None,
-            threads: request.threads,
+impl Arguments {
+    /// `threads`: of a replay.
+    ///
+    /// # Errors
+    /// An unfit or damaged run, a run without a slip, a replay that differs, a file that cannot be
+    /// written.
+    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<(), Failure> {
+        let run = &RunFile::open(&self.run)?;
+        let results = Results::of(self.out.as_deref(), run.folder());
+        let series = FrameSeries::of(run)?;
+        let first = series.strain.partition_point(|gamma| *gamma < self.from);
+        let (step, strain) = (&series.step[first..], &series.strain[first..]);
+        let tau = &series.tau[first..];
+        let found = phases::find(strain, tau);
+        let Some(largest) = phases::largest_drop(&found) else {
+            return Err(Failure::input(format!(
+                "{}: τ never decreases from γ = {} on, so there is no drop; give a lesser --from",
+                run.path().display(),
+                self.from
+            )));
         };
-        let replayed = replay::window(run, window, &folder.join("replay"))?;
-        steps = map_steps(&replayed.run, &rows, (step, strain), request.reduction)?;
-    }
-    let grains = run.grains();
-    let mut tables = vec![("stages.csv", of_stages(&stages, step, strain))];
-    if !steps.is_empty() {
-        tables.push(("stages-steps.csv", of_steps(grains, &steps)));
-        tables.push(("stages-grains.csv", of_grains(grains, &steps)));
-        tables.push(("stages-contacts.csv", of_contacts(grains, &steps)));
-    }
-    let mut paths = Vec::new();
-    for (name, csv) in tables {
-        let path = folder.join(name);
+        let stages = Stages::around(&found, largest, tau);
+        let rows = shown(&stages);
+        let reduction = self.reduction.into();
+        let mut steps = map_steps(run, &rows, (step, strain), reduction)?;
+        if steps.is_empty() && replay::can(run) {
+            let window = ReplayRequest {
+                rows: Rows::Strain([stages.begin, stages.end].map(|row| strain[row])),
+                every: None,
+                threads,
+            };
+            let replayed = replay::window(run, window, &results.place("replay"))?;
+            steps = map_steps(&replayed.run, &rows, (step, strain), reduction)?;
+        }
+        let grains = run.grains();
+        let mut tables = vec![("stages.csv", of_stages(&stages, step, strain))];
+        if !steps.is_empty() {
+            tables.push(("stages-steps.csv", of_steps(grains, &steps)));
+            tables.push(("stages-grains.csv", of_grains(grains, &steps)));
+            tables.push(("stages-contacts.csv", of_contacts(grains, &steps)));
+        }
+        let mut tables = tables.iter();
         // Of disks.
-        dictionary::write_table_in(2, &path, &csv)?;
-        paths.push(path);
+        tables.try_for_each(|(name, csv)| results.table_in(2, name, csv, printer))
     }
-    Ok(paths)
 }
 
 /// Stages and rows of the intervals that are shown: 3 of Stage I, up to 6 of the largest slip in

@@ -7,18 +7,16 @@ use super::Reduction;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fitted};
 use gshear_store::table::Table;
 
-/// Returns names and texts of the files.
-pub fn files(reduction: &Reduction) -> Vec<(String, String)> {
-    let file = |name: &str, text: String| (name.to_string(), text);
-    vec![
-        file("rate-state.csv", series(reduction)),
-        file("segments.csv", segments(reduction)),
-        file("steps.csv", steps(reduction)),
-        file("after-steps.csv", after_steps(reduction)),
-        file("holds.csv", holds(reduction)),
-        file("relaxations.csv", relaxations(reduction)),
-        file("fits.csv", fits(reduction)),
-        file("rate-state.json", format!("{:#}\n", json(reduction))),
+/// Returns the tables with their names.
+pub fn tables(reduction: &Reduction) -> [(&'static str, String); 7] {
+    [
+        ("rate-state.csv", series(reduction)),
+        ("segments.csv", segments(reduction)),
+        ("steps.csv", steps(reduction)),
+        ("after-steps.csv", after_steps(reduction)),
+        ("holds.csv", holds(reduction)),
+        ("relaxations.csv", relaxations(reduction)),
+        ("fits.csv", fits(reduction)),
     ]
 }
 
@@ -238,7 +236,8 @@ fn fits(reduction: &Reduction) -> String {
         .csv()
 }
 
-fn json(reduction: &Reduction) -> Value {
+/// Returns the content of `rate-state.json`.
+pub fn json(reduction: &Reduction) -> Value {
     let experiments = reduction.experiments.iter().zip(&reduction.runs);
     let growth = reduction.peak_growth().into_iter().map(|growth| {
         json!({

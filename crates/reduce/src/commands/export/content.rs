@@ -5,7 +5,8 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use crate::dmin;
+use crate::commands::dmin;
+use crate::contact_quantities::of_contacts;
 use gshear_analysis::dmin::{NonAffine, RADIUS};
 use gshear_analysis::regions::{GrReading, Regions};
 use gshear_analysis::stress;
@@ -429,59 +430,14 @@ fn planar(frame: &FrameRecords) -> Frame {
     }
 }
 
-/// A number, or the components of a vector, of a contact.
-#[derive(Clone)]
-pub struct ContactQuantity {
-    /// Name of its dataset in `run.h5`.
-    pub name: &'static str,
-    /// Its components.
-    pub components: Vec<fn(&ContactSample) -> f64>,
+/// Names of the components of all quantities of contacts.
+pub fn contact_names(axes: usize) -> impl Iterator<Item = String> {
+    of_contacts(axes).flat_map(move |of| component_names(of.name, of.components(axes)))
 }
 
-impl ContactQuantity {
-    /// Names of the components.
-    pub fn names(&self) -> impl Iterator<Item = String> {
-        component_names(self.name, self.components.len())
-    }
-
-    /// The values of the components.
-    pub fn values(&self, contact: &ContactSample) -> impl Iterator<Item = f64> {
-        self.components.iter().map(|component| component(contact))
-    }
-}
-
-/// All quantities of a contact apart from its grains, in `axes` dimensions.
-pub fn contact_quantities(axes: usize) -> Vec<ContactQuantity> {
-    type Component = fn(&ContactSample) -> f64;
-    let force: [Component; 3] = [
-        |c| c.tangential_force[0],
-        |c| c.tangential_force[1],
-        |c| c.tangential_force[2],
-    ];
-    let history: [Component; 3] = [
-        |c| c.tangential_history[0],
-        |c| c.tangential_history[1],
-        |c| c.tangential_history[2],
-    ];
-    let components = if axes == 2 { 1 } else { 3 };
-    let mut all: Vec<(&str, &[Component])> = vec![
-        ("normal_force", &[|c| c.normal_force]),
-        ("tangential_force", &force[..components]),
-        ("tangential_history", &history[..components]),
-    ];
-    if axes == 2 {
-        all.push(("rolling_history", &[|c| c.rolling_history]));
-    }
-    all.push(("overlap", &[|c| c.overlap]));
-    all.push(("sliding", &[|c| c.sliding as f64]));
-    if axes == 2 {
-        all.push(("rolling", &[|c| c.rolling as f64]));
-    }
-    let quantity = |(name, components): (&'static str, &[Component])| ContactQuantity {
-        name,
-        components: components.to_vec(),
-    };
-    all.into_iter().map(quantity).collect()
+/// Their values.
+pub fn contact_values(axes: usize, contact: &ContactSample) -> impl Iterator<Item = f64> {
+    of_contacts(axes).flat_map(move |of| of.values(axes, contact))
 }
 
 /// Name and value of a number of a grain's state.

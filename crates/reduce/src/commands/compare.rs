@@ -2,12 +2,39 @@
 
 use std::cmp::Ordering;
 use std::fmt;
-use std::io::{self, Write};
+use std::path::PathBuf;
 
+use crate::contact_quantities::of_contacts;
+use crate::printer::Printer;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, FrameRecords};
 use gshear_scene::Dimensions;
 use gshear_store::run_reader::RunFile;
+
+/// Compare two runs field by field, to the last bit
+///
+/// Prints for each field the number of values that differ, and the largest absolute and
+/// relative difference with its place. NaN equals NaN. Frames and rows are compared in their
+/// order, contacts by their ids. Exit code 0 if everything is equal, 1 if anything differs.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+    pub(super) a: PathBuf,
+    /// Another one
+    pub(super) b: PathBuf,
+}
+
+impl Arguments {
+    /// Returns the exit code.
+    ///
+    /// # Errors
+    /// A damaged run.
+    pub(super) fn run(&self, printer: &mut Printer) -> Result<i32, Failure> {
+        let comparison = runs(&RunFile::open_any(&self.a)?, &RunFile::open_any(&self.b)?)?;
+        comparison.print(printer)?;
+        Ok(i32::from(!comparison.equal()))
+    }
+}
 
 /// Parameters that describe how, where and when a run was made, not its results.
 const PROVENANCE: [&str; 7] = [
@@ -140,37 +167,15 @@ impl Comparison {
     }
 
     /// Prints one line per field, then the other differences.
-    ///
-    /// # Errors
-    /// If `output` cannot be written.
-    pub fn print(&self, output: &mut impl Write) -> io::Result<()> {
-        let head = [
-            "field",
-            "values",
-            "differing",
-            "max absolute",
-            "at",
-            "max relative",
-            "at",
-            "first difference",
-        ];
-        let [
-            field,
-            values,
-            differing,
-            absolute,
-            at,
-            relative,
-            there,
-            first,
-        ] = head;
+    fn print(&self, printer: &mut Printer) -> Result<(), Failure> {
         writeln!(
-            output,
-            "{field:<24}{values:>12}{differing:>12}{absolute:>14}  {at:<30}{relative:>14}  {there:<30}{first}"
+            printer,
+            "{:<24}{:>12}{:>12}{:>14}  {:<30}{:>14}  {:<30}first difference",
+            "field", "values", "differing", "max absolute", "at", "max relative", "at"
         )?;
         for field in &self.fields {
             writeln!(
-                output,
+                printer,
                 "{:<24}{:>12}{:>12}{:>14.4e}  {:<30}{:>14.4e}  {:<30}{}",
                 field.name,
                 field.compared,
@@ -182,18 +187,15 @@ impl Comparison {
                 field.first
             )?;
         }
-        self.unequal
-            .iter()
-            .try_for_each(|line| writeln!(output, "differs: {line}"))?;
-        self.asides
-            .iter()
-            .try_for_each(|line| writeln!(output, "not counted: {line}"))?;
-        writeln!(
-            output,
-            "{}",
-            if self.equal() { "equal" } else { "different" }
-        )?;
-        output.flush()
+        for line in &self.unequal {
+            writeln!(printer, "differs: {line}")?;
+        }
+        for line in &self.asides {
+            writeln!(printer, "not counted: {line}")?;
+        }
+        let outcome = if self.equal() { "equal" } else { "different" };
+        writeln!(printer, "{outcome}")?;
+        printer.flush()
     }
 
     fn count(&mut self, what: &str, a: usize, b: usize) -> usize {
@@ -256,23 +258,34 @@ pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
         found.fields.extend(frames_of(a, b, frames)?);
     }
 
-    let (x, y) = (a.series(), b.series());
-    let mut step = FieldComparison::new("series step");
-    let mut time = FieldComparison::new("series time");
-    for row in 0..rows {
-        step.see(x.step[row] as f64, y.step[row] as f64, Location::Row(row));
-        time.see(x.time[row], y.time[row], Location::Row(row));
-    }
-    found.fields.extend([step, time]);
-    for column in x.declared {
-        let mut field = FieldComparison::new(column.name);
-        let pairs = x.column(column.name).iter().zip(y.column(column.name));
-        pairs
-            .enumerate()
-            .for_each(|(row, (a, b))| field.see(*a, *b, Location::Row(row)));
-        found.fields.push(field);
-    }
+    let rows: Vec<[usize; 2]> = (0..rows).map(|row| [row; 2]).collect();
+    found.fields.extend(series(a, b, &rows));
     Ok(found)
+}
+
+/// Compares the time series in these rows of the one and of the other run; places are rows of the
+/// first.
+pub fn series(a: &RunFile, b: &RunFile, rows: &[[usize; 2]]) -> Vec<FieldComparison> {
+    let (a, b) = (a.series(), b.series());
+    let compared = |name: &str, of: &dyn Fn([usize; 2]) -> [f64; 2]| {
+        let mut field = FieldComparison::new(name);
+        for &pair in rows {
+            let [x, y] = of(pair);
+            field.see(x, y, Location::Row(pair[0]));
+        }
+        field
+    };
+    let mut fields = vec![
+        compared("series step", &|[i, j]| {
+            [a.step[i] as f64, b.step[j] as f64]
+        }),
+        compared("series time", &|[i, j]| [a.time[i], b.time[j]]),
+    ];
+    fields.extend(a.declared.iter().map(|column| {
+        let [x, y] = [a, b].map(|series| series.column(column.name));
+        compared(column.name, &|[i, j]| [x[i], y[j]])
+    }));
+    fields
 }
 
 fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
@@ -312,82 +325,57 @@ fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldCompari
             .enumerate()
             .for_each(|(k, (x, y))| fields.see(first + k, &x, &y));
     }
-    Ok(fields.into_fields())
+    Ok(fields.fields)
 }
 
-/// A field of a contact: name, whether it is a tangential vector (one component in 2D), getter.
-type ContactField = (&'static str, bool, fn(&ContactSample) -> [f64; 3]);
-
-const CONTACT_FIELDS: [ContactField; 7] = [
-    ("normal_force", false, |c| [c.normal_force; 3]),
-    ("tangential_force", true, |c| c.tangential_force),
-    ("tangential_history", true, |c| c.tangential_history),
-    ("rolling_history", false, |c| [c.rolling_history; 3]),
-    ("overlap", false, |c| [c.overlap; 3]),
-    ("sliding", false, |c| [c.sliding as f64; 3]),
-    // Last: of disks.
-    ("rolling", false, |c| [c.rolling as f64; 3]),
+/// Fields of frames, before those of contacts; the last one is whether a contact is in both runs.
+const FRAME_FIELDS: [&str; 7] = [
+    "frame step",
+    "frame time",
+    "position",
+    "velocity",
+    "angular_velocity",
+    "image",
+    "contacts",
 ];
 
 struct FrameComparison {
     dimension: Dimensions,
-    step: FieldComparison,
-    time: FieldComparison,
-    position: FieldComparison,
-    velocity: FieldComparison,
-    angular_velocity: FieldComparison,
-    image: FieldComparison,
-    /// Whether a contact is in both runs.
-    pairs: FieldComparison,
-    contacts: Vec<FieldComparison>,
+    /// [`FRAME_FIELDS`], then those of contacts.
+    fields: Vec<FieldComparison>,
 }
 
 impl FrameComparison {
     fn new(dimension: Dimensions) -> Self {
-        let columns = match dimension {
-            Dimensions::Two => CONTACT_FIELDS.len(),
-            Dimensions::Three => CONTACT_FIELDS.len() - 1,
-        };
+        let contacts = of_contacts(dimension.axes());
+        let contacts = contacts.map(|of| FieldComparison::new(format!("c. {}", of.name)));
+        let fields = FRAME_FIELDS.map(FieldComparison::new).into_iter();
         FrameComparison {
             dimension,
-            step: FieldComparison::new("frame step"),
-            time: FieldComparison::new("frame time"),
-            position: FieldComparison::new("position"),
-            velocity: FieldComparison::new("velocity"),
-            angular_velocity: FieldComparison::new("angular_velocity"),
-            image: FieldComparison::new("image"),
-            pairs: FieldComparison::new("contacts"),
-            contacts: CONTACT_FIELDS[..columns]
-                .iter()
-                .map(|(name, ..)| FieldComparison::new(format!("c. {name}")))
-                .collect(),
+            fields: fields.chain(contacts).collect(),
         }
     }
 
     fn see(&mut self, t: usize, a: &FrameRecords, b: &FrameRecords) {
-        self.step
-            .see(a.step as f64, b.step as f64, Location::Frame(t));
-        self.time.see(a.time, b.time, Location::Frame(t));
+        let [step, time, position, velocity, spin, image, ..] = &mut self.fields[..] else {
+            unreachable!("FRAME_FIELDS come first");
+        };
+        step.see(a.step as f64, b.step as f64, Location::Frame(t));
+        time.see(a.time, b.time, Location::Frame(t));
         let axes = self.dimension.axes();
+        let spins = match self.dimension {
+            Dimensions::Two => 2..3,
+            Dimensions::Three => 0..3,
+        };
         for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
-            for (k, part) in PARTS.into_iter().enumerate().take(axes) {
-                let at = Location::GrainOf(t, n, part);
-                self.position.see(a.position[k], b.position[k], at);
-                self.velocity.see(a.velocity[k], b.velocity[k], at);
+            let at = |k: usize| Location::GrainOf(t, n, PARTS[k]);
+            for k in 0..axes {
+                position.see(a.position[k], b.position[k], at(k));
+                velocity.see(a.velocity[k], b.velocity[k], at(k));
+                image.see(a.image[k] as f64, b.image[k] as f64, at(k));
             }
-            let spins = match self.dimension {
-                Dimensions::Two => 2..3,
-                Dimensions::Three => 0..3,
-            };
-            for k in spins {
-                let at = Location::GrainOf(t, n, PARTS[k]);
-                self.angular_velocity
-                    .see(a.angular_velocity[k], b.angular_velocity[k], at);
-            }
-            for (k, part) in PARTS.into_iter().enumerate().take(axes) {
-                let at = Location::GrainOf(t, n, part);
-                let [a, b] = [a, b].map(|grain| grain.image[k] as f64);
-                self.image.see(a, b, at);
+            for k in spins.clone() {
+                spin.see(a.angular_velocity[k], b.angular_velocity[k], at(k));
             }
         }
         self.see_contacts(t, &a.contacts, &b.contacts);
@@ -395,6 +383,9 @@ impl FrameComparison {
 
     /// Merges two lists in order of (i, j).
     fn see_contacts(&mut self, t: usize, mut a: &[ContactSample], mut b: &[ContactSample]) {
+        let (frames, contacts) = self.fields.split_at_mut(FRAME_FIELDS.len());
+        let pairs = &mut frames[FRAME_FIELDS.len() - 1];
+        let axes = self.dimension.axes();
         loop {
             let order = match (a.first(), b.first()) {
                 (Some(x), Some(y)) => (x.i, x.j).cmp(&(y.i, y.j)),
@@ -408,38 +399,20 @@ impl FrameComparison {
                 &a[0]
             };
             let at = Location::ContactOf(t, sample.i, sample.j);
-            self.pairs.see(
+            pairs.see(
                 (order != Ordering::Greater).into(),
                 (order != Ordering::Less).into(),
                 at,
             );
             if order == Ordering::Equal {
-                for (field, (_, vector, of)) in self.contacts.iter_mut().zip(CONTACT_FIELDS) {
-                    let (x, y) = (of(&a[0]), of(&b[0]));
-                    let components = match self.dimension {
-                        Dimensions::Three if vector => 3,
-                        _ => 1,
-                    };
-                    (0..components).for_each(|k| field.see(x[k], y[k], at));
+                for (field, of) in contacts.iter_mut().zip(of_contacts(axes)) {
+                    let values = of.values(axes, &a[0]).zip(of.values(axes, &b[0]));
+                    values.for_each(|(x, y)| field.see(x, y, at));
                 }
             }
             a = &a[usize::from(order != Ordering::Greater)..];
             b = &b[usize::from(order != Ordering::Less)..];
         }
-    }
-
-    fn into_fields(self) -> Vec<FieldComparison> {
-        let mut fields = vec![
-            self.step,
-            self.time,
-            self.position,
-            self.velocity,
-            self.angular_velocity,
-        ];
-        fields.push(self.image);
-        fields.push(self.pairs);
-        fields.extend(self.contacts);
-        fields
     }
 }
 
@@ -489,9 +462,11 @@ mod tests {
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
         let mut fields = FrameComparison::new(Dimensions::Two);
         fields.see_contacts(7, &a, &b);
-        assert_eq!((fields.pairs.compared, fields.pairs.differing), (4, 2));
-        assert_eq!(fields.pairs.first, Location::ContactOf(7, 0, 1));
-        let force = &fields.contacts[0];
+        let [.., pairs, force, _, _, _, _, _, _] = &fields.fields[..] else {
+            panic!("too few fields");
+        };
+        assert_eq!((pairs.compared, pairs.differing), (4, 2));
+        assert_eq!(pairs.first, Location::ContactOf(7, 0, 1));
         assert_eq!(
             (force.compared, force.differing, force.first),
             (2, 1, Location::ContactOf(7, 4, 5))

@@ -11,10 +11,7 @@ const WIDE: Layout = Layout {
     size: [900.0, 400.0],
     margin: [104.0, 62.0, 24.0, 58.0],
 };
-const LAYOUT: Layout = Layout {
-    size: [900.0, 480.0],
-    margin: [84.0, 36.0, 24.0, 58.0],
-};
+const LAYOUT: Layout = Layout::new([900.0, 480.0], 84.0);
 
 /// Draws eigenvalues coloured by verdict, pairs on top.
 pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {

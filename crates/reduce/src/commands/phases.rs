@@ -1,61 +1,78 @@
 //! `phases`: writes the table of stick and slip phases.
 
-use std::io::Write;
-use std::path::Path;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
 
-use crate::output::cannot_write;
+use crate::printer::Printer;
+use crate::results::Results;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_analysis::tau::TauReading;
 use gshear_dem::failure::Failure;
-use gshear_store::dictionary;
 use gshear_store::run_reader::RunFile;
 use gshear_store::table::Table;
 
-/// The normal force by which τ = S/N.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// Write the stick and slip phases of τ into phases.csv
+///
+/// A phase is a maximal monotone run of τ in the time series. Durations t_p are counted in
+/// intervals Δγ of the series. The options change what τ is; Lee & Hurley leave that open.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A run.h5, or the folder that holds one
+    pub run: PathBuf,
+    /// Folder to write into [default: the run's]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Shear strain from which on phases are found
+    #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+    from: f64,
+    /// N in τ = S/N
+    #[arg(long, value_enum, default_value_t = NormalForce::Measured)]
+    normal_force: NormalForce,
+    /// Take every Nth row of the time series as the end of an interval
+    #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
+    every: NonZeroUsize,
+    /// Average τ over the rows of an interval
+    #[arg(long)]
+    average: bool,
+    /// Round τ to multiples of this
+    #[arg(long, value_name = "UNIT", value_parser = super::positive)]
+    round: Option<f64>,
+}
+
+/// The normal force in τ = S/N.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum NormalForce {
-    /// That of the free grains on the top wall.
+    /// That of the free grains on the top wall
     Measured,
-    /// That imposed on the top wall.
+    /// That imposed on it
     Imposed,
 }
 
-/// What the phases are found in.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PhaseRequest {
-    /// The normal force.
-    pub normal_force: NormalForce,
-    /// The series of τ.
-    pub tau: TauReading,
-    /// γ from which on phases are found.
-    pub from: f64,
-}
-
-/// Writes `phases.csv` into `folder` and a summary to `output`.
-///
-/// # Errors
-/// A run without an imposed normal force, if that is asked for; a file that cannot be written.
-pub fn write(
-    run: &RunFile,
-    request: &PhaseRequest,
-    folder: &Path,
-    output: &mut impl Write,
-) -> Result<(), Failure> {
-    let series = run.series();
-    let tau = match request.normal_force {
-        NormalForce::Measured => series.column("stress_ratio").to_vec(),
-        NormalForce::Imposed => over_imposed(run)?,
-    };
-    let all = series.column("strain");
-    let first = all.partition_point(|strain| *strain < request.from);
-    let (rows, tau) = request.tau.of(&tau[first..]);
-    let rows: Vec<usize> = rows.into_iter().map(|row| first + row).collect();
-    let strain: Vec<f64> = rows.iter().map(|row| all[*row]).collect();
-    let found = phases::find(&strain, &tau);
-    let path = folder.join("phases.csv");
-    dictionary::write_table(&path, &table(&found, &rows, &series.step))?;
-    summary(&found, rows.len().saturating_sub(1), output).map_err(cannot_write)?;
-    writeln!(output, "wrote {}", path.display()).map_err(cannot_write)
+impl Arguments {
+    /// # Errors
+    /// A run without an imposed normal force, if that is asked for; a file that cannot be written.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        let run = RunFile::open(&self.run)?;
+        let series = run.series();
+        let tau = match self.normal_force {
+            NormalForce::Measured => series.column("stress_ratio").to_vec(),
+            NormalForce::Imposed => over_imposed(&run)?,
+        };
+        let all = series.column("strain");
+        let first = all.partition_point(|strain| *strain < self.from);
+        let reading = TauReading {
+            every: self.every,
+            average: self.average,
+            round: self.round,
+        };
+        let (rows, tau) = reading.of(&tau[first..]);
+        let rows: Vec<usize> = rows.into_iter().map(|row| first + row).collect();
+        let strain: Vec<f64> = rows.iter().map(|row| all[*row]).collect();
+        let found = phases::find(&strain, &tau);
+        summary(&found, rows.len().saturating_sub(1), printer)?;
+        let results = Results::of(self.out.as_deref(), run.folder());
+        results.table("phases.csv", &table(&found, &rows, &series.step), printer)
+    }
 }
 
 /// τ of every row with the normal force that the run imposed.
@@ -93,9 +110,9 @@ fn table(found: &[Phase], rows: &[usize], step: &[u64]) -> String {
         .csv()
 }
 
-fn summary(found: &[Phase], intervals: usize, output: &mut impl Write) -> std::io::Result<()> {
+fn summary(found: &[Phase], intervals: usize, printer: &mut Printer) -> Result<(), Failure> {
     writeln!(
-        output,
+        printer,
         "{:<8}{:>10}{:>10}{:>16}{:>16}",
         "phases", "number", "long", "mean |Δτ_p|", "mean t_p/Δγ"
     )?;
@@ -110,7 +127,7 @@ fn summary(found: &[Phase], intervals: usize, output: &mut impl Write) -> std::i
             / count;
         let long = of_kind.iter().filter(|phase| phase.is_long()).count();
         writeln!(
-            output,
+            printer,
             "{:<8}{:>10}{long:>10}{change:>16.3e}{duration:>16.2}",
             kind.name(),
             of_kind.len()
@@ -119,14 +136,14 @@ fn summary(found: &[Phase], intervals: usize, output: &mut impl Write) -> std::i
     if intervals > 0 {
         let per_interval = found.len() as f64 / intervals as f64;
         writeln!(
-            output,
+            printer,
             "per interval: {per_interval:.4} phases, {:.4} cycles of a stick and a slip ({intervals} intervals)",
             0.5 * per_interval
         )?;
     }
     if let Some(drop) = phases::largest_drop(found) {
         writeln!(
-            output,
+            printer,
             "largest drop: Δτ_p = {:.4e} from γ = {:.6e} to {:.6e}",
             drop.change, drop.strain[0], drop.strain[1]
         )?;
