@@ -1,5 +1,7 @@
 //! A curve as lines of text, with the eight dots of Braille patterns as pixels.
 
+use gshear_analysis::moments::extent;
+
 /// Characters for the values beside the picture.
 const GUTTER: usize = 10;
 
@@ -20,9 +22,7 @@ pub fn plot(
         return Vec::new();
     }
     let [x, y] = [0, 1].map(|axis| {
-        let values = points.iter().map(|p| p[axis]);
-        let least = values.clone().fold(f64::INFINITY, f64::min);
-        let most = values.fold(f64::NEG_INFINITY, f64::max);
+        let [least, most] = extent(points.iter().map(|p| p[axis]));
         // A constant lies in the middle.
         let margin = if most > least {
             0.0

@@ -41,15 +41,17 @@ impl Which {
             Which::Last => "last".to_string(),
             Which::Number(t) => t.to_string(),
         };
-        let there = match frames {
-            0 => "no frames".into(),
-            n => format!("the frames 0 … {}", n - 1),
-        };
-        Err(Failure::input(format!(
-            "--frame {asked}: {} has {there}",
-            run.path().display()
-        )))
+        Err(lacks(run, format!("--frame {asked}")))
     }
+}
+
+/// The failure of a run without a frame that an option asks for.
+fn lacks(run: &RunFile, option: String) -> Failure {
+    let has = match run.frames() {
+        0 => "no frames".into(),
+        n => format!("the frames 0 … {}", n - 1),
+    };
+    Failure::input(format!("{option}: {} has {has}", run.path().display()))
 }
 
 /// A range of frames, both ends included, and the stride through it: `A..B:N`.
@@ -86,15 +88,7 @@ impl FrameRange {
         let frames = run.frames();
         let last = self.last.unwrap_or(frames.saturating_sub(1));
         if frames == 0 || last >= frames || self.first > last {
-            let there = match frames {
-                0 => "no frames".into(),
-                n => format!("the frames 0 … {}", n - 1),
-            };
-            return Err(Failure::input(format!(
-                "--frames {}..{last}: {} has {there}",
-                self.first,
-                run.path().display()
-            )));
+            return Err(lacks(run, format!("--frames {}..{last}", self.first)));
         }
         Ok((self.first..=last).step_by(self.stride).collect())
     }

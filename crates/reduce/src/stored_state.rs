@@ -13,7 +13,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, ContactState, GrainState};
 use gshear_driver::header::Header;
-use gshear_scene::{Boundary, Contact, Dimensions, Law, Scene, Source};
+use gshear_scene::{Boundary, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_writer::StateOrigin;
@@ -48,14 +48,11 @@ pub struct StiffnessMatrix {
 
 /// A state with its law and cell, from which K is assembled.
 pub struct StoredState {
-    law: Law,
-    contact: Contact,
-    dimension: Dimensions,
+    scene: Scene,
     cell: Cell,
     /// Grains by id.
-    pub grains: Vec<GrainState>,
+    grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
-    at_rest: bool,
     what: String,
     origin: StateOrigin,
 }
@@ -92,7 +89,7 @@ impl StoredState {
         };
         let name = format!("{} (its scene)", run.path().display());
         let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
-        let state = run.state(t)?;
+        let (grains, contacts) = run.state(t)?;
         let what = format!(
             "frame {t} (step {}) of {}",
             run.frame_steps()[t],
@@ -103,26 +100,14 @@ impl StoredState {
             stage: run.stage(),
             step: run.frame_steps()[t],
         };
-        Ok(Self::new(scene, run.cell(t), state, (what, origin)))
-    }
-
-    fn new(
-        scene: Scene,
-        cell: Cell,
-        (grains, contacts): (Vec<GrainState>, Vec<ContactState>),
-        (what, origin): (String, StateOrigin),
-    ) -> Self {
-        Self {
-            law: scene.law,
-            contact: scene.contact,
-            dimension: scene.dimension,
-            cell,
+        Ok(Self {
+            scene,
+            cell: run.cell(t),
             grains,
             contacts,
-            at_rest: origin.stage == RunStage::Strain,
             what,
             origin,
-        }
+        })
     }
 
     /// Assembles K and M.
@@ -131,10 +116,11 @@ impl StoredState {
             grains: &self.grains,
             contacts: &self.contacts,
             cell: self.cell,
-            masses: self.law.masses(),
-            at_rest: self.at_rest,
+            masses: self.scene.law.masses(),
+            // Strain steps end at rest.
+            at_rest: self.origin.stage == RunStage::Strain,
         };
-        match self.dimension {
+        match self.scene.dimension {
             Dimensions::Two => assemble::<Two>(state, self.force::<Two>().as_ref(), history),
             Dimensions::Three => assemble::<Three>(state, self.force::<Three>().as_ref(), history),
         }
@@ -151,7 +137,7 @@ impl StoredState {
 
     /// Returns the contact law, as the run itself chooses it.
     fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
-        D::pair_force(&self.law, &self.contact)
+        D::pair_force(&self.scene.law, &self.scene.contact)
             .expect("a law of this dimension, as the scene was checked")
     }
 }
@@ -229,11 +215,16 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
             return unfit("the checkpoint is of a stage between walls, but its scene has a [box]");
         }
     };
-    let origin = StateOrigin {
-        run_id: None,
-        stage,
-        step,
-    };
-    let state = (snapshot.grains, snapshot.contacts);
-    Ok(StoredState::new(scene, cell, state, (what, origin)))
+    Ok(StoredState {
+        scene,
+        cell,
+        grains: snapshot.grains,
+        contacts: snapshot.contacts,
+        what,
+        origin: StateOrigin {
+            run_id: None,
+            stage,
+            step,
+        },
+    })
 }

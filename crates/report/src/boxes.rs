@@ -9,7 +9,7 @@ use gshear_store::table;
 
 use super::ReportFigure;
 use super::curves::lines;
-use super::eigenvalues::{self, SpectrumRow};
+use super::eigenvalue_figures::{self, SpectrumRow};
 use super::history::{Axis, LAYOUT, Panel, SLIDING_FRACTION, Shown, drawn};
 use super::page::Facts;
 use super::summary::parameters;
@@ -64,96 +64,96 @@ const DEFORMATIONS: [Deformation; 4] = [
 
 /// What is drawn over the strain, or the solid fraction of a compression.
 const OF_STRAIN: [Panel; 8] = [
-    Panel::new(
-        "stresses",
-        "Normal stresses along the axes of the box, compression positive, and their mean, the pressure.",
-        "stress",
-        Shown::AsTheyAre,
-        &[
+    Panel {
+        name: "stresses",
+        caption: "Normal stresses along the axes of the box, compression positive, and their mean, the pressure.",
+        label: "stress",
+        shown: Shown::AsTheyAre,
+        lines: &[
             ("stress_xx", "σ_{xx}"),
             ("stress_yy", "σ_{yy}"),
             ("stress_zz", "σ_{zz}"),
             ("pressure", "P"),
         ],
-    ),
-    Panel::new(
-        "solid-fraction",
-        "Solid fraction of the box.",
-        "solid fraction",
-        Shown::AsTheyAre,
-        &[("solid_fraction", "solid fraction")],
-    ),
-    Panel::new(
-        "coordination",
-        "Coordination z: mean number of contacts of a grain.",
-        "coordination z",
-        Shown::AsTheyAre,
-        &[("coordination", "coordination")],
-    ),
+    },
+    Panel {
+        name: "solid-fraction",
+        caption: "Solid fraction of the box.",
+        label: "solid fraction",
+        shown: Shown::AsTheyAre,
+        lines: &[("solid_fraction", "solid fraction")],
+    },
+    Panel {
+        name: "coordination",
+        caption: "Coordination z: mean number of contacts of a grain.",
+        label: "coordination z",
+        shown: Shown::AsTheyAre,
+        lines: &[("coordination", "coordination")],
+    },
     SLIDING_FRACTION,
-    Panel::new(
-        "energies",
-        "Elastic energy of the contacts.",
-        "elastic energy",
-        Shown::AsTheyAre,
-        &[("elastic_energy", "elastic energy")],
-    ),
-    Panel::new(
-        "imaginary-parts",
-        "Least and greatest imaginary part of the eigenvalues of K v = λ M v; one that is not 0 belongs to a complex pair.",
-        "Im λ",
-        Shown::AsTheyAre,
-        &[
+    Panel {
+        name: "energies",
+        caption: "Elastic energy of the contacts.",
+        label: "elastic energy",
+        shown: Shown::AsTheyAre,
+        lines: &[("elastic_energy", "elastic energy")],
+    },
+    Panel {
+        name: "imaginary-parts",
+        caption: "Least and greatest imaginary part of the eigenvalues of K v = λ M v; one that is not 0 belongs to a complex pair.",
+        label: "Im λ",
+        shown: Shown::AsTheyAre,
+        lines: &[
             ("imaginary_least", "least"),
             ("imaginary_greatest", "greatest"),
         ],
-    ),
-    Panel::new(
-        "real-parts",
-        "Least real part of the eigenvalues that are not 0, negative in an unstable packing, and that of the complex pair with the greatest imaginary part.",
-        "Re λ",
-        Shown::AsTheyAre,
-        &[("least_real", "least"), ("pair_real", "complex pair")],
-    ),
-    Panel::new(
-        "pairs",
-        "Number of complex pairs.",
-        "complex pairs",
-        Shown::AsTheyAre,
-        &[("pairs", "complex pairs")],
-    ),
+    },
+    Panel {
+        name: "real-parts",
+        caption: "Least real part of the eigenvalues that are not 0, negative in an unstable packing, and that of the complex pair with the greatest imaginary part.",
+        label: "Re λ",
+        shown: Shown::AsTheyAre,
+        lines: &[("least_real", "least"), ("pair_real", "complex pair")],
+    },
+    Panel {
+        name: "pairs",
+        caption: "Number of complex pairs.",
+        label: "complex pairs",
+        shown: Shown::AsTheyAre,
+        lines: &[("pairs", "complex pairs")],
+    },
 ];
 
 /// What is drawn over the time of Newton's equations.
 const OF_TIME: [Panel; 4] = [
-    Panel::new(
-        "newtonian-displacement",
-        "Newton's equations: mean square displacement.",
-        "log_{10} mean square displacement",
-        Shown::Logarithm,
-        &[("msd", "mean square displacement")],
-    ),
-    Panel::new(
-        "newtonian-energies",
-        "Newton's equations: kinetic energy of all grains, and elastic energy of the contacts.",
-        "log_{10} energy",
-        Shown::Logarithm,
-        &[("kinetic_energy", "kinetic"), ("elastic_energy", "elastic")],
-    ),
-    Panel::new(
-        "newtonian-stresses",
-        "Newton's equations: change of the shear stress and of the pressure since the start.",
-        "change (%)",
-        Shown::Growth,
-        &[("shear_stress", "shear stress"), ("pressure", "pressure")],
-    ),
-    Panel::new(
-        "newtonian-contacts",
-        "Newton's equations: number of contacts.",
-        "contacts",
-        Shown::AsTheyAre,
-        &[("contacts", "contacts")],
-    ),
+    Panel {
+        name: "newtonian-displacement",
+        caption: "Newton's equations: mean square displacement.",
+        label: "log_{10} mean square displacement",
+        shown: Shown::Logarithm,
+        lines: &[("msd", "mean square displacement")],
+    },
+    Panel {
+        name: "newtonian-energies",
+        caption: "Newton's equations: kinetic energy of all grains, and elastic energy of the contacts.",
+        label: "log_{10} energy",
+        shown: Shown::Logarithm,
+        lines: &[("kinetic_energy", "kinetic"), ("elastic_energy", "elastic")],
+    },
+    Panel {
+        name: "newtonian-stresses",
+        caption: "Newton's equations: change of the shear stress and of the pressure since the start.",
+        label: "change (%)",
+        shown: Shown::Growth,
+        lines: &[("shear_stress", "shear stress"), ("pressure", "pressure")],
+    },
+    Panel {
+        name: "newtonian-contacts",
+        caption: "Newton's equations: number of contacts.",
+        label: "contacts",
+        shown: Shown::AsTheyAre,
+        lines: &[("contacts", "contacts")],
+    },
 ];
 
 /// What the strain steps of a run measure.
@@ -310,7 +310,7 @@ fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>, Failure> {
     if rows.is_empty() {
         return Ok(None);
     }
-    let [svg, data] = eigenvalues::over_time(&rows);
+    let [svg, data] = eigenvalue_figures::over_time(&rows);
     let caption = "Imaginary parts of all eigenvalues under Newton's equations.";
     let name = "newtonian-eigenvalues";
     Ok(Some(ReportFigure::new(name, caption, svg, data)))

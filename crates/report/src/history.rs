@@ -101,80 +101,62 @@ pub struct Panel {
     pub lines: &'static [(&'static str, &'static str)],
 }
 
-impl Panel {
-    pub const fn new(
-        name: &'static str,
-        caption: &'static str,
-        label: &'static str,
-        shown: Shown,
-        lines: &'static [(&'static str, &'static str)],
-    ) -> Self {
-        Self {
-            name,
-            caption,
-            label,
-            shown,
-            lines,
-        }
-    }
-}
-
-pub const SLIDING_FRACTION: Panel = Panel::new(
-    "sliding-fraction",
-    "Share of the contacts that slide.",
-    "sliding fraction",
-    Shown::AsTheyAre,
-    &[("sliding_fraction", "sliding fraction")],
-);
+pub const SLIDING_FRACTION: Panel = Panel {
+    name: "sliding-fraction",
+    caption: "Share of the contacts that slide.",
+    label: "sliding fraction",
+    shown: Shown::AsTheyAre,
+    lines: &[("sliding_fraction", "sliding fraction")],
+};
 
 const PANELS: [Panel; 7] = [
-    Panel::new(
-        "slip-rate",
-        "Velocity of the top wall and of the drive.",
-        "log_{10} velocity (m/s)",
-        Shown::Logarithm,
-        &[("slip_rate", "top wall"), ("drive_velocity", "drive")],
-    ),
-    Panel::new(
-        "dilation",
-        "Dilation: height of the sheared layer over its height in the first row, less one.",
-        "dilation (%)",
-        Shown::Growth,
-        &[("wall_height", "height")],
-    ),
-    Panel::new(
-        "solid-fraction",
-        "Solid fraction between the walls.",
-        "solid fraction",
-        Shown::AsTheyAre,
-        &[("solid_fraction", "solid fraction")],
-    ),
-    Panel::new(
-        "coordination",
-        "Coordination: mean number of contacts of a free grain.",
-        "coordination",
-        Shown::AsTheyAre,
-        &[("coordination", "coordination")],
-    ),
+    Panel {
+        name: "slip-rate",
+        caption: "Velocity of the top wall and of the drive.",
+        label: "log_{10} velocity (m/s)",
+        shown: Shown::Logarithm,
+        lines: &[("slip_rate", "top wall"), ("drive_velocity", "drive")],
+    },
+    Panel {
+        name: "dilation",
+        caption: "Dilation: height of the sheared layer over its height in the first row, less one.",
+        label: "dilation (%)",
+        shown: Shown::Growth,
+        lines: &[("wall_height", "height")],
+    },
+    Panel {
+        name: "solid-fraction",
+        caption: "Solid fraction between the walls.",
+        label: "solid fraction",
+        shown: Shown::AsTheyAre,
+        lines: &[("solid_fraction", "solid fraction")],
+    },
+    Panel {
+        name: "coordination",
+        caption: "Coordination: mean number of contacts of a free grain.",
+        label: "coordination",
+        shown: Shown::AsTheyAre,
+        lines: &[("coordination", "coordination")],
+    },
     SLIDING_FRACTION,
-    Panel::new(
-        "energies",
-        "Kinetic energy of the free grains, and elastic energy of the contacts by parts.",
-        "log_{10} energy (J)",
-        Shown::Logarithm,
-        &[
+    Panel {
+        name: "energies",
+        caption: "Kinetic energy of the free grains, and elastic energy of the contacts by parts.",
+        label: "log_{10} energy (J)",
+        shown: Shown::Logarithm,
+        lines: &[
             ("kinetic_energy", "kinetic"),
             ("elastic_normal", "normal"),
             ("elastic_tangential", "tangential"),
             ("elastic_rolling", "rolling"),
         ],
-    ),
-    Panel::new(
-        "dissipation",
-        "Work of drive and load since the start, and where it went.",
-        "energy (J)",
-        Shown::Prefixed,
-        &[
+    },
+    Panel {
+        name: "dissipation",
+        caption: "Work of drive and load since the start, and where it went.",
+        label: "energy (J)",
+        shown: Shown::Prefixed,
+        lines: &[
             ("work_drive", "work of the drive"),
             ("work_load", "work of the load"),
             ("dissipated_damping", "dampers"),
@@ -182,7 +164,7 @@ const PANELS: [Panel; 7] = [
             ("dissipated_rolling", "rolling"),
             ("dissipated_stiffness", "stiffness"),
         ],
-    ),
+    },
 ];
 
 /// Draws the quantities that the run has recorded.

@@ -20,7 +20,7 @@ mod boxes;
 pub mod colour;
 mod curves;
 pub mod drawing;
-pub mod eigenvalues;
+pub mod eigenvalue_figures;
 mod histogram;
 mod history;
 mod imposed;

@@ -6,6 +6,7 @@ use super::colour::{CHANGE, FORCE, GRAIN, GREY, VIRIDIS, WALL, WHITE};
 use super::plot::{Layout, Plot, figure};
 use super::ticks::{self, Tick};
 use gshear_analysis::forces;
+use gshear_analysis::moments::extent;
 use gshear_dem::state::{ContactSample, Disks, Frame};
 use gshear_store::table::Table;
 
@@ -33,9 +34,8 @@ impl MapView {
     /// it has more.
     pub fn of(grains: &Disks, frame: &Frame, centre: [f64; 2]) -> Self {
         let reach = grains.radius.iter().copied().fold(0.0, f64::max);
-        let heights = frame.position.iter().map(|r| r[1]);
-        let low = heights.clone().fold(f64::INFINITY, f64::min) - reach;
-        let high = heights.fold(f64::NEG_INFINITY, f64::max) + reach;
+        let [low, high] = extent(frame.position.iter().map(|r| r[1]));
+        let [low, high] = [low - reach, high + reach];
         let share = (MOST_GRAINS as f64 / grains.count() as f64).sqrt();
         if share >= 1.0 {
             return MapView {

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use gshear_analysis::dmin::RADIUS;
 use gshear_analysis::event;
+use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{FrameRecords, body};
@@ -91,10 +92,8 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             &moved,
         ));
         let (grains, mean) = (run.grains(), run.grains().mean_radius());
-        let dmin = match run.dimension() {
-            Dimensions::Two => event::between_frames::<Two>(grains, &interval, RADIUS * mean),
-            Dimensions::Three => event::between_frames::<Three>(grains, &interval, RADIUS * mean),
-        };
+        let axes = run.dimension().axes();
+        let dmin = event::between_frames(axes, grains, &interval, RADIUS * mean);
         let over_square: Vec<f64> = dmin.iter().map(|d| (d / (mean * mean)).log10()).collect();
         pictures.push(packing.figure(
             ("grains-dmin", "log10_dmin_over_square"),
@@ -136,14 +135,11 @@ impl<'a> Packing<'a> {
         let far = |g: usize| view(planar, frame.grains[g].position).1;
         order.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
         order.drain(..order.len().saturating_sub(MOST));
-        let [mut x, mut y] = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for &g in &order {
-            let (place, _) = view(planar, frame.grains[g].position);
-            let r = run.grains().radius[g];
-            for (range, at) in [&mut x, &mut y].into_iter().zip(place) {
-                *range = [range[0].min(at - r), range[1].max(at + r)];
-            }
-        }
+        let [x, y] = [0, 1].map(|axis| {
+            let at = |g: usize| view(planar, frame.grains[g].position).0[axis];
+            let ends = order.iter().map(|&g| (at(g), run.grains().radius[g]));
+            extent(ends.flat_map(|(at, r)| [at - r, at + r]))
+        });
         Self {
             run,
             planar,

@@ -102,12 +102,14 @@ impl Plot<'_> {
         (right - left) / (self.x[1] - self.x[0])
     }
 
+    fn path(&self, points: &[[f64; 2]]) -> Vec<(i32, i32)> {
+        let place = |point: &[f64; 2]| to_canvas(self.pixel(*point));
+        points.iter().map(place).collect()
+    }
+
     /// Draws a line through data points.
     pub fn line(&mut self, points: &[[f64; 2]], colour: RGBColor, width: f64) {
-        let path: Vec<_> = points
-            .iter()
-            .map(|point| to_canvas(self.pixel(*point)))
-            .collect();
+        let path = self.path(points);
         self.backend
             .draw_path(path, &stroke(colour, width))
             .expect(IN_MEMORY);
@@ -115,10 +117,7 @@ impl Plot<'_> {
 
     /// Fills a polygon of data points.
     pub fn area(&mut self, points: &[[f64; 2]], colour: RGBColor, opacity: f64) {
-        let path: Vec<_> = points
-            .iter()
-            .map(|point| to_canvas(self.pixel(*point)))
-            .collect();
+        let path = self.path(points);
         self.backend
             .fill_polygon(path, &colour.mix(opacity))
             .expect(IN_MEMORY);

@@ -3,6 +3,7 @@
 
 use std::f64::consts::PI;
 
+use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, FrameRecords, body};
@@ -209,10 +210,7 @@ impl Sums<'_> {
             .map(|(grain, _)| grain.position)
             .collect();
         let up = |place: &[f64; 3]| place[axes - 1];
-        let [low, high] = free
-            .iter()
-            .map(up)
-            .fold([f64::MAX, f64::MIN], |[a, b], z| [a.min(z), b.max(z)]);
+        let [low, high] = extent(free.iter().map(up));
         let inner = |place: &&[f64; 3]| {
             !self.walls || up(place) > low + self.farthest && up(place) < high - self.farthest
         };

@@ -72,3 +72,34 @@ pub fn folder_of(run: &Path) -> &Path {
         _ => Path::new("."),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_known_by_their_names_and_files_of_a_run_are_none() {
+        for name in [
+            "report",
+            "stability.csv",
+            "stability.csv-metadata.json",
+            "spectrum.png",
+            "frame-12.data",
+            "checkpoint-aqs-8.data",
+            "aqs-frames.vtkhdf",
+            "frames-contacts.csv-metadata.json",
+        ] {
+            assert!(is_reduced(name), "{name}");
+        }
+        for name in [
+            RUN_FILE,
+            LOG_FILE,
+            LOG_METADATA_FILE,
+            SPECTRA_FILE,
+            "frame-a.data",
+            "a.xyz",
+        ] {
+            assert!(!is_reduced(name), "{name}");
+        }
+    }
+}

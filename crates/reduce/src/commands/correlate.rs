@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use crate::printer::Printer;
 use crate::results::Results;
 use crate::scalars::FrameSeries;
-use gshear_analysis::correlate::{CONFIGURATIONS, Choices, Quantity, Regime, SUBJECTS, Subject};
+use gshear_analysis::correlate::{CONFIGURATIONS, Choices, Quantity, Regime, Subject, subjects};
+use gshear_analysis::phase_measures::PhaseMeasures;
 use gshear_analysis::ranges::{Bins, ValueRange};
 use gshear_analysis::regions::{GrReading, MinPoints, Reduction};
 use gshear_analysis::spearman::Correlation;
@@ -108,15 +109,6 @@ impl Arguments {
 
 /// Returns one line per phase. `step`: steps of all rows; the regime is the last part of them.
 fn measures(regime: &Regime, step: &[u64]) -> String {
-    const QUANTITIES: [Quantity; 7] = [
-        Quantity::DminMax,
-        Quantity::TopMax,
-        Quantity::DminSum,
-        Quantity::TopSum,
-        Quantity::RegionsLeast,
-        Quantity::AngleMean,
-        Quantity::AngleMedian,
-    ];
     let step = &step[step.len() - regime.strain.len()..];
     Table::of(regime.phases.iter().enumerate())
         .column("phase", |(k, _)| *k)
@@ -129,8 +121,8 @@ fn measures(regime: &Regime, step: &[u64]) -> String {
         })
         .column("t_p", |(_, measured)| measured.phase.duration())
         .column("delta_tau_p", |(_, measured)| measured.phase.change)
-        .columns(QUANTITIES.map(Quantity::name), |(_, measured)| {
-            QUANTITIES.map(|quantity| quantity.of(measured))
+        .columns(PhaseMeasures::COLUMNS, |(_, measured)| {
+            measured.measures.columns()
         })
         .csv()
 }
@@ -141,7 +133,7 @@ fn correlations(regime: &Regime, unit: f64) -> String {
     let mut add = |head: [&'static str; 4], found: Vec<(ValueRange, Correlation)>| {
         rows.extend(found.into_iter().map(|(range, c)| (head, range, c)));
     };
-    for subject in SUBJECTS {
+    for subject in subjects() {
         let head = match subject {
             Subject::Greatest => ["delta_tau", "dmin_greatest", "intervals", "delta_tau"],
             Subject::TopTenth => ["delta_tau", "dmin_top_tenth", "intervals", "delta_tau"],

@@ -9,7 +9,6 @@ use crate::printer::Printer;
 use crate::results::Results;
 use gshear_analysis::dmin::{NonAffine, RADIUS};
 use gshear_analysis::event;
-use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Frame, FrameRecords};
 use gshear_scene::Dimensions;
@@ -94,8 +93,5 @@ pub fn between(
     radius: f64,
 ) -> Vec<f64> {
     let (grains, interval) = (run.grains(), run.interval(numbers, frames));
-    match run.dimension() {
-        Dimensions::Two => event::between_frames::<Two>(grains, &interval, radius),
-        Dimensions::Three => event::between_frames::<Three>(grains, &interval, radius),
-    }
+    event::between_frames(run.dimension().axes(), grains, &interval, radius)
 }

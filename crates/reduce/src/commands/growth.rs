@@ -7,6 +7,7 @@ use crate::printer::Printer;
 use crate::results::Results;
 use crate::stored_state::{StateSelection, StoredState};
 use gshear_analysis::aftermath::{BoxChange, BoxSeries};
+use gshear_analysis::dmin::RADIUS;
 use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
 use gshear_analysis::jacobian::History;
@@ -21,8 +22,6 @@ use gshear_store::table::Table;
 const LINEAR: f64 = 1e-11;
 /// Largest number of unknowns for which the growing pair is computed, from all eigenvalues.
 const MOST_UNKNOWNS: usize = 3000;
-/// Radius of the neighbourhood of D²min in mean radii, as in LH.
-const RADIUS: f64 = 5.0;
 
 /// Fit the growth of the complex pair in newtonian.h5, and say what became of it
 ///
@@ -135,10 +134,7 @@ fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
     let Some(k) = pairs.max_by(|a, b| rate(*a).total_cmp(&rate(*b))) else {
         return Ok(None);
     };
-    let w: Vec<_> = (0..problem.size())
-        .map(|i| spectrum.right[(i, k)])
-        .collect();
-    let v = problem.eigenvector(&w);
+    let v = spectrum.eigenvector(&problem, k);
     let of_grain = |unknowns: &[faer::c64]| {
         let axes = &unknowns[..jacobian.axes];
         axes.iter().map(faer::c64::norm_sqr).sum::<f64>()

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use console::Term;
 
 use crate::printer::Printer;
+use gshear_analysis::moments::extent;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
 use gshear_driver::say::fold_for;
@@ -44,23 +45,16 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();
     let (all, free, bottom, top) = (grains.count(), of_body(0), of_body(1), of_body(2));
     let walls = run.stage() == RunStage::Shear;
-    lines.push((
-        "grains",
-        if walls {
-            format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall")
-        } else {
-            all.to_string()
-        },
-    ));
-    let least = grains.radius.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = grains.radius.iter().copied().fold(0.0, f64::max);
-    lines.push((
-        "radius",
-        format!(
-            "{least:.4e} … {most:.4e} m, mean {:.4e} m",
-            grains.mean_radius()
-        ),
-    ));
+    let count = if walls {
+        format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall")
+    } else {
+        all.to_string()
+    };
+    lines.push(("grains", count));
+    let [least, most] = extent(grains.radius.iter().copied());
+    let mean = grains.mean_radius();
+    let radius = format!("{least:.4e} … {most:.4e} m, mean {mean:.4e} m");
+    lines.push(("radius", radius));
     let (length, height) = (grains.length, run.height());
     let width = match run.periods()[1] {
         f64::INFINITY => String::new(),
@@ -135,8 +129,7 @@ fn lengths_at_the_end(run: &RunFile) -> Option<Vec<f64>> {
 fn span(step: &[u64], strain: &[f64]) -> String {
     let count = step.len();
     let returns = strain.windows(2).any(|pair| pair[1] < pair[0]);
-    let least = strain.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = strain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [least, most] = extent(strain.iter().copied());
     let strains = match strain {
         [_, .., _] if returns => format!(", γ between {least:.8} and {most:.8}"),
         [from, .., to] => format!(", γ = {from:.8} … {to:.8}"),

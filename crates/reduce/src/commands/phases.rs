@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use crate::printer::Printer;
 use crate::results::Results;
+use gshear_analysis::moments::mean;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_analysis::tau::TauReading;
 use gshear_dem::failure::Failure;
@@ -118,13 +119,11 @@ fn summary(found: &[Phase], intervals: usize, printer: &mut Printer) -> Result<(
     )?;
     for kind in [PhaseKind::Stick, PhaseKind::Slip] {
         let of_kind: Vec<&Phase> = found.iter().filter(|phase| phase.kind == kind).collect();
-        let count = of_kind.len() as f64;
-        let change = of_kind.iter().map(|phase| phase.change.abs()).sum::<f64>() / count;
-        let duration = of_kind
-            .iter()
-            .map(|phase| phase.duration() as f64)
-            .sum::<f64>()
-            / count;
+        let mean_of = |value: fn(&Phase) -> f64| {
+            mean(&of_kind.iter().map(|phase| value(phase)).collect::<Vec<_>>())
+        };
+        let change = mean_of(|phase| phase.change.abs());
+        let duration = mean_of(|phase| phase.duration() as f64);
         let long = of_kind.iter().filter(|phase| phase.is_long()).count();
         writeln!(
             printer,

@@ -11,7 +11,7 @@ use crate::results::Results;
 use crate::stored_state::{StateSelection, stiffness_of};
 use gshear_analysis::jacobian::Jacobian;
 use gshear_dem::failure::Failure;
-use gshear_report::{drawing, eigenvalues};
+use gshear_report::{drawing, eigenvalue_figures};
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
     Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
@@ -154,7 +154,10 @@ impl Arguments {
         spectrum_writer::write(&vectors, source, problem, &columns)?;
         printer.wrote(&vectors)?;
         let svg = results.place("spectrum.svg");
-        drawing::write(&svg, &eigenvalues::in_the_plane(&spectrum.eigenvalues))?;
+        drawing::write(
+            &svg,
+            &eigenvalue_figures::in_the_plane(&spectrum.eigenvalues),
+        )?;
         printer.wrote(&svg)
     }
 }
@@ -484,10 +487,7 @@ fn columns(asked: &Asked, spectrum: &Spectrum) -> Columns {
     let mut vectors = ndarray::Array3::zeros((k, problem.unknowns(), 2));
     let mut taking_part = Vec::with_capacity(k);
     for (k, mut row) in vectors.outer_iter_mut().enumerate() {
-        let w: Vec<c64> = (0..problem.size())
-            .map(|i| spectrum.right[(i, k)])
-            .collect();
-        let v = problem.eigenvector(&w);
+        let v = spectrum.eigenvector(problem, k);
         for (mut to, value) in row.outer_iter_mut().zip(&v) {
             to[0] = value.re;
             to[1] = value.im;

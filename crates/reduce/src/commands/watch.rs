@@ -220,26 +220,15 @@ impl Curves {
         }
         let unicode = speaks_utf8();
         let [first, second] = &self.points;
+        let curve = |points, k: usize, height| {
+            plot(points, self.names[k], self.over, [width, height], unicode)
+        };
         if second.len() > 1 && height >= 2 * LEAST[1] + 4 {
             // The stress has twice the room.
             let lower = (height / 3).max(LEAST[1]);
-            let mut lines = plot(
-                first,
-                self.names[0],
-                self.over,
-                [width, height - lower],
-                unicode,
-            );
-            lines.extend(plot(
-                second,
-                self.names[1],
-                self.over,
-                [width, lower],
-                unicode,
-            ));
-            lines
+            [curve(first, 0, height - lower), curve(second, 1, lower)].concat()
         } else {
-            plot(first, self.names[0], self.over, [width, height], unicode)
+            curve(first, 0, height)
         }
     }
 }

@@ -5,9 +5,10 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use crate::commands::dmin;
+use crate::commands::dmin::{between, is_planar};
 use crate::contact_quantities::of_contacts;
-use gshear_analysis::dmin::{NonAffine, RADIUS};
+use gshear_analysis::dmin;
+use gshear_analysis::moments::extent;
 use gshear_analysis::regions::{GrReading, Regions};
 use gshear_analysis::stress;
 use gshear_dem::dimension::{Three, Two};
@@ -208,6 +209,26 @@ impl<'a> ExportedRun<'a> {
         self.shapes().iter().flat_map(FieldShape::names).collect()
     }
 
+    /// Position, velocity, angular velocity, radius and mass of a grain.
+    pub fn state_values(&self, frame: &ExportedFrame, grain: usize) -> [f64; 11] {
+        let (of, fixed) = (&frame.records.grains[grain], self.grains());
+        let ([x, y, z], [u, v, w]) = (of.position, of.velocity);
+        let [p, q, r] = of.angular_velocity;
+        [
+            x,
+            y,
+            z,
+            u,
+            v,
+            w,
+            p,
+            q,
+            r,
+            fixed.radius[grain],
+            fixed.mass[grain],
+        ]
+    }
+
     /// The values of the computed fields of a grain.
     pub fn field_values<'f>(
         &self,
@@ -266,13 +287,9 @@ impl<'a> ExportedRun<'a> {
     pub fn bounds(&self, frame: &ExportedFrame) -> [[f64; 2]; 3] {
         let up = self.axes() - 1;
         let radius = &self.grains().radius;
-        let extent = (frame.records.grains.iter().zip(radius)).fold(
-            [f64::INFINITY, f64::NEG_INFINITY],
-            |[low, high], (grain, radius)| {
-                let height = grain.position[up];
-                [low.min(height - radius), high.max(height + radius)]
-            },
-        );
+        let grains = frame.records.grains.iter().zip(radius);
+        let ends = grains.map(|(grain, r)| (grain.position[up], *r));
+        let extent = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
         let cell = self.run.cell(frame.number);
         let extent = cell.sheared.map_or(extent, |of| [0.0, of.height]);
         let periods = cell.periods;
@@ -374,14 +391,11 @@ impl<'a> ExportedRun<'a> {
         let Some(before) = before else {
             return vec![f64::NAN; grains.count()];
         };
-        let radius = RADIUS * grains.mean_radius();
-        if dmin::is_planar(self.run) {
-            let mut row = vec![0.0; grains.count()];
-            let [before, now] = [before, now].map(planar);
-            NonAffine::default().between(grains, radius, &before, &now, &mut row);
-            return row;
+        if is_planar(self.run) {
+            return dmin::between(grains, &planar(before), &planar(now));
         }
-        dmin::between(self.run, [number - 1, number], [before, now], radius)
+        let radius = dmin::RADIUS * grains.mean_radius();
+        between(self.run, [number - 1, number], [before, now], radius)
     }
 
     fn regions(&self, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {

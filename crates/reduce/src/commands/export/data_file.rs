@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
@@ -171,13 +172,8 @@ fn data_file(
     volume: impl Fn(f64) -> f64,
 ) -> String {
     let up = state.dimension.axes() - 1;
-    let edges = state
-        .grains
-        .iter()
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], g| {
-            let y = g.position[up];
-            [lo.min(y - g.radius), hi.max(y + g.radius)]
-        });
+    let ends = state.grains.iter().map(|g| (g.position[up], g.radius));
+    let edges = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
     let largest = state.grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
     let atom = |(g, grain): (usize, &Grain)| {
         let diameter = 2.0 * grain.radius;

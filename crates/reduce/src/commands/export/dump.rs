@@ -77,9 +77,7 @@ impl DumpWriter {
         let constants = run.grains();
         for (g, grain) in grains.iter().enumerate() {
             write!(file, "{} {}", grain.id + 1, constants.body[g] + 1)?;
-            let state = [grain.position, grain.velocity, grain.angular_velocity];
-            let fixed = [constants.radius[g], constants.mass[g]];
-            for value in state.into_iter().flatten().chain(fixed) {
+            for value in run.state_values(frame, g) {
                 write!(file, " {value:?}")?;
             }
             let [x, y, z] = grain.image;

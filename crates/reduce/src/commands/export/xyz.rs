@@ -51,9 +51,7 @@ impl XyzWriter {
         for (g, grain) in grains.iter().enumerate() {
             // ASE knows chemical symbols only; X is its dummy.
             write!(file, "X")?;
-            let state = [grain.position, grain.velocity, grain.angular_velocity];
-            let fixed = [constants.radius[g], constants.mass[g]];
-            for value in state.into_iter().flatten().chain(fixed) {
+            for value in run.state_values(frame, g) {
                 write!(file, " {value:?}")?;
             }
             write!(file, " {} {}", grain.id, constants.body[g])?;

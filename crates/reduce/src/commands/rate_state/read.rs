@@ -1,8 +1,7 @@
 //! Reads the record of an experiment from a run. Only this module knows the names of columns and
 //! keys.
 
-use std::ops::Range;
-
+use gshear_analysis::moments::{extent, mean};
 use gshear_analysis::rate_state::{SliderRecord, of_drive};
 use gshear_dem::failure::Failure;
 use gshear_store::run_reader::RunFile;
@@ -67,21 +66,19 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
         .map_err(|what| wrong(format!("observables/drive_velocity: {what}")))?;
     // What comes before the first slide, perhaps under another load, is left out.
     let normal = &normal[velocity.iter().position(|v| *v > 0.0).unwrap_or(0)..];
-    let force = normal.iter().sum::<f64>() / normal.len().max(1) as f64;
+    let force = mean(normal);
     if !time.is_empty() && (force.is_nan() || force <= 0.0) {
         return Err(wrong(format!(
             "observables/normal_force: its mean is {force:e} N, must be positive: the slider must press on the sample"
         )));
     }
     let record = SliderRecord {
-        stiffness: spring / force,
-        drive,
-        deviation: vec![f64::NAN; time.len()],
-        time,
-        slip: slip.clone(),
-        friction: friction.clone(),
         temperature: temperature(run, rate, kinetic),
-        realisations: 1,
+        ..SliderRecord::of_run(
+            spring / force,
+            drive,
+            [time, slip.clone(), friction.clone()],
+        )
     };
     let tested = tested(&record).map_err(wrong)?;
     if let Some(imposed) = imposed {
@@ -94,10 +91,9 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
 /// Refuses a load that changes: k̄ and the laws are of one normal force. `imposed` `[L]` (N).
 fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
     let halves = (0..record.drive.len()).flat_map(|segment| record.halves(segment));
-    let mean = |rows: Range<usize>| imposed[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
-    let means: Vec<f64> = halves.filter(|rows| !rows.is_empty()).map(mean).collect();
-    let least = means.iter().copied().fold(f64::INFINITY, f64::min);
-    let greatest = means.iter().copied().fold(0.0, f64::max);
+    let halves = halves.filter(|rows| !rows.is_empty());
+    let means: Vec<f64> = halves.map(|rows| mean(&imposed[rows])).collect();
+    let [least, greatest] = extent(means.iter().copied());
     let free = means.iter().any(|load| load.is_nan());
     if !free && greatest - least <= SAME_LOAD * greatest {
         return Ok(());

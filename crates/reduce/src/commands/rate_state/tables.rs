@@ -4,6 +4,7 @@
 use serde_json::{Value, json};
 
 use super::Reduction;
+use gshear_analysis::moments::mean;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fitted};
 use gshear_store::table::Table;
 
@@ -38,13 +39,8 @@ fn of_laws(
     })
 }
 
-/// Returns the experiments with their indices.
-fn experiments(reduction: &Reduction) -> impl Iterator<Item = (usize, &Experiment)> {
-    reduction.experiments.iter().enumerate()
-}
-
 fn series(reduction: &Reduction) -> String {
-    let rows = experiments(reduction).flat_map(|(k, experiment)| {
+    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
         let record = &experiment.record;
         let segments = 0..record.drive.len();
         segments.flat_map(move |segment| {
@@ -68,7 +64,7 @@ fn series(reduction: &Reduction) -> String {
 }
 
 fn segments(reduction: &Reduction) -> String {
-    let rows = experiments(reduction).flat_map(|(k, experiment)| {
+    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
         let drive = experiment.record.drive.iter().enumerate();
         drive.map(move |(segment, drive)| (k, experiment, segment, drive))
     });
@@ -91,13 +87,13 @@ fn segments(reduction: &Reduction) -> String {
         .column("granular_temperature", |(_, experiment, segment, _)| {
             let [_, half] = experiment.record.halves(*segment);
             let values = &experiment.record.temperature[half];
-            known(values.iter().sum::<f64>() / values.len() as f64)
+            known(mean(values))
         })
         .csv()
 }
 
 fn steps(reduction: &Reduction) -> String {
-    let rows = experiments(reduction).flat_map(|(k, experiment)| {
+    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
         let steps = experiment.steps.iter().enumerate();
         steps.map(move |(n, step)| (k, n, step))
     });
@@ -137,7 +133,7 @@ fn after_steps(reduction: &Reduction) -> String {
 }
 
 fn holds(reduction: &Reduction) -> String {
-    let rows = experiments(reduction).flat_map(|(k, experiment)| {
+    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
         let holds = experiment.holds.iter().enumerate();
         holds.map(move |(n, hold)| (k, n, hold))
     });
@@ -238,7 +234,7 @@ fn fits(reduction: &Reduction) -> String {
 
 /// Returns the content of `rate-state.json`.
 pub fn json(reduction: &Reduction) -> Value {
-    let experiments = reduction.experiments.iter().zip(&reduction.runs);
+    let experiments = reduction.experiments();
     let growth = reduction.peak_growth().into_iter().map(|growth| {
         json!({
             "t_hold": growth.duration,
@@ -250,7 +246,7 @@ pub fn json(reduction: &Reduction) -> Value {
     });
     json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "experiments": experiments.map(|(e, runs)| experiment(e, runs)).collect::<Vec<_>>(),
+        "experiments": experiments.map(|(_, e, runs)| experiment(e, runs)).collect::<Vec<_>>(),
         "peak_growth": growth.collect::<Vec<_>>(),
         "fits": reduction.fitted.iter().map(fit).collect::<Vec<_>>(),
     })

@@ -1,6 +1,7 @@
 //! The three stages around a large drop of τ (LH section 3.2, figure 2b). LH choose them by eye;
 //! the rule here is that of [`Stages::around`].
 
+use super::moments::extent;
 use super::phases::{Phase, PhaseKind};
 
 /// Stage II lies within this many intervals of the largest slip, or within the slip's own duration
@@ -49,14 +50,8 @@ impl Stages {
         let last = tau.len() - 1;
         let before = largest.start.saturating_sub(search)..=largest.start;
         let after = largest.end..=(largest.end + search).min(last);
-        let greatest = tau[before.clone()]
-            .iter()
-            .copied()
-            .fold(f64::NEG_INFINITY, f64::max);
-        let least = tau[after.clone()]
-            .iter()
-            .copied()
-            .fold(f64::INFINITY, f64::min);
+        let [_, greatest] = extent(tau[before.clone()].iter().copied());
+        let [least, _] = extent(tau[after.clone()].iter().copied());
         let near = NEAR * (greatest - least);
         let drop = before.rev().find(|row| tau[*row] >= greatest - near);
         let drop = drop.unwrap_or(largest.start);

@@ -4,7 +4,8 @@
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::noise::block_error;
-use super::record::SliderRecord;
+use super::slider_record::SliderRecord;
+use crate::moments::{Moments, grouped, mean};
 
 /// Steady friction, averaged over the latter half of a slide.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -112,16 +113,14 @@ pub fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
         if drive.is_hold() || values.is_empty() {
             return None;
         }
-        let count = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / count;
-        let square: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+        let moments = Moments::of(values);
         let rows = record.rows(segment);
         Some(Steady {
             segment,
             velocity: drive.velocity,
-            friction: mean,
+            friction: moments.mean,
             error: block_error(values),
-            scatter: (square / (count - 1.0).max(1.0)).sqrt(),
+            scatter: moments.deviation(),
             slip: record.slip[rows.end - 1] - record.slip[rows.start],
         })
     };
@@ -241,7 +240,6 @@ impl Peaks {
             length = ((PEAK_MEAN * d_c / per_row) as usize).clamp(1, half.len().min(rest.len()));
             end = half.start + near.max(length);
         }
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / length as f64;
         let means = record.friction[half.start..end].windows(length).map(mean);
         let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
         let (at, extreme) = if greatest {
@@ -250,13 +248,10 @@ impl Peaks {
             means.enumerate().min_by(order)?
         };
         let of_rest: Vec<f64> = record.friction[rest].windows(length).map(mean).collect();
-        let count = of_rest.len() as f64;
-        let centre = of_rest.iter().sum::<f64>() / count;
-        let square: f64 = of_rest.iter().map(|m| (m - centre) * (m - centre)).sum();
         Some(Extreme {
             friction: extreme,
             slip: record.slip[half.start + at + length / 2],
-            error: (square / (count - 1.0).max(1.0)).sqrt(),
+            error: Moments::of(&of_rest).deviation(),
         })
     }
 }
@@ -264,28 +259,21 @@ impl Peaks {
 /// Fits Δμ against ln t_hold for each pair of velocities with at least two different durations.
 pub fn healing(holds: &[Hold]) -> Vec<Healing> {
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs();
-    let mut groups: Vec<([f64; 2], Vec<usize>)> = Vec::new();
-    for (k, hold) in holds.iter().enumerate() {
-        let Some(reslide) = hold.reslide else {
-            continue;
-        };
+    let point = |(k, hold): (usize, &Hold)| {
+        let reslide = hold.reslide?;
         let velocities = [hold.before, reslide.velocity];
-        let same = |v: &[f64; 2]| near(v[0], velocities[0]) && near(v[1], velocities[1]);
-        match groups.iter_mut().find(|(v, _)| same(v)) {
-            Some((_, members)) => members.push(k),
-            None => groups.push((velocities, vec![k])),
-        }
-    }
-    let fitted = |(velocities, members): ([f64; 2], Vec<usize>)| {
-        let point = |k: &usize| {
-            let healing = holds[*k].reslide.map_or(f64::NAN, |r| r.healing);
-            [holds[*k].duration.ln(), healing]
-        };
-        let points: Vec<[f64; 2]> = members.iter().map(point).collect();
+        Some((k, velocities, [hold.duration.ln(), reslide.healing]))
+    };
+    let points = holds.iter().enumerate().filter_map(point);
+    let groups = grouped(points, |(_, a, _), (_, b, _)| {
+        near(a[0], b[0]) && near(a[1], b[1])
+    });
+    let fitted = |group: Vec<(usize, [f64; 2], [f64; 2])>| {
+        let points: Vec<[f64; 2]> = group.iter().map(|(.., point)| *point).collect();
         let (intercept, slope, interval) = line(&points)?;
         Some(Healing {
-            velocities,
-            holds: members,
+            velocities: group[0].1,
+            holds: group.iter().map(|(k, ..)| *k).collect(),
             slope,
             intercept,
             interval,

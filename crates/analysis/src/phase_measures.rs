@@ -4,26 +4,34 @@ use super::frame_scalars::FrameScalars;
 use super::phases::{self, Phase};
 use super::regions::GrReading;
 
-/// A phase with the measures that LH correlate with its Δτ_p. A measure is NaN if a scalar it needs
-/// is undefined in the phase.
+gshear_dem::columns! {
+    /// Measures that LH correlate with Δτ_p of a phase; NaN if a scalar that one needs is undefined
+    /// in the phase.
+    pub struct PhaseMeasures {
+        /// mgD²min: greatest gD²min (LH 1)
+        dmin_max: "m2",
+        /// mg_t10%D²min: greatest g_t10%D²min (LH 2)
+        top_max: "m2",
+        /// sgD²min: sum of gD²min from t_s on (LH 3)
+        dmin_sum: "m2",
+        /// sg_t10%D²min: sum of g_t10%D²min from t_s on (LH 4)
+        top_sum: "m2",
+        /// N_c: least number of GR regions
+        regions_least: "1",
+        /// mean |θ| in the last interval with N_c regions
+        angle_mean: "rad",
+        /// median |θ| in the last interval with N_c regions
+        angle_median: "rad",
+    }
+}
+
+/// A phase with its measures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     /// The phase.
     pub phase: Phase,
-    /// mgD²min (m², equation 1): the maximum of gD²min.
-    pub dmin_max: f64,
-    /// mg_t10%D²min (m², equation 2): the maximum of g_t10%D²min.
-    pub top_max: f64,
-    /// sgD²min (m², equation 3): the sum of gD²min from t_s to the end of the phase.
-    pub dmin_sum: f64,
-    /// sg_t10%D²min (m², equation 4): the sum of g_t10%D²min from t_s to the end of the phase.
-    pub top_sum: f64,
-    /// N_c: the least number of GR regions.
-    pub regions_least: f64,
-    /// Mean |θ| (rad) in the GR regions at the last row with N_c regions.
-    pub angle_mean: f64,
-    /// Median |θ| (rad) in the GR regions at the last row with N_c regions.
-    pub angle_median: f64,
+    /// Its measures.
+    pub measures: PhaseMeasures,
 }
 
 /// Returns the phases of τ(γ), both `[L]`, with their measures.
@@ -37,13 +45,14 @@ pub fn of(
     reading: GrReading,
 ) -> Vec<Measured> {
     let phases = phases::find(strain, tau);
-    let measured = phases
-        .into_iter()
-        .map(|phase| measure(phase, &scalars[phase.start + 1..=phase.end], reading));
+    let measured = phases.into_iter().map(|phase| Measured {
+        phase,
+        measures: measure(&scalars[phase.start + 1..=phase.end], reading),
+    });
     measured.collect()
 }
 
-fn measure(phase: Phase, scalars: &[FrameScalars], reading: GrReading) -> Measured {
+fn measure(scalars: &[FrameScalars], reading: GrReading) -> PhaseMeasures {
     let regions = || scalars.iter().map(|s| s.regions(reading));
     let regions_least = regions().fold(f64::INFINITY, least);
     let first = regions().position(|count| count == regions_least);
@@ -59,8 +68,7 @@ fn measure(phase: Phase, scalars: &[FrameScalars], reading: GrReading) -> Measur
     let sum = |of: fn(&FrameScalars) -> f64| {
         first.map_or(f64::NAN, |first| scalars[first..].iter().map(of).sum())
     };
-    Measured {
-        phase,
+    PhaseMeasures {
         dmin_max: max(one),
         top_max: max(top),
         dmin_sum: sum(one),
@@ -113,9 +121,13 @@ mod tests {
         ];
         let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
         assert_eq!(found.len(), 2);
-        let [slip, stick] = [found[0], found[1]];
+        let [slip, stick] = [found[0].measures, found[1].measures];
         assert_eq!(
-            (slip.phase.kind, slip.phase.is_long(), slip.phase.change),
+            (
+                found[0].phase.kind,
+                found[0].phase.is_long(),
+                found[0].phase.change
+            ),
             (PhaseKind::Slip, true, -7.0)
         );
         assert_eq!((slip.dmin_max, slip.top_max), (8.0, 3.0));
@@ -128,7 +140,7 @@ mod tests {
             (2.0, 0.4, 0.8)
         );
         assert_eq!(
-            (stick.phase.duration(), stick.dmin_max, stick.dmin_sum),
+            (found[1].phase.duration(), stick.dmin_max, stick.dmin_sum),
             (1, 7.0, 7.0)
         );
         assert_eq!((stick.regions_least, stick.angle_mean), (5.0, 0.5));
@@ -138,8 +150,8 @@ mod tests {
             min_points: MinPoints::OneNeighbour,
             ..GrReading::default()
         };
-        let found = of(&strain, &tau, &scalars(&rows), of_two);
-        assert_eq!((found[0].dmin_sum, found[0].angle_mean), (15.0, 0.4));
+        let slip = of(&strain, &tau, &scalars(&rows), of_two)[0].measures;
+        assert_eq!((slip.dmin_sum, slip.angle_mean), (15.0, 0.4));
 
         // By losses the third interval has the fewest regions.
         let mut by_losses = scalars(&rows);
@@ -152,7 +164,7 @@ mod tests {
             reduction: Reduction::Losses,
             ..GrReading::default()
         };
-        let slip = of(&strain, &tau, &by_losses, reading)[0];
+        let slip = of(&strain, &tau, &by_losses, reading)[0].measures;
         assert_eq!((slip.dmin_sum, slip.regions_least), (4.0 + 2.0, 1.0));
         assert_eq!((slip.angle_mean, slip.angle_median), (0.04, 0.08));
     }
@@ -168,7 +180,7 @@ mod tests {
             [2.0, 1.0, NAN, 0.1],
         ];
         let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
-        let [stick, slip] = [found[0], found[1]];
+        let [stick, slip] = [found[0].measures, found[1].measures];
         assert!(stick.dmin_max.is_nan() && stick.dmin_sum.is_nan());
         assert_eq!((stick.top_max, stick.top_sum), (1.0, 2.0));
         assert!(slip.regions_least.is_nan() && slip.dmin_sum.is_nan() && slip.angle_mean.is_nan());
@@ -187,7 +199,7 @@ mod tests {
             [3.0; 4],
         ];
         let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
-        let maxima: Vec<f64> = found.iter().map(|phase| phase.dmin_max).collect();
+        let maxima: Vec<f64> = found.iter().map(|phase| phase.measures.dmin_max).collect();
         assert_eq!(maxima, [2.0, 3.0]);
     }
 }

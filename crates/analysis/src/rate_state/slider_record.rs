@@ -3,7 +3,8 @@
 
 use std::ops::Range;
 
-use super::protocol::DriveSegment;
+use super::drive_segment::DriveSegment;
+use crate::moments::{self, Moments, grouped};
 
 /// Time series of a slider under one protocol; L rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +34,25 @@ const SAME_PROTOCOL: f64 = 1e-3;
 const SAME_STIFFNESS: f64 = 0.05;
 
 impl SliderRecord {
+    /// The record of one run: time, slip and friction. Its temperature is not known.
+    pub fn of_run(
+        stiffness: f64,
+        drive: Vec<DriveSegment>,
+        [time, slip, friction]: [Vec<f64>; 3],
+    ) -> Self {
+        let unknown = vec![f64::NAN; time.len()];
+        Self {
+            stiffness,
+            drive,
+            time,
+            slip,
+            friction,
+            temperature: unknown.clone(),
+            deviation: unknown,
+            realisations: 1,
+        }
+    }
+
     /// Returns the time when a segment begins (s).
     pub fn begin(&self, segment: usize) -> f64 {
         let before: f64 = self.drive[..segment].iter().map(|s| s.duration).sum();
@@ -106,16 +126,9 @@ impl SliderRecord {
 /// Protocols are in the order of their first realisation; each comes with the indices of its
 /// records.
 pub fn merge(records: &[SliderRecord]) -> Vec<(SliderRecord, Vec<usize>)> {
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    for (k, record) in records.iter().enumerate() {
-        let group = groups
-            .iter_mut()
-            .find(|group| records[group[0]].same_protocol(record));
-        match group {
-            Some(group) => group.push(k),
-            None => groups.push(vec![k]),
-        }
-    }
+    let groups = grouped(0..records.len(), |a, b| {
+        records[*a].same_protocol(&records[*b])
+    });
     let joined = |group: Vec<usize>| {
         let members: Vec<&SliderRecord> = group.iter().map(|k| &records[*k]).collect();
         (mean(&members), group)
@@ -131,13 +144,12 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
     if members.len() == 1 {
         return (*first).clone();
     }
-    let count = members.len() as f64;
     let last = |r: &&SliderRecord| r.time[r.time.len() - 1] - r.time[0];
     let end = members.iter().map(last).fold(f64::INFINITY, f64::min);
     // Times count from each record's first row.
     let rows = first.time.partition_point(|t| t - first.time[0] <= end);
     let mut joined = SliderRecord {
-        stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / count,
+        stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / members.len() as f64,
         drive: first.drive.clone(),
         time: first.time[..rows].to_vec(),
         slip: Vec::with_capacity(rows),
@@ -155,13 +167,12 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
                 .collect()
         };
         let friction = at(|r| &r.friction);
-        let mean = friction.iter().sum::<f64>() / count;
-        let square: f64 = friction.iter().map(|f| (f - mean) * (f - mean)).sum();
-        joined.friction.push(mean);
-        joined.deviation.push((square / (count - 1.0)).sqrt());
-        let mean = |values: Vec<f64>| values.iter().sum::<f64>() / count;
-        joined.slip.push(mean(at(|r| &r.slip)));
-        joined.temperature.push(mean(at(|r| &r.temperature)));
+        let moments = Moments::of(&friction);
+        joined.friction.push(moments.mean);
+        joined.deviation.push(moments.deviation());
+        joined.slip.push(moments::mean(&at(|r| &r.slip)));
+        let temperature = moments::mean(&at(|r| &r.temperature));
+        joined.temperature.push(temperature);
     }
     if let (Some(segment), Some(time)) = (joined.drive.last_mut(), joined.time.last()) {
         let begin = first.begin(first.drive.len() - 1);

@@ -221,16 +221,7 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
         time.insert(0, 0.0);
         slip.insert(0, 0.0);
         friction.insert(0, level);
-        SliderRecord {
-            stiffness: STIFFNESS,
-            drive: drive.to_vec(),
-            temperature: vec![f64::NAN; time.len()],
-            deviation: vec![f64::NAN; time.len()],
-            time,
-            slip,
-            friction,
-            realisations: 1,
-        }
+        SliderRecord::of_run(STIFFNESS, drive.to_vec(), [time, slip, friction])
     };
     let found = stacks(&[record(0.3, 0.02), record(0.5, 0.04)]);
     let [up, down] = &found[..] else {
@@ -273,15 +264,10 @@ fn relaxations_are_averaged_over_holds() {
             let since = since.into_iter().find(|since| (0.0..0.01).contains(since));
             since.map_or(0.4, |since| 0.4 - c * (1.0 + since / 1e-4).ln())
         };
+        let (slip, friction) = (time.clone(), time.iter().map(of).collect());
         SliderRecord {
-            stiffness: STIFFNESS,
-            drive: drive.to_vec(),
-            friction: time.iter().map(of).collect(),
-            slip: time.clone(),
             temperature: vec![10.0 * c; time.len()],
-            deviation: vec![f64::NAN; time.len()],
-            time,
-            realisations: 1,
+            ..SliderRecord::of_run(STIFFNESS, drive.to_vec(), [time, slip, friction])
         }
     };
     let found = relaxations(&[relaxing(0.01), relaxing(0.03)]);

@@ -4,6 +4,7 @@ use super::colour::{GREY, INK, SLIP, STICK};
 use super::curves::padded;
 use super::plot::{Layout, figure};
 use super::ticks;
+use gshear_analysis::moments::extent;
 use gshear_spectrum::{Eigenvalue, Verdict};
 use gshear_store::table::Table;
 
@@ -16,9 +17,7 @@ const LAYOUT: Layout = Layout::new([900.0, 480.0], 84.0);
 /// Draws eigenvalues coloured by verdict, pairs on top.
 pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
     let range = |of: fn(&Eigenvalue) -> f64| {
-        let values = || eigenvalues.iter().map(of);
-        let low = values().fold(f64::INFINITY, f64::min);
-        let high = values().fold(f64::NEG_INFINITY, f64::max);
+        let [low, high] = extent(eigenvalues.iter().map(of));
         (low <= high).then_some([low, high])
     };
     let (Some(re), Some(im)) = (range(|e| e.value.re), range(|e| e.value.im)) else {
