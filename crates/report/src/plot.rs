@@ -510,7 +510,7 @@ mod tests {
         let ticks = [(0.001, "−1".to_string()), (0.003, "1".to_string())];
         let read = reading(&ticks, [0.0, 0.004], "x_{a} (mm)");
         assert_eq!(read.unwrap(), "linear -2 2 xa (mm)");
-        let decades = crate::ticks::decades(-2.5, 1.0, 8);
+        let decades = ticks::decades(-2.5, 1.0, 8);
         assert_eq!(reading(&decades, [-2.5, 1.0], "N").unwrap(), "log -2.5 1 N");
         assert_eq!(reading(&ticks[..1], [0.0, 1.0], "x"), None);
         assert_eq!(
