@@ -1,8 +1,6 @@
 //! What becomes of a growing pair in a periodic box under Newton's equations: catastrophe or
 //! saturation (BO section IV, figure 5).
 
-use std::fmt;
-
 /// What the motion has become at the end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Aftermath {
@@ -22,12 +20,6 @@ impl Aftermath {
             Aftermath::Saturation => "saturation",
             Aftermath::Growing => "growing",
         }
-    }
-}
-
-impl fmt::Display for Aftermath {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
     }
 }
 

@@ -2,7 +2,7 @@
 //! which intervals or phases.
 
 use super::frame_scalars::FrameScalars;
-use super::measures::{self, Measured};
+use super::phase_measures::{self, Measured, PhaseMeasures};
 use super::ranges::{self, Bins, KeyedPair, ValueRange};
 use super::regions::GrReading;
 use super::spearman::Correlation;
@@ -37,7 +37,7 @@ impl Length {
     }
 }
 
-/// A measure of a phase; see [`Measured`].
+/// The measures of a phase in the order of [`PhaseMeasures`], and its duration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// mgD²min (equation 1).
@@ -48,43 +48,28 @@ pub enum Quantity {
     DminSum,
     /// sg_t10%D²min (equation 4).
     TopSum,
-    /// t_p, in intervals.
-    Duration,
     /// N_c, the least number of GR regions.
     RegionsLeast,
     /// Mean |θ| at the last row with N_c regions.
     AngleMean,
     /// Median |θ| at the last row with N_c regions.
     AngleMedian,
+    /// t_p, in intervals.
+    Duration,
 }
 
 impl Quantity {
     /// Returns the name of the column in tables.
     pub fn name(self) -> &'static str {
-        match self {
-            Quantity::DminMax => "dmin_max",
-            Quantity::TopMax => "top_max",
-            Quantity::DminSum => "dmin_sum",
-            Quantity::TopSum => "top_sum",
-            Quantity::Duration => "t_p",
-            Quantity::RegionsLeast => "regions_least",
-            Quantity::AngleMean => "angle_mean",
-            Quantity::AngleMedian => "angle_median",
-        }
+        let column = PhaseMeasures::COLUMNS.get(self as usize);
+        column.map_or("t_p", |column| column.name)
     }
 
     /// Returns the value for a phase.
     pub fn of(self, phase: &Measured) -> f64 {
-        match self {
-            Quantity::DminMax => phase.dmin_max,
-            Quantity::TopMax => phase.top_max,
-            Quantity::DminSum => phase.dmin_sum,
-            Quantity::TopSum => phase.top_sum,
-            Quantity::Duration => phase.phase.duration() as f64,
-            Quantity::RegionsLeast => phase.regions_least,
-            Quantity::AngleMean => phase.angle_mean,
-            Quantity::AngleMedian => phase.angle_median,
-        }
+        let measures = phase.measures.columns();
+        let measure = measures.get(self as usize).copied();
+        measure.unwrap_or(phase.phase.duration() as f64)
     }
 }
 
@@ -100,29 +85,20 @@ pub enum Subject {
 }
 
 /// All correlations with Δτ or Δτ_p in LH.
-pub const SUBJECTS: [Subject; 17] = {
-    use Length::{All, Long, Short};
+pub fn subjects() -> impl Iterator<Item = Subject> {
     use Quantity::{DminMax, DminSum, Duration, TopMax, TopSum};
-    [
-        Subject::Greatest,
-        Subject::TopTenth,
-        Subject::Phase(DminMax, All),
-        Subject::Phase(TopMax, All),
-        Subject::Phase(DminSum, All),
-        Subject::Phase(TopSum, All),
-        Subject::Phase(DminMax, Long),
-        Subject::Phase(TopMax, Long),
-        Subject::Phase(DminSum, Long),
-        Subject::Phase(TopSum, Long),
-        Subject::Phase(DminMax, Short),
-        Subject::Phase(TopMax, Short),
-        Subject::Phase(DminSum, Short),
-        Subject::Phase(TopSum, Short),
-        Subject::Phase(Duration, All),
-        Subject::Phase(Duration, Long),
-        Subject::Phase(Duration, Short),
-    ]
-};
+    let lengths = [Length::All, Length::Long, Length::Short];
+    let of_phases = |quantities: &'static [Quantity], length| {
+        let subject = move |quantity: &Quantity| Subject::Phase(*quantity, length);
+        quantities.iter().map(subject)
+    };
+    let measures = lengths.map(|length| of_phases(&[DminMax, TopMax, DminSum, TopSum], length));
+    let durations = lengths.map(|length| of_phases(&[Duration], length));
+    let phases = measures.into_iter().chain(durations).flatten();
+    [Subject::Greatest, Subject::TopTenth]
+        .into_iter()
+        .chain(phases)
+}
 
 /// Quantities that LH correlate with Δτ_p of long phases in ranges of mg_t10%D²min and of
 /// sg_t10%D²min (figures 11 and 23).
@@ -168,7 +144,7 @@ impl Regime {
         let first = strain.partition_point(|strain| *strain < onset);
         let (strain, tau) = (strain[first..].to_vec(), tau[first..].to_vec());
         let scalars = scalars[first..].to_vec();
-        let phases = measures::of(&strain, &tau, &scalars, choices.regions);
+        let phases = phase_measures::of(&strain, &tau, &scalars, choices.regions);
         Regime {
             strain,
             tau,

@@ -1,15 +1,13 @@
 //! Density-based clusters of points (DBSCAN: Ester, Kriegel, Sander & Xu, KDD 1996), periodic along
 //! x.
 //!
-//! An implementation of its own because the cell is periodic and a run clusters every frame,
-//! without allocation.
+//! An implementation of its own because the cell is periodic.
 
-use super::neighbourhood::{Cells, separation};
+use super::neighbourhood::{cells, separation};
 
 /// Buffers of the search, reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct Dbscan {
-    cells: Cells,
     core: Vec<bool>,
     stack: Vec<u32>,
 }
@@ -31,18 +29,19 @@ impl Dbscan {
         points: &[[f64; 2]],
         labels: &mut Vec<Option<u32>>,
     ) -> usize {
-        let Dbscan { cells, core, stack } = self;
+        let Dbscan { core, stack } = self;
         labels.clear();
         labels.resize(points.len(), None);
         if points.is_empty() {
             return 0;
         }
-        cells.fill(length, epsilon, points, |_| true);
+        let cells = cells(length, epsilon, points);
         let near = |i: usize, found: &mut dyn FnMut(usize)| {
-            cells.near(points[i], |j| {
-                let d = separation(length, points[i], points[j]);
+            let [x, y] = points[i];
+            cells.each_near(&[x, y, 0.0], |j| {
+                let d = separation(length, points[i], points[j as usize]);
                 if d[0] * d[0] + d[1] * d[1] <= epsilon * epsilon {
-                    found(j);
+                    found(j as usize);
                 }
             });
         };

@@ -130,6 +130,15 @@ impl NonAffine {
     }
 }
 
+/// D²min of every grain between two frames, with neighbours within [`RADIUS`] r̄; see
+/// [`NonAffine::between`].
+pub fn between(grains: &Disks, earlier: &Frame, later: &Frame) -> Vec<f64> {
+    let mut dmin = vec![f64::NAN; grains.count()];
+    let radius = RADIUS * grains.mean_radius();
+    NonAffine::default().between(grains, radius, earlier, later, &mut dmin);
+    dmin
+}
+
 /// Sums the moments of every grain pair by pair in order of (i, j), with the same bits on every
 /// instruction set.
 struct SumMoments<'a> {
@@ -233,17 +242,10 @@ mod tests {
         grains_in(L, &radius)
     }
 
-    fn dmin(grains: &Disks, earlier: &Frame, later: &Frame) -> Vec<f64> {
-        let mut values = vec![0.0; grains.count()];
-        let radius = RADIUS * grains.mean_radius();
-        NonAffine::default().between(grains, radius, earlier, later, &mut values);
-        values
-    }
-
     /// Asserts D²min ≤ 1e-24 r̄² for every grain.
     fn assert_affine(grains: &Disks, earlier: &Frame, later: &Frame) {
         let square = grains.mean_radius().powi(2);
-        for (n, value) in dmin(grains, earlier, later).into_iter().enumerate() {
+        for (n, value) in between(grains, earlier, later).into_iter().enumerate() {
             assert!(
                 value <= 1e-24 * square,
                 "grain {n}: D²min/r̄² = {:e}",
@@ -259,11 +261,8 @@ mod tests {
         // Maps that keep the period along x: simple shear and stretch along y.
         for (shear, stretch) in [(0.0, 1.0), (7e-7, 1.0 + 1e-7), (0.02, 0.99), (0.5, 1.3)] {
             let map = Matrix2::new(1.0, shear, 0.0, stretch);
-            assert_affine(
-                &grains,
-                &frame(&grains, &points),
-                &frame(&grains, &mapped(&points, map)),
-            );
+            let [earlier, later] = [points.clone(), mapped(&points, map)];
+            assert_affine(&grains, &frame(&grains, &earlier), &frame(&grains, &later));
         }
     }
 
@@ -277,11 +276,8 @@ mod tests {
             Matrix2::new(1.1, 0.3, -0.2, 0.8),
             Matrix2::new(0.6, -0.8, 0.8, 0.6),
         ] {
-            assert_affine(
-                &grains,
-                &frame(&grains, &points),
-                &frame(&grains, &mapped(&points, map)),
-            );
+            let [earlier, later] = [points.clone(), mapped(&points, map)];
+            assert_affine(&grains, &frame(&grains, &earlier), &frame(&grains, &later));
         }
     }
 
@@ -336,7 +332,7 @@ mod tests {
         let mut moved = map(0.1);
         moved[3].x += 0.8 * L;
         let later = frame(&grains, &moved);
-        let value = dmin(&grains, &sheared(0.0), &later)[3];
+        let value = between(&grains, &sheared(0.0), &later)[3];
         assert!(value > 0.5 * (0.8 * L).powi(2), "{value:e}");
     }
 
@@ -358,7 +354,7 @@ mod tests {
             later.contacts.clear();
             let mut rattler = Vec::new();
             rattlers::mark::<2>(&grains, &earlier.contacts, &mut rattler);
-            let values = dmin(&grains, &earlier, &later);
+            let values = between(&grains, &earlier, &later);
             assert!(rattler.contains(&true) && rattler.contains(&false));
             for (i, value) in values.into_iter().enumerate() {
                 if rattler[i] {
@@ -384,7 +380,7 @@ mod tests {
             .iter()
             .zip(scattered(5, points.len(), 0.1, 0.1))
             .map(|(r, d)| r + d);
-        dmin(
+        between(
             &grains,
             &frame(&grains, &points),
             &frame(&grains, &moved.collect::<Vec<_>>()),
@@ -430,7 +426,7 @@ mod tests {
                 .map(|(r, d)| r + d)
                 .collect();
             let (earlier, later) = (frame(&grains, &points), frame(&grains, &moved));
-            for (i, value) in dmin(&grains, &earlier, &later).into_iter().enumerate() {
+            for (i, value) in between(&grains, &earlier, &later).into_iter().enumerate() {
                 let wanted = direct(&grains, &[false; 60], &earlier, &later, i);
                 assert!(
                     (value - wanted).abs() <= 1e-12 * wanted,

@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use gshear_dem::dimension::Dimension;
+use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::neighbour::{Bins, LocalExtent};
 use gshear_dem::state::{BoxEdges, Cell, Disks, FrameRecords};
 
@@ -130,19 +130,22 @@ fn residual<D: Dimension>(pairs: &[[Vector3<f64>; 2]], radius: f64) -> f64 {
     left.sum::<f64>() / pairs.len() as f64
 }
 
-/// [`non_affine`] without the rattlers of the earlier frame.
-pub fn between_frames<D: Dimension>(
+/// [`non_affine`] in so many dimensions, without the rattlers of the earlier frame.
+pub fn between_frames(
+    axes: usize,
     grains: &Disks,
     interval: &Interval<'_>,
     radius: f64,
 ) -> Vec<f64> {
     let mut rattler = Vec::new();
     let contacts = &interval.frames[0].contacts;
-    match D::AXES {
-        2 => rattlers::mark::<2>(grains, contacts, &mut rattler),
-        _ => rattlers::mark::<3>(grains, contacts, &mut rattler),
+    if axes == 2 {
+        rattlers::mark::<2>(grains, contacts, &mut rattler);
+        non_affine::<Two>(interval, radius, |n| !rattler[n])
+    } else {
+        rattlers::mark::<3>(grains, contacts, &mut rattler);
+        non_affine::<Three>(interval, radius, |n| !rattler[n])
     }
-    non_affine::<D>(interval, radius, |n| !rattler[n])
 }
 
 /// Returns the overlap Σab/√(Σa² Σb²) of two non-negative fields over the grains, `[N]`; grains
@@ -150,33 +153,28 @@ pub fn between_frames<D: Dimension>(
 ///
 /// It is 1 if one field is a multiple of the other; [`by_chance`] is that of independent fields.
 pub fn overlap(a: &[f64], b: &[f64]) -> f64 {
-    let pairs = || {
-        a.iter()
-            .zip(b)
-            .filter(|(a, b)| a.is_finite() && b.is_finite())
-    };
-    let sum = |of: fn(f64, f64) -> f64| pairs().map(|(a, b)| of(*a, *b)).sum::<f64>();
+    let sum = |of: fn(f64, f64) -> f64| known_pairs(a, b).map(|(a, b)| of(*a, *b)).sum::<f64>();
     sum(|a, b| a * b) / (sum(|a, _| a * a) * sum(|_, b| b * b)).sqrt()
 }
 
 /// Returns the [`overlap`] that two independent fields of these values would have:
 /// ⟨a⟩⟨b⟩/√(⟨a²⟩⟨b²⟩), over the grains where both are finite.
 pub fn by_chance(a: &[f64], b: &[f64]) -> f64 {
-    let pairs = || {
-        a.iter()
-            .zip(b)
-            .filter(|(a, b)| a.is_finite() && b.is_finite())
-    };
-    let sum = |of: fn(f64, f64) -> f64| pairs().map(|(a, b)| of(*a, *b)).sum::<f64>();
+    let sum = |of: fn(f64, f64) -> f64| known_pairs(a, b).map(|(a, b)| of(*a, *b)).sum::<f64>();
     let squares = sum(|a, _| a * a) * sum(|_, b| b * b);
-    sum(|a, _| a) * sum(|_, b| b) / (pairs().count() as f64 * squares.sqrt())
+    sum(|a, _| a) * sum(|_, b| b) / (known_pairs(a, b).count() as f64 * squares.sqrt())
+}
+
+/// The values of the grains where both are finite.
+fn known_pairs<'a>(a: &'a [f64], b: &'a [f64]) -> impl Iterator<Item = (&'a f64, &'a f64)> {
+    let pairs = a.iter().zip(b);
+    pairs.filter(|(a, b)| a.is_finite() && b.is_finite())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use bytemuck::Zeroable;
-    use gshear_dem::dimension::{Three, Two};
     use gshear_dem::state::{GrainSample, Sheared};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;

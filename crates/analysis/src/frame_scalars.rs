@@ -56,26 +56,33 @@ impl FrameScalars {
 
     /// Returns the number of GR regions.
     pub fn regions(&self, reading: GrReading) -> f64 {
-        let [itself, of_two] = match reading.reduction {
-            Reduction::Net => [self.regions, self.regions_of_two],
-            Reduction::Losses => [self.loss_regions, self.loss_regions_of_two],
-            Reduction::GreatestLoss => [
-                self.greatest_loss_regions,
-                self.greatest_loss_regions_of_two,
-            ],
-        };
-        match reading.min_points {
-            MinPoints::Itself => itself,
-            MinPoints::OneNeighbour => of_two,
-        }
+        self.of_regions(reading.reduction)[reading.min_points as usize]
     }
 
     /// Returns mean and median |θ| (rad) of the contacts of grains in GR regions.
     pub fn region_angles(&self, reduction: Reduction) -> [f64; 2] {
+        let [.., mean, median] = self.of_regions(reduction);
+        [mean, median]
+    }
+
+    /// The scalars of the GR regions: their numbers by [`MinPoints`], and mean and median |θ|.
+    fn of_regions(&self, reduction: Reduction) -> [f64; 4] {
         match reduction {
-            Reduction::Net => [self.region_angle_mean, self.region_angle_median],
-            Reduction::Losses => [self.loss_region_angle_mean, self.loss_region_angle_median],
+            Reduction::Net => [
+                self.regions,
+                self.regions_of_two,
+                self.region_angle_mean,
+                self.region_angle_median,
+            ],
+            Reduction::Losses => [
+                self.loss_regions,
+                self.loss_regions_of_two,
+                self.loss_region_angle_mean,
+                self.loss_region_angle_median,
+            ],
             Reduction::GreatestLoss => [
+                self.greatest_loss_regions,
+                self.greatest_loss_regions_of_two,
                 self.greatest_loss_region_angle_mean,
                 self.greatest_loss_region_angle_median,
             ],
@@ -144,17 +151,15 @@ pub fn frame_scalars(
     non_affine.between(grains, radius, earlier, later, dmin);
     regions.find(grains, earlier, later);
     let [net, losses, greatest_loss] = Reduction::ALL.map(|reduction| {
-        let count = |min_points| {
+        let [one, two] = MinPoints::ALL.map(|min_points| {
             regions.count(GrReading {
                 reduction,
                 min_points,
             }) as f64
-        };
+        });
         regions.angles(reduction, grains, later, angles);
-        RegionScalars {
-            counts: [MinPoints::Itself, MinPoints::OneNeighbour].map(count),
-            angles: mean_and_median(angles),
-        }
+        let [mean, median] = mean_and_median(angles);
+        [one, two, mean, median]
     });
 
     let pairs = stress_change.iter().zip(dmin.iter());
@@ -163,29 +168,21 @@ pub fn frame_scalars(
     FrameScalars {
         dmin_greatest,
         dmin_top_tenth,
-        regions: net.counts[0],
-        regions_of_two: net.counts[1],
+        regions: net[0],
+        regions_of_two: net[1],
         stress_dmin_rho: correlation.rho,
         stress_dmin_p: correlation.p,
-        region_angle_mean: net.angles[0],
-        region_angle_median: net.angles[1],
-        loss_regions: losses.counts[0],
-        loss_regions_of_two: losses.counts[1],
-        loss_region_angle_mean: losses.angles[0],
-        loss_region_angle_median: losses.angles[1],
-        greatest_loss_regions: greatest_loss.counts[0],
-        greatest_loss_regions_of_two: greatest_loss.counts[1],
-        greatest_loss_region_angle_mean: greatest_loss.angles[0],
-        greatest_loss_region_angle_median: greatest_loss.angles[1],
+        region_angle_mean: net[2],
+        region_angle_median: net[3],
+        loss_regions: losses[0],
+        loss_regions_of_two: losses[1],
+        loss_region_angle_mean: losses[2],
+        loss_region_angle_median: losses[3],
+        greatest_loss_regions: greatest_loss[0],
+        greatest_loss_regions_of_two: greatest_loss[1],
+        greatest_loss_region_angle_mean: greatest_loss[2],
+        greatest_loss_region_angle_median: greatest_loss[3],
     }
-}
-
-/// The scalars of the GR regions of one [`Reduction`].
-struct RegionScalars {
-    /// Numbers of regions with minPts = 1 and 2.
-    counts: [f64; 2],
-    /// Mean and median |θ| (rad).
-    angles: [f64; 2],
 }
 
 /// Greatest value and mean of the greatest tenth (a rounded number of values, at least one), NaN

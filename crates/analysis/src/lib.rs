@@ -7,11 +7,11 @@
 //!
 //! | modules | quantities |
 //! | --- | --- |
-//! | [`phases`], [`tau`], [`stages`], [`measures`], [`correlate`] | stick and slip phases of τ, statistics per phase and their correlations |
+//! | [`phases`], [`tau`], [`drop_stages`], [`phase_measures`], [`correlate`] | stick and slip phases of τ, statistics per phase and their correlations |
 //! | [`displacement`], [`dmin`], [`event`], [`neighbourhood`] | D²min between two frames |
 //! | [`regions`], [`dbscan`], [`rattlers`] | regions of rearranging grains (GR regions) |
 //! | [`forces`], [`mod@stress`], [`frame_scalars`] | contact forces, stresses, scalars of a frame |
-//! | [`spearman`], [`student`], [`ranges`] | statistics |
+//! | [`moments`], [`spearman`], [`student`], [`ranges`] | statistics |
 //! | [`rate_state`] | rate-and-state friction: steps, holds, fits |
 //! | [`jacobian`], [`growth`] | stiffness matrix K, growth of its modes; [`gshear_spectrum`] has its eigenvalues |
 //!
@@ -40,13 +40,15 @@ pub mod correlate;
 pub mod dbscan;
 pub mod displacement;
 pub mod dmin;
+pub mod drop_stages;
 pub mod event;
 pub mod forces;
 pub mod frame_scalars;
 pub mod growth;
 pub mod jacobian;
-pub mod measures;
+pub mod moments;
 pub mod neighbourhood;
+pub mod phase_measures;
 pub mod phases;
 pub mod ranges;
 pub mod rate_state;
@@ -54,7 +56,6 @@ pub mod rattlers;
 pub mod regions;
 pub mod spearman;
 pub mod stability;
-pub mod stages;
 pub mod stress;
 pub mod student;
 pub mod tau;

@@ -23,6 +23,9 @@ pub enum MinPoints {
 }
 
 impl MinPoints {
+    /// Both of them.
+    pub const ALL: [MinPoints; 2] = [MinPoints::Itself, MinPoints::OneNeighbour];
+
     /// Returns minPts as DBSCAN counts it, the point itself included.
     pub fn count(self) -> usize {
         match self {
@@ -146,7 +149,7 @@ impl Regions {
             self.points.push(later.position[*n as usize]);
         }
         let epsilon = EPSILON * grains.mean_radius();
-        for reading in [MinPoints::Itself, MinPoints::OneNeighbour] {
+        for reading in MinPoints::ALL {
             let labels = &mut found.labels[reading as usize];
             let (length, points) = (grains.length, &self.points);
             found.counts[reading as usize] =
@@ -227,8 +230,7 @@ mod tests {
 
     /// Numbers of regions with minPts = 1 and 2.
     fn counts(regions: &Regions, reduction: Reduction) -> [usize; 2] {
-        [MinPoints::Itself, MinPoints::OneNeighbour]
-            .map(|min_points| regions.count(reading(reduction, min_points)))
+        MinPoints::ALL.map(|min_points| regions.count(reading(reduction, min_points)))
     }
 
     #[test]

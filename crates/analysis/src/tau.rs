@@ -14,16 +14,6 @@ pub struct TauReading {
     pub round: Option<f64>,
 }
 
-impl Default for TauReading {
-    fn default() -> Self {
-        TauReading {
-            every: NonZeroUsize::MIN,
-            average: false,
-            round: None,
-        }
-    }
-}
-
 impl TauReading {
     /// Returns the rows at the ends of the intervals, ascending, and τ there. `tau`: `[L]`, of every
     /// row. With averages the first interval has ended `every` rows after row 0.
@@ -63,9 +53,9 @@ mod tests {
 
     #[test]
     fn every_row_is_taken_by_default() {
-        let (rows, tau) = TauReading::default().of(&TAU);
+        let (rows, tau) = reading(1, false, None).of(&TAU);
         assert_eq!((rows, &tau[..]), ((0..8).collect::<Vec<usize>>(), &TAU[..]));
-        assert_eq!(TauReading::default().of(&[]), (vec![], vec![]));
+        assert_eq!(reading(1, false, None).of(&[]), (vec![], vec![]));
     }
 
     #[test]

@@ -259,13 +259,14 @@ impl<'a, D: Dimension> Packing<'a, D> {
     }
 }
 
+fn name_of<D: Dimension>(law: &Law, contact: &Contact) -> String {
+    let (name, axes) = (law.kind().name, D::AXES);
+    format!("{name} in {axes} dimensions with {contact:?}")
+}
+
 /// Every entry of K, to 1e-8 of the greatest.
 fn agrees<D: LawSpace>(law: &Law, contact: &Contact) {
-    let name = format!(
-        "{} in {} dimensions with {contact:?}",
-        law.kind().name,
-        D::AXES
-    );
+    let name = name_of::<D>(law, contact);
     let force = D::pair_force(law, contact);
     let force = force.unwrap_or_else(|| panic!("{name}: no forces"));
     let mut packing = Packing::<D>::new(force.as_ref(), contact, cell(1.0));
@@ -300,11 +301,7 @@ fn agrees<D: LawSpace>(law: &Law, contact: &Contact) {
 /// Contacts that separate so fast that their dampers leave no force: K adds as much for them as
 /// differences of the forces, nothing. Without dampers every contact has a force.
 fn idle<D: LawSpace>(law: &Law, contact: &Contact) {
-    let name = format!(
-        "{} in {} dimensions with {contact:?}",
-        law.kind().name,
-        D::AXES
-    );
+    let name = name_of::<D>(law, contact);
     let force = D::pair_force(law, contact).expect("forces");
     let mut packing = Packing::<D>::new(force.as_ref(), contact, cell(3.0));
     let at_rest = packing.jacobian(true);

@@ -18,11 +18,10 @@ use gshear_scene::{Boundary, Change, Scene};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 use gshear_store::columns::{AqsRow, NewtonianRow};
-use gshear_store::dictionary;
 use gshear_store::existing;
 use gshear_store::file_names::{
-    AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RESULTS, RUN_FILE, SCENE_FILE,
-    SPECTRA_FILE, STATUS_FILE,
+    AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
+    STATUS_FILE, is_reduced,
 };
 use gshear_store::h5;
 use gshear_store::log::Log;
@@ -628,35 +627,19 @@ pub fn same_folder(one: &Path, other: &Path) -> bool {
 
 /// Removes the files of a run and what was reduced from them.
 fn remove_run(folder: &Path) -> Result<(), Failure> {
-    let names = Contents::of(folder)?.names.into_iter();
-    let names = names.chain(reduced(folder)).chain([STATUS_FILE.into()]);
-    for path in names.map(|name| folder.join(name)) {
-        let removed = match path.symlink_metadata() {
-            Err(_) => Ok(()),
+    let scene = text_writer::read(&folder.join(SCENE_FILE)).unwrap_or_default();
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let is_old = |name: &str| is_of_a_run(name, &scene) || is_reduced(name) || name == STATUS_FILE;
+    for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(is_old)) {
+        let path = entry.path();
+        let removed = match entry.file_type() {
             Ok(of) if of.is_dir() => fs::remove_dir_all(&path),
-            Ok(_) => fs::remove_file(&path),
+            _ => fs::remove_file(&path),
         };
         removed
             .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))?;
     }
     Ok(())
-}
-
-/// What `gshear-reduce` writes into the folder of a run unless told otherwise: each of its tables,
-/// with the description beside it that the user's own tables lack, and [`RESULTS`].
-fn reduced(folder: &Path) -> Vec<String> {
-    let tables = dictionary::tables(3).into_iter().map(|table| table.file);
-    let described = tables.filter_map(|name| {
-        let metadata = dictionary::metadata_name(name);
-        folder
-            .join(&metadata)
-            .exists()
-            .then_some([name.into(), metadata])
-    });
-    described
-        .flatten()
-        .chain(RESULTS.map(String::from))
-        .collect()
 }
 
 /// A file that is open for writing, and must stay where it is.
@@ -709,12 +692,8 @@ mod tests {
             "status.json",
             "stability.csv",
             "stability.csv-metadata.json",
-            "spectrum.csv",
-            "spectrum.csv-metadata.json",
-            "spectrum.h5",
         ];
-        // Of the user, who gives tables such names, too.
-        let stays = ["holds.csv", "mine.csv", "mine.csv-metadata.json"];
+        let stays = ["mine.csv", "mine.csv-metadata.json"];
         for name in gone.iter().chain(&stays) {
             fs::write(at(name), "").expect("written");
         }

@@ -1,5 +1,7 @@
 //! A curve as lines of text, with the eight dots of Braille patterns as pixels.
 
+use gshear_analysis::moments::extent;
+
 /// Characters for the values beside the picture.
 const GUTTER: usize = 10;
 
@@ -20,9 +22,7 @@ pub fn plot(
         return Vec::new();
     }
     let [x, y] = [0, 1].map(|axis| {
-        let values = points.iter().map(|p| p[axis]);
-        let least = values.clone().fold(f64::INFINITY, f64::min);
-        let most = values.fold(f64::NEG_INFINITY, f64::max);
+        let [least, most] = extent(points.iter().map(|p| p[axis]));
         // A constant lies in the middle.
         let margin = if most > least {
             0.0
@@ -32,40 +32,10 @@ pub fn plot(
         [least - margin, most + margin]
     });
     let (wide, high) = (2 * columns, 4 * rows);
-    let place = |value: f64, [from, to]: [f64; 2], size: usize| {
-        let part = (value - from) / (to - from);
-        ((part * (size - 1) as f64).round() as usize).min(size - 1)
-    };
-    let mut dots = vec![false; wide * high];
-    let mut before: Option<[usize; 2]> = None;
-    for [at_x, at_y] in &points {
-        let now = [place(*at_x, x, wide), high - 1 - place(*at_y, y, high)];
-        let from = before.unwrap_or(now);
-        let steps = from[0]
-            .abs_diff(now[0])
-            .max(from[1].abs_diff(now[1]))
-            .max(1);
-        for k in 0..=steps {
-            let [column, row] = [0, 1].map(|axis| {
-                let (a, b) = (from[axis] as f64, now[axis] as f64);
-                (a + (b - a) * k as f64 / steps as f64).round() as usize
-            });
-            dots[row * wide + column] = true;
-        }
-        before = Some(now);
-    }
+    let dots = dots(&points, [x, y], [wide, high]);
     let cell = |column: usize, row: usize| {
-        // The bits of a pattern: three rows of the left and of the right column, then the fourth.
-        let bits = [[0, 3], [1, 4], [2, 5], [6, 7]];
-        let mut pattern = 0u32;
-        for (down, of_row) in bits.iter().enumerate() {
-            for (right, bit) in of_row.iter().enumerate() {
-                if dots[(4 * row + down) * wide + 2 * column + right] {
-                    pattern |= 1 << bit;
-                }
-            }
-        }
-        match (pattern, unicode) {
+        let dot = |down: usize, right: usize| dots[(4 * row + down) * wide + 2 * column + right];
+        match (pattern(dot), unicode) {
             (0, _) => ' ',
             (_, false) => '*',
             (pattern, true) => char::from_u32(0x2800 + pattern).unwrap_or('*'),
@@ -88,6 +58,44 @@ pub fn plot(
     let middle = (columns + 1).saturating_sub(from.len() + to.len());
     lines.push(format!("{:GUTTER$}{from}{over:^middle$}{to}", ""));
     lines
+}
+
+/// The dots of a line through the points, `[high][wide]`; the axes run over `x` and `y`.
+fn dots(points: &[[f64; 2]], [x, y]: [[f64; 2]; 2], [wide, high]: [usize; 2]) -> Vec<bool> {
+    let place = |value: f64, [from, to]: [f64; 2], size: usize| {
+        let part = (value - from) / (to - from);
+        ((part * (size - 1) as f64).round() as usize).min(size - 1)
+    };
+    let mut dots = vec![false; wide * high];
+    let mut before: Option<[usize; 2]> = None;
+    for [at_x, at_y] in points {
+        let now = [place(*at_x, x, wide), high - 1 - place(*at_y, y, high)];
+        let from = before.unwrap_or(now);
+        let apart = from[0].abs_diff(now[0]).max(from[1].abs_diff(now[1]));
+        let steps = apart.max(1);
+        for k in 0..=steps {
+            let [column, row] = [0, 1].map(|axis| {
+                let (a, b) = (from[axis] as f64, now[axis] as f64);
+                (a + (b - a) * k as f64 / steps as f64).round() as usize
+            });
+            dots[row * wide + column] = true;
+        }
+        before = Some(now);
+    }
+    dots
+}
+
+/// The number of a pattern; `dot(down, right)` of its four rows and two columns.
+fn pattern(dot: impl Fn(usize, usize) -> bool) -> u32 {
+    // The bits: three rows of the left and of the right column, then the fourth row.
+    let bits = [[0, 3], [1, 4], [2, 5], [6, 7]];
+    let mut pattern = 0;
+    for (down, of_row) in bits.iter().enumerate() {
+        for (right, bit) in of_row.iter().enumerate() {
+            pattern |= u32::from(dot(down, right)) << bit;
+        }
+    }
+    pattern
 }
 
 fn number(value: f64) -> String {

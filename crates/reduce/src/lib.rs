@@ -1,10 +1,10 @@
 //! The commands of `gshear-reduce`: each reads runs, calls `gshear-analysis`, and writes tables,
 //! HDF5 files or reports.
 //!
-//! [`Command`] lists the commands and their options; [`run`] runs one. One file per command holds
-//! its reading, its tables and its printed summary; the numbers themselves are computed in
-//! `gshear-analysis`, the figures in `gshear-report`. Most commands are reached only through
-//! [`run`]; public are those that other programs and the tests of the repository use.
+//! [`Command`] lists the commands, and [`run()`] runs one. A file per command in `commands/` holds
+//! its arguments, its reading, its tables and its printed summary; the numbers themselves are
+//! computed in `gshear-analysis`, the figures in `gshear-report`. Most commands are reached only
+//! through [`run()`]; public is what other programs and the tests of the repository use.
 //!
 //! # Example
 //! Compare two runs to the last bit, as `gshear-reduce compare` does:
@@ -22,26 +22,13 @@
 //! ```
 
 mod braille;
-mod columns;
 mod commands;
-pub mod compare;
-mod correlate;
-mod dmin;
-pub mod export;
-mod growth;
-mod info;
-mod output;
-mod phases;
-mod pool;
-pub mod rate_state;
-mod regions;
-pub mod replay;
-mod report;
+mod contact_quantities;
+mod frame_pairs;
+mod frame_selection;
+mod printer;
+mod results;
 pub mod scalars;
-mod spectrum;
-mod stability;
-mod stages;
-mod stiffness;
-mod watch;
+mod stored_state;
 
-pub use commands::{Arguments, Command, run};
+pub use commands::{Arguments, Command, compare, run};

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::pool::{Lent, Pool};
+use crate::frame_pairs;
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::stress::ratio_on_top;
 use gshear_dem::failure::Failure;
@@ -80,38 +80,25 @@ fn column_at(run: &RunFile, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
     steps.iter().map(value).collect()
 }
 
-/// Returns τ and the scalars of every frame, `[T]`. Memory holds two blocks of frames, whatever
-/// their number.
+/// Returns τ and the scalars of every frame, `[T]`.
 fn compute(run: &RunFile) -> Result<Vec<(f64, FrameScalars)>, Failure> {
-    let mut rows = Vec::with_capacity(run.frames());
-    let (grains, pool) = (run.grains(), Pool::default());
-    let read = |first: usize| -> Result<Vec<Stressed>, Failure> {
-        let end = run.frames().min(first + run.block_length());
-        let frames = run
-            .block_of(first..end, FrameFields::Forces)?
-            .into_par_iter();
+    let grains = run.grains();
+    let read = |range| -> Result<Vec<Stressed>, Failure> {
+        let frames = run.block_of(range, FrameFields::Forces)?.into_par_iter();
         Ok(frames.map(|frame| Stressed::new(grains, frame)).collect())
     };
-    let mut frames = read(0)?;
-    if let Some(first) = frames.first() {
-        rows.push((ratio_on_top(grains, &first.frame), FrameScalars::UNDEFINED));
+    let value = |scratch: &mut ScalarScratch, _: [usize; 2], [earlier, later]: [&Stressed; 2]| {
+        let scalars = frame_scalars(grains, earlier, later, scratch);
+        (ratio_on_top(grains, &later.frame), scalars)
+    };
+    let mut rows = Vec::with_capacity(run.frames());
+    if run.frames() > 0 {
+        let first = run.block_of(0..1, FrameFields::Forces)?.swap_remove(0);
+        rows.push((ratio_on_top(grains, &first), FrameScalars::UNDEFINED));
     }
-    while rows.len() < run.frames() {
-        let next = rows.len() - 1 + frames.len();
-        // Reads the next block during the computation.
-        let (following, found) = rayon::join(
-            || read(next),
-            || -> Vec<(f64, FrameScalars)> {
-                let pairs = frames.par_windows(2).with_min_len(8);
-                let row = |scratch: &mut Lent<ScalarScratch>, pair: &[Stressed]| {
-                    let scalars = frame_scalars(grains, &pair[0], &pair[1], &mut scratch.buffer);
-                    (ratio_on_top(grains, &pair[1].frame), scalars)
-                };
-                pairs.map_init(|| pool.lend(), row).collect()
-            },
-        );
-        rows.extend(found);
-        frames = frames.pop().into_iter().chain(following?).collect();
-    }
+    frame_pairs::each(run, read, value, |_, values| {
+        rows.extend(values);
+        Ok(())
+    })?;
     Ok(rows)
 }

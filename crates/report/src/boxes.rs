@@ -9,9 +9,9 @@ use gshear_store::table;
 
 use super::ReportFigure;
 use super::curves::lines;
-use super::history::{Axis, LAYOUT, Panel, Shown, drawn};
+use super::eigenvalue_figures::{self, SpectrumRow};
+use super::history::{Axis, LAYOUT, Panel, SLIDING_FRACTION, Shown, drawn};
 use super::page::Facts;
-use super::spectrum::{self, SpectrumRow};
 use super::summary::parameters;
 
 /// A deformation of the box.
@@ -90,13 +90,7 @@ const OF_STRAIN: [Panel; 8] = [
         shown: Shown::AsTheyAre,
         lines: &[("coordination", "coordination")],
     },
-    Panel {
-        name: "sliding-fraction",
-        caption: "Share of the contacts that slide.",
-        label: "sliding fraction",
-        shown: Shown::AsTheyAre,
-        lines: &[("sliding_fraction", "sliding fraction")],
-    },
+    SLIDING_FRACTION,
     Panel {
         name: "energies",
         caption: "Elastic energy of the contacts.",
@@ -223,45 +217,35 @@ impl Measured {
 
     fn figures(&self, axis: &Axis, series: &Series) -> Vec<ReportFigure> {
         let of = self.of;
-        let figures = [
-            (
-                "stress-strain",
-                format!("{}: {}.", of.name, of.stress[0]),
-                of.stress[1],
-                ("conjugate_stress", &self.stress),
-            ),
-            (
-                "modulus",
-                format!("{}, from one strain step to the next.", of.modulus),
-                of.modulus,
-                ("modulus", &self.modulus),
-            ),
-            (
-                "friction",
-                match of.key {
-                    "simple-shear" => "Shear stress over pressure.".into(),
-                    _ => "Sine of the mobilised friction angle: difference of the stresses along the height and across it, over their sum.".into(),
-                },
-                "mobilised friction",
-                ("mobilised_friction", &self.friction),
-            ),
-        ];
-        let drawn = |(name, caption, label, column): (
-            &'static str,
-            String,
-            &str,
-            (&'static str, &Vec<f64>),
-        )| {
-            let svg = lines(LAYOUT, (axis.label, &axis.values), label, &[("", column.1)])?;
-            let data = axis.table_of(series, &[(column.0, column.1)]);
-            Some(ReportFigure {
-                name,
-                caption,
-                svg,
-                data,
-            })
+        let friction = match of.key {
+            "simple-shear" => "Shear stress over pressure.",
+            _ => {
+                "Sine of the mobilised friction angle: difference of the stresses along the height and across it, over their sum."
+            }
         };
-        figures.into_iter().filter_map(drawn).collect()
+        let drawn = |name, caption: String, label, column, values: &[f64]| {
+            let svg = lines(LAYOUT, (axis.label, &axis.values), label, &[("", values)])?;
+            let data = axis.table_of(series, &[(column, values)]);
+            Some(ReportFigure::new(name, caption, svg, data))
+        };
+        let stress = format!("{}: {}.", of.name, of.stress[0]);
+        let modulus = format!("{}, from one strain step to the next.", of.modulus);
+        let column = "mobilised_friction";
+        let label = "mobilised friction";
+        [
+            drawn(
+                "stress-strain",
+                stress,
+                of.stress[1],
+                "conjugate_stress",
+                &self.stress,
+            ),
+            drawn("modulus", modulus, of.modulus, "modulus", &self.modulus),
+            drawn("friction", friction.into(), label, column, &self.friction),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
     }
 }
 
@@ -326,13 +310,10 @@ fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>, Failure> {
     if rows.is_empty() {
         return Ok(None);
     }
-    let [svg, data] = spectrum::over_time(&rows);
-    Ok(Some(ReportFigure {
-        name: "newtonian-eigenvalues",
-        caption: "Imaginary parts of all eigenvalues under Newton's equations.".into(),
-        svg,
-        data,
-    }))
+    let [svg, data] = eigenvalue_figures::over_time(&rows);
+    let caption = "Imaginary parts of all eigenvalues under Newton's equations.";
+    let name = "newtonian-eigenvalues";
+    Ok(Some(ReportFigure::new(name, caption, svg, data)))
 }
 
 fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFigure>) {

@@ -5,6 +5,7 @@ use plotters::style::RGBColor;
 use super::colour::CURVES;
 use super::plot::{Layout, Plot, figure};
 use super::ticks;
+use gshear_analysis::moments::extent;
 
 /// Most points of a curve that are marked.
 const MARKED: usize = 100;
@@ -54,10 +55,7 @@ pub fn percent_of(strain: &[f64]) -> Vec<f64> {
 
 /// Returns the range of the finite values, extended by `share` of it at both ends.
 pub fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
-    let finite = values.filter(|value| value.is_finite());
-    let [low, high] = finite.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| {
-        [low.min(v), high.max(v)]
-    });
+    let [low, high] = extent(values.filter(|value| value.is_finite()));
     if low > high {
         return [0.0, 1.0];
     }
@@ -123,14 +121,7 @@ mod tests {
                     .collect()
             };
             let (all, few) = (of(&points), of(&kept));
-            assert_eq!(
-                all.iter().copied().fold(f64::INFINITY, f64::min),
-                few.iter().copied().fold(f64::INFINITY, f64::min)
-            );
-            assert_eq!(
-                all.iter().copied().fold(0.0, f64::max),
-                few.iter().copied().fold(0.0, f64::max)
-            );
+            assert_eq!(extent(all.iter().copied()), extent(few.iter().copied()));
             assert_eq!((all[0], all[all.len() - 1]), (few[0], few[few.len() - 1]));
         }
     }

@@ -6,10 +6,7 @@ use super::ticks;
 use gshear_analysis::phases::{Phase, PhaseKind};
 use gshear_store::table::Table;
 
-const LAYOUT: Layout = Layout {
-    size: [900.0, 400.0],
-    margin: [72.0, 36.0, 24.0, 58.0],
-};
+const LAYOUT: Layout = Layout::new([900.0, 400.0], 72.0);
 /// Bins per decade, of equal ratio.
 const BINS: f64 = 5.0;
 

@@ -9,10 +9,7 @@ use super::plot::Layout;
 use super::summary::{is_driven, is_imposed};
 use super::ticks;
 
-pub const LAYOUT: Layout = Layout {
-    size: [900.0, 320.0],
-    margin: [84.0, 36.0, 24.0, 58.0],
-};
+pub const LAYOUT: Layout = Layout::new([900.0, 320.0], 84.0);
 
 /// What the time series is drawn over.
 pub struct Axis {
@@ -104,6 +101,14 @@ pub struct Panel {
     pub lines: &'static [(&'static str, &'static str)],
 }
 
+pub const SLIDING_FRACTION: Panel = Panel {
+    name: "sliding-fraction",
+    caption: "Share of the contacts that slide.",
+    label: "sliding fraction",
+    shown: Shown::AsTheyAre,
+    lines: &[("sliding_fraction", "sliding fraction")],
+};
+
 const PANELS: [Panel; 7] = [
     Panel {
         name: "slip-rate",
@@ -133,13 +138,7 @@ const PANELS: [Panel; 7] = [
         shown: Shown::AsTheyAre,
         lines: &[("coordination", "coordination")],
     },
-    Panel {
-        name: "sliding-fraction",
-        caption: "Share of the contacts that slide.",
-        label: "sliding fraction",
-        shown: Shown::AsTheyAre,
-        lines: &[("sliding_fraction", "sliding fraction")],
-    },
+    SLIDING_FRACTION,
     Panel {
         name: "energies",
         caption: "Kinetic energy of the free grains, and elastic energy of the contacts by parts.",
@@ -212,10 +211,6 @@ pub fn drawn(run: &RunFile, axis: &Axis, panel: &Panel) -> Option<ReportFigure> 
     let known: Vec<_> = known.iter().map(|(name, of)| (*name, &of[..])).collect();
     let svg = lines(LAYOUT, (axis.label, &axis.values), &label, &known)?;
     let columns: Vec<&str> = panel.lines.iter().map(|(column, _)| *column).collect();
-    Some(ReportFigure {
-        name: panel.name,
-        caption: panel.caption.into(),
-        svg,
-        data: axis.table(series, &columns),
-    })
+    let data = axis.table(series, &columns);
+    Some(ReportFigure::new(panel.name, panel.caption, svg, data))
 }

@@ -9,14 +9,8 @@ use super::curves::{lines, percent_of};
 use super::plot::Layout;
 use super::ticks;
 
-const WIDE: Layout = Layout {
-    size: [900.0, 320.0],
-    margin: [84.0, 36.0, 24.0, 58.0],
-};
-const SQUARE: Layout = Layout {
-    size: [640.0, 480.0],
-    margin: [84.0, 36.0, 24.0, 58.0],
-};
+const WIDE: Layout = Layout::new([900.0, 320.0], 84.0);
+const SQUARE: Layout = Layout::new([640.0, 480.0], 84.0);
 
 /// Columns of forces and the names of their stresses in the legend.
 const STRESSES: [(&str, &str); 4] = [
@@ -54,47 +48,29 @@ pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
     let values = [&normal, &imposed_normal, &shear, &imposed_shear];
     let named = STRESSES.iter().zip(values);
     let stresses: Vec<_> = named.map(|((_, name), of)| (*name, &of[..])).collect();
-    let normal_label = format!("normal stress ({unit})");
+    let times = ("time (s)", &series.time[..]);
+    let strains = ("shear strain γ (%)", &percent_of(strain)[..]);
+    let normals = (&*format!("normal stress ({unit})"), &normal[..]);
+    let shear = [("", &shear[..])];
     let figures = [
         (
             "stresses",
             "Normal and shear stress on the top wall, and what is imposed of them.",
-            lines(
-                WIDE,
-                ("time (s)", &series.time),
-                &format!("stress ({unit})"),
-                &stresses,
-            ),
+            lines(WIDE, times, &format!("stress ({unit})"), &stresses),
         ),
         (
             "stress-strain-loops",
             "Shear stress on the top wall over the shear strain.",
-            lines(
-                SQUARE,
-                ("shear strain γ (%)", &percent_of(strain)),
-                &shear_label,
-                &[("", &shear)],
-            ),
+            lines(SQUARE, strains, &shear_label, &shear),
         ),
         (
             "stress-path",
             "Path of the stresses on the top wall, whose normal motion a part imposes.",
-            lines(
-                SQUARE,
-                (&normal_label, &normal),
-                &shear_label,
-                &[("", &shear)],
-            )
-            .filter(|_| holds_volume),
+            lines(SQUARE, normals, &shear_label, &shear).filter(|_| holds_volume),
         ),
     ];
     let drawn = |(name, caption, svg): (&'static str, &str, Option<String>)| {
-        Some(ReportFigure {
-            name,
-            caption: caption.into(),
-            svg: svg?,
-            data: data.clone(),
-        })
+        Some(ReportFigure::new(name, caption, svg?, data.clone()))
     };
     figures.into_iter().filter_map(drawn).collect()
 }

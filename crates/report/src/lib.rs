@@ -20,6 +20,7 @@ mod boxes;
 pub mod colour;
 mod curves;
 pub mod drawing;
+pub mod eigenvalue_figures;
 mod histogram;
 mod history;
 mod imposed;
@@ -28,8 +29,7 @@ mod page;
 mod picture;
 pub mod plot;
 pub mod rate_state;
-pub mod spectrum;
-mod stress;
+mod stress_ratio;
 mod structure;
 mod summary;
 pub mod ticks;
@@ -37,7 +37,7 @@ pub mod ticks;
 use std::path::{Path, PathBuf};
 
 use self::history::Axis;
-use self::map::MapView;
+use self::map::{Map, MapView};
 pub use self::summary::window_without_frames;
 use self::summary::{DropFrames, Summary};
 use gshear_dem::failure::Failure;
@@ -51,6 +51,17 @@ struct ReportFigure {
     caption: String,
     svg: String,
     data: String,
+}
+
+impl ReportFigure {
+    fn new(name: &'static str, caption: impl Into<String>, svg: String, data: String) -> Self {
+        Self {
+            name,
+            caption: caption.into(),
+            svg,
+            data,
+        }
+    }
 }
 
 /// Writes the report into `folder`, which is created if missing: `index.html`, the figures as SVG
@@ -127,69 +138,74 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
     let tau = &tau[..];
     let phases = &summary.phases;
     let of_tau = axis.table(run.series(), &["stress_ratio"]);
-    let mut figures = vec![ReportFigure {
-        name: "stress-strain",
-        caption: if phases.is_empty() {
-            "Shear stress ratio over the whole run.".into()
-        } else {
-            format!(
-                "Shear stress ratio over the whole run. In colour: stick (τ increases) and slip (τ decreases) phases that \
-                 change it by more than {} % of its range.",
-                100.0 * stress::VISIBLE
-            )
-        },
-        svg: stress::whole(&axis, tau, phases, summary.drop.as_ref()),
-        data: of_tau.clone(),
-    }];
-    let shown = summary
-        .event
-        .as_ref()
-        .map(|event| event.drop)
-        .or(summary.drop);
+    let caption = if phases.is_empty() {
+        "Shear stress ratio over the whole run.".into()
+    } else {
+        format!(
+            "Shear stress ratio over the whole run. In colour: stick (τ increases) and slip (τ decreases) phases that \
+             change it by more than {} % of its range.",
+            100.0 * stress_ratio::VISIBLE
+        )
+    };
+    let svg = stress_ratio::whole(&axis, tau, phases, summary.drop.as_ref());
+    let mut figures = vec![ReportFigure::new(
+        "stress-strain",
+        caption,
+        svg,
+        of_tau.clone(),
+    )];
+    let event = summary.event.as_ref();
+    let shown = event.map(|event| event.drop).or(summary.drop);
     if let Some(drop) = &shown {
         let on_axis = |event: &DropFrames| event.strain.map(|strain| 100.0 * strain);
         let driven = summary::is_driven(run);
-        let frames = summary.event.as_ref().filter(|_| !driven).map(on_axis);
-        figures.push(ReportFigure {
-            name: "largest-drop",
-            caption: format!(
-                "The largest drop{}: Δτ<sub>p</sub> = {:.4} over {} intervals of the time series. Shaded: the phases.",
-                if Some(*drop) == summary.drop { "" } else { " with frames before and after it" },
-                drop.change,
-                drop.duration()
-            ),
-            svg: stress::around(&axis, tau, phases, drop, frames),
-            data: of_tau,
-        });
+        let frames = event.filter(|_| !driven).map(on_axis);
+        let caption = format!(
+            "The largest drop{}: Δτ<sub>p</sub> = {:.4} over {} intervals of the time series. Shaded: the phases.",
+            if Some(*drop) == summary.drop {
+                ""
+            } else {
+                " with frames before and after it"
+            },
+            drop.change,
+            drop.duration()
+        );
+        let svg = stress_ratio::around(&axis, tau, phases, drop, frames);
+        figures.push(ReportFigure::new("largest-drop", caption, svg, of_tau));
     }
     let is_imposed = summary::is_imposed(run);
     if !is_imposed || !phases.is_empty() {
-        figures.push(ReportFigure {
-            name: "phase-histogram",
-            caption: "Number of stick and slip phases by the magnitude of their change of τ."
-                .into(),
-            svg: histogram::of_changes(phases),
-            data: histogram::data(phases),
-        });
+        figures.push(ReportFigure::new(
+            "phase-histogram",
+            "Number of stick and slip phases by the magnitude of their change of τ.",
+            histogram::of_changes(phases),
+            histogram::data(phases),
+        ));
     }
     if is_imposed {
         figures.extend(imposed::figures(run));
     }
     figures.extend(history::figures(run, &axis));
-    if let Some(event) = &summary.event {
+    if let Some(event) = event {
         figures.extend(maps(run.grains(), event));
     }
     figures
 }
 
 fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
-    let view = MapView::of(grains, &event.later, event.centre());
-    let greatest = map::scale_of_forces([&event.earlier, &event.later]);
+    let (earlier, later) = (&event.earlier, &event.later);
+    let view = MapView::of(grains, later, event.centre());
+    let [before, after] = [earlier, later].map(|frame| Map {
+        grains,
+        frame,
+        view,
+    });
+    let greatest = map::scale_of_forces([earlier, later]);
     let [t, u] = event.frames;
-    let [before, after] = event
+    let [from, to] = event
         .strain
         .map(|strain| format!("γ = {:.5} %", 100.0 * strain));
-    let between = format!("frames {t} to {u}: {before} to {after}");
+    let between = format!("frames {t} to {u}: {from} to {to}");
     let part = if grains.count() > map::MOST_GRAINS {
         " The sample is large: only the part around the greatest D²<sub>min</sub> is shown."
     } else {
@@ -197,49 +213,36 @@ fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
     };
     let network = "Lines join the centres of touching grains; their width and colour give the normal force, \
                    on the same scale before and after. Disks of the walls are grey.";
-    let [earlier, later] = [&event.earlier, &event.later].map(map::data_of_contacts);
     [
-        ReportFigure {
-            data: earlier,
-            name: "force-network-before",
-            caption: format!("Force network before the drop. {network}{part}"),
-            svg: map::forces(
-                grains,
-                &event.earlier,
-                view,
-                greatest,
-                &format!("frame {t}, {before}"),
-            ),
-        },
-        ReportFigure {
-            data: later,
-            name: "force-network-after",
-            caption: format!("Force network after the drop. {network}{part}"),
-            svg: map::forces(
-                grains,
-                &event.later,
-                view,
-                greatest,
-                &format!("frame {u}, {after}"),
-            ),
-        },
-        ReportFigure {
-            data: map::data_of_changes(&event.earlier, &event.later),
-            name: "force-change",
-            caption: format!(
+        ReportFigure::new(
+            "force-network-before",
+            format!("Force network before the drop. {network}{part}"),
+            before.forces(greatest, &format!("frame {t}, {from}")),
+            map::data_of_contacts(earlier),
+        ),
+        ReportFigure::new(
+            "force-network-after",
+            format!("Force network after the drop. {network}{part}"),
+            after.forces(greatest, &format!("frame {u}, {to}")),
+            map::data_of_contacts(later),
+        ),
+        ReportFigure::new(
+            "force-change",
+            format!(
                 "Differential force network over the drop: change of the magnitude of every contact force, \
                  0 where a contact was made or lost.{part}"
             ),
-            svg: map::force_changes(grains, &event.earlier, &event.later, view, &between),
-        },
-        ReportFigure {
-            data: map::data_of_grains(grains, &event.later, &event.dmin),
-            name: "dmin",
-            caption: format!(
+            after.force_changes(earlier, &between),
+            map::data_of_changes(earlier, later),
+        ),
+        ReportFigure::new(
+            "dmin",
+            format!(
                 "D²<sub>min</sub> over the drop, in units of the mean radius squared, with neighbours within 5 r̄. \
                  White: rattlers and other grains without a defined value. Outlined in grey: walls.{part}"
             ),
-            svg: map::dmin(grains, &event.later, &event.dmin, view, &between),
-        },
+            after.dmin(&event.dmin, &between),
+            map::data_of_grains(grains, later, &event.dmin),
+        ),
     ]
 }

@@ -6,6 +6,7 @@ use super::colour::{CHANGE, FORCE, GRAIN, GREY, VIRIDIS, WALL, WHITE};
 use super::plot::{Layout, Plot, figure};
 use super::ticks::{self, Tick};
 use gshear_analysis::forces;
+use gshear_analysis::moments::extent;
 use gshear_dem::state::{ContactSample, Disks, Frame};
 use gshear_store::table::Table;
 
@@ -33,9 +34,8 @@ impl MapView {
     /// it has more.
     pub fn of(grains: &Disks, frame: &Frame, centre: [f64; 2]) -> Self {
         let reach = grains.radius.iter().copied().fold(0.0, f64::max);
-        let heights = frame.position.iter().map(|r| r[1]);
-        let low = heights.clone().fold(f64::INFINITY, f64::min) - reach;
-        let high = heights.fold(f64::NEG_INFINITY, f64::max) + reach;
+        let [low, high] = extent(frame.position.iter().map(|r| r[1]));
+        let [low, high] = [low - reach, high + reach];
         let share = (MOST_GRAINS as f64 / grains.count() as f64).sqrt();
         if share >= 1.0 {
             return MapView {
@@ -69,46 +69,39 @@ impl MapView {
 
     /// Returns the shifts by periods of the cell that bring something at x with half-width `reach`
     /// into view.
-    pub(super) fn shifts(
-        &self,
-        x: f64,
-        reach: f64,
-        length: f64,
-    ) -> impl Iterator<Item = f64> + use<> {
+    fn shifts(&self, x: f64, reach: f64, length: f64) -> impl Iterator<Item = f64> + use<> {
         let MapView { x: [low, high], .. } = *self;
         let seen = move |shift: &f64| x + shift + reach >= low && x + shift - reach <= high;
         [-length, 0.0, length].into_iter().filter(seen)
     }
 
     /// Returns whether something at height y with half-height `reach` is in view.
-    pub(super) fn sees_height(&self, y: f64, reach: f64) -> bool {
+    fn sees_height(&self, y: f64, reach: f64) -> bool {
         y + reach >= self.y[0] && y - reach <= self.y[1]
     }
 }
 
 /// A table of the contacts of a frame, with the centres of both grains (m) and F_n (N/m).
 pub fn data_of_contacts(frame: &Frame) -> String {
-    Table::of(&frame.contacts)
-        .columns(["i", "j"], |contact| [contact.i, contact.j])
-        .columns(["x_i", "y_i"], |contact| frame.position[contact.i as usize])
-        .columns(["x_j", "y_j"], |contact| frame.position[contact.j as usize])
-        .column("normal_force", |contact| contact.normal_force)
-        .csv()
+    let forces: Vec<f64> = frame.contacts.iter().map(|c| c.normal_force).collect();
+    data_of("normal_force", frame, &forces)
 }
 
 /// A table of the contacts of the later frame with the change of their force (N/m).
 pub fn data_of_changes(earlier: &Frame, later: &Frame) -> String {
     let mut changes = Vec::new();
     forces::changes(earlier, later, &mut changes);
-    Table::of(later.contacts.iter().zip(changes))
+    data_of("change", later, &changes)
+}
+
+/// A table of the contacts of a frame with a value of each, `[contacts]`.
+fn data_of(name: &str, frame: &Frame, values: &[f64]) -> String {
+    let at = |grain: u32| frame.position[grain as usize];
+    Table::of(frame.contacts.iter().zip(values))
         .columns(["i", "j"], |(contact, _)| [contact.i, contact.j])
-        .columns(["x_i", "y_i"], |(contact, _)| {
-            later.position[contact.i as usize]
-        })
-        .columns(["x_j", "y_j"], |(contact, _)| {
-            later.position[contact.j as usize]
-        })
-        .column("change", |(_, change)| *change)
+        .columns(["x_i", "y_i"], |(contact, _)| at(contact.i))
+        .columns(["x_j", "y_j"], |(contact, _)| at(contact.j))
+        .column(name, |(_, value)| **value)
         .csv()
 }
 
@@ -122,198 +115,144 @@ pub fn data_of_grains(grains: &Disks, frame: &Frame, dmin: &[f64]) -> String {
         .csv()
 }
 
-/// Draws the normal forces of a frame as lines between the centres of touching grains, with width
-/// and colour by F_n. `greatest`: F_n (N/m) at the end of the scale, so that two frames can share
-/// one.
-pub fn forces(grains: &Disks, frame: &Frame, view: MapView, greatest: f64, title: &str) -> String {
-    let greatest = if greatest > 0.0 { greatest } else { 1.0 };
-    map(view, |plot| {
-        background(plot, grains, frame, view);
-        let shares: Vec<f64> = frame
-            .contacts
-            .iter()
-            .map(|c| c.normal_force / greatest)
-            .collect();
-        lines(plot, grains, frame, view, &shares, 0.0, |share| {
-            FORCE.at(share)
-        });
-        let (factor, unit) = ticks::prefix(greatest);
-        let ticks = ticks::on_bar(
-            ticks::round(0.0, greatest * factor, 6),
-            0.0,
-            greatest * factor,
-        );
-        plot.clip();
-        plot.colour_bar(
-            &FORCE,
-            &ticks,
-            &format!("normal force F_{{n}}\u{a0}({unit}N/m)"),
-        );
-        plot.title(title);
-    })
-}
-
 /// Returns the F_n (N/m) that 99.9 % of the contacts stay below. With the maximum as the end of the
 /// scale, most contacts would look alike.
 pub fn scale_of_forces(frames: [&Frame; 2]) -> f64 {
-    let mut forces: Vec<f64> = frames
-        .iter()
-        .flat_map(|f| &f.contacts)
-        .map(|c| c.normal_force)
-        .collect();
+    let contacts = frames.iter().flat_map(|frame| &frame.contacts);
+    let mut forces: Vec<f64> = contacts.map(|c| c.normal_force).collect();
     forces.sort_by(f64::total_cmp);
-    forces
-        .get((forces.len() * 999) / 1000)
-        .copied()
-        .unwrap_or(0.0)
+    let at = forces.get((forces.len() * 999) / 1000);
+    at.copied().unwrap_or(0.0)
 }
 
-/// Draws the differential force network between two frames at the positions of the later one.
-pub fn force_changes(
-    grains: &Disks,
-    earlier: &Frame,
-    later: &Frame,
-    view: MapView,
-    title: &str,
-) -> String {
-    let mut changes = Vec::new();
-    forces::changes(earlier, later, &mut changes);
-    let greatest = changes
-        .iter()
-        .fold(0.0, |most: f64, change| most.max(change.abs()));
-    let greatest = if greatest > 0.0 { greatest } else { 1.0 };
-    for change in &mut changes {
-        *change /= greatest;
+/// A frame and the part of it that is shown.
+#[derive(Clone, Copy)]
+pub struct Map<'a> {
+    /// The constants of the grains.
+    pub grains: &'a Disks,
+    /// The frame whose positions are shown.
+    pub frame: &'a Frame,
+    /// The part.
+    pub view: MapView,
+}
+
+impl Map<'_> {
+    /// Draws the normal forces as lines between the centres of touching grains, with width and
+    /// colour by F_n. `greatest`: F_n (N/m) at the end of the scale, so that two frames can share
+    /// one.
+    pub fn forces(&self, greatest: f64, title: &str) -> String {
+        let greatest = if greatest > 0.0 { greatest } else { 1.0 };
+        let contacts = self.frame.contacts.iter();
+        let shares: Vec<f64> = contacts.map(|c| c.normal_force / greatest).collect();
+        self.drawn(title, |plot| {
+            self.network(plot, &shares, |share| FORCE.at(share));
+            plot.clip();
+            let label = "normal force F_{n}\u{a0}({}N/m)";
+            plot.colour_bar_of(&FORCE, [0.0, greatest], label);
+        })
     }
-    map(view, |plot| {
-        background(plot, grains, later, view);
-        lines(plot, grains, later, view, &changes, 0.0, |share| {
-            CHANGE.at(0.5 + 0.5 * share)
-        });
-        let (factor, unit) = ticks::prefix(greatest);
-        let end = greatest * factor;
-        plot.clip();
-        plot.colour_bar(
-            &CHANGE,
-            &ticks::on_bar(ticks::round(-end, end, 6), -end, end),
-            &format!("change of |f| ({unit}N/m)"),
-        );
-        plot.title(title);
-    })
-}
 
-/// Draws D²min/r̄² of the grains of a frame on a logarithmic scale; `dmin` is `[N]` (m²). Grains
-/// without a defined value are white.
-pub fn dmin(grains: &Disks, frame: &Frame, dmin: &[f64], view: MapView, title: &str) -> String {
-    let square = grains.mean_radius().powi(2);
-    let level = |value: f64| (value / square).log10();
-    let mut levels: Vec<f64> = dmin
-        .iter()
-        .map(|value| level(*value))
-        .filter(|level| level.is_finite())
-        .collect();
-    levels.sort_by(f64::total_cmp);
-    let high = levels.last().copied().unwrap_or(0.0);
-    let low = levels.get(levels.len() / 50).copied().unwrap_or(-1.0);
-    let low = low.clamp(high - DECADES, high - 1.0);
-    map(view, |plot| {
-        let scale = plot.scale();
-        for (n, value) in dmin.iter().enumerate() {
-            let value = level(*value);
-            let (fill, outline) = if value.is_nan() {
-                (WHITE, GREY)
-            } else {
-                let colour = VIRIDIS.at((value - low) / (high - low));
-                (colour, if grains.body[n] == 0 { colour } else { GREY })
+    /// Draws the differential force network from an earlier frame to this one.
+    pub fn force_changes(&self, earlier: &Frame, title: &str) -> String {
+        let mut changes = Vec::new();
+        forces::changes(earlier, self.frame, &mut changes);
+        let greatest = changes.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
+        let greatest = if greatest > 0.0 { greatest } else { 1.0 };
+        for change in &mut changes {
+            *change /= greatest;
+        }
+        self.drawn(title, |plot| {
+            self.network(plot, &changes, |share| CHANGE.at(0.5 + 0.5 * share));
+            plot.clip();
+            plot.colour_bar_of(&CHANGE, [-greatest, greatest], "change of |f| ({}N/m)");
+        })
+    }
+
+    /// Draws D²min/r̄² of the grains on a logarithmic scale; `dmin` is `[N]` (m²). Grains without a
+    /// defined value are white.
+    pub fn dmin(&self, dmin: &[f64], title: &str) -> String {
+        let square = self.grains.mean_radius().powi(2);
+        let level = |value: f64| (value / square).log10();
+        let mut levels: Vec<f64> = dmin.iter().map(|value| level(*value)).collect();
+        levels.retain(|level| level.is_finite());
+        levels.sort_by(f64::total_cmp);
+        let high = levels.last().copied().unwrap_or(0.0);
+        let low = levels.get(levels.len() / 50).copied().unwrap_or(-1.0);
+        let low = low.clamp(high - DECADES, high - 1.0);
+        self.drawn(title, |plot| {
+            for (n, value) in dmin.iter().enumerate() {
+                let value = level(*value);
+                let fill = if value.is_nan() {
+                    WHITE
+                } else {
+                    VIRIDIS.at((value - low) / (high - low))
+                };
+                let is_plain = !value.is_nan() && self.grains.body[n] == 0;
+                self.disk(plot, n, fill, if is_plain { fill } else { GREY });
+            }
+            plot.clip();
+            let ticks = ticks::on_bar(ticks::decades(low, high, 8), low, high);
+            plot.colour_bar(&VIRIDIS, &ticks, "D²_{min}/r̄²");
+        })
+    }
+
+    /// Axes in metres with an SI prefix around what `draw` draws and clips.
+    fn drawn(&self, title: &str, draw: impl FnOnce(&mut Plot)) -> String {
+        let MapView { x, y } = self.view;
+        let (factor, unit) = ticks::prefix(x[1] - x[0]);
+        figure(self.view.layout(), x, y, |plot| {
+            draw(plot);
+            plot.title(title);
+            let scaled = |[low, high]: [f64; 2], wanted: usize| -> Vec<Tick> {
+                let ticks = ticks::round(low * factor, high * factor, wanted);
+                let unscaled = ticks.into_iter().map(|(at, label)| (at / factor, label));
+                unscaled.collect()
             };
-            disk(plot, grains, frame, view, n, |plot, centre, radius| {
-                plot.disk(centre, radius * scale, fill, Some(outline));
-            });
-        }
-        plot.clip();
-        let ticks = ticks::on_bar(ticks::decades(low, high, 8), low, high);
-        plot.colour_bar(&VIRIDIS, &ticks, "D²_{min}/r̄²");
-        plot.title(title);
-    })
-}
-
-/// Axes in metres with an SI prefix around what `draw` draws; `draw` must clip.
-fn map(view: MapView, draw: impl FnOnce(&mut Plot)) -> String {
-    let (factor, unit) = ticks::prefix(view.x[1] - view.x[0]);
-    figure(view.layout(), view.x, view.y, |plot| {
-        draw(plot);
-        let scaled = |[low, high]: [f64; 2], wanted: usize| -> Vec<Tick> {
-            let ticks = ticks::round(low * factor, high * factor, wanted);
-            ticks
-                .into_iter()
-                .map(|(value, label)| (value / factor, label))
-                .collect()
-        };
-        let ratio = (view.y[1] - view.y[0]) / (view.x[1] - view.x[0]);
-        let (x, y) = (
-            scaled(view.x, 8),
-            scaled(view.y, (8.0 * ratio).clamp(2.0, 12.0) as usize),
-        );
-        plot.axes(&x, &y, &format!("x ({unit}m)"), &format!("y ({unit}m)"));
-    })
-}
-
-fn background(plot: &mut Plot, grains: &Disks, frame: &Frame, view: MapView) {
-    let scale = plot.scale();
-    for n in 0..grains.count() {
-        let fill = if grains.body[n] == 0 { GRAIN } else { WALL };
-        disk(plot, grains, frame, view, n, |plot, centre, radius| {
-            plot.disk(centre, radius * scale, fill, Some(WALL));
-        });
+            let ratio = (y[1] - y[0]) / (x[1] - x[0]);
+            let wanted = (8.0 * ratio).clamp(2.0, 12.0) as usize;
+            let labels = ["x", "y"].map(|axis| format!("{axis} ({unit}m)"));
+            plot.axes(&scaled(x, 8), &scaled(y, wanted), &labels[0], &labels[1]);
+        })
     }
-}
 
-/// Calls `draw` for a grain and for its periodic images in view.
-pub(super) fn disk(
-    plot: &mut Plot,
-    grains: &Disks,
-    frame: &Frame,
-    view: MapView,
-    n: usize,
-    mut draw: impl FnMut(&mut Plot, [f64; 2], f64),
-) {
-    let ([x, y], radius) = (frame.position[n], grains.radius[n]);
-    if view.sees_height(y, radius) {
-        view.shifts(x, radius, grains.length)
-            .for_each(|shift| draw(plot, [x + shift, y], radius));
-    }
-}
-
-/// Draws contacts as lines between centres. The share of a contact, -1 … 1, gives width and colour.
-/// The strongest lie on top; contacts with a share below `faint` are left out.
-pub(super) fn lines(
-    plot: &mut Plot,
-    grains: &Disks,
-    frame: &Frame,
-    view: MapView,
-    shares: &[f64],
-    faint: f64,
-    colour: impl Fn(f64) -> RGBColor,
-) {
-    let widest = 1.1 * grains.mean_radius() * plot.scale();
-    let mut sorted: Vec<(f64, &ContactSample)> = shares
-        .iter()
-        .map(|share| share.clamp(-1.0, 1.0))
-        .zip(&frame.contacts)
-        .filter(|(share, _)| share.abs() >= faint)
-        .collect();
-    sorted.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-    for (share, contact) in sorted {
-        let from = frame.position[contact.i as usize];
-        // The nearest image keeps a contact across the periodic boundary short.
-        let [x, y] = grains.separation(from, frame.position[contact.j as usize]);
-        let width = (widest * share.abs()).max(0.3);
-        if !view.sees_height(from[1] + 0.5 * y, 0.5 * y.abs()) {
-            continue;
+    /// Draws a grain and its periodic images in view.
+    fn disk(&self, plot: &mut Plot, n: usize, fill: RGBColor, outline: RGBColor) {
+        let ([x, y], radius) = (self.frame.position[n], self.grains.radius[n]);
+        if self.view.sees_height(y, radius) {
+            let pixels = radius * plot.scale();
+            for shift in self.view.shifts(x, radius, self.grains.length) {
+                plot.disk([x + shift, y], pixels, fill, Some(outline));
+            }
         }
-        for shift in view.shifts(from[0] + 0.5 * x, 0.5 * x.abs(), grains.length) {
-            let start = [from[0] + shift, from[1]];
-            plot.line(&[start, [start[0] + x, start[1] + y]], colour(share), width);
+    }
+
+    /// Draws pale grains, and contacts as lines between their centres. The share of a contact,
+    /// -1 … 1, gives width and colour. The strongest lie on top.
+    fn network(&self, plot: &mut Plot, shares: &[f64], colour: impl Fn(f64) -> RGBColor) {
+        let Self {
+            grains,
+            frame,
+            view,
+        } = self;
+        for (n, body) in grains.body.iter().enumerate() {
+            self.disk(plot, n, if *body == 0 { GRAIN } else { WALL }, WALL);
+        }
+        let widest = 1.1 * grains.mean_radius() * plot.scale();
+        let shares = shares.iter().map(|share| share.clamp(-1.0, 1.0));
+        let mut sorted: Vec<(f64, &ContactSample)> = shares.zip(&frame.contacts).collect();
+        sorted.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        for (share, contact) in sorted {
+            let from = frame.position[contact.i as usize];
+            // The nearest image keeps a contact across the periodic boundary short.
+            let [x, y] = grains.separation(from, frame.position[contact.j as usize]);
+            let width = (widest * share.abs()).max(0.3);
+            if !view.sees_height(from[1] + 0.5 * y, 0.5 * y.abs()) {
+                continue;
+            }
+            for shift in view.shifts(from[0] + 0.5 * x, 0.5 * x.abs(), grains.length) {
+                let start = [from[0] + shift, from[1]];
+                plot.line(&[start, [start[0] + x, start[1] + y]], colour(share), width);
+            }
         }
     }
 }
@@ -351,7 +290,12 @@ mod tests {
             x: [0.0, 20.0],
             y: [0.0, 10.0],
         };
-        let svg = forces(&grains, &frame, view, 1.0, "");
+        let map = Map {
+            grains: &grains,
+            frame: &frame,
+            view,
+        };
+        let svg = map.forces(1.0, "");
         let ends: Vec<Vec<f64>> = svg
             .lines()
             .filter(|line| line.starts_with("<polyline"))

@@ -151,7 +151,11 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
     let stress = summary.stress;
     facts.push((
         "τ in the latter half: mean, standard deviation",
-        format!("{}, {}", number(stress.mean), number(stress.deviation)),
+        format!(
+            "{}, {}",
+            number(stress.mean),
+            number(stress.population_deviation())
+        ),
     ));
     let none = is_imposed(run) && summary.phases.is_empty();
     let kinds = [

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use gshear_analysis::dmin::RADIUS;
 use gshear_analysis::event;
+use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{FrameRecords, body};
@@ -14,7 +15,6 @@ use gshear_store::table::Table;
 use super::ReportFigure;
 use super::colour::{FORCE, Scale, VIRIDIS, WALL};
 use super::plot::{Layout, Plot, figure};
-use super::ticks;
 
 /// Width of the drawing (px), and the greatest height.
 const WIDTH: f64 = 620.0;
@@ -79,12 +79,9 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         let earlier = run.records(numbers[0]..numbers[0] + 1)?.swap_remove(0);
         let interval = run.interval(numbers, [&earlier, &last]);
         let moved: Vec<f64> = (0..last.grains.len())
-            .map(|n| {
-                if planar {
-                    interval.displacement::<Two>(n)[0]
-                } else {
-                    interval.displacement::<Three>(n)[0]
-                }
+            .map(|n| match run.dimension() {
+                Dimensions::Two => interval.displacement::<Two>(n)[0],
+                Dimensions::Three => interval.displacement::<Three>(n)[0],
             })
             .collect();
         let when = " in the latter half of the run";
@@ -95,11 +92,8 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             &moved,
         ));
         let (grains, mean) = (run.grains(), run.grains().mean_radius());
-        let dmin = if planar {
-            event::between_frames::<Two>(grains, &interval, RADIUS * mean)
-        } else {
-            event::between_frames::<Three>(grains, &interval, RADIUS * mean)
-        };
+        let axes = run.dimension().axes();
+        let dmin = event::between_frames(axes, grains, &interval, RADIUS * mean);
         let over_square: Vec<f64> = dmin.iter().map(|d| (d / (mean * mean)).log10()).collect();
         pictures.push(packing.figure(
             ("grains-dmin", "log10_dmin_over_square"),
@@ -109,16 +103,16 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         ));
     }
     if !last.contacts.is_empty() {
-        pictures.push(ReportFigure {
-            name: if planar { "forces" } else { "forces-3d" },
-            caption: format!("Normal forces of the last frame: lines between the centres, wider and darker for greater forces. {}", packing.note()),
-            svg: packing.forces(),
-            data: Table::of(&last.contacts)
-                .column("i", |c| c.i)
-                .column("j", |c| c.j)
-                .column("normal_force", |c| c.normal_force)
-                .csv(),
-        });
+        let data = Table::of(&last.contacts)
+            .columns(["i", "j"], |c| [c.i, c.j])
+            .column("normal_force", |c| c.normal_force)
+            .csv();
+        let name = if planar { "forces" } else { "forces-3d" };
+        let caption = format!(
+            "Normal forces of the last frame: lines between the centres, wider and darker for greater forces. {}",
+            packing.note()
+        );
+        pictures.push(ReportFigure::new(name, caption, packing.forces(), data));
     }
     Ok(pictures)
 }
@@ -141,19 +135,11 @@ impl<'a> Packing<'a> {
         let far = |g: usize| view(planar, frame.grains[g].position).1;
         order.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
         order.drain(..order.len().saturating_sub(MOST));
-        let (mut x, mut y) = (
-            [f64::INFINITY, f64::NEG_INFINITY],
-            [f64::INFINITY, f64::NEG_INFINITY],
-        );
-        for &g in &order {
-            let (place, r) = (
-                view(planar, frame.grains[g].position).0,
-                run.grains().radius[g],
-            );
-            for (range, at) in [&mut x, &mut y].into_iter().zip(place) {
-                *range = [range[0].min(at - r), range[1].max(at + r)];
-            }
-        }
+        let [x, y] = [0, 1].map(|axis| {
+            let at = |g: usize| view(planar, frame.grains[g].position).0[axis];
+            let ends = order.iter().map(|&g| (at(g), run.grains().radius[g]));
+            extent(ends.flat_map(|(at, r)| [at - r, at + r]))
+        });
         Self {
             run,
             planar,
@@ -186,11 +172,11 @@ impl<'a> Packing<'a> {
             .csv()
     }
 
-    /// Draws on axes as wide as the packing, with a colour bar from `low` to `high`.
+    /// Draws on axes as wide as the packing, with a colour bar of a range.
     fn drawn(
         &self,
         scale: &Scale,
-        [low, high]: [f64; 2],
+        range: [f64; 2],
         (label, unit): (&str, &str),
         draw: impl FnOnce(&mut Plot),
     ) -> String {
@@ -211,17 +197,11 @@ impl<'a> Packing<'a> {
         };
         figure(layout, self.x, self.y, |plot| {
             draw(plot);
-            let (factor, prefix) = match unit {
-                "" => (1.0, ""),
-                _ => ticks::prefix(high.abs().max(low.abs())),
-            };
-            let [low, high] = [low * factor, high * factor];
-            let ticks = ticks::on_bar(ticks::round(low, high, 6), low, high);
             let label = match unit {
                 "" => label.to_string(),
-                unit => format!("{label} ({prefix}{unit})"),
+                unit => format!("{label} ({{}}{unit})"),
             };
-            plot.colour_bar(scale, &ticks, &label);
+            plot.colour_bar_of(scale, range, &label);
             plot.title(&format!("step {}", self.frame.step));
         })
     }
@@ -235,18 +215,14 @@ impl<'a> Packing<'a> {
         when: &str,
         values: &[f64],
     ) -> ReportFigure {
-        ReportFigure {
-            name,
-            caption: format!(
-                "Grains of the last frame by their {}{when}. {}",
-                label
-                    .replace("_{10}", "<sub>10</sub>")
-                    .replace("_{min}", "<sub>min</sub>"),
-                self.note()
-            ),
-            svg: self.grains(values, label, unit),
-            data: self.table(column, values),
-        }
+        let of = label.replace("_{10}", "<sub>10</sub>");
+        let of = of.replace("_{min}", "<sub>min</sub>");
+        let caption = format!(
+            "Grains of the last frame by their {of}{when}. {}",
+            self.note()
+        );
+        let svg = self.grains(values, label, unit);
+        ReportFigure::new(name, caption, svg, self.table(column, values))
     }
 
     fn grains(&self, values: &[f64], label: &str, unit: &str) -> String {

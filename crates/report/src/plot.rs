@@ -10,7 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
 use super::colour::{CURVES, GREY, INK, PALE, Scale, WHITE};
-use super::ticks::Tick;
+use super::ticks::{self, Tick};
 
 /// Canvas units per pixel. plotters has integer coordinates only, so it draws on a larger canvas
 /// that the SVG header scales down.
@@ -26,6 +26,14 @@ pub struct Layout {
     pub size: [f64; 2],
     /// Margin outside the axes: left, top, right, bottom.
     pub margin: [f64; 4],
+}
+
+impl Layout {
+    /// A layout of this size, with this margin on the left and usual ones elsewhere.
+    pub const fn new(size: [f64; 2], left: f64) -> Self {
+        let margin = [left, 36.0, 24.0, 58.0];
+        Self { size, margin }
+    }
 }
 
 /// A figure being drawn. Data coordinates run over `x` and `y`; sizes and line widths are in
@@ -94,12 +102,14 @@ impl Plot<'_> {
         (right - left) / (self.x[1] - self.x[0])
     }
 
+    fn path(&self, points: &[[f64; 2]]) -> Vec<(i32, i32)> {
+        let place = |point: &[f64; 2]| to_canvas(self.pixel(*point));
+        points.iter().map(place).collect()
+    }
+
     /// Draws a line through data points.
     pub fn line(&mut self, points: &[[f64; 2]], colour: RGBColor, width: f64) {
-        let path: Vec<_> = points
-            .iter()
-            .map(|point| to_canvas(self.pixel(*point)))
-            .collect();
+        let path = self.path(points);
         self.backend
             .draw_path(path, &stroke(colour, width))
             .expect(IN_MEMORY);
@@ -107,10 +117,7 @@ impl Plot<'_> {
 
     /// Fills a polygon of data points.
     pub fn area(&mut self, points: &[[f64; 2]], colour: RGBColor, opacity: f64) {
-        let path: Vec<_> = points
-            .iter()
-            .map(|point| to_canvas(self.pixel(*point)))
-            .collect();
+        let path = self.path(points);
         self.backend
             .fill_polygon(path, &colour.mix(opacity))
             .expect(IN_MEMORY);
@@ -165,7 +172,7 @@ impl Plot<'_> {
         } else {
             (HPos::Left, x + 7.0)
         };
-        self.text([x, top + 8.0], text, FONT, (side, VPos::Top), INK);
+        self.text([x, top + 8.0], text, (side, VPos::Top));
     }
 
     /// Paints over everything drawn outside the axes. To be called before [`Self::axes`].
@@ -224,27 +231,15 @@ impl Plot<'_> {
         for (value, label) in x {
             let [at, _] = self.pixel([*value, self.y[0]]);
             self.pixel_line([[at, bottom], [at, bottom + 5.0]], INK, 1.0);
-            self.text(
-                [at, bottom + 9.0],
-                label,
-                FONT,
-                (HPos::Center, VPos::Top),
-                INK,
-            );
+            self.text([at, bottom + 9.0], label, (HPos::Center, VPos::Top));
         }
         for (value, label) in y {
             let [_, at] = self.pixel([self.x[0], *value]);
             self.pixel_line([[left - 5.0, at], [left, at]], INK, 1.0);
-            self.text(
-                [left - 9.0, at],
-                label,
-                FONT,
-                (HPos::Right, VPos::Center),
-                INK,
-            );
+            self.text([left - 9.0, at], label, (HPos::Right, VPos::Center));
         }
         let below = [f64::midpoint(left, right), bottom + 30.0];
-        self.text(below, x_label, FONT + 1.0, (HPos::Center, VPos::Top), INK);
+        self.large_text(below, x_label, (HPos::Center, VPos::Top), INK);
         self.vertical_text([16.0, f64::midpoint(top, bottom)], y_label);
     }
 
@@ -254,7 +249,7 @@ impl Plot<'_> {
         let (mut x, y) = (left, top - 14.0);
         for (colour, name) in entries {
             self.pixel_box([[x, y - 3.0], [x + 22.0, y + 3.0]], *colour, 1.0);
-            self.text([x + 28.0, y], name, FONT, (HPos::Left, VPos::Center), INK);
+            self.text([x + 28.0, y], name, (HPos::Left, VPos::Center));
             let length = name.chars().filter(|c| !"_^{}".contains(*c)).count();
             x += 28.0 + 7.2 * length as f64 + 22.0;
         }
@@ -285,42 +280,42 @@ impl Plot<'_> {
         for (value, text) in ticks {
             let y = bottom - height * value;
             self.pixel_line([[right, y], [right + 4.0, y]], INK, 0.8);
-            self.text(
-                [right + 8.0, y],
-                text,
-                FONT,
-                (HPos::Left, VPos::Center),
-                INK,
-            );
+            self.text([right + 8.0, y], text, (HPos::Left, VPos::Center));
         }
         let x = self.layout.size[0] - 14.0;
         self.vertical_text([x, f64::midpoint(top, bottom)], label);
     }
 
+    /// [`Self::colour_bar`] of values from `low` to `high`. `{}` in the label is the place of an SI
+    /// prefix.
+    pub fn colour_bar_of(&mut self, scale: &Scale, [low, high]: [f64; 2], label: &str) {
+        let (factor, prefix) = if label.contains("{}") {
+            ticks::prefix(high.abs().max(low.abs()))
+        } else {
+            (1.0, "")
+        };
+        let [low, high] = [low * factor, high * factor];
+        let ticks = ticks::on_bar(ticks::round(low, high, 6), low, high);
+        self.colour_bar(scale, &ticks, &label.replace("{}", prefix));
+    }
+
     /// Writes a line of text above the axes, left aligned.
     pub fn title(&mut self, text: &str) {
         let [[left, top], _] = self.frame();
-        self.text(
-            [left, top - 14.0],
-            text,
-            FONT,
-            (HPos::Left, VPos::Center),
-            INK,
-        );
+        self.text([left, top - 14.0], text, (HPos::Left, VPos::Center));
     }
 
     /// Writes a line of text above the legend.
     pub fn heading(&mut self, text: &str) {
         let [[left, top], _] = self.frame();
-        let at = [left, top - 36.0];
-        self.text(at, text, FONT, (HPos::Left, VPos::Center), INK);
+        self.text([left, top - 36.0], text, (HPos::Left, VPos::Center));
     }
 
     /// Writes text in the middle of axes without data.
     pub fn empty_note(&mut self, text: &str) {
         let [[left, top], [right, bottom]] = self.frame();
         let middle = [f64::midpoint(left, right), f64::midpoint(top, bottom)];
-        self.text(middle, text, FONT + 1.0, (HPos::Center, VPos::Center), GREY);
+        self.large_text(middle, text, (HPos::Center, VPos::Center), GREY);
     }
 
     fn pixel_line(&mut self, [from, to]: [[f64; 2]; 2], colour: RGBColor, width: f64) {
@@ -335,15 +330,22 @@ impl Plot<'_> {
             .expect(IN_MEMORY);
     }
 
-    fn text(
+    fn text(&mut self, at: [f64; 2], text: &str, (side, height): (HPos, VPos)) {
+        let style = font(FONT, &INK).pos(Pos::new(side, height));
+        self.backend
+            .draw_text(text, &style, to_canvas(at))
+            .expect(IN_MEMORY);
+    }
+
+    /// Writes the name of an axis, or what takes its place.
+    fn large_text(
         &mut self,
         at: [f64; 2],
         text: &str,
-        size: f64,
-        anchor: (HPos, VPos),
+        (side, height): (HPos, VPos),
         colour: RGBColor,
     ) {
-        let style = font(size, &colour).pos(Pos::new(anchor.0, anchor.1));
+        let style = font(FONT + 1.0, &colour).pos(Pos::new(side, height));
         self.backend
             .draw_text(text, &style, to_canvas(at))
             .expect(IN_MEMORY);
@@ -508,7 +510,7 @@ mod tests {
         let ticks = [(0.001, "−1".to_string()), (0.003, "1".to_string())];
         let read = reading(&ticks, [0.0, 0.004], "x_{a} (mm)");
         assert_eq!(read.unwrap(), "linear -2 2 xa (mm)");
-        let decades = crate::ticks::decades(-2.5, 1.0, 8);
+        let decades = ticks::decades(-2.5, 1.0, 8);
         assert_eq!(reading(&decades, [-2.5, 1.0], "N").unwrap(), "log -2.5 1 N");
         assert_eq!(reading(&ticks[..1], [0.0, 1.0], "x"), None);
         assert_eq!(

@@ -3,6 +3,7 @@
 
 use std::f64::consts::PI;
 
+use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, FrameRecords, body};
@@ -13,10 +14,7 @@ use super::ReportFigure;
 use super::curves;
 use super::plot::Layout;
 
-const LAYOUT: Layout = Layout {
-    size: [900.0, 360.0],
-    margin: [84.0, 36.0, 24.0, 58.0],
-};
+const LAYOUT: Layout = Layout::new([900.0, 360.0], 84.0);
 /// Most frames that are read, and grains in all of them.
 const MOST_FRAMES: usize = 24;
 const MOST_GRAINS: usize = 400_000;
@@ -212,10 +210,7 @@ impl Sums<'_> {
             .map(|(grain, _)| grain.position)
             .collect();
         let up = |place: &[f64; 3]| place[axes - 1];
-        let [low, high] = free
-            .iter()
-            .map(up)
-            .fold([f64::MAX, f64::MIN], |[a, b], z| [a.min(z), b.max(z)]);
+        let [low, high] = extent(free.iter().map(up));
         let inner = |place: &&[f64; 3]| {
             !self.walls || up(place) > low + self.farthest && up(place) < high - self.farthest
         };
@@ -250,118 +245,88 @@ impl Sums<'_> {
         }
     }
 
-    fn heights(&self) -> Vec<f64> {
+    /// Draws values of the layers over their height.
+    fn profile_of(
+        &self,
+        (name, caption): (&'static str, String),
+        (column, label): (&'static str, &str),
+        y_label: &str,
+        value: impl Fn(&[f64; 2]) -> f64,
+    ) -> Option<ReportFigure> {
         let middle = |k: usize| (k as f64 + 0.5) * self.layer_height() / self.mean_diameter;
-        (0..LAYERS).map(middle).collect()
+        let heights: Vec<f64> = (0..LAYERS).map(middle).collect();
+        let values: Vec<f64> = self.layers.iter().map(value).collect();
+        drawn(
+            (name, caption),
+            ("height_over_mean_diameter", "height over d̄", &heights),
+            y_label,
+            &[(column, label, &values)],
+        )
     }
 
     fn velocities(&self, of: &str) -> Option<ReportFigure> {
-        let of_layer = |[volume, moved]: &[f64; 2]| moved / volume;
-        let values: Vec<f64> = self.layers.iter().map(of_layer).collect();
-        let lines = [("velocity_x", "velocity", &values[..])];
-        drawn(
-            (
-                "velocity-profile",
-                format!(
-                    "{of}: velocity along the direction of shear across the height, in layers."
-                ),
-            ),
-            (
-                "height_over_mean_diameter",
-                "height over d̄",
-                &self.heights(),
-            ),
+        let caption =
+            format!("{of}: velocity along the direction of shear across the height, in layers.");
+        self.profile_of(
+            ("velocity-profile", caption),
+            ("velocity_x", "velocity"),
             "velocity (m/s)",
-            &lines,
+            |[volume, moved]| moved / volume,
         )
     }
 
     fn fractions(&self, of: &str) -> Option<ReportFigure> {
         let layer = self.base() * self.layer_height() * self.frames as f64;
-        let values: Vec<f64> = self.layers.iter().map(|of| of[0] / layer).collect();
-        drawn(
-            (
-                "fraction-profile",
-                format!(
-                    "{of}: solid fraction across the height, in layers; the outermost belong to the walls."
-                ),
-            ),
-            (
-                "height_over_mean_diameter",
-                "height over d̄",
-                &self.heights(),
-            ),
+        let caption = format!(
+            "{of}: solid fraction across the height, in layers; the outermost belong to the walls."
+        );
+        self.profile_of(
+            ("fraction-profile", caption),
+            ("solid_fraction", "solid fraction"),
             "solid fraction",
-            &[("solid_fraction", "solid fraction", &values)],
+            |[volume, _]| volume / layer,
         )
     }
 
     fn distribution(&self, of: &str) -> Option<ReportFigure> {
         let all = self.angles.iter().map(|of| of[0]).sum::<f64>();
-        let density = |counts: &Vec<u64>| -> Vec<f64> {
-            counts
-                .iter()
-                .map(|n| *n as f64 / (all * FORCE_BIN))
-                .collect()
-        };
-        let [normal, tangential] = [density(&self.forces[0]), density(&self.forces[1])];
-        let logarithms = |values: &[f64]| values.iter().map(|p| p.log10()).collect::<Vec<_>>();
-        let forces: Vec<f64> = (0..FORCE_BINS)
-            .map(|k| (k as f64 + 0.5) * FORCE_BIN)
-            .collect();
-        let lines = [
-            ("log10_density_normal", "F_{n}", &logarithms(&normal)[..]),
-            (
-                "log10_density_tangential",
-                "|F_{t}|",
-                &logarithms(&tangential)[..],
-            ),
-        ];
+        let [normal, tangential] = self.forces.each_ref().map(|counts| -> Vec<f64> {
+            let density = counts.iter().map(|n| *n as f64 / (all * FORCE_BIN));
+            density.map(f64::log10).collect()
+        });
+        let middle = |k: usize| (k as f64 + 0.5) * FORCE_BIN;
+        let forces: Vec<f64> = (0..FORCE_BINS).map(middle).collect();
+        let caption = format!(
+            "{of}: probability density of the forces between free grains, over the mean normal force."
+        );
         drawn(
-            (
-                "force-distribution",
-                format!(
-                    "{of}: probability density of the forces between free grains, over the mean normal force."
-                ),
-            ),
+            ("force-distribution", caption),
             ("force_over_mean", "F/⟨F_{n}⟩", &forces),
             "log_{10} probability density",
-            &lines,
+            &[
+                ("log10_density_normal", "F_{n}", &normal),
+                ("log10_density_tangential", "|F_{t}|", &tangential),
+            ],
         )
     }
 
     fn fabric(&self, of: &str) -> Option<ReportFigure> {
         let all = self.angles.iter().map(|of| of[0]).sum::<f64>();
-        let density: Vec<f64> = self
-            .angles
-            .iter()
-            .map(|of| of[0] / all * ANGLES as f64)
-            .collect();
-        let force: Vec<f64> = self.angles.iter().map(|of| of[1] / of[0]).collect();
+        let density = |[count, _]: &[f64; 2]| count / all * ANGLES as f64;
+        let density: Vec<f64> = self.angles.iter().map(density).collect();
+        let force: Vec<f64> = self.angles.iter().map(|[n, sum]| sum / n).collect();
         let angle = |k: usize| (k as f64 + 0.5) * 180.0 / ANGLES as f64;
         let angles: Vec<f64> = (0..ANGLES).map(angle).collect();
-        let lines = [
-            (
-                "density",
-                "number of contacts over that of an isotropic fabric",
-                &density[..],
-            ),
-            (
-                "mean_force",
-                "their mean F_{n} over the mean of all",
-                &force[..],
-            ),
-        ];
+        let caption = format!(
+            "{of}: contacts between free grains by the angle of their normal in the plane of x (0°, the direction of shear) and the height (90°)."
+        );
+        let number = "number of contacts over that of an isotropic fabric";
+        let mean = "their mean F_{n} over the mean of all";
         drawn(
-            (
-                "fabric",
-                format!(
-                    "{of}: contacts between free grains by the angle of their normal in the plane of x (0°, the direction of shear) and the height (90°)."
-                ),
-            ),
+            ("fabric", caption),
             ("angle", "angle of the contact (°)", &angles),
             "relative to the mean",
-            &lines,
+            &[("density", number, &density), ("mean_force", mean, &force)],
         )
     }
 
@@ -372,13 +337,11 @@ impl Sums<'_> {
         }
         let place = |k: usize| (k as f64 + 0.5) / BINS_PER_DIAMETER as f64;
         let places: Vec<f64> = (0..self.pairs.len()).map(place).collect();
+        let caption = format!(
+            "{of}: pair correlation g(r) of the free grains; between walls around those far from them."
+        );
         drawn(
-            (
-                "pair-correlation",
-                format!(
-                    "{of}: pair correlation g(r) of the free grains; between walls around those far from them."
-                ),
-            ),
+            ("pair-correlation", caption),
             ("distance_over_mean_diameter", "r/d̄", &places),
             "g(r)",
             &[("g", "g(r)", &self.pairs)],
@@ -410,12 +373,7 @@ fn drawn(
             lines.iter().map(|line| line.2[*k]).collect::<Vec<f64>>()
         })
         .csv();
-    Some(ReportFigure {
-        name,
-        caption,
-        svg,
-        data,
-    })
+    Some(ReportFigure::new(name, caption, svg, data))
 }
 
 #[cfg(test)]

@@ -2,41 +2,17 @@
 
 use serde_json::{Value, json};
 
-use gshear_analysis::dmin::{NonAffine, RADIUS};
+use gshear_analysis::dmin;
+use gshear_analysis::moments::Moments;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, Frame};
 use gshear_store::run_reader::{Parameter, RunFile};
 
-/// Mean and population standard deviation (divided by the number of values).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moments {
-    /// Mean.
-    pub mean: f64,
-    /// Standard deviation.
-    pub deviation: f64,
-}
-
-impl Moments {
-    /// Computes the moments of the finite values; NaN if there are none.
-    pub fn of(values: &[f64]) -> Self {
-        let finite: Vec<f64> = values
-            .iter()
-            .copied()
-            .filter(|value| value.is_finite())
-            .collect();
-        let count = finite.len() as f64;
-        let mean = finite.iter().sum::<f64>() / count;
-        let square = finite
-            .iter()
-            .map(|value| (value - mean).powi(2))
-            .sum::<f64>()
-            / count;
-        Moments {
-            mean,
-            deviation: square.sqrt(),
-        }
-    }
+/// Moments of the finite values.
+fn finite_moments(values: &[f64]) -> Moments {
+    let finite = values.iter().copied().filter(|value| value.is_finite());
+    Moments::of(&finite.collect::<Vec<_>>())
 }
 
 /// Whether a spring or a protocol moves the wall, so that the strain is no measure of the time.
@@ -102,7 +78,7 @@ fn latter_half(run: &RunFile) -> std::ops::RangeFrom<usize> {
 /// The largest slip at a constant velocity of the drive, after the start of the flow: τ first
 /// overshoots its mean of the latter half, and is back where that slip ends.
 fn largest_drop(run: &RunFile, tau: &[f64], phases: &[Phase]) -> Option<Phase> {
-    let mean = Moments::of(&tau[latter_half(run)]).mean;
+    let mean = finite_moments(&tau[latter_half(run)]).mean;
     let is_over = |row: &usize| tau[*row] > mean;
     let mut rows = (0..tau.len()).skip_while(|row| !is_over(row));
     let start = rows.find(|row| !is_over(row)).unwrap_or(0);
@@ -180,23 +156,13 @@ impl DropFrames {
         };
         let strain = shown.frame_strains()?;
         let [earlier, later] = [shown.frame(frames[0])?, shown.frame(frames[1])?];
-        let grains = run.grains();
-        let mut dmin = vec![f64::NAN; grains.count()];
-        NonAffine::default().between(
-            grains,
-            RADIUS * grains.mean_radius(),
-            &earlier,
-            &later,
-            &mut dmin,
-        );
-        let strain = frames.map(|t| strain[t]);
         Ok(Some(DropFrames {
             drop,
             frames,
-            strain,
+            strain: frames.map(|t| strain[t]),
+            dmin: dmin::between(run.grains(), &earlier, &later),
             earlier,
             later,
-            dmin,
         }))
     }
 
@@ -245,7 +211,7 @@ impl Summary {
         let event = DropFrames::largest(run, replayed.unwrap_or(run), &tau, &phases)?;
         Ok(Summary {
             drop: largest_drop(run, &tau, &phases),
-            stress: Moments::of(&tau[latter_half(run)]),
+            stress: finite_moments(&tau[latter_half(run)]),
             event,
             phases,
         })
@@ -288,7 +254,7 @@ impl Summary {
             "frames": run.frames(),
             "series_rows": run.series().rows(),
             "final_strain": run.series().column("strain").last(),
-            "stress_ratio_latter_half": { "mean": self.stress.mean, "standard_deviation": self.stress.deviation },
+            "stress_ratio_latter_half": { "mean": self.stress.mean, "standard_deviation": self.stress.population_deviation() },
             "phases": { "stick": count(PhaseKind::Stick), "slip": count(PhaseKind::Slip) },
             "largest_drop": self.drop.as_ref().map(phase),
             "maps": event,
@@ -317,13 +283,8 @@ mod tests {
 
     #[test]
     fn moments_pass_over_what_is_not_finite() {
-        assert_eq!(
-            Moments::of(&[1.0, f64::NAN, 3.0, f64::INFINITY]),
-            Moments {
-                mean: 2.0,
-                deviation: 1.0
-            }
-        );
-        assert!(Moments::of(&[]).mean.is_nan());
+        let moments = finite_moments(&[1.0, f64::NAN, 3.0, f64::INFINITY]);
+        assert_eq!((moments.mean, moments.population_deviation()), (2.0, 1.0));
+        assert!(finite_moments(&[f64::NAN]).mean.is_nan());
     }
 }

@@ -239,6 +239,12 @@ impl Spectrum {
         true
     }
 
+    /// Returns the k-th right eigenvector v of K v = λ M v; see [`Problem::eigenvector`].
+    pub fn eigenvector(&self, problem: &Problem, k: usize) -> Vec<c64> {
+        let w: Vec<c64> = (0..problem.size()).map(|i| self.right[(i, k)]).collect();
+        problem.eigenvector(&w)
+    }
+
     /// Returns the eigenvalues for which `kept` is true, sorted by `key`.
     pub fn arranged(
         &self,
@@ -278,19 +284,21 @@ impl Spectrum {
     /// Appends other eigenvalues of the same problem.
     pub fn append(&mut self, other: Spectrum) {
         self.eigenvalues.extend(other.eigenvalues);
-        let joined = |a: &Mat<c64>, b: &Mat<c64>| {
-            let first = a.ncols();
-            Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| {
-                if j < first {
-                    a[(i, j)]
-                } else {
-                    b[(i, j - first)]
-                }
-            })
-        };
         self.right = joined(&self.right, &other.right);
         self.left = joined(&self.left, &other.left);
     }
+}
+
+/// The columns of both.
+pub(crate) fn joined<T: Scalar>(a: &Mat<T>, b: &Mat<T>) -> Mat<T> {
+    let first = a.ncols();
+    Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| {
+        if j < first {
+            a[(i, j)]
+        } else {
+            b[(i, j - first)]
+        }
+    })
 }
 
 /// The verdict on λ/‖A‖.

@@ -179,7 +179,7 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         }
         (self.operator)(self.basis.subcols_mut(0, self.block));
         self.applied += self.block;
-        self.orthonormalise(0);
+        self.orthonormalise_block(0, self.block);
     }
 
     fn fill_random(&mut self, column: usize) {
@@ -206,11 +206,6 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
             }
             self.used += block;
         }
-    }
-
-    fn orthonormalise(&mut self, first: usize) {
-        let block = self.block;
-        self.orthonormalise_block(first, block);
     }
 
     /// Makes the columns from `first` on orthonormal to all earlier ones and to each other, by

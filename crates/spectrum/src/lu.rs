@@ -46,6 +46,9 @@ struct Factor<T> {
     odd: bool,
 }
 
+/// A step of a solve at one front.
+type SolveStep<T> = fn(&Factor<T>, &Front, MatMut<'_, T>, &mut Vec<T>, Par);
+
 /// The error of the factorisation: the pivots of a front are too small.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Singular;
@@ -111,26 +114,24 @@ impl<'a, T: Scalar> Lu<'a, T> {
 
     /// Solves for all columns: x ← (A - σI)⁻¹ x.
     pub fn solve(&self, x: MatMut<'_, T>) {
-        self.permuted(x, |mut x, scratch| {
-            let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
-            for (front, factor) in fronts() {
-                factor.forward(front, x.rb_mut(), scratch, self.par);
-            }
-            for (front, factor) in fronts().rev() {
-                factor.backward(front, x.rb_mut(), scratch, self.par);
-            }
-        });
+        self.sweep(x, [Factor::forward, Factor::backward]);
     }
 
     /// Solves the transposed system for all columns: x ← (A - σI)⁻ᵀ x.
     pub fn solve_transposed(&self, x: MatMut<'_, T>) {
+        let steps = [Factor::forward_transposed, Factor::backward_transposed];
+        self.sweep(x, steps);
+    }
+
+    /// Takes the first step for all fronts in their order, then the second in reverse order.
+    fn sweep(&self, x: MatMut<'_, T>, [forward, backward]: [SolveStep<T>; 2]) {
         self.permuted(x, |mut x, scratch| {
             let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
             for (front, factor) in fronts() {
-                factor.forward_transposed(front, x.rb_mut(), scratch, self.par);
+                forward(factor, front, x.rb_mut(), scratch, self.par);
             }
             for (front, factor) in fronts().rev() {
-                factor.backward_transposed(front, x.rb_mut(), scratch, self.par);
+                backward(factor, front, x.rb_mut(), scratch, self.par);
             }
         });
     }

@@ -6,6 +6,8 @@
 use faer::c64;
 use nalgebra::DMatrix;
 
+use crate::scalar::Scalar;
+
 /// Greatest number of iterations per eigenvalue.
 const MOST: usize = 120;
 /// From this iteration on, subdiagonal entries that are small compared with the whole matrix, and
@@ -14,6 +16,29 @@ const MOST: usize = 120;
 const PATIENT: usize = 24;
 /// Every iteration that is a multiple of this uses an exceptional shift.
 const EXCEPTIONAL: usize = 10;
+
+/// Returns the first row of the block that ends at `last`; the entry that separates it becomes 0.
+/// `size`: of an entry; `patient`: whether entries are compared with the whole matrix, of the size
+/// `norm`.
+fn block_start<T: Scalar>(
+    h: &mut DMatrix<T>,
+    last: usize,
+    size: impl Fn(T) -> f64,
+    norm: f64,
+    patient: bool,
+) -> usize {
+    let mut first = last;
+    while first > 0 {
+        let near = size(h[(first, first)]) + size(h[(first - 1, first - 1)]);
+        let near = if near == 0.0 || patient { norm } else { near };
+        if size(h[(first, first - 1)]) <= f64::EPSILON * near {
+            h[(first, first - 1)] = T::of(0.0);
+            break;
+        }
+        first -= 1;
+    }
+    first
+}
 
 /// Reduces H ← QᴴHQ to upper triangular form and V ← VQ, with single Wilkinson shifts. Returns
 /// false if it does not converge.
@@ -25,20 +50,7 @@ pub fn complex(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>) -> bool {
     let norm = h.iter().map(|&z| size(z)).fold(0.0, f64::max);
     while end > 1 {
         let last = end - 1;
-        let mut first = last;
-        while first > 0 {
-            let near = size(h[(first, first)]) + size(h[(first - 1, first - 1)]);
-            let near = if near == 0.0 || iteration > PATIENT {
-                norm
-            } else {
-                near
-            };
-            if size(h[(first, first - 1)]) <= f64::EPSILON * near {
-                h[(first, first - 1)] = c64::new(0.0, 0.0);
-                break;
-            }
-            first -= 1;
-        }
+        let first = block_start(h, last, size, norm, iteration > PATIENT);
         if first == last {
             end -= 1;
             iteration = 0;
@@ -121,20 +133,7 @@ pub fn real(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
     let mut iteration = 0;
     while end > 0 {
         let last = end - 1;
-        let mut first = last;
-        while first > 0 {
-            let near = h[(first, first)].abs() + h[(first - 1, first - 1)].abs();
-            let near = if near == 0.0 || iteration > PATIENT {
-                norm
-            } else {
-                near
-            };
-            if h[(first, first - 1)].abs() <= f64::EPSILON * near {
-                h[(first, first - 1)] = 0.0;
-                break;
-            }
-            first -= 1;
-        }
+        let first = block_start(h, last, f64::abs, norm, iteration > PATIENT);
         if first == last {
             end -= 1;
             iteration = 0;

@@ -15,6 +15,13 @@ fn sparse(n: usize, entries: &[(usize, usize, f64)]) -> SparseColMat<usize, f64>
     SparseColMat::try_new_from_triplets(n, n, &entries).expect("indices within the matrix")
 }
 
+/// The entries of a matrix that are not 0.
+fn entries_of(dense: &Mat<f64>) -> Vec<(usize, usize, f64)> {
+    let places = (0..dense.ncols()).flat_map(|j| (0..dense.nrows()).map(move |i| (i, j)));
+    let entries = places.map(|(i, j)| (i, j, dense[(i, j)]));
+    entries.filter(|entry| entry.2 != 0.0).collect()
+}
+
 fn problem(k: &SparseColMat<usize, f64>) -> Problem {
     let null = Mat::zeros(k.ncols(), 0);
     Problem::new(k, &vec![1.0; k.ncols()], null.as_ref()).expect("fit")
@@ -29,6 +36,11 @@ fn near(problem: &Problem, shift: c64, count: usize) -> Nearest {
         par: Par::Seq,
     };
     nearest(problem, &symbolic, request).expect("it converges")
+}
+
+fn count_of(spectrum: &Spectrum, verdict: Verdict) -> usize {
+    let is_one = |e: &&Eigenvalue| e.verdict == verdict;
+    spectrum.eigenvalues.iter().filter(is_one).count()
 }
 
 /// Tridiagonal Toeplitz matrix with b above and c below the diagonal: λ_k = a + 2√(bc) cos(kπ/(n +
@@ -92,15 +104,7 @@ fn planted(
             dense[(i, q)] = c * y - s * x;
         }
     }
-    let mut entries = Vec::new();
-    for j in 0..n {
-        entries.extend(
-            (0..n)
-                .filter(|&i| dense[(i, j)] != 0.0)
-                .map(|i| (i, j, dense[(i, j)])),
-        );
-    }
-    (sparse(n, &entries), values)
+    (sparse(n, &entries_of(&dense)), values)
 }
 
 /// Asserts that the k eigenvalues found are those of `exact` nearest the shift, one by one, with
@@ -161,16 +165,9 @@ fn convection_and_diffusion_on_a_square() {
     let mut entries = Vec::new();
     for entry in one.triplet_iter() {
         for other in 0..side {
-            entries.push((
-                entry.row * side + other,
-                entry.col * side + other,
-                *entry.val,
-            ));
-            entries.push((
-                other * side + entry.row,
-                other * side + entry.col,
-                *entry.val,
-            ));
+            let (i, j) = (entry.row, entry.col);
+            entries.push((i * side + other, j * side + other, *entry.val));
+            entries.push((other * side + i, other * side + j, *entry.val));
         }
     }
     let exact: Vec<c64> = values
@@ -181,12 +178,9 @@ fn convection_and_diffusion_on_a_square() {
     // All but those on the diagonal are double, because a + b = b + a.
     let found = near(&problem, c64::new(0.0, 0.0), 25);
     assert_nearest(&problem, &found.spectrum, &exact, c64::new(0.0, 0.0), 1e-10);
-    assert!(
-        found
-            .spectrum
-            .eigenvalues
-            .iter()
-            .all(|e| e.verdict == Verdict::Real)
+    assert_eq!(
+        count_of(&found.spectrum, Verdict::Real),
+        found.spectrum.eigenvalues.len()
     );
 }
 
@@ -244,8 +238,7 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
             let overlap = found.right.col(at).adjoint() * dense.right.col(other);
             assert!((overlap.norm() - 1.0).abs() < 1e-9);
             // Check K v = λ M v with the unscaled vector.
-            let w: Vec<c64> = (0..n).map(|i| found.right[(i, at)]).collect();
-            let v = problem.eigenvector(&w);
+            let v = found.eigenvector(&problem, at);
             let mut rest: Vec<c64> = (0..n).map(|i| -e.value * mass[i] * v[i]).collect();
             k.triplet_iter()
                 .for_each(|k| rest[k.row] += *k.val * v[k.col]);
@@ -274,12 +267,7 @@ fn planted_pairs_are_found_and_counted() {
     let all = scan(&problem, &symbolic, bounds.re, 12, Par::Seq).expect("it converges");
     assert_eq!(all.spectrum.eigenvalues.len(), exact.len());
     assert_nearest(&problem, &all.spectrum, &exact, c64::new(0.0, 0.0), 1e-10);
-    let in_pairs = all
-        .spectrum
-        .eigenvalues
-        .iter()
-        .filter(|e| e.verdict == Verdict::Pair);
-    assert_eq!(in_pairs.count(), 2 * pairs.len());
+    assert_eq!(count_of(&all.spectrum, Verdict::Pair), 2 * pairs.len());
 
     let strip = Rectangle {
         re: [bounds.re[0] - 0.1, bounds.re[1] + 0.1],
@@ -378,12 +366,7 @@ fn exceptional_points_give_no_pair() {
     });
     let inverse = faer::linalg::solvers::DenseSolveCore::inverse(&frame.partial_piv_lu());
     let bent = &frame * dense * inverse;
-    let entries: Vec<_> = (0..12).flat_map(|j| (0..12).map(move |i| (i, j))).collect();
-    let entries: Vec<_> = entries
-        .into_iter()
-        .map(|(i, j)| (i, j, bent[(i, j)]))
-        .collect();
-    let problem = problem(&sparse(12, &entries));
+    let problem = problem(&sparse(12, &entries_of(&bent)));
     for spectrum in [
         Spectrum::dense(&problem),
         near(&problem, c64::new(1.6, 0.0), 5).spectrum,
@@ -452,23 +435,15 @@ fn zero_modes_are_set_apart() {
     let found = near(&fit, c64::new(0.0, 0.0), 6);
     assert_ne!(found.shift, c64::new(0.0, 0.0));
     assert_nearest(&fit, &found.spectrum, &exact, c64::new(0.0, 0.0), 1e-12);
-    assert!(
-        found
-            .spectrum
-            .eigenvalues
-            .iter()
-            .all(|e| e.verdict == Verdict::Real)
+    assert_eq!(
+        count_of(&found.spectrum, Verdict::Real),
+        found.spectrum.eigenvalues.len()
     );
 
     // Without null vectors given, the translation is found and recognised as zero.
     let untold = Problem::new(&k, &vec![2.0; n + 2], Mat::zeros(n + 2, 0).as_ref()).expect("fit");
     let found = near(&untold, c64::new(0.0, 0.0), 7);
-    let zeros = found
-        .spectrum
-        .eigenvalues
-        .iter()
-        .filter(|e| e.verdict == Verdict::Zero);
-    assert_eq!(zeros.count(), 1);
+    assert_eq!(count_of(&found.spectrum, Verdict::Zero), 1);
 
     let slope = Mat::from_fn(n + 2, 1, |i, _| i as f64);
     let unfit = Problem::new(&k, &vec![2.0; n + 2], slope.as_ref()).err();
@@ -502,14 +477,13 @@ fn residuals_are_refined() {
     let n = 60;
     let mut entries = Vec::new();
     for i in 0..n {
-        entries.push(Triplet::new(i, i, 1.0 + 0.1 * i as f64));
+        entries.push((i, i, 1.0 + 0.1 * i as f64));
         for j in [(i + 1) % n, (i + 7) % n] {
-            entries.push(Triplet::new(i, j, random.random_range(-1.0..1.0)));
-            entries.push(Triplet::new(j, i, random.random_range(-1.0..1.0)));
+            entries.push((i, j, random.random_range(-1.0..1.0)));
+            entries.push((j, i, random.random_range(-1.0..1.0)));
         }
     }
-    let k = SparseColMat::try_new_from_triplets(n, n, &entries).expect("a matrix");
-    let problem = Problem::new(&k, &vec![1.0; n], Mat::zeros(n, 0).as_ref()).expect("a problem");
+    let problem = problem(&sparse(n, &entries));
     let exact = Spectrum::dense(&problem);
     let mut spectrum = Spectrum::dense(&problem);
     for (j, e) in spectrum.eigenvalues.iter_mut().enumerate() {

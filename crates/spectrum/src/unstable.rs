@@ -13,7 +13,7 @@ use faer::{Mat, MatMut, Par};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::eigenvalues::Spectrum;
+use crate::eigenvalues::{Spectrum, joined};
 use crate::krylov::{self, Settings, Stalled};
 use crate::problem::Problem;
 
@@ -173,15 +173,7 @@ impl Known {
 
 /// An orthonormal basis of the span of both.
 fn orthonormal(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
-    let first = a.ncols();
-    let both = Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| {
-        if j < first {
-            a[(i, j)]
-        } else {
-            b[(i, j - first)]
-        }
-    });
-    both.qr().compute_thin_Q()
+    joined(a, b).qr().compute_thin_Q()
 }
 
 /// 4A/b - 2 by compressed rows: twice the argument of the polynomials.

@@ -18,24 +18,54 @@ pub const NEWTONIAN_FILE: &str = "newtonian.h5";
 pub const SPECTRA_FILE: &str = "spectra.csv";
 /// How far the run has come, for dashboards.
 pub const STATUS_FILE: &str = "status.json";
-/// D²min of every grain and frame.
-pub const REDUCED_FILE: &str = "reduced.h5";
-/// Eigenvalues and eigenvectors of a state.
-pub const SPECTRUM_FILE: &str = "spectrum.h5";
-/// Folders of the report and of fits of rate and state.
-pub const REPORT_FOLDER: &str = "report";
-/// See [`REPORT_FOLDER`].
-pub const RATE_STATE_FOLDER: &str = "rate-state";
-/// What `gshear-reduce` writes into the folder of a run beside tables of the [`crate::dictionary`].
-pub const RESULTS: [&str; 6] = [
-    REDUCED_FILE,
-    SPECTRUM_FILE,
-    REPORT_FOLDER,
-    RATE_STATE_FOLDER,
+
+/// What `gshear-reduce` writes into the folder of a run unless told otherwise, apart from metadata
+/// of tables and from exports.
+const REDUCED: [&str; 22] = [
+    "report",
+    "rate-state",
+    "replay",
     // By the studies in Python.
     "lee-hurley",
     "bonfanti",
+    "reduced.h5",
+    "phases.csv",
+    "regions.csv",
+    "measures.csv",
+    "correlations.csv",
+    "stages.csv",
+    "stages-steps.csv",
+    "stages-grains.csv",
+    "stages-contacts.csv",
+    "growth.csv",
+    "growth-grains.csv",
+    "stability.csv",
+    "spectrum.csv",
+    "spectrum.h5",
+    "spectrum.svg",
+    "spectrum.pdf",
+    "spectrum.png",
 ];
+
+/// Whether `gshear-reduce` writes something of this name into the folder of a run unless told
+/// otherwise. Its commands take the places of their results by these names alone; a new run in the
+/// folder removes what has one.
+pub fn is_reduced(name: &str) -> bool {
+    let name = name.strip_suffix("-metadata.json").unwrap_or(name);
+    let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
+    let of_frames = stem.strip_suffix("-contacts").unwrap_or(stem);
+    let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    REDUCED.contains(&name)
+        || match ending {
+            "dump" | "vtkhdf" | "xyz" | "npz" | "csv" => {
+                ["frames", "aqs-frames", "newtonian-frames"].contains(&of_frames)
+            }
+            "data" => {
+                stem.starts_with("checkpoint") || stem.strip_prefix("frame-").is_some_and(is_number)
+            }
+            _ => false,
+        }
+}
 
 /// The folder of a run: itself, or that of its file.
 pub fn folder_of(run: &Path) -> &Path {
@@ -43,5 +73,36 @@ pub fn folder_of(run: &Path) -> &Path {
         _ if run.is_dir() => run,
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_are_known_by_their_names_and_files_of_a_run_are_none() {
+        for name in [
+            "report",
+            "stability.csv",
+            "stability.csv-metadata.json",
+            "spectrum.png",
+            "frame-12.data",
+            "checkpoint-aqs-8.data",
+            "aqs-frames.vtkhdf",
+            "frames-contacts.csv-metadata.json",
+        ] {
+            assert!(is_reduced(name), "{name}");
+        }
+        for name in [
+            RUN_FILE,
+            LOG_FILE,
+            LOG_METADATA_FILE,
+            SPECTRA_FILE,
+            "frame-a.data",
+            "a.xyz",
+        ] {
+            assert!(!is_reduced(name), "{name}");
+        }
     }
 }

@@ -9,7 +9,6 @@ use ndarray::{ArrayView, ArrayView2, s};
 use gshear_dem::failure::Failure;
 
 use crate::checked;
-use crate::file_names::REDUCED_FILE;
 use crate::text_writer::PartFile;
 
 /// Writer of `reduced.h5`.
@@ -20,13 +19,13 @@ pub struct ReducedWriter {
 }
 
 impl ReducedWriter {
-    /// Creates the file in `folder`, which is created if missing, with an empty `dmin/value` `[T][N]`
+    /// Creates the file and, if missing, its folder, with an empty `dmin/value` `[T][N]`
     /// and `dmin/strain` `[T]`.
     ///
     /// # Errors
     /// [`Failure::Other`] if the folder or the file cannot be written.
-    pub fn create(folder: &Path, strain: &[f64], grains: usize) -> Result<Self, Failure> {
-        let part = PartFile::create(&folder.join(REDUCED_FILE))?;
+    pub fn create(path: &Path, strain: &[f64], grains: usize) -> Result<Self, Failure> {
+        let part = PartFile::create(path)?;
         let make = || -> hdf5::Result<(File, Dataset)> {
             let file = checked::create(part.part())?;
             let group = file.create_group("dmin")?;

@@ -9,7 +9,6 @@ use gshear_dem::failure::Failure;
 use gshear_spectrum::{Eigenvalue, Problem};
 
 use crate::checked;
-use crate::file_names::SPECTRUM_FILE;
 use crate::run_reader::RunStage;
 use crate::text_writer::PartFile;
 
@@ -47,17 +46,17 @@ pub struct Columns {
     pub origin: Option<StateOrigin>,
 }
 
-/// Writes `spectrum.h5` into `folder` and returns its path. `matrix`: file that K comes from.
+/// Writes the file and returns its path. `matrix`: file that K comes from.
 ///
 /// # Errors
 /// [`Failure::Other`] if the file cannot be written.
 pub fn write(
-    folder: &Path,
+    path: &Path,
     matrix: &Path,
     problem: &Problem,
     columns: &Columns,
 ) -> Result<PathBuf, Failure> {
-    let part = PartFile::create(&folder.join(SPECTRUM_FILE))?;
+    let part = PartFile::create(path)?;
     let save = || -> hdf5::Result<()> {
         let file = checked::create(part.part())?;
         let numbers = |name: &str, of: &dyn Fn(&Eigenvalue) -> f64| {

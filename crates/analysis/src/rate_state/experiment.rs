@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
+use super::evolution_law::Evolution;
 use super::fit::{Fit, chi_squared, fit};
-use super::law::Evolution;
-use super::measures::{self, Healing, Hold, Peaks, Steady, VelocityStep};
-use super::record::SliderRecord;
+use super::slider_record::SliderRecord;
+use super::steps_and_holds::{self, Healing, Hold, Peaks, Steady, VelocityStep};
 use super::window::FitWindow;
 
 /// A record with everything measured on it without a law.
@@ -26,11 +26,11 @@ pub struct Experiment {
 impl Experiment {
     /// Measures a record. `d_c` (m): see [`Peaks::d_c`].
     pub fn of(record: SliderRecord, d_c: Option<f64>) -> Self {
-        let steady = measures::steady_segments(&record);
+        let steady = steps_and_holds::steady_segments(&record);
         let peaks = Peaks { d_c };
-        let steps = measures::steps(&record, &steady, peaks);
-        let holds = measures::holds(&record, &steady, peaks);
-        let healing = measures::healing(&holds);
+        let steps = steps_and_holds::steps(&record, &steady, peaks);
+        let holds = steps_and_holds::holds(&record, &steady, peaks);
+        let healing = steps_and_holds::healing(&holds);
         Experiment {
             record,
             steady,
@@ -72,18 +72,18 @@ pub struct Fitted {
 impl Fitted {
     fn of(name: &'static str, windows: &[FitWindow], laws: &[Evolution]) -> Self {
         let fits: Vec<_> = laws.iter().map(|law| (*law, fit(windows, *law))).collect();
-        let done = fits.iter().filter_map(|(_, fit)| fit.as_ref().ok());
-        let best = done.min_by(|a, b| a.rms.total_cmp(&b.rms));
-        let chi = |(_, fit): &(Evolution, Result<Fit, String>)| {
-            Some(chi_squared(windows, fit.as_ref().ok()?, best?))
-        };
-        let chi_squared = fits.iter().map(chi).collect();
-        Fitted {
+        let mut fitted = Fitted {
             name,
             event: None,
             fits,
-            chi_squared,
-        }
+            chi_squared: Vec::new(),
+        };
+        let best = fitted.best();
+        let chi = |(_, fit): &(Evolution, Result<Fit, String>)| {
+            Some(chi_squared(windows, fit.as_ref().ok()?, best?))
+        };
+        fitted.chi_squared = fitted.fits.iter().map(chi).collect();
+        fitted
     }
 
     /// Returns the fit with the least residuals.

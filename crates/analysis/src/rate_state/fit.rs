@@ -7,9 +7,9 @@ use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt, TerminationRe
 use nalgebra::storage::Owned;
 use nalgebra::{Dyn, Matrix4, OMatrix, OVector, U4, Vector4};
 
-use super::law::{Evolution, RateStateLaw};
-use super::measures::student;
+use super::evolution_law::{Evolution, RateStateLaw};
 use super::noise::correlation;
+use super::steps_and_holds::student;
 use super::window::FitWindow;
 
 /// An estimate with its 95 % interval.
@@ -216,7 +216,7 @@ impl FitProblem<'_> {
     /// the friction at the end of every slide.
     fn guess(&self) -> Vector4<f64> {
         let slides = self.windows.iter().flat_map(|window| {
-            let of = move |(k, segment): (usize, &super::protocol::DriveSegment)| {
+            let of = move |(k, segment): (usize, &super::drive_segment::DriveSegment)| {
                 let ln_v = (segment.velocity / self.v_star).ln();
                 (!segment.is_hold())
                     .then(|| ([ln_v, window.steady_friction(k)], segment.distance()))

@@ -1,12 +1,13 @@
 //! Jackknife intervals of a fit, from the differences between realisations rather than the noise
 //! within them.
 
+use super::evolution_law::Evolution;
 use super::experiment::Fitted;
 use super::fit::{Estimate, Fit, fit};
-use super::law::Evolution;
-use super::measures::student;
-use super::record::{SliderRecord, mean};
+use super::slider_record::{SliderRecord, mean};
+use super::steps_and_holds::student;
 use super::window::FitWindow;
+use crate::moments::Moments;
 
 /// Least number of realisations per protocol.
 const FEWEST: usize = 3;
@@ -55,9 +56,8 @@ fn with_spread(records: &[SliderRecord], groups: &[Vec<usize>], full: Fit) -> Re
         }
         let count = group.len() as f64;
         for (p, variance) in variance.iter_mut().enumerate() {
-            let mean = without.iter().map(|found| found[p]).sum::<f64>() / count;
-            let square: f64 = without.iter().map(|found| (found[p] - mean).powi(2)).sum();
-            *variance += (count - 1.0) / count * square;
+            let found: Vec<f64> = without.iter().map(|found| found[p]).collect();
+            *variance += (count - 1.0) / count * Moments::of(&found).squares;
         }
         freedom += count - 1.0;
     }

@@ -9,34 +9,34 @@
 //! aging law: dθ/dt = 1 - Vθ/D_c      slip law: dθ/dt = -(Vθ/D_c) ln(Vθ/D_c)
 //! ```
 
+mod drive_segment;
+mod evolution_law;
 mod experiment;
 mod fit;
 mod jackknife;
-mod law;
-mod measures;
 mod noise;
-mod protocol;
-mod record;
 mod relaxation;
 mod slider;
+mod slider_record;
 mod stack;
+mod steps_and_holds;
 mod window;
 
 #[cfg(test)]
 mod tests;
 
+pub use drive_segment::{DriveSegment, of_drive};
+pub use evolution_law::{Evolution, LogState, RateStateLaw};
 pub use experiment::{Experiment, Fitted, fit_all};
 pub use fit::{Estimate, Fit, chi_squared, fit};
 pub use jackknife::jackknife;
-pub use law::{Evolution, LogState, RateStateLaw};
-pub use measures::{
+pub use noise::{Autocorrelation, block_error, correlation};
+pub use relaxation::{Relaxation, relaxations};
+pub use slider::RateStateSlider;
+pub use slider_record::{SliderRecord, merge};
+pub use stack::{SlipInterval, Stack, stacks};
+pub use steps_and_holds::{
     Healing, Hold, PeakGrowth, Peaks, Reslide, Steady, VelocityStep, healing, holds, peak_growth,
     reload_stiffness, steady_segments, steps,
 };
-pub use noise::{Autocorrelation, block_error, correlation};
-pub use protocol::{DriveSegment, of_drive};
-pub use record::{SliderRecord, merge};
-pub use relaxation::{Relaxation, relaxations};
-pub use slider::RateStateSlider;
-pub use stack::{SlipInterval, Stack, stacks};
 pub use window::{FitWindow, modelled};

@@ -1,5 +1,7 @@
 //! Standard errors of means of correlated values.
 
+use crate::moments::Moments;
+
 /// Variance and autocorrelation of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Autocorrelation {
@@ -59,10 +61,7 @@ pub fn block_error(values: &[f64]) -> f64 {
     let mut blocks = values.to_vec();
     let (mut length, mut first, mut error) = (1.0, f64::NAN, f64::NAN);
     while blocks.len() >= FEWEST_BLOCKS {
-        let count = blocks.len() as f64;
-        let mean = blocks.iter().sum::<f64>() / count;
-        let square: f64 = blocks.iter().map(|b| (b - mean) * (b - mean)).sum();
-        error = (square / (count - 1.0) / count).sqrt();
+        error = Moments::of(&blocks).error();
         if length == 1.0 {
             first = error;
         }

@@ -1,7 +1,8 @@
 //! How μ relaxes in holds, averaged over the holds of one kind in all realisations.
 
-use super::measures::{line, reload_stiffness};
-use super::record::SliderRecord;
+use super::slider_record::SliderRecord;
+use super::steps_and_holds::{line, reload_stiffness};
+use crate::moments::{Moments, grouped, mean};
 
 /// Times since the start of a hold at which μ is averaged, over powers of ten.
 const MANTISSAS: [f64; 2] = [1.0, 3.0];
@@ -82,7 +83,7 @@ fn courses(record: &SliderRecord) -> Vec<Course> {
         let last = record.rows(segment - 1);
         let late = |row: &usize| record.time[*row] >= begin - LAST * slide.duration;
         let start: Vec<f64> = last.filter(late).map(|row| record.friction[row]).collect();
-        let start = start.iter().sum::<f64>() / start.len() as f64;
+        let start = mean(&start);
         let row = |row: usize| {
             let change = record.friction[row] - start;
             [record.time[row] - begin, change, record.temperature[row]]
@@ -102,16 +103,9 @@ fn courses(record: &SliderRecord) -> Vec<Course> {
 /// in the order in which kinds of holds first occur.
 pub fn relaxations(records: &[SliderRecord]) -> Vec<Relaxation> {
     let near = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
-    let mut groups: Vec<Vec<Course>> = Vec::new();
-    for course in records.iter().flat_map(courses) {
-        let same = |group: &&mut Vec<Course>| {
-            near(group[0].before, course.before) && near(group[0].duration, course.duration)
-        };
-        match groups.iter_mut().find(same) {
-            Some(group) => group.push(course),
-            None => groups.push(vec![course]),
-        }
-    }
+    let groups = grouped(records.iter().flat_map(courses), |a, b| {
+        near(a.before, b.before) && near(a.duration, b.duration)
+    });
     groups.iter().flat_map(|group| of_group(group)).collect()
 }
 
@@ -123,23 +117,22 @@ fn of_group(group: &[Course]) -> Vec<Relaxation> {
         .filter(|t| *t < duration * (1.0 - SAME))
         .chain([duration]);
     let at = |time: f64| {
-        let means: Vec<[f64; 2]> = group.iter().filter_map(|of| of.at(time)).collect();
-        let count = means.len() as f64;
-        let mean = |k: usize| means.iter().map(|m| m[k]).sum::<f64>() / count;
-        let change = mean(0);
+        let means = group.iter().filter_map(|of| of.at(time));
+        let (changes, temperatures): (Vec<f64>, Vec<f64>) = means.map(|[c, t]| (c, t)).unzip();
+        let moments = Moments::of(&changes);
         let reloads: Vec<f64> = group.iter().filter_map(|of| of.reload).collect();
-        let square: f64 = means.iter().map(|m| (m[0] - change).powi(2)).sum();
+        let stiffnesses: Vec<f64> = group.iter().map(|of| of.stiffness).collect();
         // At shorter times than those between rows there is nothing to average.
-        (means.len() == group.len()).then(|| Relaxation {
+        (changes.len() == group.len()).then(|| Relaxation {
             before: group[0].before,
             duration,
-            stiffness: group.iter().map(|of| of.stiffness).sum::<f64>() / count,
-            reload: reloads.iter().sum::<f64>() / reloads.len() as f64,
+            stiffness: mean(&stiffnesses),
+            reload: mean(&reloads),
             time,
-            holds: means.len(),
-            change,
-            error: (square / (count - 1.0) / count).sqrt(),
-            temperature: mean(1),
+            holds: changes.len(),
+            change: moments.mean,
+            error: moments.error(),
+            temperature: mean(&temperatures),
         })
     };
     times.filter_map(at).collect()

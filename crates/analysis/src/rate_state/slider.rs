@@ -2,8 +2,8 @@
 
 use differential_equations::prelude::*;
 
-use super::law::{LogState as Friction, RateStateLaw};
-use super::protocol::DriveSegment;
+use super::drive_segment::DriveSegment;
+use super::evolution_law::{LogState as Friction, RateStateLaw};
 
 /// A slider without inertia on a spring: dμ/dt = k̄ (V_drive - V), with V from the law.
 ///

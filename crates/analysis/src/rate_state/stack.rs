@@ -1,8 +1,9 @@
 //! Friction after velocity steps, averaged over all steps between the same velocities. Averaging
 //! reduces noise that hides the effect in a single run.
 
-use super::measures::steady_segments;
-use super::record::SliderRecord;
+use super::slider_record::SliderRecord;
+use super::steps_and_holds::steady_segments;
+use crate::moments::{Moments, grouped, mean};
 
 /// Ends of the intervals of slip, over the least slip after any of the steps.
 const ENDS: [f64; 10] = [0.0, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
@@ -32,22 +33,17 @@ pub struct SlipInterval {
 /// Returns the averages over all records, in the order in which pairs of velocities first occur.
 /// μ_ss is that of each run.
 pub fn stacks(records: &[SliderRecord]) -> Vec<Stack> {
-    let mut groups: Vec<([f64; 2], Vec<Followed>)> = Vec::new();
-    for followed in records.iter().flat_map(followed) {
-        let same = |(velocities, _): &&mut ([f64; 2], _)| *velocities == followed.velocities;
-        match groups.iter_mut().find(same) {
-            Some((_, members)) => members.push(followed),
-            None => groups.push((followed.velocities, vec![followed])),
-        }
-    }
-    let stacked = |(velocities, members): ([f64; 2], Vec<Followed>)| {
+    let groups = grouped(records.iter().flat_map(followed), |a, b| {
+        a.velocities == b.velocities
+    });
+    let stacked = |members: Vec<Followed>| {
         let ends = members.iter().filter_map(|step| step.slip.last());
         let least = ends.copied().fold(f64::INFINITY, f64::min);
         let pieces = ENDS
             .windows(2)
             .filter_map(|part| piece(&members, [part[0] * least, part[1] * least]));
         Stack {
-            velocities,
+            velocities: members[0].velocities,
             pieces: pieces.collect(),
         }
     };
@@ -88,16 +84,14 @@ fn piece(steps: &[Followed], slip: [f64; 2]) -> Option<SlipInterval> {
     let mean_of = |step: &Followed| {
         let rows = step.slip.iter().zip(&step.change);
         let here: Vec<f64> = rows.filter(|(s, _)| within(**s)).map(|(_, c)| *c).collect();
-        (!here.is_empty()).then(|| here.iter().sum::<f64>() / here.len() as f64)
+        (!here.is_empty()).then(|| mean(&here))
     };
     let means: Vec<f64> = steps.iter().filter_map(mean_of).collect();
-    let count = means.len() as f64;
-    let change = means.iter().sum::<f64>() / count;
-    let square: f64 = means.iter().map(|m| (m - change) * (m - change)).sum();
+    let moments = Moments::of(&means);
     (!means.is_empty()).then_some(SlipInterval {
         slip,
         steps: means.len(),
-        change,
-        error: (square / (count - 1.0) / count).sqrt(),
+        change: moments.mean,
+        error: moments.error(),
     })
 }

@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use super::law::RateStateLaw;
-use super::protocol::DriveSegment;
-use super::record::SliderRecord;
+use super::drive_segment::DriveSegment;
+use super::evolution_law::RateStateLaw;
 use super::slider::RateStateSlider;
+use super::slider_record::SliderRecord;
+use crate::moments::mean;
 
 /// Greatest number of means per segment; rows are averaged in groups so that the cost of a fit does
 /// not grow with the number of rows.
@@ -54,8 +55,7 @@ impl FitWindow {
             let length = rows.len().div_ceil(MEANS).max(1);
             for start in rows.clone().step_by(length) {
                 let group = start..rows.end.min(start + length);
-                let sum: f64 = record.friction[group.clone()].iter().sum();
-                window.friction.push(sum / group.len() as f64);
+                window.friction.push(mean(&record.friction[group.clone()]));
                 let place = window.time.len();
                 window.groups.push(place..place + group.len());
                 let times = record.time[group]
@@ -88,16 +88,14 @@ impl FitWindow {
     /// If the integration fails; see [`RateStateSlider::motion`].
     pub fn model_means(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
         let rows = self.model(law)?;
-        let mean =
-            |group: &Range<usize>| rows[group.clone()].iter().sum::<f64>() / group.len() as f64;
-        Ok(self.groups.iter().map(mean).collect())
+        let of = |group: &Range<usize>| mean(&rows[group.clone()]);
+        Ok(self.groups.iter().map(of).collect())
     }
 
     /// Returns the mean μ over the latter half of a segment, where sliding is nearest to steady.
     pub fn steady_friction(&self, segment: usize) -> f64 {
         let means = &self.segments[segment];
-        let half = &self.friction[means.start + means.len() / 2..means.end];
-        half.iter().sum::<f64>() / half.len() as f64
+        mean(&self.friction[means.start + means.len() / 2..means.end])
     }
 }
 

@@ -11,10 +11,7 @@ use crate::plot::{Layout, Plot, figure};
 use crate::ticks::{self, Tick};
 use gshear_analysis::rate_state::{Evolution, Experiment};
 
-pub(super) const LAYOUT: Layout = Layout {
-    size: [900.0, 460.0],
-    margin: [78.0, 36.0, 24.0, 58.0],
-};
+pub(super) const LAYOUT: Layout = Layout::new([900.0, 460.0], 78.0);
 /// Greatest number of curves named in the legend.
 const NAMED: usize = 3;
 
@@ -87,26 +84,19 @@ pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&st
     // The jump at the left end does not count for the scale.
     let begin = x[0] + 0.005 * (x[1] - x[0]);
     let within = |p: &&[f64; 2]| (begin..=x[1]).contains(&p[0]);
-    let edges = |c: &Curve| {
-        c.band
-            .iter()
-            .flat_map(|e| [[e[0], e[1]], [e[0], e[2]]])
-            .collect::<Vec<_>>()
-    };
-    let heights: Vec<f64> = curves
-        .iter()
-        .flat_map(|c| {
-            c.points
+    let mut shown: Vec<[f64; 2]> = Vec::new();
+    for curve in curves {
+        shown.extend(&curve.points);
+        shown.extend(
+            curve
+                .band
                 .iter()
-                .copied()
-                .chain(edges(c))
-                .chain(c.models.iter().flat_map(|(_, m)| m.iter().copied()))
-                .collect::<Vec<_>>()
-        })
-        .filter(|p| within(&p))
-        .map(|p| p[1])
-        .collect();
-    let y = padded(heights.into_iter(), 0.06);
+                .flat_map(|[x, low, high]| [[*x, *low], [*x, *high]]),
+        );
+        shown.extend(curve.models.iter().flat_map(|(_, points)| points));
+    }
+    let heights = shown.iter().filter(within).map(|p| p[1]);
+    let y = padded(heights, 0.06);
     let n = curves.len();
     figure(LAYOUT, x, y, |plot| {
         let y_ticks = ticks::round(y[0], y[1], 6);

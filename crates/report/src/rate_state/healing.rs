@@ -51,18 +51,7 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
         .flat_map(|p| [p[1] - 2.0 * p[2], p[1] + 2.0 * p[2]]);
     let of_models = models.iter().flat_map(|(_, m)| m.iter().map(|p| p[1]));
     let y = padded(heights.chain(of_models), 0.08);
-    let decades = ticks::decades(x[0], x[1], 9);
-    let x_ticks = if decades.len() > 1 {
-        decades
-    } else {
-        let mut ticks: Vec<Tick> = points
-            .iter()
-            .map(|p| (p[0], short(10f64.powf(p[0]))))
-            .collect();
-        ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
-        ticks.dedup_by(|a, b| a.1 == b.1);
-        ticks
-    };
+    let x_ticks = hold_ticks(x, &points);
     Some(figure(LAYOUT, x, y, |plot| {
         let y_ticks = ticks::round(y[0], y[1], 6);
         plot.grid(&x_ticks, &y_ticks);
@@ -92,6 +81,19 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
         legend.extend(law_legend(models.iter().map(|(law, _)| *law)));
         plot.legend(&legend);
     }))
+}
+
+/// Ticks at the decades of the hold times, or, if there are not two, at the hold times.
+fn hold_ticks(x: [f64; 2], points: &[[f64; 3]]) -> Vec<Tick> {
+    let decades = ticks::decades(x[0], x[1], 9);
+    if decades.len() > 1 {
+        return decades;
+    }
+    let at = |p: &[f64; 3]| (p[0], short(10f64.powf(p[0])));
+    let mut ticks: Vec<Tick> = points.iter().map(at).collect();
+    ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ticks.dedup_by(|a, b| a.1 == b.1);
+    ticks
 }
 
 /// Returns the C for which peaks after holds of equal duration are proportional to C + ln(V_r/V_i).

@@ -9,6 +9,7 @@ use self::healing::{healing, peak_offset};
 use super::curves::padded;
 use super::ticks;
 use crate::page;
+use gshear_analysis::moments::extent;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fit, Hold};
 
 /// An experiment and the predictions of the fitted laws for it.
@@ -119,10 +120,11 @@ fn steps(views: &[View]) -> Option<String> {
                 short(step.velocities[1])
             );
             let before = step.segment - 1;
+            let above = above_steady(before);
             let reference = move |e: &Experiment, friction: f64| {
-                let steady = e.steady[before].map_or(f64::NAN, |s| s.friction);
-                if n < e.steps.len() {
-                    friction - steady
+                let is_known = n < e.steps.len();
+                if is_known {
+                    above(e, friction)
                 } else {
                     f64::NAN
                 }
@@ -131,8 +133,7 @@ fn steps(views: &[View]) -> Option<String> {
             curves.push(Curve::of(view, name, &rows, slip, reference));
         }
     }
-    let longest = curves.iter().filter_map(|c| c.points.last()).map(|p| p[0]);
-    let x = [0.0, longest.fold(0.0, f64::max)];
+    let x = [0.0, longest(&curves)];
     (x[1] > 0.0).then(|| {
         let x_ticks = ticks::round(x[0], x[1], 9);
         draw(
@@ -144,6 +145,12 @@ fn steps(views: &[View]) -> Option<String> {
     })
 }
 
+/// The greatest slip that a curve reaches.
+fn longest(curves: &[Curve]) -> f64 {
+    let last = curves.iter().filter_map(|c| c.points.last());
+    last.map(|p| p[0]).fold(0.0, f64::max)
+}
+
 /// The holds of all views in order of t_hold.
 fn all_holds<'a>(views: &'a [View<'a>]) -> Vec<(&'a View<'a>, &'a Hold)> {
     let of = |view: &'a View<'a>| view.experiment.holds.iter().map(move |hold| (view, hold));
@@ -152,9 +159,8 @@ fn all_holds<'a>(views: &'a [View<'a>]) -> Vec<(&'a View<'a>, &'a Hold)> {
     holds
 }
 
-/// μ - μ_ss before the hold.
-fn above_steady(hold: &Hold) -> impl Fn(&Experiment, f64) -> f64 + use<> {
-    let before = hold.segment - 1;
+/// μ - μ_ss of the segment `before`.
+fn above_steady(before: usize) -> impl Fn(&Experiment, f64) -> f64 {
     move |e, friction| friction - e.steady[before].map_or(f64::NAN, |s| s.friction)
 }
 
@@ -170,15 +176,11 @@ fn holds(views: &[View]) -> Option<String> {
             name,
             &record.rows(hold.segment),
             time,
-            above_steady(hold),
+            above_steady(hold.segment - 1),
         )
     };
     let curves: Vec<Curve> = all_holds(views).into_iter().map(of).collect();
-    let times = || curves.iter().flat_map(|c| &c.points).map(|p| p[0]);
-    let x = [
-        times().fold(f64::INFINITY, f64::min),
-        times().fold(f64::NEG_INFINITY, f64::max),
-    ];
+    let x = extent(curves.iter().flat_map(|c| &c.points).map(|p| p[0]));
     (x[0] < x[1]).then(|| {
         let x_ticks = ticks::decades(x[0], x[1], 9);
         draw(
@@ -216,24 +218,13 @@ fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<S
             short(ratio)
         );
         let slip = |row: usize| (record.slip[row] - start) / unit;
-        let above = above_steady(hold);
+        let above = above_steady(hold.segment - 1);
         curves.push(Curve::of(view, name, &rows, slip, move |e, f| {
             scale * above(e, f)
         }));
     }
-    let longest = curves
-        .iter()
-        .filter_map(|c| c.points.last())
-        .map(|p| p[0])
-        .fold(0.0, f64::max);
-    let x = [
-        0.0,
-        if best.is_some() {
-            longest.min(RESLIDE)
-        } else {
-            longest
-        },
-    ];
+    let most = best.map_or(f64::INFINITY, |_| RESLIDE);
+    let x = [0.0, longest(&curves).min(most)];
     let y_label = match offset {
         Some(c) => format!("(μ − μ_{{ss}})/({c:.2} + ln(V_{{r}}/V_{{i}}))"),
         None => "μ − μ_{ss}".to_string(),

@@ -68,7 +68,7 @@ pub fn write_metadata(
 ) -> Result<(), Failure> {
     let file = table.file_name().unwrap_or_default().to_string_lossy();
     match metadata(kind, &file, names, axes) {
-        Some(text) => text_writer::write(&table.with_file_name(metadata_name(&file)), &text),
+        Some(text) => text_writer::write(&table.with_file_name(format!("{file}{ENDING}")), &text),
         None => Ok(()),
     }
 }
@@ -103,10 +103,8 @@ pub fn write_figure_data(path: &Path, csv: &str, axes: usize) -> Result<(), Fail
     write_metadata(OF_FIGURES, path, &names, axes)
 }
 
-/// Name of the metadata of a table.
-pub fn metadata_name(table: &str) -> String {
-    format!("{table}-metadata.json")
-}
+/// Of the name of metadata, after that of its table.
+const ENDING: &str = "-metadata.json";
 
 /// Ends of the names of components.
 const AXES: [&str; 9] = ["_x", "_y", "_z", "_xx", "_xy", "_xz", "_yy", "_yz", "_zz"];

@@ -2,6 +2,7 @@
 
 use gshear_analysis::aftermath::BoxChange;
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_analysis::phase_measures::PhaseMeasures;
 use gshear_analysis::stability::Stability;
 use gshear_dem::columns::Column;
 use gshear_dem::state::SERIES_COLUMNS;
@@ -41,32 +42,6 @@ const PHASE_PLACES: [Column; 4] = [
     Column::new("end_row", "1", "row of the time series at the end"),
     Column::new("start_step", "1", "step at the start"),
     Column::new("end_step", "1", "step at the end"),
-];
-
-const MEASURES: [Column; 7] = [
-    Column::new("dmin_max", "m2", "mgD²min: greatest gD²min (LH 1)"),
-    Column::new("top_max", "m2", "mg_t10%D²min: greatest g_t10%D²min (LH 2)"),
-    Column::new(
-        "dmin_sum",
-        "m2",
-        "sgD²min: sum of gD²min from t_s on (LH 3)",
-    ),
-    Column::new(
-        "top_sum",
-        "m2",
-        "sg_t10%D²min: sum of g_t10%D²min from t_s on (LH 4)",
-    ),
-    Column::new("regions_least", "1", "N_c: least number of GR regions"),
-    Column::new(
-        "angle_mean",
-        "rad",
-        "mean |θ| in the last interval with N_c regions",
-    ),
-    Column::new(
-        "angle_median",
-        "rad",
-        "median |θ| in the last interval with N_c regions",
-    ),
 ];
 
 const CORRELATIONS: [Column; 9] = [
@@ -603,7 +578,7 @@ fn of_walls() -> Vec<TableDescription> {
                 &PHASE_PLACES[2..],
                 &STRAINS,
                 &[DURATION, CHANGE],
-                &MEASURES,
+                &PhaseMeasures::COLUMNS,
             ],
         ),
         table("correlations.csv", "range", &[&CORRELATIONS]),

@@ -1,8 +1,8 @@
 //! Tests of rate-and-state friction; here the law they use, synthetic data and noise.
 
 mod fits;
-mod measures;
 mod motion;
+mod steps_and_holds;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -51,20 +51,10 @@ fn synthetic(law: &RateStateLaw, drive: &[DriveSegment], interval: f64) -> Slide
             })
             .sum()
     };
-    SliderRecord {
-        stiffness: STIFFNESS,
-        drive: drive.to_vec(),
-        slip: time
-            .iter()
-            .zip(&friction)
-            .map(|(t, f)| driven(*t) - (f - friction[0]) / STIFFNESS)
-            .collect(),
-        temperature: vec![f64::NAN; time.len()],
-        deviation: vec![f64::NAN; time.len()],
-        time,
-        friction,
-        realisations: 1,
-    }
+    let rows = time.iter().zip(&friction);
+    let slip = rows.map(|(t, f)| driven(*t) - (f - friction[0]) / STIFFNESS);
+    let slip = slip.collect();
+    SliderRecord::of_run(STIFFNESS, drive.to_vec(), [time, slip, friction])
 }
 
 /// Values of a Gaussian process with standard deviation σ and a correlation length of `memory`

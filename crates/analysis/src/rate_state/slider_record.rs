@@ -1,0 +1,195 @@
+//! Measured time series of a slider under one protocol: one run, or the mean of several
+//! realisations.
+
+use std::ops::Range;
+
+use super::drive_segment::DriveSegment;
+use crate::moments::{self, Moments, grouped};
+
+/// Time series of a slider under one protocol; L rows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SliderRecord {
+    /// k̄: stiffness of the spring over the normal force (1/m).
+    pub stiffness: f64,
+    /// Segments of the drive, counted from the first row.
+    pub drive: Vec<DriveSegment>,
+    /// `[L]` Time (s), ascending.
+    pub time: Vec<f64>,
+    /// `[L]` Slip of the slider (m).
+    pub slip: Vec<f64>,
+    /// `[L]` Friction μ.
+    pub friction: Vec<f64>,
+    /// `[L]` Granular temperature: kinetic energy of a free grain beyond that of a linear velocity
+    /// profile, over P d̄³ (disks: over P d̄²); NaN if it is not known.
+    pub temperature: Vec<f64>,
+    /// `[L]` Standard deviation of μ among the realisations; NaN for a single one.
+    pub deviation: Vec<f64>,
+    /// Number of realisations averaged.
+    pub realisations: usize,
+}
+
+/// Protocols are equal if velocities and durations agree to this share.
+const SAME_PROTOCOL: f64 = 1e-3;
+/// Likewise for k̄, whose normal force varies a little from sample to sample.
+const SAME_STIFFNESS: f64 = 0.05;
+
+impl SliderRecord {
+    /// The record of one run: time, slip and friction. Its temperature is not known.
+    pub fn of_run(
+        stiffness: f64,
+        drive: Vec<DriveSegment>,
+        [time, slip, friction]: [Vec<f64>; 3],
+    ) -> Self {
+        let unknown = vec![f64::NAN; time.len()];
+        Self {
+            stiffness,
+            drive,
+            time,
+            slip,
+            friction,
+            temperature: unknown.clone(),
+            deviation: unknown,
+            realisations: 1,
+        }
+    }
+
+    /// Returns the time when a segment begins (s).
+    pub fn begin(&self, segment: usize) -> f64 {
+        let before: f64 = self.drive[..segment].iter().map(|s| s.duration).sum();
+        self.time[0] + before
+    }
+
+    /// Returns the rows of a segment: after its start and up to its end.
+    pub fn rows(&self, segment: usize) -> Range<usize> {
+        let row_at = |time: f64| self.time.partition_point(|t| *t <= time);
+        let end = if segment + 1 < self.drive.len() {
+            row_at(self.begin(segment + 1))
+        } else {
+            self.time.len()
+        };
+        let begin = if segment == 0 {
+            0
+        } else {
+            row_at(self.begin(segment))
+        };
+        begin..end
+    }
+
+    /// Returns the rows of the first and of the latter half of a segment, by time.
+    pub fn halves(&self, segment: usize) -> [Range<usize>; 2] {
+        let rows = self.rows(segment);
+        let middle = self.begin(segment) + 0.5 * self.drive[segment].duration;
+        let at = self
+            .time
+            .partition_point(|t| *t <= middle)
+            .clamp(rows.start, rows.end);
+        [rows.start..at, at..rows.end]
+    }
+
+    /// Returns the record restricted to a range of segments.
+    pub fn cut(&self, segments: Range<usize>) -> SliderRecord {
+        let rows = self.rows(segments.start).start..self.rows(segments.end - 1).end;
+        let of = |values: &[f64]| values[rows.clone()].to_vec();
+        let mut drive = self.drive[segments.clone()].to_vec();
+        // The first row of the cut record lies a little after the start of its first segment.
+        drive[0].duration -= self.time[rows.start] - self.begin(segments.start);
+        SliderRecord {
+            stiffness: self.stiffness,
+            drive,
+            time: of(&self.time),
+            slip: of(&self.slip),
+            friction: of(&self.friction),
+            temperature: of(&self.temperature),
+            deviation: of(&self.deviation),
+            realisations: self.realisations,
+        }
+    }
+
+    fn same_protocol(&self, other: &SliderRecord) -> bool {
+        let near = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs());
+        let segments = self.drive.len();
+        // A run may be stopped at any time, so the last segment's duration is not compared.
+        let same = |k: usize| {
+            let (a, b) = (self.drive[k], other.drive[k]);
+            near(a.velocity, b.velocity, SAME_PROTOCOL)
+                && (k + 1 == segments || near(a.duration, b.duration, SAME_PROTOCOL))
+        };
+        segments == other.drive.len()
+            && near(self.stiffness, other.stiffness, SAME_STIFFNESS)
+            && (0..segments).all(same)
+    }
+}
+
+/// Joins the realisations of each protocol: their mean at the times of the first one, up to the end
+/// of the shortest.
+///
+/// Protocols are in the order of their first realisation; each comes with the indices of its
+/// records.
+pub fn merge(records: &[SliderRecord]) -> Vec<(SliderRecord, Vec<usize>)> {
+    let groups = grouped(0..records.len(), |a, b| {
+        records[*a].same_protocol(&records[*b])
+    });
+    let joined = |group: Vec<usize>| {
+        let members: Vec<&SliderRecord> = group.iter().map(|k| &records[*k]).collect();
+        (mean(&members), group)
+    };
+    groups.into_iter().map(joined).collect()
+}
+
+/// Returns the mean of realisations of one protocol. Panics if there are none.
+pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
+    let [first, ..] = members else {
+        unreachable!("a group has a member");
+    };
+    if members.len() == 1 {
+        return (*first).clone();
+    }
+    let last = |r: &&SliderRecord| r.time[r.time.len() - 1] - r.time[0];
+    let end = members.iter().map(last).fold(f64::INFINITY, f64::min);
+    // Times count from each record's first row.
+    let rows = first.time.partition_point(|t| t - first.time[0] <= end);
+    let mut joined = SliderRecord {
+        stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / members.len() as f64,
+        drive: first.drive.clone(),
+        time: first.time[..rows].to_vec(),
+        slip: Vec::with_capacity(rows),
+        friction: Vec::with_capacity(rows),
+        temperature: Vec::with_capacity(rows),
+        deviation: Vec::with_capacity(rows),
+        realisations: members.len(),
+    };
+    for time in &joined.time {
+        let at = |values: fn(&SliderRecord) -> &[f64]| -> Vec<f64> {
+            let since = time - first.time[0];
+            members
+                .iter()
+                .map(|r| interpolated(&r.time, values(r), r.time[0] + since))
+                .collect()
+        };
+        let friction = at(|r| &r.friction);
+        let moments = Moments::of(&friction);
+        joined.friction.push(moments.mean);
+        joined.deviation.push(moments.deviation());
+        joined.slip.push(moments::mean(&at(|r| &r.slip)));
+        let temperature = moments::mean(&at(|r| &r.temperature));
+        joined.temperature.push(temperature);
+    }
+    if let (Some(segment), Some(time)) = (joined.drive.last_mut(), joined.time.last()) {
+        let begin = first.begin(first.drive.len() - 1);
+        segment.duration = time - begin;
+    }
+    joined
+}
+
+/// Linear between the rows, constant beyond them.
+fn interpolated(time: &[f64], values: &[f64], at: f64) -> f64 {
+    let after = time.partition_point(|t| *t < at);
+    if after == 0 {
+        return values[0];
+    }
+    if after == time.len() {
+        return values[after - 1];
+    }
+    let part = (at - time[after - 1]) / (time[after] - time[after - 1]);
+    values[after - 1] + part * (values[after] - values[after - 1])
+}

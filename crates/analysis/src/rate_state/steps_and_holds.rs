@@ -1,0 +1,373 @@
+//! Measurements that need no evolution law: steady friction, velocity steps, holds and their
+//! healing.
+
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use super::noise::block_error;
+use super::slider_record::SliderRecord;
+use crate::moments::{Moments, grouped, mean};
+
+/// Steady friction, averaged over the latter half of a slide.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steady {
+    /// Index of the segment.
+    pub segment: usize,
+    /// V_drive (m/s).
+    pub velocity: f64,
+    /// μ_ss.
+    pub friction: f64,
+    /// Standard error of μ_ss, from block averages.
+    pub error: f64,
+    /// Standard deviation of the rows around μ_ss.
+    pub scatter: f64,
+    /// Slip over the whole segment (m).
+    pub slip: f64,
+}
+
+/// How peaks are found: as the extreme of μ in the first half of a segment.
+///
+/// If `d_c` is known, the search covers only the first 2 D_c of slip, and μ is averaged over 0.05
+/// D_c first. The extreme of single rows would exceed the peak by part of their scatter.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Peaks {
+    /// D_c (m), if known.
+    pub d_c: Option<f64>,
+}
+
+/// Slip in which peaks are searched, in D_c.
+const PEAK_WITHIN: f64 = 2.0;
+/// Slip over which μ is averaged for a peak, in D_c.
+const PEAK_MEAN: f64 = 0.05;
+
+/// A velocity step: a change from one slide to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VelocityStep {
+    /// Index of the segment after the step.
+    pub segment: usize,
+    /// V_drive before and after (m/s).
+    pub velocities: [f64; 2],
+    /// Extreme μ after the step minus μ_ss before it, and its standard error. The extreme is the
+    /// maximum after a step up, the minimum after a step down.
+    pub direct: [f64; 2],
+    /// The extreme minus μ_ss after the step, and its standard error.
+    pub evolution: [f64; 2],
+    /// μ_ss after minus μ_ss before the step, (a - b) ln(V_2/V_1), and its standard error.
+    pub net: [f64; 2],
+}
+
+/// A hold after a slide.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hold {
+    /// Index of the hold's segment.
+    pub segment: usize,
+    /// t_hold (s).
+    pub duration: f64,
+    /// V_i (m/s).
+    pub before: f64,
+    /// μ at the end of the hold minus μ_ss before it.
+    pub relaxation: f64,
+    /// The slide after the hold; `None` if there is none.
+    pub reslide: Option<Reslide>,
+}
+
+/// Peak strength after a hold.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reslide {
+    /// V_r (m/s).
+    pub velocity: f64,
+    /// Peak strength: the greatest μ after the hold, as [`Peaks`] finds it.
+    pub peak: f64,
+    /// Slip at the peak since the end of the hold (m).
+    pub slip_at_peak: f64,
+    /// k̄ of layer and spring together ([`reload_stiffness`], 1/m).
+    pub stiffness: Option<f64>,
+    /// Δμ: the peak minus μ_ss before the hold.
+    pub healing: f64,
+    /// Standard error of Δμ, from that of μ_ss and the scatter of means as long as that of the
+    /// peak.
+    pub error: f64,
+}
+
+/// Fit of Δμ = intercept + slope · ln(t_hold/s) to holds with the same velocities before and after.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Healing {
+    /// V_i and V_r (m/s).
+    pub velocities: [f64; 2],
+    /// Indices of the holds.
+    pub holds: Vec<usize>,
+    /// Healing rate; equal to b for V_r = V_i and long holds (aging law: Δμ → b ln t_hold + const).
+    pub slope: f64,
+    /// Δμ at t_hold = 1 s.
+    pub intercept: f64,
+    /// 95 % interval of the slope by Student's t; `None` for two points.
+    pub interval: Option<[f64; 2]>,
+}
+
+/// Returns the steady friction of each segment; `None` for holds and for slides without rows in
+/// their latter half.
+pub fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
+    let of = |segment: usize| {
+        let drive = record.drive[segment];
+        let [_, half] = record.halves(segment);
+        let values = &record.friction[half];
+        if drive.is_hold() || values.is_empty() {
+            return None;
+        }
+        let moments = Moments::of(values);
+        let rows = record.rows(segment);
+        Some(Steady {
+            segment,
+            velocity: drive.velocity,
+            friction: moments.mean,
+            error: block_error(values),
+            scatter: moments.deviation(),
+            slip: record.slip[rows.end - 1] - record.slip[rows.start],
+        })
+    };
+    (0..record.drive.len()).map(of).collect()
+}
+
+/// Returns the velocity steps: changes from one slide to the next.
+pub fn steps(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> Vec<VelocityStep> {
+    let of = |segment: usize| {
+        let (before, after) = (steady[segment - 1]?, steady[segment]?);
+        let up = after.velocity > before.velocity;
+        let extreme = peaks.extreme(record, segment, up)?;
+        Some(VelocityStep {
+            segment,
+            velocities: [before.velocity, after.velocity],
+            direct: [
+                extreme.friction - before.friction,
+                before.error.hypot(extreme.error),
+            ],
+            evolution: [
+                extreme.friction - after.friction,
+                after.error.hypot(extreme.error),
+            ],
+            net: [
+                after.friction - before.friction,
+                before.error.hypot(after.error),
+            ],
+        })
+    };
+    (1..record.drive.len()).filter_map(of).collect()
+}
+
+/// Returns the holds that follow a slide.
+pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Hold> {
+    let of = |segment: usize| {
+        let before = steady[segment - 1]?;
+        let rows = record.rows(segment);
+        if !record.drive[segment].is_hold() || rows.is_empty() {
+            return None;
+        }
+        let reslide = || {
+            let after = segment + 1;
+            let drive = record.drive.get(after).filter(|drive| !drive.is_hold())?;
+            let found = peaks.extreme(record, after, true)?;
+            Some(Reslide {
+                velocity: drive.velocity,
+                peak: found.friction,
+                slip_at_peak: found.slip - record.slip[rows.end - 1],
+                stiffness: reload_stiffness(record, after),
+                healing: found.friction - before.friction,
+                error: before.error.hypot(found.error),
+            })
+        };
+        Some(Hold {
+            segment,
+            duration: record.drive[segment].duration,
+            before: before.velocity,
+            relaxation: record.friction[rows.end - 1] - before.friction,
+            reslide: reslide(),
+        })
+    };
+    (1..record.drive.len()).filter_map(of).collect()
+}
+
+/// Share of the way from the end of a hold to the greatest μ over which a reload is measured.
+const RELOAD: f64 = 0.5;
+
+/// Returns k̄ of layer and spring together (1/m) as the slide in `segment` after a hold shows it: the
+/// slope of μ over the displacement of the drive, by least squares from the end of the hold until μ
+/// has risen half of the way to its greatest value in the first half of the slide.
+///
+/// `None` if there is no such slide, if μ does not rise, or if fewer than three rows show it.
+pub fn reload_stiffness(record: &SliderRecord, segment: usize) -> Option<f64> {
+    let drive = record.drive.get(segment).filter(|drive| !drive.is_hold())?;
+    let [half, _] = record.halves(segment);
+    let before = half.start.checked_sub(1)?;
+    let start = record.friction[before];
+    let greatest = record.friction[half.clone()]
+        .iter()
+        .copied()
+        .reduce(f64::max)?;
+    let risen = start + RELOAD * (greatest - start);
+    let rises = half.take_while(|row| record.friction[*row] < risen);
+    let begin = record.begin(segment);
+    let share = |row: usize| (record.time[row] - begin).max(0.0) / drive.duration;
+    let points: Vec<_> = std::iter::once(before)
+        .chain(rises)
+        .map(|row| [share(row), record.friction[row]])
+        .collect();
+    let (_, slope, _) = line(&points).filter(|_| points.len() > 2)?;
+    (slope > 0.0).then_some(slope / drive.distance())
+}
+
+struct Extreme {
+    /// μ there.
+    friction: f64,
+    /// Slip there (m).
+    slip: f64,
+    /// Standard deviation of means over as many rows.
+    error: f64,
+}
+
+impl Peaks {
+    /// The maximum or the minimum of μ in a segment.
+    fn extreme(self, record: &SliderRecord, segment: usize, greatest: bool) -> Option<Extreme> {
+        let [half, rest] = record.halves(segment);
+        if half.is_empty() || rest.is_empty() {
+            return None;
+        }
+        let start = record.slip[half.start];
+        let slipped = record.slip[rest.end - 1] - record.slip[rest.start];
+        let per_row = slipped / (rest.len() as f64 - 1.0).max(1.0);
+        let (mut end, mut length) = (half.end, 1);
+        if let Some(d_c) = self.d_c.filter(|_| per_row > 0.0) {
+            let within = |row: &usize| record.slip[*row] - start <= PEAK_WITHIN * d_c;
+            let near = half.clone().take_while(within).count();
+            length = ((PEAK_MEAN * d_c / per_row) as usize).clamp(1, half.len().min(rest.len()));
+            end = half.start + near.max(length);
+        }
+        let means = record.friction[half.start..end].windows(length).map(mean);
+        let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
+        let (at, extreme) = if greatest {
+            means.enumerate().max_by(order)?
+        } else {
+            means.enumerate().min_by(order)?
+        };
+        let of_rest: Vec<f64> = record.friction[rest].windows(length).map(mean).collect();
+        Some(Extreme {
+            friction: extreme,
+            slip: record.slip[half.start + at + length / 2],
+            error: Moments::of(&of_rest).deviation(),
+        })
+    }
+}
+
+/// Fits Δμ against ln t_hold for each pair of velocities with at least two different durations.
+pub fn healing(holds: &[Hold]) -> Vec<Healing> {
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs();
+    let point = |(k, hold): (usize, &Hold)| {
+        let reslide = hold.reslide?;
+        let velocities = [hold.before, reslide.velocity];
+        Some((k, velocities, [hold.duration.ln(), reslide.healing]))
+    };
+    let points = holds.iter().enumerate().filter_map(point);
+    let groups = grouped(points, |(_, a, _), (_, b, _)| {
+        near(a[0], b[0]) && near(a[1], b[1])
+    });
+    let fitted = |group: Vec<(usize, [f64; 2], [f64; 2])>| {
+        let points: Vec<[f64; 2]> = group.iter().map(|(.., point)| *point).collect();
+        let (intercept, slope, interval) = line(&points)?;
+        Some(Healing {
+            velocities: group[0].1,
+            holds: group.iter().map(|(k, ..)| *k).collect(),
+            slope,
+            intercept,
+            interval,
+        })
+    };
+    groups.into_iter().filter_map(fitted).collect()
+}
+
+/// Growth of the peaks with the velocity of the slides after holds of equal duration, which begin at
+/// the same velocity (FR, figure S2: V_i = 0.02 m/s; V_r = 0.05, 0.1 and 0.3 m/s).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PeakGrowth {
+    /// t_hold (s).
+    pub duration: f64,
+    /// V_i (m/s).
+    pub before: f64,
+    /// Number of peaks.
+    pub peaks: usize,
+    /// Slope of Δμ against ln(V_r/V_i).
+    pub slope: f64,
+    /// Its standard error, from those of the peaks.
+    pub error: f64,
+    /// Δμ of the line at V_r = V_i.
+    pub intercept: f64,
+    /// Sum of the squared deviations of ln(V_r/V_i) from their mean.
+    pub spread: f64,
+}
+
+/// Fits Δμ against ln(V_r/V_i) for each duration of holds after the same velocity that has peaks at
+/// two or more ratios, in order of the durations.
+pub fn peak_growth<'a>(holds: impl IntoIterator<Item = &'a Hold>) -> Vec<PeakGrowth> {
+    // Those of equal protocols differ by rounding only.
+    let near = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
+    let mut holds: Vec<(&Hold, Reslide)> = holds
+        .into_iter()
+        .filter_map(|hold| Some((hold, hold.reslide?)))
+        .collect();
+    holds.sort_by(|(a, _), (b, _)| {
+        let by_velocity = a.before.total_cmp(&b.before);
+        by_velocity.then(a.duration.total_cmp(&b.duration))
+    });
+    let groups =
+        holds.chunk_by(|(a, _), (b, _)| near(a.before, b.before) && near(a.duration, b.duration));
+    let fitted = |group: &[(&Hold, Reslide)]| {
+        let (hold, _) = group[0];
+        let point = |(hold, peak): &(&Hold, Reslide)| {
+            [(peak.velocity / hold.before).ln(), peak.healing, peak.error]
+        };
+        let points: Vec<[f64; 3]> = group.iter().map(point).collect();
+        let flat: Vec<[f64; 2]> = points.iter().map(|p| [p[0], p[1]]).collect();
+        let (intercept, slope, _) = line(&flat)?;
+        let mean = flat.iter().map(|p| p[0]).sum::<f64>() / flat.len() as f64;
+        let square = |x: f64| (x - mean) * (x - mean);
+        let spread: f64 = points.iter().map(|p| square(p[0])).sum();
+        let variance: f64 = points.iter().map(|p| square(p[0]) * p[2] * p[2]).sum();
+        Some(PeakGrowth {
+            duration: hold.duration,
+            before: hold.before,
+            peaks: group.len(),
+            slope,
+            error: variance.sqrt() / spread,
+            intercept,
+            spread,
+        })
+    };
+    let mut growth: Vec<PeakGrowth> = groups.filter_map(fitted).collect();
+    growth.sort_by(|a, b| a.duration.total_cmp(&b.duration));
+    growth
+}
+
+/// Intercept, slope and its 95 % interval of the least-squares line; `None` if all x are equal.
+pub(super) fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
+    let n = points.len() as f64;
+    let mean = |c: usize| points.iter().map(|p| p[c]).sum::<f64>() / n;
+    let [x0, y0] = [mean(0), mean(1)];
+    let sum = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
+        points.iter().map(|[x, y]| f(x - x0, y - y0)).sum()
+    };
+    let spread = sum(&|x, _| x * x);
+    if points.len() < 2 || spread <= 1e-12 * n * (1.0 + x0 * x0) {
+        return None;
+    }
+    let slope = sum(&|x, y| x * y) / spread;
+    let rest = sum(&|x, y| (y - slope * x) * (y - slope * x));
+    let freedom = n - 2.0;
+    let interval = (freedom > 0.0).then(|| {
+        let half = student(freedom) * (rest / freedom / spread).sqrt();
+        [slope - half, slope + half]
+    });
+    Some((y0 - slope * x0, slope, interval))
+}
+
+/// Half-width of a two-sided 95 % interval in standard errors.
+pub(super) fn student(freedom: f64) -> f64 {
+    let t = StudentsT::new(0.0, 1.0, freedom).expect("degrees of freedom are positive");
+    t.inverse_cdf(0.975)
+}

@@ -1,0 +1,475 @@
+//! `compare`: compares two runs field by field, to the last bit.
+
+use std::cmp::Ordering;
+use std::fmt;
+use std::path::PathBuf;
+
+use crate::contact_quantities::of_contacts;
+use crate::printer::Printer;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{ContactSample, FrameRecords};
+use gshear_scene::Dimensions;
+use gshear_store::run_reader::RunFile;
+
+/// Compare two runs field by field, to the last bit
+///
+/// Prints for each field the number of values that differ, and the largest absolute and
+/// relative difference with its place. NaN equals NaN. Frames and rows are compared in their
+/// order, contacts by their ids. Exit code 0 if everything is equal, 1 if anything differs.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+    pub(super) a: PathBuf,
+    /// Another one
+    pub(super) b: PathBuf,
+}
+
+impl Arguments {
+    /// Returns the exit code.
+    ///
+    /// # Errors
+    /// A damaged run.
+    pub(super) fn run(&self, printer: &mut Printer) -> Result<i32, Failure> {
+        let comparison = runs(&RunFile::open_any(&self.a)?, &RunFile::open_any(&self.b)?)?;
+        comparison.print(printer)?;
+        Ok(i32::from(!comparison.equal()))
+    }
+}
+
+/// Parameters that describe how, where and when a run was made, not its results.
+const PROVENANCE: [&str; 7] = [
+    "git_commit",
+    "processor",
+    "rank_map",
+    "ranks",
+    "speed",
+    "started",
+    "version",
+];
+
+/// Components of a vector, as named in places.
+const PARTS: [&str; 3] = [" x", " y", " z"];
+
+/// Where two values differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Location {
+    /// No place, as for a number of the whole run.
+    Nowhere,
+    /// Grain.
+    Grain(usize),
+    /// Row of the time series.
+    Row(usize),
+    /// Frame.
+    Frame(usize),
+    /// Frame, grain, component.
+    GrainOf(usize, usize, &'static str),
+    /// Frame, ids of the grains.
+    ContactOf(usize, u32, u32),
+}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Location::Nowhere => f.write_str("-"),
+            Location::Grain(n) => write!(f, "grain {n}"),
+            Location::Row(row) => write!(f, "row {row}"),
+            Location::Frame(t) => write!(f, "frame {t}"),
+            Location::GrainOf(t, n, part) => write!(f, "frame {t} grain {n}{part}"),
+            Location::ContactOf(t, i, j) => write!(f, "frame {t} contact {i}-{j}"),
+        }
+    }
+}
+
+/// Comparison of one field. A difference with NaN on one side only is infinite.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FieldComparison {
+    /// Name of the field.
+    pub name: String,
+    /// Number of values compared.
+    pub compared: u64,
+    /// Number of values with different bits (NaN equals NaN).
+    pub differing: u64,
+    /// First difference in the order of the file.
+    pub first: Location,
+    /// Largest |a - b|.
+    pub absolute: f64,
+    /// Place of the largest |a - b|.
+    pub absolute_at: Location,
+    /// Largest |a - b|/max(|a|, |b|).
+    pub relative: f64,
+    /// Place of the largest |a - b|/max(|a|, |b|).
+    pub relative_at: Location,
+}
+
+impl FieldComparison {
+    fn new(name: impl Into<String>) -> Self {
+        let name = name.into();
+        let at = Location::Nowhere;
+        FieldComparison {
+            name,
+            compared: 0,
+            differing: 0,
+            first: at,
+            absolute: 0.0,
+            absolute_at: at,
+            relative: 0.0,
+            relative_at: at,
+        }
+    }
+
+    fn see(&mut self, a: f64, b: f64, at: Location) {
+        self.compared += 1;
+        if a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan()) {
+            return;
+        }
+        if self.differing == 0 {
+            (self.first, self.absolute_at, self.relative_at) = (at, at, at);
+        }
+        self.differing += 1;
+        let finite = |difference: f64| {
+            if difference.is_nan() {
+                f64::INFINITY
+            } else {
+                difference
+            }
+        };
+        let absolute = finite((a - b).abs());
+        // Zeros of different sign differ only in their bits.
+        let relative = if absolute == 0.0 {
+            0.0
+        } else {
+            finite(absolute / a.abs().max(b.abs()))
+        };
+        if absolute > self.absolute {
+            (self.absolute, self.absolute_at) = (absolute, at);
+        }
+        if relative > self.relative {
+            (self.relative, self.relative_at) = (relative, at);
+        }
+    }
+}
+
+/// The result of a comparison.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Comparison {
+    /// Fields compared value by value.
+    pub fields: Vec<FieldComparison>,
+    /// Differing numbers of frames, rows, grains; differing digests.
+    pub unequal: Vec<String>,
+    /// Differences in parameters that do not count as results.
+    pub asides: Vec<String>,
+}
+
+impl Comparison {
+    /// Returns whether the runs hold the same results, to the last bit.
+    pub fn equal(&self) -> bool {
+        self.unequal.is_empty() && self.fields.iter().all(|field| field.differing == 0)
+    }
+
+    /// Prints one line per field, then the other differences.
+    fn print(&self, printer: &mut Printer) -> Result<(), Failure> {
+        writeln!(
+            printer,
+            "{:<24}{:>12}{:>12}{:>14}  {:<30}{:>14}  {:<30}first difference",
+            "field", "values", "differing", "max absolute", "at", "max relative", "at"
+        )?;
+        for field in &self.fields {
+            writeln!(
+                printer,
+                "{:<24}{:>12}{:>12}{:>14.4e}  {:<30}{:>14.4e}  {:<30}{}",
+                field.name,
+                field.compared,
+                field.differing,
+                field.absolute,
+                field.absolute_at.to_string(),
+                field.relative,
+                field.relative_at.to_string(),
+                field.first
+            )?;
+        }
+        for line in &self.unequal {
+            writeln!(printer, "differs: {line}")?;
+        }
+        for line in &self.asides {
+            writeln!(printer, "not counted: {line}")?;
+        }
+        let outcome = if self.equal() { "equal" } else { "different" };
+        writeln!(printer, "{outcome}")?;
+        printer.flush()
+    }
+
+    fn count(&mut self, what: &str, a: usize, b: usize) -> usize {
+        if a != b {
+            self.unequal.push(format!("{what}: {a} against {b}"));
+        }
+        a.min(b)
+    }
+}
+
+/// Compares the whole content of two runs: frames and rows in their order, contacts by their ids.
+///
+/// # Errors
+/// [`Failure::Input`] if a file is damaged.
+pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
+    let mut found = Comparison::default();
+    if a.stage() != b.stage() {
+        let [a, b] = [a, b].map(|run| run.stage().name());
+        found.unequal.push(format!("the stage {a} against {b}"));
+        return Ok(found);
+    }
+    parameters(a, b, &mut found);
+    let grains = found.count("number of grains", a.grains().count(), b.grains().count());
+    let rows = found.count(
+        "rows of the time series",
+        a.series().rows(),
+        b.series().rows(),
+    );
+    let frames = found.count("number of frames", a.frames(), b.frames());
+
+    let dimension = a.dimension();
+    if dimension != b.dimension() {
+        found.unequal.push("disks against spheres".into());
+        return Ok(found);
+    }
+    let mut cell = FieldComparison::new("box");
+    cell.see(a.grains().length, b.grains().length, Location::Nowhere);
+    if dimension == Dimensions::Three {
+        let [x, y] = [a, b].map(|run| run.periods()[1]);
+        cell.see(x, y, Location::Nowhere);
+    }
+    cell.see(a.height(), b.height(), Location::Nowhere);
+    for t in 0..frames {
+        let [x, y] = [a, b].map(|run| run.box_edges(t));
+        for (x, y) in x.as_flattened().iter().zip(y.as_flattened()) {
+            cell.see(*x, *y, Location::Frame(t));
+        }
+    }
+    found.fields.push(cell);
+    let (x, y) = (a.grains(), b.grains());
+    if grains == x.count() && grains == y.count() {
+        let mut column = |name: &str, of: &dyn Fn(usize) -> (f64, f64)| {
+            let mut field = FieldComparison::new(name);
+            (0..grains).for_each(|n| field.see(of(n).0, of(n).1, Location::Grain(n)));
+            found.fields.push(field);
+        };
+        column("radius", &|n| (x.radius[n], y.radius[n]));
+        column("body", &|n| (x.body[n].into(), y.body[n].into()));
+        column("mass", &|n| (x.mass[n], y.mass[n]));
+        found.fields.extend(frames_of(a, b, frames)?);
+    }
+
+    let rows: Vec<[usize; 2]> = (0..rows).map(|row| [row; 2]).collect();
+    found.fields.extend(series(a, b, &rows));
+    Ok(found)
+}
+
+/// Compares the time series in these rows of the one and of the other run; places are rows of the
+/// first.
+pub fn series(a: &RunFile, b: &RunFile, rows: &[[usize; 2]]) -> Vec<FieldComparison> {
+    let (a, b) = (a.series(), b.series());
+    let compared = |name: &str, of: &dyn Fn([usize; 2]) -> [f64; 2]| {
+        let mut field = FieldComparison::new(name);
+        for &pair in rows {
+            let [x, y] = of(pair);
+            field.see(x, y, Location::Row(pair[0]));
+        }
+        field
+    };
+    let mut fields = vec![
+        compared("series step", &|[i, j]| {
+            [a.step[i] as f64, b.step[j] as f64]
+        }),
+        compared("series time", &|[i, j]| [a.time[i], b.time[j]]),
+    ];
+    fields.extend(a.declared.iter().map(|column| {
+        let [x, y] = [a, b].map(|series| series.column(column.name));
+        compared(column.name, &|[i, j]| [x[i], y[j]])
+    }));
+    fields
+}
+
+fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
+    let mut names: Vec<&String> = a.parameters().keys().chain(b.parameters().keys()).collect();
+    names.sort_unstable();
+    names.dedup();
+    for name in names {
+        match (a.parameters().get(name), b.parameters().get(name)) {
+            (Some(x), Some(y)) if x == y => {}
+            (Some(x), Some(y)) if name == "digest" => {
+                found.unequal.push(format!("digest: {x} against {y}"));
+            }
+            (Some(_), Some(_)) if name == "scene" => found.asides.push("the scene".to_string()),
+            (Some(x), Some(y)) => found.asides.push(format!("{name}: {x} against {y}")),
+            (Some(_), None) => found
+                .asides
+                .push(format!("{name}: only in {}", a.path().display())),
+            _ => found
+                .asides
+                .push(format!("{name}: only in {}", b.path().display())),
+        }
+    }
+    // Settings come before parameters that differ between any two runs.
+    found
+        .asides
+        .sort_by_key(|line| PROVENANCE.iter().any(|name| line.starts_with(name)));
+}
+
+/// Compares the fields of frames, read in blocks.
+fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>, Failure> {
+    let mut fields = FrameComparison::new(a.dimension());
+    let length = a.block_length().min(b.block_length());
+    for first in (0..frames).step_by(length) {
+        let range = first..frames.min(first + length);
+        let pairs = a.records(range.clone())?.into_iter().zip(b.records(range)?);
+        pairs
+            .enumerate()
+            .for_each(|(k, (x, y))| fields.see(first + k, &x, &y));
+    }
+    Ok(fields.fields)
+}
+
+/// Fields of frames, before those of contacts; the last one is whether a contact is in both runs.
+const FRAME_FIELDS: [&str; 7] = [
+    "frame step",
+    "frame time",
+    "position",
+    "velocity",
+    "angular_velocity",
+    "image",
+    "contacts",
+];
+
+struct FrameComparison {
+    dimension: Dimensions,
+    /// [`FRAME_FIELDS`], then those of contacts.
+    fields: Vec<FieldComparison>,
+}
+
+impl FrameComparison {
+    fn new(dimension: Dimensions) -> Self {
+        let contacts = of_contacts(dimension.axes());
+        let contacts = contacts.map(|of| FieldComparison::new(format!("c. {}", of.name)));
+        let fields = FRAME_FIELDS.map(FieldComparison::new).into_iter();
+        FrameComparison {
+            dimension,
+            fields: fields.chain(contacts).collect(),
+        }
+    }
+
+    fn see(&mut self, t: usize, a: &FrameRecords, b: &FrameRecords) {
+        let [step, time, position, velocity, spin, image, ..] = &mut self.fields[..] else {
+            unreachable!("FRAME_FIELDS come first");
+        };
+        step.see(a.step as f64, b.step as f64, Location::Frame(t));
+        time.see(a.time, b.time, Location::Frame(t));
+        let axes = self.dimension.axes();
+        let spins = match self.dimension {
+            Dimensions::Two => 2..3,
+            Dimensions::Three => 0..3,
+        };
+        for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
+            let at = |k: usize| Location::GrainOf(t, n, PARTS[k]);
+            for k in 0..axes {
+                position.see(a.position[k], b.position[k], at(k));
+                velocity.see(a.velocity[k], b.velocity[k], at(k));
+                image.see(a.image[k] as f64, b.image[k] as f64, at(k));
+            }
+            for k in spins.clone() {
+                spin.see(a.angular_velocity[k], b.angular_velocity[k], at(k));
+            }
+        }
+        self.see_contacts(t, &a.contacts, &b.contacts);
+    }
+
+    /// Merges two lists in order of (i, j).
+    fn see_contacts(&mut self, t: usize, mut a: &[ContactSample], mut b: &[ContactSample]) {
+        let (frames, contacts) = self.fields.split_at_mut(FRAME_FIELDS.len());
+        let pairs = &mut frames[FRAME_FIELDS.len() - 1];
+        let axes = self.dimension.axes();
+        loop {
+            let order = match (a.first(), b.first()) {
+                (Some(x), Some(y)) => (x.i, x.j).cmp(&(y.i, y.j)),
+                (Some(_), None) => Ordering::Less,
+                (None, Some(_)) => Ordering::Greater,
+                (None, None) => return,
+            };
+            let sample = if order == Ordering::Greater {
+                &b[0]
+            } else {
+                &a[0]
+            };
+            let at = Location::ContactOf(t, sample.i, sample.j);
+            pairs.see(
+                (order != Ordering::Greater).into(),
+                (order != Ordering::Less).into(),
+                at,
+            );
+            if order == Ordering::Equal {
+                for (field, of) in contacts.iter_mut().zip(of_contacts(axes)) {
+                    let values = of.values(axes, &a[0]).zip(of.values(axes, &b[0]));
+                    values.for_each(|(x, y)| field.see(x, y, at));
+                }
+            }
+            a = &a[usize::from(order != Ordering::Greater)..];
+            b = &b[usize::from(order != Ordering::Less)..];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_nan_differs_and_two_do_not() {
+        let mut field = FieldComparison::new("f");
+        field.see(f64::NAN, -f64::NAN, Location::Row(0));
+        assert_eq!(field.differing, 0);
+        field.see(f64::NAN, 1.0, Location::Row(1));
+        field.see(5.0, 1.0, Location::Row(2));
+        assert_eq!((field.compared, field.differing), (3, 2));
+        assert_eq!(
+            (field.absolute, field.absolute_at),
+            (f64::INFINITY, Location::Row(1))
+        );
+    }
+
+    #[test]
+    fn zeros_of_different_sign_differ_by_nothing() {
+        let mut field = FieldComparison::new("f");
+        field.see(0.0, -0.0, Location::Grain(3));
+        assert_eq!((field.differing, field.first), (1, Location::Grain(3)));
+        assert_eq!((field.absolute, field.relative), (0.0, 0.0));
+    }
+
+    #[test]
+    fn absolute_and_relative_differences_keep_their_own_places() {
+        let mut field = FieldComparison::new("f");
+        field.see(1000.0, 1001.0, Location::Row(0));
+        field.see(0.5, 0.25, Location::Row(1));
+        assert_eq!((field.absolute, field.absolute_at), (1.0, Location::Row(0)));
+        assert_eq!((field.relative, field.relative_at), (0.5, Location::Row(1)));
+    }
+
+    #[test]
+    fn contacts_are_matched_by_their_ids() {
+        let contact = |i: u32, j: u32, force: f64| {
+            let mut contact: ContactSample = bytemuck::Zeroable::zeroed();
+            (contact.i, contact.j, contact.normal_force) = (i, j, force);
+            contact
+        };
+        let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
+        let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
+        let mut fields = FrameComparison::new(Dimensions::Two);
+        fields.see_contacts(7, &a, &b);
+        let [.., pairs, force, _, _, _, _, _, _] = &fields.fields[..] else {
+            panic!("too few fields");
+        };
+        assert_eq!((pairs.compared, pairs.differing), (4, 2));
+        assert_eq!(pairs.first, Location::ContactOf(7, 0, 1));
+        assert_eq!(
+            (force.compared, force.differing, force.first),
+            (2, 1, Location::ContactOf(7, 4, 5))
+        );
+    }
+}

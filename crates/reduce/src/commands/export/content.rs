@@ -1,0 +1,478 @@
+//! The frames of a run as they are exported: state of the grains, contacts, and numbers computed for
+//! every grain.
+
+use std::path::Path;
+
+use clap::ValueEnum;
+
+use crate::commands::dmin::{between, is_planar};
+use crate::contact_quantities::of_contacts;
+use gshear_analysis::dmin;
+use gshear_analysis::moments::extent;
+use gshear_analysis::regions::{GrReading, Regions};
+use gshear_analysis::stress;
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{BoxEdges, ContactSample, Disks, Frame, FrameRecords, GrainSample};
+use gshear_scene::Dimensions;
+use gshear_store::run_reader::{RunFile, RunStage};
+use gshear_store::spectrum_reader::{Mode, SpectrumFile};
+
+/// A number of every grain that is computed for the export.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GrainField {
+    /// D²min since the frame before (m²); NaN where it is undefined
+    Dmin,
+    /// Contact stress (Pa), compression positive: xx, yy, xy; 3D: xx, yy, zz, xy, xz, yz
+    Stress,
+    /// 1 in the grains of the greatest reduction of force since the frame before (2D)
+    Regions,
+    /// Number of contacts
+    Contacts,
+}
+
+impl GrainField {
+    /// Names of its components.
+    fn names(self, dimension: Dimensions) -> &'static [&'static str] {
+        match (self, dimension) {
+            (GrainField::Dmin, _) => &["dmin"],
+            (GrainField::Stress, Dimensions::Two) => &["stress_xx", "stress_yy", "stress_xy"],
+            (GrainField::Stress, Dimensions::Three) => &[
+                "stress_xx",
+                "stress_yy",
+                "stress_zz",
+                "stress_xy",
+                "stress_xz",
+                "stress_yz",
+            ],
+            (GrainField::Regions, _) => &["region"],
+            (GrainField::Contacts, _) => &["contacts"],
+        }
+    }
+
+    /// Whether it compares a frame with the one before.
+    fn compares(self) -> bool {
+        matches!(self, GrainField::Dmin | GrainField::Regions)
+    }
+}
+
+/// Eigenvectors that are exported with the state they are of.
+pub struct ExportedModes {
+    /// The state.
+    pub frame: usize,
+    /// Name and `[N][3]` values: displacements and rotations, real and imaginary parts.
+    vectors: Vec<(String, Vec<[f64; 3]>)>,
+}
+
+impl ExportedModes {
+    /// Reads eigenvectors of these numbers, from 0 on, from a `spectrum.h5` of this run.
+    ///
+    /// # Errors
+    /// A file of another run or of a state without a frame, an eigenvector that it does not have.
+    pub fn read(run: &RunFile, spectrum: &Path, numbers: &[usize]) -> Result<Self, Failure> {
+        let file = SpectrumFile::open(spectrum)?;
+        let other =
+            |what: &str| Failure::input(format!("--modes: {}: is of {what}", spectrum.display()));
+        if let (Some(id), Some(of)) = (&file.run_id, run.text("run_id"))
+            && id != of
+        {
+            return Err(other("another run"));
+        }
+        if file.stage != run.stage().name() {
+            return Err(other(&format!(
+                "the stage {} of the run, not of {}",
+                file.stage,
+                run.path().display()
+            )));
+        }
+        let Ok(frame) = run.frame_steps().binary_search(&file.step) else {
+            return Err(other(&format!("step {}, which has no frame", file.step)));
+        };
+        let mut vectors = Vec::new();
+        let is_new = |at: &usize| !numbers[..*at].contains(&numbers[*at]);
+        for k in (0..numbers.len()).filter(is_new).map(|at| numbers[at]) {
+            let Mode {
+                displacement,
+                rotation,
+            } = file.mode(k, run.grains().count())?;
+            for (kind, parts) in [("displacement", displacement), ("rotation", rotation)] {
+                for (part, values) in ["re", "im"].into_iter().zip(parts) {
+                    vectors.push((format!("mode{k}_{kind}_{part}"), values));
+                }
+            }
+        }
+        Ok(Self { frame, vectors })
+    }
+}
+
+/// A number or a vector of every grain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct FieldShape {
+    /// Its name.
+    pub name: String,
+    /// Number of components: 1 or 3.
+    pub components: usize,
+}
+
+impl FieldShape {
+    /// Names of the components.
+    pub fn names(&self) -> impl Iterator<Item = String> + '_ {
+        component_names(&self.name, self.components)
+    }
+}
+
+/// The name of a number, or those of the components of a vector.
+fn component_names(name: &str, components: usize) -> impl Iterator<Item = String> {
+    let axes: &[&str] = match components {
+        1 => &[""],
+        _ => &["_x", "_y", "_z"],
+    };
+    axes.iter().map(move |axis| format!("{name}{axis}"))
+}
+
+/// A run, and what is exported of it.
+pub struct ExportedRun<'a> {
+    run: &'a RunFile,
+    fields: Vec<GrainField>,
+    modes: Option<ExportedModes>,
+    strains: Vec<f64>,
+}
+
+/// One frame.
+pub struct ExportedFrame {
+    /// Number of the frame in the run.
+    pub number: usize,
+    /// γ.
+    pub strain: f64,
+    /// Steps and time (s) since the start of the shear, grains and contacts.
+    pub records: FrameRecords,
+    /// `[N][components]` Values of the computed fields, in the order of [`ExportedRun::shapes`].
+    pub fields: Vec<Vec<f64>>,
+}
+
+impl<'a> ExportedRun<'a> {
+    /// # Errors
+    /// A run without strains; fields that spheres or boxes do not have.
+    pub fn new(
+        run: &'a RunFile,
+        fields: &[GrainField],
+        modes: Option<ExportedModes>,
+    ) -> Result<Self, Failure> {
+        let is_planar = run.dimension() == Dimensions::Two;
+        let has_regions = is_planar && run.stage() == RunStage::Shear;
+        if fields.contains(&GrainField::Regions) && !has_regions {
+            return Err(Failure::input(format!(
+                "--fields regions: {}: needs disks between walls",
+                run.path().display()
+            )));
+        }
+        let mut once = Vec::new();
+        for field in fields {
+            if !once.contains(field) {
+                once.push(*field);
+            }
+        }
+        Ok(Self {
+            run,
+            fields: once,
+            modes,
+            strains: run.frame_strains()?,
+        })
+    }
+
+    /// The constants of the grains.
+    pub fn grains(&self) -> &Disks {
+        self.run.grains()
+    }
+
+    /// Number of dimensions.
+    pub fn axes(&self) -> usize {
+        self.run.dimension().axes()
+    }
+
+    /// The computed fields.
+    pub fn shapes(&self) -> Vec<FieldShape> {
+        let dimension = self.run.dimension();
+        let names = self.fields.iter().flat_map(|field| field.names(dimension));
+        let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
+        let shape = |name: &str, components| FieldShape {
+            name: name.into(),
+            components,
+        };
+        (names.map(|name| shape(name, 1)))
+            .chain(modes.map(|(name, _)| shape(name, 3)))
+            .collect()
+    }
+
+    /// Names of their components.
+    pub fn field_names(&self) -> Vec<String> {
+        self.shapes().iter().flat_map(FieldShape::names).collect()
+    }
+
+    /// Position, velocity, angular velocity, radius and mass of a grain.
+    pub fn state_values(&self, frame: &ExportedFrame, grain: usize) -> [f64; 11] {
+        let (of, fixed) = (&frame.records.grains[grain], self.grains());
+        let ([x, y, z], [u, v, w]) = (of.position, of.velocity);
+        let [p, q, r] = of.angular_velocity;
+        [
+            x,
+            y,
+            z,
+            u,
+            v,
+            w,
+            p,
+            q,
+            r,
+            fixed.radius[grain],
+            fixed.mass[grain],
+        ]
+    }
+
+    /// The values of the computed fields of a grain.
+    pub fn field_values<'f>(
+        &self,
+        frame: &'f ExportedFrame,
+        grain: usize,
+    ) -> impl Iterator<Item = f64> + 'f {
+        let grains = self.grains().count();
+        frame.fields.iter().flat_map(move |values| {
+            let components = values.len() / grains;
+            values[grain * components..][..components].iter().copied()
+        })
+    }
+
+    /// Units of lengths, times and masses; a box may have any consistent ones.
+    pub fn units(&self) -> Option<&'static str> {
+        (self.run.stage() == RunStage::Shear).then_some("m s kg")
+    }
+
+    /// Which axes are periodic.
+    pub fn periodic(&self) -> [bool; 3] {
+        let is_box = self.run.stage() != RunStage::Shear;
+        match self.run.dimension() {
+            Dimensions::Two => [true, is_box, false],
+            Dimensions::Three => [true, true, is_box],
+        }
+    }
+
+    /// Displacement along x of the image above (m), by which the box is tilted; `None` between
+    /// walls.
+    pub fn tilt(&self, frame: &ExportedFrame) -> Option<f64> {
+        let sheared = self.run.cell(frame.number).sheared;
+        sheared.map(|sheared| sheared.offset)
+    }
+
+    /// The edge vectors of the box, one a row (m), with the lengths of [`Self::bounds`].
+    pub fn edges(&self, frame: &ExportedFrame) -> BoxEdges {
+        let mut edges = [[0.0; 3]; 3];
+        for (axis, [low, high]) in self.bounds(frame).into_iter().enumerate() {
+            edges[axis][axis] = high - low;
+        }
+        edges[self.axes() - 1][0] = self.tilt(frame).unwrap_or(0.0);
+        edges
+    }
+
+    /// The name, the version and the origin, on one line.
+    pub fn title(&self) -> String {
+        format!(
+            "{}; {}",
+            self.run.path().display(),
+            gshear_store::provenance::printed()
+        )
+    }
+
+    /// Lower and upper bounds along each axis (m): the period, or the extent of the grains. In 2D
+    /// the box is as thick as the greatest grain.
+    pub fn bounds(&self, frame: &ExportedFrame) -> [[f64; 2]; 3] {
+        let up = self.axes() - 1;
+        let radius = &self.grains().radius;
+        let grains = frame.records.grains.iter().zip(radius);
+        let ends = grains.map(|(grain, r)| (grain.position[up], *r));
+        let extent = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
+        let cell = self.run.cell(frame.number);
+        let extent = cell.sheared.map_or(extent, |of| [0.0, of.height]);
+        let periods = cell.periods;
+        let largest = radius.iter().copied().fold(0.0, f64::max);
+        match self.run.dimension() {
+            Dimensions::Two => [[0.0, periods[0]], extent, [-largest, largest]],
+            Dimensions::Three => [[0.0, periods[0]], [0.0, periods[1]], extent],
+        }
+    }
+
+    /// Position of the image of grain j nearest to grain i (m), and whether it is another image
+    /// than the one in the box.
+    pub fn nearest_image(&self, frame: &ExportedFrame, i: u32, j: u32) -> ([f64; 3], bool) {
+        let [from, to] = [i, j].map(|g| frame.records.grains[g as usize].position);
+        let cell = self.run.cell(frame.number);
+        let apart = match self.run.dimension() {
+            Dimensions::Two => cell.separation::<Two>(&to, &from),
+            Dimensions::Three => cell.separation::<Three>(&to, &from),
+        };
+        let image: [f64; 3] = std::array::from_fn(|axis| from[axis] + apart[axis]);
+        // Another image is a period away along some axis.
+        let lengths = self.bounds(frame).map(|[low, high]| high - low);
+        let periodic = self.periodic();
+        let moved =
+            |axis: usize| periodic[axis] && (image[axis] - to[axis]).abs() > 0.25 * lengths[axis];
+        if (0..self.axes()).any(moved) {
+            (image, true)
+        } else {
+            (to, false)
+        }
+    }
+
+    /// Calls `each` for these frames, in order.
+    pub fn each_frame(
+        &self,
+        numbers: &[usize],
+        mut each: impl FnMut(&ExportedFrame) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let compares = self.fields.iter().any(|field| field.compares());
+        let read = |t: usize| Ok(self.run.records(t..t + 1)?.swap_remove(0));
+        let mut last: Option<(usize, FrameRecords)> = None;
+        for &number in numbers {
+            let records = read(number)?;
+            let before = match (compares, number.checked_sub(1)) {
+                (true, Some(before)) => match last.take() {
+                    Some((at, frame)) if at == before => Some(frame),
+                    _ => Some(read(before)?),
+                },
+                _ => None,
+            };
+            let fields = self.fields(number, before.as_ref(), &records);
+            let frame = ExportedFrame {
+                number,
+                strain: self.strains[number],
+                records,
+                fields,
+            };
+            each(&frame)?;
+            last = Some((number, frame.records));
+        }
+        Ok(())
+    }
+
+    fn fields(
+        &self,
+        number: usize,
+        before: Option<&FrameRecords>,
+        now: &FrameRecords,
+    ) -> Vec<Vec<f64>> {
+        let columns = self.fields.iter().flat_map(|field| match field {
+            GrainField::Dmin => vec![self.dmin(number, before, now)],
+            GrainField::Stress => self.stress(number, now),
+            GrainField::Regions => vec![self.regions(before, now)],
+            GrainField::Contacts => vec![self.contacts(now)],
+        });
+        let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
+        let flat = modes.map(|(_, values)| values.as_flattened().to_vec());
+        columns.chain(flat).collect()
+    }
+
+    fn stress(&self, number: usize, now: &FrameRecords) -> Vec<Vec<f64>> {
+        let cell = self.run.cell(number);
+        match self.run.dimension() {
+            Dimensions::Two => {
+                let tensors = stress::in_cell::<Two>(self.grains(), cell, now);
+                columns_of(
+                    &tensors
+                        .iter()
+                        .map(|s| [s[0], s[1], s[3]])
+                        .collect::<Vec<_>>(),
+                )
+            }
+            Dimensions::Three => columns_of(&stress::in_cell::<Three>(self.grains(), cell, now)),
+        }
+    }
+
+    fn dmin(&self, number: usize, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
+        let grains = self.grains();
+        let Some(before) = before else {
+            return vec![f64::NAN; grains.count()];
+        };
+        if is_planar(self.run) {
+            return dmin::between(grains, &planar(before), &planar(now));
+        }
+        let radius = dmin::RADIUS * grains.mean_radius();
+        between(self.run, [number - 1, number], [before, now], radius)
+    }
+
+    fn regions(&self, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
+        let mut inside = vec![0.0; self.grains().count()];
+        if let Some(before) = before {
+            let mut regions = Regions::default();
+            regions.find(self.grains(), &planar(before), &planar(now));
+            let reading = GrReading::default();
+            let labels = regions.labels(reading);
+            for (&grain, label) in regions.grains(reading.reduction).iter().zip(labels) {
+                inside[grain as usize] = f64::from(u8::from(label.is_some()));
+            }
+        }
+        inside
+    }
+
+    fn contacts(&self, now: &FrameRecords) -> Vec<f64> {
+        let mut count = vec![0.0; self.grains().count()];
+        for contact in &now.contacts {
+            for grain in [contact.i, contact.j] {
+                count[grain as usize] += 1.0;
+            }
+        }
+        count
+    }
+}
+
+/// The columns of an array of rows.
+fn columns_of<const K: usize>(rows: &[[f64; K]]) -> Vec<Vec<f64>> {
+    (0..K)
+        .map(|k| rows.iter().map(|row| row[k]).collect())
+        .collect()
+}
+
+/// A frame of disks.
+fn planar(frame: &FrameRecords) -> Frame {
+    let two = |[x, y, _]: [f64; 3]| [x, y];
+    Frame {
+        step: frame.step,
+        time: frame.time,
+        position: frame.grains.iter().map(|g| two(g.position)).collect(),
+        image: frame.grains.iter().map(|g| g.image[0]).collect(),
+        velocity: frame.grains.iter().map(|g| two(g.velocity)).collect(),
+        angular_velocity: frame.grains.iter().map(|g| g.angular_velocity[2]).collect(),
+        contacts: frame.contacts.clone(),
+    }
+}
+
+/// Names of the components of all quantities of contacts.
+pub fn contact_names(axes: usize) -> impl Iterator<Item = String> {
+    of_contacts(axes).flat_map(move |of| component_names(of.name, of.components(axes)))
+}
+
+/// Their values.
+pub fn contact_values(axes: usize, contact: &ContactSample) -> impl Iterator<Item = f64> {
+    of_contacts(axes).flat_map(move |of| of.values(axes, contact))
+}
+
+/// Name and value of a number of a grain's state.
+pub type GrainColumn = (&'static str, fn(&GrainSample) -> f64);
+
+/// Position, velocity and angular velocity of a grain, those that move in `axes` dimensions.
+pub fn grain_columns(axes: usize) -> Vec<GrainColumn> {
+    let all: [GrainColumn; 9] = [
+        ("x", |g| g.position[0]),
+        ("y", |g| g.position[1]),
+        ("z", |g| g.position[2]),
+        ("velocity_x", |g| g.velocity[0]),
+        ("velocity_y", |g| g.velocity[1]),
+        ("velocity_z", |g| g.velocity[2]),
+        ("angular_velocity_x", |g| g.angular_velocity[0]),
+        ("angular_velocity_y", |g| g.angular_velocity[1]),
+        ("angular_velocity_z", |g| g.angular_velocity[2]),
+    ];
+    let planar = [0, 1, 3, 4, 8];
+    match axes {
+        2 => planar.map(|k| all[k]).into(),
+        _ => all.into(),
+    }
+}

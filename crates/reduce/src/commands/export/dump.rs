@@ -1,0 +1,124 @@
+//! LAMMPS dump files: grains in the format of `dump custom`, contacts in that of `dump local`.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use gshear_dem::failure::Failure;
+use gshear_store::text_writer::PartFile;
+
+use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values};
+use super::{FrameWriter, contacts_beside};
+
+/// Writes both files.
+pub struct DumpWriter {
+    grains: PartFile,
+    contacts: PartFile,
+}
+
+impl DumpWriter {
+    /// # Errors
+    /// Files that cannot be created.
+    pub fn create(path: &Path) -> Result<Self, Failure> {
+        Ok(Self {
+            grains: PartFile::create(path)?,
+            contacts: PartFile::create(&contacts_beside(path))?,
+        })
+    }
+
+    fn head(
+        file: &mut PartFile,
+        run: &ExportedRun,
+        frame: &ExportedFrame,
+        count: (&str, usize),
+    ) -> std::io::Result<()> {
+        writeln!(file, "ITEM: TIMESTEP\n{}", frame.records.step)?;
+        writeln!(file, "ITEM: NUMBER OF {}\n{}", count.0, count.1)?;
+        // LAMMPS needs a period along z in 2D.
+        let periodic = run.periodic().into_iter().enumerate();
+        let kinds = periodic.map(|(axis, periodic)| {
+            if periodic || axis >= run.axes() {
+                " pp"
+            } else {
+                " ff"
+            }
+        });
+        let kinds: String = kinds.collect();
+        let mut bounds = run.bounds(frame);
+        let Some(tilt) = run.tilt(frame) else {
+            writeln!(file, "ITEM: BOX BOUNDS{kinds}")?;
+            return bounds
+                .iter()
+                .try_for_each(|[low, high]| writeln!(file, "{low:?} {high:?}"));
+        };
+        // The bounds along x are those of the tilted box.
+        bounds[0][0] += tilt.min(0.0);
+        bounds[0][1] += tilt.max(0.0);
+        let tilts = match run.axes() {
+            2 => [tilt, 0.0, 0.0],
+            _ => [0.0, tilt, 0.0],
+        };
+        writeln!(file, "ITEM: BOX BOUNDS xy xz yz{kinds}")?;
+        let mut lines = bounds.iter().zip(tilts);
+        lines.try_for_each(|([low, high], tilt)| writeln!(file, "{low:?} {high:?} {tilt:?}"))
+    }
+
+    fn write_grains(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
+        let file = &mut self.grains;
+        let grains = &frame.records.grains;
+        Self::head(file, run, frame, ("ATOMS", grains.len()))?;
+        write!(
+            file,
+            "ITEM: ATOMS id type x y z vx vy vz omegax omegay omegaz radius mass ix iy iz"
+        )?;
+        for name in run.field_names() {
+            write!(file, " {name}")?;
+        }
+        writeln!(file)?;
+        let constants = run.grains();
+        for (g, grain) in grains.iter().enumerate() {
+            write!(file, "{} {}", grain.id + 1, constants.body[g] + 1)?;
+            for value in run.state_values(frame, g) {
+                write!(file, " {value:?}")?;
+            }
+            let [x, y, z] = grain.image;
+            write!(file, " {x} {y} {z}")?;
+            for value in run.field_values(frame, g) {
+                write!(file, " {value:?}")?;
+            }
+            writeln!(file)?;
+        }
+        Ok(())
+    }
+
+    fn write_contacts(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
+        let file = &mut self.contacts;
+        let contacts = &frame.records.contacts;
+        Self::head(file, run, frame, ("ENTRIES", contacts.len()))?;
+        write!(file, "ITEM: ENTRIES batom1 batom2")?;
+        for name in contact_names(run.axes()) {
+            write!(file, " {name}")?;
+        }
+        writeln!(file)?;
+        for contact in contacts {
+            write!(file, "{} {}", contact.i + 1, contact.j + 1)?;
+            for value in contact_values(run.axes(), contact) {
+                write!(file, " {value:?}")?;
+            }
+            writeln!(file)?;
+        }
+        Ok(())
+    }
+}
+
+impl FrameWriter for DumpWriter {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+        let written = self.write_grains(run, frame);
+        self.grains.checked(written)?;
+        let written = self.write_contacts(run, frame);
+        self.contacts.checked(written)
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+        Ok(vec![self.grains.finish()?, self.contacts.finish()?])
+    }
+}

@@ -1,0 +1,199 @@
+//! NumPy archives: one array per name, frames along the first axis.
+
+use std::fs::File;
+use std::io::Write;
+use std::num::TryFromIntError;
+use std::path::{Path, PathBuf};
+
+use bytemuck::{NoUninit, cast_slice};
+use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
+
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{Disks, GrainSample};
+use gshear_store::text_writer::PartFile;
+
+use super::FrameWriter;
+use super::content::{ExportedFrame, ExportedRun};
+use crate::contact_quantities::of_contacts;
+
+/// Collects the frames, and writes them at the end: an archive needs whole arrays.
+pub struct NpzWriter {
+    path: PathBuf,
+    arrays: Vec<Array>,
+}
+
+/// An array that grows along its first axis. The header of an array is one line; crates that write
+/// it also read it and bring a parser of Python with a dozen dependencies.
+struct Array {
+    name: String,
+    /// NumPy's name of the type.
+    kind: &'static str,
+    /// Lengths of the axes.
+    shape: Vec<usize>,
+    bytes: Vec<u8>,
+}
+
+/// An element of an array, little-endian as the processors that this program runs on.
+trait Element: NoUninit {
+    /// NumPy's name of the type.
+    const KIND: &'static str;
+}
+
+impl Element for f64 {
+    const KIND: &'static str = "<f8";
+}
+
+impl Element for i64 {
+    const KIND: &'static str = "<i8";
+}
+
+impl Element for u64 {
+    const KIND: &'static str = "<u8";
+}
+
+impl Element for u32 {
+    const KIND: &'static str = "<u4";
+}
+
+impl Element for u8 {
+    const KIND: &'static str = "|u1";
+}
+
+/// Bytes of magic number, version and length of the header.
+const BEFORE: usize = 10;
+
+impl Array {
+    /// The header in NumPy's format NPY 1.0, for C order.
+    fn header(&self) -> Result<Vec<u8>, TryFromIntError> {
+        const { assert!(cfg!(target_endian = "little")) }
+        let shape: String = self.shape.iter().map(|n| format!("{n}, ")).collect();
+        let header = format!(
+            "{{'descr': '{}', 'fortran_order': False, 'shape': ({}), }}",
+            self.kind,
+            shape.trim_end()
+        );
+        // Data begin at a multiple of 64 bytes, after a line break.
+        let end = (BEFORE + header.len() + 1).next_multiple_of(64) - BEFORE;
+        let header = format!("{header:<width$}\n", width = end - 1);
+        let length = u16::try_from(header.len())?.to_le_bytes();
+        Ok([&b"\x93NUMPY\x01\x00"[..], &length, header.as_bytes()].concat())
+    }
+}
+
+impl NpzWriter {
+    /// An archive without frames.
+    pub fn new(path: &Path) -> Self {
+        Self {
+            path: path.to_path_buf(),
+            arrays: Vec::new(),
+        }
+    }
+
+    /// Appends so many entries, each of this shape, to an array.
+    fn append<T: Element>(&mut self, name: &str, entries: usize, shape: &[usize], values: &[T]) {
+        let known = self.arrays.iter().position(|array| array.name == name);
+        let at = known.unwrap_or_else(|| {
+            self.arrays.push(Array {
+                name: name.into(),
+                kind: T::KIND,
+                shape: [&[0], shape].concat(),
+                bytes: Vec::new(),
+            });
+            self.arrays.len() - 1
+        });
+        let array = &mut self.arrays[at];
+        array.shape[0] += entries;
+        array.bytes.extend_from_slice(cast_slice(values));
+    }
+
+    fn write(&self, part: &Path) -> Result<(), Box<dyn std::error::Error>> {
+        let mut archive = ZipWriter::new(File::create(part)?);
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Stored)
+            .large_file(true);
+        for array in &self.arrays {
+            archive.start_file(format!("{}.npy", array.name), options)?;
+            archive.write_all(&array.header()?)?;
+            archive.write_all(&array.bytes)?;
+        }
+        archive.finish()?;
+        Ok(())
+    }
+
+    /// Appends what all frames share, before the first one.
+    fn append_constants(&mut self, grains: &Disks) {
+        let n = grains.count();
+        self.append("radius", n, &[], &grains.radius);
+        self.append("body", n, &[], &grains.body);
+        self.append("mass", n, &[], &grains.mass);
+    }
+}
+
+impl FrameWriter for NpzWriter {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+        let (is_first, records) = (self.arrays.is_empty(), &frame.records);
+        self.append("frame", 1, &[], &[frame.number as u64]);
+        self.append("step", 1, &[], &[records.step]);
+        self.append("time", 1, &[], &[records.time]);
+        self.append("strain", 1, &[], &[frame.strain]);
+        self.append("bounds", 1, &[3, 2], run.bounds(frame).as_flattened());
+        self.append("edges", 1, &[3, 3], run.edges(frame).as_flattened());
+        if is_first {
+            self.append_constants(run.grains());
+        }
+        let n = records.grains.len();
+        let vectors = |value: fn(&GrainSample) -> [f64; 3]| -> Vec<f64> {
+            records.grains.iter().flat_map(value).collect()
+        };
+        self.append("position", 1, &[n, 3], &vectors(|g| g.position));
+        self.append("velocity", 1, &[n, 3], &vectors(|g| g.velocity));
+        let spins = vectors(|g| g.angular_velocity);
+        self.append("angular_velocity", 1, &[n, 3], &spins);
+        let images: Vec<i64> = records.grains.iter().flat_map(|g| g.image).collect();
+        self.append("image", 1, &[n, 3], &images);
+        for (field, values) in run.shapes().iter().zip(&frame.fields) {
+            let shape = [n, field.components];
+            let axes = if field.components == 1 { 1 } else { 2 };
+            self.append(&field.name, 1, &shape[..axes], values);
+        }
+        let contacts = &records.contacts;
+        // Row of the first contact of each frame, and after the last.
+        let before = self
+            .arrays
+            .iter()
+            .find(|array| array.name == "contact_pair");
+        let before = before.map_or(0, |array| array.shape[0]);
+        if is_first {
+            self.append("contact_offset", 1, &[], &[0u64]);
+        }
+        let offset = (before + contacts.len()) as u64;
+        self.append("contact_offset", 1, &[], &[offset]);
+        let pairs: Vec<u32> = contacts.iter().flat_map(|c| [c.i, c.j]).collect();
+        self.append("contact_pair", contacts.len(), &[2], &pairs);
+        let axes = run.axes();
+        for of in of_contacts(axes) {
+            let components = of.components(axes);
+            let shape = if components == 1 {
+                vec![]
+            } else {
+                vec![components]
+            };
+            let values = contacts.iter().flat_map(|c| of.values(axes, c));
+            let values: Vec<f64> = values.collect();
+            self.append(
+                &format!("contact_{}", of.name),
+                contacts.len(),
+                &shape,
+                &values,
+            );
+        }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+        let part = PartFile::create(&self.path)?;
+        let written = self.write(part.part());
+        part.checked(written)?;
+        Ok(vec![part.finish()?])
+    }
+}

@@ -1,0 +1,366 @@
+//! VTKHDF files of type PolyData in time (VTK file formats, "VTKHDF file format", version 2.0):
+//! grains are vertices, contacts are lines between their centres.
+//!
+//! A contact across a periodic boundary would be a line through the whole sample. It ends at an
+//! image of its second grain instead, a point without a vertex at the end of the points of the
+//! frame, with the data of its grain.
+
+use std::path::{Path, PathBuf};
+
+use hdf5::types::FixedAscii;
+use hdf5::{Dataset, File, Group, H5Type};
+use ndarray::{ArrayView1, ArrayView2, s};
+
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{Disks, GrainSample};
+use gshear_store::text_writer::{PartFile, unwritten};
+
+use super::FrameWriter;
+use super::content::{ExportedFrame, ExportedRun};
+use crate::contact_quantities::{ContactQuantity, of_contacts};
+
+/// The kinds of cells of PolyData, in the order of the columns of `CellOffsets`.
+const KINDS: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
+/// Numbers in a chunk of a growing dataset of points or cells.
+const CHUNK: usize = 8 << 10;
+/// Numbers in a chunk of a dataset with an entry per step.
+const STEP_CHUNK: usize = 256;
+
+/// Writes the file.
+pub struct VtkWriter {
+    part: PartFile,
+    file: File,
+    points: Column<f64>,
+    point_data: Vec<Column<f64>>,
+    ids: Column<i64>,
+    cells: [CellColumns; 4],
+    cell_data: Vec<(&'static ContactQuantity, Column<f64>)>,
+    /// Steps: values, and the place of each step in the datasets.
+    steps: StepColumns,
+    frames: i64,
+}
+
+/// The cells of one kind.
+struct CellColumns {
+    cells: Column<i64>,
+    ids: Column<i64>,
+    offsets: Column<i64>,
+    connectivity: Column<i64>,
+}
+
+struct StepColumns {
+    group: Group,
+    values: Column<f64>,
+    parts: Column<i64>,
+    counts: Column<i64>,
+    points: Column<i64>,
+    number_of_points: Column<i64>,
+    cells: Column<i64>,
+    connectivity: Column<i64>,
+    point_data: Vec<Column<i64>>,
+    cell_data: Vec<Column<i64>>,
+}
+
+/// A dataset that grows along its first axis; `width` numbers an entry.
+struct Column<T> {
+    dataset: Dataset,
+    width: usize,
+    rows: usize,
+    kind: std::marker::PhantomData<T>,
+}
+
+impl<T: H5Type> Column<T> {
+    /// A dataset of one number an entry if `width` is 0.
+    fn create(group: &Group, name: &str, width: usize) -> hdf5::Result<Self> {
+        Self::chunked(group, name, width, CHUNK)
+    }
+
+    /// A dataset with an entry per step.
+    fn of_steps(group: &Group, name: &str, width: usize) -> hdf5::Result<Self> {
+        Self::chunked(group, name, width, STEP_CHUNK)
+    }
+
+    fn chunked(group: &Group, name: &str, width: usize, chunk: usize) -> hdf5::Result<Self> {
+        let builder = group.new_dataset::<T>();
+        let entries = (chunk / width.max(1)).max(1);
+        let dataset = match width {
+            0 => builder.chunk((entries,)).shape((0..,)).create(name)?,
+            _ => builder
+                .chunk((entries, width))
+                .shape((0.., width))
+                .create(name)?,
+        };
+        Ok(Self {
+            dataset,
+            width,
+            rows: 0,
+            kind: std::marker::PhantomData,
+        })
+    }
+
+    fn append(&mut self, values: &[T]) -> hdf5::Result<()> {
+        let rows = values.len() / self.width.max(1);
+        if rows == 0 {
+            return Ok(());
+        }
+        let (first, end) = (self.rows, self.rows + rows);
+        self.rows = end;
+        match self.width {
+            0 => {
+                self.dataset.resize((end,))?;
+                self.dataset
+                    .write_slice(ArrayView1::from(values), s![first..end])
+            }
+            width => {
+                self.dataset.resize((end, width))?;
+                let view = ArrayView2::from_shape((rows, width), values)
+                    .map_err(|e| hdf5::Error::from(e.to_string()))?;
+                self.dataset.write_slice(view, s![first..end, ..])
+            }
+        }
+    }
+}
+
+impl CellColumns {
+    fn create(root: &Group, kind: &str) -> hdf5::Result<Self> {
+        let group = root.create_group(kind)?;
+        Ok(Self {
+            cells: Column::of_steps(&group, "NumberOfCells", 0)?,
+            ids: Column::of_steps(&group, "NumberOfConnectivityIds", 0)?,
+            offsets: Column::create(&group, "Offsets", 0)?,
+            connectivity: Column::create(&group, "Connectivity", 0)?,
+        })
+    }
+
+    /// Appends the cells of a frame, each of `corners` points.
+    fn append(&mut self, connectivity: &[i64], corners: usize) -> hdf5::Result<()> {
+        let cells = connectivity.len() / corners;
+        let offsets: Vec<i64> = (0..=cells).map(|k| (k * corners) as i64).collect();
+        self.cells.append(&[cells as i64])?;
+        self.ids.append(&[connectivity.len() as i64])?;
+        self.offsets.append(&offsets)?;
+        self.connectivity.append(connectivity)
+    }
+}
+
+/// A vector of every point, or a number if `width` is 0, from the state of its grain.
+type PointColumn = (&'static str, usize, fn(&GrainSample) -> [f64; 3]);
+
+const STATE: [PointColumn; 2] = [
+    ("velocity", 3, |g| g.velocity),
+    ("angular_velocity", 3, |g| g.angular_velocity),
+];
+const CONSTANTS: [&str; 3] = ["radius", "mass", "body"];
+
+impl VtkWriter {
+    /// # Errors
+    /// A file that cannot be created.
+    pub fn create(path: &Path, run: &ExportedRun) -> Result<Self, Failure> {
+        let part = PartFile::create(path)?;
+        Self::try_create(part, run).map_err(|e| unwritten(path, &e))
+    }
+
+    fn try_create(part: PartFile, run: &ExportedRun) -> hdf5::Result<Self> {
+        let file = File::create(part.part())?;
+        let root = file.create_group("VTKHDF")?;
+        root.new_attr_builder()
+            .with_data(&[2i64, 0])
+            .create("Version")?;
+        let kind = FixedAscii::<8>::from_ascii(b"PolyData").map_err(|e| e.to_string())?;
+        root.new_attr::<FixedAscii<8>>()
+            .create("Type")?
+            .write_scalar(&kind)?;
+        let title: hdf5::types::VarLenUnicode = run.title().parse().unwrap_or_default();
+        root.new_attr::<hdf5::types::VarLenUnicode>()
+            .create("origin")?
+            .write_scalar(&title)?;
+
+        let point_group = root.create_group("PointData")?;
+        let cell_group = root.create_group("CellData")?;
+        let steps = root.create_group("Steps")?;
+        let of_points = steps.create_group("PointDataOffsets")?;
+        let of_cells = steps.create_group("CellDataOffsets")?;
+        let shapes = run.shapes();
+        let fields = shapes.iter().map(|shape| match shape.components {
+            1 => (&*shape.name, 0),
+            width => (&*shape.name, width),
+        });
+        let names = (STATE.iter().map(|(name, width, _)| (*name, *width)))
+            .chain(CONSTANTS.map(|name| (name, 0)))
+            .chain(fields);
+        let (mut point_data, mut point_offsets) = (Vec::new(), Vec::new());
+        for (name, width) in names {
+            point_data.push(Column::create(&point_group, name, width)?);
+            point_offsets.push(Column::of_steps(&of_points, name, 0)?);
+        }
+        let ids = Column::create(&point_group, "id", 0)?;
+        point_offsets.push(Column::of_steps(&of_points, "id", 0)?);
+        let (mut cell_data, mut cell_offsets) = (Vec::new(), Vec::new());
+        for quantity in of_contacts(run.axes()) {
+            let width = match quantity.components(run.axes()) {
+                1 => 0,
+                width => width,
+            };
+            let column = Column::create(&cell_group, quantity.name, width)?;
+            cell_offsets.push(Column::of_steps(&of_cells, quantity.name, 0)?);
+            cell_data.push((quantity, column));
+        }
+        let [vertices, lines, polygons, strips] =
+            KINDS.map(|kind| CellColumns::create(&root, kind));
+        Ok(Self {
+            part,
+            points: Column::create(&root, "Points", 3)?,
+            point_data,
+            ids,
+            cells: [vertices?, lines?, polygons?, strips?],
+            cell_data,
+            steps: StepColumns {
+                values: Column::of_steps(&steps, "Values", 0)?,
+                parts: Column::of_steps(&steps, "PartOffsets", 0)?,
+                counts: Column::of_steps(&steps, "NumberOfParts", 0)?,
+                points: Column::of_steps(&steps, "PointOffsets", 0)?,
+                number_of_points: Column::of_steps(&root, "NumberOfPoints", 0)?,
+                cells: Column::of_steps(&steps, "CellOffsets", KINDS.len())?,
+                connectivity: Column::of_steps(&steps, "ConnectivityIdOffsets", KINDS.len())?,
+                point_data: point_offsets,
+                cell_data: cell_offsets,
+                group: steps,
+            },
+            frames: 0,
+            file,
+        })
+    }
+
+    fn append(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> hdf5::Result<()> {
+        self.append_step(frame.records.time)?;
+        let of_point = self.append_geometry(run, frame)?;
+        self.append_point_data(run.grains(), frame, &of_point)?;
+        let (axes, grains) = (run.axes(), frame.records.grains.len());
+        for (quantity, column) in &mut self.cell_data {
+            // Of vertices nothing is known.
+            let none = std::iter::repeat_n(f64::NAN, grains * quantity.components(axes));
+            let contacts = frame.records.contacts.iter();
+            let values = none.chain(contacts.flat_map(|contact| quantity.values(axes, contact)));
+            column.append(&values.collect::<Vec<_>>())?;
+        }
+        Ok(())
+    }
+
+    /// Appends the places of the next step in the datasets.
+    fn append_step(&mut self, time: f64) -> hdf5::Result<()> {
+        let cells_before: i64 = self.cell_data.first().map_or(0, |(_, c)| c.rows as i64);
+        let points_before = self.points.rows as i64;
+        let steps = &mut self.steps;
+        steps.values.append(&[time])?;
+        steps.parts.append(&[self.frames])?;
+        steps.counts.append(&[1])?;
+        steps.points.append(&[points_before])?;
+        // Offsets have one number more than cells in every step; readers count without it.
+        let cells = self
+            .cells
+            .each_ref()
+            .map(|kind| kind.offsets.rows as i64 - self.frames);
+        steps.cells.append(&cells)?;
+        let connectivity = self
+            .cells
+            .each_ref()
+            .map(|kind| kind.connectivity.rows as i64);
+        steps.connectivity.append(&connectivity)?;
+        for column in &mut steps.point_data {
+            column.append(&[points_before])?;
+        }
+        for column in &mut steps.cell_data {
+            column.append(&[cells_before])?;
+        }
+        self.frames += 1;
+        Ok(())
+    }
+
+    /// Appends points and cells. Returns the grain of every point: the grains, then images at the
+    /// ends of contacts.
+    fn append_geometry(
+        &mut self,
+        run: &ExportedRun,
+        frame: &ExportedFrame,
+    ) -> hdf5::Result<Vec<usize>> {
+        let (grains, contacts) = (&frame.records.grains, &frame.records.contacts);
+        let mut of_point: Vec<usize> = (0..grains.len()).collect();
+        let mut points: Vec<f64> = grains.iter().flat_map(|g| g.position).collect();
+        let mut lines = Vec::with_capacity(2 * contacts.len());
+        for contact in contacts {
+            let (image, moved) = run.nearest_image(frame, contact.i, contact.j);
+            let end = if moved {
+                of_point.push(contact.j as usize);
+                points.extend(image);
+                of_point.len() - 1
+            } else {
+                contact.j as usize
+            };
+            lines.extend([i64::from(contact.i), end as i64]);
+        }
+        let count = of_point.len() as i64;
+        self.steps.number_of_points.append(&[count])?;
+        self.points.append(&points)?;
+        let vertices: Vec<i64> = (0..grains.len() as i64).collect();
+        let [of_vertices, of_lines, polygons, strips] = &mut self.cells;
+        of_vertices.append(&vertices, 1)?;
+        of_lines.append(&lines, 2)?;
+        polygons.append(&[], 1)?;
+        strips.append(&[], 1)?;
+        Ok(of_point)
+    }
+
+    fn append_point_data(
+        &mut self,
+        constants: &Disks,
+        frame: &ExportedFrame,
+        of_point: &[usize],
+    ) -> hdf5::Result<()> {
+        let grains = &frame.records.grains;
+        let mut columns = self.point_data.iter_mut();
+        for ((_, _, value), column) in STATE.iter().zip(columns.by_ref()) {
+            let values: Vec<f64> = of_point.iter().flat_map(|&g| value(&grains[g])).collect();
+            column.append(&values)?;
+        }
+        let body: Vec<f64> = constants.body.iter().map(|&body| body.into()).collect();
+        let of_grains = [&constants.radius, &constants.mass, &body];
+        for (values, column) in of_grains.into_iter().chain(&frame.fields).zip(columns) {
+            let width = column.width.max(1);
+            let of_grain = |&g: &usize| values[g * width..][..width].iter().copied();
+            let values: Vec<f64> = of_point.iter().flat_map(of_grain).collect();
+            column.append(&values)?;
+        }
+        let ids: Vec<i64> = of_point.iter().map(|&g| g as i64).collect();
+        self.ids.append(&ids)
+    }
+
+    fn close(self) -> (PartFile, hdf5::Result<()>) {
+        let Self {
+            part,
+            file,
+            steps,
+            frames,
+            ..
+        } = self;
+        let close = || {
+            let count = steps.group.new_attr::<i64>().create("NSteps")?;
+            count.write_scalar(&frames)?;
+            drop(steps);
+            file.close()
+        };
+        (part, close())
+    }
+}
+
+impl FrameWriter for VtkWriter {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+        let appended = self.append(run, frame);
+        self.part.checked(appended)
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+        let (part, closed) = self.close();
+        part.checked(closed)?;
+        Ok(vec![part.finish()?])
+    }
+}

@@ -1,0 +1,76 @@
+//! Extended XYZ files, as ASE and OVITO read them: one block of lines per frame.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use gshear_dem::failure::Failure;
+use gshear_store::text_writer::PartFile;
+
+use super::FrameWriter;
+use super::content::{ExportedFrame, ExportedRun};
+
+/// Writes the file.
+pub struct XyzWriter(PartFile);
+
+impl XyzWriter {
+    /// # Errors
+    /// A file that cannot be created.
+    pub fn create(path: &Path) -> Result<Self, Failure> {
+        PartFile::create(path).map(Self)
+    }
+
+    fn write(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
+        let file = &mut self.0;
+        let grains = &frame.records.grains;
+        let edges = run.edges(frame);
+        let lattice = edges.as_flattened().iter();
+        let lattice: Vec<String> = lattice.map(|side| format!("{side:?}")).collect();
+        let [ox, oy, oz] = run.bounds(frame).map(|[low, _]| low);
+        let pbc = run
+            .periodic()
+            .map(|periodic| if periodic { "T" } else { "F" });
+        writeln!(file, "{}", grains.len())?;
+        write!(
+            file,
+            "Lattice=\"{}\" Origin=\"{ox:?} {oy:?} {oz:?}\" pbc=\"{}\" \
+             Properties=species:S:1:pos:R:3:velo:R:3:angular_velocity:R:3:radius:R:1:mass:R:1:id:I:1:body:I:1",
+            lattice.join(" "),
+            pbc.join(" ")
+        )?;
+        for shape in run.shapes() {
+            write!(file, ":{}:R:{}", shape.name, shape.components)?;
+        }
+        write!(
+            file,
+            " frame={} step={} time={:?} strain={:?}",
+            frame.number, frame.records.step, frame.records.time, frame.strain
+        )?;
+        let units = run.units().map(|units| format!(" units=\"{units}\""));
+        writeln!(file, "{}", units.unwrap_or_default())?;
+        let constants = run.grains();
+        for (g, grain) in grains.iter().enumerate() {
+            // ASE knows chemical symbols only; X is its dummy.
+            write!(file, "X")?;
+            for value in run.state_values(frame, g) {
+                write!(file, " {value:?}")?;
+            }
+            write!(file, " {} {}", grain.id, constants.body[g])?;
+            for value in run.field_values(frame, g) {
+                write!(file, " {value:?}")?;
+            }
+            writeln!(file)?;
+        }
+        Ok(())
+    }
+}
+
+impl FrameWriter for XyzWriter {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+        let written = self.write(run, frame);
+        self.0.checked(written)
+    }
+
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+        Ok(vec![self.0.finish()?])
+    }
+}

@@ -1,0 +1,160 @@
+//! `growth`: how the complex pair of a box grows under Newton's equations, and what becomes of it.
+
+use std::path::PathBuf;
+
+use crate::frame_selection::Which;
+use crate::printer::Printer;
+use crate::results::Results;
+use crate::stored_state::{StateSelection, StoredState};
+use gshear_analysis::aftermath::{BoxChange, BoxSeries};
+use gshear_analysis::dmin::RADIUS;
+use gshear_analysis::event;
+use gshear_analysis::growth::{self, Growth};
+use gshear_analysis::jacobian::History;
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::failure::Failure;
+use gshear_spectrum::{Spectrum, Verdict};
+use gshear_store::file_names::{NEWTONIAN_FILE, folder_of};
+use gshear_store::run_reader::{RunFile, RunStage};
+use gshear_store::table::Table;
+
+/// Limit of the linear regime: mean square displacement over the square of the mean diameter.
+const LINEAR: f64 = 1e-11;
+/// Largest number of unknowns for which the growing pair is computed, from all eigenvalues.
+const MOST_UNKNOWNS: usize = 3000;
+
+/// Fit the growth of the complex pair in newtonian.h5, and say what became of it
+///
+/// growth.csv, of one line: ω_i and ω_r fitted to the mean square displacement, the aftermath
+/// (catastrophe, saturation or growing) with the changes of stress, pressure, energy and contacts,
+/// and the overlap of the pair's eigenvector with D²min between the first and the last frame.
+/// growth-grains.csv: |v|² and D²min of every grain; without lines if there is no pair or no frame.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A newtonian.h5, or the folder that holds one
+    pub run: PathBuf,
+    /// Folder to write into [default: the run's]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+impl Arguments {
+    /// # Errors
+    /// A damaged run, a file of another stage, a file that cannot be written.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        let path = if self.run.is_dir() {
+            self.run.join(NEWTONIAN_FILE)
+        } else {
+            self.run.clone()
+        };
+        let run = RunFile::open_any(&path)?;
+        if run.stage() != RunStage::Newtonian {
+            return Err(Failure::input(format!(
+                "{}: must be the newtonian.h5 of a run in a box, or its folder",
+                path.display()
+            )));
+        }
+        let slip = match growing_pair(&run)? {
+            Some(weight) => dmin_of(&run)?.map(|dmin| [weight, dmin]),
+            None => None,
+        };
+        let results = Results::of(self.out.as_deref(), folder_of(&self.run));
+        results.table("growth.csv", &of_run(&run, slip.as_ref()), printer)?;
+        results.table("growth-grains.csv", &of_grains(slip.as_ref()), printer)
+    }
+}
+
+fn of_run(run: &RunFile, slip: Option<&[Vec<f64>; 2]>) -> String {
+    let series = run.series();
+    let diameter = run.number("mean_diameter").unwrap_or(1.0);
+    let msd = series.column("msd");
+    let growth = growth::fit(&series.time, msd, LINEAR * diameter * diameter);
+    let fitted = |of: fn(&Growth) -> f64| growth.as_ref().map_or(f64::NAN, of);
+    let columns = BoxSeries {
+        time: &series.time,
+        msd,
+        stress: series.column("shear_stress"),
+        pressure: series.column("pressure"),
+        energy: series.column("elastic_energy"),
+        contacts: series.column("contacts"),
+    };
+    let change = BoxChange::of(columns, diameter);
+    let has_pair = run.number("lambda_i").is_some_and(f64::is_finite);
+    let aftermath = change.as_ref().filter(|_| has_pair);
+    let overlap = slip.map_or([f64::NAN; 2], |[weight, dmin]| {
+        [event::overlap(weight, dmin), event::by_chance(weight, dmin)]
+    });
+    let nan = [f64::NAN; BoxChange::COLUMNS.len()];
+    Table::of([()])
+        .column("fitted_omega_i", |()| fitted(|g| g.omega_i))
+        .column("fitted_omega_r", |()| fitted(|g| g.omega_r))
+        .column("growth_from", |()| fitted(|g| g.from))
+        .column("growth_to", |()| fitted(|g| g.to))
+        .column("decades", |()| fitted(|g| g.decades))
+        .columns(["overlap", "overlap_by_chance"], |()| overlap)
+        .column("aftermath", |()| aftermath.map(|c| c.aftermath().name()))
+        .columns(BoxChange::COLUMNS.map(|column| column.name), |()| {
+            change.as_ref().map_or(nan, BoxChange::columns)
+        })
+        .csv()
+}
+
+fn of_grains(slip: Option<&[Vec<f64>; 2]>) -> String {
+    let rows = slip.into_iter().flat_map(|[weight, dmin]| {
+        let values = weight.iter().zip(dmin);
+        values
+            .enumerate()
+            .map(|(n, (weight, dmin))| (n, *weight, *dmin))
+    });
+    Table::of(rows)
+        .column("grain", |(n, ..)| *n)
+        .column("eigenvector_square", |(_, weight, _)| *weight)
+        .column("dmin", |(.., dmin)| *dmin)
+        .csv()
+}
+
+/// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair that
+/// grows fastest (greatest Im √λ) in the first frame; `None` without a frame or a pair.
+fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
+    if run.frames() == 0 {
+        return Ok(None);
+    }
+    let first = StateSelection::Frame(Which::Number(0));
+    let jacobian = StoredState::of_run(run, first)?.jacobian(History::Turned);
+    if jacobian.unknowns() > MOST_UNKNOWNS {
+        return Ok(None);
+    }
+    let unfit = |why| Failure::numbers(format!("{}: {why}", run.path().display()));
+    let problem = jacobian.problem().map_err(unfit)?;
+    let spectrum = Spectrum::dense(&problem);
+    let pairs = (0..spectrum.eigenvalues.len())
+        .filter(|&k| spectrum.eigenvalues[k].verdict == Verdict::Pair);
+    // Both of a pair have the same |Im √λ|.
+    let rate = |k: usize| spectrum.eigenvalues[k].value.sqrt().im.abs();
+    let Some(k) = pairs.max_by(|a, b| rate(*a).total_cmp(&rate(*b))) else {
+        return Ok(None);
+    };
+    let v = spectrum.eigenvector(&problem, k);
+    let of_grain = |unknowns: &[faer::c64]| {
+        let axes = &unknowns[..jacobian.axes];
+        axes.iter().map(faer::c64::norm_sqr).sum::<f64>()
+    };
+    let squares: Vec<f64> = v.chunks(jacobian.per_grain).map(of_grain).collect();
+    let sum: f64 = squares.iter().sum();
+    Ok(Some(squares.iter().map(|x| x / sum).collect()))
+}
+
+/// Returns D²min of every grain between the first and the last frame, `[N]`; `None` without frames.
+fn dmin_of(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
+    let Some(last) = run.frames().checked_sub(1) else {
+        return Ok(None);
+    };
+    let at = |t: usize| Ok::<_, Failure>(run.records(t..t + 1)?.swap_remove(0));
+    let (earlier, later) = (at(0)?, at(last)?);
+    let interval = run.interval([0, last], [&earlier, &later]);
+    let radius = RADIUS * run.grains().mean_radius();
+    Ok(Some(match run.dimension().axes() {
+        2 => event::non_affine::<Two>(&interval, radius, |_| true),
+        _ => event::non_affine::<Three>(&interval, radius, |_| true),
+    }))
+}

@@ -1,0 +1,176 @@
+//! `info`: prints the content of a run.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use console::Term;
+
+use crate::printer::Printer;
+use gshear_analysis::moments::extent;
+use gshear_dem::columns::joined_names;
+use gshear_dem::failure::Failure;
+use gshear_driver::say::fold_for;
+use gshear_scene::identity;
+use gshear_store::run_reader::{RunFile, RunStage};
+
+/// Show the content of a run
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+    pub run: PathBuf,
+}
+
+impl Arguments {
+    /// # Errors
+    /// A damaged run, or one without the parameters that define its strain.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        let text = describe(&RunFile::open_any(&self.run)?)?;
+        write!(printer, "{}", fold_for(&Term::stdout(), &text))
+    }
+}
+
+fn describe(run: &RunFile) -> Result<String, Failure> {
+    let mut lines = vec![("run", run.path().display().to_string())];
+    let bytes = std::fs::metadata(run.path()).map_or(0, |file| file.len());
+    lines.push(("size", format!("{:.1} MB", bytes as f64 / 1e6)));
+    let state = match run.digest() {
+        Some(digest) => format!("ended, digest {digest}"),
+        None => "stopped early, or still running: no digest".to_string(),
+    };
+    lines.push(("state", state));
+    let family = family(run.scene(), run.grains().count());
+    lines.push(("family", identity::hash(family.as_bytes())));
+
+    let grains = run.grains();
+    let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();
+    let (all, free, bottom, top) = (grains.count(), of_body(0), of_body(1), of_body(2));
+    let walls = run.stage() == RunStage::Shear;
+    let count = if walls {
+        format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall")
+    } else {
+        all.to_string()
+    };
+    lines.push(("grains", count));
+    let [least, most] = extent(grains.radius.iter().copied());
+    let mean = grains.mean_radius();
+    let radius = format!("{least:.4e} … {most:.4e} m, mean {mean:.4e} m");
+    lines.push(("radius", radius));
+    let (length, height) = (grains.length, run.height());
+    let width = match run.periods()[1] {
+        f64::INFINITY => String::new(),
+        width => format!(" × {width:.4e} m"),
+    };
+    let of_height = if walls {
+        "(periodic) × {} at the start"
+    } else {
+        "× {} (periodic)"
+    };
+    let of_height = of_height.replace("{}", &format!("{height:.4e} m"));
+    lines.push(("box", format!("{length:.4e} m{width} {of_height}")));
+    if let Some(lengths) = lengths_at_the_end(run)
+        && (lengths[0] != length || lengths.last() != Some(&height))
+    {
+        let words: Vec<String> = lengths.iter().map(|l| format!("{l:.4e} m")).collect();
+        let text = format!("{} (periodic) at the end", words.join(" × "));
+        lines.push(("", text));
+    }
+
+    let strains = run.frame_strains()?;
+    let steps = run.frame_steps();
+    lines.push(("frames", span(steps, &strains)));
+    if let (Some(contacts), true) = (run.contact_offsets().last(), run.frames() > 0) {
+        let mean = *contacts as f64 / run.frames() as f64;
+        lines.push(("contacts", format!("{contacts}, {mean:.1} per frame")));
+    }
+    let series = run.series();
+    let strains = match run.stage() {
+        RunStage::Shear => series.column("strain"),
+        RunStage::Strain => &series.time,
+        RunStage::Newtonian => &strains[..0],
+    };
+    lines.push(("series", span(&series.step, strains)));
+    lines.push(("columns", joined_names(series.declared, ", ")));
+
+    let mut text = String::new();
+    for (name, value) in lines {
+        writeln!(text, "{name:<10}{value}").expect("a string grows");
+    }
+    text.push_str("\nparameters\n");
+    let one_line = run.parameters().iter().filter(|(name, _)| *name != "scene");
+    for (name, value) in one_line {
+        writeln!(text, "  {name:<20}{value}").expect("a string grows");
+    }
+    text.push_str("\nscene\n");
+    for line in run.scene().lines() {
+        writeln!(text, "  {line}").expect("a string grows");
+    }
+    Ok(text)
+}
+
+/// Returns the lengths of a box at its last row, or if there is none at its last frame.
+fn lengths_at_the_end(run: &RunFile) -> Option<Vec<f64>> {
+    let axes = run.dimension().axes();
+    if run.stage() == RunStage::Strain {
+        let names = ["length_x", "length_y", "length_z"];
+        let of_row = names[..axes].iter().map(|name| run.series().column(name));
+        let lengths: Option<Vec<f64>> = of_row.map(|column| column.last().copied()).collect();
+        if lengths.is_some() {
+            return lengths;
+        }
+    }
+    let last = run.frames().checked_sub(1)?;
+    let walls = run.stage() == RunStage::Shear;
+    let edges = run.box_edges(last);
+    (!walls).then(|| (0..axes).map(|axis| edges[axis][axis]).collect())
+}
+
+/// Returns the number of entries and the range of steps and, where they have one, of strains: the
+/// least and the greatest if they return.
+fn span(step: &[u64], strain: &[f64]) -> String {
+    let count = step.len();
+    let returns = strain.windows(2).any(|pair| pair[1] < pair[0]);
+    let [least, most] = extent(strain.iter().copied());
+    let strains = match strain {
+        [_, .., _] if returns => format!(", γ between {least:.8} and {most:.8}"),
+        [from, .., to] => format!(", γ = {from:.8} … {to:.8}"),
+        [at] => format!(", γ = {at:.8}"),
+        [] => String::new(),
+    };
+    match step {
+        [first, .., last] => format!("{count}: step {first} … {last}{strains}"),
+        [only] => format!("1: step {only}{strains}"),
+        [] => "none".to_string(),
+    }
+}
+
+/// What runs have in common that differ in their seed and outputs only.
+fn family(scene: &str, grains: usize) -> String {
+    let others = ["seed", "title", "output", "analysis", "bookkeeping"];
+    let mut family = format!("{grains} grains\n");
+    for (path, value) in identity::values(scene) {
+        let table = path.split('.').next().unwrap_or_default();
+        if !others.contains(&table) {
+            family += &format!("{path} = {value}\n");
+        }
+    }
+    family
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run made before a key existed has its constant default.
+    #[test]
+    fn a_family_differs_in_what_its_scenes_say() {
+        let of = |seed: u32, contact: &str| {
+            let scene = format!("seed = {seed}\ntitle = \"run {seed}\"\n[contact]\n{contact}\n");
+            family(&scene, 12)
+        };
+        let old = of(1, "friction = 0.7");
+        assert_eq!(of(2, "sliding_damping = 0.0\nfriction = 0.7"), old);
+        assert_ne!(of(2, "sliding_damping = 1.0\nfriction = 0.7"), old);
+        assert_ne!(of(2, "friction = 0.5"), old);
+        assert_ne!(family("[contact]\nfriction = 0.7\n", 13), old);
+    }
+}

@@ -1,0 +1,407 @@
+//! `rate-state`: reduces velocity steps and slide-hold-slide tests, and fits rate-and-state
+//! parameters.
+
+mod read;
+mod tables;
+
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+
+use crate::printer::Printer;
+use crate::results::Results;
+use gshear_analysis::rate_state::{
+    Estimate, Evolution, Experiment, Fit, Fitted, PeakGrowth, Relaxation, SliderRecord, Stack,
+    fit_all, jackknife, merge, modelled, peak_growth, relaxations, stacks,
+};
+use gshear_dem::failure::Failure;
+use gshear_report::{drawing, rate_state as figures};
+use gshear_store::run_reader::RunFile;
+use gshear_store::{dictionary, text_writer};
+
+/// Fit rate-and-state friction to spring-driven runs: velocity steps and slide-hold-slide tests
+///
+/// Runs of the same protocol are realisations: their mean is reduced, with bands of 2σ between
+/// realisations. Writes the mean series, tables of segments, steps, holds and fits (CSV),
+/// rate-state.json, and figures. Intervals are 95 % confidence intervals.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A run.h5, or the folder that holds one; several are realisations or further protocols
+    #[arg(required = true, value_name = "RUN")]
+    pub runs: Vec<PathBuf>,
+    /// Evolution law to fit
+    #[arg(long, value_enum, default_value_t = Laws::Both)]
+    law: Laws,
+    /// The a of -a ln(1 + k̄ V_i t/a), with which the relaxation in holds is compared [default: of
+    /// the fit]
+    #[arg(long, value_name = "A", value_parser = super::positive)]
+    direct_effect: Option<f64>,
+    /// Folder to write into [default: the first run's folder + /rate-state]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+impl Arguments {
+    /// # Errors
+    /// As [`write`].
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        let runs = self.runs.iter().map(|run| RunFile::open(run));
+        let runs = runs.collect::<Result<Vec<_>, _>>()?;
+        let beside = || Results::of(None, runs[0].folder()).place("rate-state");
+        let folder = self.out.clone().unwrap_or_else(beside);
+        write(&runs, (self.law, self.direct_effect), &folder, printer)
+    }
+}
+
+/// Evolution laws to fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Laws {
+    /// Aging law (Dieterich)
+    Aging,
+    /// Slip law (Ruina)
+    Slip,
+    /// Both laws
+    Both,
+}
+
+impl Laws {
+    fn list(self) -> &'static [Evolution] {
+        match self {
+            Laws::Aging => &[Evolution::Aging],
+            Laws::Slip => &[Evolution::Slip],
+            Laws::Both => &[Evolution::Aging, Evolution::Slip],
+        }
+    }
+}
+
+/// Experiments, fits, and the experiments as predicted by the fits to all data.
+struct Reduction {
+    /// `[experiments]` Runs of each.
+    runs: Vec<Vec<String>>,
+    experiments: Vec<Experiment>,
+    /// Stacks over all runs.
+    stacks: Vec<Stack>,
+    /// Courses of the holds of all runs.
+    relaxations: Vec<Relaxation>,
+    /// a with which they are compared; `None` if none is given and no fit determines it.
+    direct_effect: Option<f64>,
+    fitted: Vec<Fitted>,
+    /// `[experiments]` Predictions by law.
+    models: Vec<Vec<(Evolution, Experiment)>>,
+}
+
+/// Reduces runs, which are realisations of one or several protocols, and writes tables, numbers and
+/// figures into `folder`. If a law cannot be fitted, the tables give the reason.
+///
+/// # Errors
+/// Runs that are not spring-slider tests, a run given twice, files that cannot be written.
+pub fn write(
+    runs: &[RunFile],
+    (laws, direct_effect): (Laws, Option<f64>),
+    folder: &Path,
+    printer: &mut Printer,
+) -> Result<(), Failure> {
+    let reduction = reduce(runs, laws, direct_effect)?;
+    let tables = tables::tables(&reduction);
+    for (name, csv) in &tables {
+        dictionary::write_table(&folder.join(name), csv)?;
+    }
+    let drawn = figures::all(&reduction.views(), reduction.fitted[0].best());
+    let page = figures::page(
+        &drawn,
+        &page_rows(&reduction),
+        &folder.display().to_string(),
+    );
+    let figures = drawn.iter().map(|(name, svg)| (folder.join(name), &**svg));
+    let written = drawing::write_all(&figures.collect::<Vec<_>>())?;
+    let json = format!("{:#}\n", tables::json(&reduction));
+    text_writer::write(&folder.join("rate-state.json"), json)?;
+    text_writer::write(&folder.join("index.html"), page)?;
+    summary(&reduction, printer)?;
+    writeln!(
+        printer,
+        "wrote {} files into {}",
+        tables.len() + 2 + written,
+        folder.display()
+    )
+}
+
+/// Whether a run is under a spring and has velocity steps or holds.
+pub fn is_test(run: &RunFile) -> bool {
+    read::record(run).is_ok()
+}
+
+fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Reduction, Failure> {
+    for (k, run) in runs.iter().enumerate() {
+        let same = |other: &&RunFile| other.digest().is_some() && other.digest() == run.digest();
+        if let Some(other) = runs[..k].iter().find(same) {
+            return Err(Failure::input(format!(
+                "{} and {} are the same run (equal digests); realisations differ by their seed",
+                other.path().display(),
+                run.path().display()
+            )));
+        }
+    }
+    let records: Vec<SliderRecord> = runs.iter().map(read::record).collect::<Result<_, _>>()?;
+    let (joined, groups): (Vec<SliderRecord>, Vec<Vec<usize>>) =
+        merge(&records).into_iter().unzip();
+    let mut fitted = fit_all(&joined, laws.list());
+    if let Some(spread) = jackknife(&records, &groups, &fitted[0]) {
+        fitted.insert(1, spread);
+    }
+    let stacks = stacks(&records);
+    let relaxations = relaxations(&records);
+    let records = joined;
+    let d_c = fitted[0].best().map(|fit| fit.law.d_c);
+    let of_fit = fitted[0].best().filter(|fit| fit.a.determined);
+    let of_fit = of_fit.map(|fit| fit.a.value);
+    let models = |record: &SliderRecord| -> Vec<(Evolution, Experiment)> {
+        let of = |(law, fit): &(Evolution, Result<Fit, String>)| {
+            let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
+            Some((*law, Experiment::of(record, d_c)))
+        };
+        fitted[0].fits.iter().filter_map(of).collect()
+    };
+    let name = |k: usize| runs[k].path().display().to_string();
+    Ok(Reduction {
+        models: records.iter().map(models).collect(),
+        experiments: records
+            .into_iter()
+            .map(|r| Experiment::of(r, d_c))
+            .collect(),
+        runs: groups
+            .iter()
+            .map(|group| group.iter().map(|k| name(*k)).collect())
+            .collect(),
+        stacks,
+        relaxations,
+        direct_effect: direct_effect.or(of_fit),
+        fitted,
+    })
+}
+
+impl Reduction {
+    /// Growth of the peaks with the velocity, over the holds of all experiments.
+    fn peak_growth(&self) -> Vec<PeakGrowth> {
+        peak_growth(self.experiments.iter().flat_map(|e| &e.holds))
+    }
+
+    fn views(&self) -> Vec<figures::View<'_>> {
+        let views = self.experiments.iter().zip(&self.models);
+        views
+            .map(|(experiment, models)| figures::View { experiment, models })
+            .collect()
+    }
+
+    /// The experiments with their numbers and runs.
+    fn experiments(&self) -> impl Iterator<Item = (usize, &Experiment, &[String])> {
+        let experiments = self.experiments.iter().zip(&self.runs).enumerate();
+        experiments.map(|(k, (experiment, runs))| (k, experiment, &runs[..]))
+    }
+
+    /// The fits to several windows together, a law each, with χ².
+    fn fits(&self) -> impl Iterator<Item = (&str, Evolution, &Result<Fit, String>, Option<f64>)> {
+        let together = self.fitted.iter().filter(|fitted| fitted.event.is_none());
+        together.flat_map(|fitted| {
+            let fits = fitted.fits.iter().zip(&fitted.chi_squared);
+            fits.map(|((law, fit), chi)| (fitted.name, *law, fit, *chi))
+        })
+    }
+}
+
+/// A duration with four significant digits.
+fn seconds(duration: f64) -> String {
+    format!("{duration:.3e}")
+}
+
+/// Writes an estimate with its interval.
+fn shown(e: Estimate, digits: usize) -> String {
+    let [low, high] = e.interval;
+    if e.determined {
+        format!("{:.digits$} ({low:.digits$} … {high:.digits$})", e.value)
+    } else {
+        "not determined".into()
+    }
+}
+
+/// Returns the table of the page: names and texts.
+fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
+    let mut rows = Vec::new();
+    let mut add = |name: String, text: String| rows.push([name, text]);
+    for (k, experiment, runs) in reduction.experiments() {
+        let protocol = format!(
+            "{} velocity steps, {} holds; k/N = {:.4e} 1/m; {}",
+            experiment.steps.len(),
+            experiment.holds.len(),
+            experiment.record.stiffness,
+            runs.join(", ")
+        );
+        add(format!("Experiment {k}"), protocol);
+        for healing in &experiment.healing {
+            let [before, after] = healing.velocities;
+            add(
+                format!("Healing per factor e of hold time, {before} m/s, hold, {after} m/s"),
+                format!("{:.5}", healing.slope),
+            );
+        }
+    }
+    for growth in reduction.peak_growth() {
+        add(
+            format!(
+                "Growth of {} peaks per factor e of V_r/V_i, holds of {} s after {} m/s",
+                growth.peaks,
+                seconds(growth.duration),
+                growth.before
+            ),
+            format!("{:.5} ± {:.5}", growth.slope, growth.error),
+        );
+    }
+    for (name, law, fit, _) in reduction.fits() {
+        let text = match fit {
+            Ok(fit) => format!(
+                "a = {}; b = {}; a - b = {}; D_c (m) = {}",
+                shown(fit.a, 5),
+                shown(fit.b, 5),
+                shown(fit.a_minus_b, 5),
+                shown(fit.d_c, 6)
+            ),
+            Err(why) => format!("none: {why}"),
+        };
+        add(format!("Fit to {name}, {} law", law.name()), text);
+    }
+    rows
+}
+
+/// Prints the main results.
+fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> {
+    for (k, experiment, runs) in reduction.experiments() {
+        print_experiment(k, experiment, runs, printer)?;
+    }
+    for growth in reduction.peak_growth() {
+        writeln!(
+            printer,
+            "peaks after holds of {} s: {:.5} ± {:.5} per factor e of V_r/V_i, {} peaks, V_i = {} m/s",
+            seconds(growth.duration),
+            growth.slope,
+            growth.error,
+            growth.peaks,
+            growth.before
+        )?;
+    }
+    for stack in reduction.stacks.iter().filter(|s| s.pieces.len() > 1) {
+        print_stack(stack, printer)?;
+    }
+    for relaxation in &reduction.relaxations {
+        print_relaxation(relaxation, reduction.direct_effect, printer)?;
+    }
+    print_fits(reduction, printer)
+}
+
+fn print_experiment(
+    k: usize,
+    experiment: &Experiment,
+    runs: &[String],
+    printer: &mut Printer,
+) -> Result<(), Failure> {
+    let record = &experiment.record;
+    writeln!(
+        printer,
+        "experiment {k}: {} realisation{}, {} segments, {} velocity steps, {} holds, k/N = {:.4e} 1/m",
+        runs.len(),
+        if runs.len() == 1 { "" } else { "s" },
+        record.drive.len(),
+        experiment.steps.len(),
+        experiment.holds.len(),
+        record.stiffness
+    )?;
+    for healing in &experiment.healing {
+        let [before, after] = healing.velocities;
+        let interval = match healing.interval {
+            Some([low, high]) => format!("{low:.5} … {high:.5}"),
+            None => "from two holds".into(),
+        };
+        writeln!(
+            printer,
+            "  healing {:.5} per factor e of hold time ({interval}), {before} m/s, hold, {after} m/s",
+            healing.slope
+        )?;
+    }
+    Ok(())
+}
+
+/// Prints every second mean over several velocity steps, if there is any.
+fn print_stack(stack: &Stack, printer: &mut Printer) -> Result<(), Failure> {
+    let [before, after] = stack.velocities;
+    let shown = stack.pieces[1..].iter().filter(|p| p.steps > 1).map(|p| {
+        let ([from, to], change, error) = (p.slip, p.change, p.error);
+        format!("{change:+.4} ± {error:.4} ({from:.1e} to {to:.1e} m)")
+    });
+    let shown: Vec<String> = shown.step_by(2).collect();
+    if shown.is_empty() {
+        return Ok(());
+    }
+    let shown = shown.join(", ");
+    writeln!(
+        printer,
+        "  {before} → {after} m/s, mean change of μ: {shown}"
+    )
+}
+
+fn print_relaxation(
+    of: &Relaxation,
+    direct_effect: Option<f64>,
+    printer: &mut Printer,
+) -> Result<(), Failure> {
+    let by = |a: f64, stiffness: f64| {
+        if stiffness.is_finite() {
+            format!("{:+.4}", of.of_direct_effect(a, stiffness))
+        } else {
+            "unknown".into()
+        }
+    };
+    let law = direct_effect.map_or(String::new(), |a| {
+        format!(
+            ", by the direct effect {} with k/N of the spring, {} with that of the reload",
+            by(a, of.stiffness),
+            by(a, of.reload)
+        )
+    });
+    let error = if of.error.is_finite() {
+        format!(" ± {:.4}", of.error)
+    } else {
+        String::new()
+    };
+    writeln!(
+        printer,
+        "hold of {} s after {} m/s, after {} s: μ {:+.4}{error}{law}, granular temperature {:.2e}",
+        seconds(of.duration),
+        of.before,
+        seconds(of.time),
+        of.change,
+        of.temperature
+    )
+}
+
+fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> {
+    writeln!(
+        printer,
+        "{:<18}{:<7}{:<30}{:<30}{:<33}{:<10}{:>9}",
+        "fit to", "law", "a", "b", "D_c (m)", "rms", "χ²"
+    )?;
+    for (name, law, fit, chi) in reduction.fits() {
+        let law = law.name();
+        match fit {
+            Ok(fit) => writeln!(
+                printer,
+                "{name:<18}{law:<7}{:<30}{:<30}{:<33}{:<10.2e}{:>9.1}",
+                shown(fit.a, 5),
+                shown(fit.b, 5),
+                shown(fit.d_c, 6),
+                fit.rms,
+                chi.unwrap_or(f64::NAN)
+            )?,
+            Err(why) => writeln!(printer, "{name:<18}{law:<7}no fit: {why}")?,
+        }
+    }
+    Ok(())
+}

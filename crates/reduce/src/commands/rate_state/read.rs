@@ -1,0 +1,161 @@
+//! Reads the record of an experiment from a run. Only this module knows the names of columns and
+//! keys.
+
+use gshear_analysis::moments::{extent, mean};
+use gshear_analysis::rate_state::{SliderRecord, of_drive};
+use gshear_dem::failure::Failure;
+use gshear_store::run_reader::RunFile;
+
+/// The load of a protocol that imposes more than velocities.
+const IMPOSED: &str = "imposed_normal_force";
+/// Loads are equal if their means over half a segment agree to this share: an oscillation is no change.
+const SAME_LOAD: f64 = 0.05;
+/// Smallest number of rows of the time series in a segment.
+const FEWEST_ROWS: usize = 20;
+
+/// Returns the record of a spring-driven run, from its first slide on. A last segment with too few
+/// rows, as in a run that was stopped, is left out.
+///
+/// # Errors
+/// No spring, no velocity step or hold, segments with too few rows.
+pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
+    let wrong = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
+    let spring = run.number("spring_stiffness").ok_or_else(|| {
+        wrong(
+            "parameters: attribute spring_stiffness is missing: rate-state needs a run whose top wall is pulled by a spring \
+             (shear.spring_stiffness or shear.spring_number)"
+                .into(),
+        )
+    })?;
+    let mut time = run.series().time.clone();
+    let mut columns = [
+        "stress_ratio",
+        "normal_force",
+        "slip",
+        "drive_velocity",
+        "drive_displacement",
+        "slip_rate",
+        "kinetic_energy",
+    ]
+    .map(|name| run.series().column(name).to_vec());
+    let series = run.series();
+    let is_imposed = series.declared.iter().any(|column| column.name == IMPOSED);
+    let mut imposed = is_imposed.then(|| series.column(IMPOSED).to_vec());
+    // Friction is undefined in rows in which the slider touches nothing.
+    let whole: Vec<bool> = (0..time.len())
+        .map(|row| columns.iter().all(|column| column[row].is_finite()))
+        .collect();
+    for values in columns.iter_mut().chain([&mut time]).chain(&mut imposed) {
+        let mut keep = whole.iter();
+        values.retain(|_| keep.next() == Some(&true));
+    }
+    let [
+        friction,
+        normal,
+        slip,
+        velocity,
+        displacement,
+        rate,
+        kinetic,
+    ] = &columns;
+    if let Some(row) = (1..time.len()).find(|&row| time[row] <= time[row - 1]) {
+        let name = "observables/stress_ratio/time";
+        return Err(wrong(format!("{name}: does not increase at row {row}")));
+    }
+    let drive = of_drive(&time, velocity, displacement)
+        .map_err(|what| wrong(format!("observables/drive_velocity: {what}")))?;
+    // What comes before the first slide, perhaps under another load, is left out.
+    let normal = &normal[velocity.iter().position(|v| *v > 0.0).unwrap_or(0)..];
+    let force = mean(normal);
+    if !time.is_empty() && (force.is_nan() || force <= 0.0) {
+        return Err(wrong(format!(
+            "observables/normal_force: its mean is {force:e} N, must be positive: the slider must press on the sample"
+        )));
+    }
+    let record = SliderRecord {
+        temperature: temperature(run, rate, kinetic),
+        ..SliderRecord::of_run(
+            spring / force,
+            drive,
+            [time, slip.clone(), friction.clone()],
+        )
+    };
+    let tested = tested(&record).map_err(wrong)?;
+    if let Some(imposed) = imposed {
+        let first = record.time.partition_point(|t| *t < tested.time[0]);
+        one_load(&tested, &imposed[first..]).map_err(wrong)?;
+    }
+    Ok(tested)
+}
+
+/// Refuses a load that changes: k̄ and the laws are of one normal force. `imposed` `[L]` (N).
+fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
+    let halves = (0..record.drive.len()).flat_map(|segment| record.halves(segment));
+    let halves = halves.filter(|rows| !rows.is_empty());
+    let means: Vec<f64> = halves.map(|rows| mean(&imposed[rows])).collect();
+    let [least, greatest] = extent(means.iter().copied());
+    let free = means.iter().any(|load| load.is_nan());
+    if !free && greatest - least <= SAME_LOAD * greatest {
+        return Ok(());
+    }
+    let what = if free {
+        "no load is imposed in a part of the protocol".into()
+    } else {
+        format!("the load changes from {least:.4e} to {greatest:.4e} N")
+    };
+    Err(format!(
+        "observables/{IMPOSED}: {what}, but k/N and the laws are of one load; reduce runs whose mean load is constant \
+         from the first slide on"
+    ))
+}
+
+/// The granular temperature of every row: (E/n - m̄ V²/6)/(P d̄³), in 2D over P d̄², with the kinetic
+/// energy E and the mean mass m̄ of the n free grains, and the velocity V of the top wall. m̄ V²/6 is the
+/// energy of a linear velocity profile. NaN without a pressure or free grains.
+fn temperature(run: &RunFile, rate: &[f64], kinetic: &[f64]) -> Vec<f64> {
+    let grains = run.grains();
+    let of_free = grains.mass.iter().zip(&grains.body);
+    let masses: Vec<f64> = of_free
+        .filter(|(_, body)| **body == 0)
+        .map(|(m, _)| *m)
+        .collect();
+    let count = masses.len() as f64;
+    let mass = masses.iter().sum::<f64>() / count;
+    let diameter = 2.0 * grains.mean_radius();
+    let unit =
+        run.number("pressure").unwrap_or(f64::NAN) * diameter.powi(run.dimension().axes() as i32);
+    let of_row = |(v, energy): (&f64, &f64)| (energy / count - mass * v * v / 6.0) / unit;
+    rate.iter().zip(kinetic).map(of_row).collect()
+}
+
+/// Cuts the record to start at its first slide, and checks the number of segments and of their
+/// rows.
+fn tested(record: &SliderRecord) -> Result<SliderRecord, String> {
+    let Some(first) = record.drive.iter().position(|segment| !segment.is_hold()) else {
+        return Err(
+            "observables/drive_velocity: no velocity is above 0; rate-state needs a run that slides".into(),
+        );
+    };
+    let mut end = record.drive.len();
+    if record.rows(end - 1).len() < FEWEST_ROWS && end > first + 1 {
+        end -= 1;
+    }
+    for segment in first..end {
+        let rows = record.rows(segment).len();
+        if rows < FEWEST_ROWS {
+            let drive = record.drive[segment];
+            return Err(format!(
+                "segment {segment} of the drive ({:.4e} m/s for {:.4e} s) has {rows} rows of the time series; it needs at least \
+                 {FEWEST_ROWS}: write rows more often, or let it last longer",
+                drive.velocity, drive.duration
+            ));
+        }
+    }
+    if end - first < 2 {
+        return Err(format!(
+            "observables/drive_velocity: is {:e} m/s all the time; rate-state needs a velocity step or a hold",
+            record.drive[first].velocity
+        ));
+    }
+    Ok(record.cut(first..end))
+}

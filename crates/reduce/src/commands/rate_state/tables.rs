@@ -1,0 +1,346 @@
+//! The tables of `rate-state` and `rate-state.json`. Numbers have the shortest form that reads back
+//! to the same bits.
+
+use serde_json::{Value, json};
+
+use super::Reduction;
+use gshear_analysis::moments::mean;
+use gshear_analysis::rate_state::{Evolution, Experiment, Fitted};
+use gshear_store::table::Table;
+
+/// Returns the tables with their names.
+pub fn tables(reduction: &Reduction) -> [(&'static str, String); 7] {
+    [
+        ("rate-state.csv", series(reduction)),
+        ("segments.csv", segments(reduction)),
+        ("steps.csv", steps(reduction)),
+        ("after-steps.csv", after_steps(reduction)),
+        ("holds.csv", holds(reduction)),
+        ("relaxations.csv", relaxations(reduction)),
+        ("fits.csv", fits(reduction)),
+    ]
+}
+
+/// Returns the number if it is finite; `None` is an empty cell.
+fn known(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+const BOTH: [Evolution; 2] = [Evolution::Aging, Evolution::Slip];
+
+/// Returns a number of the experiment as predicted by the two laws.
+fn of_laws(
+    models: &[(Evolution, Experiment)],
+    number: impl Fn(&Experiment) -> Option<f64>,
+) -> [Option<f64>; 2] {
+    BOTH.map(|law| {
+        let model = models.iter().find(|(of, _)| *of == law);
+        model.and_then(|(_, e)| number(e)).and_then(known)
+    })
+}
+
+fn series(reduction: &Reduction) -> String {
+    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
+        let record = &experiment.record;
+        let segments = 0..record.drive.len();
+        segments.flat_map(move |segment| {
+            let rows = record.rows(segment);
+            rows.map(move |row| (k, record, segment, row))
+        })
+    });
+    Table::of(rows)
+        .column("experiment", |(k, ..)| *k)
+        .column("segment", |(.., segment, _)| *segment)
+        .column("time", |(_, record, _, row)| known(record.time[*row]))
+        .column("slip", |(_, record, _, row)| known(record.slip[*row]))
+        .column("mu", |(_, record, _, row)| known(record.friction[*row]))
+        .column("two_sigma", |(_, record, _, row)| {
+            known(2.0 * record.deviation[*row])
+        })
+        .columns(["mu_aging", "mu_slip"], |(k, .., row)| {
+            of_laws(&reduction.models[*k], |e| Some(e.record.friction[*row]))
+        })
+        .csv()
+}
+
+fn segments(reduction: &Reduction) -> String {
+    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
+        let drive = experiment.record.drive.iter().enumerate();
+        drive.map(move |(segment, drive)| (k, experiment, segment, drive))
+    });
+    Table::of(rows)
+        .column("experiment", |(k, ..)| *k)
+        .column("segment", |(.., segment, _)| *segment)
+        .column("drive_velocity", |(.., drive)| known(drive.velocity))
+        .column("duration", |(.., drive)| known(drive.duration))
+        .column("rows", |(_, experiment, segment, _)| {
+            experiment.record.rows(*segment).len()
+        })
+        .column("slip", |(_, experiment, segment, _)| {
+            let (slip, rows) = (&experiment.record.slip, experiment.record.rows(*segment));
+            known(slip[rows.end - 1] - slip[rows.start])
+        })
+        .columns(["mu_ss", "error"], |(_, experiment, segment, _)| {
+            let steady = experiment.steady[*segment];
+            [steady.map(|s| s.friction), steady.map(|s| s.error)].map(|x| x.and_then(known))
+        })
+        .column("granular_temperature", |(_, experiment, segment, _)| {
+            let [_, half] = experiment.record.halves(*segment);
+            let values = &experiment.record.temperature[half];
+            known(mean(values))
+        })
+        .csv()
+}
+
+fn steps(reduction: &Reduction) -> String {
+    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
+        let steps = experiment.steps.iter().enumerate();
+        steps.map(move |(n, step)| (k, n, step))
+    });
+    Table::of(rows)
+        .column("experiment", |(k, ..)| *k)
+        .column("segment", |(.., step)| step.segment)
+        .columns(["velocity_before", "velocity_after"], |(.., step)| {
+            step.velocities.map(known)
+        })
+        .columns(["direct", "direct_error"], |(.., step)| {
+            step.direct.map(known)
+        })
+        .columns(["evolution", "evolution_error"], |(.., step)| {
+            step.evolution.map(known)
+        })
+        .columns(["net", "net_error"], |(.., step)| step.net.map(known))
+        .columns(["direct_aging", "direct_slip"], |(k, n, _)| {
+            of_laws(&reduction.models[*k], |e| Some(e.steps.get(*n)?.direct[0]))
+        })
+        .csv()
+}
+
+fn after_steps(reduction: &Reduction) -> String {
+    let rows = reduction
+        .stacks
+        .iter()
+        .flat_map(|stack| stack.pieces.iter().map(move |piece| (stack, piece)));
+    Table::of(rows)
+        .columns(["velocity_before", "velocity_after"], |(stack, _)| {
+            stack.velocities.map(known)
+        })
+        .columns(["slip_from", "slip_to"], |(_, piece)| piece.slip.map(known))
+        .column("steps", |(_, piece)| piece.steps)
+        .column("change", |(_, piece)| known(piece.change))
+        .column("error", |(_, piece)| known(piece.error))
+        .csv()
+}
+
+fn holds(reduction: &Reduction) -> String {
+    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
+        let holds = experiment.holds.iter().enumerate();
+        holds.map(move |(n, hold)| (k, n, hold))
+    });
+    Table::of(rows)
+        .column("experiment", |(k, ..)| *k)
+        .column("segment", |(.., hold)| hold.segment)
+        .column("velocity_before", |(.., hold)| known(hold.before))
+        .column("t_hold", |(.., hold)| known(hold.duration))
+        .column("relaxation", |(.., hold)| known(hold.relaxation))
+        .columns(["relaxation_aging", "relaxation_slip"], |(k, n, _)| {
+            of_laws(&reduction.models[*k], |e| Some(e.holds.get(*n)?.relaxation))
+        })
+        .column("velocity_after", |(.., hold)| known(hold.reslide?.velocity))
+        .column("peak", |(.., hold)| known(hold.reslide?.peak))
+        .column("slip_at_peak", |(.., hold)| {
+            known(hold.reslide?.slip_at_peak)
+        })
+        .column("reload_stiffness", |(.., hold)| hold.reslide?.stiffness)
+        .column("healing", |(.., hold)| known(hold.reslide?.healing))
+        .column("error", |(.., hold)| known(hold.reslide?.error))
+        .columns(["healing_aging", "healing_slip"], |(k, n, _)| {
+            of_laws(&reduction.models[*k], |e| {
+                Some(e.holds.get(*n)?.reslide?.healing)
+            })
+        })
+        .csv()
+}
+
+fn relaxations(reduction: &Reduction) -> String {
+    let a = reduction.direct_effect;
+    Table::of(reduction.relaxations.iter())
+        .column("velocity_before", |of| known(of.before))
+        .column("t_hold", |of| known(of.duration))
+        .column("time", |of| known(of.time))
+        .column("holds", |of| of.holds)
+        .column("change", |of| known(of.change))
+        .column("error", |of| known(of.error))
+        .column("change_direct_effect", |of| {
+            a.and_then(|a| known(of.of_direct_effect(a, of.stiffness)))
+        })
+        .column("reload_stiffness", |of| known(of.reload))
+        .column("change_direct_effect_reload", |of| {
+            a.and_then(|a| known(of.of_direct_effect(a, of.reload)))
+        })
+        .column("granular_temperature", |of| known(of.temperature))
+        .csv()
+}
+
+fn fits(reduction: &Reduction) -> String {
+    let rows = reduction.fitted.iter().flat_map(|fitted| {
+        let fits = fitted.fits.iter().zip(&fitted.chi_squared);
+        fits.map(move |((law, fit), chi)| (fitted, law, fit, chi))
+    });
+    let estimates = ["a", "b", "a_minus_b", "d_c", "mu_star"]
+        .map(|name| ["", "_low", "_high"].map(|end| format!("{name}{end}")));
+    Table::of(rows)
+        .column("fit", |(fitted, ..)| fitted.name)
+        .columns(
+            ["experiment", "first_segment", "last_segment"],
+            |(fitted, ..)| match &fitted.event {
+                Some((k, range)) => [*k, range.start, range.end - 1].map(Some),
+                None => [None; 3],
+            },
+        )
+        .column("law", |(_, law, ..)| law.name())
+        .columns(estimates.into_iter().flatten(), |(_, _, fit, _)| {
+            match fit {
+                Ok(fit) => fit.estimates().map(|(_, e)| {
+                    if e.determined {
+                        [e.value, e.interval[0], e.interval[1]].map(known)
+                    } else {
+                        [None; 3]
+                    }
+                }),
+                Err(_) => [[None; 3]; 5],
+            }
+            .into_iter()
+            .flatten()
+        })
+        .columns(
+            ["v_star", "rms", "effective_values"],
+            |(_, _, fit, _)| match fit {
+                Ok(fit) => [fit.law.v_star, fit.rms, fit.effective].map(known),
+                Err(_) => [None; 3],
+            },
+        )
+        .column("chi_squared", |(_, _, fit, chi)| {
+            fit.as_ref().ok().and(**chi).and_then(known)
+        })
+        .column("undetermined", |(_, _, fit, _)| {
+            fit.as_ref().ok().map(|fit| fit.undetermined().join(" "))
+        })
+        .column("why_none", |(_, _, fit, _)| {
+            fit.as_ref().err().map(String::as_str)
+        })
+        .csv()
+}
+
+/// Returns the content of `rate-state.json`.
+pub fn json(reduction: &Reduction) -> Value {
+    let experiments = reduction.experiments();
+    let growth = reduction.peak_growth().into_iter().map(|growth| {
+        json!({
+            "t_hold": growth.duration,
+            "velocity_before": growth.before,
+            "peaks": growth.peaks,
+            "slope": { "value": growth.slope, "error": growth.error },
+            "intercept": growth.intercept,
+        })
+    });
+    json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "experiments": experiments.map(|(_, e, runs)| experiment(e, runs)).collect::<Vec<_>>(),
+        "peak_growth": growth.collect::<Vec<_>>(),
+        "fits": reduction.fitted.iter().map(fit).collect::<Vec<_>>(),
+    })
+}
+
+fn experiment(experiment: &Experiment, runs: &[String]) -> Value {
+    let record = &experiment.record;
+    let protocol = record.drive.iter().zip(&experiment.steady).map(|(drive, steady)| {
+        json!({
+            "velocity": drive.velocity,
+            "duration": drive.duration,
+            "mu_ss": steady.map(|s| json!({ "value": s.friction, "error": s.error, "scatter": s.scatter })),
+        })
+    });
+    let pair = |[value, error]: [f64; 2]| json!({ "value": value, "error": error });
+    let steps = experiment.steps.iter().map(|step| {
+        json!({
+            "segment": step.segment,
+            "velocities": step.velocities,
+            "direct": pair(step.direct),
+            "evolution": pair(step.evolution),
+            "net": pair(step.net),
+        })
+    });
+    let holds = experiment.holds.iter().map(|hold| {
+        json!({
+            "segment": hold.segment,
+            "t_hold": hold.duration,
+            "velocity_before": hold.before,
+            "relaxation": hold.relaxation,
+            "reslide": hold.reslide.map(|reslide| json!({
+                "velocity": reslide.velocity,
+                "peak": reslide.peak,
+                "slip_at_peak": reslide.slip_at_peak,
+                "reload_stiffness": reslide.stiffness,
+                "healing": pair([reslide.healing, reslide.error]),
+            })),
+        })
+    });
+    let healing = experiment.healing.iter().map(|healing| {
+        json!({
+            "velocities": healing.velocities,
+            "holds": healing.holds,
+            "slope": healing.slope,
+            "interval": healing.interval,
+            "intercept": healing.intercept,
+        })
+    });
+    json!({
+        "runs": runs,
+        "realisations": record.realisations,
+        "stiffness_over_normal_force": record.stiffness,
+        "protocol": protocol.collect::<Vec<_>>(),
+        "steps": steps.collect::<Vec<_>>(),
+        "holds": holds.collect::<Vec<_>>(),
+        "healing": healing.collect::<Vec<_>>(),
+    })
+}
+
+fn fit(fitted: &Fitted) -> Value {
+    let laws = fitted
+        .fits
+        .iter()
+        .zip(&fitted.chi_squared)
+        .map(|((law, fit), chi)| {
+            let value = match fit {
+                Ok(fit) => {
+                    let mut value = json!({
+                        "v_star": fit.law.v_star,
+                        "critical_stiffness": fit.law.critical_stiffness(),
+                        "rms": fit.rms,
+                        "effective_values": fit.effective,
+                        "chi_squared": chi,
+                    });
+                    for (name, e) in fit.estimates() {
+                        value[name] = if e.determined {
+                            json!({ "value": e.value, "interval": e.interval })
+                        } else {
+                            Value::Null
+                        };
+                    }
+                    value
+                }
+                Err(why) => json!({ "why_none": why }),
+            };
+            (law.name().to_string(), value)
+        });
+    let event = fitted
+        .event
+        .as_ref()
+        .map(|(k, range)| json!({ "experiment": k, "segments": [range.start, range.end - 1] }));
+    json!({
+        "fit": fitted.name,
+        "event": event,
+        "laws": laws.collect::<serde_json::Map<_, _>>(),
+    })
+}

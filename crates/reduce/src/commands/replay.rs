@@ -1,0 +1,331 @@
+//! `replay`: computes a part of a run again, with frames, from the checkpoint before it.
+
+use std::path::{Path, PathBuf};
+
+use super::compare::{self, Location};
+use crate::printer::Printer;
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_driver::folder::same_folder;
+use gshear_driver::header::{Header, Saved};
+use gshear_driver::launch::Task;
+use gshear_driver::options::{Options, Outcome};
+use gshear_driver::say::say_error;
+use gshear_scene::schedule::ReplayWindow;
+use gshear_store::checkpoint;
+use gshear_store::file_names::{NEWTONIAN_FILE, RUN_FILE, folder_of};
+use gshear_store::run_reader::{self, RunFile, RunStage, Series};
+use gshear_store::text_writer::unwritten;
+
+/// Compute a part of a run again, with frames, from the checkpoint before it
+///
+/// Writes a run.h5 into a folder of its own. The run must have kept its checkpoints
+/// (output.keep_checkpoints); otherwise only its end, from the last two checkpoints on, can be
+/// replayed. The time series is compared with the stored one, to the last bit: exit code 3 if
+/// it differs.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// A run.h5, or the folder that holds one
+    pub run: PathBuf,
+    /// Range of shear strain, as 0.1005..0.1006: from the first to the last row of the time
+    /// series in it
+    #[arg(long, value_name = "A..B", value_parser = range, required_unless_present = "time")]
+    strain: Option<Ends>,
+    /// Range of time in s, as 0.1..0.2: as --strain, for a strain that returns. Of a run in a box
+    /// that of Newton's equations; writes newtonian.h5 into the new folder
+    #[arg(long, value_name = "A..B", value_parser = range, conflicts_with = "strain")]
+    time: Option<Ends>,
+    /// Steps between frames, from the first row on [default: one frame per row]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    every: Option<u64>,
+    /// Folder to write into [default: the run's folder + /replay-A-B]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// Both ends of a range.
+type Ends = [f64; 2];
+
+/// Parses `A..B`, a strain or a time at both ends.
+fn range(text: &str) -> Result<Ends, String> {
+    let wrong = || format!("{text:?} is no range; write it as 0.1005..0.1006");
+    let (from, to) = text.split_once("..").ok_or_else(wrong)?;
+    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
+    let (from, to) = (number(from)?, number(to)?);
+    if from >= 0.0 && to > from && to.is_finite() {
+        Ok([from, to])
+    } else {
+        Err(wrong())
+    }
+}
+
+impl Arguments {
+    /// `threads`: of the replay, whose results do not depend on them.
+    ///
+    /// # Errors
+    /// As [`window`].
+    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<(), Failure> {
+        let (rows, kind) = match (self.strain, self.time) {
+            (Some(strain), _) => (Rows::Strain(strain), ""),
+            (None, Some(time)) if has_newtonian(&self.run) => (Rows::Time(time), "newtonian-"),
+            (None, Some(time)) => (Rows::Time(time), "time-"),
+            (None, None) => {
+                return Err(Failure::input("replay: give --strain A..B or --time A..B"));
+            }
+        };
+        let run = match kind {
+            "newtonian-" => RunFile::open_any(&folder_of(&self.run).join(NEWTONIAN_FILE))?,
+            _ => RunFile::open(&self.run)?,
+        };
+        let request = ReplayRequest {
+            rows,
+            every: self.every,
+            threads,
+        };
+        let (Rows::Strain([from, to]) | Rows::Time([from, to])) = rows;
+        let beside = || run.folder().join(format!("replay-{kind}{from}-{to}"));
+        let found = window(&run, request, &self.out.clone().unwrap_or_else(beside))?;
+        let steps = found.run.frame_steps();
+        writeln!(
+            printer,
+            "wrote {}: {} frames, steps {} to {}, from the checkpoint of step {}; {} rows of the time series equal those of {} to the last bit",
+            found.run.path().display(),
+            steps.len(),
+            steps.first().copied().unwrap_or_default(),
+            steps.last().copied().unwrap_or_default(),
+            found.from,
+            found.rows,
+            run.path().display()
+        )
+    }
+}
+
+/// Whether a path is of a run in a box: Newton's equations are replayed by their time.
+fn has_newtonian(run: &Path) -> bool {
+    let of_walls = if run.is_dir() {
+        run.join(RUN_FILE).exists()
+    } else {
+        run.file_name().is_some_and(|name| name == RUN_FILE)
+    };
+    !of_walls
+}
+
+/// The rows of the time series that are replayed: from the first to the last in a range.
+#[derive(Debug, Clone, Copy)]
+pub enum Rows {
+    /// γ at both ends.
+    Strain(Ends),
+    /// Time at both ends (s): for a strain that returns.
+    Time(Ends),
+}
+
+/// The part of a run to replay.
+#[derive(Debug, Clone, Copy)]
+pub struct ReplayRequest {
+    /// Its rows.
+    pub rows: Rows,
+    /// Steps between frames; `None`: one frame per row of the time series.
+    pub every: Option<u64>,
+    /// Number of threads; the results do not depend on it.
+    pub threads: usize,
+}
+
+/// Result of a replay.
+pub struct Replayed {
+    /// The replayed part.
+    pub run: RunFile,
+    /// Step of the checkpoint that the replay started from.
+    from: u64,
+    /// Number of rows of the time series compared, all equal to the last bit.
+    rows: usize,
+}
+
+/// Returns whether the run kept checkpoints.
+pub fn can(run: &RunFile) -> bool {
+    !checkpoint::kept(run.folder(), "shear").is_empty()
+}
+
+/// Replays the run from the first to the last row of the time series in the range, into the folder
+/// `out`: the shear between walls into run.h5, Newton's equations in a box into newtonian.h5.
+///
+/// # Errors
+/// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
+/// [`Failure::Numbers`] if the time series differs from the stored one.
+pub fn window(run: &RunFile, request: ReplayRequest, out: &Path) -> Result<Replayed, Failure> {
+    let window = steps(run, request)?;
+    if same_folder(out, run.folder()) {
+        return Err(Failure::input(format!(
+            "{}: holds the run itself; give another folder with --out",
+            out.display()
+        )));
+    }
+    let (stage, file, set) = match run.stage() {
+        RunStage::Newtonian => ("newtonian", NEWTONIAN_FILE, &["newtonian.spectra=0"][..]),
+        _ => (
+            "shear",
+            RUN_FILE,
+            &["analysis.scalars=false", "output.progress_lines=0"][..],
+        ),
+    };
+    let from = again(run.folder(), stage, window, set, (request.threads, out))?;
+    let again = RunFile::open_any(&out.join(file))?;
+    let rows = equal_rows(run, &again)?;
+    Ok(Replayed {
+        run: again,
+        from,
+        rows,
+    })
+}
+
+/// Returns the steps of the first and the last row of the time series in the range.
+fn steps(run: &RunFile, request: ReplayRequest) -> Result<ReplayWindow, Failure> {
+    let series = run.series();
+    let (what, values, [from, to]) = match request.rows {
+        Rows::Strain(range) => ("strains", series.column("strain"), range),
+        Rows::Time(range) => ("times", &series.time[..], range),
+    };
+    let within = |row: &usize| values[*row] >= from && values[*row] <= to;
+    let mut rows = (0..series.rows()).filter(within);
+    let bad = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
+    let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
+        let ends = [values.first(), values.last()].map(|end| end.copied().unwrap_or(f64::NAN));
+        return Err(bad(format!(
+            "has fewer than two rows of the time series between the {what} {from} and {to}; it goes from {} to {}",
+            ends[0], ends[1]
+        )));
+    };
+    let every = request
+        .every
+        .unwrap_or_else(|| series.step[first + 1] - series.step[first]);
+    Ok(ReplayWindow {
+        first: series.step[first],
+        last: series.step[last],
+        every,
+    })
+}
+
+/// Replays a window of a stage into the folder `out`. Returns the step of the checkpoint that the
+/// replay started from.
+fn again(
+    folder: &Path,
+    stage: &str,
+    window: ReplayWindow,
+    set: &[&str],
+    (threads, out): (usize, &Path),
+) -> Result<u64, Failure> {
+    for name in [RUN_FILE, NEWTONIAN_FILE] {
+        let file = out.join(name);
+        if run_reader::owner(&file).is_ok_and(|owner| !owner.replay) {
+            return Err(Failure::input(format!(
+                "{}: is of a run, which a replay would replace; give another folder with --out",
+                file.display()
+            )));
+        }
+    }
+    let saved = before(folder, stage, window.first)?;
+    let from = saved.header.step();
+    let set = [&["output.keep_checkpoints=false"], set].concat();
+    let set: Vec<String> = set.into_iter().map(Into::into).collect();
+    let task = Task::replay(saved, &set)?;
+    // The files get their place when they are whole.
+    let unmade = |e: std::io::Error| unwritten(out, &e);
+    std::fs::create_dir_all(out).map_err(unmade)?;
+    let part = tempfile::Builder::new()
+        .prefix("replay.")
+        .tempdir_in(out)
+        .map_err(unmade)?;
+    let options = Options {
+        out: part.path().to_path_buf(),
+        threads,
+        replay: Some(window),
+        ..Options::default()
+    };
+    if task.run(&Solo, &options)? == Outcome::Stopped {
+        return Err(Failure::other("replay: stopped by a signal"));
+    }
+    for entry in std::fs::read_dir(&part).map_err(unmade)? {
+        let entry = entry.map_err(unmade)?;
+        std::fs::rename(entry.path(), out.join(entry.file_name())).map_err(unmade)?;
+    }
+    Ok(from)
+}
+
+/// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0.
+fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved, Failure> {
+    let mut damaged = None;
+    let mut candidates = checkpoint::kept(folder, stage);
+    for name in [checkpoint::PREVIOUS, checkpoint::NAME] {
+        let path = folder.join(name);
+        if !path.is_file() {
+            continue;
+        }
+        // A damaged one may not be needed; if it is, the message below names it.
+        let header = checkpoint::read_texts(&path).and_then(|[header, _]| Header::parse(&header));
+        match header {
+            Ok((header, _)) if header.stage() == stage => candidates.push((header.step(), path)),
+            Ok(_) => {}
+            Err(failure) => damaged = damaged.or(Some(failure)),
+        }
+    }
+    // The forces of a frame are computed in its step, so the checkpoint must be before it.
+    let fits = |(at, _): &&(u64, PathBuf)| *at < step || *at == 0;
+    candidates.sort();
+    for (_, path) in candidates.iter().filter(fits).rev() {
+        match Saved::read(&Solo, path) {
+            Ok(saved) => {
+                if let Some(failure) = damaged {
+                    say_error(&format!(
+                        "note: {failure}; replaying from {}",
+                        path.display()
+                    ));
+                }
+                return Ok(saved);
+            }
+            Err(failure) => damaged = damaged.or(Some(failure)),
+        }
+    }
+    Err(damaged.unwrap_or_else(|| {
+        Failure::input(format!(
+            "{}: there is no checkpoint of the stage {stage} before step {step}; a run with output.keep_checkpoints = true keeps them",
+            folder.display()
+        ))
+    }))
+}
+
+/// Returns the number of rows that both runs have. Fails if there are none or any differs.
+fn equal_rows(run: &RunFile, again: &RunFile) -> Result<usize, Failure> {
+    let (stored, computed) = (run.series(), again.series());
+    let row = |(k, step): (usize, &u64)| Some([stored.step.binary_search(step).ok()?, k]);
+    let rows: Vec<[usize; 2]> = computed.step.iter().enumerate().filter_map(row).collect();
+    if rows.is_empty() {
+        return Err(Failure::input(format!(
+            "{}: no row of the time series to compare the replay with",
+            run.path().display()
+        )));
+    }
+    let fields = compare::series(run, again, &rows);
+    let first = fields.iter().filter_map(|field| match field.first {
+        Location::Row(row) => Some((row, field)),
+        _ => None,
+    });
+    let Some((row, field)) = first.min_by_key(|(row, _)| *row) else {
+        return Ok(rows.len());
+    };
+    let value = |of: &Series, row: usize| match &*field.name {
+        "series time" => of.time[row],
+        column => of.column(column)[row],
+    };
+    let at = rows.partition_point(|pair| pair[0] < row);
+    Err(Failure::numbers(format!(
+        "replay: {} of {} rows of the time series differ from {}: first at step {}, {} is {:?} and was {:?}; \
+         the run was made by another version or with other values ({} is kept)",
+        field.differing,
+        rows.len(),
+        run.path().display(),
+        stored.step[row],
+        field.name,
+        value(computed, rows[at][1]),
+        value(stored, row),
+        again.path().display()
+    )))
+}

@@ -1,0 +1,516 @@
+//! `spectrum`: computes eigenvalues of K v = λ M v, of a run or of matrix files.
+
+use std::path::{Path, PathBuf};
+
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, Par, c64};
+
+use crate::frame_selection::Which;
+use crate::printer::Printer;
+use crate::results::Results;
+use crate::stored_state::{StateSelection, stiffness_of};
+use gshear_analysis::jacobian::Jacobian;
+use gshear_dem::failure::Failure;
+use gshear_report::{drawing, eigenvalue_figures};
+use gshear_spectrum::{
+    Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
+    Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
+};
+use gshear_store::file_names::folder_of;
+use gshear_store::matrix_market;
+use gshear_store::spectrum_writer::{self, Columns, StateOrigin, Unknown};
+use gshear_store::table::Table;
+
+/// Unknowns up to which --all-pairs uses the dense solver: 200 MB of vectors, one to two minutes.
+const DENSE: usize = 3000;
+/// Unknowns above which --dense is refused: memory grows with the square, time with the cube.
+const MOST_DENSE: usize = 12_000;
+
+/// Compute eigenvalues of K v = λ M v, of a run or of matrix files
+///
+/// K is real and sparse, M diagonal. Without --dense, --all-pairs or --unstable: the
+/// eigenvalues nearest the shift, by shift-invert. Trust a pair only if its verdict is pair;
+/// doubtful pairs may be rounding errors (docs/spectrum.md). Writes spectrum.csv, spectrum.h5
+/// with the eigenvectors, and spectrum.svg.
+#[derive(Debug, clap::Args)]
+#[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
+pub struct Arguments {
+    /// A run.h5, aqs.h5 or newtonian.h5, the folder of a run, or a checkpoint, from which K and M
+    /// are assembled
+    #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
+    pub run: Option<PathBuf>,
+    /// Frame of the run: its number, from 0 on, or last [default: last]
+    #[arg(long, value_name = "K", requires = "run")]
+    frame: Option<Which>,
+    /// The frame nearest to this shear strain
+    #[arg(long, value_name = "GAMMA", requires = "run", conflicts_with = "frame")]
+    strain: Option<f64>,
+    /// Use the matrix J of the appendix of Bonfanti et al., in which histories do not turn with the
+    /// contacts, not K
+    #[arg(long, requires = "run")]
+    paper_form: bool,
+    /// Write K to this file, M to .mass.mtx and the translations to .null.mtx beside it
+    #[arg(long, value_name = "K.mtx", requires = "run")]
+    export_matrix: Option<PathBuf>,
+    /// K as a Matrix Market file, without a run: real, square, any symmetry
+    #[arg(long, value_name = "K.mtx")]
+    matrix: Option<PathBuf>,
+    /// M as a Matrix Market file: diagonal, positive [default: the identity]
+    #[arg(long, value_name = "M.mtx", requires = "matrix")]
+    mass: Option<PathBuf>,
+    /// Null vectors of K and of its transpose (translations), one per column, which are projected
+    /// out
+    #[arg(long, value_name = "N.mtx", requires = "matrix")]
+    null: Option<PathBuf>,
+    /// Compute the eigenvalues nearest to this number
+    #[arg(long, value_name = "RE[,IM]", default_value = "0", allow_hyphen_values = true, value_parser = shift)]
+    shift: c64,
+    /// Number of eigenvalues; with --all-pairs per shift, with --unstable at most [default: 20,
+    /// 100, 100]
+    #[arg(long, value_name = "K", value_parser = clap::value_parser!(u32).range(1..))]
+    count: Option<u32>,
+    /// Compute all eigenvalues, and count the complex pairs by the winding of det(K - zM) to check
+    /// that none is missing
+    #[arg(long, conflicts_with = "shift")]
+    all_pairs: bool,
+    /// Compute all eigenvalues by the QR algorithm on the dense matrix
+    #[arg(long, conflicts_with_all = ["shift", "count"])]
+    dense: bool,
+    /// Compute the modes that grow fastest under Newton's equations: complex pairs and negative
+    /// eigenvalues, without factorisation
+    #[arg(long, conflicts_with_all = ["shift", "all_pairs", "dense"])]
+    unstable: bool,
+    /// With --unstable: smallest |Im λ| over ‖A‖ of the pairs that must be found
+    #[arg(long, value_name = "F", requires = "unstable", default_value_t = 1e-3, value_parser = resolution)]
+    resolution: f64,
+    /// Skip left eigenvectors: half the time, but conditions are only lower bounds
+    #[arg(long, conflicts_with_all = ["all_pairs", "dense", "unstable"])]
+    right_only: bool,
+    /// Number of consecutive unknowns per grain, for the participation ratio
+    #[arg(long, value_name = "D", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    group: u16,
+    /// Folder to write into [default: that of the run or matrix]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+fn shift(text: &str) -> Result<c64, String> {
+    let (re, im) = text.split_once(',').unwrap_or((text, "0"));
+    let number = |part: &str| {
+        let value = part
+            .trim()
+            .parse::<f64>()
+            .ok()
+            .filter(|value| value.is_finite());
+        value.ok_or(format!("{part}: must be a finite number"))
+    };
+    Ok(c64::new(number(re)?, number(im)?))
+}
+
+fn resolution(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok();
+    let fit = value.filter(|value| *value > f64::EPSILON.sqrt() && *value < 1.0);
+    fit.ok_or(format!(
+        "{text}: must be a number between {:.1e} and 1; below, pairs may be rounding errors",
+        f64::EPSILON.sqrt()
+    ))
+}
+
+impl Arguments {
+    /// # Errors
+    /// Bad matrices, an iteration that does not converge, files that cannot be written.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        let asked = asked(self, printer)?;
+        let Asked {
+            problem, source, ..
+        } = &asked;
+        let par = match rayon::current_num_threads() {
+            1 => Par::Seq,
+            threads => Par::rayon(threads),
+        };
+        faer::set_global_parallelism(par);
+        writeln!(
+            printer,
+            "{} unknowns, ‖A‖ = {:.6e}; projected out: {} without stiffness, {} null vectors",
+            problem.unknowns(),
+            problem.norm(),
+            problem.rattling(),
+            problem.null().ncols()
+        )?;
+        let mut spectrum = solve(self, problem, par, printer)?;
+        refine(&mut spectrum, problem, par, printer)?;
+        let spectrum = if self.dense || self.all_pairs {
+            spectrum.arranged(|_| true, |e| e.value.re)
+        } else {
+            spectrum.arranged(|_| true, |e| (e.value - self.shift).norm())
+        };
+        summary(&spectrum, printer)?;
+
+        let results = Results::of(self.out.as_deref(), folder_of(source));
+        let columns = columns(&asked, &spectrum);
+        let table = table(&spectrum, &columns.participation);
+        results.table("spectrum.csv", &table, printer)?;
+        let vectors = results.place("spectrum.h5");
+        spectrum_writer::write(&vectors, source, problem, &columns)?;
+        printer.wrote(&vectors)?;
+        let svg = results.place("spectrum.svg");
+        drawing::write(
+            &svg,
+            &eigenvalue_figures::in_the_plane(&spectrum.eigenvalues),
+        )?;
+        printer.wrote(&svg)
+    }
+}
+
+/// The eigenvalue problem and its origin.
+struct Asked {
+    problem: Problem,
+    source: PathBuf,
+    /// Number of the grain of every unknown, for the participation ratio.
+    grain: Vec<usize>,
+    /// Of a run: what the unknowns are, and the state.
+    unknowns: Vec<Unknown>,
+    origin: Option<StateOrigin>,
+}
+
+fn asked(arguments: &Arguments, printer: &mut Printer) -> Result<Asked, Failure> {
+    if let Some(run) = &arguments.run {
+        return of_run(run, arguments, printer);
+    }
+    let source = arguments.matrix.clone().unwrap_or_default();
+    let problem = of_files(&source, arguments)?;
+    let grain = (0..problem.unknowns()).map(|k| k / usize::from(arguments.group));
+    Ok(Asked {
+        grain: grain.collect(),
+        problem,
+        source,
+        unknowns: Vec::new(),
+        origin: None,
+    })
+}
+
+fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<Asked, Failure> {
+    let frame = arguments.frame.map(StateSelection::Frame);
+    let selection = frame.or(arguments.strain.map(StateSelection::Strain));
+    let made = stiffness_of(run, selection, arguments.paper_form, printer)?;
+    let jacobian = &made.jacobian;
+    let n = jacobian.unknowns();
+    // J contains the masses and has other null vectors.
+    let (k, mass, null) = match &made.paper {
+        Some(j) => (j, vec![1.0; n], Mat::zeros(n, 0)),
+        None => (&jacobian.k, jacobian.mass.clone(), jacobian.translations()),
+    };
+    if let Some(path) = &arguments.export_matrix {
+        let entries: Vec<_> = (0..n).map(|i| Triplet::new(i, i, mass[i])).collect();
+        let m = sparse(n, n, &entries);
+        let of_null = (0..null.ncols()).flat_map(|j| (0..n).map(move |i| (i, j)));
+        let entries: Vec<_> = of_null
+            .filter(|&at| null[at] != 0.0)
+            .map(|(i, j)| Triplet::new(i, j, null[(i, j)]))
+            .collect();
+        let beside = |name: &str| path.with_extension(name);
+        let mut files = vec![(path.clone(), k), (beside("mass.mtx"), &m)];
+        let translations = sparse(n, null.ncols(), &entries);
+        if null.ncols() > 0 {
+            files.push((beside("null.mtx"), &translations));
+        }
+        for (path, matrix) in files {
+            matrix_market::write(&path, matrix)?;
+            printer.wrote(&path)?;
+        }
+    }
+    let per_grain = jacobian.per_grain;
+    let grain = |unknown: usize| match made.paper {
+        Some(_) => unknown % (n / per_grain),
+        None => unknown / per_grain,
+    };
+    let problem = Problem::new(k, &mass, null.as_ref())
+        .map_err(|unfit| Failure::numbers(format!("{}: K: {unfit}", run.display())))?;
+    Ok(Asked {
+        problem,
+        source: run.to_path_buf(),
+        grain: (0..n).map(grain).collect(),
+        unknowns: match made.paper {
+            Some(_) => Vec::new(),
+            None => (0..n).map(|unknown| moved(jacobian, unknown)).collect(),
+        },
+        origin: made.paper.is_none().then_some(made.origin),
+    })
+}
+
+/// What an unknown of K moves: translations come first, and disks turn about z only.
+fn moved(jacobian: &Jacobian, unknown: usize) -> Unknown {
+    let (per_grain, axes) = (jacobian.per_grain, jacobian.axes);
+    let component = match unknown % per_grain {
+        axis if axis < axes => axis,
+        turn => 6 + turn - per_grain,
+    };
+    Unknown {
+        grain: jacobian.grains[unknown / per_grain],
+        component: component as u8,
+    }
+}
+
+fn sparse(
+    rows: usize,
+    columns: usize,
+    entries: &[Triplet<usize, usize, f64>],
+) -> SparseColMat<usize, f64> {
+    SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
+}
+
+fn of_files(matrix: &Path, arguments: &Arguments) -> Result<Problem, Failure> {
+    let k = matrix_market::read(matrix)?;
+    let mass = match &arguments.mass {
+        Some(path) => diagonal(path, &matrix_market::read(path)?)?,
+        None => vec![1.0; k.ncols()],
+    };
+    let null = match &arguments.null {
+        Some(path) => matrix_market::read(path)?.to_dense(),
+        None => Mat::zeros(k.ncols(), 0),
+    };
+    Problem::new(&k, &mass, null.as_ref()).map_err(|unfit| {
+        use gshear_spectrum::Unfit;
+        let path = match unfit {
+            Unfit::NotSquare(_) | Unfit::NotFinite(_) => None,
+            Unfit::MassCount { .. } | Unfit::Mass { .. } => arguments.mass.as_ref(),
+            Unfit::NullLength { .. } | Unfit::NullDependent | Unfit::NotNull { .. } => {
+                arguments.null.as_ref()
+            }
+        };
+        let path = path.map_or(matrix, |path| path.as_path());
+        Failure::input(format!("{}: {unfit}", path.display()))
+    })
+}
+
+fn diagonal(path: &Path, m: &SparseColMat<usize, f64>) -> Result<Vec<f64>, Failure> {
+    let mut mass = vec![0.0; m.ncols()];
+    for entry in m.triplet_iter().filter(|entry| *entry.val != 0.0) {
+        if entry.row != entry.col {
+            return Err(Failure::input(format!(
+                "{}: row {}, column {}: M must be diagonal",
+                path.display(),
+                entry.row + 1,
+                entry.col + 1
+            )));
+        }
+        mass[entry.row] = *entry.val;
+    }
+    Ok(mass)
+}
+
+fn solve(
+    arguments: &Arguments,
+    problem: &Problem,
+    par: Par,
+    printer: &mut Printer,
+) -> Result<Spectrum, Failure> {
+    let n = problem.size();
+    if arguments.dense && n > MOST_DENSE {
+        return Err(Failure::input(format!(
+            "--dense: {n} unknowns, must be {MOST_DENSE} or fewer; use --all-pairs or --shift, which work on the sparse matrix"
+        )));
+    }
+    if arguments.dense || n < 3 {
+        return Ok(Spectrum::dense(problem));
+    }
+    if arguments.unstable {
+        return amplified(arguments, problem, par, printer);
+    }
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    writeln!(
+        printer,
+        "factors: {} entries, {:.3e} operations",
+        symbolic.fill(),
+        symbolic.operations()
+    )?;
+    if arguments.all_pairs {
+        return all_pairs(arguments, problem, &symbolic, par, printer);
+    }
+    let request = Request {
+        shift: arguments.shift,
+        count: arguments.count.unwrap_or(20) as usize,
+        left: !arguments.right_only,
+        par,
+    };
+    let found = nearest(problem, &symbolic, request).map_err(unsolved)?;
+    tell(&found, arguments.shift, printer)?;
+    Ok(found.spectrum)
+}
+
+fn all_pairs(
+    arguments: &Arguments,
+    problem: &Problem,
+    symbolic: &Symbolic,
+    par: Par,
+    printer: &mut Printer,
+) -> Result<Spectrum, Failure> {
+    let bounds = bendixson(problem);
+    let spectrum = if problem.size() <= DENSE {
+        Spectrum::dense(problem)
+    } else {
+        let count = arguments.count.unwrap_or(100) as usize;
+        let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
+        writeln!(
+            printer,
+            "scan: {} shifts, {} solves",
+            found.disks, found.solves
+        )?;
+        let (all, null) = (found.spectrum.eigenvalues.len(), problem.null().ncols());
+        let n = problem.size();
+        writeln!(printer, "scan: {} of {} eigenvalues", all + null, n)?;
+        found.spectrum
+    };
+    let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();
+    known.resize(problem.size().max(known.len()), c64::new(0.0, 0.0));
+    let margin = 0.01 * problem.norm();
+    let strip = Rectangle {
+        re: [bounds.re[0] - margin, bounds.re[1] + margin],
+        im: [f64::EPSILON.sqrt() * problem.norm(), bounds.im[1] + margin],
+    };
+    let inside = known.iter().filter(|&&z| strip.contains(z)).count();
+    match winding(problem, symbolic, strip, &known, par) {
+        Ok(count) => writeln!(
+            printer,
+            "pairs above the limit of trust: {inside} found, {} counted by the winding of the determinant ({} factorisations)",
+            count.eigenvalues, count.factorisations
+        ),
+        Err(Uncounted { at }) => writeln!(
+            printer,
+            "pairs above the limit of trust: {inside} found; not counted, because an eigenvalue lies on the contour at {at:.3e}"
+        ),
+    }?;
+    Ok(spectrum)
+}
+
+fn amplified(
+    arguments: &Arguments,
+    problem: &Problem,
+    par: Par,
+    printer: &mut Printer,
+) -> Result<Spectrum, Failure> {
+    let sought = Sought {
+        resolution: arguments.resolution,
+        most: arguments.count.unwrap_or(100) as usize,
+        par,
+    };
+    let found = unstable(problem, sought).map_err(|stalled| unsolved(Failed::Stalled(stalled)))?;
+    let within = format!("|Im λ| ≥ {:e} ‖A‖", arguments.resolution);
+    writeln!(
+        printer,
+        "polynomials of degrees {:?}, {} products\n{}",
+        found.degrees,
+        found.products,
+        if found.complete {
+            format!("complete: all modes with {within}, or that grow as fast")
+        } else {
+            format!("the fastest-growing modes; there may be more with {within}: increase --count")
+        }
+    )?;
+    Ok(found.spectrum)
+}
+
+fn unsolved(failed: Failed) -> Failure {
+    Failure::numbers(match failed {
+        Failed::Factors => {
+            "K - σM is singular at the shift and near it: choose another --shift".to_string()
+        }
+        Failed::Stalled(stalled) => format!(
+            "the iteration has stalled with {} eigenvalues converged: try another --shift or --count",
+            stalled.converged
+        ),
+    })
+}
+
+fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<(), Failure> {
+    if found.shift != wished {
+        let moved = (found.shift - wished).norm();
+        writeln!(
+            printer,
+            "K - σM is singular at the shift: moved by {moved:.3e}"
+        )?;
+    }
+    writeln!(
+        printer,
+        "{} solves, {} restarts, {} factorisations",
+        found.solves, found.restarts, found.factorisations
+    )
+}
+
+/// Refines residuals above [`RESIDUAL`] and prints how many remain above it.
+fn refine(
+    spectrum: &mut Spectrum,
+    problem: &Problem,
+    par: Par,
+    printer: &mut Printer,
+) -> Result<(), Failure> {
+    let over = |e: &&Eigenvalue| e.residual > RESIDUAL;
+    let before = spectrum.eigenvalues.iter().filter(over).count();
+    if before == 0 {
+        return Ok(());
+    }
+    let symbolic = Symbolic::new(problem.matrix().symbolic());
+    let after = spectrum.refine(problem, &symbolic, par);
+    writeln!(
+        printer,
+        "{before} residuals were over {RESIDUAL:e} ‖A‖ and refined; {after} still are"
+    )
+}
+
+fn summary(spectrum: &Spectrum, printer: &mut Printer) -> Result<(), Failure> {
+    let of = |verdict| {
+        spectrum
+            .eigenvalues
+            .iter()
+            .filter(|e| e.verdict == verdict)
+            .count()
+    };
+    let worst = spectrum
+        .eigenvalues
+        .iter()
+        .map(|e| e.residual)
+        .fold(0.0, f64::max);
+    writeln!(
+        printer,
+        "{} eigenvalues: {} real, {} in pairs, {} doubtful, {} zero; largest residual {worst:.1e} ‖A‖",
+        spectrum.eigenvalues.len(),
+        of(Verdict::Real),
+        of(Verdict::Pair),
+        of(Verdict::Doubtful),
+        of(Verdict::Zero)
+    )
+}
+
+fn columns(asked: &Asked, spectrum: &Spectrum) -> Columns {
+    let problem = &asked.problem;
+    let k = spectrum.eigenvalues.len();
+    let mut vectors = ndarray::Array3::zeros((k, problem.unknowns(), 2));
+    let mut taking_part = Vec::with_capacity(k);
+    for (k, mut row) in vectors.outer_iter_mut().enumerate() {
+        let v = spectrum.eigenvector(problem, k);
+        for (mut to, value) in row.outer_iter_mut().zip(&v) {
+            to[0] = value.re;
+            to[1] = value.im;
+        }
+        taking_part.push(participation(&v, &asked.grain));
+    }
+    Columns {
+        eigenvalues: spectrum.eigenvalues.clone(),
+        participation: taking_part,
+        vectors,
+        unknowns: asked.unknowns.clone(),
+        origin: asked.origin.clone(),
+    }
+}
+
+/// Returns one line per eigenvalue.
+fn table(spectrum: &Spectrum, participation: &[f64]) -> String {
+    Table::of(spectrum.eigenvalues.iter().zip(participation))
+        .column("lambda_re", |(e, _)| e.value.re)
+        .column("lambda_im", |(e, _)| e.value.im)
+        .column("verdict", |(e, _)| e.verdict.name())
+        .column("residual", |(e, _)| e.residual)
+        .column("condition", |(e, _)| e.condition)
+        .column("participation", |(_, participation)| *participation)
+        .csv()
+}

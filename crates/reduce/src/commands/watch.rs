@@ -1,0 +1,411 @@
+//! `watch`: curves of a run under way in the terminal, from `log.csv`, or `aqs.h5` of a box, and
+//! `status.json`, which can be read while the run writes.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Seek, SeekFrom};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+
+use console::Term;
+
+use gshear_dem::failure::{Failure, printable};
+use gshear_driver::folder::is_abandoned;
+use gshear_driver::progress::line;
+use gshear_driver::say::fold_for;
+use gshear_store::file_names::{AQS_FILE, LOG_FILE, STATUS_FILE};
+use gshear_store::run_reader::RunFile;
+use gshear_store::status::{RunState, Status};
+
+use crate::braille::plot;
+use crate::printer::Printer;
+use gshear_store::file_names::folder_of;
+
+/// Time between two looks at the run.
+const INTERVAL: Duration = Duration::from_secs(1);
+/// Time without a new status after which a run may have been killed.
+const SILENT: Duration = Duration::from_secs(30);
+/// How often a file is opened again that may be in the middle of a flush, and the time between.
+const ATTEMPTS: usize = 5;
+const PAUSE: Duration = Duration::from_millis(50);
+/// The widest picture (characters), and the least size of one.
+const WIDEST: usize = 120;
+const LEAST: [usize; 2] = [30, 8];
+
+/// Show the curves of a run under way in the terminal, until it ends
+///
+/// Reads log.csv and status.json every second, while the run writes: stress ratio and solid
+/// fraction over the strain, or over the time if the strain returns; of a box the shear stress,
+/// from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it shows the
+/// present state and ends.
+#[derive(Debug, clap::Args)]
+pub struct Arguments {
+    /// The folder of a run
+    run: PathBuf,
+}
+
+impl Arguments {
+    /// # Errors
+    /// A folder without a run, output that cannot be written.
+    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+        watch(&self.run, printer)
+    }
+}
+
+/// Shows the run until it ends; without a terminal, prints one line.
+fn watch(run: &Path, printer: &mut Printer) -> Result<(), Failure> {
+    let folder = folder_of(run);
+    let mut curves = Curves::new(folder);
+    let term = Term::stdout();
+    let shown = term.is_term() && term.size_checked().is_some();
+    let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let (mut drawn, mut size) = (0, term.size());
+    loop {
+        let begun = Instant::now();
+        let status = Status::read(folder);
+        // After the status: a run that ends writes it before it gives up its lock.
+        let state = status.as_ref().map(|status| status.state);
+        let running = state == Some(RunState::Running);
+        let killed = running && is_abandoned(folder);
+        curves.read(status.as_ref())?;
+        if status.is_none() && curves.rows() == 0 {
+            let what = if run.exists() {
+                format!("holds neither {STATUS_FILE} nor {LOG_FILE}")
+            } else {
+                "no such folder".into()
+            };
+            let name = if run.exists() { folder } else { run };
+            return Err(Failure::input(format!(
+                "{}: {what}; give the folder of a run",
+                name.display()
+            )));
+        }
+        let width = if shown {
+            usize::from(term.size().1).saturating_sub(1)
+        } else {
+            usize::MAX
+        };
+        let mut text = vec![headline(status.as_ref(), killed, width, shown && colours)];
+        if shown {
+            let height = usize::from(term.size().0);
+            text.extend(curves.pictures(width.min(WIDEST), height.saturating_sub(3)));
+            // The last picture is drawn over, but for one that the terminal has broken anew.
+            if size != term.size() {
+                size = term.size();
+                write!(printer, "\x1b[H\x1b[2J")?;
+            } else if drawn > 0 {
+                write!(printer, "\x1b[{drawn}A")?;
+            }
+            drawn = text.len();
+        }
+
+        for line in &text {
+            let clear = if shown { "\x1b[2K" } else { "" };
+            writeln!(printer, "{clear}{line}")?;
+        }
+        if shown {
+            write!(printer, "\x1b[J")?;
+        }
+        if killed || state == Some(RunState::Stopped) {
+            let next = format!("continue with --resume {}", folder.display());
+            writeln!(printer, "{}", fold_for(&term, &printable(&next)))?;
+        }
+        printer.flush()?;
+        if !shown || !running || killed {
+            return Ok(());
+        }
+        std::thread::sleep(INTERVAL.saturating_sub(begun.elapsed()));
+    }
+}
+
+/// What the run does, in a line.
+fn headline(status: Option<&Status>, killed: bool, width: usize, colours: bool) -> String {
+    let Some(status) = status else {
+        let text = "the state is unknown: an earlier version wrote this run";
+        return text.chars().take(width).collect();
+    };
+    let what = |words: &str| {
+        let words = match words {
+            "" => String::new(),
+            words => format!("{words} "),
+        };
+        let room = width.saturating_sub(words.chars().count());
+        // Nothing is left to wait for.
+        let left = status.seconds_left.filter(|_| !killed);
+        words + &line(&status.standing, status.speed, left, room, colours)
+    };
+    match status.state {
+        RunState::Running if killed => what("killed:"),
+        RunState::Running if age(status).is_some_and(|age| age > SILENT) => {
+            let seconds = age(status).unwrap_or_default().as_secs();
+            what(&format!("no news for {seconds}s,"))
+        }
+        RunState::Running => what(""),
+        RunState::Stopped => what("stopped:"),
+        RunState::Done => what("done:"),
+        RunState::Failed => {
+            let message = status.message.as_deref().unwrap_or("unknown");
+            let text = format!("failed in {}: {message}", status.standing.stage);
+            text.chars().take(width).collect()
+        }
+    }
+}
+
+/// Time since the status was written.
+fn age(status: &Status) -> Option<Duration> {
+    let written = humantime::parse_rfc3339(&status.updated).ok()?;
+    SystemTime::now().duration_since(written).ok()
+}
+
+/// A point of every curve, by the strain or, if that returns, by the time or the strain step.
+struct Curves {
+    log: Tail,
+    strains: StrainSteps,
+    /// Names of the curves, and of what they are drawn over.
+    names: [&'static str; 2],
+    over: &'static str,
+    points: [Vec<[f64; 2]>; 2],
+}
+
+impl Curves {
+    fn new(folder: &Path) -> Self {
+        Self {
+            log: Tail::new(folder.join(LOG_FILE)),
+            strains: StrainSteps::new(folder.join(AQS_FILE)),
+            names: ["tau", "phi"],
+            over: "strain",
+            points: [Vec::new(), Vec::new()],
+        }
+    }
+
+    fn rows(&self) -> usize {
+        self.points[0].len()
+    }
+
+    /// Reads what is new.
+    fn read(&mut self, status: Option<&Status>) -> Result<(), Failure> {
+        self.log.read();
+        if self.log.rows() > 0 {
+            let names = ["strain", "time", "stress_ratio", "solid_fraction"];
+            let [strain, time, tau, phi] = names.map(|name| self.log.column(name));
+            let (over, x) = if returns(&strain) {
+                ("time", time)
+            } else {
+                ("strain", strain)
+            };
+            (self.names, self.over) = (["tau", "phi"], over);
+            let points = |y: Vec<f64>| x.iter().zip(y).map(|(x, y)| [*x, y]).collect();
+            self.points = [points(tau), points(phi)];
+            return Ok(());
+        }
+        // A box writes no log.
+        let Some(status) = status else { return Ok(()) };
+        self.strains.read(status)?;
+        let column = |k: usize| -> Vec<f64> { self.strains.all().map(|row| row[k]).collect() };
+        let [step, strain, stress] = [0, 1, 2].map(column);
+        let (over, x) = if returns(&strain) {
+            ("strain step", step)
+        } else {
+            ("strain", strain)
+        };
+        (self.names, self.over) = (["stress", ""], over);
+        self.points[0] = x.into_iter().zip(stress).map(|(x, y)| [x, y]).collect();
+        Ok(())
+    }
+
+    /// The lines of the pictures, one above the other if there is room.
+    fn pictures(&self, width: usize, height: usize) -> Vec<String> {
+        if width < LEAST[0] || height < LEAST[1] || self.rows() < 2 {
+            return Vec::new();
+        }
+        let unicode = speaks_utf8();
+        let [first, second] = &self.points;
+        let curve = |points, k: usize, height| {
+            plot(points, self.names[k], self.over, [width, height], unicode)
+        };
+        if second.len() > 1 && height >= 2 * LEAST[1] + 4 {
+            // The stress has twice the room.
+            let lower = (height / 3).max(LEAST[1]);
+            [curve(first, 0, height - lower), curve(second, 1, lower)].concat()
+        } else {
+            curve(first, 0, height)
+        }
+    }
+}
+
+/// Whether the terminal takes more than ASCII.
+fn speaks_utf8() -> bool {
+    let names = ["LC_ALL", "LC_CTYPE", "LANG"];
+    let value = names
+        .into_iter()
+        .find_map(|name| std::env::var(name).ok().filter(|v| !v.is_empty()));
+    let value = value.unwrap_or_default().to_lowercase();
+    value.contains("utf-8") || value.contains("utf8")
+}
+
+fn returns(strain: &[f64]) -> bool {
+    strain.windows(2).any(|pair| pair[1] < pair[0])
+}
+
+/// The strain steps of a box, each with its number, the strain and the shear stress: those in its
+/// file, which the run writes every few seconds, and then those that were seen since.
+struct StrainSteps {
+    path: PathBuf,
+    /// What changes when the file does.
+    signature: Option<(u64, u64, i64, i64)>,
+    stored: Vec<[f64; 3]>,
+    seen: Vec<[f64; 3]>,
+}
+
+impl StrainSteps {
+    fn new(path: PathBuf) -> Self {
+        Self {
+            path,
+            signature: None,
+            stored: Vec::new(),
+            seen: Vec::new(),
+        }
+    }
+
+    fn all(&self) -> impl Iterator<Item = &[f64; 3]> {
+        self.stored.iter().chain(&self.seen)
+    }
+
+    /// Reads what is new.
+    ///
+    /// # Errors
+    /// A damaged file of a run that does not write it any more.
+    fn read(&mut self, status: &Status) -> Result<(), Failure> {
+        let of = std::fs::metadata(&self.path).ok();
+        let signature = of.map(|of| (of.ino(), of.len(), of.mtime(), of.mtime_nsec()));
+        if signature.is_some() && signature != self.signature {
+            let mut found = RunFile::open_any(&self.path);
+            for _ in 0..ATTEMPTS {
+                if found.is_ok() || status.state != RunState::Running {
+                    break;
+                }
+                std::thread::sleep(PAUSE);
+                found = RunFile::open_any(&self.path);
+            }
+            match found {
+                Ok(run) => {
+                    self.signature = signature;
+                    let series = run.series();
+                    let [strain, stress] =
+                        ["strain", "shear_stress"].map(|name| series.column(name));
+                    let rows = series.step.iter().zip(strain).zip(stress);
+                    let rows =
+                        rows.map(|((step, strain), stress)| [*step as f64, *strain, *stress]);
+                    self.stored = rows.collect();
+                }
+                // Another look finds it whole.
+                Err(_) if status.state == RunState::Running => {}
+                Err(failure) => return Err(failure),
+            }
+        }
+        let standing = &status.standing;
+        let step = standing.step as f64;
+        if let (Some(strain), Some(stress)) = (standing.strain, standing.shear_stress) {
+            self.seen.retain(|row| row[0] < step);
+            self.seen.push([step, strain, stress]);
+        }
+        let last = self.stored.last().map_or(-1.0, |row| row[0]);
+        self.seen.retain(|row| row[0] > last);
+        Ok(())
+    }
+}
+
+/// A table that grows: reads its new lines. A table that is cut or replaced, as at a resume, is read
+/// again.
+struct Tail {
+    path: PathBuf,
+    file: (u64, u64),
+    read: u64,
+    names: Vec<String>,
+    columns: Vec<Vec<f64>>,
+}
+
+impl Tail {
+    fn new(path: PathBuf) -> Self {
+        Self {
+            path,
+            file: (0, 0),
+            read: 0,
+            names: Vec::new(),
+            columns: Vec::new(),
+        }
+    }
+
+    fn rows(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
+    fn column(&self, name: &str) -> Vec<f64> {
+        let at = self.names.iter().position(|known| known == name);
+        at.map_or_else(Vec::new, |at| self.columns[at].clone())
+    }
+
+    /// Reads the complete lines that are new; a file that cannot be read has none.
+    fn read(&mut self) {
+        let Ok(mut file) = File::open(&self.path) else {
+            return;
+        };
+        let Ok(of) = file.metadata() else { return };
+        let id = (of.dev(), of.ino());
+        if id != self.file || of.len() < self.read {
+            *self = Self {
+                file: id,
+                ..Self::new(std::mem::take(&mut self.path))
+            };
+        }
+        if file.seek(SeekFrom::Start(self.read)).is_err() {
+            return;
+        }
+        let mut reader = BufReader::new(file);
+        let mut line = String::new();
+        while reader.read_line(&mut line).is_ok_and(|bytes| bytes > 0) && line.ends_with('\n') {
+            self.read += line.len() as u64;
+            self.take(line.trim_end());
+            line.clear();
+        }
+    }
+
+    fn take(&mut self, line: &str) {
+        let cells = line.split(',');
+        if self.names.is_empty() {
+            self.names = cells.map(String::from).collect();
+            self.columns = vec![Vec::new(); self.names.len()];
+            return;
+        }
+        let values: Option<Vec<f64>> = cells.map(|cell| cell.parse().ok()).collect();
+        if let Some(values) = values.filter(|values| values.len() == self.columns.len()) {
+            let columns = self.columns.iter_mut();
+            columns.zip(values).for_each(|(column, x)| column.push(x));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_is_read_as_it_grows() {
+        let path = std::env::temp_dir().join(format!("gshear-watch-{}.csv", std::process::id()));
+        let mut tail = Tail::new(path.clone());
+        tail.read();
+        assert_eq!(tail.rows(), 0);
+        let write = |text: &str| std::fs::write(&path, text).expect("written");
+        write("step,strain\n0,0\n10,0.5\n20,0.");
+        tail.read();
+        assert_eq!(tail.column("strain"), [0.0, 0.5]);
+        write("step,strain\n0,0\n10,0.5\n20,0.75\n");
+        tail.read();
+        assert_eq!(tail.column("strain"), [0.0, 0.5, 0.75]);
+        // Cut at a resume.
+        write("step,strain\n0,0\n");
+        tail.read();
+        assert_eq!(tail.column("strain"), [0.0]);
+        std::fs::remove_file(&path).expect("removed");
+    }
+}

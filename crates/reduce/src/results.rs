@@ -1,0 +1,57 @@
+//! The folder that a command writes its results into.
+
+use std::path::{Path, PathBuf};
+
+use gshear_dem::failure::Failure;
+use gshear_store::dictionary;
+use gshear_store::file_names::is_reduced;
+
+use crate::printer::Printer;
+
+/// The folder of a run, unless the user has named another one. Every result of a command has its
+/// place from here, so that `gshear-mpi --overwrite` knows what to remove: [`is_reduced`] lists it.
+pub struct Results(PathBuf);
+
+impl Results {
+    /// The folder that the user has named, or that of the run.
+    pub fn of(named: Option<&Path>, run: &Path) -> Self {
+        Self(named.unwrap_or(run).to_path_buf())
+    }
+
+    /// The place of a file or folder.
+    ///
+    /// # Panics
+    /// If [`is_reduced`] does not know the name.
+    pub fn place(&self, name: &str) -> PathBuf {
+        assert!(
+            is_reduced(name),
+            "{name}: is not in gshear_store::file_names::is_reduced"
+        );
+        self.0.join(name)
+    }
+
+    /// Writes a table and its metadata, and prints the name of the table.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn table(&self, name: &str, csv: &str, printer: &mut Printer) -> Result<(), Failure> {
+        // None of its columns is a force or an energy, so the dimension does not matter.
+        self.table_in(3, name, csv, printer)
+    }
+
+    /// [`Self::table`] of a run in `axes` dimensions.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn table_in(
+        &self,
+        axes: usize,
+        name: &str,
+        csv: &str,
+        printer: &mut Printer,
+    ) -> Result<(), Failure> {
+        let path = self.place(name);
+        dictionary::write_table_in(axes, &path, csv)?;
+        printer.wrote(&path)
+    }
+}

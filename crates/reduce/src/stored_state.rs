@@ -1,0 +1,230 @@
+//! A state of a run, a frame or a checkpoint, and its stiffness matrix.
+
+use std::path::Path;
+
+use crate::frame_selection::Which;
+use crate::printer::Printer;
+use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble, paper_form};
+use gshear_analysis::stability::Stability;
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::LawSpace;
+use gshear_dem::state::{Cell, ContactState, GrainState};
+use gshear_driver::header::{Header, Saved};
+use gshear_scene::{Boundary, Dimensions, Scene, Source};
+use gshear_store::checkpoint;
+use gshear_store::run_reader::{RunFile, RunStage};
+use gshear_store::spectrum_writer::StateOrigin;
+
+/// The histories in K: as the law has them, or as printed by Bonfanti et al.
+pub fn history(paper_form: bool) -> History {
+    if paper_form {
+        History::Unturned
+    } else {
+        History::Turned
+    }
+}
+
+/// The frame to take.
+#[derive(Debug, Clone, Copy)]
+pub enum StateSelection {
+    /// The last frame, or one by number.
+    Frame(Which),
+    /// The frame nearest to this shear strain.
+    Strain(f64),
+}
+
+/// K, and the paper's J if requested.
+pub struct StiffnessMatrix {
+    /// K and M.
+    pub jacobian: Jacobian,
+    /// J in the form of the paper's appendix.
+    pub paper: Option<faer::sparse::SparseColMat<usize, f64>>,
+    /// The state.
+    pub origin: StateOrigin,
+}
+
+/// A state with its law and cell, from which K is assembled.
+pub struct StoredState {
+    scene: Scene,
+    cell: Cell,
+    /// Grains by id.
+    grains: Vec<GrainState>,
+    contacts: Vec<ContactState>,
+    what: String,
+    origin: StateOrigin,
+}
+
+impl StoredState {
+    /// Reads a state from a run.h5, the folder that holds one, or a checkpoint.
+    ///
+    /// # Errors
+    /// A damaged file, a file that is neither a run nor a checkpoint, a missing frame, a checkpoint
+    /// of the packing stage.
+    pub fn read(path: &Path, selection: Option<StateSelection>) -> Result<Self, Failure> {
+        if checkpoint::is_checkpoint(path) {
+            return of_checkpoint(path, selection);
+        }
+        let selection = selection.unwrap_or(StateSelection::Frame(Which::Last));
+        Self::of_run(&RunFile::open_any(path)?, selection)
+    }
+
+    /// Reads a frame.
+    ///
+    /// # Errors
+    /// A damaged file, a missing frame.
+    pub fn of_run(run: &RunFile, selection: StateSelection) -> Result<Self, Failure> {
+        let t = match selection {
+            StateSelection::Frame(which) => which.of(run)?,
+            StateSelection::Strain(strain) => {
+                let strains = run.frame_strains()?;
+                let apart = |&t: &usize| (strains[t] - strain).abs();
+                let nearest = (0..strains.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)));
+                nearest.ok_or_else(|| {
+                    Failure::input(format!("--strain: {} has no frames", run.path().display()))
+                })?
+            }
+        };
+        let name = format!("{} (its scene)", run.path().display());
+        let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
+        let (grains, contacts) = run.state(t)?;
+        let what = format!(
+            "frame {t} (step {}) of {}",
+            run.frame_steps()[t],
+            run.path().display()
+        );
+        let origin = StateOrigin {
+            run_id: run.text("run_id").map(str::to_string),
+            stage: run.stage(),
+            step: run.frame_steps()[t],
+        };
+        Ok(Self {
+            scene,
+            cell: run.cell(t),
+            grains,
+            contacts,
+            what,
+            origin,
+        })
+    }
+
+    /// Assembles K and M.
+    pub fn jacobian(&self, history: History) -> Jacobian {
+        let state = NetworkState {
+            grains: &self.grains,
+            contacts: &self.contacts,
+            cell: self.cell,
+            masses: self.scene.law.masses(),
+            // Strain steps end at rest.
+            at_rest: self.origin.stage == RunStage::Strain,
+        };
+        match self.scene.dimension {
+            Dimensions::Two => assemble::<Two>(state, self.force::<Two>().as_ref(), history),
+            Dimensions::Three => assemble::<Three>(state, self.force::<Three>().as_ref(), history),
+        }
+    }
+
+    /// Finds all eigenvalues of the state's K and counts those that make it unstable.
+    ///
+    /// # Errors
+    /// If K is not finite.
+    pub fn stability(&self, jacobian: &Jacobian) -> Result<Stability, Failure> {
+        let unfit = |why| Failure::numbers(format!("{}: K: {why}", self.what));
+        Ok(Stability::of(&jacobian.problem().map_err(unfit)?))
+    }
+
+    /// Returns the contact law, as the run itself chooses it.
+    fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
+        D::pair_force(&self.scene.law, &self.scene.contact)
+            .expect("a law of this dimension, as the scene was checked")
+    }
+}
+
+/// Assembles K of a run.h5, the folder that holds one, or a checkpoint, and prints its origin. With
+/// `paper` the contact histories do not turn with the contacts.
+///
+/// # Errors
+/// As [`StoredState::read`].
+pub fn stiffness_of(
+    path: &Path,
+    selection: Option<StateSelection>,
+    paper: bool,
+    printer: &mut Printer,
+) -> Result<StiffnessMatrix, Failure> {
+    let found = StoredState::read(path, selection)?;
+    let jacobian = found.jacobian(history(paper));
+    writeln!(
+        printer,
+        "{}: {} free grains of {}, {} contacts, {} of them sliding",
+        found.what,
+        jacobian.grains.len(),
+        found.grains.len(),
+        jacobian.contacts,
+        jacobian.sliding
+    )?;
+    let radius = |g: u32| found.grains[g as usize].radius;
+    let paper = paper.then(|| paper_form(&jacobian, radius));
+    Ok(StiffnessMatrix {
+        jacobian,
+        paper,
+        origin: found.origin,
+    })
+}
+
+fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<StoredState, Failure> {
+    let shown = path.display();
+    let unfit = |what: &str| Err(Failure::input(format!("{shown}: {what}")));
+    if selection.is_some() {
+        return Err(Failure::input(format!(
+            "--frame, --strain: {shown} is a checkpoint, which holds one state; leave it out"
+        )));
+    }
+    let saved = Saved::read(&Solo, path)?;
+    let scene = saved.scene(&[])?;
+    let Saved { header, state, .. } = saved;
+    let Some(stage) = header.run_stage() else {
+        return unfit(
+            "a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
+        );
+    };
+    let step = header.step();
+    let (cell, what) = match (&header, &scene.boundary) {
+        (Header::Aqs { unfinished, .. }, _) if unfinished.is_some() => {
+            return unfit(&format!(
+                "the run was stopped within strain step {}, so the checkpoint's state is not at rest; continue the run, or give aqs.h5 and a frame of it",
+                step + 1
+            ));
+        }
+        (
+            Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
+            Boundary::Periodic(_),
+        ) => {
+            let cell = match scene.dimension {
+                Dimensions::Two => progress.cell::<Two>(&scene.sample),
+                Dimensions::Three => progress.cell::<Three>(&scene.sample),
+            };
+            (cell, format!("{} step {step} in {shown}", header.stage()))
+        }
+        (_, Boundary::Walls(_)) => (
+            scene.sample.cell(),
+            format!("step {step} of the shear in {shown}"),
+        ),
+        (_, Boundary::Periodic(_)) => {
+            return unfit("the checkpoint is of a stage between walls, but its scene has a [box]");
+        }
+    };
+    Ok(StoredState {
+        scene,
+        cell,
+        grains: state.grains,
+        contacts: state.contacts,
+        what,
+        origin: StateOrigin {
+            run_id: None,
+            stage,
+            step,
+        },
+    })
+}

@@ -1,0 +1,93 @@
+//! Figures of eigenvalues: in the complex plane, and over time.
+
+use super::colour::{GREY, INK, SLIP, STICK};
+use super::curves::padded;
+use super::plot::{Layout, figure};
+use super::ticks;
+use gshear_analysis::moments::extent;
+use gshear_spectrum::{Eigenvalue, Verdict};
+use gshear_store::table::Table;
+
+const WIDE: Layout = Layout {
+    size: [900.0, 400.0],
+    margin: [104.0, 62.0, 24.0, 58.0],
+};
+const LAYOUT: Layout = Layout::new([900.0, 480.0], 84.0);
+
+/// Draws eigenvalues coloured by verdict, pairs on top.
+pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
+    let range = |of: fn(&Eigenvalue) -> f64| {
+        let [low, high] = extent(eigenvalues.iter().map(of));
+        (low <= high).then_some([low, high])
+    };
+    let (Some(re), Some(im)) = (range(|e| e.value.re), range(|e| e.value.im)) else {
+        return figure(LAYOUT, [0.0, 1.0], [0.0, 1.0], |plot| {
+            plot.empty_note("no eigenvalues");
+            plot.axes(&[], &[], "Re λ", "Im λ");
+        });
+    };
+    let wide = |[low, high]: [f64; 2], least: f64| {
+        let margin = (0.05 * (high - low)).max(least);
+        [low - margin, high + margin]
+    };
+    let least = 1e-12 * re[0].abs().max(re[1].abs()).max(1e-300);
+    let (x, y) = (wide(re, least), wide(im, 0.01 * (re[1] - re[0]).max(least)));
+    figure(LAYOUT, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 8), ticks::round(y[0], y[1], 6));
+        plot.grid(&x_ticks, &y_ticks);
+        let kinds = [
+            (Verdict::Real, STICK, "real"),
+            (Verdict::Zero, INK, "zero"),
+            (Verdict::Doubtful, GREY, "doubtful"),
+            (Verdict::Pair, SLIP, "pair"),
+        ];
+        for (verdict, colour, _) in kinds {
+            for e in eigenvalues.iter().filter(|e| e.verdict == verdict) {
+                plot.disk([e.value.re, e.value.im], 2.5, colour, None);
+            }
+        }
+        plot.axes(&x_ticks, &y_ticks, "Re λ", "Im λ");
+        plot.legend(&kinds.map(|(_, colour, name)| (colour, name)));
+    })
+}
+
+/// A row of `spectra.csv`.
+#[derive(serde::Deserialize)]
+pub(crate) struct SpectrumRow {
+    time: f64,
+    real: f64,
+    imaginary: f64,
+}
+
+/// Draws the imaginary parts over time. Returns SVG and CSV.
+pub(crate) fn over_time(rows: &[SpectrumRow]) -> [String; 2] {
+    let points: Vec<[f64; 2]> = rows.iter().map(|row| [row.time, row.imaginary]).collect();
+    let x = padded(points.iter().map(|p| p[0]), 0.01);
+    let y = padded(points.iter().map(|p| p[1]), 0.06);
+    let svg = figure(WIDE, x, y, |plot| {
+        let (x_ticks, y_ticks) = (ticks::scientific(x, 8), ticks::scientific(y, 6));
+        plot.grid(&x_ticks, &y_ticks);
+        // One mark per pixel is enough.
+        let mut drawn: Vec<(i64, i64)> = Vec::new();
+        for point in &points {
+            let pixel = |k: usize, range: [f64; 2]| {
+                (WIDE.size[k] * (point[k] - range[0]) / (range[1] - range[0])) as i64
+            };
+            drawn.push((pixel(0, x), pixel(1, y)));
+        }
+        let mut order: Vec<usize> = (0..points.len()).collect();
+        order.sort_by_key(|&k| drawn[k]);
+        order.dedup_by_key(|k| drawn[*k]);
+        for k in order {
+            plot.disk(points[k], 1.6, STICK, None);
+        }
+        plot.clip();
+        plot.axes(&x_ticks, &y_ticks, "time", "Im λ");
+    });
+    let csv = Table::of(rows)
+        .column("time", |row| row.time)
+        .column("real", |row| row.real)
+        .column("imaginary", |row| row.imaginary)
+        .csv();
+    [svg, csv]
+}
