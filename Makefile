@@ -59,13 +59,14 @@ run: build
 	@echo "Results in $(OUT); open $(OUT)/report/index.html"
 	@cd $(OUT) && du -sh --apparent-size -- * | awk '{ printf "  %-24s %s\n", $$2, $$1 }'
 
+# Two tests a core, since many wait.
 # All in the release profile: the tests run real programs, and one profile builds the dependencies once.
 test: deps
 	cargo fmt --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
 	cargo clippy --release --locked --test queues -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
-	cargo test --release --locked --workspace
+	RUST_TEST_THREADS=$$(( 2 * $$(nproc) )) cargo test --release --locked --workspace
 	$(MAKE) python
 
 # The programs are named because others may come first in the path.

@@ -8,7 +8,7 @@ pub mod synthetic;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::{Mutex, PoisonError};
+use std::sync::RwLock;
 
 /// The programs under test.
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
@@ -162,9 +162,11 @@ pub fn with_environment(
     folder: &Path,
     arguments: &[String],
 ) -> Outcome {
-    // Ranks of two jobs that wait for each other would share the cores.
-    static JOB: Mutex<()> = Mutex::new(());
-    let _job = (ranks > 1).then(|| JOB.lock().unwrap_or_else(PoisonError::into_inner));
+    // Ranks that wait for each other yield their cores, and get them back late from another job: a
+    // job of several ranks runs alone, those of one rank beside each other.
+    static CORES: RwLock<()> = RwLock::new(());
+    let _beside = (ranks == 1).then(|| CORES.read());
+    let _alone = (ranks > 1).then(|| CORES.write());
     let mut command = program(ranks);
     command.args(arguments).arg("--out").arg(folder);
     command.envs(variables.iter().copied());
