@@ -6,7 +6,8 @@ use gshear_dem::failure::Failure;
 use gshear_scene::{Source, load};
 
 /// Where the bad inputs lie. Each file's first line is `# expect: ` and the whole
-/// message, without the folder; ` …` at its end stands for a list of keys.
+/// message, without the folder; ` …` at its end stands for a list of keys. Most extend a scene of
+/// `bases` and have only what is wrong.
 const BAD_INPUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/bad_input");
 
 /// Runs every bad input and compares its message with the one it carries. `run` takes the file's path and returns the message,
