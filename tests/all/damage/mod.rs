@@ -451,7 +451,7 @@ fn subjects(folder: &Path) -> Vec<(Box<dyn Subject>, f64)> {
             Box::new(input(
                 "packing",
                 tests.join("scenes/triangular.data"),
-                Some(tests.join("damage/packed.toml")),
+                Some(tests.join("all/damage/packed.toml")),
             )),
             0.06,
         ),
