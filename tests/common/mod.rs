@@ -8,6 +8,31 @@ pub mod synthetic;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::RwLock;
+
+/// The programs under test.
+pub const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
+pub const REDUCER: &str = env!("CARGO_BIN_EXE_gshear-reduce");
+
+/// The tests' own variable (.cargo/config.toml), without which the programs run.
+const LOCKS: &str = "HDF5_USE_FILE_LOCKING";
+
+/// gshear-reduce.
+pub fn reducer() -> Command {
+    let mut command = Command::new(REDUCER);
+    command.env_remove(LOCKS);
+    command
+}
+
+/// gshear-mpi on ranks; on one without mpirun.
+pub fn program(ranks: usize) -> Command {
+    if ranks > 1 {
+        return mpirun(ranks, PROGRAM);
+    }
+    let mut command = Command::new(PROGRAM);
+    command.env_remove(LOCKS);
+    command
+}
 
 /// The program that starts ranks, with its options: the environment's MPIRUN, such as `mpirun.mpich`.
 fn launcher() -> Vec<String> {
@@ -36,6 +61,7 @@ pub fn mpirun(ranks: usize, program: impl AsRef<Path>) -> Command {
     let words = launcher();
     let mut command = Command::new(&words[0]);
     command.args(&words[1..]).args(["--bind-to", "none"]);
+    command.env_remove(LOCKS);
     if is_open_mpi() {
         command
             .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
@@ -136,12 +162,12 @@ pub fn with_environment(
     folder: &Path,
     arguments: &[String],
 ) -> Outcome {
-    let program = env!("CARGO_BIN_EXE_gshear-mpi");
-    let mut command = if ranks == 1 {
-        Command::new(program)
-    } else {
-        mpirun(ranks, program)
-    };
+    // Ranks that wait for each other yield their cores, and get them back late from another job: a
+    // job of several ranks runs alone, those of one rank beside each other.
+    static CORES: RwLock<()> = RwLock::new(());
+    let _beside = (ranks == 1).then(|| CORES.read());
+    let _alone = (ranks > 1).then(|| CORES.write());
+    let mut command = program(ranks);
     command.args(arguments).arg("--out").arg(folder);
     command.envs(variables.iter().copied());
     Outcome::of(command.output().expect("the program starts"))
@@ -192,7 +218,7 @@ pub fn kept_files(name: &str, folder: &Path) -> PathBuf {
 /// [`gshear_mpi`] on one rank, asked to stop as soon as it has begun to pack.
 pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
     use std::io::{BufRead, BufReader, Read};
-    let mut child = Command::new(env!("CARGO_BIN_EXE_gshear-mpi"))
+    let mut child = program(1)
         .args(arguments)
         .arg("--out")
         .arg(folder)
@@ -263,13 +289,6 @@ pub fn no_parts(folder: &Path) {
     }
 }
 
-/// Only one test of a file at a time: ranks that wait for each other spin.
-pub fn alone() -> std::sync::MutexGuard<'static, ()> {
-    static ONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
-    ONE.lock()
-        .unwrap_or_else(std::sync::PoisonError::into_inner)
-}
-
 /// What the digest does not see of the last checkpoint of a run: the images of the grains, and which
 /// limits the contacts are at.
 pub fn beyond_the_digest(folder: &Path) -> [Vec<i64>; 2] {
@@ -314,17 +333,19 @@ pub fn same_run(a: &Path, b: &Path) {
     }
 }
 
-/// Changes an HDF5 file. It is then another file of that name, which HDF5 can lock: a process that
-/// another thread of this test started meanwhile has inherited the one changed here, with its lock.
+/// Changes an HDF5 file.
 pub fn change_file(path: &Path, change: impl FnOnce(&hdf5::File)) {
-    let copy = path.with_extension("changing");
-    std::fs::copy(path, &copy).expect("a copy");
-    let file = hdf5::File::open_rw(&copy).expect("an HDF5 file");
+    let file = hdf5::File::open_rw(path).expect("an HDF5 file");
     change(&file);
     file.close().expect("closed");
-    std::fs::remove_file(path).expect("removed");
-    std::fs::copy(&copy, path).expect("a copy");
-    std::fs::remove_file(&copy).expect("removed");
+}
+
+/// Whether there is no such program here.
+pub fn missing(program: &str) -> bool {
+    let found = Command::new("sh")
+        .args(["-c", &format!("command -v {program}")])
+        .output();
+    !found.is_ok_and(|found| found.status.success())
 }
 
 /// Paths of all datasets below a group.

@@ -3,8 +3,8 @@
 use std::fs;
 use std::process::Command;
 
-use crate::common::succeed;
-use crate::{LONG, Project, SHORT, launch, missing, same, whole};
+use crate::common::{missing, succeed};
+use crate::{LONG, Project, SHORT, launch, same, whole};
 
 /// On an instance of Flux that is started for it.
 #[test]

@@ -1,22 +1,23 @@
 //! The job scripts: on a Slurm of this machine and on a Flux instance, where they are installed;
-//! those of PBS and LSF with stand-ins for the commands of the batch system.
+//! those of PBS and LSF with stand-ins for the commands of the batch system. Ranks on two hosts.
+//!
+//! Run by hand: `make queues`.
 
 #[path = "../common/mod.rs"]
 mod common;
 mod flux;
+mod hosts;
 mod slurm;
 mod stand_ins;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
-use common::{same_run, succeed};
+use common::{PROGRAM, program, same_run, succeed};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
 /// A few seconds of computing.
 const LONG: [&str; 3] = [
     "--set=shear.strain=20",
@@ -61,7 +62,7 @@ impl Project {
 
     /// The program itself, on one rank.
     fn run(&self, arguments: &[&str]) {
-        let mut command = Command::new(PROGRAM);
+        let mut command = program(1);
         succeed(command.args(arguments).current_dir(self.path()));
     }
 }
@@ -77,7 +78,7 @@ fn whole() -> &'static Path {
     static WHOLE: OnceLock<PathBuf> = OnceLock::new();
     WHOLE.get_or_init(|| {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("queues");
-        let mut run = Command::new(PROGRAM);
+        let mut run = program(1);
         run.arg(common::crossing::SCENE)
             .args(LONG)
             .arg("--overwrite");
@@ -97,13 +98,6 @@ fn is_resumed(folder: &Path) -> bool {
     scene.contains("# resumed at ")
 }
 
-fn missing(program: &str) -> bool {
-    let found = Command::new("sh")
-        .args(["-c", &format!("command -v {program}")])
-        .output();
-    !found.is_ok_and(|found| found.status.success())
-}
-
 /// Waits for a value.
 fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let begun = Instant::now();
@@ -117,24 +111,4 @@ fn until<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
         );
         std::thread::sleep(Duration::from_millis(100));
     }
-}
-
-#[test]
-fn job_scripts_are_clean() {
-    let at = |folder: &str| {
-        let entries = fs::read_dir(Path::new(ROOT).join(folder)).expect("a folder");
-        entries.map(|entry| entry.expect("a script").path())
-    };
-    let scripts: Vec<PathBuf> = at("job-scripts")
-        .chain(at("tests/queues/commands"))
-        .collect();
-    assert_eq!(scripts.len(), 9, "{scripts:?}");
-    for script in &scripts {
-        succeed(Command::new("bash").arg("-n").arg(script));
-    }
-    if missing("shellcheck") {
-        println!("skipped: shellcheck is not installed");
-        return;
-    }
-    succeed(Command::new("shellcheck").arg("-x").args(&scripts));
 }

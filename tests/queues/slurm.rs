@@ -8,8 +8,8 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::common::succeed;
-use crate::{ENDLESS, LONG, Project, SHORT, is_resumed, launch, missing, same, until, whole};
+use crate::common::{missing, succeed};
+use crate::{ENDLESS, LONG, Project, SHORT, is_resumed, launch, same, until, whole};
 
 /// A Slurm of one node with its daemons.
 struct Slurm {

@@ -354,7 +354,7 @@ mod tests {
     }
 
     /// The bound holds for a lattice at its stiffest: ω² of a triangular lattice reaches 6 k/m, at
-    /// most 12 k/m. Sticking lattices are in `tests/stress`.
+    /// most 12 k/m. Sticking lattices are in `tests/all/stress`.
     #[test]
     fn step_limit_is_below_that_of_a_triangular_lattice() {
         let directions: Vec<[f64; 2]> = (0..6)

@@ -428,6 +428,13 @@ fn configurations(cases: u32) {
     let path = folder.path().join("scene.toml");
     let shipped: Vec<_> = [files("configs", "toml"), files("tests/scenes", "toml")].concat();
     let bad = files("tests/bad_input", "toml");
+    // What the bad ones extend.
+    std::fs::create_dir(folder.path().join("bases")).expect("a folder");
+    for entry in std::fs::read_dir(format!("{ROOT}/tests/bad_input/bases")).expect("a folder") {
+        let base = entry.expect("an entry");
+        let copy = folder.path().join("bases").join(base.file_name());
+        std::fs::copy(base.path(), copy).expect("copied");
+    }
     let base = prop_oneof![3 => select(shipped.clone()), 1 => select(bad)];
     let counts = Counts::default();
     check(cases / 3, &mutated(base, mutation(), 4), |text| {

@@ -1,0 +1,93 @@
+//! Runs in a periodic sheared box, through the real program: what the paper's stages must give.
+
+use std::path::Path;
+
+use crate::common::{Outcome, gshear_mpi};
+use gshear_analysis::growth;
+use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
+use gshear_store::run_reader::RunFile;
+
+const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+
+fn run(folder: &Path, ranks: usize, more: &[&str]) -> Outcome {
+    let mut arguments = vec![SCENE.to_string()];
+    arguments.extend(more.iter().map(ToString::to_string));
+    gshear_mpi(ranks, folder, &arguments)
+}
+
+/// Newton's method reaches what overdamped dynamics reaches where no contact opens: the same energy, stress and pressure.
+#[test]
+fn newtons_method_finds_the_state_of_overdamped_dynamics() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let of = |method: &str| {
+        let folder = folder.path().join(method);
+        let method = format!("--set=relax.method={method}");
+        let more = [
+            &*method,
+            "--set=relax.tolerance=1e-12",
+            "--set=relax.drag=0.022",
+            "--set=contact.friction=10.0",
+            "--set=aqs.strain_step=1e-6",
+            "--set=newtonian.growth_times=none",
+            "--set=newtonian.rows=none",
+            "--set=newtonian.frames=none",
+        ];
+        let outcome = run(&folder, 1, &more);
+        assert_eq!(outcome.code, 0, "{}", outcome.text);
+        RunFile::open_any(&folder.join(AQS_FILE)).expect("a file of the run")
+    };
+    let (newton, overdamped) = (of("newton"), of("overdamped"));
+    let fell_back: f64 = newton.series().column("fell_back").iter().sum();
+    assert!(fell_back < 3.0, "{fell_back} of 8 steps were not smooth");
+    assert!(
+        overdamped
+            .series()
+            .column("overdamped_steps")
+            .iter()
+            .skip(1)
+            .all(|n| *n > 0.0)
+    );
+    for name in ["elastic_energy", "pressure"] {
+        for (a, b) in (newton.series().column(name).iter()).zip(overdamped.series().column(name)) {
+            assert!((a / b - 1.0).abs() < 1e-9, "{name}: {a} {b}");
+        }
+    }
+    let change = |run: &RunFile| {
+        let stress = run.series().column("shear_stress");
+        stress[8] - stress[0]
+    };
+    assert!((change(&newton) / change(&overdamped) - 1.0).abs() < 1e-5);
+}
+
+/// Newton's equations let the pair grow and oscillate as its eigenvalue says (BO eq. 8), over 8 decades.
+#[test]
+fn a_complex_pair_grows_as_its_eigenvalue_says() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/configs/bonfanti.toml");
+    let mut arguments = vec![scene.to_string()];
+    for set in [
+        "aqs.birth_precision=1e-5",
+        "aqs.until_imaginary=5e-5",
+        "newtonian.growth_times=20.0",
+        "newtonian.rows=4000",
+        "newtonian.frames=0",
+        "newtonian.spectra=0",
+    ] {
+        arguments.push(format!("--set={set}"));
+    }
+    let outcome = gshear_mpi(1, folder.path(), &arguments);
+    assert_eq!(outcome.code, 0, "{}", outcome.text);
+    let run = RunFile::open_any(&folder.path().join(NEWTONIAN_FILE)).expect("a file of the run");
+    let growth =
+        growth::fit(&run.series().time, run.series().column("msd"), 1e-11).expect("growth");
+    let of = |name: &str| run.number(name).expect("a complex pair");
+    assert!(growth.decades > 8.0, "{growth:?}");
+    assert!(
+        (growth.omega_i / of("omega_i") - 1.0).abs() < 0.01,
+        "{growth:?}"
+    );
+    assert!(
+        (growth.omega_r / of("omega_r") - 1.0).abs() < 0.01,
+        "{growth:?}"
+    );
+}

@@ -1,0 +1,116 @@
+//! The contracts of spheres, through the real program: bits compared, never approximately.
+
+use std::path::Path;
+
+use crate::common::{beyond_the_digest, gshear_mpi, same_run};
+
+/// Contracts 1, 2 and 3 of spheres with vectors for histories, under a spring and a protocol with a hold.
+#[test]
+fn spheres_under_a_spring_keep_the_contracts() {
+    const SPHERES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml");
+    let folder = tempfile::tempdir().expect("a folder");
+    let run = |name: &str, ranks, further: &[&str]| {
+        let mut arguments = vec![SPHERES.to_string()];
+        arguments.extend(further.iter().map(ToString::to_string));
+        gshear_mpi(ranks, &folder.path().join(name), &arguments)
+    };
+    let expected = run("one", 1, &[]).digest();
+    let five = run("five", 5, &["--set=bookkeeping.skin=0.3"]);
+    assert_eq!(five.digest(), expected, "5 ranks");
+    same_run(&folder.path().join("one"), &folder.path().join("five"));
+    let beyond = beyond_the_digest(&folder.path().join("one"));
+    assert!(
+        beyond[1].iter().any(|limit| limit & 0b101 == 0b101),
+        "nothing slides"
+    );
+    spheres_cross(&folder.path().join("five"));
+
+    assert_eq!(run("start", 2, &["--stop-at=1"]).code, 75);
+    let start = folder.path().join("start/checkpoint.h5");
+    for (ranks, further) in [
+        (2, &["--set=bookkeeping.rebuild_every=7"][..]),
+        (3, &["--set=bookkeeping.simd=portable"]),
+        (1, &["--set=bookkeeping.simd=avx2", "--threads=3"]),
+        (
+            1,
+            &["--set=output.series_rows=0", "--set=output.energy=false"],
+        ),
+        (
+            2,
+            &["--set=output.frame_rows=500", "--set=output.series_rows=1"],
+        ),
+    ] {
+        let unknown = further.iter().any(|set| set.ends_with("avx2"))
+            && gshear_dem::simd::Isa::named("avx2").is_none();
+        if unknown {
+            continue;
+        }
+        let mut arguments = vec![format!("--resume={}", start.display())];
+        arguments.extend(further.iter().map(ToString::to_string));
+        let other = folder.path().join("other");
+        let outcome = gshear_mpi(ranks, &other, &arguments);
+        assert_eq!(outcome.digest(), expected, "{ranks} ranks, {further:?}");
+        assert_eq!(
+            beyond_the_digest(&other),
+            beyond,
+            "{ranks} ranks, {further:?}"
+        );
+    }
+
+    // In the hold, and again in the last part.
+    assert_eq!(run("broken", 3, &["--stop-at=3100"]).code, 75);
+    let broken = folder.path().join("broken");
+    let resume = format!("--resume={}", broken.join("checkpoint.h5").display());
+    let again = gshear_mpi(1, &broken, &[resume.clone(), "--stop-at=4000".into()]);
+    assert_eq!(again.code, 75, "{}", again.text);
+    assert_eq!(gshear_mpi(2, &broken, &[resume]).digest(), expected);
+    same_run(&folder.path().join("one"), &broken);
+    assert_eq!(beyond_the_digest(&broken), beyond);
+}
+
+/// That spheres change slabs and cross both seams, and contacts slide across.
+fn spheres_cross(folder: &Path) {
+    let file = hdf5::File::open(folder.join("run.h5")).expect("run.h5");
+    let read = |name: &str| file.dataset(name).expect(name);
+    let position = read("particles/trajectory/position/value")
+        .read::<f64, ndarray::Ix3>()
+        .expect("positions");
+    let parameters = file.group("parameters").expect("parameters");
+    let cuts: Vec<f64> = parameters
+        .attr("rank_map")
+        .and_then(|a| a.read_raw())
+        .expect("rank_map");
+    let slab = |x: f64| cuts.iter().filter(|&&c| c <= x).count();
+    let edges: Vec<f64> = read("particles/trajectory/box/edges/value")
+        .read_raw()
+        .expect("edges");
+    let mut counts = [0; 5];
+    let (frames, grains) = (position.shape()[0], position.shape()[1]);
+    for t in 1..frames {
+        for g in 0..grains {
+            let at = |axis: usize| [position[[t - 1, g, axis]], position[[t, g, axis]]];
+            let [a, b] = at(0);
+            counts[0] += usize::from(slab(a) != slab(b));
+            for axis in 0..2 {
+                let [a, b] = at(axis);
+                counts[1 + axis] += usize::from((a - b).abs() > 0.5 * edges[axis]);
+            }
+        }
+    }
+    let of = |name: &str| read(&format!("connectivity/contacts/{name}"));
+    let offset: Vec<u64> = of("offset").read_raw().expect("offsets");
+    let i: Vec<u32> = of("i").read_raw().expect("i");
+    let j: Vec<u32> = of("j").read_raw().expect("j");
+    let sliding: Vec<u8> = of("sliding").read_raw().expect("sliding");
+    for t in 0..frames {
+        for c in offset[t] as usize..offset[t + 1] as usize {
+            let at = |id: u32, axis: usize| position[[t, id as usize, axis]];
+            let over = |axis| (at(i[c], axis) - at(j[c], axis)).abs() > 0.5 * edges[axis];
+            let slides = sliding[c] == 1;
+            counts[3] += usize::from(slides && slab(at(i[c], 0)) != slab(at(j[c], 0)));
+            counts[4] += usize::from(slides && (over(0) || over(1)));
+        }
+    }
+    // Grains that changed slabs, and crossed the seams; contacts sliding over cuts, and over seams.
+    assert!(counts.iter().all(|&n| n >= 20), "{counts:?}");
+}

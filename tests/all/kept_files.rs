@@ -1,0 +1,80 @@
+//! Files of an earlier build, kept in `tests/files`, stay readable: a run and its checkpoint between
+//! walls and in a periodic box.
+
+use std::path::Path;
+
+use crate::common::{Outcome, gshear_mpi, kept_files, reducer, succeed};
+use gshear_store::run_reader::RunFile;
+
+fn scene(name: &str) -> String {
+    format!("{}/tests/files/{name}.toml", env!("CARGO_MANIFEST_DIR"))
+}
+
+fn reduce(arguments: &[&str], paths: &[&Path]) -> String {
+    let mut command = reducer();
+    let output = succeed(command.args(arguments).args(paths));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A run from a kept checkpoint.
+fn resumed(checkpoint: &Path, out: &Path, ranks: usize) -> Outcome {
+    let resume = format!("--resume={}", checkpoint.display());
+    gshear_mpi(ranks, out, &[resume])
+}
+
+#[test]
+fn a_kept_run_is_read_repeated_and_continued() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let kept = kept_files("walls", folder.path());
+    let run = RunFile::open(&kept).expect("a run");
+    let digest = run.digest().expect("a digest").to_string();
+    let info = reduce(&["info"], &[&kept]);
+    for part in [&digest, "48: 38 free", "Kept files"] {
+        assert!(info.contains(part), "no {part} in {info}");
+    }
+    for ranks in [1, 2] {
+        let again = folder.path().join(format!("again-{ranks}"));
+        let outcome = gshear_mpi(ranks, &again, &[scene("walls")]);
+        assert_eq!(outcome.digest(), digest);
+        assert!(reduce(&["compare"], &[&kept, &again]).ends_with("equal\n"));
+        let on = folder.path().join(format!("on-{ranks}"));
+        let outcome = resumed(&kept.join("checkpoint.h5"), &on, ranks);
+        assert_eq!(outcome.digest(), digest);
+    }
+    // With its files, in its folder.
+    let both = folder.path().join("both");
+    let begun = [scene("walls"), "--stop-at=450".into()];
+    assert_eq!(gshear_mpi(1, &both, &begun).code, 75);
+    std::fs::copy(kept.join("checkpoint.h5"), both.join("checkpoint.h5")).expect("copied");
+    let outcome = gshear_mpi(2, &both, &[scene("walls"), "--resume=auto".into()]);
+    assert_eq!(outcome.digest(), digest);
+    assert!(reduce(&["compare"], &[&kept, &both]).ends_with("equal\n"));
+}
+
+#[test]
+fn a_kept_run_in_a_box_is_read_and_continued() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let kept = kept_files("box", folder.path());
+    reduce(&["growth"], &[&kept]);
+    for name in ["growth.csv", "growth-grains.csv"] {
+        let units = kept.join(format!("{name}-metadata.json"));
+        assert!(kept.join(name).exists() && units.exists(), "{name}");
+    }
+    // From a checkpoint after the strain steps, whose last bits depend on the processor.
+    let digest = |text: &str| {
+        let (_, digest) = text.rsplit_once("digest ").expect("a digest");
+        digest.split_whitespace().next().map(ToString::to_string)
+    };
+    let from = |ranks: usize| {
+        let out = folder.path().join(format!("on-{ranks}"));
+        let outcome = resumed(&kept.join("checkpoint.h5"), &out, ranks);
+        assert_eq!(outcome.code, 0, "{}", outcome.text);
+        digest(&outcome.text)
+    };
+    let file = hdf5::File::open(kept.join("newtonian.h5")).expect("HDF5");
+    let attribute = file.group("parameters").unwrap().attr("digest").unwrap();
+    let stored = attribute.read_scalar::<hdf5::types::VarLenUnicode>();
+    let stored = stored.expect("text").to_string();
+    assert_eq!(from(1), Some(stored.clone()));
+    assert_eq!(from(2), Some(stored));
+}

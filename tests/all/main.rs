@@ -1,0 +1,49 @@
+//! Every test that runs the real programs, in one program: it is linked once, and waits overlap.
+//!
+//! A program that one test starts inherits the HDF5 files that others have open at that moment, and
+//! would keep HDF5's locks on them. This process therefore takes none (`.cargo/config.toml`).
+
+mod accuracy;
+mod bad_input;
+mod box_deformations;
+mod box_rolling;
+mod box_runs;
+mod box_stages;
+mod checkpoint;
+#[path = "../common/mod.rs"]
+mod common;
+mod config;
+mod contracts;
+mod contracts_of_boxes;
+mod contracts_of_protocols;
+mod contracts_of_spheres;
+mod contracts_of_springs;
+mod damage;
+mod estimates;
+mod failures;
+mod faults;
+mod inlined;
+mod jacobian;
+mod job_scripts;
+mod kept_files;
+mod owners;
+mod packing;
+mod places;
+mod reduce;
+mod reduced_protocols;
+mod replay;
+mod runs_of_protocols;
+mod scalars;
+mod spectrum_of_runs;
+mod stress;
+mod sweep;
+mod terminal;
+mod trajectory;
+mod version;
+mod watchdog;
+
+#[test]
+fn this_process_takes_no_locks_of_hdf5() {
+    let variable = std::env::var("HDF5_USE_FILE_LOCKING");
+    assert_eq!(variable.as_deref(), Ok("FALSE"), "run the tests with cargo");
+}
