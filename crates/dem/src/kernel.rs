@@ -13,7 +13,9 @@ use std::ops::Range;
 
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
-use crate::contact::{CARRY, ContactLaw, PairMotion, Response, dissipation, store_vector, vector};
+use crate::contact::{
+    CARRY, ContactLaw, PairMotion, Response, dissipation, scaled, store_vector, vector,
+};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch, prefetch_all};
 use crate::state::{BlockRange, Cell, Units, way_to_touch};
@@ -338,11 +340,12 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             for k in 0..spins {
                 (tangential[k] + rotational[k]).store(&mut motion.tangential_velocity[k]);
             }
-            let slip = Slip::of_half_step::<C::Space>(token, step, &pair, &half_v, &half_s);
+            let mut slip = Slip::of_half_step::<C::Space>(token, step, &pair, &half_v, &half_s);
             if spins == 3 {
                 let first = (chunk.start + k) * C::HISTORY;
                 let history = &mut contacts.history[first..first + 3];
-                rotate_with_normal::<L>(token, history, &pair.n, &slip);
+                let spins = mean_spin::<L>(token, &difference[C::Space::HALF_SPIN..], half_of_j);
+                rotate_with_pair::<L>(token, history, &pair.n, &mut slip, &scaled(&spins, step));
             }
             for k in 0..spins {
                 let rounded = slip.velocity[k].mul_add(step, slip_shift) - slip_shift;
@@ -556,21 +559,50 @@ impl<L: Lanes> Slip<L> {
     }
 }
 
-/// Rotates a vector u of the last tangent plane into this one, as n has rotated. With p = u·n and
-/// the half-angle vector τ = ½Δt v_t/|r| of the half step, u becomes u - p (n - τ), whose length is
-/// that of u to third order in the angle.
+/// ½(ω_i + ω_j) = ½(ω_i - ω_j) + ω_j.
 #[inline(always)]
-fn rotate_with_normal<L: Lanes>(
+fn mean_spin<L: Lanes>(token: L::Token, of_difference: &[Lanes16], of_j: &[Lanes16]) -> [L; 3] {
+    let half = L::splat(token, 0.5);
+    let difference = vector::<L>(token, of_difference, 3);
+    let of_j = vector::<L>(token, of_j, 3);
+    [
+        half.mul_add(difference[0], of_j[0]),
+        half.mul_add(difference[1], of_j[1]),
+        half.mul_add(difference[2], of_j[2]),
+    ]
+}
+
+/// Rotates a vector u of the last tangent plane into this one, as n has rotated, and about n as the two
+/// grains have, by the mean of their rotations `turn` in the step. Without the latter the force would
+/// not turn with a pair that turns as a rigid body, and the stress would be no tensor (M. R. Kuhn, K.
+/// Suzuki and A. Daouadji, Granular Matter 22, 2020).
+///
+/// With p = u·n and the half-angle vector τ = ½Δt v_t/|r| of the half step, u becomes u - p (n - τ), and
+/// with the twist φ about n - τ, which is n of the half step, then u + φ n × u - ½φ² u. The lengths are
+/// that of u to third order in the angles. The slip is that of the half step, and turns by ½φ.
+#[inline(always)]
+fn rotate_with_pair<L: Lanes>(
     token: L::Token,
     history: &mut [Lanes16],
     n: &[L; 3],
-    slip: &Slip<L>,
+    slip: &mut Slip<L>,
+    turn: &[L; 3],
 ) {
     let mut u = vector::<L>(token, history, 3);
     let p = Three::dot(&u, n);
+    let mut aside = *n;
     for k in 0..3 {
-        let aside = slip.half_angle.mul_add(slip.tangential[k], -n[k]);
-        u[k] = p.mul_add(aside, u[k]);
+        aside[k] = slip.half_angle.mul_add(slip.tangential[k], -n[k]);
+        u[k] = p.mul_add(aside[k], u[k]);
+    }
+    let twist = -Three::dot(turn, &aside);
+    let across = Three::surface_velocity(n, &u);
+    let slip_across = Three::surface_velocity(n, &slip.velocity);
+    let half = L::splat(token, 0.5) * twist;
+    let less = -(half * twist);
+    for k in 0..3 {
+        u[k] = twist.mul_add(across[k], less.mul_add(u[k], u[k]));
+        slip.velocity[k] = half.mul_add(slip_across[k], slip.velocity[k]);
     }
     store_vector(&u, history, 3);
 }
@@ -585,6 +617,12 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     scratch: &mut Scratch<C::Space>,
 ) -> Option<(usize, usize)> {
     let contacts = &mut pass.part;
+    if C::FRICTION {
+        let limits = &contacts.limits[chunk.clone()];
+        for (response, limits) in scratch.response.iter_mut().zip(limits) {
+            response.sliding = limits[0];
+        }
+    }
     let range = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
     law.evaluate::<L, BUDGET>(
         token,
@@ -592,6 +630,11 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             parameters: &contacts.parameters[range(C::PARAMETERS)],
             history: &mut contacts.history[range(C::HISTORY)],
             motion: &scratch.motion[..chunk.len()],
+            per_step: if pass.step > 0.0 {
+                1.0 / pass.step
+            } else {
+                0.0
+            },
             carry: &mut scratch.carry[..chunk.len()],
             response: &mut scratch.response[..chunk.len()],
         },

@@ -4,12 +4,13 @@
 //!
 //! ```text
 //! dδ = -n·dr,  dn = (1 - nn) dr/|r|,  slip = (1 - nn) dr + n × ds
-//! dF = F_n' dδ n + F_n dn + dF_t,  dF_t = ∂F_t/∂δ dδ + ∂F_t/∂slip slip - n (F_t·dn)
+//! dF = F_n' dδ n + F_n dn + dF_t
+//! dF_t = ∂F_t/∂δ dδ + ∂F_t/∂slip slip - n (F_t·dn) + ½ n·(dθ_i + dθ_j) n × F_t
 //! dT_i = -R_i (dn × F_t + n × dF_t) + dM,  dT_j = -R_j (dn × F_t + n × dF_t) - dM
 //! ```
 //!
-//! The last term of dF_t is the rotation of the history with n. In two dimensions the third
-//! component of a vector is zero, and rotations have only that component.
+//! The last terms of dF_t are the rotation of the history with n, and about n. In two dimensions the
+//! third component of a vector is zero, and rotations have only that component.
 
 use super::History;
 use gshear_dem::contact::stiffness::{Derivatives, SpringState, Stiffness};
@@ -75,18 +76,22 @@ impl LinearContact {
             -(d.across * (unit(a, b) - along) + d.along * along)
         });
         let turned = match history {
-            History::Turned => 1.0 / self.distance,
+            History::Turned => 1.0,
             History::Unturned => 0.0,
         };
         let by_slip = product(&slip, &plane);
         let friction_by_r = matrix(|a, b| {
-            by_slip[a][b] - d.tangential_slope[a] * n[b] - turned * n[a] * d.tangential[b]
+            by_slip[a][b]
+                - d.tangential_slope[a] * n[b]
+                - turned / self.distance * n[a] * d.tangential[b]
         });
         let friction_by_s = product(&slip, &cross(n));
         let force_by_r = matrix(|a, b| {
             friction_by_r[a][b] - d.normal_slope * n[a] * n[b]
                 + d.normal / self.distance * plane[a][b]
         });
+        let across = product(&cross(n), &matrix(|a, _| d.tangential[a]));
+        let friction_by_twist = matrix(|a, b| 0.5 * turned * across[a][0] * n[b]);
         // n × dF_t + dn × F_t.
         let turn = product(&cross(d.tangential), &plane);
         let moved = product(&cross(n), &friction_by_r);
@@ -101,6 +106,8 @@ impl LinearContact {
             force_by_s: friction_by_s,
             moment_by_r: matrix(|a, b| moved[a][b] - turn[a][b] / self.distance),
             moment_by_s: product(&cross(n), &friction_by_s),
+            force_by_twist: friction_by_twist,
+            moment_by_twist: product(&cross(n), &friction_by_twist),
             rolling: d.rolling,
             rolling_by_r: n.map(|n| -d.rolling_slope * n),
         }
@@ -121,6 +128,9 @@ pub struct Stiffnesses {
     moment_by_r: Matrix,
     /// ∂(n × F_t)/∂s.
     moment_by_s: Matrix,
+    /// ∂F/∂θ and ∂(n × F_t)/∂θ of either grain by the rotation about n.
+    force_by_twist: Matrix,
+    moment_by_twist: Matrix,
     /// k_r, the rolling stiffness.
     rolling: f64,
     /// ∂M/∂r of the rolling torque.
@@ -136,14 +146,17 @@ impl Stiffnesses {
         let (f, q) = (row % 3, column % 3);
         match (row < 3, column < 3) {
             (true, true) => -sign(a) * sign(b) * self.force_by_r[f][q],
-            (true, false) => -sign(a) * self.radii[b] * self.force_by_s[f][q],
+            (true, false) => {
+                -sign(a) * (self.radii[b] * self.force_by_s[f][q] + self.force_by_twist[f][q])
+            }
             (false, true) => {
                 let rolls = if f == 2 { self.rolling_by_r[q] } else { 0.0 };
                 sign(b) * (self.radii[a] * self.moment_by_r[f][q] - sign(a) * rolls)
             }
             (false, false) => {
                 let rolls = if f == 2 && q == 2 { self.rolling } else { 0.0 };
-                self.radii[a] * self.radii[b] * self.moment_by_s[f][q] + sign(a) * sign(b) * rolls
+                let turned = self.radii[b] * self.moment_by_s[f][q] + self.moment_by_twist[f][q];
+                self.radii[a] * turned + sign(a) * sign(b) * rolls
             }
         }
     }

@@ -23,7 +23,8 @@ use super::keys::{
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, add_damping, dissipation, norm, portable_exp, portable_ln, scaled, vector,
+    Blocks, ContactLaw, add_damping, dissipation, portable_exp, portable_ln, scaled, set_back,
+    vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three};
 use crate::kernel::PairForce;
@@ -442,6 +443,8 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         let k_t = c(self.tangential_stiffness);
+        let per_half_step = c(2.0 * blocks.per_step);
+        let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
         for ((((p, history), motion), carry), response) in blocks
             .parameters
             .chunks_exact(Self::PARAMETERS)
@@ -462,22 +465,21 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             ];
             let damping = D::per_root(token, load(&p[DAMPING]), root);
             let gamma_t = c(self.tangential_damping) * damping;
-            // Over √(δR*).
-            let mut force = [zero; 3];
+            // Spring and damper over √(δR*), at the beginning of the step and at its end. There v_t was
+            // 2 v_t(t + ½Δt) - v_t, to second order.
+            let (mut earlier, mut force) = ([zero; 3], [zero; 3]);
             for k in 0..3 {
+                let gained = moves * v_t[k] - per_half_step * slip[k];
                 force[k] = k_t.mul_add(u[k], gamma_t * v_t[k]);
+                earlier[k] = force[k] - k_t.mul_add(slip[k], gamma_t * gained);
             }
-            let (length, per_length) = norm(token, &force);
-            let limit = c(self.friction) * load(&response.normal);
-            let sliding = (root * length).greater(limit);
+            let limit = c(self.friction) * load(&response.normal) * inverse(token, root);
+            let slid = L::mask(token, response.sliding);
+            let (cut, sliding) = set_back(token, &earlier, force, limit, slid);
             response.sliding = sliding.bits();
-            // √(δR*) if the contact sticks.
-            let factor = (limit * per_length).select(sliding, root);
-            let part = factor * inverse(token, root);
             for k in 0..3 {
-                (-(factor * force[k])).store(&mut response.tangential[k]);
-                let spring = (part.mul_add(force[k], -(gamma_t * v_t[k])))
-                    * c(1.0 / self.tangential_stiffness);
+                (-(root * cut[k])).store(&mut response.tangential[k]);
+                let spring = (cut[k] - gamma_t * v_t[k]) * c(1.0 / self.tangential_stiffness);
                 let after = spring.select(sliding, u[k]).select(touching, zero);
                 after.store(&mut history[k]);
             }

@@ -302,7 +302,9 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 }
                 let limit = c(self.friction) * load(&response.normal);
                 let (viscous, share) = (scaled(&v_t, gamma_t), self.sliding_damping);
-                let f = Limited::new(token, n, trial, limit, viscous, share);
+                let slid = L::mask(token, response.sliding);
+                let spring = (&before, trial, slid);
+                let f = Limited::new(token, n, spring, limit, viscous, share);
                 response.sliding = f.at_limit.bits();
                 for k in 0..n {
                     (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
@@ -459,6 +461,7 @@ mod tests {
             &mut Blocks {
                 parameters: &parameters,
                 history: &mut history,
+                per_step: 0.0,
                 motion: &[motion],
                 carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut response,

@@ -487,7 +487,15 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let v_t = load(&motion.tangential_velocity[0]);
             let damping = load(&p[DAMPING]) * root * v_t;
             let share = self.sliding_damping;
-            let f = Limited::new(token, 1, [trial; 3], limit, [damping; 3], share);
+            let no = L::mask(token, 0);
+            let f = Limited::new(
+                token,
+                1,
+                (&[trial; 3], [trial; 3], no),
+                limit,
+                [damping; 3],
+                share,
+            );
             let (elastic, viscous) = (f.elastic[0], f.viscous[0]);
             (elastic - viscous).store(&mut response.tangential[0]);
             response.sliding = f.at_limit.bits();
@@ -656,6 +664,7 @@ mod tests {
             &mut Blocks {
                 parameters: &parameters,
                 history: &mut history,
+                per_step: 0.0,
                 motion: &[motion],
                 carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut [Response::NONE],

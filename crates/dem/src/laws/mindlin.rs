@@ -18,7 +18,7 @@ use super::hooke::read_stiffnesses;
 use super::keys::{DENSITY, Key, KeyReader, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2};
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, SpringState, Stiffness};
-use crate::contact::{Blocks, ContactLaw, dissipation, norm, vector};
+use crate::contact::{Blocks, ContactLaw, dissipation, norm, set_back, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
@@ -300,12 +300,17 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
             }
             let s = self.mobilised(token, depth, &t);
             let sliding = s.greater(one);
+            if spins == 3 {
+                let slid = L::mask(token, response.sliding);
+                let limit = c(self.threshold_per_overlap()) * depth;
+                t = set_back(token, &before, t, limit, slid).0;
+            } else {
+                t[0] = t[0] * inverse(token, s).select(sliding, one);
+            }
             response.sliding = sliding.bits();
-            let part = inverse(token, s).select(sliding, one);
             let s = one.select(sliding, s);
             let stiffness = self.secant(token, root, s);
             for k in 0..spins {
-                t[k] = t[k] * part;
                 (-(stiffness * t[k])).store(&mut response.tangential[k]);
                 t[k] = t[k].select(touching, zero);
                 t[k].store(&mut history[k]);

@@ -84,6 +84,19 @@ impl Lanes for Avx2 {
     operations!(Avx2, Avx2Token, Counts2, 4, [0 1 2 3]);
 
     #[inline(always)]
+    fn mask(_: Avx2Token, bits: u16) -> Mask2 {
+        Mask2(each(|k| {
+            let bit = |lane: usize| 1i64 << (4 * k + lane);
+            // SAFETY: the token proves that the processor has the instruction set.
+            unsafe {
+                let lanes = _mm256_set_epi64x(bit(3), bit(2), bit(1), bit(0));
+                let set = and_int(set1_int(i64::from(bits)), lanes);
+                int_as_pd(_mm256_cmpeq_epi64(set, lanes))
+            }
+        }))
+    }
+
+    #[inline(always)]
     fn greater(self, other: Self) -> Mask2 {
         // SAFETY: a value of this type is only made from a token.
         Mask2(

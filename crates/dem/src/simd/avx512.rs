@@ -77,6 +77,11 @@ impl Lanes for Avx512 {
     operations!(Avx512, Avx512Token, Counts512, 8, [0 1]);
 
     #[inline(always)]
+    fn mask(_: Avx512Token, bits: u16) -> Mask512 {
+        Mask512([bits as __mmask8, (bits >> 8) as __mmask8])
+    }
+
+    #[inline(always)]
     fn greater(self, other: Self) -> Mask512 {
         // SAFETY: a value of this type is only made from a token.
         Mask512(unsafe {

@@ -165,6 +165,8 @@ pub trait Lanes:
 
     /// The same number in every lane.
     fn splat(token: Self::Token, x: f64) -> Self;
+    /// The mask with lane k in bit k, the reverse of [`Mask::bits`].
+    fn mask(token: Self::Token, bits: u16) -> Self::Mask;
     /// Reads the lanes from memory.
     fn load(token: Self::Token, from: &Lanes16) -> Self;
     /// Writes the lanes to memory.

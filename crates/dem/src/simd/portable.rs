@@ -89,6 +89,11 @@ impl Lanes for Portable {
     }
 
     #[inline(always)]
+    fn mask(_: PortableToken, bits: u16) -> u16 {
+        bits
+    }
+
+    #[inline(always)]
     fn load(_: PortableToken, from: &Lanes16) -> Self {
         Portable(from.0)
     }

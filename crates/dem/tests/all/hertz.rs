@@ -357,6 +357,7 @@ fn the_law_is_that_of_lammps() {
                     &mut Blocks {
                         parameters: &parameters,
                         history: &mut lanes,
+                        per_step: 0.0,
                         motion: &[PairMotion {
                             overlap: splat(overlap),
                             normal_velocity: splat(v_n),

@@ -10,4 +10,5 @@ mod mindlin;
 mod protocols;
 mod shares;
 mod sleeping_blocks;
+mod sliding;
 mod tsuji;

@@ -61,6 +61,7 @@ fn evaluate<D: Dimension>(
         &mut Blocks {
             parameters: &parameters,
             history: &mut lanes[..D::SPINS],
+            per_step: 0.0,
             motion: &[PairMotion {
                 overlap: splat(overlap),
                 normal_increment: splat(-deeper),
