@@ -15,9 +15,10 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::changes;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Scene};
+use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
-use gshear_store::columns::{AqsRow, NewtonianRow};
+use gshear_store::csv_table::rows_up_to;
 use gshear_store::existing;
 use gshear_store::file_names::{
     AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
@@ -26,7 +27,6 @@ use gshear_store::file_names::{
 use gshear_store::h5;
 use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile};
-use gshear_store::table::rows_up_to;
 use gshear_store::text_writer;
 
 use crate::header::{Header, Saved};
@@ -204,7 +204,8 @@ impl Contents {
         )))
     }
 
-    /// Whether a killed program left only the beginning of this branch, to which no checkpoint leads.
+    /// Whether a killed program left only the beginning of this branch, to which no checkpoint
+    /// leads.
     fn is_begun_branch(&self, record: &RunRecord) -> bool {
         let checkpoints = [checkpoint::NAME, checkpoint::PREVIOUS];
         let own = |owner: &FileOwner| owner.id.as_ref() == Some(&record.id);
@@ -270,8 +271,8 @@ fn readable<T>(read: Result<T, Failure>) -> Result<Option<T>, Failure> {
     }
 }
 
-/// Whether it is a file that only a run writes. `status.json` does not count: a folder that holds it
-/// alone is that of a run that was packed, of which nothing is left. `scene`: `scene.toml`.
+/// Whether it is a file that only a run writes. `status.json` does not count: a folder that holds
+/// it alone is that of a run that was packed, of which nothing is left. `scene`: `scene.toml`.
 fn is_of_a_run(name: &str, scene: &str) -> bool {
     let is_part = Path::new(name).extension().is_some_and(|of| of == "part");
     let checkpoint = name.starts_with("checkpoint") && name.contains(".h5") && !is_part;
@@ -464,7 +465,8 @@ impl RunFolder {
         match header {
             Header::Shear(_) if there || log.exists() => {
                 Log::check(&log, columns, step, kept)?;
-                // A killed program may have left anything after the checkpoint, which a reader refuses.
+                // A killed program may have left anything after the checkpoint, which a reader
+                // refuses.
                 let file = there.then(|| RunFile::open(&path).ok()).flatten();
                 file.map_or(Ok(()), |file| Log::compare(&log, step, file.series()))
             }
@@ -493,8 +495,8 @@ impl RunFolder {
         }
     }
 
-    /// Once, before this run writes its first file: removes those of an earlier run. Where frames and
-    /// rows are cut back to an older checkpoint, that one becomes the newest first, because no
+    /// Once, before this run writes its first file: removes those of an earlier run. Where frames
+    /// and rows are cut back to an older checkpoint, that one becomes the newest first, because no
     /// later one fits the files any more. Collective.
     ///
     /// # Errors

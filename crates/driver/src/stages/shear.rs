@@ -213,9 +213,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         ]
     }
 
-    /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by more
-    /// than half a mean diameter. A top that moves at an imposed velocity or by a servo does not fly, and
-    /// a vibrating bottom may throw it on purpose.
+    /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
+    /// more than half a mean diameter. A top that moves at an imposed velocity or by a servo does
+    /// not fly, and a vibrating bottom may throw it on purpose.
     fn check_top(&self) -> Result<(), Failure> {
         let now = self.walls.slider.state.step;
         let protocol = &self.schedule.protocol;
