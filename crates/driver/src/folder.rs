@@ -429,12 +429,11 @@ impl RunFolder {
             columns = series_columns(protocol.is_more_than_velocities());
         }
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
-        let Written {
-            frames,
-            rows,
-            scalars,
-        } = *written;
-        let step = header.step();
+        let (counted, step) = (
+            [written.frames, written.rows, written.scalars],
+            header.step(),
+        );
+        let [frames, rows, _] = counted;
         let there = path.exists();
         let mut kept = 0;
         if there {
@@ -446,11 +445,10 @@ impl RunFolder {
             }
             let found = existing::up_to(&path, columns, step)?;
             // A damaged step would cut off more than it must, and leave a gap.
-            if is_counted && found != [frames, rows, scalars] {
+            if is_counted && found != counted {
                 return Err(Failure::input(format!(
-                    "{}: is damaged: up to step {step} it has {found:?} frames, rows and scalars, the checkpoint counts {:?}",
+                    "{}: is damaged: up to step {step} it has {found:?} frames, rows and scalars, the checkpoint counts {counted:?}",
                     path.display(),
-                    [frames, rows, scalars]
                 )));
             }
             kept = found[1];
