@@ -1,7 +1,8 @@
-//! Speed of whole runs, through the real program: medians of several repetitions, and ratios of runs taken in turn.
+//! Speed of whole runs, through the real program: medians of several repetitions, and ratios of
+//! runs taken in turn.
 //!
-//! `cargo bench` runs the small scenes, `cargo bench -- large` 100,000 and 1,000,000 disks and 96,300 spheres, which are copies of
-//! packed samples beside each other, and threads.
+//! `cargo bench` runs the small scenes, `cargo bench -- large` 100,000 and 1,000,000 disks and
+//! 96,300 spheres, which are copies of packed samples beside each other, and threads.
 
 use std::path::Path;
 use std::process::Command;

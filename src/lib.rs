@@ -1,5 +1,5 @@
-//! The command line of `gshear-mpi`: its program parses it, and `packaging/manual` makes completions
-//! and manual pages of it.
+//! The command line of `gshear-mpi`: its program parses it, and `packaging/manual` makes
+//! completions and manual pages of it.
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -56,8 +56,8 @@ pub struct CommandLine {
     /// Remove the run that the folder of the results holds, its report too
     #[arg(long, conflicts_with = "check")]
     pub overwrite: bool,
-    /// Take the folder of the results over from a process that is gone, although its lock (run.lock)
-    /// says otherwise
+    /// Take the folder of the results over from a process that is gone, although its lock
+    /// (run.lock) says otherwise
     #[arg(long)]
     pub break_lock: bool,
     /// Of a scene with a sweep: list its runs, run all of them in turn, or run the N-th

@@ -1,5 +1,5 @@
-//! Errors against run time, for Δt from beyond the limit of stability down: an impact, an oscillation, a sample, its energy; by the
-//! program, and with the dampers of LAMMPS.
+//! Errors against run time, for Δt from beyond the limit of stability down: an impact, an
+//! oscillation, a sample, its energy; by the program, and with the dampers of LAMMPS.
 
 use std::fmt::Write;
 use std::time::Instant;
@@ -69,7 +69,8 @@ fn rung(k: u32) -> f64 {
     LONGEST / f64::from(1u32 << k)
 }
 
-/// A whole oblique impact: errors of velocity and spin after it, root mean square over the phases of the touch in the step.
+/// A whole oblique impact: errors of velocity and spin after it, root mean square over the phases
+/// of the touch in the step.
 fn impact() -> Vec<Curve> {
     const PHASES: usize = 16;
     let mut scene = scenes::whole_impact(0.1, 0.5);
@@ -163,8 +164,8 @@ const RUNGS: u32 = 8;
 /// The reference's Δt is that of the last rung over 16.
 const FINEST: u32 = RUNGS + 3;
 
-/// 1,000 sheared disks against the program at a much shorter Δt, and the balance of their energy: with the whole law, without
-/// rolling torques, and with normal springs alone.
+/// 1,000 sheared disks against the program at a much shorter Δt, and the balance of their energy:
+/// with the whole law, without rolling torques, and with normal springs alone.
 fn sample() -> Vec<Curve> {
     let sample = Sample::prepare();
     let (material, contact) = (sample.material(), sample.scene.contact);
@@ -198,7 +199,8 @@ fn sample() -> Vec<Curve> {
     curves
 }
 
-/// The least of each over many rounds, taken in turn, since what else the machine does comes and goes.
+/// The least of each over many rounds, taken in turn, since what else the machine does comes and
+/// goes.
 fn least<const K: usize>(times: [&dyn Fn() -> f64; K]) -> [f64; K] {
     const ROUNDS: usize = 10;
     let mut least = [f64::INFINITY; K];
@@ -331,7 +333,8 @@ fn energy<C: ContactLaw<Space = Two> + Stiffness>(
     }
 }
 
-/// All points into `docs/accuracy.csv`, a table of them into `docs/accuracy.md` between its two marks.
+/// All points into `docs/accuracy.csv`, a table of them into `docs/accuracy.md` between its two
+/// marks.
 pub fn write(curves: &[Curve]) {
     let mut csv = String::from("case,dampers,step_over_tau,ns_per_grain_and_tau,error\n");
     for c in curves {

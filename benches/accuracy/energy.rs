@@ -1,4 +1,5 @@
-//! The balance of energy of a sheared sample: what the walls do, what is stored, what is dissipated.
+//! The balance of energy of a sheared sample: what the walls do, what is stored, what is
+//! dissipated.
 
 use gshear_dem::contact::ContactLaw;
 use gshear_dem::contact::stiffness::Stiffness;
@@ -9,11 +10,12 @@ use gshear_dem::state::body;
 use crate::sample::{Moving, Sample};
 use crate::scheme::Dampers;
 
-/// What the sum of work, storage and loss leaves over the span (s) in `steps` steps, over the work that went through the walls.
-/// `None` where the run failed. The law is without rolling torques, which are not sampled.
+/// What the sum of work, storage and loss leaves over the span (s) in `steps` steps, over the work
+/// that went through the walls. `None` where the run failed. The law is without rolling torques,
+/// which are not sampled.
 ///
-/// ΔK + ΔU_n = ∫ Σ [(F_n - k_n δ) v_n + F_t v_t] dt - ∫ F·v of the wall grains dt: U_n is the work of k_n δ in closed form, the
-/// integrals are sums by trapezoids of what the steps end with.
+/// ΔK + ΔU_n = ∫ Σ [(F_n - k_n δ) v_n + F_t v_t] dt - ∫ F·v of the wall grains dt: U_n is the work
+/// of k_n δ in closed form, the integrals are sums by trapezoids of what the steps end with.
 pub fn imbalance<C: ContactLaw<Space = Two> + Stiffness>(
     sample: &Sample,
     law: C,
@@ -38,8 +40,8 @@ pub fn imbalance<C: ContactLaw<Space = Two> + Stiffness>(
     Some((last.energy - first.energy - received).abs() / through)
 }
 
-/// The free grains' kinetic energy and U_n (J/m); the power of all but the elastic normal forces on them, and of the walls
-/// alone (W/m).
+/// The free grains' kinetic energy and U_n (J/m); the power of all but the elastic normal forces on
+/// them, and of the walls alone (W/m).
 #[derive(Debug, Clone, Copy)]
 struct State {
     energy: f64,
@@ -89,7 +91,8 @@ fn state<C: ContactLaw<Space = Two> + Stiffness>(moving: &mut Moving<C>, modulus
     }
 }
 
-/// ∫ k_n δ dδ = 8πE* (R_1+R_2)² x² (ℓ - 3/2): of F = 4πE* (R_1+R_2) x, δ = 4 (R_1+R_2) x (ℓ-1), ℓ = -ln x.
+/// ∫ k_n δ dδ = 8πE* (R_1+R_2)² x² (ℓ - 3/2): of F = 4πE* (R_1+R_2) x, δ = 4 (R_1+R_2) x (ℓ-1), ℓ =
+/// -ln x.
 fn stored(modulus: f64, sum: f64, k_n: f64, overlap: f64) -> f64 {
     let full = std::f64::consts::PI * modulus;
     let ell = 1.0 + full / k_n;

@@ -144,8 +144,8 @@ impl Sample {
         }
     }
 
-    /// Root mean squares over the free grains: of the difference of two states' positions over that of the way from the
-    /// start, and of the velocities' over that of the velocities.
+    /// Root mean squares over the free grains: of the difference of two states' positions over that
+    /// of the way from the start, and of the velocities' over that of the velocities.
     pub fn difference(&self, state: &[GrainState], right: &[GrainState]) -> [f64; 2] {
         let mut sums = [[0.0; 2]; 2];
         for ((a, b), start) in state.iter().zip(right).zip(&self.snapshot.grains) {

@@ -26,7 +26,8 @@ impl Dampers {
     }
 }
 
-/// Walls, and dampers of either kind: what the program predicts is put back to the velocities of the half step.
+/// Walls, and dampers of either kind: what the program predicts is put back to the velocities of
+/// the half step.
 pub struct Damped<D> {
     pub walls: D,
     pub dampers: Dampers,

@@ -10,8 +10,8 @@ use gshear_scene::{Source, load};
 /// `bases` and have only what is wrong.
 const BAD_INPUTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/bad_input");
 
-/// Runs every bad input and compares its message with the one it carries. `run` takes the file's path and returns the message,
-/// without the `error: ` that a program puts before it.
+/// Runs every bad input and compares its message with the one it carries. `run` takes the file's
+/// path and returns the message, without the `error: ` that a program puts before it.
 fn each_bad_input(run: impl Fn(&Path) -> String) {
     let mut paths: Vec<_> = std::fs::read_dir(BAD_INPUTS)
         .expect("the folder of the bad inputs")

@@ -283,8 +283,8 @@ fn every_deformation_is_reported() {
         let folder = temporary.path().join(key);
         let outcome = run(&folder, 1, &[&small, parts[0], parts[1]]);
         assert_eq!(outcome.code, 0, "{}", outcome.text);
-        // The lock of a program that writes, as HDF5 takes it; programs that other tests start inherit
-        // it, so that only `unlock` ends it.
+        // The lock of a program that writes, as HDF5 takes it; programs that other tests start
+        // inherit it, so that only `unlock` ends it.
         let writing = std::fs::File::open(folder.join(AQS_FILE)).expect("the file");
         writing.lock().expect("the lock");
         let mut report = reducer();

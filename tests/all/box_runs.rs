@@ -193,8 +193,8 @@ fn a_box_that_fails_keeps_what_led_to_it() {
     }
 }
 
-/// Starts a run, waits for a file in its folder and a while longer, asks it to stop, and returns how
-/// it ends. Fails if it goes on.
+/// Starts a run, waits for a file in its folder and a while longer, asks it to stop, and returns
+/// how it ends. Fails if it goes on.
 fn asked_to_stop(ranks: usize, folder: &Path, more: &[&str], file: &str) -> Outcome {
     let said = tempfile::NamedTempFile::new().expect("a file");
     let stream = || said.reopen().expect("a file");
@@ -232,9 +232,9 @@ fn asked_to_stop(ranks: usize, folder: &Path, more: &[&str], file: &str) -> Outc
     }
 }
 
-/// A run that is asked to stop while its packing is prepared ends at once: where grains of a lattice
-/// are compressed, where random ones move apart, where they come to rest, and where the box takes on
-/// a pressure. None of these would end within hours.
+/// A run that is asked to stop while its packing is prepared ends at once: where grains of a
+/// lattice are compressed, where random ones move apart, where they come to rest, and where the box
+/// takes on a pressure. None of these would end within hours.
 #[test]
 fn a_preparation_stops_when_it_is_asked_to() {
     let temporary = tempfile::tempdir().expect("a folder");

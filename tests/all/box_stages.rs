@@ -15,7 +15,8 @@ fn run(folder: &Path, ranks: usize, more: &[&str]) -> Outcome {
     gshear_mpi(ranks, folder, &arguments)
 }
 
-/// Newton's method reaches what overdamped dynamics reaches where no contact opens: the same energy, stress and pressure.
+/// Newton's method reaches what overdamped dynamics reaches where no contact opens: the same
+/// energy, stress and pressure.
 #[test]
 fn newtons_method_finds_the_state_of_overdamped_dynamics() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -59,7 +60,8 @@ fn newtons_method_finds_the_state_of_overdamped_dynamics() {
     assert!((change(&newton) / change(&overdamped) - 1.0).abs() < 1e-5);
 }
 
-/// Newton's equations let the pair grow and oscillate as its eigenvalue says (BO eq. 8), over 8 decades.
+/// Newton's equations let the pair grow and oscillate as its eigenvalue says (BO eq. 8), over 8
+/// decades.
 #[test]
 fn a_complex_pair_grows_as_its_eigenvalue_says() {
     let folder = tempfile::tempdir().expect("a folder");

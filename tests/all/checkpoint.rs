@@ -108,7 +108,8 @@ fn a_flipped_bit_in_any_dataset_is_named() {
     }
 }
 
-/// Also where the file's structure is hit: refused, or nothing that matters was hit and the same comes back; never a crash.
+/// Also where the file's structure is hit: refused, or nothing that matters was hit and the same
+/// comes back; never a crash.
 #[test]
 fn a_flipped_bit_anywhere_changes_nothing_silently() {
     let folder = tempfile::tempdir().unwrap();

@@ -83,7 +83,8 @@ fn bookkeeping_never_reaches_the_numbers() {
     }
 }
 
-/// That the scene is the test it is meant to be: grains change slabs and cross the seam, and contacts slide across both.
+/// That the scene is the test it is meant to be: grains change slabs and cross the seam, and
+/// contacts slide across both.
 fn grains_cross(folder: &Path) {
     let file = hdf5::File::open(folder.join("run.h5")).expect("run.h5");
     let read = |name: &str| file.dataset(name).expect(name);
@@ -197,7 +198,8 @@ fn a_stopped_run_goes_on_exactly() {
     }
 }
 
-/// A signal stops the run wherever it is, packing too; twice, so that a resumed run can be stopped as well.
+/// A signal stops the run wherever it is, packing too; twice, so that a resumed run can be stopped
+/// as well.
 #[test]
 fn a_signal_stops_at_a_checkpoint() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! The contracts of runs in a periodic sheared box, through the real program: bits compared, never approximately.
+//! The contracts of runs in a periodic sheared box, through the real program: bits compared, never
+//! approximately.
 
 use std::path::Path;
 
@@ -32,7 +33,8 @@ fn said(outcome: &Outcome) -> Vec<String> {
         .collect()
 }
 
-/// Contracts 1 to 3 in 2D and 3D: any number of ranks, threads, instruction sets and skins; other output; stopped and gone on with.
+/// Contracts 1 to 3 in 2D and 3D: any number of ranks, threads, instruction sets and skins; other
+/// output; stopped and gone on with.
 fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);

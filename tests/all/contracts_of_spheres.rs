@@ -4,7 +4,8 @@ use std::path::Path;
 
 use crate::common::{beyond_the_digest, gshear_mpi, same_run};
 
-/// Contracts 1, 2 and 3 of spheres with vectors for histories, under a spring and a protocol with a hold.
+/// Contracts 1, 2 and 3 of spheres with vectors for histories, under a spring and a protocol with a
+/// hold.
 #[test]
 fn spheres_under_a_spring_keep_the_contracts() {
     const SPHERES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml");

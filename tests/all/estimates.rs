@@ -1,5 +1,5 @@
-//! `--check`: what it says that a run takes is what the run takes. Of times only that of strain steps
-//! is compared, roughly.
+//! `--check`: what it says that a run takes is what the run takes. Of times only that of strain
+//! steps is compared, roughly.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -171,8 +171,8 @@ fn seconds(text: &str) -> f64 {
     text.split_whitespace().map(of).sum()
 }
 
-/// A time is said for strain steps, without eigenvalues and with them, of spheres and of disks. How far
-/// it is from that which they take is in docs/running.md: a busy machine decides no test.
+/// A time is said for strain steps, without eigenvalues and with them, of spheres and of disks. How
+/// far it is from that which they take is in docs/running.md: a busy machine decides no test.
 #[test]
 fn a_time_is_said_for_strain_steps() {
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");

@@ -1,4 +1,5 @@
-//! Bad input and failing numbers, through the real program: one message, the right exit code, nothing left behind.
+//! Bad input and failing numbers, through the real program: one message, the right exit code,
+//! nothing left behind.
 
 use std::path::Path;
 use std::process::Stdio;
@@ -33,7 +34,8 @@ fn bad_scenes_are_refused_and_nothing_is_written() {
     let entries = std::fs::read_dir(bad).expect("the bad inputs");
     let mut paths: Vec<_> = entries.map(|e| e.expect("an entry").path()).collect();
     paths.sort();
-    // All of them are tested in bad_input.rs; here is to see that the program passes on what it is told.
+    // All of them are tested in bad_input.rs; here is to see that the program passes on what it is
+    // told.
     for path in paths.iter().step_by(11) {
         let text = std::fs::read_to_string(path).expect("a bad input is text");
         let expected = text
@@ -65,7 +67,8 @@ fn bad_scenes_are_refused_and_nothing_is_written() {
 fn too_many_ranks_are_told_how_many_would_do() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
-    // The cell is 21 µm long, the greatest diameter 2 µm, the thinnest skin 0.015 µm: ten slabs, but for a margin.
+    // The cell is 21 µm long, the greatest diameter 2 µm, the thinnest skin 0.015 µm: ten slabs,
+    // but for a margin.
     let said = refused(12, &out, &[SCENE.into()]);
     assert!(
         said.contains("12 ranks are too many") && said.contains("1 to 10 ranks"),
@@ -143,7 +146,8 @@ fn a_wall_may_begin_at_a_high_speed() {
 fn failing_numbers_end_the_run() {
     let folder = tempfile::tempdir().expect("a folder");
     for ranks in [1, 2] {
-        // Near the least stiffness number that the configuration allows, force chains exceed the law.
+        // Near the least stiffness number that the configuration allows, force chains exceed the
+        // law.
         let soft = [SCENE.into(), "--set=load.stiffness_number=30.0".into()];
         let outcome = gshear_mpi(ranks, &folder.path().join("soft"), &soft);
         assert_eq!(outcome.code, 3, "{}", outcome.text);
@@ -178,8 +182,8 @@ fn failing_numbers_end_the_run() {
     );
 }
 
-/// Numbers that fail in the shear, on any ranks, from the start or resumed: exit code 3, and all rows
-/// and frames before the failure are in the file, as in the log.
+/// Numbers that fail in the shear, on any ranks, from the start or resumed: exit code 3, and all
+/// rows and frames before the failure are in the file, as in the log.
 #[test]
 fn a_failing_shear_keeps_what_led_to_it() {
     let folder = tempfile::tempdir().expect("a folder");

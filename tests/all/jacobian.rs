@@ -35,7 +35,8 @@ impl Random {
     }
 }
 
-/// Grains of random radii near a lattice, in a sheared box, pressed together; no pair is about to touch or to part.
+/// Grains of random radii near a lattice, in a sheared box, pressed together; no pair is about to
+/// touch or to part.
 struct Packing {
     grains: Vec<GrainState>,
     cell: Cell,
@@ -109,7 +110,8 @@ const SMOOTH: MindlinSprings = MindlinSprings {
     masses: MASSES,
 };
 
-/// Forces and torques over R by BO's eqs A3–A8 themselves, where t stays as n turns: q is of (r, R θ), grain after grain.
+/// Forces and torques over R by BO's eqs A3–A8 themselves, where t stays as n turns: q is of (r, R
+/// θ), grain after grain.
 fn forces_of_the_paper(
     grains: &[GrainState],
     contacts: &[ContactState],
@@ -172,7 +174,8 @@ fn spheres_of_the_paper() -> (Vec<GrainState>, Vec<ContactState>, Cell) {
     (packing.grains, contacts, packing.cell)
 }
 
-/// Every block of B15 by its definition (B11–B14), and the spectrum of K of the law whose t does not turn.
+/// Every block of B15 by its definition (B11–B14), and the spectrum of K of the law whose t does
+/// not turn.
 #[test]
 fn the_form_of_the_paper() {
     const H: f64 = 2e-5;
@@ -209,7 +212,8 @@ fn the_form_of_the_paper() {
                 for beta in 0..6 {
                     let at = 6 * k + beta;
                     let slope = (a[at] - 8.0 * b[at] + 8.0 * c[at] - d[at]) / (12.0 * H);
-                    // ∂F/∂r and ∂T̃/∂θ̃ with the sign turned round (B11, B14), ∂T̃/∂r and ∂F/∂θ̃ as they are (B13, B12).
+                    // ∂F/∂r and ∂T̃/∂θ̃ with the sign turned round (B11, B14), ∂T̃/∂r and ∂F/∂θ̃ as
+                    // they are (B13, B12).
                     let sign = if (alpha < 3) == (beta < 3) { -1.0 } else { 1.0 };
                     let inertia = if alpha < 3 { 1.0 } else { 0.4 };
                     let found = j[(alpha * count + i, beta * count + k)];
@@ -234,7 +238,8 @@ fn the_form_of_the_paper() {
     }
 }
 
-/// Translations are null vectors of K and of its transpose without walls; a force that leaves no trace in the sum is found back.
+/// Translations are null vectors of K and of its transpose without walls; a force that leaves no
+/// trace in the sum is found back.
 #[test]
 fn translations_are_null_vectors() {
     let (grains, contacts, cell) = spheres_of_the_paper();
@@ -255,7 +260,8 @@ fn translations_are_null_vectors() {
     assert!(image.norm_max() < 1e-14 * jacobian.k.to_dense().norm_max());
 }
 
-/// K x = b gives back what b was made of, whatever else moves freely, with one order of elimination for all matrices of one pattern.
+/// K x = b gives back what b was made of, whatever else moves freely, with one order of elimination
+/// for all matrices of one pattern.
 #[test]
 fn linear_systems_are_solved() {
     let (mut grains, mut contacts, cell) = spheres_of_the_paper();
@@ -289,7 +295,8 @@ fn linear_systems_are_solved() {
         let jacobian = assemble::<Three>(state, &law, History::Turned);
         let problem = jacobian.problem().expect("a problem");
         let factors = solver.factor(&problem).expect("factors");
-        // Of all but the two spheres, and without translations: with masses of 1 their mean displacement is 0.
+        // Of all but the two spheres, and without translations: with masses of 1 their mean
+        // displacement is 0.
         let held = 6 * free as usize;
         let mut x: Vec<f64> = (0..jacobian.unknowns()).map(|_| random.next()).collect();
         x[held..].fill(0.0);

@@ -1,5 +1,5 @@
-//! Files of an earlier build, kept in `tests/files`, stay readable: a run and its checkpoint between
-//! walls and in a periodic box.
+//! Files of an earlier build, kept in `tests/files`, stay readable: a run and its checkpoint
+//! between walls and in a periodic box.
 
 use std::path::Path;
 

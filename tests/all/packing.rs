@@ -33,7 +33,8 @@ fn by_place(mut file: DataFile) -> Vec<Atom> {
     file.atoms
 }
 
-/// The same sheared grains, to the last bit, in the checkpoint that they are read from and in the first frame after that.
+/// The same sheared grains, to the last bit, in the checkpoint that they are read from and in the
+/// first frame after that.
 #[test]
 fn an_exported_state_comes_back() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -71,7 +72,8 @@ fn an_exported_state_comes_back() {
         }
     }
 
-    // The ranks do not matter, nor who reads the scene that was written; and a checkpoint does without the file.
+    // The ranks do not matter, nor who reads the scene that was written; and a checkpoint does
+    // without the file.
     for ranks in [2, 3] {
         let other = gshear_mpi(ranks, &at("ranks"), &arguments(&[short, "--overwrite"]));
         assert_eq!(other.digest(), expected, "{ranks} ranks");
@@ -104,8 +106,8 @@ fn an_exported_state_comes_back() {
 }
 
 /// As LAMMPS users have them, from the command line, sheared as it is and packed first.
-/// Walls are the grains whose centre is within `sample.wall_thickness` of a plane, and H counts from
-/// there.
+/// Walls are the grains whose centre is within `sample.wall_thickness` of a plane, and H counts
+/// from there.
 #[test]
 fn walls_are_as_thick_as_asked() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -150,8 +152,8 @@ const OF_A_FILE: &str = "
     packing = 'is given below'
     ";
 
-/// Ten columns press on the top wall by two contacts of 1e-6 m each, at 60 degrees. Under a load far
-/// below that the wall flies away; a branch may change the load.
+/// Ten columns press on the top wall by two contacts of 1e-6 m each, at 60 degrees. Under a load
+/// far below that the wall flies away; a branch may change the load.
 #[test]
 fn a_packing_may_not_be_at_its_load() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -282,8 +284,8 @@ fn anothers_packing_is_sheared() {
     }
 }
 
-/// A free grain that falls through a hole of the bottom wall ends the run, with its id and place, the
-/// same on one rank and two; until then no more than the first packing is between the walls.
+/// A free grain that falls through a hole of the bottom wall ends the run, with its id and place,
+/// the same on one rank and two; until then no more than the first packing is between the walls.
 #[test]
 fn a_grain_that_leaves_through_a_wall_ends_the_run() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -319,8 +321,8 @@ fn a_grain_that_leaves_through_a_wall_ends_the_run() {
     assert_eq!(said[0], said[1]);
 }
 
-/// A sample that weighs 20 times its load comes to rest: the bottom wall carries load and weight. Sheared,
-/// it keeps its energy: a grain that rises takes some.
+/// A sample that weighs 20 times its load comes to rest: the bottom wall carries load and weight.
+/// Sheared, it keeps its energy: a grain that rises takes some.
 #[test]
 fn a_heavy_sample_is_packed() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -376,9 +378,9 @@ fn a_heavy_sample_is_packed() {
     }
 }
 
-/// Disks of 4 : 1, of whose small ones a single one would bear the whole load at first: they begin again
-/// under a part of it, to the same bits on every number of ranks. A load that no packing of them bears
-/// is refused with the least that is taken.
+/// Disks of 4 : 1, of whose small ones a single one would bear the whole load at first: they begin
+/// again under a part of it, to the same bits on every number of ranks. A load that no packing of
+/// them bears is refused with the least that is taken.
 #[test]
 fn wide_sizes_are_packed_under_a_growing_load() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -253,8 +253,8 @@ const PUSHES: Case = Case {
     ..DISKS
 };
 
-/// The rows of a run that began at a checkpoint are all of the last part; its strain is nevertheless
-/// that of all parts.
+/// The rows of a run that began at a checkpoint are all of the last part; its strain is
+/// nevertheless that of all parts.
 #[test]
 fn strains_of_a_branch_are_those_of_all_parts() {
     let temporary = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! `gshear-reduce replay` and the report that replays: frames that were never stored, to the last bit.
+//! `gshear-reduce replay` and the report that replays: frames that were never stored, to the last
+//! bit.
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -133,7 +134,8 @@ fn spheres_under_a_spring_are_replayed() {
     assert!(words.contains("to the last bit"), "{words}");
 }
 
-/// `dmin` of spheres against least squares by SVD over neighbours from all images; `export` and `compare` against the file.
+/// `dmin` of spheres against least squares by SVD over neighbours from all images; `export` and
+/// `compare` against the file.
 #[test]
 fn frames_of_spheres_are_reduced_exported_and_compared() {
     let temporary = tempfile::tempdir().expect("a folder");

@@ -1,5 +1,5 @@
-//! Protocols of walls, through the real program: closed forms of what is imposed, the contracts, and
-//! the energy budget.
+//! Protocols of walls, through the real program: closed forms of what is imposed, the contracts,
+//! and the energy budget.
 
 use std::path::Path;
 

@@ -1,4 +1,5 @@
-//! Scalars of frames that a run computes itself: those of stored frames, to the last bit, whoever shares the work.
+//! Scalars of frames that a run computes itself: those of stored frames, to the last bit, whoever
+//! shares the work.
 
 use std::path::{Path, PathBuf};
 

@@ -166,8 +166,8 @@ fn status(folder: &Path) -> Status {
     Status::read(folder).expect("a status")
 }
 
-/// Starts a run, and asks it to stop once `seen` of its status holds. Every version of the file that
-/// is seen is whole.
+/// Starts a run, and asks it to stop once `seen` of its status holds. Every version of the file
+/// that is seen is whole.
 fn stopped_when(out: &Path, seen: impl Fn(&Status) -> bool) -> Status {
     let mut child = program(1)
         .args([SCENE, "--set=shear.strain=100", "--out"])

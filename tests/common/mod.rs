@@ -34,7 +34,8 @@ pub fn program(ranks: usize) -> Command {
     command
 }
 
-/// The program that starts ranks, with its options: the environment's MPIRUN, such as `mpirun.mpich`.
+/// The program that starts ranks, with its options: the environment's MPIRUN, such as
+/// `mpirun.mpich`.
 fn launcher() -> Vec<String> {
     let given = std::env::var("MPIRUN").unwrap_or_default();
     let words: Vec<String> = given.split_whitespace().map(String::from).collect();
@@ -55,8 +56,8 @@ pub fn is_open_mpi() -> bool {
     })
 }
 
-/// `mpirun -n ranks program`, also as root and on fewer cores than ranks; ended after 600 s, long though ranks wait for each other
-/// on cores that others use.
+/// `mpirun -n ranks program`, also as root and on fewer cores than ranks; ended after 600 s, long
+/// though ranks wait for each other on cores that others use.
 pub fn mpirun(ranks: usize, program: impl AsRef<Path>) -> Command {
     let words = launcher();
     let mut command = Command::new(&words[0]);
@@ -289,8 +290,8 @@ pub fn no_parts(folder: &Path) {
     }
 }
 
-/// What the digest does not see of the last checkpoint of a run: the images of the grains, and which
-/// limits the contacts are at.
+/// What the digest does not see of the last checkpoint of a run: the images of the grains, and
+/// which limits the contacts are at.
 pub fn beyond_the_digest(folder: &Path) -> [Vec<i64>; 2] {
     let file = hdf5::File::open(folder.join("checkpoint.h5")).expect("a checkpoint");
     let read = |name: &str| -> Vec<i64> {

@@ -1,4 +1,5 @@
-//! Made-up grains, frames and checkpoints: every number a function of what it belongs to, and of nothing else.
+//! Made-up grains, frames and checkpoints: every number a function of what it belongs to, and of
+//! nothing else.
 
 #![allow(dead_code)]
 

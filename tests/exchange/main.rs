@@ -1,4 +1,5 @@
-//! The operations between ranks, on real ranks: this test starts itself under mpirun, as [`program`].
+//! The operations between ranks, on real ranks: this test starts itself under mpirun, as
+//! [`program`].
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -101,7 +101,8 @@ fn check(world: &World) {
 fn ring(world: &World, length: usize) {
     let (rank, size) = (world.rank(), world.size());
     let (left, right) = ((rank + size - 1) % size, (rank + 1) % size);
-    // Twice as many records as are sent: to the left the first half backwards, to the right the other.
+    // Twice as many records as are sent: to the left the first half backwards, to the right the
+    // other.
     let record = |rank: usize, k: u32| rank as f64 + f64::from(k) / 1e6;
     let all = 2 * length as u32;
     let records: Vec<f64> = (0..all).map(|k| record(rank, k)).collect();
@@ -110,7 +111,8 @@ fn ring(world: &World, length: usize) {
     let mut buffers = [vec![0.0; length], vec![0.0; length]];
     let [buffer_left, buffer_right] = &mut buffers;
     let (mut from_left, mut from_right) = (vec![0.0; length], vec![0.0; length]);
-    // Each rank lists first what moves right, then what moves left: receives and sends must pair up rank by rank.
+    // Each rank lists first what moves right, then what moves left: receives and sends must pair up
+    // rank by rank.
     let mut links = [
         Link {
             rank: left,

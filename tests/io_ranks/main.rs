@@ -1,4 +1,5 @@
-//! What is in a run's files does not depend on the number of ranks that wrote them: this test starts itself under mpirun, as
+//! What is in a run's files does not depend on the number of ranks that wrote them: this test
+//! starts itself under mpirun, as
 //! [`program`].
 
 #[path = "../common/mod.rs"]

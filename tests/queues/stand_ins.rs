@@ -1,5 +1,5 @@
-//! PBS and LSF with stand-ins for their commands, which check the flow of the scripts and nothing of
-//! PBS and LSF.
+//! PBS and LSF with stand-ins for their commands, which check the flow of the scripts and nothing
+//! of PBS and LSF.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -205,7 +205,8 @@ fn jobs_of_pbs_with_stand_ins() {
     }
 }
 
-/// The flow of lsf.sh alone: bjobs is a stand-in, and this puts jobs back into the queue as bsub -Q.
+/// The flow of lsf.sh alone: bjobs is a stand-in, and this puts jobs back into the queue as bsub
+/// -Q.
 #[test]
 fn jobs_of_lsf_with_stand_ins() {
     let project = Project::new();

@@ -32,7 +32,8 @@ pub const LINEAR: f64 = 1e-5;
 const END: f64 = 0.1;
 
 gshear_dem::columns! {
-    /// Changes over Newton's equations. Values at the end are means over the last tenth of the time.
+    /// Changes over Newton's equations. Values at the end are means over the last tenth of the
+    /// time.
     pub struct BoxChange {
         /// pressure at the start of Newton's equations
         pressure_before: "Pa",
@@ -52,7 +53,8 @@ gshear_dem::columns! {
         contacts_change: "1",
         /// root mean square displacement over the mean diameter
         displacement: "1",
-        /// time since the start until a root mean square displacement of 1e-5 mean diameters; NaN without
+        /// time since the start until a root mean square displacement of 1e-5 mean diameters; NaN
+        /// without
         linear_until: "s",
         /// the same of 1e-2 mean diameters, a catastrophe
         catastrophe_at: "s",

@@ -57,9 +57,9 @@ fn images<D: Dimension>(cell: &Cell, near: [f64; 3], a: &[f64; 3], b: &[f64; 3])
 /// neighbours' motion after the best local affine map (LH eq. B1, in D dimensions).
 ///
 /// Neighbours are the grains whose nearest image is within `radius` (m) in the earlier frame; that
-/// image is followed to the later frame. NaN if there are fewer neighbours than dimensions or if they
-/// lie on one line or plane. Grains for which `counts` is false are neither centres (their value is
-/// NaN) nor neighbours.
+/// image is followed to the later frame. NaN if there are fewer neighbours than dimensions or if
+/// they lie on one line or plane. Grains for which `counts` is false are neither centres (their
+/// value is NaN) nor neighbours.
 ///
 /// This version works grain by grain. [`crate::dmin`] works pair by pair and serves the
 /// frames of long runs of disks.

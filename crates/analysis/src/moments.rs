@@ -51,8 +51,8 @@ pub fn extent(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
     values.into_iter().fold(ends, wider)
 }
 
-/// Returns the items in groups of those that are the same as the first of the group, in the order of
-/// their first items.
+/// Returns the items in groups of those that are the same as the first of the group, in the order
+/// of their first items.
 pub fn grouped<T>(
     items: impl IntoIterator<Item = T>,
     same: impl Fn(&T, &T) -> bool,

@@ -15,8 +15,8 @@ pub struct TauReading {
 }
 
 impl TauReading {
-    /// Returns the rows at the ends of the intervals, ascending, and τ there. `tau`: `[L]`, of every
-    /// row. With averages the first interval has ended `every` rows after row 0.
+    /// Returns the rows at the ends of the intervals, ascending, and τ there. `tau`: `[L]`, of
+    /// every row. With averages the first interval has ended `every` rows after row 0.
     pub fn of(&self, tau: &[f64]) -> (Vec<usize>, Vec<f64>) {
         let every = self.every.get();
         let first = if self.average { every } else { 0 };

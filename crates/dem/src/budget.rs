@@ -283,8 +283,8 @@ pub struct SampleState<'a> {
     pub load: f64,
     /// Height of the piston (m).
     pub height: f64,
-    /// Kinetic energy of the free grains with their potential energy in gravity and, if it belongs to
-    /// the sample, of the piston (J; J/m in 2D).
+    /// Kinetic energy of the free grains with their potential energy in gravity and, if it belongs
+    /// to the sample, of the piston (J; J/m in 2D).
     pub kinetic: f64,
 }
 

@@ -38,8 +38,8 @@ impl Column {
         Self { name, unit, doc }
     }
 
-    /// Unit in so many dimensions, `None` for pure numbers. In 2D forces, energies and masses are per unit
-    /// depth.
+    /// Unit in so many dimensions, `None` for pure numbers. In 2D forces, energies and masses are
+    /// per unit depth.
     pub fn unit_in(&self, axes: usize) -> Option<String> {
         match (self.unit, axes) {
             ("1", _) => None,
@@ -73,8 +73,8 @@ pub fn joined_names(columns: &[Column], separator: &str) -> String {
 /// Declares the row of a table: a struct of `f64` with `COLUMNS`, `columns` and `from_columns`.
 ///
 /// A field has a doc comment, its name and its unit (see
-/// [`Column::unit`](crate::columns::Column::unit)); see [`columns`](mod@crate::columns). The calling
-/// crate needs `bytemuck`.
+/// [`Column::unit`](crate::columns::Column::unit)); see [`columns`](mod@crate::columns). The
+/// calling crate needs `bytemuck`.
 #[macro_export]
 macro_rules! columns {
     (

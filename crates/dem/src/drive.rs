@@ -60,8 +60,8 @@ impl Piston {
 /// step: v = gain (F - N), at most `fastest` either way. The top then has no mass along its normal.
 ///
 /// A step has the velocity of its middle, extrapolated from the last two (Adams and Bashforth), so
-/// the scheme is of second order. On contacts with the stiffness K and the damping constant C together
-/// it is stable while gain (K Δt + 3 C) < 1.
+/// the scheme is of second order. On contacts with the stiffness K and the damping constant C
+/// together it is stable while gain (K Δt + 3 C) < 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Servo {
     /// (m/(s N); m²/(s N) in 2D)
@@ -448,9 +448,9 @@ impl Slider {
     }
 }
 
-/// Walls of frozen grains. The bottom is fixed, or vibrates along its normal. The top is rigid, with
-/// a load N or an imposed velocity along its normal, and a slider moves it along x. A load acts on its
-/// mass, or a servo moves it.
+/// Walls of frozen grains. The bottom is fixed, or vibrates along its normal. The top is rigid,
+/// with a load N or an imposed velocity along its normal, and a slider moves it along x. A load
+/// acts on its mass, or a servo moves it.
 #[derive(Debug)]
 pub struct GrainWalls {
     /// The motion of the top upwards.
@@ -557,8 +557,8 @@ impl GrainWalls {
         }
     }
 
-    /// Gives the wall grains the velocities of the walls, also as those of the half step, from which
-    /// the deferred second kick starts. `bottom` (m/s) is asked for only if it vibrates.
+    /// Gives the wall grains the velocities of the walls, also as those of the half step, from
+    /// which the deferred second kick starts. `bottom` (m/s) is asked for only if it vibrates.
     fn impose_velocities<D: Dimension>(
         &self,
         bottom: impl FnOnce(&Protocol) -> f64,

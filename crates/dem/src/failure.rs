@@ -51,8 +51,8 @@ impl fmt::Display for Failure {
 
 impl std::error::Error for Failure {}
 
-/// Text as a terminal may show it: control characters, which files of other people may hold in names
-/// and texts, are escaped, but for line breaks and tabs.
+/// Text as a terminal may show it: control characters, which files of other people may hold in
+/// names and texts, are escaped, but for line breaks and tabs.
 pub fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c.is_control() && c != '\n' && c != '\t')
 }

@@ -134,9 +134,11 @@
 //! 1. **Bookkeeping never reaches the numbers.** Ranks, slab cuts, skin, list rebuilds, threads and
 //!    instruction set do not change a bit.
 //! 2. **Output changes nothing.** More frames or rows, analysis on or off: the digest is the same.
-//! 3. **Exact restart.** A run stopped at any step and resumed, on any number of ranks, ends with the
+//! 3. **Exact restart.** A run stopped at any step and resumed, on any number of ranks, ends with
+//!    the
 //!    digest of the run that was never stopped.
-//! 4. **Replay.** Any window can be recomputed from the checkpoint before it, with denser output, bit
+//! 4. **Replay.** Any window can be recomputed from the checkpoint before it, with denser output,
+//!    bit
 //!    for bit.
 //! 5. **A scene pays only for what it has.** Dimension, law, friction, rolling, damping, gravity,
 //!    walls and outputs are chosen once per run, outside the loop.

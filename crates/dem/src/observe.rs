@@ -59,8 +59,8 @@ impl SampleConstants {
     }
 }
 
-/// Fails if a free grain is beyond one of these planes, the outer ones of both walls (m): it has passed
-/// a wall through a hole. Collective.
+/// Fails if a free grain is beyond one of these planes, the outer ones of both walls (m): it has
+/// passed a wall through a hole. Collective.
 ///
 /// # Errors
 /// The step, the id and the place of the grain of the lowest id, and how many there are.

@@ -1,5 +1,6 @@
 //! What is imposed on the walls: a sequence of segments, each for a whole number of steps. Every
-//! imposed value is a closed form of the step, so nothing accumulates and nothing needs to be saved.
+//! imposed value is a closed form of the step, so nothing accumulates and nothing needs to be
+//! saved.
 
 use std::f64::consts::TAU;
 
@@ -31,8 +32,8 @@ pub struct Segment {
     pub bottom: f64,
 }
 
-/// A part of the protocol of a scene. It does not depend on the sample and its time step: amplitudes
-/// along x are those of γ, forces are stresses (Pa), and frequencies are per second.
+/// A part of the protocol of a scene. It does not depend on the sample and its time step:
+/// amplitudes along x are those of γ, forces are stresses (Pa), and frequencies are per second.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
     /// What is imposed, in these units.
@@ -343,7 +344,8 @@ impl Protocol {
         }
     }
 
-    /// Velocity of the drive (m/s) at the end of the last of `step` steps. 0 in segments of a force.
+    /// Velocity of the drive (m/s) at the end of the last of `step` steps. 0 in segments of a
+    /// force.
     pub fn full_velocity(&self, step: u64) -> f64 {
         let segment = self.segment_before(step);
         match &segment.imposed.along {

@@ -146,9 +146,9 @@ pub fn initial_forces<D: Dimension>(
     Ok(())
 }
 
-/// The sums over the ranks of a step: whether something failed, K flags that are set if they are set
-/// on some rank, and the forces on the walls. That on the bottom is last, and left out if the drive
-/// does not ask for it.
+/// The sums over the ranks of a step: whether something failed, K flags that are set if they are
+/// set on some rank, and the forces on the walls. That on the bottom is last, and left out if the
+/// drive does not ask for it.
 struct Message<const K: usize> {
     numbers: [i64; MESSAGE],
     sent: usize,

@@ -1,7 +1,7 @@
-//! The thread pool of a rank. Every thread has a share of the owned grains, and alone adds the forces
-//! of the pairs within it. Of the other pairs, across shares and with ghosts, every thread sums the
-//! forces of a part, and then the pool adds these sums. All sums are exact, so the number of threads
-//! does not change a bit.
+//! The thread pool of a rank. Every thread has a share of the owned grains, and alone adds the
+//! forces of the pairs within it. Of the other pairs, across shares and with ghosts, every thread
+//! sums the forces of a part, and then the pool adds these sums. All sums are exact, so the number
+//! of threads does not change a bit.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -66,8 +66,8 @@ impl Workers {
     }
 }
 
-/// The forces on all local grains by those contacts of one thread that are not within its share; only
-/// some pages are used. They are 0 between two passes.
+/// The forces on all local grains by those contacts of one thread that are not within its share;
+/// only some pages are used. They are 0 between two passes.
 #[derive(Debug)]
 struct PartialForces<D: Dimension> {
     force: Vec<D::Force>,
@@ -138,8 +138,8 @@ impl<D: Dimension> ThreadPool<D> {
         1 + self.partial.len()
     }
 
-    /// Divides the owned grains among the threads, so that all have as much to do. Must be called for
-    /// every new list.
+    /// Divides the owned grains among the threads, so that all have as much to do. Must be called
+    /// for every new list.
     pub fn divide(&mut self, candidates: &[CandidatePair], owned: usize) {
         let threads = self.threads();
         let mut cost = vec![1; owned];

@@ -7,7 +7,8 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 pub struct Wave {
     /// a.
     pub amplitude: f64,
-    /// f: cycles per step of Δt; in a [`Part`](crate::protocol::Part) of a protocol cycles per second.
+    /// f: cycles per step of Δt; in a [`Part`](crate::protocol::Part) of a protocol cycles per
+    /// second.
     pub frequency: f64,
 }
 

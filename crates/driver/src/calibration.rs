@@ -180,7 +180,8 @@ fn overlap(scene: &Scene) -> f64 {
     }
 }
 
-/// Steps on a lattice of equal grains, two or three of whose neighbours each touch, as in a packing.
+/// Steps on a lattice of equal grains, two or three of whose neighbours each touch, as in a
+/// packing.
 fn measured<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, Failure> {
     let exchange = run.exchange;
     let sample = &scene.sample;

@@ -1,5 +1,5 @@
-//! The ends of a run that starts from a checkpoint: none may lie before it, and the drive up to there
-//! must be the one that led to it.
+//! The ends of a run that starts from a checkpoint: none may lie before it, and the drive up to
+//! there must be the one that led to it.
 
 use gshear_dem::failure::Failure;
 use gshear_scene::schedule::Schedule;
@@ -8,8 +8,8 @@ use gshear_scene::{Boundary, PeriodicBox, PlaneShear, Scene};
 use crate::header::Header;
 use crate::stages::newtonian;
 
-/// Refuses ends that lie before the step reached, and another drive up to there. `header`, `before`:
-/// of the checkpoint and its scene, if the run starts from one.
+/// Refuses ends that lie before the step reached, and another drive up to there. `header`,
+/// `before`: of the checkpoint and its scene, if the run starts from one.
 ///
 /// # Errors
 /// Such an end, or such a drive.

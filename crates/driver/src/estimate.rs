@@ -426,7 +426,7 @@ fn of_box(scene: &Scene, header: Option<&Header>, last: u64) -> Estimate {
             output: (frames as f64 * frame_bytes(scene), steps),
         });
     }
-    let columns = gshear_store::columns::AqsRow::COLUMNS.len();
+    let columns = gshear_store::box_columns::AqsRow::COLUMNS.len();
     estimate
         .files
         .push(file_of(scene, "aqs.h5", frames, (steps + 1, columns)));
@@ -445,7 +445,7 @@ fn of_box(scene: &Scene, header: Option<&Header>, last: u64) -> Estimate {
             moves: true,
             output: (frames as f64 * frame_bytes(scene), rows),
         });
-        let columns = gshear_store::columns::NewtonianRow::COLUMNS.len();
+        let columns = gshear_store::box_columns::NewtonianRow::COLUMNS.len();
         let file = file_of(scene, "newtonian.h5", frames + 1, (rows + 1, columns));
         estimate.files.push(file);
     }

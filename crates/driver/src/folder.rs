@@ -15,9 +15,10 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::changes;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Scene};
+use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
-use gshear_store::columns::{AqsRow, NewtonianRow};
+use gshear_store::csv_table::rows_up_to;
 use gshear_store::existing;
 use gshear_store::file_names::{
     AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
@@ -26,7 +27,6 @@ use gshear_store::file_names::{
 use gshear_store::h5;
 use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile};
-use gshear_store::table::rows_up_to;
 use gshear_store::text_writer;
 
 use crate::header::{Header, Saved};
@@ -204,7 +204,8 @@ impl Contents {
         )))
     }
 
-    /// Whether a killed program left only the beginning of this branch, to which no checkpoint leads.
+    /// Whether a killed program left only the beginning of this branch, to which no checkpoint
+    /// leads.
     fn is_begun_branch(&self, record: &RunRecord) -> bool {
         let checkpoints = [checkpoint::NAME, checkpoint::PREVIOUS];
         let own = |owner: &FileOwner| owner.id.as_ref() == Some(&record.id);
@@ -270,8 +271,8 @@ fn readable<T>(read: Result<T, Failure>) -> Result<Option<T>, Failure> {
     }
 }
 
-/// Whether it is a file that only a run writes. `status.json` does not count: a folder that holds it
-/// alone is that of a run that was packed, of which nothing is left. `scene`: `scene.toml`.
+/// Whether it is a file that only a run writes. `status.json` does not count: a folder that holds
+/// it alone is that of a run that was packed, of which nothing is left. `scene`: `scene.toml`.
 fn is_of_a_run(name: &str, scene: &str) -> bool {
     let is_part = Path::new(name).extension().is_some_and(|of| of == "part");
     let checkpoint = name.starts_with("checkpoint") && name.contains(".h5") && !is_part;
@@ -428,12 +429,11 @@ impl RunFolder {
             columns = series_columns(protocol.is_more_than_velocities());
         }
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
-        let Written {
-            frames,
-            rows,
-            scalars,
-        } = *written;
-        let step = header.step();
+        let (counted, step) = (
+            [written.frames, written.rows, written.scalars],
+            header.step(),
+        );
+        let [frames, rows, _] = counted;
         let there = path.exists();
         let mut kept = 0;
         if there {
@@ -445,11 +445,10 @@ impl RunFolder {
             }
             let found = existing::up_to(&path, columns, step)?;
             // A damaged step would cut off more than it must, and leave a gap.
-            if is_counted && found != [frames, rows, scalars] {
+            if is_counted && found != counted {
                 return Err(Failure::input(format!(
-                    "{}: is damaged: up to step {step} it has {found:?} frames, rows and scalars, the checkpoint counts {:?}",
+                    "{}: is damaged: up to step {step} it has {found:?} frames, rows and scalars, the checkpoint counts {counted:?}",
                     path.display(),
-                    [frames, rows, scalars]
                 )));
             }
             kept = found[1];
@@ -464,7 +463,8 @@ impl RunFolder {
         match header {
             Header::Shear(_) if there || log.exists() => {
                 Log::check(&log, columns, step, kept)?;
-                // A killed program may have left anything after the checkpoint, which a reader refuses.
+                // A killed program may have left anything after the checkpoint, which a reader
+                // refuses.
                 let file = there.then(|| RunFile::open(&path).ok()).flatten();
                 file.map_or(Ok(()), |file| Log::compare(&log, step, file.series()))
             }
@@ -493,8 +493,8 @@ impl RunFolder {
         }
     }
 
-    /// Once, before this run writes its first file: removes those of an earlier run. Where frames and
-    /// rows are cut back to an older checkpoint, that one becomes the newest first, because no
+    /// Once, before this run writes its first file: removes those of an earlier run. Where frames
+    /// and rows are cut back to an older checkpoint, that one becomes the newest first, because no
     /// later one fits the files any more. Collective.
     ///
     /// # Errors

@@ -390,8 +390,8 @@ pub struct Pressing {
     pub beyond: Option<Beyond>,
 }
 
-/// A pressure beyond the wanted one, at this relative change of the lengths from the packing that is
-/// kept.
+/// A pressure beyond the wanted one, at this relative change of the lengths from the packing that
+/// is kept.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Beyond {

@@ -68,7 +68,8 @@ fn boot() -> String {
     fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default()
 }
 
-/// Whether the process of a lock is known to be gone. `tried`: the outcome of a try to lock the file.
+/// Whether the process of a lock is known to be gone. `tried`: the outcome of a try to lock the
+/// file.
 fn is_gone(holder: Option<&Holder>, tried: &Result<(), TryLockError>, age: Duration) -> bool {
     match holder {
         Some(holder) if holder.is_known_here() => !matches!(tried, Err(TryLockError::WouldBlock)),
@@ -155,9 +156,9 @@ impl Lock {
         }))
     }
 
-    /// Waits until it is known whether the process that holds the lock lives: the process renews the
-    /// lock or removes it, or the lock becomes stale. Returns at once if the kernel tells. `note`: is
-    /// told that this waits.
+    /// Waits until it is known whether the process that holds the lock lives: the process renews
+    /// the lock or removes it, or the lock becomes stale. Returns at once if the kernel tells.
+    /// `note`: is told that this waits.
     pub fn await_verdict(folder: &Path, note: impl Fn(&str)) {
         let path = folder.join(LOCK_FILE);
         let look = || {

@@ -6,11 +6,12 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::packing::GrainLimit;
 use gshear_store::provenance;
 
-/// Bytes that a run takes for a grain, at least: about 500 are printed as "state … bytes per grain".
+/// Bytes that a run takes for a grain, at least: about 500 are printed as "state … bytes per
+/// grain".
 const LEAST_BYTES: u64 = 400;
 
-/// Greatest resident size of a process (bytes): of a run of few grains; for every grain of its rank,
-/// disks and spheres; copies of the frames that wait to be written (docs/speed.md, "Memory").
+/// Greatest resident size of a process (bytes): of a run of few grains; for every grain of its
+/// rank, disks and spheres; copies of the frames that wait to be written (docs/speed.md, "Memory").
 pub const PROCESS_BYTES: f64 = 30e6;
 pub const GRAIN_BYTES: [f64; 2] = [900.0, 1300.0];
 pub const FRAME_COPIES: f64 = 3.0;
@@ -62,8 +63,8 @@ pub fn hosts(exchange: &dyn Parallel) -> usize {
     hosts.len().max(1)
 }
 
-/// Memory of the node with the fewest bytes for each of its ranks: bytes per rank, if that is known.
-/// Collective.
+/// Memory of the node with the fewest bytes for each of its ranks: bytes per rank, if that is
+/// known. Collective.
 pub fn per_rank(exchange: &dyn Parallel) -> Option<f64> {
     let mine = provenance::host();
     let here = all_hosts(exchange)

@@ -13,8 +13,8 @@ use crate::options::{Options, Verbosity};
 use crate::say::{self, say_error};
 use crate::terminal::ranks as in_words;
 
-/// Prints the scene of a task on standard output and, unless told to be quiet, what its run takes on
-/// standard error. Collective.
+/// Prints the scene of a task on standard output and, unless told to be quiet, what its run takes
+/// on standard error. Collective.
 ///
 /// # Errors
 /// Ends that a checkpoint has passed; more ranks than the sample has room for; standard output that
@@ -62,7 +62,8 @@ fn print(exchange: &dyn Parallel, task: &Task) -> Result<(), Failure> {
 }
 
 /// Unless told to be quiet, says on standard error what the run of a task takes, what is in its
-/// folder, and what is unlikely. `refused`: why it cannot begin there, if that is known. Collective.
+/// folder, and what is unlikely. `refused`: why it cannot begin there, if that is known.
+/// Collective.
 fn prospects(
     exchange: &dyn Parallel,
     task: &Task,

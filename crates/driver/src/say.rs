@@ -22,8 +22,8 @@ pub fn say_error(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Prints a result, which other programs read as well, as it is but for control characters, on the first rank. A reader that has
-/// closed its pipe, such as `head -1`, is no failure. Collective.
+/// Prints a result, which other programs read as well, as it is but for control characters, on the
+/// first rank. A reader that has closed its pipe, such as `head -1`, is no failure. Collective.
 ///
 /// # Errors
 /// Standard output that cannot be written, such as a file on a full disk, on every rank.

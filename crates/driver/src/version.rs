@@ -7,8 +7,8 @@ use gshear_store::provenance;
 /// Instruction sets that the kernel has.
 const INSTRUCTION_SETS: [&str; 3] = ["avx512", "avx2", "portable"];
 
-/// Program and commit, the libraries, and the instruction sets that this processor has, the one that
-/// runs first.
+/// Program and commit, the libraries, and the instruction sets that this processor has, the one
+/// that runs first.
 pub fn text() -> String {
     let program = provenance::printed();
     format!("{program}\nMPI: {}\n{}", library_version(), of_all())

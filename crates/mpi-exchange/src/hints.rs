@@ -43,7 +43,8 @@ impl Hints {
 
 impl Drop for Hints {
     fn drop(&mut self) {
-        // SAFETY: the object was made by MPI and is freed once; MPI ends after its owner is dropped.
+        // SAFETY: the object was made by MPI and is freed once; MPI ends after its owner is
+        // dropped.
         unsafe {
             ffi::MPI_Info_free(&raw mut self.0);
         }

@@ -126,8 +126,8 @@ impl World {
         self.communicator.abort(exit_code)
     }
 
-    /// Says so if this is one of several ranks that a launcher has started, but MPI's only one: each
-    /// would run the whole scene.
+    /// Says so if this is one of several ranks that a launcher has started, but MPI's only one:
+    /// each would run the whole scene.
     ///
     /// # Errors
     /// [`Failure::Input`] with the variable of the launcher.

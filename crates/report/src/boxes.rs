@@ -1,11 +1,12 @@
-//! The report of a run in a periodic box: what its deformation and Newton's equations have measured.
+//! The report of a run in a periodic box: what its deformation and Newton's equations have
+//! measured.
 
 use serde_json::{Value, json};
 
 use gshear_dem::failure::Failure;
+use gshear_store::csv_table;
 use gshear_store::file_names::SPECTRA_FILE;
 use gshear_store::run_reader::{RunFile, RunStage, Series};
-use gshear_store::table;
 
 use super::ReportFigure;
 use super::curves::lines;
@@ -161,7 +162,8 @@ struct Measured {
     of: &'static Deformation,
     /// `[L]` The stress that works on the strain.
     stress: Vec<f64>,
-    /// `[L]` Sine of the mobilised friction angle; of simple shear the shear stress over the pressure.
+    /// `[L]` Sine of the mobilised friction angle; of simple shear the shear stress over the
+    /// pressure.
     friction: Vec<f64>,
     /// `[L]` The modulus from the row before to this one.
     modulus: Vec<f64>,
@@ -303,7 +305,7 @@ fn in_time(run: &RunFile, facts: &mut Facts) -> Result<Vec<ReportFigure>, Failur
 fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>, Failure> {
     let path = run.folder().join(SPECTRA_FILE);
     let rows: Vec<SpectrumRow> = if path.exists() {
-        table::read(&path)?
+        csv_table::read(&path)?
     } else {
         Vec::new()
     };

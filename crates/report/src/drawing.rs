@@ -84,7 +84,8 @@ const MACRON: char = 'ˉ';
 /// The SVG with macrons as characters of their own in texts with indices or powers.
 ///
 /// usvg 0.45 loses what consists of several glyphs, such as r̄, behind a `tspan`
-/// (<https://github.com/linebender/resvg/pull/929>). 0.46 does not, but svg2pdf does not take it yet.
+/// (<https://github.com/linebender/resvg/pull/929>). 0.46 does not, but svg2pdf does not take it
+/// yet.
 fn with_macrons_apart(svg: &str) -> Cow<'_, str> {
     if !svg.contains(COMBINING_MACRON) {
         return Cow::Borrowed(svg);

@@ -6,7 +6,7 @@ use super::plot::{Layout, figure};
 use super::ticks;
 use gshear_analysis::moments::extent;
 use gshear_spectrum::{Eigenvalue, Verdict};
-use gshear_store::table::Table;
+use gshear_store::csv_table::Table;
 
 const WIDE: Layout = Layout {
     size: [900.0, 400.0],

@@ -4,7 +4,7 @@ use super::colour::{SLIP, STICK};
 use super::plot::{Layout, figure};
 use super::ticks;
 use gshear_analysis::phases::{Phase, PhaseKind};
-use gshear_store::table::Table;
+use gshear_store::csv_table::Table;
 
 const LAYOUT: Layout = Layout::new([900.0, 400.0], 72.0);
 /// Bins per decade, of equal ratio.

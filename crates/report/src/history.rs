@@ -1,7 +1,7 @@
 //! Figures of the time series besides τ: dilation, coordination, sliding contacts, energies.
 
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, Series};
-use gshear_store::table::Table;
 
 use super::ReportFigure;
 use super::curves::lines;

@@ -1,8 +1,8 @@
-//! Figures of a protocol that imposes more than velocities along x: the stresses over time, loops of
-//! stress and strain, and the path of the two stresses.
+//! Figures of a protocol that imposes more than velocities along x: the stresses over time, loops
+//! of stress and strain, and the path of the two stresses.
 
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
-use gshear_store::table::Table;
 
 use super::ReportFigure;
 use super::curves::{lines, percent_of};

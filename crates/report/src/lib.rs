@@ -91,8 +91,8 @@ pub fn write(
     write_files(run, &figures, &summary.json(run), &page, folder)
 }
 
-/// Writes the report of a run in a periodic box, as [`write()`]. `files`: of its strain steps and of
-/// Newton's equations, or one of them.
+/// Writes the report of a run in a periodic box, as [`write()`]. `files`: of its strain steps and
+/// of Newton's equations, or one of them.
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.

@@ -8,7 +8,7 @@ use super::ticks::{self, Tick};
 use gshear_analysis::forces;
 use gshear_analysis::moments::extent;
 use gshear_dem::state::{ContactSample, Disks, Frame};
-use gshear_store::table::Table;
+use gshear_store::csv_table::Table;
 
 const WIDTH: f64 = 900.0;
 const MARGIN: [f64; 4] = [72.0, 36.0, 104.0, 58.0];

@@ -9,8 +9,8 @@ use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{FrameRecords, body};
 use gshear_scene::Dimensions;
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage};
-use gshear_store::table::Table;
 
 use super::ReportFigure;
 use super::colour::{FORCE, Scale, VIRIDIS, WALL};

@@ -360,8 +360,8 @@ impl Plot<'_> {
     }
 }
 
-/// Returns how a page reads an axis: whether its scale is logarithmic, the numbers at its ends in the
-/// unit of the label, and the label. `None` if two ticks do not say.
+/// Returns how a page reads an axis: whether its scale is logarithmic, the numbers at its ends in
+/// the unit of the label, and the label. `None` if two ticks do not say.
 fn reading(ticks: &[Tick], ends: [f64; 2], label: &str) -> Option<String> {
     let number = |(_, text): &Tick| {
         let text = text.replace('−', "-");

@@ -10,8 +10,8 @@ use super::ticks;
 use gshear_analysis::phases::{Phase, PhaseKind};
 
 const LAYOUT: Layout = Layout::new([900.0, 400.0], 72.0);
-/// Phases with a change below this share of the range of τ have no colour in the figure of the whole
-/// run, where colours would blur.
+/// Phases with a change below this share of the range of τ have no colour in the figure of the
+/// whole run, where colours would blur.
 pub const VISIBLE: f64 = 0.02;
 
 /// Draws τ over the whole run, with large phases in colour. `tau` is `[L]`.

@@ -7,8 +7,8 @@ use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, FrameRecords, body};
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage};
-use gshear_store::table::Table;
 
 use super::ReportFigure;
 use super::curves;

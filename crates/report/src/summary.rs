@@ -193,8 +193,8 @@ pub struct Summary {
     pub phases: Vec<Phase>,
     /// The largest drop after the start of the flow.
     pub drop: Option<Phase>,
-    /// Moments of τ over the latter half of the strain; of the time, if a protocol imposes more than
-    /// velocities.
+    /// Moments of τ over the latter half of the strain; of the time, if a protocol imposes more
+    /// than velocities.
     pub stress: Moments,
     /// The drop that the maps show.
     pub event: Option<DropFrames>,

@@ -15,8 +15,8 @@ use crate::walls::{PACK, PlaneShear};
 use crate::{extent, law, load, periodic, time, walls, write};
 
 /// Checks every value by itself, then those that must agree, and derives what follows. `boxed`: the
-/// scene has a `[box]`; `limit`: of inserted grains; `packing` is called for the file of a packing, if
-/// the scene has one.
+/// scene has a `[box]`; `limit`: of inserted grains; `packing` is called for the file of a packing,
+/// if the scene has one.
 pub(crate) fn scene(
     mut c: Checker<'_>,
     boxed: bool,

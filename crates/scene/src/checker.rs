@@ -76,8 +76,8 @@ impl<'a> Checker<'a> {
         self.input.mention(offset)
     }
 
-    /// The path that a key's value names, relative to the folder of the file that gives it; one given
-    /// by `--set` is relative to the working directory.
+    /// The path that a key's value names, relative to the folder of the file that gives it; one
+    /// given by `--set` is relative to the working directory.
     pub fn resolve(&self, key: &Key, path: &str) -> PathBuf {
         let offset = self.offset(key).unwrap_or(0);
         match self.input.override_at(offset) {

@@ -28,10 +28,10 @@ fn packed_fraction(sample: &Sample) -> f64 {
 /// Greatest R_max/R_min with which walls are one mean diameter thick.
 const NARROW_SIZES: f64 = 2.0;
 
-/// The default thickness of each wall over d̄. With wide sizes it is so great that a hole through which
-/// the smallest grain fits is closed by the grain that rests over it. The highest of these is one of
-/// R_max on two disks of R_max with just room for R_min between them: its centre is
-/// h = R_max √(4 - (1+q)²), q = R_min/R_max, above theirs, at R_max. Pores between spheres bend: those
+/// The default thickness of each wall over d̄. With wide sizes it is so great that a hole through
+/// which the smallest grain fits is closed by the grain that rests over it. The highest of these is
+/// one of R_max on two disks of R_max with just room for R_min between them: its centre is h =
+/// R_max √(4 - (1+q)²), q = R_min/R_max, above theirs, at R_max. Pores between spheres bend: those
 /// take half of h more (docs/scheme.md has what was measured).
 pub fn wall_layers(sample: &Sample) -> f64 {
     let (least, greatest) = (sample.radius_min, sample.radius_max);
@@ -47,8 +47,8 @@ pub fn wall_layers(sample: &Sample) -> f64 {
     (greatest * (1.0 + over) / sample.mean_diameter).max(1.0)
 }
 
-/// Height of the two walls and of the least sample between them, five d̄, over d̄; `layers`: thickness
-/// of each wall over d̄.
+/// Height of the two walls and of the least sample between them, five d̄, over d̄; `layers`:
+/// thickness of each wall over d̄.
 pub fn least_height(layers: f64) -> f64 {
     2.0 * layers + 5.0
 }
@@ -172,16 +172,17 @@ pub fn step_limit(
     limits.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// The default gain of a servo (m/(s Pa)): with it the wall yields to a wave as a sample of the same
-/// grains would, 1/Z of the impedance Z = √(m̄ k)/d̄, in 3D over d̄², with k at the mean overlap (m).
+/// The default gain of a servo (m/(s Pa)): with it the wall yields to a wave as a sample of the
+/// same grains would, 1/Z of the impedance Z = √(m̄ k)/d̄, in 3D over d̄², with k at the mean
+/// overlap (m).
 pub fn servo_gain(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
     let mass = law.masses().of(sample.mean_volume);
     sample.mean_section() / (mass * mean_stiffness(law, sample, mean_overlap)).sqrt()
 }
 
 /// The greatest gain of a servo (m/(s Pa)) for Δt (s). A wall on contacts that have together the
-/// stiffness K (Pa/m) and the damping constant C (Pa s/m) is stable while gain (K Δt + 3 C) < 1; they
-/// are taken as four contacts of mean grains at this overlap (m) on every d̄, in 3D d̄².
+/// stiffness K (Pa/m) and the damping constant C (Pa s/m) is stable while gain (K Δt + 3 C) < 1;
+/// they are taken as four contacts of mean grains at this overlap (m) on every d̄, in 3D d̄².
 pub fn servo_gain_limit(law: &Law, sample: &Sample, overlap: f64, step: f64) -> f64 {
     let mass = law.masses().of(sample.mean_volume);
     let rigid = law.rigidity(mean_stiffness(law, sample, overlap), mass, false);
@@ -411,7 +412,8 @@ mod tests {
         );
     }
 
-    /// Of three disks of R_max in a gap of 2 R_min, by the law of cosines; spheres higher; and narrow sizes.
+    /// Of three disks of R_max in a gap of 2 R_min, by the law of cosines; spheres higher; and
+    /// narrow sizes.
     #[test]
     fn walls_are_as_high_as_what_closes_their_holes() {
         assert_eq!(wall_layers(&SAMPLE), 1.0);

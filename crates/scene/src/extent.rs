@@ -39,8 +39,9 @@ pub(crate) fn check(c: &mut Checker<'_>, scene: &Scene) -> Result<(), Failure> {
 }
 
 /// Refuses coordinates whose rounding is more than a millionth of the least mean overlap: contacts
-/// would be lost, or their forces be those of other overlaps. Coordinates along the periodic axes stay in
-/// the cell however far grains move. Of a box without a pressure the overlaps are not known before.
+/// would be lost, or their forces be those of other overlaps. Coordinates along the periodic axes
+/// stay in the cell however far grains move. Of a box without a pressure the overlaps are not known
+/// before.
 fn resolution(c: &mut Checker<'_>, scene: &Scene) {
     let sample = &scene.sample;
     let (height, kappa, keys) = match &scene.boundary {

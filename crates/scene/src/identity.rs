@@ -99,8 +99,8 @@ pub fn changes(before: &str, after: &str) -> Vec<KeyChange> {
     differing.map(change).collect()
 }
 
-/// Returns the values of a scene as TOML by their paths, without those that are the constant default
-/// of their key, so that a key of a later version does not tell two scenes apart.
+/// Returns the values of a scene as TOML by their paths, without those that are the constant
+/// default of their key, so that a key of a later version does not tell two scenes apart.
 pub fn values(toml: &str) -> BTreeMap<String, String> {
     let table: Table = toml::from_str(toml).unwrap_or_default();
     let mut found = BTreeMap::new();

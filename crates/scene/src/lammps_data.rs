@@ -187,8 +187,8 @@ impl<'a> Lines<'a> {
         Ok([lo, hi])
     }
 
-    /// The rows of the section Atoms, whose heading on line `at` has this style; their places by ids
-    /// are added to `place`.
+    /// The rows of the section Atoms, whose heading on line `at` has this style; their places by
+    /// ids are added to `place`.
     fn atoms(
         &mut self,
         at: usize,

@@ -1,8 +1,8 @@
 //! Scenes of gshear-mpi: the configuration, checked and with every default filled in, and what
 //! follows from it: sweeps, packings, schedules, the time step.
 //!
-//! [`load`] reads a [`Scene`], between walls or in a periodic box ([`Boundary`]). Every message names
-//! file and line, or the `--set` it comes from.
+//! [`load`] reads a [`Scene`], between walls or in a periodic box ([`Boundary`]). Every message
+//! names file and line, or the `--set` it comes from.
 //!
 //! ```
 //! use gshear_scene::{Source, load};
@@ -27,8 +27,8 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 //!
-//! A table of the configuration has a file: the declarations of its keys (name, meaning, unit, range,
-//! default), their checks and the checked type. The keys of the contact laws are in
+//! A table of the configuration has a file: the declarations of its keys (name, meaning, unit,
+//! range, default), their checks and the checked type. The keys of the contact laws are in
 //! [`gshear_dem::laws::keys`]. Reading, messages, `scene.toml`, the table of docs/config.md and the
 //! JSON schema ([`mod@reference`]) use the declarations. The way of a configuration:
 //!

@@ -146,8 +146,9 @@ pub(crate) fn derive(c: &mut Checker<'_>, law: &Law, sample: &Sample) -> Result<
     Err(c.refused(key, &what))
 }
 
-/// Force that the smallest grains must bear at the largest overlap of the law, over P times the diameter
-/// of the largest grains (in 3D its square). Samples of equal disks that bear less do not pack.
+/// Force that the smallest grains must bear at the largest overlap of the law, over P times the
+/// diameter of the largest grains (in 3D its square). Samples of equal disks that bear less do not
+/// pack.
 const BORNE: f64 = 1.4;
 
 /// Refuses a load that presses the smallest grains of a packed sample out of the law.

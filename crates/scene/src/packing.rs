@@ -21,12 +21,12 @@ use gshear_dem::state::{GrainState, Grains, body, length};
 const BOTTOM_TYPE: u32 = 2;
 const TOP_TYPE: u32 = 3;
 
-/// Cells of the largest diameter in the box of a packing, for each of its grains. In a box with more
-/// the grains are far apart, and cells would take more memory than they.
+/// Cells of the largest diameter in the box of a packing, for each of its grains. In a box with
+/// more the grains are far apart, and cells would take more memory than they.
 const MOST_CELLS: f64 = 1e4;
 
-/// Squares or cubes of their diameters over the room that the atoms of a cell may have: more than any
-/// overlap of a law allows.
+/// Squares or cubes of their diameters over the room that the atoms of a cell may have: more than
+/// any overlap of a law allows.
 const MOST_FILLED: f64 = 4.0;
 
 /// Periods from the box beyond which a position says nothing about the place in the box.
@@ -205,13 +205,15 @@ pub struct Packing {
     name: String,
     /// What a scene needs to know of the file.
     pub file: PackingFile,
-    /// Sorted column after column, from the bottom to the top of each, which is the order of the ids to come.
+    /// Sorted column after column, from the bottom to the top of each, which is the order of the
+    /// ids to come.
     atoms: Vec<Atom>,
 }
 
 impl Packing {
-    /// Reads a LAMMPS data file of spheres: disks where all are in the plane z = 0 or the box along z is no longer than the largest
-    /// of them, else spheres in a box that is periodic along x and y; and sets so many `copies` beside each other along x and y.
+    /// Reads a LAMMPS data file of spheres: disks where all are in the plane z = 0 or the box along
+    /// z is no longer than the largest of them, else spheres in a box that is periodic along x and
+    /// y; and sets so many `copies` beside each other along x and y.
     ///
     /// # Errors
     /// `Failure::Input` with the line, what is wrong with it and what would be right.
@@ -317,11 +319,12 @@ impl Packing {
         })
     }
 
-    /// The grains as the first stage of the scene takes them: sheared as they are, with walls, or to be compressed between planes,
-    /// all free, at rest and with the lowest edge at y = 0.
+    /// The grains as the first stage of the scene takes them: sheared as they are, with walls, or
+    /// to be compressed between planes, all free, at rest and with the lowest edge at y = 0.
     ///
     /// # Errors
-    /// `Failure::Input` where types are no walls, no grain is free, or an overlap is outside the contact law.
+    /// `Failure::Input` where types are no walls, no grain is free, or an overlap is outside the
+    /// contact law.
     pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>, Failure> {
         let Boundary::Walls(plane_shear) = &scene.boundary else {
             return Ok(Vec::new());
@@ -445,8 +448,8 @@ impl Packing {
     }
 }
 
-/// Calls `visit` with each pair of grains that touch, and their overlap (m). Leaves out pairs of wall
-/// grains.
+/// Calls `visit` with each pair of grains that touch, and their overlap (m). Leaves out pairs of
+/// wall grains.
 fn each_touching<D: Dimension>(
     scene: &Scene,
     states: &[GrainState],

@@ -39,8 +39,8 @@ table! {
             default: DEFORMATION_NAMES[0],
             change: Change::Never,
         },
-        /// the packing is compressed or expanded to this pressure, with the scene's friction, before
-        /// the first strain step; with `"biaxial"` the lateral stress, too
+        /// the packing is compressed or expanded to this pressure, with the scene's friction,
+        /// before the first strain step; with `"biaxial"` the lateral stress, too
         pressure: Number(POSITIVE) {
             unit: "pressure",
             otherwise: "that of the solid fraction; required with `\"biaxial\"`",
@@ -119,8 +119,8 @@ table! {
 table! {
     /// Newton's equations in a box, after the strain steps.
     NEWTONIAN: NewtonianKeys "newtonian" Box {
-        /// duration of the last stage, in 1/ω_i of the complex pair that grows fastest (without one,
-        /// in 1000 Δt); without `[newtonian]` there is none
+        /// duration of the last stage, in 1/ω_i of the complex pair that grows fastest (without
+        /// one, in 1000 Δt); without `[newtonian]` there is none
         growth_times: Number(POSITIVE) {
             what: "the duration, in times 1/omega_i in which the complex pair grows by e",
             example: "20",

@@ -69,8 +69,8 @@ table! {
         pressure_amplitude: Number(POSITIVE) { unit: "Pa" },
         /// of the pressure
         pressure_frequency: Number(POSITIVE) { unit: "Hz" },
-        /// instead of a pressure: velocity of the top wall away from the bottom wall; 0 is a constant
-        /// volume
+        /// instead of a pressure: velocity of the top wall away from the bottom wall; 0 is a
+        /// constant volume
         wall_velocity: Number(ANY) { unit: "m/s" },
         /// vibration of the bottom wall along its normal, with `bottom_frequency`
         bottom_amplitude: Number(POSITIVE) { unit: "m" },
@@ -84,8 +84,8 @@ table! {
 pub struct Shear {
     /// How the drive moves.
     pub motion: Motion,
-    /// k (N/m; Pa in 2D) of the spring between drive and top wall. `None`: the top wall moves as the
-    /// drive does.
+    /// k (N/m; Pa in 2D) of the spring between drive and top wall. `None`: the top wall moves as
+    /// the drive does.
     pub spring: Option<f64>,
 }
 

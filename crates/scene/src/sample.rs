@@ -125,7 +125,8 @@ table! {
         },
         /// which of its grains are walls, see below
         walls: Text(&WALLS_NAMES) { otherwise: "see below", change: Change::Never },
-        /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min, see below
+        /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min,
+        /// see below
         wall_thickness: Number(LAYERS) { default: "1.0", change: Change::Never },
     }
 }
@@ -184,8 +185,8 @@ pub struct PackingFile {
     pub width: Option<f64>,
     /// Coordinates of the lowest and of the highest edge of a grain, along the last axis (m).
     pub edges: [f64; 2],
-    /// Greatest coordinate of a grain or of its box in the file, in magnitude (m); 0 in checkpoints of
-    /// versions without it.
+    /// Greatest coordinate of a grain or of its box in the file, in magnitude (m); 0 in checkpoints
+    /// of versions without it.
     #[serde(default)]
     pub farthest: f64,
     /// Whether its types are 1, 2 and 3, all three, so that 2 and 3 can be walls.
@@ -494,8 +495,8 @@ fn check_sizes(c: &mut Checker<'_>) -> Sizes {
     }
 }
 
-/// The sample, where it comes from, and the thickness of each of its walls over d̄; `skip`: it is not
-/// compressed.
+/// The sample, where it comes from, and the thickness of each of its walls over d̄; `skip`: it is
+/// not compressed.
 pub(crate) fn derive(
     c: &mut Checker<'_>,
     dimension: Dimensions,

@@ -77,7 +77,8 @@ pub struct Counts {
 }
 
 /// I, the inertial number of the literature: of disks γ̇ √(m̄/P) with m̄ per depth (da Cruz et al.,
-/// Phys. Rev. E 72, 021309, 2005), of spheres γ̇ d̄ √(ρ/P) (GDR MiDi, Eur. Phys. J. E 14, 341, 2004).
+/// Phys. Rev. E 72, 021309, 2005), of spheres γ̇ d̄ √(ρ/P) (GDR MiDi, Eur. Phys. J. E 14, 341,
+/// 2004).
 pub fn definition_of_inertial_number(dimension: Dimensions) -> &'static str {
     match dimension {
         Dimensions::Two => "γ̇ √(m̄/P)",

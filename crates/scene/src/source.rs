@@ -199,8 +199,8 @@ const MOST_BYTES: u64 = 16 << 20;
 /// Files that may extend each other in a row: each is read as long as all before it together.
 const MOST_FILES: usize = 16;
 
-/// The text of a file, which messages name as it was given; they ask for `format` instead of what is
-/// no such file. `most`: bytes that it may have.
+/// The text of a file, which messages name as it was given; they ask for `format` instead of what
+/// is no such file. `most`: bytes that it may have.
 ///
 /// # Errors
 /// `Failure::Input` if there is no such file, it is a directory or a device, it is too large, it
@@ -296,7 +296,8 @@ impl<'a> Input<'a> {
         part.text().lines().nth(self.line(offset) - 1)
     }
 
-    /// [`Self::mention`] in a message about the place `beside`: names the file if that is another one.
+    /// [`Self::mention`] in a message about the place `beside`: names the file if that is another
+    /// one.
     pub fn mention_beside(&self, offset: usize, beside: usize) -> String {
         let in_files = self.override_at(offset).is_none() && self.override_at(beside).is_none();
         if in_files && !self.are_beside(offset, beside) {

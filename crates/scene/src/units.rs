@@ -263,8 +263,8 @@ fn quantity(text: &str) -> Option<(&str, &str)> {
     (!unit.trim().is_empty()).then_some((number, unit.trim()))
 }
 
-/// The units that a declaration has in a scene: those of its law and its dimension. Boxes, whose numbers
-/// may be in any consistent units, take values with units in SI.
+/// The units that a declaration has in a scene: those of its law and its dimension. Boxes, whose
+/// numbers may be in any consistent units, take values with units in SI.
 fn declared(unit: &str, spheres: bool, law: Option<&str>) -> Vec<String> {
     let by_law = unit.split("; ").filter_map(|of| match of.split_once(": ") {
         Some((name, unit)) => (law.is_none() || law == Some(name)).then_some(unit),

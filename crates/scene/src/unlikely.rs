@@ -65,8 +65,8 @@ const CONTACT: [Likely; 4] = [
     },
 ];
 
-/// Least stiffness number κ at which the laws of small overlaps hold, and greatest I of a quasi-static or
-/// dense flow. Least number of layers and columns of grains.
+/// Least stiffness number κ at which the laws of small overlaps hold, and greatest I of a
+/// quasi-static or dense flow. Least number of layers and columns of grains.
 const RIGID: f64 = 100.0;
 const DENSE_FLOW: f64 = 0.1;
 const LAYERS: f64 = 6.0;
@@ -75,8 +75,8 @@ const SIZES: std::ops::RangeInclusive<f64> = 1e-8..=0.2;
 /// Greatest weight of the sample over its load.
 const WEIGHT: f64 = 1.0;
 
-/// Returns a sentence for each value of the scene that is allowed and unlikely. `height` (m): of the
-/// sheared layer, as far as that is known.
+/// Returns a sentence for each value of the scene that is allowed and unlikely. `height` (m): of
+/// the sheared layer, as far as that is known.
 pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
     let mut doubts = Vec::new();
     // Every value with its default.
@@ -111,8 +111,8 @@ pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
 /// The pressure of a packing over that of its load, or the inverse, up to which it is at its load.
 const AT_LOAD: f64 = 2.0;
 
-/// A sentence if the grains of a packing that is sheared as it is press on the top wall with another
-/// force than it is loaded with at the start. `grains`: all of them.
+/// A sentence if the grains of a packing that is sheared as it is press on the top wall with
+/// another force than it is loaded with at the start. `grains`: all of them.
 pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
     let walls = scene.plane_shear("").ok().filter(|of| of.pack.skip)?;
     let first = match &walls.shear.motion {
@@ -140,8 +140,8 @@ pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
     ))
 }
 
-/// A sentence if a step shears by more than intervals of output ask for, or a part of a protocol has
-/// fewer steps than are to be written of it: then every step is written.
+/// A sentence if a step shears by more than intervals of output ask for, or a part of a protocol
+/// has fewer steps than are to be written of it: then every step is written.
 pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
     let output = &walls.output;
     let Motion::Strain { .. } = walls.shear.motion else {

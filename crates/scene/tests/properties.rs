@@ -1,5 +1,5 @@
-//! Any input is either taken or refused with a message: no panic, no hang. Random configurations and
-//! LAMMPS data files go the way of a user's: a file is written, read and loaded.
+//! Any input is either taken or refused with a message: no panic, no hang. Random configurations
+//! and LAMMPS data files go the way of a user's: a file is written, read and loaded.
 //!
 //! Files that were once wrong are in `corpus/`, and seeds of proptest in `properties.regressions`.
 

@@ -104,8 +104,8 @@ const UNEQUAL: u32 = 3;
 const SAME: f64 = 1e-6;
 
 /// Returns a right and a left invariant subspace of the same eigenvalues: `right`, or a larger one
-/// if the other side cannot be cut there. Where eigenvalues are equally large, each side has its own
-/// order, and one may cut between a conjugate pair, or between two eigenvalues, that the other
+/// if the other side cannot be cut there. Where eigenvalues are equally large, each side has its
+/// own order, and one may cut between a conjugate pair, or between two eigenvalues, that the other
 /// keeps together.
 ///
 /// `operator(false, x)` is that of `right`, `operator(true, x)` its adjoint.
@@ -288,8 +288,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         }
     }
 
-    /// Sorts the Schur form and locks what has converged. Returns the subspace and its eigenvalues if
-    /// it is complete; otherwise keeps the better part of the basis.
+    /// Sorts the Schur form and locks what has converged. Returns the subspace and its eigenvalues
+    /// if it is complete; otherwise keeps the better part of the basis.
     fn contract(&mut self) -> Option<(Mat<T>, Vec<c64>)> {
         let (used, block) = (self.used, self.block);
         let square = self.projected.view((0, 0), (used, used)).clone_owned();

@@ -4,9 +4,7 @@
 //! makes; faer's gives no Schur vectors.
 
 use faer::c64;
-use nalgebra::DMatrix;
-
-use crate::scalar::Scalar;
+use nalgebra::{ComplexField, DMatrix};
 
 /// Greatest number of iterations per eigenvalue.
 const MOST: usize = 120;
@@ -20,7 +18,7 @@ const EXCEPTIONAL: usize = 10;
 /// Returns the first row of the block that ends at `last`; the entry that separates it becomes 0.
 /// `size`: of an entry; `patient`: whether entries are compared with the whole matrix, of the size
 /// `norm`.
-fn block_start<T: Scalar>(
+fn block_start<T: ComplexField + Copy>(
     h: &mut DMatrix<T>,
     last: usize,
     size: impl Fn(T) -> f64,
@@ -32,7 +30,7 @@ fn block_start<T: Scalar>(
         let near = size(h[(first, first)]) + size(h[(first - 1, first - 1)]);
         let near = if near == 0.0 || patient { norm } else { near };
         if size(h[(first, first - 1)]) <= f64::EPSILON * near {
-            h[(first, first - 1)] = T::of(0.0);
+            h[(first, first - 1)] = T::zero();
             break;
         }
         first -= 1;

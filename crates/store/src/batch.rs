@@ -95,6 +95,16 @@ impl Frames {
         self.ends.push(self.bytes.len());
     }
 
+    /// The edges of the boxes as the file has them: `of_box` numbers each, 3 at right angles or 9.
+    pub fn edges_as_stored(&self, of_box: usize) -> Vec<f64> {
+        match of_box {
+            3 => (self.edges.iter())
+                .flat_map(|edges| std::array::from_fn::<_, 3, _>(|axis| edges[axis][axis]))
+                .collect(),
+            _ => self.edges.as_flattened().as_flattened().to_vec(),
+        }
+    }
+
     /// Forgets all frames.
     pub fn clear(&mut self) {
         // The next batch is about as large; memory that grows would be copied again and again.

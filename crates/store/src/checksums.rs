@@ -1,8 +1,8 @@
 //! Checksums of the numbers in `run.h5`, so that damage in its data is noticed when it is read.
 //!
-//! A checksum is Σ w(k) b_k modulo 2^64 over the mixed bits b_k of the numbers, where w(k) is an odd
-//! number made from the place k of the number. It depends neither on the order of the sum nor on
-//! the ranks that hold the numbers, and a change of one number always changes it.
+//! A checksum is Σ w(k) b_k modulo 2^64 over the mixed bits b_k of the numbers, where w(k) is an
+//! odd number made from the place k of the number. It depends neither on the order of the sum nor
+//! on the ranks that hold the numbers, and a change of one number always changes it.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -42,8 +42,8 @@ fn mixed(bits: u64) -> u64 {
     bits ^ (bits >> 32)
 }
 
-/// Σ w m(x), compiled for the instruction set of the processor: the checksums would otherwise be a tenth
-/// of the cost of a frame.
+/// Σ w m(x), compiled for the instruction set of the processor: the checksums would otherwise be a
+/// tenth of the cost of a frame.
 struct WeightedSum<'a>(&'a [u64], &'a [f64]);
 
 impl Work for WeightedSum<'_> {

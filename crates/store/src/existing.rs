@@ -11,9 +11,9 @@ use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use std::path::Path;
 
-/// Prepares the file of a run that resumes: brings one that a killed program left behind back to its
-/// last checkpoint, removes one that it had only begun, and sets one aside that is damaged, with a
-/// note. Not collective.
+/// Prepares the file of a run that resumes: brings one that a killed program left behind back to
+/// its last checkpoint, removes one that it had only begun, and sets one aside that is damaged,
+/// with a note. Not collective.
 ///
 /// # Errors
 /// If a file can be neither written nor renamed, or the system does not let it be opened.
@@ -49,8 +49,8 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Removes a symbolic link in the place of a file that is about to be created. A user may link it to
-/// another disk, but what somebody else has linked must not be replaced: the file there must not
+/// Removes a symbolic link in the place of a file that is about to be created. A user may link it
+/// to another disk, but what somebody else has linked must not be replaced: the file there must not
 /// exist, or be empty, or be of this run, and its name must end in `.h5`. Not collective.
 ///
 /// # Errors

@@ -15,9 +15,10 @@
 //! | [`journal`] | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
-//! Most files are written under a temporary name and renamed when complete ([`text_writer`]). `run.h5`, `aqs.h5`,
-//! `newtonian.h5` and `log.csv` grow during a run; a resumed run truncates them to the rows and
-//! frames that its checkpoint counts. `docs/file-formats.md` describes the content of every file.
+//! Most files are written under a temporary name and renamed when complete ([`text_writer`]).
+//! `run.h5`, `aqs.h5`, `newtonian.h5` and `log.csv` grow during a run; a resumed run truncates them
+//! to the rows and frames that its checkpoint counts. `docs/file-formats.md` describes the content
+//! of every file.
 //!
 //! # Example
 //! Print the stress ratio of a run and the number of contacts in its last frame:
@@ -37,11 +38,12 @@
 //! ```
 
 mod batch;
+pub mod box_columns;
 mod checked;
 pub mod checkpoint;
 pub mod checksums;
 pub mod collective;
-pub mod columns;
+pub mod csv_table;
 pub mod dictionary;
 pub mod existing;
 pub mod file_names;
@@ -64,6 +66,5 @@ mod sound;
 pub mod spectrum_reader;
 pub mod spectrum_writer;
 pub mod status;
-pub mod table;
 pub mod text_writer;
 pub mod trajectory;

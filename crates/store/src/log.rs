@@ -1,9 +1,9 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::agree;
+use super::csv_table::{TableFile, rows_up_to};
 use super::h5;
 use super::run_reader::Series;
-use super::table::{TableFile, rows_up_to};
 use gshear_dem::columns::Column;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
@@ -50,8 +50,8 @@ impl Log {
     }
 
     /// Returns the number of rows of a log up to the step `last`; `None` if a
-    /// killed program left it without its first line, and there is nothing to continue. `rows`: their
-    /// number in `run.h5`, which may have fewer if it was begun anew. Writes nothing. Not
+    /// killed program left it without its first line, and there is nothing to continue. `rows`:
+    /// their number in `run.h5`, which may have fewer if it was begun anew. Writes nothing. Not
     /// collective.
     ///
     /// # Errors

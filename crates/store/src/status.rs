@@ -1,7 +1,7 @@
 //! `status.json`: how far a run has come, for dashboards and `gshear-reduce watch`.
 //!
-//! The file says nothing that decides a run: it is written anew every second, beside and renamed, and
-//! a run goes on if it cannot be written.
+//! The file says nothing that decides a run: it is written anew every second, beside and renamed,
+//! and a run goes on if it cannot be written.
 
 use std::borrow::Cow;
 use std::path::Path;

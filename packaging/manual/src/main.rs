@@ -115,8 +115,8 @@ fn with_auto(text: &str, shell: Shell) -> String {
     head.to_string() + &changed
 }
 
-/// Lets bash complete files where a command takes some: the generator offers the options there, too.
-/// Words are offered before a command is chosen, options after a dash.
+/// Lets bash complete files where a command takes some: the generator offers the options there,
+/// too. Words are offered before a command is chosen, options after a dash.
 fn files_without_dash(text: &str, has_commands: bool) -> String {
     let words = "COMPREPLY=( $(compgen -W \"${opts}\" -- \"${cur}\") )";
     let end = format!("esac\n            {words}\n");

@@ -1,4 +1,5 @@
-//! What the program keeps to rounding: momentum, the balance of torques, a history without slip, bits of every isa.
+//! What the program keeps to rounding: momentum, the balance of torques, a history without slip,
+//! bits of every isa.
 
 use gshear_dem::budget::{EnergyBudget, SampleState};
 use gshear_dem::dimension::{Dimension, Two};
@@ -20,7 +21,8 @@ const ROWS: usize = 20;
 const SPACING: f64 = 1.985e-6;
 const LENGTH: f64 = COLUMNS as f64 * SPACING;
 
-/// Disks in rows, up to 0.8 % overlapping at the start, driven together, sheared and carried along x across the seam.
+/// Disks in rows, up to 0.8 % overlapping at the start, driven together, sheared and carried along
+/// x across the seam.
 fn crowd() -> Vec<GrainState> {
     let mut seed = 11u64;
     let mut random = || {
@@ -61,12 +63,14 @@ fn exact_sum(terms: impl Iterator<Item = f64>) -> f64 {
     sum + rest
 }
 
-/// Contact forces cancel exactly, pair by pair; what is left is rounding, which is followed here step by step.
+/// Contact forces cancel exactly, pair by pair; what is left is rounding, which is followed here
+/// step by step.
 ///
-/// Per step and grain: two kicks round the velocity (each by at most ½ε|u|) and the product with ½Δt/m; up to six additions
-/// round the force, each by at most ½ε times the sum of the magnitudes. A rounding error is uniform between its bounds, so its
-/// variance is a third of the bound's square; the sum over all steps and grains is held to six standard deviations. ½Δt/m is
-/// itself rounded, always the same way for a grain, which adds at most ½ε m|Δu|.
+/// Per step and grain: two kicks round the velocity (each by at most ½ε|u|) and the product with
+/// ½Δt/m; up to six additions round the force, each by at most ½ε times the sum of the magnitudes.
+/// A rounding error is uniform between its bounds, so its variance is a third of the bound's
+/// square; the sum over all steps and grains is held to six standard deviations. ½Δt/m is itself
+/// rounded, always the same way for a grain, which adds at most ½ε m|Δu|.
 #[test]
 fn momentum_is_conserved_to_rounding() {
     const STEPS: usize = 4000;
@@ -106,7 +110,8 @@ fn momentum_is_conserved_to_rounding() {
         )
         .unwrap();
         let now = system.grain_states();
-        // After a rebuild the forces are those of the former list; the pull of the step before stands for them.
+        // After a rebuild the forces are those of the former list; the pull of the step before
+        // stands for them.
         if system.list.rebuilds == built {
             pull.fill(0.0);
             for at in system.contacts.touching() {
@@ -206,7 +211,8 @@ fn torques_are_those_of_the_full_radii() {
     let (r_i, r_j) = (s.grains().radius[0], s.grains().radius[1]);
     assert!(tangential != 0.0);
     assert_eq!([a[0], a[1]], [-b[0], -b[1]]);
-    // The rolling torque drops out. Three products and three sums are rounded, and two torques to the unit.
+    // The rolling torque drops out. Three products and three sums are rounded, and two torques to
+    // the unit.
     let arms = (r_i + r_j) * tangential;
     let scale = a[2].abs() + b[2].abs() + arms.abs();
     assert!((a[2] + b[2] + arms).abs() <= 6.0 * HALF_ULP * scale + s.grains().units.torque);
@@ -229,8 +235,9 @@ fn torques_are_those_of_the_full_radii() {
     assert!((along - tangential).abs() <= 8.0 * f64::EPSILON * (f[0].abs() + f[1].abs()));
 }
 
-/// With arms of the full radii the contact turns the pair as a whole by -δ F_t. The scheme keeps exactly that balance: its
-/// kicks act at the positions of the forces, and its drift is along the velocity.
+/// With arms of the full radii the contact turns the pair as a whole by -δ F_t. The scheme keeps
+/// exactly that balance: its kicks act at the positions of the forces, and its drift is along the
+/// velocity.
 #[test]
 fn angular_momentum_changes_by_the_overlap_alone() {
     const STEPS: usize = 2000;
@@ -276,7 +283,8 @@ fn angular_momentum_changes_by_the_overlap_alone() {
         size = size.max(states.iter().zip(&s.grains().mass).map(term).sum());
     }
     let error = (about(&mut s) - before - turned).abs();
-    // Some ten roundings per step, each at most half an ulp of the largest terms, at random: six standard deviations.
+    // Some ten roundings per step, each at most half an ulp of the largest terms, at random: six
+    // standard deviations.
     let bound = 6.0 * HALF_ULP * size * (10.0 * STEPS as f64 / 3.0).sqrt();
     println!("angular momentum: turned {turned:.2e}, error {error:.2e}, bound {bound:.2e}");
     assert!(error <= bound, "{error:e} over {bound:e}");
@@ -337,8 +345,9 @@ fn overlap_alone_does_not_change_the_tangential_force() {
     assert!(limited > 0 && held == 0.0);
 }
 
-/// The energy budget of the crowd, which is driven together and slides: what it dissipated is what its kinetic and elastic energy
-/// lack, to a hundredth, and a quarter of Δt leaves less than half of the difference (of first order are the switches of regime).
+/// The energy budget of the crowd, which is driven together and slides: what it dissipated is what
+/// its kinetic and elastic energy lack, to a hundredth, and a quarter of Δt leaves less than half
+/// of the difference (of first order are the switches of regime).
 #[test]
 fn energy_is_accounted_for() {
     const STEPS: usize = 400;

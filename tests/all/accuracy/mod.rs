@@ -1,5 +1,6 @@
-//! The program against the law integrated independently: orders of convergence, errors, restitution, energy, momentum.
-//! `docs/accuracy.md` has the measured tables; `make accuracy` prints them.
+//! The program against the law integrated independently: orders of convergence, errors,
+//! restitution, energy, momentum. `docs/accuracy.md` has the measured tables; `make accuracy`
+//! prints them.
 
 mod conservation;
 pub mod reference;
@@ -8,14 +9,15 @@ pub mod scenes;
 use reference::{Regime, World};
 use scenes::{FIELDS, Scene};
 
-/// Steps of the coarsest run, and how often Δt is halved to measure the order: the errors go from 1e-4 to 2e-10, still well
-/// above rounding (some 1e-11).
+/// Steps of the coarsest run, and how often Δt is halved to measure the order: the errors go from
+/// 1e-4 to 2e-10, still well above rounding (some 1e-11).
 const COARSEST: usize = 200;
 const HALVINGS: u32 = 4;
 /// Steps of the reference.
 const STEPS: usize = 400;
 
-/// Within one regime: order 2 in every field at every halving, and 1e-9 (what the project demands) at `finest` steps.
+/// Within one regime: order 2 in every field at every halving, and 1e-9 (what the project demands)
+/// at `finest` steps.
 fn is_second_order(name: &str, scene: &Scene, finest: usize) {
     let reference = scene.reference(STEPS);
     assert_eq!(reference.0.switches, [], "{name}: the regime changes");
@@ -77,9 +79,10 @@ fn loaded_oscillation_is_second_order() {
     is_second_order("oscillation", &scene, 256_000);
 }
 
-/// An impact's error depends on where within a step the grains meet and part, which falls differently at every Δt. `measure`
-/// gives the error at a Δt (s), for an impact put off by a fraction of a step. Returned: the mean over many fractions and
-/// slightly different Δt, for Δt from `coarsest` (s) on halved four times.
+/// An impact's error depends on where within a step the grains meet and part, which falls
+/// differently at every Δt. `measure` gives the error at a Δt (s), for an impact put off by a
+/// fraction of a step. Returned: the mean over many fractions and slightly different Δt, for Δt
+/// from `coarsest` (s) on halved four times.
 fn over_fractions(coarsest: f64, measure: impl Fn(f64, f64) -> f64) -> [f64; 5] {
     const SAMPLES: usize = 24;
     std::array::from_fn(|h| {
@@ -119,8 +122,9 @@ fn end(scene: &Scene) -> (World, Vec<f64>) {
     (world, looks.pop().unwrap())
 }
 
-/// From a gap: damping sets in and sticking ends with a jump of the force, somewhere within a step, so first order is all
-/// that a fixed Δt can give; the same without damping, as the first increment of F_t^e is that of half a step.
+/// From a gap: damping sets in and sticking ends with a jump of the force, somewhere within a step,
+/// so first order is all that a fixed Δt can give; the same without damping, as the first increment
+/// of F_t^e is that of half a step.
 #[test]
 fn whole_impacts_are_first_order() {
     for damping_ratio in [0.1, 0.0] {
@@ -142,7 +146,8 @@ fn whole_impacts_are_first_order() {
     }
 }
 
-/// Without damping the normal force is continuous at the touch: the energy after the impact is right to second order.
+/// Without damping the normal force is continuous at the touch: the energy after the impact is
+/// right to second order.
 #[test]
 fn elastic_collision_conserves_energy_to_second_order() {
     let errors = over_fractions(4e-10, |step, fraction| {
@@ -183,11 +188,12 @@ fn restitution_is_that_of_the_law() {
     }
 }
 
-/// A fault of other codes: grains that graze each other gain energy. Here neither the law itself does so, damped or not, nor
-/// the program, even where the contact lasts only a few steps.
+/// A fault of other codes: grains that graze each other gain energy. Here neither the law itself
+/// does so, damped or not, nor the program, even where the contact lasts only a few steps.
 #[test]
 fn grazing_impacts_gain_no_energy() {
-    // Velocities are rounded in every step, each time by up to half an ulp, at random: six standard deviations.
+    // Velocities are rounded in every step, each time by up to half an ulp, at random: six standard
+    // deviations.
     let rounding = |steps: usize| 6.0 * 0.5 * f64::EPSILON * (4.0 * steps as f64).sqrt();
     for damping_ratio in [0.0, 0.1] {
         for depth in [1e-6, 1e-5, 1e-4, 1e-3] {

@@ -1,6 +1,7 @@
-//! The law and the equations of motion once more, sharing nothing with the program: k_n by iteration of the implicit A2,
-//! k_t from A8 and A9 as printed, and the ordinary differential equations of a few disks by extrapolation (Gragg, Bulirsch
-//! and Stoer, order 14), piece by piece between the switches of regime, which are located by bisection.
+//! The law and the equations of motion once more, sharing nothing with the program: k_n by
+//! iteration of the implicit A2, k_t from A8 and A9 as printed, and the ordinary differential
+//! equations of a few disks by extrapolation (Gragg, Bulirsch and Stoer, order 14), piece by piece
+//! between the switches of regime, which are located by bisection.
 
 use std::f64::consts::PI;
 
@@ -97,7 +98,8 @@ pub struct Pair {
     pub regime: Regime,
 }
 
-/// Disks and pairs. The state is one vector: x, y, u, v, ω of every disk, then F_t^e and M^k of every pair.
+/// Disks and pairs. The state is one vector: x, y, u, v, ω of every disk, then F_t^e and M^k of
+/// every pair.
 #[derive(Debug, Clone)]
 pub struct World {
     pub law: Law,
@@ -239,8 +241,8 @@ impl World {
         d
     }
 
-    /// What one step of the extrapolated midpoint rule adds. Extrapolation magnifies rounding some 60 times, so it works on
-    /// these differences, not on the coordinates.
+    /// What one step of the extrapolated midpoint rule adds. Extrapolation magnifies rounding some
+    /// 60 times, so it works on these differences, not on the coordinates.
     fn increment(&self, s: &[f64], h: f64) -> Vec<f64> {
         const ROWS: usize = 7;
         let slope = self.derivative(s);

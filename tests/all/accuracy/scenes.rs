@@ -63,8 +63,8 @@ pub struct Scene {
 
 pub const LOOKS: usize = 8;
 
-/// Greatest differences: positions, velocities, angular velocities, F_t^e, M^k, each over the greatest value of its kind in
-/// the reference: overlap, speed, angular velocity, F_t^e, M^k.
+/// Greatest differences: positions, velocities, angular velocities, F_t^e, M^k, each over the
+/// greatest value of its kind in the reference: overlap, speed, angular velocity, F_t^e, M^k.
 pub type Errors = [f64; 5];
 pub const FIELDS: [&str; 5] = ["position", "velocity", "spin", "F_t^e", "M^k"];
 
@@ -261,8 +261,8 @@ impl Scene {
         })
     }
 
-    /// √(m/k_n) of the lightest disk at an overlap of a thousandth of two radii: the program's default Δt is a tenth of such
-    /// a time.
+    /// √(m/k_n) of the lightest disk at an overlap of a thousandth of two radii: the program's
+    /// default Δt is a tenth of such a time.
     pub fn time_scale(&self) -> f64 {
         let r = self
             .grains
@@ -279,8 +279,9 @@ fn direction(angle: f64) -> [f64; 2] {
     [angle.cos(), angle.sin()]
 }
 
-/// Two unequal disks, i at `angle` from j, across the seam at x = 0; i at rest, j towards it at `approach`, sideways at
-/// `sideways` (m/s) along -t̂, both spinning. `overlap` is over the sum of the radii, negative for a gap.
+/// Two unequal disks, i at `angle` from j, across the seam at x = 0; i at rest, j towards it at
+/// `approach`, sideways at `sideways` (m/s) along -t̂, both spinning. `overlap` is over the sum of
+/// the radii, negative for a gap.
 fn impact(
     law: Law,
     angle: f64,
@@ -315,7 +316,8 @@ fn impact(
     }
 }
 
-/// Oblique, spinning, fully damped; from just inside contact to shortly before the normal force ends; sticks throughout.
+/// Oblique, spinning, fully damped; from just inside contact to shortly before the normal force
+/// ends; sticks throughout.
 pub fn sticking_impact() -> Scene {
     let law = Law {
         rolling_friction: 0.5,
@@ -380,7 +382,8 @@ pub fn head_on(damping_ratio: f64, approach: f64) -> Scene {
     oblique(law, approach, 0.0)
 }
 
-/// A free disk between two wall grains of other sizes; the upper one comes closer at `approach` while it passes at `speed` (m/s).
+/// A free disk between two wall grains of other sizes; the upper one comes closer at `approach`
+/// while it passes at `speed` (m/s).
 fn sheared(law: Law, speed: f64, approach: f64, spin: f64, duration: f64) -> Scene {
     let radii = [0.8e-6, 1.0e-6, 0.9e-6];
     let overlap = 2e-3;
@@ -422,7 +425,8 @@ pub fn sticking_shear() -> Scene {
 /// Both contacts slide and are at the limit of the rolling torque, and the load grows.
 pub fn sliding_shear() -> Scene {
     let mut scene = sheared(LAW, 8.0, 0.5, -1e5, 6e-9);
-    // The disk, hardly turning, is dragged along +x by the upper grain and held back by the lower one.
+    // The disk, hardly turning, is dragged along +x by the upper grain and held back by the lower
+    // one.
     for (pair, turn) in scene.pairs.iter_mut().zip([-1.0, 1.0]) {
         // Beyond the limits, to be set back.
         pair.2 = [1e9, turn * 1e9];
@@ -434,7 +438,8 @@ pub fn sliding_shear() -> Scene {
     scene
 }
 
-/// i at rest, j passing at `speed` (m/s) along x; undisturbed, they would overlap by `depth` of the sum of their radii.
+/// i at rest, j passing at `speed` (m/s) along x; undisturbed, they would overlap by `depth` of the
+/// sum of their radii.
 pub fn grazing(damping_ratio: f64, depth: f64, speed: f64) -> Scene {
     let law = Law {
         damping_ratio,

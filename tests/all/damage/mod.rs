@@ -1,6 +1,6 @@
-//! Damaged files: flipped bits, missing ends, blocks that are zero, exchanged or noise. The programs
-//! refuse them with a message, or do what they do with the whole file; they never crash, hang, or
-//! take other numbers in silence.
+//! Damaged files: flipped bits, missing ends, blocks that are zero, exchanged or noise. The
+//! programs refuse them with a message, or do what they do with the whole file; they never crash,
+//! hang, or take other numbers in silence.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -686,8 +686,8 @@ fn numbers(path: &Path, names: &[String]) -> hdf5::Result<Vec<Vec<u8>>> {
     names.iter().map(read).collect()
 }
 
-/// HDF5 itself refuses the small files of the reducer if one bit of a number or of the structure has
-/// changed.
+/// HDF5 itself refuses the small files of the reducer if one bit of a number or of the structure
+/// has changed.
 #[test]
 fn every_bit_of_a_spectrum_is_protected() {
     hdf5::silence_errors(true);
@@ -812,8 +812,8 @@ impl Hostile {
     }
 }
 
-/// Files that somebody made on purpose, with the sums that they need: no program crashes, takes more
-/// memory than there is in the file, or reads another file of the user's.
+/// Files that somebody made on purpose, with the sums that they need: no program crashes, takes
+/// more memory than there is in the file, or reads another file of the user's.
 #[test]
 fn hostile_files_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");

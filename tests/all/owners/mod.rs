@@ -1,4 +1,5 @@
-//! Folders have owners, through the real program: what a run may write into, and what it leaves alone.
+//! Folders have owners, through the real program: what a run may write into, and what it leaves
+//! alone.
 
 mod identity;
 mod links;

@@ -123,7 +123,8 @@ fn the_measures_of_a_phase_are_those_of_its_frames() {
         assert_eq!(value("angle_mean").to_bits(), angle[last].to_bits());
         assert_eq!(length == "long", rows.len() > 3);
     }
-    // Every phase whose |Δτ_p| is at least 1e-5 is in one range of each correlation over all phases.
+    // Every phase whose |Δτ_p| is at least 1e-5 is in one range of each correlation over all
+    // phases.
     let correlations = table(&folder.path().join("correlations.csv"));
     let within = numbers(&phases["delta_tau_p"]);
     let within = within.iter().filter(|change| change.abs() >= 1e-5).count();
@@ -177,8 +178,8 @@ fn scalars_that_the_run_has_computed_are_taken() {
     }
 }
 
-/// The largest drop of the regime lies in Stage II, the stages meet, and the tables of the steps hold
-/// every grain and contact of frames of the run, with the scalars of those frames.
+/// The largest drop of the regime lies in Stage II, the stages meet, and the tables of the steps
+/// hold every grain and contact of frames of the run, with the scalars of those frames.
 #[test]
 fn stages_are_around_the_largest_drop() {
     let fixture = Fixture::sheared(16, 12, 60);

@@ -1,4 +1,5 @@
-//! `export`, on made-up runs; a checkpoint's export is tested where real ones are made (`tests/all/packing.rs`).
+//! `export`, on made-up runs; a checkpoint's export is tested where real ones are made
+//! (`tests/all/packing.rs`).
 
 use std::f64::consts::PI;
 use std::path::Path;

@@ -36,8 +36,9 @@ pub struct Fixture {
 }
 
 impl Fixture {
-    /// Disks on a disturbed lattice of `columns` × `rows`, the lowest and the highest row walls, sheared for
-    /// `frames` frames and 10 rows of the time series for each; one region rearranges in each drop of τ.
+    /// Disks on a disturbed lattice of `columns` × `rows`, the lowest and the highest row walls,
+    /// sheared for `frames` frames and 10 rows of the time series for each; one region rearranges
+    /// in each drop of τ.
     pub fn sheared(columns: usize, rows: usize, frames: usize) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(11);
         let mut uniform = move || random.random::<f64>();

@@ -51,7 +51,8 @@ fn protocol() -> Vec<DriveSegment> {
     ]
 }
 
-/// A run under a spring with rows every `interval` (s) and white noise of standard deviation σ in μ.
+/// A run under a spring with rows every `interval` (s) and white noise of standard deviation σ in
+/// μ.
 fn run(drive: &[DriveSegment], interval: f64, sigma: f64, seed: u64) -> Fixture {
     let total: f64 = drive.iter().map(|s| s.duration).sum();
     let steps = (interval / TIME_STEP).round() as u64;
@@ -144,7 +145,8 @@ fn table(folder: &Path, name: &str) -> Vec<Vec<String>> {
     rows.expect("rows as long as the header")
 }
 
-/// Each 95 % interval, twice as long to either side, holds the law: 1e-4 that a right one does not; and it is no longer than a share of it.
+/// Each 95 % interval, twice as long to either side, holds the law: 1e-4 that a right one does not;
+/// and it is no longer than a share of it.
 fn assert_near_the_law(fit: &Value, longest: f64) {
     let law = [
         ("a", LAW.a),
@@ -249,7 +251,8 @@ fn realisations_give_the_law_that_they_are_made_of() {
         experiment["stiffness_over_normal_force"],
         STIFFNESS / NORMAL_FORCE
     );
-    // Noise of 4e-3 in every run: 2e-3 in the mean, 8e-3 for two standard deviations among the runs.
+    // Noise of 4e-3 in every run: 2e-3 in the mean, 8e-3 for two standard deviations among the
+    // runs.
     let scatter = experiment["protocol"][0]["mu_ss"]["scatter"]
         .as_f64()
         .expect("a number");
@@ -288,7 +291,8 @@ fn realisations_give_the_law_that_they_are_made_of() {
     );
 }
 
-/// One protocol for each law of sliding; a run that was stopped in its last segment; the law that was asked for.
+/// One protocol for each law of sliding; a run that was stopped in its last segment; the law that
+/// was asked for.
 #[test]
 fn protocols_are_fitted_together() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! The analysis against other programs: `references/make.py` says which, and made the values in `references/*.json`.
+//! The analysis against other programs: `references/make.py` says which, and made the values in
+//! `references/*.json`.
 
 use gshear_analysis::dbscan::Dbscan;
 use gshear_analysis::dmin::NonAffine;
@@ -59,7 +60,8 @@ fn spearman_p_and_ranks_are_those_of_scipy() {
         } else {
             assert!((found.rho - rho).abs() <= 1e-12, "{case}: {found:?}");
             assert!((found.p - p).abs() <= 1e-12, "{case}: {found:?}");
-            // Small ones too, as far as the last bit of ρ, magnified by the power of 1-ρ², lets them.
+            // Small ones too, as far as the last bit of ρ, magnified by the power of 1-ρ², lets
+            // them.
             let magnified = n as f64 / (1.0 - rho * rho);
             if rho.abs() < 0.9999 {
                 let allowed = 1e-12 + f64::EPSILON * magnified;

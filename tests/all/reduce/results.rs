@@ -183,7 +183,8 @@ fn phases_are_of_tau_as_it_is_asked_for() {
     assert!(told.contains(counted), "{told}");
 }
 
-/// Checks that tags are nested and closed, that attributes are quoted, and that no `<` or `&` stands alone.
+/// Checks that tags are nested and closed, that attributes are quoted, and that no `<` or `&`
+/// stands alone.
 pub fn assert_well_formed(xml: &str, file: &Path) {
     let mut open: Vec<&str> = Vec::new();
     let mut rest = xml;
@@ -315,7 +316,8 @@ fn a_report_has_every_figure_and_needs_nothing_else() {
 #[test]
 fn a_summary_has_the_numbers_of_the_run() {
     let mut fixture = Fixture::small();
-    // Strain 0 … 50, τ = 1 in the first half, then 2 and 4 in turn: mean 3, deviation 1 but for the odd row.
+    // Strain 0 … 50, τ = 1 in the first half, then 2 and 4 in turn: mean 3, deviation 1 but for the
+    // odd row.
     fixture.series[0] = (0..51).map(f64::from).collect();
     fixture.series[1] = (0..51)
         .map(|row| {

@@ -26,7 +26,8 @@ pub use paper::paper_form;
 pub struct NetworkState<'a> {
     /// All grains, in the order of their ids 0 … N-1.
     pub grains: &'a [GrainState],
-    /// Contacts, each once. Those without overlap, and those whose damper leaves no force, add nothing.
+    /// Contacts, each once. Those without overlap, and those whose damper leaves no force, add
+    /// nothing.
     pub contacts: &'a [ContactState],
     /// The cell, periodic or with walls.
     pub cell: Cell,

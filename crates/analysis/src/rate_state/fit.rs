@@ -37,8 +37,8 @@ impl Estimate {
         }
     }
 
-    /// [`Estimate::logarithmic`] of a. An a below the numerical error of the model has no effect that
-    /// could be measured, whatever the derivatives there, which are rounding errors.
+    /// [`Estimate::logarithmic`] of a. An a below the numerical error of the model has no effect
+    /// that could be measured, whatever the derivatives there, which are rounding errors.
     fn direct_effect(a: f64, half_width: f64) -> Self {
         let estimate = Self::logarithmic(a, half_width);
         Estimate {

@@ -24,8 +24,8 @@ pub struct Relaxation {
     pub duration: f64,
     /// Mean k̄ of the spring (1/m).
     pub stiffness: f64,
-    /// Mean k̄ of layer and spring together as the reslides show it ([`reload_stiffness`], 1/m); NaN
-    /// if no slide follows.
+    /// Mean k̄ of layer and spring together as the reslides show it ([`reload_stiffness`], 1/m);
+    /// NaN if no slide follows.
     pub reload: f64,
     /// Time since the start of the hold (s).
     pub time: f64,
@@ -99,8 +99,8 @@ fn courses(record: &SliderRecord) -> Vec<Course> {
     (1..record.drive.len()).filter_map(of).collect()
 }
 
-/// Returns the averages over the holds of all records, at 1 and 3 times powers of ten and at the end,
-/// in the order in which kinds of holds first occur.
+/// Returns the averages over the holds of all records, at 1 and 3 times powers of ten and at the
+/// end, in the order in which kinds of holds first occur.
 pub fn relaxations(records: &[SliderRecord]) -> Vec<Relaxation> {
     let near = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
     let groups = grouped(records.iter().flat_map(courses), |a, b| {

@@ -188,9 +188,9 @@ pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> 
 /// Share of the way from the end of a hold to the greatest μ over which a reload is measured.
 const RELOAD: f64 = 0.5;
 
-/// Returns k̄ of layer and spring together (1/m) as the slide in `segment` after a hold shows it: the
-/// slope of μ over the displacement of the drive, by least squares from the end of the hold until μ
-/// has risen half of the way to its greatest value in the first half of the slide.
+/// Returns k̄ of layer and spring together (1/m) as the slide in `segment` after a hold shows it:
+/// the slope of μ over the displacement of the drive, by least squares from the end of the hold
+/// until μ has risen half of the way to its greatest value in the first half of the slide.
 ///
 /// `None` if there is no such slide, if μ does not rise, or if fewer than three rows show it.
 pub fn reload_stiffness(record: &SliderRecord, segment: usize) -> Option<f64> {
@@ -282,8 +282,8 @@ pub fn healing(holds: &[Hold]) -> Vec<Healing> {
     groups.into_iter().filter_map(fitted).collect()
 }
 
-/// Growth of the peaks with the velocity of the slides after holds of equal duration, which begin at
-/// the same velocity (FR, figure S2: V_i = 0.02 m/s; V_r = 0.05, 0.1 and 0.3 m/s).
+/// Growth of the peaks with the velocity of the slides after holds of equal duration, which begin
+/// at the same velocity (FR, figure S2: V_i = 0.02 m/s; V_r = 0.05, 0.1 and 0.3 m/s).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PeakGrowth {
     /// t_hold (s).

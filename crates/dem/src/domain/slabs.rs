@@ -83,8 +83,8 @@ impl<D: Dimension> Slabs<D> {
 
     /// Moves the cuts to balance the work, then every grain with its contacts to the rank that owns
     /// it. `cutoff` in m; `worked`: how long (s) this rank has computed since the last call, 0 if
-    /// that is unknown. Returns the owned grains by id, and all their contacts, including those with
-    /// ghosts, by (i, j).
+    /// that is unknown. Returns the owned grains by id, and all their contacts, including those
+    /// with ghosts, by (i, j).
     ///
     /// # Errors
     /// Too many ranks: a slab must be wider than the cutoff.
@@ -145,8 +145,8 @@ impl<D: Dimension> Slabs<D> {
     }
 
     /// Balances the cuts; `grains` are sorted by id. The costs of grains and contacts say where the
-    /// work is, and the times that the ranks took for theirs, how much of it each is to have: a rank
-    /// may have a slower core, or contacts that cost more.
+    /// work is, and the times that the ranks took for theirs, how much of it each is to have: a
+    /// rank may have a slower core, or contacts that cost more.
     fn balance(
         &mut self,
         exchange: &dyn Exchange,

@@ -196,8 +196,8 @@ pub struct Key {
     pub values: Values,
     /// What else is asked of a value, in Markdown.
     pub condition: &'static str,
-    /// A constant default, as text; empty for a key without one. A scene with it has the identity of
-    /// one without the key, so that runs of earlier versions can be resumed.
+    /// A constant default, as text; empty for a key without one. A scene with it has the identity
+    /// of one without the key, so that runs of earlier versions can be resumed.
     pub default: &'static str,
     /// What applies if the key is not given and has no constant default, in Markdown.
     pub otherwise: &'static str,

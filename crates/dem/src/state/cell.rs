@@ -80,8 +80,8 @@ impl Cell {
         r
     }
 
-    /// Returns to - from (m) of a grain whose image has changed by `crossed`, so that nothing jumps at
-    /// the edges.
+    /// Returns to - from (m) of a grain whose image has changed by `crossed`, so that nothing jumps
+    /// at the edges.
     pub fn displacement<D: Dimension>(&self, to: &[f64], from: &[f64], crossed: Image) -> [f64; 3] {
         let edges = self.edges::<D>(0.0);
         let mut moved = [0.0; 3];
@@ -92,8 +92,8 @@ impl Cell {
         moved
     }
 
-    /// Wraps x into [0, period). Called in the step in which x leaves that range. Returns by how many
-    /// periods it went beyond, which is added to its image.
+    /// Wraps x into [0, period). Called in the step in which x leaves that range. Returns by how
+    /// many periods it went beyond, which is added to its image.
     #[cold]
     pub fn wrap(x: &mut f64, period: f64) -> i64 {
         let below = *x < 0.0;
@@ -172,8 +172,8 @@ impl Cell {
             .map_or(cutoff, |s| at_greatest_offset(s).cutoff_along_x(cutoff))
     }
 
-    /// The edge vectors; `height`: along the last axis (m), if the cell is not periodic along it. In
-    /// two dimensions the third edge is the unit depth.
+    /// The edge vectors; `height`: along the last axis (m), if the cell is not periodic along it.
+    /// In two dimensions the third edge is the unit depth.
     pub fn edges<D: Dimension>(&self, height: f64) -> BoxEdges {
         let mut edges = [[0.0; 3]; 3];
         edges[2][2] = 1.0;
@@ -185,8 +185,8 @@ impl Cell {
         edges
     }
 
-    /// The lengths along the axes (m), of a cell that is periodic along all of them; 1 along an axis
-    /// that two dimensions lack.
+    /// The lengths along the axes (m), of a cell that is periodic along all of them; 1 along an
+    /// axis that two dimensions lack.
     pub fn lengths<D: Dimension>(&self) -> [f64; 3] {
         let edges = self.edges::<D>(f64::NAN);
         std::array::from_fn(|axis| edges[axis][axis])

@@ -9,12 +9,12 @@ use super::ContactState;
 
 /// Candidate pairs of local grains, each once, with the lower id as i.
 ///
-/// There are groups of blocks. First come inner pairs, of which this rank owns both grains: for each
-/// thread those between two grains of its [share](LocalGrains::shares), then those between grains of
-/// two threads. Then come pairs of which this rank owns i, then pairs of which it owns j. In a group
-/// the pairs are sorted by (id of i, id of j). Within every run of 1,024 of them, contacts then come
-/// first, followed by the other pairs in order of their gaps, so that blocks in which nothing touches
-/// follow each other.
+/// There are groups of blocks. First come inner pairs, of which this rank owns both grains: for
+/// each thread those between two grains of its [share](LocalGrains::shares), then those between
+/// grains of two threads. Then come pairs of which this rank owns i, then pairs of which it owns j.
+/// In a group the pairs are sorted by (id of i, id of j). Within every run of 1,024 of them,
+/// contacts then come first, followed by the other pairs in order of their gaps, so that blocks in
+/// which nothing touches follow each other.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
 /// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs
@@ -42,7 +42,8 @@ pub struct Contacts {
     pub history_lanes: usize,
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
-    /// Lanes that were then at the limit of friction, at that of rolling, and without any force; see
+    /// Lanes that were then at the limit of friction, at that of rolling, and without any force;
+    /// see
     /// [`ContactState::is_idle`].
     pub limits: Vec<[u16; 3]>,
     /// Whether the first two are of a step in which the histories advanced.

@@ -25,8 +25,8 @@ pub struct GrainState {
     pub force: [f64; 3],
     /// Torque of the last step (N m; N in 2D).
     pub torque: [f64; 3],
-    /// Image in which it is: the position plus these multiples of the edges of the box moves without
-    /// jumps.
+    /// Image in which it is: the position plus these multiples of the edges of the box moves
+    /// without jumps.
     pub image: Image,
 }
 
@@ -73,14 +73,14 @@ impl ContactState {
         [(1, 4), (2, 8)].map(|(limit, known)| is_set(known).then(|| is_set(limit)))
     }
 
-    /// Whether it transmitted nothing when the forces were last computed: its damper would have made
-    /// F_n negative.
+    /// Whether it transmitted nothing when the forces were last computed: its damper would have
+    /// made F_n negative.
     pub fn is_idle(&self) -> bool {
         self.limits & 16 != 0
     }
 
-    /// Limits as a number: 1 and 2 for friction and rolling, 4 and 8 if that is known, and 16 if it is
-    /// idle.
+    /// Limits as a number: 1 and 2 for friction and rolling, 4 and 8 if that is known, and 16 if it
+    /// is idle.
     pub fn stored(limits: [Option<bool>; 2], is_idle: bool) -> i64 {
         let number = |known: i64, limit: Option<bool>| {
             limit.map_or(0, |is_at| known + known / 4 * i64::from(is_at))

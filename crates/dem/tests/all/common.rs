@@ -1,4 +1,5 @@
-//! A gas in a sheared periodic box, dense enough that its grains touch; its laws and random numbers.
+//! A gas in a sheared periodic box, dense enough that its grains touch; its laws and random
+//! numbers.
 
 use bytemuck::Zeroable;
 use gshear_dem::dimension::Dimension;
@@ -71,8 +72,8 @@ pub fn random(mut seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-/// Grains near the sites of a lattice, flying in all directions; radii are between `smallest` and 1,
-/// times [`RADIUS`].
+/// Grains near the sites of a lattice, flying in all directions; radii are between `smallest` and
+/// 1, times [`RADIUS`].
 pub fn gas<D: Dimension>(side: usize, smallest: f64, seed: u64) -> Vec<GrainState> {
     let mut random = random(seed);
     let (middle, half) = (0.5 * (1.0 + smallest), 0.5 * (1.0 - smallest));

@@ -149,8 +149,8 @@ fn glass_spheres_collide_as_hertz_says() {
     close(f64::from(steps) * step, 40.3e-6);
 }
 
-/// Sliding throughout: of the tangential velocity v_t two equal spheres lose μ(1+e) v_n of their own and turn by 5/2 of it over R,
-/// in whatever direction (physics.md).
+/// Sliding throughout: of the tangential velocity v_t two equal spheres lose μ(1+e) v_n of their
+/// own and turn by 5/2 of it over R, in whatever direction (physics.md).
 #[test]
 fn gross_slip_in_any_direction() {
     const RADIUS: f64 = 10e-3;
@@ -188,8 +188,9 @@ fn gross_slip_in_any_direction() {
     assert!(norm(aside) < 1e-3 * norm(end.angular_velocity));
 }
 
-/// A loaded contact that is turned as a whole, with spins that leave no slip, keeps its displacement, turned along: after a
-/// revolution it is what it was, to second order in the angle of a step.
+/// A loaded contact that is turned as a whole, with spins that leave no slip, keeps its
+/// displacement, turned along: after a revolution it is what it was, to second order in the angle
+/// of a step.
 #[test]
 fn history_turns_with_the_contact() {
     const RADIUS: f64 = 1e-3;
@@ -287,8 +288,9 @@ fn motion_in_contact_is_of_second_order() {
     }
 }
 
-/// The law itself in LAMMPS' own scheme (dampers and history with the velocities of the half step, the history projected on the tangent
-/// plane) against LAMMPS: 10,000 steps of two spheres that fall on three, see lammps/bed.in.
+/// The law itself in LAMMPS' own scheme (dampers and history with the velocities of the half step,
+/// the history projected on the tangent plane) against LAMMPS: 10,000 steps of two spheres that
+/// fall on three, see lammps/bed.in.
 #[test]
 fn the_law_is_that_of_lammps() {
     const STEP: f64 = 1e-6;

@@ -1,4 +1,5 @@
-//! The linear springs, through the program's own step: closed forms of an impact, and the order of convergence.
+//! The linear springs, through the program's own step: closed forms of an impact, and the order of
+//! convergence.
 
 use std::f64::consts::PI;
 
@@ -39,8 +40,9 @@ fn reduced_mass() -> f64 {
     1.0 / (1.0 / mass(RADII[0]) + 1.0 / mass(RADII[1]))
 }
 
-/// Two disks, 1 at the origin and 0 at `angle` from it, overlapping by `overlap` (m): 0 at rest and 1 moving towards it at
-/// `approach` and sideways at `sideways` (m/s) along -t̂, with these spins (rad/s).
+/// Two disks, 1 at the origin and 0 at `angle` from it, overlapping by `overlap` (m): 0 at rest and
+/// 1 moving towards it at `approach` and sideways at `sideways` (m/s) along -t̂, with these spins
+/// (rad/s).
 struct Impact {
     /// α.
     damping_ratio: f64,
@@ -57,7 +59,8 @@ struct Impact {
 /// x, y, u, v, ω of both disks.
 type State = [f64; 10];
 
-/// In which direction disk 0 lies from disk 1, how they approach along it (m/s), and their overlap (m).
+/// In which direction disk 0 lies from disk 1, how they approach along it (m/s), and their overlap
+/// (m).
 fn approach(s: &State) -> ([f64; 2], f64, f64) {
     let (dx, dy) = (s[0] - s[5], s[1] - s[6]);
     let distance = dx.hypot(dy);
@@ -169,7 +172,8 @@ fn head_on(damping_ratio: f64, overlap: f64) -> Impact {
     }
 }
 
-/// The damped half sine: peak overlap, the time at which the clamped force ends, and the restitution up to there.
+/// The damped half sine: peak overlap, the time at which the clamped force ends, and the
+/// restitution up to there.
 #[test]
 fn an_impact_is_a_damped_half_sine() {
     for damping_ratio in [0.0, 0.1, 0.5] {
@@ -177,7 +181,8 @@ fn an_impact_is_a_damped_half_sine() {
         let speed = 0.1;
         let to_peak = (frequency / decay).atan() / frequency;
         let peak = speed / free * (-decay * to_peak).exp();
-        // F_n = k δ - γ v_n = 0: tan ωt = -2λω/(ω_0² - 2λ²), and there the speed apart is v e^{-λt}.
+        // F_n = k δ - γ v_n = 0: tan ωt = -2λω/(ω_0² - 2λ²), and there the speed apart is v
+        // e^{-λt}.
         let end =
             (PI - (2.0 * decay * frequency).atan2(free * free - 2.0 * decay * decay)) / frequency;
         let restitution = (-decay * end).exp();
@@ -203,7 +208,8 @@ fn an_impact_is_a_damped_half_sine() {
     }
 }
 
-/// Below the clamp e = exp(-πα/√(1-α²)) is what one makes of α; the clamp ends the contact a little earlier and faster.
+/// Below the clamp e = exp(-πα/√(1-α²)) is what one makes of α; the clamp ends the contact a little
+/// earlier and faster.
 #[test]
 fn restitution_gives_the_damping_ratio() {
     for restitution in [0.5, 0.9, 0.99] {
@@ -253,8 +259,8 @@ fn the_normal_spring_is_second_order() {
     assert!(errors[3][0] < 1e-5, "{errors:?}");
 }
 
-/// Differences between runs of halved steps fall by four in every number of the state, with springs sticking and with the limits
-/// of both reached throughout.
+/// Differences between runs of halved steps fall by four in every number of the state, with springs
+/// sticking and with the limits of both reached throughout.
 #[test]
 fn friction_and_rolling_are_second_order() {
     let sticking = Impact {
@@ -292,7 +298,8 @@ fn friction_and_rolling_are_second_order() {
     }
 }
 
-/// Gross slip: the impulse of friction is μ times that of the normal force, and each disk takes R/I of it as spin.
+/// Gross slip: the impulse of friction is μ times that of the normal force, and each disk takes R/I
+/// of it as spin.
 #[test]
 fn gross_slip_turns_the_disks() {
     let impact = Impact {

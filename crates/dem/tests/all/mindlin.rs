@@ -36,7 +36,8 @@ fn norm(v: Vector) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// One evaluation: F_n, F_t, history, sliding, losses. `deeper`: by how much the overlap has grown in the step.
+/// One evaluation: F_n, F_t, history, sliding, losses. `deeper`: by how much the overlap has grown
+/// in the step.
 fn evaluate<D: Dimension>(
     friction: f64,
     overlap: f64,
@@ -159,8 +160,8 @@ fn stored(overlap: f64, t: f64) -> f64 {
     2.0 / 7.0 * overlap.sqrt() * t * t * (0.5 + s / 3.0 - s * s / 4.0)
 }
 
-/// At constant δ nothing is dissipated before sliding, and then μF_n per length; under a t that stays what is stored changes with δ, which
-/// is the loss.
+/// At constant δ nothing is dissipated before sliding, and then μF_n per length; under a t that
+/// stays what is stored changes with δ, which is the loss.
 #[test]
 fn energies_lost() {
     let legs = |steps: usize| {
@@ -303,7 +304,8 @@ fn a_head_on_impact() {
     }
 }
 
-/// Differences to a run of 12,800 steps fall by four from 200 steps on, twice. Returns whether the contact slides at the end.
+/// Differences to a run of 12,800 steps fall by four from 200 steps on, twice. Returns whether the
+/// contact slides at the end.
 fn is_of_second_order<D: Dimension>(friction: f64, of: [[Vector; 3]; 2]) -> bool {
     let end = |steps: usize| {
         let mut pair = Couple::<D>::new(friction, 4.0 / steps as f64, of);
@@ -338,7 +340,8 @@ fn sticking_spheres_are_of_second_order() {
     assert!(!is_of_second_order::<Three>(10.0, of));
 }
 
-/// In space a direction of t that turns while the contact slides is followed to first order only, as in every law here.
+/// In space a direction of t that turns while the contact slides is followed to first order only,
+/// as in every law here.
 #[test]
 fn sliding_disks_are_of_second_order() {
     let at = |part: f64| [0.6 * 0.99 * part, 0.8 * 0.99 * part, 0.0];

@@ -466,8 +466,8 @@ fn a_free_servo_of_spheres_falls_at_its_speed() {
     a_free_servo_falls::<Three>();
 }
 
-/// How far the top fell on one free layer, over the overlap at rest, after every step under a load that
-/// rises to 1.1 times that of the start.
+/// How far the top fell on one free layer, over the overlap at rest, after every step under a load
+/// that rises to 1.1 times that of the start.
 fn fall<D: Dimension>(gain: f64, step: f64, steps: u64) -> Vec<f64>
 where
     Hooke<D, true, false>: PairForce<D>,
@@ -498,7 +498,8 @@ where
 }
 
 /// The same by the Runge–Kutta method of fourth order: two springs and dampers with the free mass
-/// between them, and v = gain (F - N) with the damper in F, solved for v. Lengths in overlaps at rest.
+/// between them, and v = gain (F - N) with the damper in F, solved for v. Lengths in overlaps at
+/// rest.
 fn fall_by_runge_kutta([k, c, mass]: [f64; 3], gain: f64, time: f64) -> f64 {
     // Of the free grains downwards and of the top: how far, and how fast the free ones.
     let rate = |t: f64, [grain, velocity, top]: [f64; 3]| {
@@ -624,8 +625,8 @@ fn layers_of_spheres_are_second_order() {
     of_every_part::<Three>();
 }
 
-/// Half the skin of the rig is a tenth of a radius. A wall that moves further in a step says what to
-/// change; one that moves by less does not fail.
+/// Half the skin of the rig is a tenth of a radius. A wall that moves further in a step says what
+/// to change; one that moves by less does not fail.
 #[test]
 fn a_wall_that_leaves_the_list_says_what_to_change() {
     let half = 0.1 * RADIUS;

@@ -183,8 +183,8 @@ fn the_energy_budget_closes() {
 }
 
 /// Oblique impacts of spinning spheres, sticking and sliding. Stiff ones against LAMMPS; soft ones,
-/// whose overlap reaches 0.15 R, against an integration with the arm R of the torques, where LAMMPS'
-/// `granular` has R - δ/2: see lammps/impacts.py.
+/// whose overlap reaches 0.15 R, against an integration with the arm R of the torques, where
+/// LAMMPS' `granular` has R - δ/2: see lammps/impacts.py.
 #[test]
 fn impacts_are_those_of_lammps() {
     const SPEED: f64 = 0.2;

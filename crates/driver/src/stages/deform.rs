@@ -107,7 +107,8 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// Strain step number `step` of pure shear: ε = γ/2 along x, -γ/2 along the last axis. The
-    /// lengths are those of the whole strain, so that their product stays the same but for rounding.
+    /// lengths are those of the whole strain, so that their product stays the same but for
+    /// rounding.
     pub(super) fn pure_shear(
         &mut self,
         run: &Run<'_>,
@@ -206,8 +207,9 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// Begins to change all lengths by one factor until the pressure is the wanted one. Never goes
-    /// beyond it and back, which would leave its mark on the histories: a packing beyond it is given
-    /// up for the one before, which is held. Returns `None` if the pressure is the wanted one.
+    /// beyond it and back, which would leave its mark on the histories: a packing beyond it is
+    /// given up for the one before, which is held. Returns `None` if the pressure is the wanted
+    /// one.
     pub(super) fn begin_to_press(
         &mut self,
         run: &Run<'_>,

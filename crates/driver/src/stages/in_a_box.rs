@@ -32,24 +32,9 @@ pub fn run<D: LawSpace>(
     let law = force::<D>(&scene.law, scene.contact);
     let law = law.as_ref();
     let begins = !matches!(start, Start::Checkpoint(_));
-    let (header, state) = if let Start::Checkpoint(mut saved) = start {
-        checkpoint::to_both_holders(run.exchange, &mut saved.state);
-        (saved.header, saved.state)
-    } else {
-        let Some(state) = prepared::<D>(run, scene, periodic)? else {
-            run.terminal.unprepared();
-            return Ok(Outcome::Stopped);
-        };
-        let progress = Progress {
-            length: Some(scene.sample.length),
-            ..Progress::default()
-        };
-        let header = Header::Aqs {
-            progress,
-            written: Written::default(),
-            unfinished: None,
-        };
-        (header, state)
+    let Some((header, state)) = begin::<D>(run, scene, periodic, start)? else {
+        run.terminal.unprepared();
+        return Ok(Outcome::Stopped);
     };
     let sample = &scene.sample;
     let cell = match &header {
@@ -110,17 +95,33 @@ pub fn run<D: LawSpace>(
     stage.finish(run, outcome)
 }
 
-/// The packing without friction; `None` if the run was stopped before.
-fn prepared<D: LawSpace>(
+/// The stage with which the run begins or goes on, and its state: those of the checkpoint, or a packing
+/// without friction, and `None` if the run was stopped before that was prepared.
+fn begin<D: LawSpace>(
     run: &mut Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,
-) -> Result<Option<Snapshot>, Failure> {
+    start: Start,
+) -> Result<Option<(Header, Snapshot)>, Failure> {
+    if let Start::Checkpoint(mut saved) = start {
+        checkpoint::to_both_holders(run.exchange, &mut saved.state);
+        return Ok(Some((saved.header, saved.state)));
+    }
     let smooth = Contact {
         friction: 0.0,
         rolling_friction: 0.0,
         ..scene.contact
     };
     let smooth = force::<D>(&scene.law, smooth);
-    prepare::prepare(run, scene, periodic, smooth.as_ref())
+    let prepared = prepare::prepare(run, scene, periodic, smooth.as_ref())?;
+    let progress = Progress {
+        length: Some(scene.sample.length),
+        ..Progress::default()
+    };
+    let header = Header::Aqs {
+        progress,
+        written: Written::default(),
+        unfinished: None,
+    };
+    Ok(prepared.map(|state| (header, state)))
 }

@@ -35,8 +35,8 @@ const DRAG: f64 = 0.02;
 /// Steps in which a packing comes to rest, as a guess.
 const TO_REST: u64 = 10_000;
 
-/// If the grains leave the contact law in a smaller box, the box shrinks by half as much, from the state
-/// before; at most so many times in turn.
+/// If the grains leave the contact law in a smaller box, the box shrinks by half as much, from the
+/// state before; at most so many times in turn.
 const MOST_HALVINGS: i32 = 6;
 
 /// Greatest overlap of random grains that were moved apart, over the largest of the law: what the
@@ -64,8 +64,8 @@ pub(super) fn prepare<D: Dimension>(
     }
 }
 
-/// A guess how many steps a preparation takes. How long the grains take to come to rest is not known
-/// in advance, nor how often a compression step is halved.
+/// A guess how many steps a preparation takes. How long the grains take to come to rest is not
+/// known in advance, nor how often a compression step is halved.
 pub(crate) fn steps(scene: &Scene, periodic: &PeriodicBox) -> u64 {
     let boxes = match periodic.placement {
         Placement::Lattice => {

@@ -11,9 +11,9 @@ pub(super) struct Placed {
     pub position: [f64; 3],
 }
 
-/// Displacement of a grain in a step, over the sum of its overlaps. The scheme is stable up to twice
-/// the reciprocal of the greatest eigenvalue of the network of contacts, some 0.2 in the crowd of
-/// random places.
+/// Displacement of a grain in a step, over the sum of its overlaps. The scheme is stable up to
+/// twice the reciprocal of the greatest eigenvalue of the network of contacts, some 0.2 in the
+/// crowd of random places.
 const MOBILITY: f64 = 0.1;
 /// The grains are settled if none moves further than this in a step, over the mean radius.
 const SETTLED: f64 = 1e-4;
@@ -24,8 +24,8 @@ const LOOK: u32 = 10;
 
 /// Moves overlapping grains apart: overdamped motion under a repulsion of each pair that is its
 /// overlap along the line of the centres, which takes any overlap, until the grains hardly move.
-/// Returns the greatest overlap over what `largest_overlap` allows its two radii; `None` if `asked`,
-/// called now and then, says that the run is to stop.
+/// Returns the greatest overlap over what `largest_overlap` allows its two radii; `None` if
+/// `asked`, called now and then, says that the run is to stop.
 ///
 /// Every rank does the same with all grains.
 ///

@@ -2,10 +2,10 @@
 
 use std::time::Instant;
 
-use gshear_dem::budget::EnergyBudget;
+use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
-use gshear_dem::drive::{GrainWalls, Slider};
+use gshear_dem::drive::{GrainWalls, Piston, Slider};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe::{self, SampleConstants};
@@ -90,16 +90,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let energy = load.pressure * sample.mean_section() * load.mean_overlap(sample);
         let frame = SampleConstants::measure(exchange, &mut system, 2.0 * thickness, energy);
         if plane_shear.output.energy {
-            let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
-            if let Some(mut saved) = from.energy_budget {
-                // Once it is summed, it stays so.
-                walls.normal_work |= saved.has_normal_work();
-                if walls.normal_work {
-                    saved = saved.with_varying_load(&from.piston);
-                }
-                budget.resume(&saved, exchange.rank());
-            }
-            system.budget = Some(budget);
+            let new = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
+            let saved = from.energy_budget.map(|saved| (saved, &from.piston));
+            system.budget = Some(resumed(new, exchange.rank(), &mut walls, saved));
         }
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
@@ -213,9 +206,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         ]
     }
 
-    /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by more
-    /// than half a mean diameter. A top that moves at an imposed velocity or by a servo does not fly, and
-    /// a vibrating bottom may throw it on purpose.
+    /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
+    /// more than half a mean diameter. A top that moves at an imposed velocity or by a servo does
+    /// not fly, and a vibrating bottom may throw it on purpose.
     fn check_top(&self) -> Result<(), Failure> {
         let now = self.walls.slider.state.step;
         let protocol = &self.schedule.protocol;
@@ -445,6 +438,24 @@ fn walls(
         walls.slider.state = slider;
     }
     walls
+}
+
+/// The energy budget, which goes on as `saved` with the top of then.
+fn resumed(
+    mut budget: EnergyBudget,
+    rank: usize,
+    walls: &mut GrainWalls,
+    saved: Option<(SavedBudget, &Piston)>,
+) -> EnergyBudget {
+    if let Some((mut saved, piston)) = saved {
+        // Once it is summed, it stays so.
+        walls.normal_work |= saved.has_normal_work();
+        if walls.normal_work {
+            saved = saved.with_varying_load(piston);
+        }
+        budget.resume(&saved, rank);
+    }
+    budget
 }
 
 /// Gives the grains of the walls the velocities with which these begin.

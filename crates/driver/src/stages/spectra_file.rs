@@ -6,7 +6,7 @@ use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::agree;
-use gshear_store::table::{TableCell, TableFile, rows_up_to};
+use gshear_store::csv_table::{TableCell, TableFile, rows_up_to};
 
 use super::eigenvalues::Eigenvalues;
 

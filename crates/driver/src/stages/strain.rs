@@ -11,7 +11,7 @@ use gshear_dem::observe::{digest, frame};
 use gshear_dem::state::{HeldState, Snapshot};
 use gshear_dem::system::System;
 use gshear_scene::{Deformation, PeriodicBox, Scene};
-use gshear_store::columns::AqsRow;
+use gshear_store::box_columns::AqsRow;
 use gshear_store::file_names::AQS_FILE;
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
@@ -29,8 +29,8 @@ use crate::run::{Checkpoint, Run, Save, Stage};
 use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
-/// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and of
-/// a compression the part by which the volume has decreased.
+/// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and
+/// of a compression the part by which the volume has decreased.
 pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &Progress) -> f64 {
     let of_volume = |of: &Stretched| {
         let parts = of.lengths.iter().zip(of.initial);
@@ -219,7 +219,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
         }
     }
 
-    /// Begins the relaxation before `search`, or ends the strain step. `found`: what was done so far.
+    /// Begins the relaxation before `search`, or ends the strain step. `found`: what was done so
+    /// far.
     fn relax(
         &mut self,
         run: &Run<'_>,

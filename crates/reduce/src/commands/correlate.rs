@@ -11,8 +11,8 @@ use gshear_analysis::ranges::{Bins, ValueRange};
 use gshear_analysis::regions::{GrReading, MinPoints, Reduction};
 use gshear_analysis::spearman::Correlation;
 use gshear_dem::failure::Failure;
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
-use gshear_store::table::Table;
 
 /// Write statistics of every phase and their correlation with the change of τ (Lee & Hurley,
 /// section 3.3)

@@ -84,8 +84,9 @@ pub fn is_planar(run: &RunFile) -> bool {
     run.stage() == RunStage::Shear && run.dimension() == Dimensions::Two
 }
 
-/// Returns D²min of every grain between two frames of these numbers, `[N]` (m²), with the neighbours
-/// within `radius` (m) in the earlier one. NaN where it is not defined; rattlers do not count.
+/// Returns D²min of every grain between two frames of these numbers, `[N]` (m²), with the
+/// neighbours within `radius` (m) in the earlier one. NaN where it is not defined; rattlers do not
+/// count.
 pub fn between(
     run: &RunFile,
     numbers: [usize; 2],

@@ -14,9 +14,9 @@ use gshear_analysis::jacobian::History;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{Spectrum, Verdict};
+use gshear_store::csv_table::Table;
 use gshear_store::file_names::{NEWTONIAN_FILE, folder_of};
 use gshear_store::run_reader::{RunFile, RunStage};
-use gshear_store::table::Table;
 
 /// Limit of the linear regime: mean square displacement over the square of the mean diameter.
 const LINEAR: f64 = 1e-11;

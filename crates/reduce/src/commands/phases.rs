@@ -9,8 +9,8 @@ use gshear_analysis::moments::mean;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_analysis::tau::TauReading;
 use gshear_dem::failure::Failure;
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
-use gshear_store::table::Table;
 
 /// Write the stick and slip phases of τ into phases.csv
 ///

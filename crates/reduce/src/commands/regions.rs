@@ -7,8 +7,8 @@ use crate::results::Results;
 use crate::scalars::FrameSeries;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
-use gshear_store::table::Table;
 
 /// Write the scalars of every frame into regions.csv: GR regions, gD²min, contact angles (Lee &
 /// Hurley, section 3)

@@ -16,10 +16,10 @@ use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
     Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
+use gshear_store::csv_table::Table;
 use gshear_store::file_names::folder_of;
 use gshear_store::matrix_market;
 use gshear_store::spectrum_writer::{self, Columns, StateOrigin, Unknown};
-use gshear_store::table::Table;
 
 /// Unknowns up to which --all-pairs uses the dense solver: 200 MB of vectors, one to two minutes.
 const DENSE: usize = 3000;

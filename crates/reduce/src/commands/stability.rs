@@ -10,8 +10,8 @@ use crate::results::Results;
 use crate::stored_state::{StateSelection, StoredState, history};
 use gshear_analysis::stability::Stability;
 use gshear_dem::failure::Failure;
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
-use gshear_store::table::Table;
 
 /// Most unknowns of a dense matrix whose eigenvalues are found.
 const MOST_UNKNOWNS: usize = 6000;

@@ -16,8 +16,8 @@ use gshear_analysis::phases;
 use gshear_analysis::regions::Reduction;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, Frame};
+use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{FrameFields, RunFile};
-use gshear_store::table::Table;
 
 /// Share of the grains with a defined D²min that are marked as the greatest.
 const TOP: f64 = 0.01;

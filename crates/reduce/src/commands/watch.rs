@@ -36,8 +36,8 @@ const LEAST: [usize; 2] = [30, 8];
 ///
 /// Reads log.csv and status.json every second, while the run writes: stress ratio and solid
 /// fraction over the strain, or over the time if the strain returns; of a box the shear stress,
-/// from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it shows the
-/// present state and ends.
+/// from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it
+/// shows the present state and ends.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The folder of a run
@@ -315,8 +315,8 @@ impl StrainSteps {
     }
 }
 
-/// A table that grows: reads its new lines. A table that is cut or replaced, as at a resume, is read
-/// again.
+/// A table that grows: reads its new lines. A table that is cut or replaced, as at a resume, is
+/// read again.
 struct Tail {
     path: PathBuf,
     file: (u64, u64),

@@ -148,8 +148,8 @@ fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> 
     lists
 }
 
-/// Creates an empty file for the next checkpoint, which rank 0 keeps; dropping it removes it. Returns
-/// its name on every rank. Collective.
+/// Creates an empty file for the next checkpoint, which rank 0 keeps; dropping it removes it.
+/// Returns its name on every rank. Collective.
 fn part_of(
     exchange: &dyn Parallel,
     folder: &Path,
@@ -330,8 +330,8 @@ pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
         .map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
 }
 
-/// Makes a checkpoint the newest of the folder: it gets the name `checkpoint.h5`. To be called on one
-/// rank.
+/// Makes a checkpoint the newest of the folder: it gets the name `checkpoint.h5`. To be called on
+/// one rank.
 ///
 /// # Errors
 /// [`Failure::Other`] if the file can be neither linked nor copied.

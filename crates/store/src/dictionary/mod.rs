@@ -55,8 +55,8 @@ fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<Strin
     ))
 }
 
-/// Writes the metadata of a table `kind`, such as `log.csv`, beside the table, or, if the dictionary
-/// lacks a column, nothing.
+/// Writes the metadata of a table `kind`, such as `log.csv`, beside the table, or, if the
+/// dictionary lacks a column, nothing.
 ///
 /// # Errors
 /// [`Failure::Other`] if the file cannot be written.

@@ -7,7 +7,7 @@ use gshear_analysis::stability::Stability;
 use gshear_dem::columns::Column;
 use gshear_dem::state::SERIES_COLUMNS;
 
-use crate::columns::{AqsRow, NewtonianRow};
+use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::layout::{MASS, RADIUS, elements, forces};
 
 /// A table of numbers.

@@ -457,7 +457,8 @@ impl Drop for Dataset {
     }
 }
 
-/// The path as MPI-IO takes it: ROMIO takes what comes before a colon for the kind of the file system.
+/// The path as MPI-IO takes it: ROMIO takes what comes before a colon for the kind of the file
+/// system.
 fn for_mpi(path: &Path, parallel: bool) -> Cow<'_, Path> {
     match path.to_str() {
         Some(name) if parallel && name.contains(':') => PathBuf::from(format!("ufs:{name}")).into(),
@@ -675,8 +676,8 @@ impl Dataset {
     /// [`Failure::Other`] if HDF5 fails.
     ///
     /// # Panics
-    /// If `data` and `slab` differ in size, the dataset is of another type, or it has more than three
-    /// dimensions.
+    /// If `data` and `slab` differ in size, the dataset is of another type, or it has more than
+    /// three dimensions.
     pub fn write<T: H5Type + Copy>(&self, slab: Slab, data: &[T]) -> Result<(), Failure> {
         let dimensions = self.shape.len();
         assert!((1..=3).contains(&dimensions), "one to three dimensions");
@@ -702,8 +703,8 @@ impl Dataset {
                 let (memory, place) = (memory.id(), place.id());
                 let transfer = self.context.transfer.id();
                 let data = data.as_ptr().cast();
-                // SAFETY: the ids are open; `datatype` describes T, as asserted above; `memory` selects all of `data`,
-                // and `place` selects as many elements.
+                // SAFETY: the ids are open; `datatype` describes T, as asserted above; `memory`
+                // selects all of `data`, and `place` selects as many elements.
                 let written =
                     unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
                 hdf5::h5check(written).map(drop)

@@ -5,7 +5,7 @@ use std::ops::Range;
 use hdf5::{Dataset, H5Type};
 use ndarray::{Ix1, Ix2, Ix3, s};
 
-use super::source::one_line;
+use super::open_file::one_line;
 use super::verify::Pairs;
 use super::{FrameFields, RunFile};
 use crate::checksums;

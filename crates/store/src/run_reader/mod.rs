@@ -1,9 +1,9 @@
-//! Reads `run.h5`, `aqs.h5` and `newtonian.h5` (docs/file-formats.md) serially, by blocks of frames,
-//! so that memory does not grow with the length of the run.
+//! Reads `run.h5`, `aqs.h5` and `newtonian.h5` (docs/file-formats.md) serially, by blocks of
+//! frames, so that memory does not grow with the length of the run.
 
 mod frames;
+mod open_file;
 mod owner;
-mod source;
 mod state;
 mod verify;
 
@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 
 use hdf5::Dataset;
 
+pub(crate) use self::open_file::one_line;
+use self::open_file::{FOREIGN, OpenFile};
 pub use self::owner::{Owner, owner};
-pub(crate) use self::source::one_line;
-use self::source::{FOREIGN, OpenFile};
 use self::verify::FrameSums;
+use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::checksums;
-use crate::columns::{AqsRow, NewtonianRow};
 use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 use crate::layout::{CONTACTS, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain};
 pub use crate::parameter::Parameter;
@@ -373,7 +373,8 @@ impl RunFile {
         stored.or_else(before).unwrap_or(0.0)
     }
 
-    /// Returns two frames of these numbers, the earlier first, to follow grains from one to the other.
+    /// Returns two frames of these numbers, the earlier first, to follow grains from one to the
+    /// other.
     pub fn interval<'a>(&self, numbers: [usize; 2], frames: [&'a FrameRecords; 2]) -> Interval<'a> {
         Interval {
             cells: numbers.map(|t| self.cell(t)),
@@ -382,8 +383,8 @@ impl RunFile {
         }
     }
 
-    /// The periods that were taken from the Lees–Edwards offset between two frames. Each strain step
-    /// has a row, and adds less than half a period.
+    /// The periods that were taken from the Lees–Edwards offset between two frames. Each strain
+    /// step has a row, and adds less than half a period.
     fn periods_of_shear(&self, numbers: [usize; 2]) -> i64 {
         if self.stage != RunStage::Strain {
             return 0;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::Parameter;
-use super::source::OpenFile;
+use super::open_file::OpenFile;
 use crate::journal;
 use gshear_dem::failure::Failure;
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::StoredScalars;
-use super::source::OpenFile;
+use super::open_file::OpenFile;
 use crate::checksums::{self, CONSTANTS, ContactWeights, FRAMES, ROWS, SCALARS};
 use crate::layout::frame_columns;
 use gshear_dem::columns::Column;

@@ -1,7 +1,7 @@
 //! Batches of frames and rows, written by all ranks together.
 
 use super::TrajectoryWriter;
-use crate::batch::{ShareColumns, Shares, length};
+use crate::batch::{Share, ShareColumns, Shares, length};
 use crate::checksums::{of_clock, of_row};
 use crate::collective::CollectiveOutcome;
 use crate::h5::Slab;
@@ -11,6 +11,26 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, GrainSample};
 use gshear_mpi_exchange::Parallel;
+
+/// Of each frame of a batch the number of contacts, then the checksums of the columns. Collective.
+fn sums_of(
+    exchange: &dyn Parallel,
+    (part, share): (&ShareColumns, &Share),
+    (frames, axes): (usize, usize),
+) -> Vec<i64> {
+    let width = frame_columns(axes).len();
+    let mut sums = vec![0i64; frames * width];
+    let of_share = part.checksums(share, axes);
+    let rows = (sums.chunks_exact_mut(width)).skip(share.frames.start as usize);
+    for ((row, contacts), checksums) in rows.zip(&part.counts).zip(of_share) {
+        row[0] = *contacts;
+        for (sum, checksum) in row[1..].iter_mut().zip(checksums) {
+            *sum = checksum as i64;
+        }
+    }
+    exchange.sum(&mut sums);
+    sums
+}
 
 impl TrajectoryWriter {
     pub(super) fn write_frames(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
@@ -29,20 +49,13 @@ impl TrajectoryWriter {
         let part = ShareColumns::assemble(&messages, &share, self.columns.axes);
         drop(messages);
 
-        // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
-        let first = share.frames.start as usize;
         let width = frame_columns(self.columns.axes).len();
-        // Per frame the number of contacts, then the checksums.
-        let mut sums = vec![0i64; count as usize * width];
-        let of_share = part.checksums(&share, self.columns.axes);
-        let rows = sums.chunks_exact_mut(width).skip(first);
-        for ((row, contacts), checksums) in rows.zip(&part.counts).zip(of_share) {
-            row[0] = *contacts;
-            for (sum, checksum) in row[1..].iter_mut().zip(checksums) {
-                *sum = checksum as i64;
-            }
-        }
-        exchange.sum(&mut sums);
+        let sums = sums_of(
+            exchange,
+            (&part, &share),
+            (count as usize, self.columns.axes),
+        );
+        // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
         let counts = sums.chunks_exact(width).map(|row| row[0]);
         let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
         let of_width = |width: usize| Slab::rows(begin, part.i.len() as u64, width as u64);
@@ -85,12 +98,7 @@ impl TrajectoryWriter {
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
         outcome.note(by_root(root, &mut columns.offset, before + 1, &ends));
         let of_box = columns.edges.row_length();
-        let edges: Vec<f64> = match of_box {
-            3 => (self.frames.edges.iter())
-                .flat_map(|edges| std::array::from_fn::<_, 3, _>(|axis| edges[axis][axis]))
-                .collect(),
-            _ => self.frames.edges.as_flattened().as_flattened().to_vec(),
-        };
+        let edges = self.frames.edges_as_stored(of_box);
         let slab = Slab {
             start: [before, 0, 0],
             count: [if root { count } else { 0 }, 3, 3],

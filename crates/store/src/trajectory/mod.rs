@@ -278,8 +278,8 @@ impl TrajectoryWriter {
     }
 
     /// Adds the next frame: `edges` of the box (between walls, the diagonal is written), which are
-    /// the same on every rank, this rank's grains, and the contacts whose lower id is one of them, in
-    /// any order. Together the ranks must give each grain and each contact once. Frames are
+    /// the same on every rank, this rank's grains, and the contacts whose lower id is one of them,
+    /// in any order. Together the ranks must give each grain and each contact once. Frames are
     /// buffered and written in batches, so few calls communicate.
     ///
     /// # Errors
@@ -317,8 +317,8 @@ impl TrajectoryWriter {
         self.write_rows(exchange)
     }
 
-    /// Writes the rows so far to disk if the last flush is two seconds ago: for those who watch a run
-    /// whose rows come slowly.
+    /// Writes the rows so far to disk if the last flush is two seconds ago: for those who watch a
+    /// run whose rows come slowly.
     ///
     /// # Errors
     /// If the file cannot be written.

@@ -319,8 +319,8 @@ fn a_reload_shows_its_stiffness() {
     }
 }
 
-/// On a stiff spring the peak after a long hold has θ = t_hold and the velocity of the drive, so that
-/// Δμ = a ln(V_r/V_i) + b ln(V_i t_hold/D_c).
+/// On a stiff spring the peak after a long hold has θ = t_hold and the velocity of the drive, so
+/// that Δμ = a ln(V_r/V_i) + b ln(V_i t_hold/D_c).
 #[test]
 fn peaks_grow_by_a_with_the_velocity_of_the_slide() {
     let law = law(Evolution::Aging);

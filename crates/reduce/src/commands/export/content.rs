@@ -1,5 +1,5 @@
-//! The frames of a run as they are exported: state of the grains, contacts, and numbers computed for
-//! every grain.
+//! The frames of a run as they are exported: state of the grains, contacts, and numbers computed
+//! for every grain.
 
 use std::path::Path;
 

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use csv::{StringRecord, Writer};
 
 use gshear_dem::failure::Failure;
+use gshear_store::csv_table::TableCell;
 use gshear_store::dictionary;
-use gshear_store::table::TableCell;
 use gshear_store::text_writer::{PartFile, unwritten};
 
 use super::content::{

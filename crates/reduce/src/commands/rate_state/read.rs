@@ -8,7 +8,8 @@ use gshear_store::run_reader::RunFile;
 
 /// The load of a protocol that imposes more than velocities.
 const IMPOSED: &str = "imposed_normal_force";
-/// Loads are equal if their means over half a segment agree to this share: an oscillation is no change.
+/// Loads are equal if their means over half a segment agree to this share: an oscillation is no
+/// change.
 const SAME_LOAD: f64 = 0.05;
 /// Smallest number of rows of the time series in a segment.
 const FEWEST_ROWS: usize = 20;
@@ -109,9 +110,9 @@ fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
     ))
 }
 
-/// The granular temperature of every row: (E/n - m̄ V²/6)/(P d̄³), in 2D over P d̄², with the kinetic
-/// energy E and the mean mass m̄ of the n free grains, and the velocity V of the top wall. m̄ V²/6 is the
-/// energy of a linear velocity profile. NaN without a pressure or free grains.
+/// The granular temperature of every row: (E/n - m̄ V²/6)/(P d̄³), in 2D over P d̄², with the
+/// kinetic energy E and the mean mass m̄ of the n free grains, and the velocity V of the top wall.
+/// m̄ V²/6 is the energy of a linear velocity profile. NaN without a pressure or free grains.
 fn temperature(run: &RunFile, rate: &[f64], kinetic: &[f64]) -> Vec<f64> {
     let grains = run.grains();
     let of_free = grains.mass.iter().zip(&grains.body);

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::Reduction;
 use gshear_analysis::moments::mean;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fitted};
-use gshear_store::table::Table;
+use gshear_store::csv_table::Table;
 
 /// Returns the tables with their names.
 pub fn tables(reduction: &Reduction) -> [(&'static str, String); 7] {

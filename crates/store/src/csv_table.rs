@@ -238,8 +238,8 @@ impl TableFile {
     }
 }
 
-/// The number of whole rows up to the first one whose first cell is greater than `last`; `None` if a
-/// killed program left not even the first line. Writes nothing.
+/// The number of whole rows up to the first one whose first cell is greater than `last`; `None` if
+/// a killed program left not even the first line. Writes nothing.
 ///
 /// # Errors
 /// A file that cannot be read.
