@@ -628,9 +628,13 @@ pub fn same_folder(one: &Path, other: &Path) -> bool {
 /// Removes the files of a run and what was reduced from them.
 fn remove_run(folder: &Path) -> Result<(), Failure> {
     let scene = text_writer::read(&folder.join(SCENE_FILE)).unwrap_or_default();
-    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let is_old = |name: &str| is_of_a_run(name, &scene) || is_reduced(name) || name == STATUS_FILE;
-    for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(is_old)) {
+    let unread = |e| Failure::other(format!("{}: cannot be read: {e}", folder.display()));
+    for entry in fs::read_dir(folder).map_err(unread)? {
+        let entry = entry.map_err(unread)?;
+        if !entry.file_name().to_str().is_some_and(is_old) {
+            continue;
+        }
         let path = entry.path();
         let removed = match entry.file_type() {
             Ok(of) if of.is_dir() => fs::remove_dir_all(&path),

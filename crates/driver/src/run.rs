@@ -197,14 +197,14 @@ impl<'a> Run<'a> {
                 stage.publish();
             }
             if stopped {
-                self.terminal.stage_ended(&stage.standing());
+                self.terminal.set(&stage.standing());
                 self.terminal
                     .stopped(&self.options.out, name, stage.steps());
                 return Ok(Outcome::Stopped);
             }
         }
         self.terminal.clear();
-        self.terminal.stage_ended(&stage.standing());
+        self.terminal.set(&stage.standing());
         Ok(Outcome::Done)
     }
 

@@ -9,7 +9,7 @@
 //! | [`status`] | writes and reads `status.json`, how far a run has come |
 //! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
 //! | [`spectrum_reader`] | reads the eigenvectors of `spectrum.h5` |
-//! | [`table`], [`matrix_market`] | CSV tables, sparse matrices |
+//! | [`csv_table`], [`matrix_market`] | CSV tables, sparse matrices |
 //! | [`text_writer`] | writes beside the name of a file and renames |
 //! | [`existing`] | what a resumed run finds in `run.h5`, and its repair |
 //! | [`journal`] | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |

@@ -95,8 +95,8 @@ pub fn run<D: LawSpace>(
     stage.finish(run, outcome)
 }
 
-/// The stage with which the run begins or goes on, and its state: those of the checkpoint, or a packing
-/// without friction, and `None` if the run was stopped before that was prepared.
+/// The stage with which the run begins or goes on, and its state: those of the checkpoint, or a
+/// packing without friction, and `None` if the run was stopped before that was prepared.
 fn begin<D: LawSpace>(
     run: &mut Run<'_>,
     scene: &Scene,

@@ -82,8 +82,8 @@ impl Terminal {
         file.map(StatusFile::write).is_some()
     }
 
-    /// A stage has ended here.
-    pub fn stage_ended(&mut self, standing: &Standing) {
+    /// How far the stage has come, for the next version of the file.
+    pub fn set(&mut self, standing: &Standing) {
         if let Some(file) = &mut self.status {
             file.set(standing);
         }
@@ -108,7 +108,7 @@ impl Terminal {
     }
 
     fn show(&mut self, standing: &Standing) {
-        self.stage_ended(standing);
+        self.set(standing);
         if let Some(StatusFile { status, .. }) = &self.status {
             self.draw(standing, status.speed, status.seconds_left);
         }
