@@ -340,6 +340,10 @@ pub fn digest<D: Dimension>(
     }
     for c in system.owned_contact_states(law) {
         add(c.moving());
+        // In 3D the next step depends on it ([`crate::contact::set_back`]).
+        if D::SPINS == 3 && c.limits()[0] == Some(true) {
+            add(bytemuck::bytes_of(&[c.i, c.j]));
+        }
     }
     if exchange.rank() == 0 {
         add(more);

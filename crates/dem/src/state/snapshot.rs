@@ -88,7 +88,8 @@ impl ContactState {
         number(4, limits[0]) + number(8, limits[1]) + 16 * i64::from(is_idle)
     }
 
-    /// The bytes of all that the motion depends on: of every field before the limits.
+    /// The bytes of all that the motion of disks depends on, of every field before the limits. That of
+    /// spheres depends on the limit of friction, too.
     pub fn moving(&self) -> &[u8] {
         &bytemuck::bytes_of(self)[..std::mem::offset_of!(Self, limits)]
     }

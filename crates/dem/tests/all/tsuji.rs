@@ -190,7 +190,7 @@ fn impacts_are_those_of_lammps() {
     const SPEED: f64 = 0.2;
     let n = [2.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0];
     let aside = [1.0 / 3.0, -2.0 / 3.0, -2.0 / 3.0];
-    let spins = [[40.0, -25.0, 60.0], [-30.0, 55.0, 10.0]];
+    let spins = [[40.0, -25.0, 60.0], [-60.0, 70.0, -17.5]];
     let text = include_str!("lammps/impacts.txt");
     for row in text.lines().filter(|line| !line.starts_with('#')) {
         let numbers = row.split_whitespace().map(|n| n.parse().expect("a number"));

@@ -9,7 +9,8 @@ A row: E (Pa), the restitution e, gamma_t/gamma_n, the angle (degrees) between t
 velocity and the line of centres, and after the impact the velocities (m/s) and spins (rad/s) of both.
 
 Stiff spheres are LAMMPS'. Soft ones overlap by up to 0.15 R, where LAMMPS' arm of the torque, R - overlap/2,
-is no longer R: they are integrated here with the arm R, after LAMMPS' arm has given LAMMPS' values.
+is no longer R: they are integrated here with the arm R and the spring turned about n with the spheres,
+after LAMMPS' arm without that turn has given LAMMPS' values.
 """
 
 from math import cos, pi, radians, sin
@@ -22,7 +23,8 @@ NU, RHO, MU = 0.3, 2500.0, 0.4
 RADII = (1.0e-3, 1.5e-3)
 DIRECTION = (2 / 3, -1 / 3, 2 / 3)
 ASIDE = (1 / 3, -2 / 3, -2 / 3)
-SPINS = ((40.0, -25.0, 60.0), (-30.0, 55.0, 10.0))
+# Without a mean along DIRECTION: LAMMPS does not turn the spring with the spheres about n.
+SPINS = ((40.0, -25.0, 60.0), (-60.0, 70.0, -17.5))
 SPEED = 0.2
 STEPS = {STIFF: 5e-13, SOFT: 1e-9}
 
@@ -103,9 +105,9 @@ def of_lammps(modulus, e, ratio, angle):
     return np.array([lmp.numpy.extract_atom(name)[k] for name in ("v", "omega") for k in (0, 1)])
 
 
-def integrated(modulus, damping, ratio, angle, *, whole_arm, step):
+def integrated(modulus, damping, ratio, angle, *, as_lammps, step):
     """The same by the law's formulas with the factor of alpha in `damping`: the arm of the torques is
-    R, or R - overlap/2; that of the velocities is R in both programs."""
+    R, in LAMMPS R - overlap/2; that of the velocities is R in both programs."""
     cross = lambda a, b: np.array(  # noqa: E731
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )
@@ -145,6 +147,9 @@ def integrated(modulus, damping, ratio, angle, *, whole_arm, step):
         u = u - (u @ n) * n
         if length > 0.0:
             u = u * length / (u @ u) ** 0.5
+        if not as_lammps:
+            turn = 0.5 * step * ((w[0] + w[1]) @ n)
+            u = cos(turn) * u + sin(turn) * cross(n, u)
         increment = step * relative(v, w, n)[1]
         u = u + increment - (increment @ n) * n
         along, aside = relative(full, spun, n)
@@ -155,7 +160,7 @@ def integrated(modulus, damping, ratio, angle, *, whole_arm, step):
             tangential = tangential * MU * normal / size
             u = -(tangential + ratio * viscous * aside) / stiffness
         force = normal * n + tangential
-        arms = [r - (0.0 if whole_arm else 0.5 * overlap) for r in RADII]
+        arms = [r - (0.5 * overlap if as_lammps else 0.0) for r in RADII]
         torque = [-arm * cross(n, tangential) for arm in arms]
         v = [v[k] + 0.5 * step * (force, -force)[k] / m[k] for k in (0, 1)]
         w = [w[k] + 0.5 * step * torque[k] / inertia[k] for k in (0, 1)]
@@ -185,9 +190,9 @@ def main():
             rows = of_lammps(modulus, given, ratio, angle)
             if modulus == SOFT:
                 of = (modulus, 2**0.5 * alpha(e), ratio, angle)
-                error = differ(rows, extrapolated(*of, whole_arm=False))
+                error = differ(rows, extrapolated(*of, as_lammps=True))
                 assert error < 2e-5, error
-                rows = extrapolated(*of, whole_arm=True)
+                rows = extrapolated(*of, as_lammps=False)
             numbers = (f"{v:.9e}" for row in rows for v in row)
             print(modulus, e, ratio, angle, *numbers, flush=True)
 
