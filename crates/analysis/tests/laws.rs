@@ -241,6 +241,8 @@ impl<'a, D: Dimension> Packing<'a, D> {
     /// step.
     fn moved(&mut self, (grain, k): (usize, usize), h: f64) -> Vec<f64> {
         let history = self.system.contacts.history.clone();
+        // Histories beyond the limits, as no step leaves them: all slide as if from now on.
+        self.system.contacts.limits_are_known = false;
         let record = self.system.grains().record[grain];
         let fields = self.system.grains_mut().fields_mut(grain);
         if k < D::AXES {

@@ -441,6 +441,7 @@ mod tests {
             x.max(y),
             x.copy_sign(y),
             x.select(x.greater(y), y),
+            x.select(L::mask(token, 0b1010_0011_0101_1100), y),
             e,
             m,
             ln::<L>(token, L::load(token, &positive)),
