@@ -14,8 +14,7 @@ type Vector = [f64; 3];
 
 const CONTACT: Contact = Contact {
     friction: 0.4,
-    rolling_friction: 0.0,
-    rolling_damping_ratio: 0.0,
+    ..Contact::NONE
 };
 const MASSES: Masses = Masses::Density(1.3);
 

@@ -8,7 +8,7 @@ use gshear_dem::state::{
     GrainSample, GrainState, HeldState, SeriesRow, Snapshot,
 };
 use gshear_store::h5::Attribute;
-use gshear_store::trajectory::{GrainShape, RunHeader};
+use gshear_store::trajectory::{Form, GrainShape, RunHeader};
 
 fn hash(a: u64, b: u64, c: u64) -> u64 {
     let mut x =
@@ -42,7 +42,10 @@ pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
     RunHeader {
         walls: true,
         series: &SeriesRow::COLUMNS,
-        axes: 2,
+        form: Form {
+            axes: 2,
+            torques: false,
+        },
         edges: [20.0, 15.5, 0.0],
         author: "the test",
         history_unit: "N",
@@ -109,6 +112,8 @@ pub fn contact(t: u64, (i, j): (u32, u32)) -> ContactSample {
         overlap: of(5),
         sliding: u64::from(of(6) > 0.0),
         rolling: u64::from(of(7) > 0.0),
+        torques: [0.0; 4],
+        twisting: 0,
     }
 }
 
@@ -138,6 +143,9 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
             number(t, u64::from(i) << 32 | u64::from(j), 26 + c as u64)
         }),
         limits: i64::from((t as u32 + i + j) % 8),
+        // At even times none.
+        torques: [40, 41, 42, 43]
+            .map(|c| (t % 2) as f64 * number(t, u64::from(i) << 32 | u64::from(j), c)),
     };
     let place = |id| GrainPosition {
         id: id as u32,

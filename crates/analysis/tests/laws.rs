@@ -3,6 +3,7 @@
 
 use faer::{Par, c64};
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
+use gshear_dem::contact::TORQUES;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -199,12 +200,23 @@ impl<'a, D: Dimension> Packing<'a, D> {
                     row.0[at.lane] *= scale;
                 }
             }
-            if contact.rolling_friction > 0.0 {
-                // Elastic torques; μ_r R_r F_n is their limit.
-                let limit = 0.25 * contact.rolling_friction * normal;
+            // Elastic torques; μ_r R_r F_n is their limit.
+            let mut torque = |coefficient: f64, k: usize| {
                 let beyond = if k % 7 == 3 { 14.0 } else { 0.5 };
-                history[rows - 1].0[at.lane] =
-                    beyond * limit * if random.random() { 1.0 } else { -1.0 } * part;
+                let sign = if random.random() { 1.0 } else { -1.0 };
+                beyond * 0.25 * coefficient * normal * sign * part
+            };
+            if contact.rolling_friction > 0.0 && D::SPINS == 1 {
+                history[rows - 1].0[at.lane] = torque(contact.rolling_friction, k);
+            }
+            if contact.resists_rotation() && D::SPINS == 3 {
+                let [rolling @ .., twisting] = &mut history[rows - TORQUES..] else {
+                    panic!("no torques");
+                };
+                let length = rolling.iter().map(|m| m.0[at.lane].powi(2));
+                let scale = torque(contact.rolling_friction, k) / length.sum::<f64>().sqrt();
+                rolling.iter_mut().for_each(|m| m.0[at.lane] *= scale);
+                twisting.0[at.lane] = torque(contact.twisting_friction, k + 2);
             }
         }
     }
@@ -332,7 +344,8 @@ fn idle<D: LawSpace>(law: &Law, contact: &Contact) {
     assert_eq!(found, (0, 0.0), "{name}");
 }
 
-/// Whether K and the forces agree with each choice of friction and rolling resistance.
+/// Whether K and the forces agree with each choice of friction and rolling resistance, of spheres also
+/// of twisting resistance.
 fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
     let law = Law::read(kind, &mut Examples);
     let rolling: &[f64] = if rolls { &[0.0, 0.1] } else { &[0.0] };
@@ -341,7 +354,15 @@ fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
             let contact = Contact {
                 friction,
                 rolling_friction,
+                rolling_stiffness: Some(0.3 * law.normal_stiffness(0.5, 0.5, 0.03)),
                 rolling_damping_ratio: 0.3,
+                twisting_friction: if D::SPINS == 3 {
+                    0.7 * rolling_friction
+                } else {
+                    0.0
+                },
+                twisting_stiffness: None,
+                twisting_damping_ratio: 0.2,
             };
             agrees::<D>(&law, &contact);
             idle::<D>(&law, &contact);
@@ -355,7 +376,7 @@ fn stiffness_is_the_derivative_of_the_forces_of_every_law() {
         for dimension in kind.dimensions {
             match dimension {
                 Dimensions::Two => agrees_with_all_limits::<Two>(kind, kind.rolling),
-                Dimensions::Three => agrees_with_all_limits::<Three>(kind, false),
+                Dimensions::Three => agrees_with_all_limits::<Three>(kind, true),
             }
         }
     }
@@ -372,6 +393,7 @@ fn random_frame(random: &mut ChaCha8Rng) -> Option<Problem> {
         friction: 0.4,
         rolling_friction: 0.1,
         rolling_damping_ratio: 0.0,
+        ..Contact::NONE
     };
     let force = Two::pair_force(&law, &contact).expect("a law of disks");
     let count = random.random_range(3..40);
@@ -398,7 +420,7 @@ fn random_frame(random: &mut ChaCha8Rng) -> Option<Problem> {
                 0.0,
                 random.random_range(-1.0..1.0),
             ];
-            let limits = [Some(random.random()), Some(random.random())];
+            let limits = [Some(random.random()), Some(random.random()), None];
             let limits = ContactState::stored(limits, random.random_ratio(1, 20));
             contacts.push(ContactState {
                 limits,
@@ -508,6 +530,7 @@ fn rolling_resistance_reaches_the_forces() {
             friction: 0.4,
             rolling_friction,
             rolling_damping_ratio: 0.0,
+            ..Contact::NONE
         };
         let law = Law::read(kind, &mut Examples);
         let force = Two::pair_force(&law, &contact).expect("a law of disks");

@@ -14,7 +14,7 @@ use std::ops::Range;
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
 use crate::contact::{
-    CARRY, ContactLaw, PairMotion, Response, dissipation, scaled, store_vector, vector,
+    CARRY, ContactLaw, PairMotion, Response, TORQUES, dissipation, scaled, store_vector, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch, prefetch_all};
@@ -343,20 +343,31 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             let mut slip = Slip::of_half_step::<C::Space>(token, step, &pair, &half_v, &half_s);
             if spins == 3 {
                 let first = (chunk.start + k) * C::HISTORY;
-                let history = &mut contacts.history[first..first + 3];
+                let history = &mut contacts.history[first..first + C::HISTORY];
                 let spins = mean_spin::<L>(token, &difference[C::Space::HALF_SPIN..], half_of_j);
-                rotate_with_pair::<L>(token, history, &pair.n, &mut slip, &scaled(&spins, step));
+                let turn = Turn::new(&pair.n, &slip, &scaled(&spins, step));
+                if C::HISTORY >= 3 + if C::ROLLING { TORQUES } else { 0 } {
+                    turn.of_step(token, &mut history[..3]);
+                }
+                slip.velocity = turn.of_half_step(token, &slip.velocity);
+                if C::ROLLING {
+                    let first = C::HISTORY - TORQUES;
+                    turn.of_step(token, &mut history[first..first + 3]);
+                    let spins = [C::Space::SPIN, C::Space::HALF_SPIN];
+                    let spins = spins.map(|at| vector::<L>(token, &difference[at..], 3));
+                    turn.rolling(token, spins, (step, rotation_shift), motion);
+                }
             }
             for k in 0..spins {
                 let rounded = slip.velocity[k].mul_add(step, slip_shift) - slip_shift;
                 rounded.store(&mut motion.tangential_increment[k]);
             }
         }
-        if C::ROLLING {
-            motion.rolling_velocity = difference[C::Space::SPIN];
+        if C::ROLLING && spins == 1 {
+            motion.rolling_velocity[0] = difference[C::Space::SPIN];
             let half_spin = L::load(token, &difference[C::Space::HALF_SPIN]);
             let rotation = half_spin.mul_add(step, rotation_shift) - rotation_shift;
-            rotation.store(&mut motion.rolling_increment);
+            rotation.store(&mut motion.rolling_increment[0]);
         }
         let before = *touching;
         *touching = pair.overlap.greater(L::splat(token, 0.0)).bits();
@@ -572,39 +583,86 @@ fn mean_spin<L: Lanes>(token: L::Token, of_difference: &[Lanes16], of_j: &[Lanes
     ]
 }
 
-/// Rotates a vector u of the last tangent plane into this one, as n has rotated, and about n as the two
-/// grains have, by the mean of their rotations `turn` in the step. Without the latter the force would
-/// not turn with a pair that turns as a rigid body, and the stress would be no tensor (M. R. Kuhn, K.
-/// Suzuki and A. Daouadji, Granular Matter 22, 2020).
-///
-/// With p = u·n and the half-angle vector τ = ½Δt v_t/|r| of the half step, u becomes u - p (n - τ), and
-/// with the twist φ about n - τ, which is n of the half step, then u + φ n × u - ½φ² u. The lengths are
-/// that of u to third order in the angles. The slip is that of the half step, and turns by ½φ.
-#[inline(always)]
-fn rotate_with_pair<L: Lanes>(
-    token: L::Token,
-    history: &mut [Lanes16],
-    n: &[L; 3],
-    slip: &mut Slip<L>,
-    turn: &[L; 3],
-) {
-    let mut u = vector::<L>(token, history, 3);
-    let p = Three::dot(&u, n);
-    let mut aside = *n;
-    for k in 0..3 {
-        aside[k] = slip.half_angle.mul_add(slip.tangential[k], -n[k]);
-        u[k] = p.mul_add(aside[k], u[k]);
+/// How sixteen pairs of spheres have turned in a step: n, and about n the two grains, by the mean of
+/// their rotations. Without the latter the force would not turn with a pair that turns as a rigid body,
+/// and the stress would be no tensor (M. R. Kuhn, K. Suzuki and A. Daouadji, Granular Matter 22, 2020).
+struct Turn<L> {
+    n: [L; 3],
+    /// The half-angle vector τ = ½Δt v_t/|r| of the half step: n - τ was n there.
+    tilt: [L; 3],
+    /// The angle φ about it.
+    twist: L,
+}
+
+impl<L: Lanes> Turn<L> {
+    /// `mean`: the mean rotation vector of the grains in the step.
+    #[inline(always)]
+    fn new(n: &[L; 3], slip: &Slip<L>, mean: &[L; 3]) -> Self {
+        let tilt = scaled(&slip.tangential, slip.half_angle);
+        let of_half_step = [n[0] - tilt[0], n[1] - tilt[1], n[2] - tilt[2]];
+        Self {
+            n: *n,
+            tilt,
+            twist: Three::dot(mean, &of_half_step),
+        }
     }
-    let twist = -Three::dot(turn, &aside);
-    let across = Three::surface_velocity(n, &u);
-    let slip_across = Three::surface_velocity(n, &slip.velocity);
-    let half = L::splat(token, 0.5) * twist;
-    let less = -(half * twist);
-    for k in 0..3 {
-        u[k] = twist.mul_add(across[k], less.mul_add(u[k], u[k]));
-        slip.velocity[k] = half.mul_add(slip_across[k], slip.velocity[k]);
+
+    /// Rotates a vector u of the last tangent plane into this one: with p = u·n it becomes u - p (n -
+    /// τ), then u + φ n × u - ½φ² u. The lengths are that of u to third order in the angles.
+    #[inline(always)]
+    fn of_step(&self, token: L::Token, vectors: &mut [Lanes16]) {
+        let mut u = vector::<L>(token, vectors, 3);
+        let p = Three::dot(&u, &self.n);
+        for k in 0..3 {
+            u[k] = p.mul_add(self.tilt[k] - self.n[k], u[k]);
+        }
+        let across = Three::surface_velocity(&self.n, &u);
+        let less = L::splat(token, -0.5) * self.twist * self.twist;
+        for k in 0..3 {
+            u[k] = self.twist.mul_add(across[k], less.mul_add(u[k], u[k]));
+        }
+        store_vector(&u, vectors, 3);
     }
-    store_vector(&u, history, 3);
+
+    /// Rotates a vector of this plane that was made in the half step by ½φ.
+    #[inline(always)]
+    fn of_half_step(&self, token: L::Token, u: &[L; 3]) -> [L; 3] {
+        let across = Three::surface_velocity(&self.n, u);
+        let half = L::splat(token, 0.5) * self.twist;
+        [
+            half.mul_add(across[0], u[0]),
+            half.mul_add(across[1], u[1]),
+            half.mul_add(across[2], u[2]),
+        ]
+    }
+
+    /// Sets the rolling motion from ω_i - ω_j of the full and of the half step. The latter, w, turns
+    /// from the plane of the half step into this one: w·n becomes w·(n - τ), and a part of the twist
+    /// becomes tangential, τ (n·w).
+    #[inline(always)]
+    fn rolling(
+        &self,
+        token: L::Token,
+        [full, half]: [[L; 3]; 2],
+        (step, shift): (L, L),
+        motion: &mut PairMotion,
+    ) {
+        let along = Three::dot(&full, &self.n);
+        let across = Three::tangential_part(&self.n, &full, along);
+        store_vector(&across, &mut motion.rolling_velocity, 3);
+        along.store(&mut motion.rolling_velocity[3]);
+        let along = Three::dot(&half, &self.n);
+        let mut across = Three::tangential_part(&self.n, &half, along);
+        for k in 0..3 {
+            across[k] = along.mul_add(self.tilt[k], across[k]);
+        }
+        let [x, y, z] = self.of_half_step(token, &across);
+        let along = along - Three::dot(&half, &self.tilt);
+        for (k, part) in [x, y, z, along].into_iter().enumerate() {
+            let rounded = part.mul_add(step, shift) - shift;
+            rounded.store(&mut motion.rolling_increment[k]);
+        }
+    }
 }
 
 /// Evaluates the law. Returns a pair whose overlap is outside the law, if there is one.
@@ -620,7 +678,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     if C::FRICTION {
         let limits = &contacts.limits[chunk.clone()];
         for (response, limits) in scratch.response.iter_mut().zip(limits) {
-            response.sliding = limits[0];
+            [response.sliding, response.rolls, response.twists, _] = *limits;
         }
     }
     let range = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
@@ -628,7 +686,9 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         token,
         &mut crate::contact::Blocks {
             parameters: &contacts.parameters[range(C::PARAMETERS)],
+            parameter_lanes: C::PARAMETERS,
             history: &mut contacts.history[range(C::HISTORY)],
+            history_lanes: C::HISTORY,
             motion: &scratch.motion[..chunk.len()],
             per_step: if pass.step > 0.0 {
                 1.0 / pass.step
@@ -738,36 +798,16 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         }
         let touched = contacts.touching[block];
         let idle = !normal.greater(zero).bits() & touched;
-        contacts.limits[block] = if C::FRICTION || C::ROLLING {
-            [response.sliding & touched, response.rolls & touched, idle]
+        let at_limit = if C::FRICTION || C::ROLLING {
+            [response.sliding, response.rolls, response.twists]
         } else {
-            [0, 0, idle]
+            [0; 3]
         };
-        let mut force = n;
-        let (mut on_i, mut on_j) = ([zero; 3], [zero; 3]);
-        if C::FRICTION {
-            let mut tangential = [zero; 3];
-            for k in 0..spins {
-                tangential[k] = load(&response.tangential[k]).select(touching, zero);
-            }
-            let [sum, r_i] = &contacts.geometry[block];
-            let (sum, r_i) = (load(sum), load(r_i));
-            force = C::Space::force(&n, normal, &tangential);
-            let moment = C::Space::moment(&n, &tangential);
-            for k in 0..spins {
-                on_i[k] = -r_i * moment[k];
-                on_j[k] = (r_i - sum) * moment[k];
-            }
-        } else {
-            for axis in 0..axes {
-                force[axis] = normal * n[axis];
-            }
-        }
-        if C::ROLLING {
-            let rolling = load(&response.rolling).select(touching, zero);
-            on_i[0] = on_i[0] + rolling;
-            on_j[0] = on_j[0] - rolling;
-        }
+        let [slides, rolls, twists] = at_limit.map(|lanes| lanes & touched);
+        contacts.limits[block] = [slides, rolls, twists, idle];
+        let radii = &contacts.geometry[block];
+        let (mut force, mut on_i, mut on_j) =
+            forces_of_pair::<C, L>(token, &n, (touching, normal), response, radii);
         let mut greatest = force[0].abs();
         for axis in 1..axes {
             greatest = greatest.max(force[axis].abs());
@@ -795,6 +835,51 @@ fn add_forces<C: ContactLaw, L: Lanes>(
     outside
 }
 
+/// The force on i and the torques on i and j, zeros where the pair does not touch.
+#[inline(always)]
+fn forces_of_pair<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    n: &[L; 3],
+    (touching, normal): (L::Mask, L),
+    response: &Response,
+    radii: &[Lanes16; 2],
+) -> ([L; 3], [L; 3], [L; 3]) {
+    let load = |lanes: &Lanes16| L::load(token, lanes);
+    let zero = L::splat(token, 0.0);
+    let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
+    let mut force = *n;
+    let (mut on_i, mut on_j) = ([zero; 3], [zero; 3]);
+    if C::FRICTION {
+        let mut tangential = [zero; 3];
+        for k in 0..spins {
+            tangential[k] = load(&response.tangential[k]).select(touching, zero);
+        }
+        let (sum, r_i) = (load(&radii[0]), load(&radii[1]));
+        force = C::Space::force(n, normal, &tangential);
+        let moment = C::Space::moment(n, &tangential);
+        for k in 0..spins {
+            on_i[k] = -r_i * moment[k];
+            on_j[k] = (r_i - sum) * moment[k];
+        }
+    } else {
+        for axis in 0..axes {
+            force[axis] = normal * n[axis];
+        }
+    }
+    if C::ROLLING {
+        for k in 0..spins {
+            let mut rolling = load(&response.rolling[k]);
+            if spins == 3 {
+                rolling = load(&response.rolling[3]).mul_add(n[k], rolling);
+            }
+            let rolling = rolling.select(touching, zero);
+            on_i[k] = on_i[k] + rolling;
+            on_j[k] = on_j[k] - rolling;
+        }
+    }
+    (force, on_i, on_j)
+}
+
 /// Corrects the motion of one lane in the step in which a pair comes to touch. Returns the factor
 /// of the damping. `approach` is -v_n Δt (m).
 ///
@@ -805,15 +890,15 @@ fn add_forces<C: ContactLaw, L: Lanes>(
 #[cold]
 fn first_touch(motion: &mut PairMotion, lane: usize, approach: f64) -> f64 {
     let part = motion.overlap.0[lane] / approach;
-    for lanes in &mut motion.tangential_increment {
+    let increments = &mut motion.tangential_increment;
+    for lanes in increments.iter_mut().chain(&mut motion.rolling_increment) {
         lanes.0[lane] *= part;
     }
-    motion.rolling_increment.0[lane] *= part;
     let factor = 0.5 + part;
     motion.normal_velocity.0[lane] *= factor;
-    for lanes in &mut motion.tangential_velocity {
+    let velocities = &mut motion.tangential_velocity;
+    for lanes in velocities.iter_mut().chain(&mut motion.rolling_velocity) {
         lanes.0[lane] *= factor;
     }
-    motion.rolling_velocity.0[lane] *= factor;
     factor
 }

@@ -4,8 +4,8 @@
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::budget::{self, EnergyBalance, EnergyBudget};
-use crate::contact::dissipation;
 use crate::contact::model::PairModel;
+use crate::contact::{TORQUES, dissipation};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::GrainWalls;
@@ -312,6 +312,8 @@ pub fn frame<D: Dimension>(
                 overlap: samples.overlap[at.block].0[at.lane],
                 sliding: at_limit(0),
                 rolling: at_limit(1),
+                torques: state.torques,
+                twisting: at_limit(2),
             }
         })
         .collect();
@@ -340,9 +342,14 @@ pub fn digest<D: Dimension>(
     }
     for c in system.owned_contact_states(law) {
         add(c.moving());
-        // In 3D the next step depends on it ([`crate::contact::set_back`]).
-        if D::SPINS == 3 && c.limits()[0] == Some(true) {
-            add(bytemuck::bytes_of(&[c.i, c.j]));
+        let of_spheres = c.moving_spheres();
+        if D::SPINS == 3 && of_spheres != (0, [0.0; TORQUES]) {
+            let (limits, [x, y, z, twist]) = of_spheres;
+            let pair = (u64::from(c.i) << 32 | u64::from(c.j)) as i64;
+            let torques = [x, y, z, twist].map(|t| t.to_bits() as i64);
+            add(bytemuck::bytes_of(&[
+                pair, limits, torques[0], torques[1], torques[2], torques[3],
+            ]));
         }
     }
     if exchange.rank() == 0 {

@@ -263,7 +263,7 @@ fn add_forces<D: Dimension>(
     grains.force[grains.owned..].fill(Zeroable::zeroed());
     if !std::mem::replace(&mut contacts.limits_are_known, step > 0.0) {
         // Friction of spheres depends on them; a checkpoint does not hold what is not known.
-        contacts.limits.fill([0; 3]);
+        contacts.limits.fill([0; 4]);
     }
     if *gravity > 0.0 {
         weigh(grains, *gravity);

@@ -3,13 +3,14 @@
 
 use std::fmt::Write;
 
+use gshear_dem::contact::TORQUES;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, packing_steps};
 use gshear_scene::{Boundary, Motion, Origin, PlaneShear, Scene, WallSpeed};
 use gshear_store::run_reader::RunStage;
-use gshear_store::trajectory::{self, file_bytes, waiting_bytes};
+use gshear_store::trajectory::{self, Form, file_bytes, waiting_bytes};
 
 use crate::header::Header;
 use crate::launch::Task;
@@ -261,15 +262,24 @@ fn contacts(scene: &Scene) -> f64 {
     CONTACTS[index(scene)] * f64::from(scene.sample.grains)
 }
 
+fn form(scene: &Scene) -> Form {
+    Form {
+        axes: scene.dimension.axes(),
+        torques: index(scene) == 1 && scene.contact.resists_rotation(),
+    }
+}
+
 fn frame_bytes(scene: &Scene) -> f64 {
-    let [grain, contact] = trajectory::frame_bytes(scene.dimension.axes());
+    let [grain, contact] = trajectory::frame_bytes(form(scene));
     grain as f64 * f64::from(scene.sample.grains) + contact as f64 * contacts(scene)
 }
 
 /// Bytes of a checkpoint.
 fn checkpoint_bytes(scene: &Scene) -> f64 {
+    let torques = size_of::<[f64; TORQUES]>() * usize::from(!form(scene).torques);
+    let contact = size_of::<ContactState>() - torques;
     size_of::<GrainState>() as f64 * f64::from(scene.sample.grains)
-        + size_of::<ContactState>() as f64 * contacts(scene)
+        + contact as f64 * contacts(scene)
         + 6e3
 }
 
@@ -289,7 +299,7 @@ fn file_of(
     frames: u64,
     (rows, columns): (u64, usize),
 ) -> FileEstimate {
-    let of = (scene.dimension.axes(), scene.sample.grains as usize);
+    let of = (form(scene), scene.sample.grains as usize);
     FileEstimate {
         name,
         bytes: file_bytes(of, (frames, contacts(scene)), (rows, columns)),

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
+use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
@@ -18,7 +19,7 @@ use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
 use gshear_store::provenance;
 use gshear_store::text_writer::{self, unwritten};
-use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
+use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
 
 use crate::folder::{RunFolder, Watched};
 use crate::run_record::RunRecord;
@@ -91,8 +92,8 @@ pub struct Format<'a> {
     pub height: f64,
     /// Who made the run, if the configuration says it.
     pub author: Option<&'a str>,
-    /// Unit of the tangential history in 3D.
-    pub history_unit: &'static str,
+    /// The law between the grains.
+    pub law: &'a dyn PairModel,
     /// Attributes in addition to those of every run.
     pub attributes: Vec<(&'static str, Attribute)>,
     /// Whether `log.csv` is written.
@@ -212,8 +213,11 @@ impl Files {
         };
         let header = RunHeader {
             author: format.author.unwrap_or(&user),
-            history_unit: format.history_unit,
-            axes: D::AXES,
+            history_unit: format.law.history_unit(),
+            form: Form {
+                axes: D::AXES,
+                torques: format.law.has_torques(),
+            },
             walls: format.walls,
             series: format.columns,
             edges,

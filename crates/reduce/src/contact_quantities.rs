@@ -1,6 +1,7 @@
 //! The numbers and vectors that `run.h5` holds of every contact.
 
 use gshear_dem::state::ContactSample;
+use gshear_store::trajectory::Form;
 
 /// A number, or the components of a vector, of a contact.
 pub struct ContactQuantity {
@@ -36,18 +37,27 @@ impl ContactQuantity {
     }
 }
 
-const OF_DISKS: [ContactQuantity; 7] = [
+const ALL: [ContactQuantity; 9] = [
     ContactQuantity::new("normal_force", false, |c| [c.normal_force; 3]),
     ContactQuantity::new("tangential_force", true, |c| c.tangential_force),
     ContactQuantity::new("tangential_history", true, |c| c.tangential_history),
-    ContactQuantity::new("rolling_history", false, |c| [c.rolling_history; 3]),
+    ContactQuantity::new("rolling_history", true, |c| match c.torques {
+        [0.0, 0.0, 0.0, _] => [c.rolling_history, 0.0, 0.0],
+        [x, y, z, _] => [x, y, z],
+    }),
+    ContactQuantity::new("twisting_history", false, |c| [c.torques[3]; 3]),
     ContactQuantity::new("overlap", false, |c| [c.overlap; 3]),
     ContactQuantity::new("sliding", false, |c| [c.sliding as f64; 3]),
     ContactQuantity::new("rolling", false, |c| [c.rolling as f64; 3]),
+    ContactQuantity::new("twisting", false, |c| [c.twisting as f64; 3]),
 ];
 
-/// All quantities of a contact apart from its grains. Spheres do not resist rolling.
-pub fn of_contacts(axes: usize) -> impl Iterator<Item = &'static ContactQuantity> {
-    let is_known = move |of: &&ContactQuantity| axes == 2 || !of.name.starts_with("rolling");
-    OF_DISKS.iter().filter(is_known)
+/// All quantities of a contact apart from its grains.
+pub fn of_contacts(form: Form) -> impl Iterator<Item = &'static ContactQuantity> {
+    let is_known = move |of: &&ContactQuantity| match of.name {
+        "rolling_history" | "rolling" => form.axes == 2 || form.torques,
+        "twisting_history" | "twisting" => form.torques,
+        _ => true,
+    };
+    ALL.iter().filter(is_known)
 }

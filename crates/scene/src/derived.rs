@@ -131,14 +131,16 @@ pub fn default_step(contact_time: f64, step_limit: f64) -> f64 {
 }
 
 /// Largest Δt (s) that is stable whatever sticks, for the lightest grains in contacts as stiff as
-/// any. `friction`: contacts may stick; `contact.rolling_friction` > 0: they may resist rolling.
+/// any. `friction`: contacts may stick; they may resist rolling and twisting.
 ///
 /// For small motions, M a = -K q - C v, the scheme is stable where λ_max(¼Δt² M⁻¹K + Δt M⁻¹C) ≤ 1:
 /// the dampers take the velocity predicted from the step before, so they limit Δt as the springs
 /// do. Where each of a grain's six contacts gets a sixth of its mass, λ_max is at most that of one
 /// contact by itself, whose normal, tangential and rolling motion are apart: K has 12 k_n/m, 36
 /// k_t/m and 24 k_r/(mR²), and C the same of the damping constants. Spheres have twelve: 24 k_n/m
-/// and, with their inertia, 84 k_t/m.
+/// and, with their inertia, 84 k_t/m and 60 k_r/(mR²), of twisting, too. Of a stiffness k of the
+/// configuration k_r is kR²/4 between equal grains; of a grain and a much larger one it is kR², but
+/// only one of the two turns, which counts as kR²/2.
 pub fn step_limit(
     law: &Law,
     contact: &Contact,
@@ -148,22 +150,37 @@ pub fn step_limit(
 ) -> f64 {
     let [mass, secant] = lightest_and_stiffest(law, sample, mean_overlap);
     let rigid = law.rigidity(secant, mass, friction);
-    let rolls = if contact.rolling_friction > 0.0 {
-        rigid.rolling
+    // Of two equal grains 2 I_r/(mR²); ¾m of disks is that of A22.
+    let (along, across, turning, of_rolling) = if sample.is_planar() {
+        (12.0, 36.0, 24.0, 0.75)
     } else {
-        0.0
+        (24.0, 84.0, 60.0, 0.7)
     };
-    let eta = contact.rolling_damping_ratio;
-    let (along, across) = if sample.is_planar() {
-        (12.0, 36.0)
-    } else {
-        (24.0, 84.0)
+    let rolls = contact.rolling_stiffness.map(|k| 0.5 * k);
+    let twists = contact.twisting_stiffness.map(|k| 0.5 * k).or(rolls);
+    let turns = |friction: f64, stiffness: Option<f64>, eta: f64, inertia: f64| {
+        let stiffness = if friction > 0.0 {
+            stiffness.unwrap_or(rigid.rolling)
+        } else {
+            0.0
+        };
+        (
+            turning,
+            stiffness,
+            2.0 * eta * (inertia * stiffness * mass).sqrt(),
+        )
     };
-    // Share, stiffness and damping constant; that of rolling by I_r/R² = ¾m (A22).
+    let Contact {
+        rolling_damping_ratio: eta_r,
+        twisting_damping_ratio: eta_w,
+        ..
+    } = *contact;
+    // Share, stiffness and damping constant.
     let modes = [
         (along, rigid.normal, rigid.damping[0]),
         (across, rigid.tangential, rigid.damping[1]),
-        (24.0, rolls, 2.0 * eta * (0.75 * rolls * mass).sqrt()),
+        turns(contact.rolling_friction, rolls, eta_r, of_rolling),
+        turns(contact.twisting_friction, twists, eta_w, 0.2),
     ];
     let limits = modes.map(|(share, stiffness, damping)| {
         let (square, damping) = (share * stiffness / mass, share * damping / mass);
@@ -335,6 +352,7 @@ mod tests {
             friction: 0.7,
             rolling_friction: 0.01,
             rolling_damping_ratio,
+            ..Contact::NONE
         }
     }
 

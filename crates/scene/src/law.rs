@@ -2,7 +2,7 @@
 
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{BELOW_ONE, Change, NOT_NEGATIVE};
+use gshear_dem::laws::keys::{BELOW_ONE, Change, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, hertz, lee_hurley};
 
 use crate::checker::Checker;
@@ -38,28 +38,45 @@ table! {
         },
         /// sliding friction μ_s
         friction: Number(NOT_NEGATIVE) { what: "mu_s", example: "0.7" },
-        /// rolling friction μ_r; 2D only, not with the law mindlin
+        /// rolling friction μ_r; in 2D not with the law mindlin
         rolling_friction: Number(NOT_NEGATIVE) { default: "0.0" },
-        /// rolling damping ratio η_r; 2D only, not with the law mindlin
+        /// rolling stiffness k_r/R_r²
+        rolling_stiffness: Number(POSITIVE) {
+            unit: "N/m, in 2D Pa",
+            otherwise: "k_t of `hooke`, πE*/4 of `lee-hurley` (A15); of other laws it must be given",
+        },
+        /// rolling damping ratio η_r
         rolling_damping_ratio: Number(BELOW_ONE) { default: "0.0" },
+        /// twisting friction μ_w; 3D only
+        twisting_friction: Number(NOT_NEGATIVE) { default: "0.0" },
+        /// twisting stiffness k_w/R_r²; 3D only
+        twisting_stiffness: Number(POSITIVE) { unit: "N/m", otherwise: "that of rolling" },
+        /// twisting damping ratio η_w; 3D only
+        twisting_damping_ratio: Number(BELOW_ONE) { default: "0.0" },
     }
 }
 
 /// The law with its constants, and what all contacts have.
 pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, Contact), Failure> {
     let kind = choose(c, dimension)?;
-    let why = match (dimension, kind.rolling) {
-        (Dimensions::Three, _) => {
-            Some("rolling resistance is between disks; with dimension = 3 there is none".into())
+    let rolling = [
+        &CONTACT.rolling_friction,
+        &CONTACT.rolling_stiffness,
+        &CONTACT.rolling_damping_ratio,
+    ];
+    let twisting = [
+        &CONTACT.twisting_friction,
+        &CONTACT.twisting_stiffness,
+        &CONTACT.twisting_damping_ratio,
+    ];
+    if dimension == Dimensions::Two {
+        for key in rolling.into_iter().filter(|_| !kind.rolling) {
+            let what = "has no rolling resistance between disks";
+            c.useless(key, &format!("the law {:?} {what}", kind.name));
         }
-        (Dimensions::Two, false) => {
-            Some(format!("the law {:?} has no rolling resistance", kind.name))
+        for key in twisting {
+            c.useless(key, "disks do not twist");
         }
-        (Dimensions::Two, true) => None,
-    };
-    if let Some(why) = why {
-        c.useless(&CONTACT.rolling_friction, &why);
-        c.useless(&CONTACT.rolling_damping_ratio, &why);
     }
     let law = Law::read(kind, c);
     for (key, value) in law.given() {
@@ -68,8 +85,35 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, 
     let contact = Contact {
         friction: c.required(&CONTACT.friction),
         rolling_friction: c.number_or_default(&CONTACT.rolling_friction),
+        rolling_stiffness: c.number(&CONTACT.rolling_stiffness),
         rolling_damping_ratio: c.number_or_default(&CONTACT.rolling_damping_ratio),
+        twisting_friction: c.number_or_default(&CONTACT.twisting_friction),
+        twisting_stiffness: c.number(&CONTACT.twisting_stiffness),
+        twisting_damping_ratio: c.number_or_default(&CONTACT.twisting_damping_ratio),
     };
+    let of_rolling = contact.rolling_stiffness.or(law.rolling_stiffness());
+    for (key, friction, stiffness, given) in [
+        (
+            rolling,
+            contact.rolling_friction,
+            of_rolling,
+            "rolling_stiffness",
+        ),
+        (
+            twisting,
+            contact.twisting_friction,
+            contact.twisting_stiffness.or(of_rolling),
+            "twisting_stiffness",
+        ),
+    ] {
+        if friction > 0.0 && stiffness.is_none() {
+            let what = format!(
+                "needs {given} (N/m), such as {given} = 1e6: the law {:?} has none of its own",
+                kind.name
+            );
+            c.refuse(key[0], &what);
+        }
+    }
     Ok((law, contact))
 }
 

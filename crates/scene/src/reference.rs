@@ -438,6 +438,8 @@ mod tests {
             "contact.friction",
             "contact.rolling_friction",
             "contact.rolling_damping_ratio",
+            "contact.twisting_friction",
+            "contact.twisting_damping_ratio",
             "contact.damping_ratio",
             "contact.restitution",
             "contact.sliding_damping",

@@ -37,7 +37,7 @@ const MATERIAL: [Likely; 2] = [
     },
 ];
 /// Of every scene.
-const CONTACT: [Likely; 4] = [
+const CONTACT: [Likely; 5] = [
     Likely {
         key: "contact.friction",
         // Bonfanti et al. take 10, to keep contacts from sliding.
@@ -47,6 +47,12 @@ const CONTACT: [Likely; 4] = [
     },
     Likely {
         key: "contact.rolling_friction",
+        range: [0.0, 1.0],
+        unit: "",
+        doubt: "it is a coefficient: of most materials below 0.5",
+    },
+    Likely {
+        key: "contact.twisting_friction",
         range: [0.0, 1.0],
         unit: "",
         doubt: "it is a coefficient: of most materials below 0.5",

@@ -2,7 +2,7 @@
 
 use super::checksums::{self, ContactWeights};
 use super::collective::{IdBlocks, records_of};
-use super::layout::{elements, forces};
+use super::layout::{Form, elements, flags, forces};
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use std::ops::Range;
 
@@ -187,30 +187,28 @@ pub struct ShareColumns {
     pub j: Vec<u32>,
     /// One array per entry of [`forces`].
     pub forces: Vec<Vec<f64>>,
-    pub sliding: Vec<u8>,
-    /// Of disks.
-    pub rolling: Vec<u8>,
+    /// One array per entry of [`flags`].
+    pub flags: Vec<Vec<u8>>,
 }
 
 impl ShareColumns {
     /// Assembles the share from one message of each rank. Panics if a grain is missing or anything
     /// occurs twice, which is a bug.
-    pub fn assemble(messages: &[Vec<u8>], share: &Share, axes: usize) -> ShareColumns {
+    pub fn assemble(messages: &[Vec<u8>], share: &Share, form: Form) -> ShareColumns {
         let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
         let bytes: usize = messages.iter().map(Vec::len).sum();
         let of_grains = frames * (16 * messages.len() + block * size_of::<GrainSample>());
         let contacts = bytes.saturating_sub(of_grains) / size_of::<ContactSample>();
         let mut part = ShareColumns {
-            values: elements(axes).map(|(_, width)| vec![0.0; frames * block * width]),
+            values: elements(form.axes).map(|(_, width)| vec![0.0; frames * block * width]),
             image: vec![0; frames * block * 3],
             counts: Vec::with_capacity(frames),
             i: Vec::with_capacity(contacts),
             j: Vec::with_capacity(contacts),
-            forces: (forces(axes).iter())
+            forces: (forces(form).iter())
                 .map(|(_, width)| Vec::with_capacity(contacts * width))
                 .collect(),
-            sliding: Vec::with_capacity(contacts),
-            rolling: Vec::with_capacity(contacts),
+            flags: vec![Vec::with_capacity(contacts); flags(form).len()],
         };
         let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
         let mut seen = vec![false; block];
@@ -231,7 +229,7 @@ impl ShareColumns {
                     let image = &mut part.image[3 * at..][..3];
                     image.copy_from_slice(&grain.image.map(|of_axis| of_axis as i32));
                     let spin = &grain.angular_velocity;
-                    match axes {
+                    match form.axes {
                         2 => part.values[2][at] = spin[2],
                         _ => part.values[2][3 * at..][..3].copy_from_slice(spin),
                     }
@@ -253,71 +251,72 @@ impl ShareColumns {
                     twice[0].0 as u32
                 );
             }
-            part.push(order.iter().map(|&(_, n)| &found[n as usize]), axes);
+            part.push(order.iter().map(|&(_, n)| &found[n as usize]), form);
         }
         part
     }
 
     /// Returns the share's part of the checksums of each of its frames, in the order of
     /// [`crate::layout::frame_columns`], without those of the clock.
-    pub fn checksums(&self, share: &Share, axes: usize) -> Vec<Vec<u64>> {
+    pub fn checksums(&self, share: &Share, form: Form) -> Vec<Vec<u64>> {
         let block = length(&share.ids) as usize;
         let of_width = [1, 3].map(|width| {
             let first = share.ids.start * width as u64;
             checksums::weights(first, block * width)
         });
-        let weights = ContactWeights::new(&self.i, &self.j, axes);
+        let weights = ContactWeights::new(&self.i, &self.j, form.axes);
         let mut begin = 0;
         let of_frame = |(f, &count): (usize, &i64)| {
             let contacts = begin..begin + count as usize;
             begin = contacts.end;
             let mut sums = Vec::new();
-            for ((_, width), values) in elements(axes).iter().zip(&self.values) {
+            for ((_, width), values) in elements(form.axes).iter().zip(&self.values) {
                 let of_block = &values[f * block * width..][..block * width];
                 let weights = &of_width[usize::from(*width == 3)];
                 sums.push(checksums::of_numbers(weights, of_block));
             }
             sums.push(weights.pairs(contacts.clone()));
-            for ((_, width), values) in forces(axes).iter().zip(&self.forces) {
+            for ((_, width), values) in forces(form).iter().zip(&self.forces) {
                 let values = &values[contacts.start * width..contacts.end * width];
                 sums.push(weights.numbers(contacts.clone(), values, *width));
             }
-            sums.push(weights.flags(contacts.clone(), &self.sliding[contacts.clone()]));
+            let of_flags =
+                |flags: &Vec<u8>| weights.flags(contacts.clone(), &flags[contacts.clone()]);
+            sums.push(of_flags(&self.flags[0]));
             let of_block = &self.image[f * block * 3..][..block * 3];
             sums.push(checksums::of_images(&of_width[1], of_block));
-            if axes == 2 {
-                sums.push(weights.flags(contacts.clone(), &self.rolling[contacts]));
-            }
+            sums.extend(self.flags[1..].iter().map(of_flags));
             sums
         };
         self.counts.iter().enumerate().map(of_frame).collect()
     }
 
     /// Appends the contacts of one frame, in order.
-    fn push<'a>(
-        &mut self,
-        contacts: impl ExactSizeIterator<Item = &'a ContactSample>,
-        axes: usize,
-    ) {
+    fn push<'a>(&mut self, contacts: impl ExactSizeIterator<Item = &'a ContactSample>, form: Form) {
         self.counts.push(contacts.len() as i64);
         for c in contacts {
             self.i.push(c.i);
             self.j.push(c.j);
-            let [normal, rolling, overlap] = [&c.normal_force, &c.rolling_history, &c.overlap];
-            let tangents = if axes == 2 { 1 } else { 3 };
+            let one = std::slice::from_ref;
+            let tangents = if form.axes == 2 { 1 } else { 3 };
+            let (rolling, twisting) = c.torques.split_at(3);
+            let torques: [&[f64]; 2] = match (form.axes, form.torques) {
+                (2, _) => [one(&c.rolling_history), &[]],
+                (_, true) => [rolling, twisting],
+                (_, false) => [&[], &[]],
+            };
             let force = &c.tangential_force[..tangents];
             let history = &c.tangential_history[..tangents];
-            let one = std::slice::from_ref;
-            let all = [one(normal), force, history, one(rolling), one(overlap)];
-            let stored = all
-                .into_iter()
-                .enumerate()
-                .filter(|&(n, _)| axes == 2 || n != 3);
-            for (column, (_, values)) in self.forces.iter_mut().zip(stored) {
+            let forces = [one(&c.normal_force), force, history].into_iter();
+            let stored = forces.chain(torques).chain([one(&c.overlap)]);
+            let stored = stored.filter(|values| !values.is_empty());
+            for (column, values) in self.forces.iter_mut().zip(stored) {
                 column.extend_from_slice(values);
             }
-            self.sliding.push(c.sliding as u8);
-            self.rolling.push(c.rolling as u8);
+            let flags = [c.sliding, c.rolling, c.twisting];
+            for (column, flag) in self.flags.iter_mut().zip(flags) {
+                column.push(flag as u8);
+            }
         }
     }
 }
@@ -336,6 +335,11 @@ pub fn length(range: &Range<u64>) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    const DISKS: Form = Form {
+        axes: 2,
+        torques: false,
+    };
 
     #[test]
     fn shares_follow_each_other_in_the_order_of_the_file() {
@@ -394,7 +398,7 @@ mod tests {
             let (mut pairs, mut counts) = (Vec::new(), [0; 2]);
             for (rank, message) in frames.messages(&shares).into_iter().enumerate() {
                 let share = shares.of(rank);
-                let part = ShareColumns::assemble(&[message], &share, 2);
+                let part = ShareColumns::assemble(&[message], &share, DISKS);
                 x.extend(part.values[0].chunks(3).map(|p| p[0]));
                 images.extend(part.image.chunks(3).map(|p| [p[0], p[1]]));
                 pairs.extend(part.i.iter().copied().zip(part.j));
@@ -428,6 +432,6 @@ mod tests {
             grains: 2,
             ranks: 1,
         };
-        ShareColumns::assemble(&frames.messages(&shares), &shares.of(0), 2);
+        ShareColumns::assemble(&frames.messages(&shares), &shares.of(0), DISKS);
     }
 }

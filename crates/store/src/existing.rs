@@ -2,7 +2,7 @@
 
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
-use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES};
+use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, TWISTING_HISTORY, contact_dataset};
 use super::run_reader::owner;
 use super::scalar_columns::SCALARS;
 use super::sound;
@@ -141,7 +141,7 @@ pub(crate) fn inspect(
     series: &[Column],
     frames: u64,
     rows: u64,
-) -> Result<[u64; 3], Failure> {
+) -> Result<[u64; 4], Failure> {
     let name = path.display();
     if !path.is_file() {
         return Err(Failure::input(format!(
@@ -149,7 +149,7 @@ pub(crate) fn inspect(
         )));
     }
     let unfit = |why: String| unfit(path, &why);
-    let read = || -> hdf5::Result<Result<[u64; 3], Failure>> {
+    let read = || -> hdf5::Result<Result<[u64; 4], Failure>> {
         let file = sound::open(path)?;
         file.group(PARAMETERS)?.attr("scene")?;
         let length = |name: &str| -> hdf5::Result<u64> {
@@ -191,7 +191,13 @@ pub(crate) fn inspect(
             return Ok(Err(unfit("contacts are missing".into())));
         }
         let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
-        Ok(Ok([grains as u64, contacts, spin.ndim() as u64]))
+        let torques = file.link_exists(&contact_dataset(TWISTING_HISTORY));
+        Ok(Ok([
+            grains as u64,
+            contacts,
+            spin.ndim() as u64,
+            u64::from(torques),
+        ]))
     };
     read().unwrap_or_else(|error| Err(unfit(format!("{NO_RUN} ({error})"))))
 }

@@ -65,36 +65,63 @@ const TANGENTIAL_FORCE: Column = Column::new("tangential_force", "N", "F_t");
 /// The unit is that of the law's history.
 const TANGENTIAL_HISTORY: Column = Column::new("tangential_history", "N", "history of F_t");
 const ROLLING_HISTORY: Column = Column::new("rolling_history", "N m", "M^k");
+/// Only files of spheres that resist rolling or twisting have it.
+pub const TWISTING_HISTORY: Column = Column::new("twisting_history", "N m", "T");
 const OVERLAP: Column = Column::new("overlap", "m", "δ");
 
-/// The numbers of a contact in `axes` dimensions, and how many of each.
-pub fn forces(axes: usize) -> &'static [(Column, usize)] {
-    match axes {
-        2 => &[
+/// What the contacts of a file are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Form {
+    /// Dimensions.
+    pub axes: usize,
+    /// Whether they have the torques of spheres that resist rolling or twisting.
+    pub torques: bool,
+}
+
+/// The numbers of a contact, and how many of each.
+pub fn forces(of: Form) -> &'static [(Column, usize)] {
+    match (of.axes, of.torques) {
+        (2, _) => &[
             (NORMAL_FORCE, 1),
             (TANGENTIAL_FORCE, 1),
             (TANGENTIAL_HISTORY, 1),
             (ROLLING_HISTORY, 1),
             (OVERLAP, 1),
         ],
-        _ => &[
+        (_, false) => &[
             (NORMAL_FORCE, 1),
             (TANGENTIAL_FORCE, 3),
             (TANGENTIAL_HISTORY, 3),
             (OVERLAP, 1),
         ],
+        (_, true) => &[
+            (NORMAL_FORCE, 1),
+            (TANGENTIAL_FORCE, 3),
+            (TANGENTIAL_HISTORY, 3),
+            (ROLLING_HISTORY, 3),
+            (TWISTING_HISTORY, 1),
+            (OVERLAP, 1),
+        ],
     }
 }
 
-/// The quantities of a contact in `axes` dimensions.
-pub fn of_contact(axes: usize) -> Vec<Quantity> {
-    let flag = |name| (Column::new(name, "1", "at its limit"), 1, Kind::Flag);
-    let numbers = forces(axes).iter();
+/// The flags of a contact.
+pub fn flags(of: Form) -> &'static [&'static str] {
+    match (of.axes, of.torques) {
+        (2, _) => &["sliding", "rolling"],
+        (_, false) => &["sliding"],
+        (_, true) => &["sliding", "rolling", "twisting"],
+    }
+}
+
+/// The quantities of a contact.
+pub fn of_contact(of: Form) -> Vec<Quantity> {
+    let flag = |name: &&'static str| (Column::new(name, "1", "at its limit"), 1, Kind::Flag);
+    let numbers = forces(of).iter();
     (["i", "j"].into_iter())
         .map(|name| (Column::new(name, "1", "id"), 1, Kind::Id))
         .chain(numbers.map(|&(column, width)| (column, width, Kind::Number)))
-        .chain([flag("sliding")])
-        .chain((axes == 2).then(|| flag("rolling")))
+        .chain(flags(of).iter().map(flag))
         .collect()
 }
 
@@ -103,18 +130,18 @@ pub fn contact_dataset(of: impl std::fmt::Display) -> String {
     format!("{CONTACTS}/{of}")
 }
 
-/// Names of the datasets of a frame in `axes` dimensions, in the order of the checksums. `clock`
-/// are its step and time, `pairs` the ids of the contacts.
-pub fn frame_columns(axes: usize) -> Vec<&'static str> {
-    let grains = elements(axes).map(|(column, _)| column.name);
-    let contacts = forces(axes).iter().map(|(column, _)| column.name);
+/// Names of the datasets of a frame, in the order of the checksums. `clock` are its step and time,
+/// `pairs` the ids of the contacts.
+pub fn frame_columns(of: Form) -> Vec<&'static str> {
+    let grains = elements(of.axes).map(|(column, _)| column.name);
+    let contacts = forces(of).iter().map(|(column, _)| column.name);
     ["clock"]
         .into_iter()
         .chain(grains)
         .chain(["pairs"])
         .chain(contacts)
         .chain(["sliding", "image"])
-        .chain((axes == 2).then_some("rolling"))
+        .chain(flags(of)[1..].iter().copied())
         .collect()
 }
 
@@ -139,7 +166,7 @@ const METADATA_BYTES: f64 = 100e3;
 /// Bytes of a file with so many frames, contacts in a frame, rows and columns of the time series:
 /// whole chunks of every dataset.
 pub fn file_bytes(
-    (axes, grains): (usize, usize),
+    (of, grains): (Form, usize),
     (frames, contacts): (u64, f64),
     (rows, columns): (u64, usize),
 ) -> f64 {
@@ -149,12 +176,12 @@ pub fn file_bytes(
         let blocks = chunks(grains as f64, block);
         chunks(frames as f64, in_chunk) * blocks * (width * bytes) as f64
     };
-    let numbers = elements(axes)
+    let numbers = elements(of.axes)
         .iter()
         .map(|(_, width)| of_grains(*width, 8))
         .sum::<f64>();
     let all = chunks(frames as f64 * contacts, contact_chunk(grains));
-    let [_, contact] = frame_bytes(axes);
+    let [_, contact] = frame_bytes(of);
     // Radius, mass, id, body.
     let constant = 21.0 * grains as f64;
     let series = chunks(rows as f64, CHUNK_ROWS) * 8.0 * (columns + 3) as f64;
@@ -162,13 +189,12 @@ pub fn file_bytes(
 }
 
 /// Bytes of a grain and of a contact in a frame.
-pub fn frame_bytes(axes: usize) -> [usize; 2] {
+pub fn frame_bytes(of: Form) -> [usize; 2] {
     let numbers = |of: &[(Column, usize)]| of.iter().map(|(_, width)| 8 * width).sum::<usize>();
     let image = 3 * size_of::<i32>();
-    let (pair, flags) = (2 * size_of::<u32>(), if axes == 2 { 2 } else { 1 });
     [
-        numbers(&elements(axes)) + image,
-        numbers(forces(axes)) + pair + flags,
+        numbers(&elements(of.axes)) + image,
+        numbers(forces(of)) + 2 * size_of::<u32>() + flags(of).len(),
     ]
 }
 
@@ -191,8 +217,8 @@ pub enum Mode {
 pub struct Layout<'a> {
     /// Number of grains.
     pub grains: usize,
-    /// Dimensions.
-    pub axes: usize,
+    /// What the contacts are.
+    pub form: Form,
     /// Whether the box is bounded along its last axis, and so its edges are at right angles.
     pub walls: bool,
     /// The columns of the time series.
@@ -205,8 +231,8 @@ pub struct Layout<'a> {
 
 /// The growing datasets of the file.
 pub struct Datasets {
-    /// Dimensions.
-    pub axes: usize,
+    /// What the contacts are.
+    pub form: Form,
     /// `[T][3]` or `[T][3][3]`.
     pub edges: Dataset,
     pub step: Dataset,
@@ -232,10 +258,10 @@ impl Datasets {
     /// Creates or opens the datasets. Collective.
     pub fn new(file: &H5File, mode: Mode, layout: &Layout<'_>) -> Result<Self, Failure> {
         let place = Place { file, mode, layout };
-        let Layout { axes, series, .. } = *layout;
+        let Layout { form, series, .. } = *layout;
         let first = format!("{PARTICLES}/{POSITION}");
         let mut grains = Vec::new();
-        for (column, width, kind) in of_grain(axes) {
+        for (column, width, kind) in of_grain(form.axes) {
             place.group(&format!("{PARTICLES}/{column}"))?;
             let [frames, block] = grain_chunk(layout.grains, width);
             let chunk = [frames, block, width];
@@ -246,7 +272,7 @@ impl Datasets {
             grains.push(place.in_units(dataset, &column)?);
         }
         let (step, time) = place.clock(&first)?;
-        for (column, ..) in &of_grain(axes)[1..] {
+        for (column, ..) in &of_grain(form.axes)[1..] {
             place.link_clock(&first, &format!("{PARTICLES}/{column}"))?;
         }
         place.group(&format!("{BOX}/edges"))?;
@@ -261,7 +287,7 @@ impl Datasets {
         place.group(CONTACTS)?;
         place.link_clock(&first, CONTACTS)?;
         let mut contacts = Vec::new();
-        for (mut column, width, kind) in of_contact(axes) {
+        for (mut column, width, kind) in of_contact(form) {
             let chunk = [contact_chunk(layout.grains).div_ceil(width), width];
             let dimensions = if width == 1 { 1 } else { 2 };
             let (name, shape) = (contact_dataset(column), [0, width]);
@@ -289,9 +315,9 @@ impl Datasets {
             place.link_clock(&first, &format!("{OBSERVABLES}/{column}"))?;
         }
         place.group(GROUP)?;
-        let sums = frame_columns(axes).len();
+        let sums = frame_columns(form).len();
         Ok(Datasets {
-            axes,
+            form,
             edges: place.in_units(edges, &EDGES)?,
             step,
             time,
@@ -392,7 +418,7 @@ impl Place<'_> {
 
     fn in_units(&self, dataset: Dataset, column: &Column) -> Result<Dataset, Failure> {
         if self.layout.units && self.mode == Mode::Create {
-            set_unit(&dataset, column, self.layout.axes)?;
+            set_unit(&dataset, column, self.layout.form.axes)?;
         }
         Ok(dataset)
     }
@@ -436,7 +462,7 @@ pub fn describe(file: &H5File, layout: &Layout<'_>, author: &str) -> Result<(), 
     }
     file.attribute(BOX, "dimension", &Attribute::Count(3))?;
     let last = if layout.walls { "none" } else { "periodic" };
-    let boundary = match layout.axes {
+    let boundary = match layout.form.axes {
         2 => ["periodic", last, "none"],
         _ => ["periodic", "periodic", last],
     };

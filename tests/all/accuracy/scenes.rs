@@ -44,6 +44,7 @@ pub fn program_law<const FRICTION: bool, const ROLLING: bool>(
             friction: law.friction,
             rolling_friction: law.rolling_friction,
             rolling_damping_ratio: law.rolling_damping_ratio,
+            ..Contact::NONE
         },
     )
 }

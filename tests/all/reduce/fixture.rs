@@ -7,7 +7,7 @@ use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, Disks, Frame, GrainSample, SeriesRow};
 use gshear_store::h5::Attribute;
-use gshear_store::trajectory::{GrainShape, RunHeader, TrajectoryWriter};
+use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -190,7 +190,10 @@ impl Fixture {
         attributes.extend(self.spring.map(|k| ("spring_stiffness", k.into())));
         let edges = [self.grains.length, self.height, 0.0];
         let header = RunHeader {
-            axes: 2,
+            form: Form {
+                axes: 2,
+                torques: false,
+            },
             walls: true,
             series: &SeriesRow::COLUMNS,
             edges,
@@ -264,6 +267,8 @@ fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
                     overlap,
                     sliding: u64::from((i + j) % 20 == 0),
                     rolling: 0,
+                    torques: [0.0; 4],
+                    twisting: 0,
                 });
             }
         }

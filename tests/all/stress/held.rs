@@ -259,8 +259,7 @@ fn sphere_held(steps: u64) -> Line {
     spheres.tangential_damping = 0.5 * spheres.normal_damping;
     let contact = Contact {
         friction: 0.5,
-        rolling_friction: 0.0,
-        rolling_damping_ratio: 0.0,
+        ..Contact::NONE
     };
     let free = GrainState {
         radius: RADIUS,

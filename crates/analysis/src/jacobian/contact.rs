@@ -7,13 +7,16 @@
 //! dF = F_n' dδ n + F_n dn + dF_t
 //! dF_t = ∂F_t/∂δ dδ + ∂F_t/∂slip slip - n (F_t·dn) + ½ n·(dθ_i + dθ_j) n × F_t
 //! dT_i = -R_i (dn × F_t + n × dF_t) + dM,  dT_j = -R_j (dn × F_t + n × dF_t) - dM
+//! M = M_r + T n
+//! dM_r = ∂M_r/∂δ dδ + ∂M_r/∂θ (1 - nn)(dθ_i - dθ_j) - n (M_r·dn) + ½ n·(dθ_i + dθ_j) n × M_r
+//! dT = ∂T/∂δ dδ + ∂T/∂θ n·(dθ_i - dθ_j)
 //! ```
 //!
-//! The last terms of dF_t are the rotation of the history with n, and about n. In two dimensions the
-//! third component of a vector is zero, and rotations have only that component.
+//! The last terms of dF_t and dM_r are the rotation of the history with n, and about n. In two
+//! dimensions the third component of a vector is zero, and rotations have only that component.
 
 use super::History;
-use gshear_dem::contact::stiffness::{Derivatives, SpringState, Stiffness};
+use gshear_dem::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use gshear_dem::dimension::Dimension;
 
 type Vector = [f64; 3];
@@ -38,20 +41,15 @@ impl LinearContact {
     ) -> Self {
         if D::SPINS == 3 {
             // The force routine does the same: rounding has left a small component along n.
-            let along = dot(springs.history, n);
-            (0..3).for_each(|k| springs.history[k] -= along * n[k]);
+            let [x, y, z, twist] = springs.torques;
+            springs.history = projected(springs.history, n);
+            let [x, y, z] = projected([x, y, z], n);
+            springs.torques = [x, y, z, twist];
         }
         let mut derivatives = law.derivatives(&springs);
         if D::SPINS == 1 {
-            let across = [-n[1], n[0], 0.0];
-            let vector = |of: Vector| across.map(|t| of[0] * t);
-            derivatives = Derivatives {
-                tangential: vector(derivatives.tangential),
-                tangential_slope: vector(derivatives.tangential_slope),
-                direction: across,
-                across: 0.0,
-                ..derivatives
-            };
+            derivatives.tangential = along(derivatives.tangential, [-n[1], n[0], 0.0]);
+            derivatives.rolling = along(derivatives.rolling, [0.0, 0.0, 1.0]);
         }
         Self {
             radii: springs.radii,
@@ -63,38 +61,29 @@ impl LinearContact {
 
     /// Returns whether the contact is at the limit of friction.
     pub fn slides(&self) -> bool {
-        self.derivatives.sliding
+        self.derivatives.tangential.at_limit
     }
 
     /// Returns the blocks that the contact adds to K.
     pub fn stiffness<D: Dimension>(&self, history: History) -> Stiffnesses {
         let (n, d) = (self.n, &self.derivatives);
-        let unit = |a: usize, b: usize| f64::from(u8::from(a == b));
         let plane = matrix(|a, b| unit(a, b) - n[a] * n[b]);
-        let slip = matrix(|a, b| {
-            let along = d.direction[a] * d.direction[b];
-            -(d.across * (unit(a, b) - along) + d.along * along)
-        });
         let turned = match history {
             History::Turned => 1.0,
             History::Unturned => 0.0,
         };
-        let by_slip = product(&slip, &plane);
-        let friction_by_r = matrix(|a, b| {
-            by_slip[a][b]
-                - d.tangential_slope[a] * n[b]
-                - turned / self.distance * n[a] * d.tangential[b]
-        });
-        let friction_by_s = product(&slip, &cross(n));
+        let friction = self.linear(&d.tangential, turned);
+        let friction_by_r = matrix(|a, b| friction.by_way[a][b] + friction.by_r[a][b]);
+        let friction_by_s = product(&friction.by_way, &cross(n));
         let force_by_r = matrix(|a, b| {
             friction_by_r[a][b] - d.normal_slope * n[a] * n[b]
                 + d.normal / self.distance * plane[a][b]
         });
-        let across = product(&cross(n), &matrix(|a, _| d.tangential[a]));
-        let friction_by_twist = matrix(|a, b| 0.5 * turned * across[a][0] * n[b]);
         // n × dF_t + dn × F_t.
-        let turn = product(&cross(d.tangential), &plane);
+        let turn = product(&cross(d.tangential.value), &plane);
         let moved = product(&cross(n), &friction_by_r);
+        let (rolling, twisting) = (self.linear(&d.rolling, turned), &d.twisting);
+        let (twist, twist_slope) = (twisting.value[0], twisting.slope[0]);
         Stiffnesses {
             unknowns: if D::SPINS == 1 {
                 &[0, 1, 5]
@@ -106,12 +95,61 @@ impl LinearContact {
             force_by_s: friction_by_s,
             moment_by_r: matrix(|a, b| moved[a][b] - turn[a][b] / self.distance),
             moment_by_s: product(&cross(n), &friction_by_s),
-            force_by_twist: friction_by_twist,
-            moment_by_twist: product(&cross(n), &friction_by_twist),
-            rolling: d.rolling,
-            rolling_by_r: n.map(|n| -d.rolling_slope * n),
+            moment_by_twist: product(&cross(n), &friction.by_twist),
+            force_by_twist: friction.by_twist,
+            torque_by_r: matrix(|a, b| {
+                rolling.by_r[a][b] - twist_slope * n[a] * n[b] + twist / self.distance * plane[a][b]
+            }),
+            torque_by_turn: matrix(|a, b| rolling.by_way[a][b] - twisting.along * n[a] * n[b]),
+            torque_by_twist: rolling.by_twist,
         }
     }
+
+    /// The derivatives of a force or torque in the tangent plane; `turned`: 1 where it turns with the
+    /// pair, else 0.
+    fn linear(&self, of: &SpringForce, turned: f64) -> Linear {
+        let n = self.n;
+        let way = matrix(|a, b| {
+            let along = of.direction[a] * of.direction[b];
+            -(of.across * (unit(a, b) - along) + of.along * along)
+        });
+        let by_way = product(&way, &matrix(|a, b| unit(a, b) - n[a] * n[b]));
+        let across = product(&cross(n), &matrix(|a, _| of.value[a]));
+        Linear {
+            by_r: matrix(|a, b| -of.slope[a] * n[b] - turned / self.distance * n[a] * of.value[b]),
+            by_way,
+            by_twist: matrix(|a, b| 0.5 * turned * across[a][0] * n[b]),
+        }
+    }
+}
+
+/// Derivatives of a force in the tangent plane: by r where its way is none, by its way, and by either
+/// grain's rotation about n.
+struct Linear {
+    by_r: Matrix,
+    by_way: Matrix,
+    by_twist: Matrix,
+}
+
+/// A force of one component as a vector along a unit vector; across it there is no stiffness.
+fn along(of: SpringForce, direction: Vector) -> SpringForce {
+    let vector = |of: Vector| direction.map(|t| of[0] * t);
+    SpringForce {
+        value: vector(of.value),
+        slope: vector(of.slope),
+        direction,
+        across: 0.0,
+        ..of
+    }
+}
+
+fn projected(of: Vector, n: Vector) -> Vector {
+    let along = dot(of, n);
+    std::array::from_fn(|k| of[k] - along * n[k])
+}
+
+fn unit(a: usize, b: usize) -> f64 {
+    f64::from(u8::from(a == b))
 }
 
 /// Derivatives of the force and torque of a contact, from which [`Self::entry`] makes the four
@@ -131,10 +169,10 @@ pub struct Stiffnesses {
     /// ∂F/∂θ and ∂(n × F_t)/∂θ of either grain by the rotation about n.
     force_by_twist: Matrix,
     moment_by_twist: Matrix,
-    /// k_r, the rolling stiffness.
-    rolling: f64,
-    /// ∂M/∂r of the rolling torque.
-    rolling_by_r: Vector,
+    /// ∂M/∂r, ∂M/∂(θ_i - θ_j) and ∂M/∂θ of either grain by the rotation about n.
+    torque_by_r: Matrix,
+    torque_by_turn: Matrix,
+    torque_by_twist: Matrix,
 }
 
 impl Stiffnesses {
@@ -150,13 +188,13 @@ impl Stiffnesses {
                 -sign(a) * (self.radii[b] * self.force_by_s[f][q] + self.force_by_twist[f][q])
             }
             (false, true) => {
-                let rolls = if f == 2 { self.rolling_by_r[q] } else { 0.0 };
-                sign(b) * (self.radii[a] * self.moment_by_r[f][q] - sign(a) * rolls)
+                let torque = sign(a) * self.torque_by_r[f][q];
+                sign(b) * (self.radii[a] * self.moment_by_r[f][q] - torque)
             }
             (false, false) => {
-                let rolls = if f == 2 && q == 2 { self.rolling } else { 0.0 };
-                let turned = self.radii[b] * self.moment_by_s[f][q] + self.moment_by_twist[f][q];
-                self.radii[a] * turned + sign(a) * sign(b) * rolls
+                let friction = self.radii[b] * self.moment_by_s[f][q] + self.moment_by_twist[f][q];
+                let torque = sign(b) * self.torque_by_turn[f][q] + self.torque_by_twist[f][q];
+                self.radii[a] * friction - sign(a) * torque
             }
         }
     }

@@ -150,8 +150,8 @@ pub fn assemble<D: Dimension>(
                 return None;
             }
             let pair = [&grains[c.i as usize], &grains[c.j as usize]];
-            let limits = if state.at_rest { [None; 2] } else { c.limits() };
-            let contact = touch::<D>(pair, c.history, limits, state.cell, law)?;
+            let limits = if state.at_rest { [None; 3] } else { c.limits() };
+            let contact = touch::<D>(pair, (c, limits), state.cell, law)?;
             Some((contact, [c.i, c.j].map(|g| place[g as usize])))
         })
         .collect();
@@ -194,8 +194,7 @@ pub fn assemble<D: Dimension>(
 /// The contact of two grains, or `None` without overlap.
 fn touch<D: Dimension>(
     [a, b]: [&GrainState; 2],
-    history: [f64; 3],
-    limits: [Option<bool>; 2],
+    (contact, limits): (&ContactState, [Option<bool>; 3]),
     cell: Cell,
     law: &dyn Stiffness,
 ) -> Option<LinearContact> {
@@ -206,7 +205,8 @@ fn touch<D: Dimension>(
     let springs = SpringState {
         radii: [a.radius, b.radius],
         overlap,
-        history,
+        history: contact.history,
+        torques: contact.torques,
         limits,
     };
     (overlap > 0.0).then(|| LinearContact::new::<D>(law, n, distance, springs))

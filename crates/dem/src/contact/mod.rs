@@ -24,10 +24,11 @@ pub struct PairMotion {
     pub tangential_velocity: Vector<Lanes16>,
     /// v_t(t + ½Δt) Δt (m), in the tangent plane of the full step.
     pub tangential_increment: Vector<Lanes16>,
-    /// ω_i - ω_j of the full step (rad/s).
-    pub rolling_velocity: Lanes16,
-    /// (ω_i - ω_j)(t + ½Δt) Δt (rad).
-    pub rolling_increment: Lanes16,
+    /// ω_i - ω_j of the full step (rad/s): in two dimensions the first number, in three a vector in
+    /// the tangent plane and, fourth, the component along n.
+    pub rolling_velocity: [Lanes16; 4],
+    /// (ω_i - ω_j)(t + ½Δt) Δt (rad), of the same components, those of the full step.
+    pub rolling_increment: [Lanes16; 4],
 }
 
 impl PairMotion {
@@ -38,8 +39,8 @@ impl PairMotion {
         normal_increment: Lanes16::ZERO,
         tangential_velocity: [Lanes16::ZERO; 3],
         tangential_increment: [Lanes16::ZERO; 3],
-        rolling_velocity: Lanes16::ZERO,
-        rolling_increment: Lanes16::ZERO,
+        rolling_velocity: [Lanes16::ZERO; 4],
+        rolling_increment: [Lanes16::ZERO; 4],
     };
 }
 
@@ -49,12 +50,16 @@ impl PairMotion {
 /// intermediate results from loop to loop in `carry`. The processor then works on several blocks at
 /// a time; in one long loop it would wait for each result.
 pub struct Blocks<'a> {
-    /// [`ContactLaw::PARAMETERS`] quantities per block.
+    /// The parameters, `parameter_lanes` quantities per block.
     pub parameters: &'a [Lanes16],
-    /// The histories, [`ContactLaw::HISTORY`] quantities per block, which the law updates; zeros in
-    /// lanes that do not touch. With friction a tangential vector comes first, which in three
-    /// dimensions has been rotated with n.
+    /// [`ContactLaw::PARAMETERS`] of the whole law, of which the law may be the first part.
+    pub parameter_lanes: usize,
+    /// The histories, `history_lanes` quantities per block, which the law updates; zeros in lanes
+    /// that do not touch. With friction a tangential vector comes first, which in three dimensions
+    /// has been rotated with the pair.
     pub history: &'a mut [Lanes16],
+    /// [`ContactLaw::HISTORY`] of the whole law.
+    pub history_lanes: usize,
     /// The relative motion of the pairs.
     pub motion: &'a [PairMotion],
     /// 1/Δt (1/s); 0 if Δt is 0.
@@ -88,12 +93,14 @@ pub struct Response {
     pub normal: Lanes16,
     /// F_t.
     pub tangential: Vector<Lanes16>,
-    /// Rolling torque about z.
-    pub rolling: Lanes16,
+    /// Rolling torque, components as of [`PairMotion::rolling_velocity`].
+    pub rolling: [Lanes16; 4],
     /// Lanes at the Coulomb limit; before the law is evaluated those of the last step.
     pub sliding: u16,
-    /// Lanes at the limit of rolling.
+    /// Lanes at the limit of rolling, likewise.
     pub rolls: u16,
+    /// Lanes at the limit of twisting.
+    pub twists: u16,
     /// Lanes with an overlap outside the law.
     pub beyond: u16,
     /// Dissipation by [`dissipation`], if an energy budget is kept; also of contacts that have just
@@ -106,13 +113,21 @@ impl Response {
     pub const NONE: Self = Self {
         normal: Lanes16::ZERO,
         tangential: [Lanes16::ZERO; 3],
-        rolling: Lanes16::ZERO,
+        rolling: [Lanes16::ZERO; 4],
         sliding: 0,
         rolls: 0,
+        twists: 0,
         beyond: 0,
         dissipated: [Lanes16::ZERO; dissipation::KINDS],
     };
 }
+
+/// Elastic torques that resist the rolling and twisting of spheres: a vector in the tangent plane and
+/// the component along n (N m).
+pub const TORQUES: usize = 4;
+
+/// The numbers that a contact may keep from step to step.
+pub type History = [f64; 3 + TORQUES];
 
 /// Number of quantities that a loop of a law may pass to the next loop.
 pub const CARRY: usize = 4;
@@ -129,7 +144,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     const HISTORY_UNIT: &'static str = "N";
     /// Whether forces other than F_n can arise.
     const FRICTION: bool;
-    /// Whether rolling torques can arise.
+    /// Whether rolling torques can arise. In three dimensions their history is the last
+    /// [`TORQUES`] numbers, and `FRICTION` is set.
     const ROLLING: bool;
 
     /// Computes the parameters of pairs of radii r_i, r_j (m), one [`Lanes16`] each.
@@ -152,10 +168,15 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
         history: &[Lanes16],
     ) -> [L; 3];
 
-    /// Converts a history to the layout of [`crate::state::ContactState`].
-    fn history_to_state(history: [f64; 3]) -> [f64; 3];
+    /// Converts a history to the layout of [`crate::state::ContactState`]: its history, then its
+    /// torques.
+    fn history_to_state(history: History) -> History {
+        history
+    }
     /// The reverse of [`ContactLaw::history_to_state`].
-    fn history_from_state(state: [f64; 3]) -> [f64; 3];
+    fn history_from_state(state: History) -> History {
+        state
+    }
 }
 
 /// A spring's force or torque under a limit, and that of the damper parallel to it.

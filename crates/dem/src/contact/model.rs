@@ -2,8 +2,9 @@
 
 use std::fmt::Debug;
 
-use super::ContactLaw;
 use super::stiffness::Stiffness;
+use super::{ContactLaw, History};
+use crate::dimension::Dimension;
 use crate::simd::{Isa, Lanes, Lanes16, Work};
 
 /// Properties of a contact law other than its forces. Implemented for every [`ContactLaw`].
@@ -13,6 +14,9 @@ use crate::simd::{Isa, Lanes, Lanes16, Work};
 pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// Whether forces other than F_n can arise.
     fn has_friction(&self) -> bool;
+
+    /// Whether it has the torques of spheres that resist rolling or twisting.
+    fn has_torques(&self) -> bool;
 
     /// Number of quantities per pair that depend on the two grains alone.
     fn parameter_lanes(&self) -> usize;
@@ -32,14 +36,14 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
 
     /// Converts the history of a contact, as the law keeps it, to the layout of
     /// [`crate::state::ContactState`].
-    fn to_state(&self, history: [f64; 3]) -> [f64; 3];
+    fn to_state(&self, history: History) -> History;
 
     /// The reverse of [`PairModel::to_state`].
     #[expect(
         clippy::wrong_self_convention,
         reason = "depends on the law, and `to_state` is its reverse"
     )]
-    fn from_state(&self, state: [f64; 3]) -> [f64; 3];
+    fn from_state(&self, state: History) -> History;
 
     /// Elastic energies (J; J/m in 2D) of the contacts of all blocks: normal, tangential, rolling.
     /// Arbitrary for lanes that do not touch. `overlap`: δ (m).
@@ -56,6 +60,10 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
 impl<C: ContactLaw + Stiffness> PairModel for C {
     fn has_friction(&self) -> bool {
         C::FRICTION
+    }
+
+    fn has_torques(&self) -> bool {
+        C::ROLLING && C::Space::SPINS == 3
     }
 
     fn parameter_lanes(&self) -> usize {
@@ -82,11 +90,11 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
         C::HISTORY_UNIT
     }
 
-    fn to_state(&self, history: [f64; 3]) -> [f64; 3] {
+    fn to_state(&self, history: History) -> History {
         C::history_to_state(history)
     }
 
-    fn from_state(&self, state: [f64; 3]) -> [f64; 3] {
+    fn from_state(&self, state: History) -> History {
         C::history_from_state(state)
     }
 

@@ -4,37 +4,46 @@
 //! If it moves back it sticks, with another derivative; only the smoothed law `mindlin` has the
 //! same on both sides.
 
+use super::TORQUES;
+
 /// Fraction of a limit from which a contact counts as being at it. Less than 1, because its force
 /// was cut to μF_n of a step in which F_n was slightly different.
 pub const AT_LIMIT: f64 = 1.0 - 1e-6;
 
-/// The elastic forces of a contact of grains i and j and their derivatives.
-///
-/// Tangential vectors have the components of the law's history: one along t̂ = ẑ × n in two
-/// dimensions, three of a vector in the tangent plane in three. The rotation of the history with n
-/// is not included. Units: N and N/m (per unit depth in 2D).
+/// The elastic forces of a contact of grains i and j and their derivatives (per unit depth in 2D).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Derivatives {
-    /// F_n.
+    /// F_n (N).
     pub normal: f64,
-    /// dF_n/dδ.
+    /// dF_n/dδ (N/m).
     pub normal_slope: f64,
-    /// F_t on i.
-    pub tangential: [f64; 3],
-    /// ∂F_t/∂δ without slip.
-    pub tangential_slope: [f64; 3],
-    /// -∂F_t/∂(slip) along [`Derivatives::direction`].
+    /// F_t on i, by the slip (N, N/m).
+    pub tangential: SpringForce,
+    /// The rolling torque on i, by θ_i - θ_j (N m; N in 2D).
+    pub rolling: SpringForce,
+    /// The component along n of the torque on i, by that of θ_i - θ_j (N m); in three dimensions.
+    pub twisting: SpringForce,
+}
+
+/// A force or torque of a spring that is cut to a limit, and its derivatives.
+///
+/// In two dimensions and for twisting it has one component, the first: along t̂ = ẑ × n, about z,
+/// along n. Otherwise it is a vector in the tangent plane; its rotation with the pair is not
+/// included.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct SpringForce {
+    /// The force.
+    pub value: [f64; 3],
+    /// Its derivative by δ, where nothing else moves.
+    pub slope: [f64; 3],
+    /// Minus its derivative by the way along [`SpringForce::direction`].
     pub along: f64,
-    /// -∂F_t/∂(slip) perpendicular to it; not used in two dimensions.
+    /// Minus that perpendicular to it.
     pub across: f64,
-    /// Unit vector along F_t.
+    /// Unit vector along the force.
     pub direction: [f64; 3],
-    /// -∂M/∂(θ_i - θ_j) of the rolling torque M on i (N m; N in 2D).
-    pub rolling: f64,
-    /// ∂M/∂δ.
-    pub rolling_slope: f64,
-    /// F_t is at its limit.
-    pub sliding: bool,
+    /// It is at its limit.
+    pub at_limit: bool,
 }
 
 /// The springs of a contact.
@@ -46,9 +55,11 @@ pub struct SpringState {
     pub overlap: f64,
     /// As in [`crate::state::ContactState`].
     pub history: [f64; 3],
-    /// Whether it is at the limit of friction and at that of rolling, as the step found with F_n of
-    /// spring and damper; `None`: by the elastic F_n, as in equilibrium.
-    pub limits: [Option<bool>; 2],
+    /// As in [`crate::state::ContactState`].
+    pub torques: [f64; TORQUES],
+    /// Whether it is at the limit of friction, at that of rolling and at that of twisting, as the step
+    /// found with F_n of spring and damper; `None`: by the elastic F_n, as in equilibrium.
+    pub limits: [Option<bool>; 3],
 }
 
 /// A law that has derivatives.
@@ -58,55 +69,47 @@ pub trait Stiffness: Sync {
 }
 
 impl Derivatives {
-    /// Adds those of F_t: the spring's force `trial` of stiffness k_t, cut to μF_n. F_n must be
-    /// set. What `slides` by a step was cut there, to the limit that the damper left.
-    pub(crate) fn limited(
-        mut self,
+    /// The limit of a force of this coefficient, and its derivative by δ. F_n must be set.
+    pub(crate) fn limit(&self, coefficient: f64) -> [f64; 2] {
+        [coefficient * self.normal, coefficient * self.normal_slope]
+    }
+}
+
+impl SpringForce {
+    /// The spring's force `trial` of this stiffness, cut to a limit of this slope. What is `at_limit`
+    /// by a step was cut there, to the limit that the damper left.
+    pub(crate) fn new(
         trial: [f64; 3],
-        k_t: f64,
-        friction: f64,
-        slides: Option<bool>,
+        stiffness: f64,
+        [limit, slope]: [f64; 2],
+        at_limit: Option<bool>,
     ) -> Self {
         let length = norm(trial);
-        let limit = friction * self.normal;
-        self.direction = unit(trial, length);
-        self.sliding = slides.unwrap_or(length >= AT_LIMIT * limit);
-        if self.sliding {
-            let limit = if slides.is_some() { length } else { limit };
-            self.tangential = self.direction.map(|t| limit * t);
-            self.across = if length > 0.0 {
-                k_t * limit / length
-            } else {
-                k_t
+        let direction = unit(trial, length);
+        if !at_limit.unwrap_or(length >= AT_LIMIT * limit) {
+            return Self {
+                value: trial,
+                along: stiffness,
+                across: stiffness,
+                direction,
+                ..Self::default()
             };
-            // Without a force there is no direction in which it could grow.
-            let slope = if length > 0.0 {
-                friction * self.normal_slope
-            } else {
-                0.0
-            };
-            self.tangential_slope = self.direction.map(|t| slope * t);
-        } else {
-            self.tangential = trial;
-            (self.along, self.across) = (k_t, k_t);
         }
-        self
-    }
-
-    /// Adds those of the rolling torque: the spring's torque `trial` of stiffness k_r, cut to `arm`
-    /// F_n with arm = μ_r R_r (m). F_n must be set.
-    pub(crate) fn rolling(mut self, trial: f64, k_r: f64, arm: f64, rolls: Option<bool>) -> Self {
-        if rolls.unwrap_or(trial.abs() >= AT_LIMIT * arm * self.normal) {
-            let slope = if trial == 0.0 {
-                0.0
-            } else {
-                arm * self.normal_slope
-            };
-            self.rolling_slope = slope.copysign(trial);
+        let limit = if at_limit.is_some() { length } else { limit };
+        // Without a force there is no direction in which it could grow.
+        let [across, slope] = if length > 0.0 {
+            [stiffness * limit / length, slope]
         } else {
-            self.rolling = k_r;
+            [stiffness, 0.0]
+        };
+        Self {
+            value: direction.map(|t| limit * t),
+            slope: direction.map(|t| slope * t),
+            along: 0.0,
+            across,
+            direction,
+            at_limit: true,
         }
-        self
     }
 }
 
@@ -138,20 +141,23 @@ mod tests {
                 normal_slope: 4.0,
                 ..Derivatives::default()
             };
-            let spring = spring.limited([trial, 0.0, 0.0], k_t, friction, slides);
-            spring.rolling(0.2 * trial, k_r, arm, rolls)
+            let force = |trial, k, part, at_limit| {
+                SpringForce::new([trial, 0.0, 0.0], k, spring.limit(part), at_limit)
+            };
+            let tangential = force(trial, k_t, friction, slides);
+            (tangential, force(0.2 * trial, k_r, arm, rolls))
         };
         for trial in [0.9, 1.1] {
-            let slid = at(trial, Some(true), Some(true));
-            assert!(slid.sliding);
-            assert_eq!((slid.along, slid.rolling), (0.0, 0.0));
-            assert_eq!(slid.tangential_slope, [friction * 4.0, 0.0, 0.0]);
-            assert_eq!(slid.rolling_slope, arm * 4.0);
-            let stuck = at(trial, Some(false), Some(false));
-            assert!(!stuck.sliding);
-            assert_eq!((stuck.along, stuck.rolling), (k_t, k_r));
-            assert_eq!(stuck.tangential, [trial, 0.0, 0.0]);
-            assert_eq!(at(trial, None, None).sliding, trial > 1.0);
+            let (slid, rolled) = at(trial, Some(true), Some(true));
+            assert!(slid.at_limit && rolled.at_limit);
+            assert_eq!((slid.along, rolled.along), (0.0, 0.0));
+            assert_eq!(slid.slope, [friction * 4.0, 0.0, 0.0]);
+            assert_eq!(rolled.slope, [arm * 4.0, 0.0, 0.0]);
+            let (stuck, held) = at(trial, Some(false), Some(false));
+            assert!(!stuck.at_limit);
+            assert_eq!((stuck.along, held.along), (k_t, k_r));
+            assert_eq!(stuck.value, [trial, 0.0, 0.0]);
+            assert_eq!(at(trial, None, None).0.at_limit, trial > 1.0);
         }
     }
 
@@ -165,21 +171,19 @@ mod tests {
                 normal_slope: 4.0,
                 ..Derivatives::default()
             };
-            let spring = spring.limited(trial, 3.0, 0.5, slides);
-            spring.rolling(trial[0], 7.0, 0.1, slides)
+            SpringForce::new(trial, 3.0, spring.limit(0.5), slides)
         };
         for size in [2f64.powi(-10), 2f64.powi(-460)] {
             let found = at([0.0, size, 0.0], Some(true));
             assert_eq!((found.along, found.across), (0.0, 3.0));
-            assert_eq!(found.tangential, [0.0, size, 0.0]);
-            assert_eq!(found.tangential_slope, [0.0, 2.0, 0.0]);
+            assert_eq!(found.value, [0.0, size, 0.0]);
+            assert_eq!(found.slope, [0.0, 2.0, 0.0]);
         }
         // No direction, no sign.
         for nothing in [0.0, -0.0] {
             let found = at([nothing; 3], Some(true));
             assert_eq!((found.along, found.across), (0.0, 3.0));
-            assert_eq!(found.tangential_slope, [0.0; 3]);
-            assert_eq!(found.rolling_slope, 0.0);
+            assert_eq!(found.slope, [0.0; 3]);
         }
         // At rest the limit of the spring cuts.
         assert_eq!(at([4.0, 0.0, 0.0], None).across, 0.75);

@@ -20,8 +20,9 @@ use super::keys::{
     DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, Key, KeyReader, NORMAL_DAMPING, POISSON_RATIO,
     RESTITUTION, TANGENTIAL_DAMPING, YOUNG_MODULUS,
 };
+use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
-use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
+use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
     Blocks, ContactLaw, add_damping, dissipation, portable_exp, portable_ln, scaled, set_back,
     vector,
@@ -190,11 +191,9 @@ impl Constants for Spheres {
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        Some(if contact.friction > 0.0 {
-            Box::new(Hertz::<true>::new(self, contact))
-        } else {
-            Box::new(Hertz::<false>::new(self, contact))
-        })
+        let rough = Hertz::<true>::new(self, contact);
+        let smooth = Hertz::<false>::new(self, contact);
+        Some(between_spheres(self, contact, rough, smooth))
     }
 }
 
@@ -376,7 +375,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
         let zero = c(0.0);
         for (((p, motion), carry), response) in blocks
             .parameters
-            .chunks_exact(Self::PARAMETERS)
+            .chunks_exact(blocks.parameter_lanes)
             .zip(blocks.motion)
             .zip(&mut *blocks.carry)
             .zip(&mut *blocks.response)
@@ -421,14 +420,6 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
         }
         [normal, tangential, c(0.0)]
     }
-
-    fn history_to_state(history: [f64; 3]) -> [f64; 3] {
-        history
-    }
-
-    fn history_from_state(state: [f64; 3]) -> [f64; 3] {
-        state
-    }
 }
 
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
@@ -447,8 +438,8 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
         for ((((p, history), motion), carry), response) in blocks
             .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.history.chunks_exact_mut(3))
+            .chunks_exact(blocks.parameter_lanes)
+            .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
             .zip(blocks.motion)
             .zip(&*blocks.carry)
             .zip(&mut *blocks.response)
@@ -521,11 +512,11 @@ impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
         }
         let k_t = self.tangential_stiffness * root;
         let trial = state.history.map(|u| -k_t * u);
-        let [slides, _] = state.limits;
-        let mut d = d.limited(trial, k_t, self.friction, slides);
-        if !d.sliding {
-            d.tangential_slope = d.tangential.map(|f| 0.5 * f / overlap);
+        let [slides, ..] = state.limits;
+        let mut tangential = SpringForce::new(trial, k_t, d.limit(self.friction), slides);
+        if !tangential.at_limit {
+            tangential.slope = tangential.value.map(|f| 0.5 * f / overlap);
         }
-        d
+        Derivatives { tangential, ..d }
     }
 }

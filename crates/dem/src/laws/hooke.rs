@@ -35,9 +35,12 @@ use super::keys::{
     TANGENTIAL_STIFFNESS,
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
+use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
-use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
+use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
+use crate::contact::{
+    Blocks, ContactLaw, History, Limited, add_damping, dissipation, scaled, vector,
+};
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask};
@@ -165,13 +168,15 @@ impl Constants for Springs {
         Some(with_limits!(contact, make, (self, contact)))
     }
 
-    /// Without rolling resistance.
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        Some(if contact.friction > 0.0 {
-            Box::new(Hooke::<Three, true, false>::new(self, contact))
-        } else {
-            Box::new(Hooke::<Three, false, false>::new(self, contact))
-        })
+        let rough = Hooke::<Three, true, false>::new(self, contact);
+        let smooth = Hooke::<Three, false, false>::new(self, contact);
+        Some(between_spheres(self, contact, rough, smooth))
+    }
+
+    /// k_t.
+    fn rolling_stiffness(&self) -> Option<f64> {
+        Some(self.tangential_stiffness)
     }
 }
 
@@ -212,7 +217,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
             sliding_damping: springs.sliding_damping,
             friction: contact.friction,
             rolling: Rolling {
-                stiffness: springs.tangential_stiffness,
+                stiffness: (contact.rolling_stiffness).unwrap_or(springs.tangential_stiffness),
                 density: std::f64::consts::PI * springs.density,
                 friction: contact.rolling_friction,
                 damping_ratio: contact.rolling_damping_ratio,
@@ -265,7 +270,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         let zero = c(0.0);
         for ((p, motion), response) in blocks
             .parameters
-            .chunks_exact(Self::PARAMETERS)
+            .chunks_exact(blocks.parameter_lanes)
             .zip(blocks.motion)
             .zip(&mut *blocks.response)
         {
@@ -284,8 +289,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         if FRICTION {
             for (((p, history), motion), response) in blocks
                 .parameters
-                .chunks_exact(Self::PARAMETERS)
-                .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
+                .chunks_exact(blocks.parameter_lanes)
+                .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
                 .zip(blocks.motion)
                 .zip(&mut *blocks.response)
             {
@@ -329,8 +334,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         }
         if ROLLING {
             let places = Places {
-                parameters: (Self::PARAMETERS, PLAIN),
-                history: (Self::HISTORY, Self::HISTORY - 1),
+                parameters: PLAIN,
+                history: Self::HISTORY - 1,
             };
             rolling_force::<L, BUDGET>(token, blocks, places);
         }
@@ -363,20 +368,21 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     }
 
     // In two dimensions the state has a place for the last k_t, which this law does not need: 0.
-    fn history_to_state(history: [f64; 3]) -> [f64; 3] {
-        match (D::SPINS, FRICTION, ROLLING) {
-            (3, ..) => history,
-            (_, true, _) => [history[0], 0.0, history[1]],
-            (_, false, _) => [0.0, 0.0, history[0]],
+    fn history_to_state(history: History) -> History {
+        let [first, second, ..] = history;
+        match (D::SPINS, FRICTION) {
+            (3, _) => history,
+            (_, true) => [first, 0.0, second, 0.0, 0.0, 0.0, 0.0],
+            (_, false) => [0.0, 0.0, first, 0.0, 0.0, 0.0, 0.0],
         }
     }
 
-    fn history_from_state(state: [f64; 3]) -> [f64; 3] {
-        let [tangential, _, rolling] = state;
-        match (D::SPINS, FRICTION, ROLLING) {
-            (3, ..) => state,
-            (_, true, _) => [tangential, rolling, 0.0],
-            (_, false, _) => [rolling, 0.0, 0.0],
+    fn history_from_state(state: History) -> History {
+        let [tangential, _, rolling, ..] = state;
+        match (D::SPINS, FRICTION) {
+            (3, _) => state,
+            (_, true) => [tangential, rolling, 0.0, 0.0, 0.0, 0.0, 0.0],
+            (_, false) => [rolling, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         }
     }
 }
@@ -385,7 +391,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
     for Hooke<D, FRICTION, ROLLING>
 {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
-        let [slides, rolls] = state.limits;
+        let [slides, rolls, _] = state.limits;
         let mut d = Derivatives {
             normal: self.normal_stiffness * state.overlap,
             normal_slope: self.normal_stiffness,
@@ -397,11 +403,11 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
             _ => [first, 0.0, 0.0],
         };
         if FRICTION {
-            d = d.limited(force, self.tangential_stiffness, self.friction, slides);
+            let limit = d.limit(self.friction);
+            d.tangential = SpringForce::new(force, self.tangential_stiffness, limit, slides);
         }
         if ROLLING {
-            let (k_r, arm) = self.rolling.spring(state.radii);
-            d = d.rolling(torque, k_r, arm, rolls);
+            d.rolling = self.rolling.derivatives(torque, state.radii, &d, rolls);
         }
         d
     }
@@ -424,6 +430,7 @@ mod tests {
         friction: 0.4,
         rolling_friction: 0.1,
         rolling_damping_ratio: 0.3,
+        ..Contact::NONE
     };
     const RADII: [f64; 2] = [0.5e-3, 1e-3];
 
@@ -451,8 +458,8 @@ mod tests {
             normal_velocity: v_n,
             tangential_velocity: [v_t; 3],
             tangential_increment: [slip; 3],
-            rolling_velocity: spin,
-            rolling_increment: rotation,
+            rolling_velocity: [spin; 4],
+            rolling_increment: [rotation; 4],
             ..PairMotion::ZERO
         };
         let mut response = [Response::NONE];
@@ -461,6 +468,8 @@ mod tests {
             &mut Blocks {
                 parameters: &parameters,
                 history: &mut history,
+                parameter_lanes: Law::PARAMETERS,
+                history_lanes: Law::HISTORY,
                 per_step: 0.0,
                 motion: &[motion],
                 carry: &mut [[Lanes16::ZERO; CARRY]],
@@ -469,7 +478,7 @@ mod tests {
         );
         let [r] = response;
         (
-            [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]),
+            [r.normal, r.tangential[0], r.rolling[0]].map(|lanes| lanes.0[3]),
             [r.sliding != 0, r.beyond != 0],
             history.map(|lanes| lanes.0[3]),
         )
@@ -556,7 +565,7 @@ mod tests {
 
     #[test]
     fn every_part_of_the_history_has_its_place() {
-        let state = [0.7, 0.0, 0.3];
+        let state = [0.7, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(
             Hooke::<Two, true, true>::history_to_state(
                 Hooke::<Two, true, true>::history_from_state(state)
@@ -564,14 +573,14 @@ mod tests {
             state
         );
         assert_eq!(
-            Hooke::<Two, true, false>::history_to_state([0.7, 0.0, 0.0]),
-            [0.7, 0.0, 0.0]
+            Hooke::<Two, true, false>::history_to_state([0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            [0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
         );
         assert_eq!(
             Hooke::<Two, false, true>::history_to_state(
                 Hooke::<Two, false, true>::history_from_state(state)
             ),
-            [0.0, 0.0, 0.3]
+            [0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0]
         );
     }
 }

@@ -33,8 +33,10 @@ use super::keys::{
 };
 use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
-use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
+use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
+use crate::contact::{
+    Blocks, ContactLaw, History, Limited, add_damping, dissipation, portable_ln, scalar,
+};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, Portable, inverse, inverse_sqrt, ln};
@@ -125,6 +127,11 @@ impl Constants for Material {
         }
     }
 
+    /// k_r/R_r² = πE*/4 (A15).
+    fn rolling_stiffness(&self) -> Option<f64> {
+        Some(0.25 * PI * self.effective_modulus())
+    }
+
     fn default_of(&self, key: &Key) -> Option<f64> {
         (key.path == SLIDING_DAMPING.path).then_some(self.sliding_damping)
     }
@@ -182,9 +189,9 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             damping_ratio: material.damping_ratio,
             sliding_damping: material.sliding_damping,
             friction: contact.friction,
-            // k_r = πE*R_r²/4 (A15).
             rolling: Rolling {
-                stiffness: 0.25 * PI * material.effective_modulus(),
+                stiffness: (contact.rolling_stiffness)
+                    .unwrap_or(0.25 * PI * material.effective_modulus()),
                 density: PI * material.density,
                 friction: contact.rolling_friction,
                 damping_ratio: contact.rolling_damping_ratio,
@@ -318,8 +325,8 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
         }
         if ROLLING {
             let places = Places {
-                parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
-                history: (Self::HISTORY, Self::HISTORY - 1),
+                parameters: Self::PARAMETERS - rolling::PARAMETERS,
+                history: Self::HISTORY - 1,
             };
             rolling_force::<L, BUDGET>(token, blocks, places);
         }
@@ -356,16 +363,16 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
         [normal, tangential, rolling]
     }
 
-    fn history_to_state(history: [f64; 3]) -> [f64; 3] {
+    fn history_to_state(history: History) -> History {
         match (FRICTION, ROLLING) {
-            (false, true) => [0.0, 0.0, history[0]],
+            (false, true) => [0.0, 0.0, history[0], 0.0, 0.0, 0.0, 0.0],
             _ => history,
         }
     }
 
-    fn history_from_state(state: [f64; 3]) -> [f64; 3] {
+    fn history_from_state(state: History) -> History {
         match (FRICTION, ROLLING) {
-            (false, true) => [state[2], 0.0, 0.0],
+            (false, true) => [state[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
             _ => state,
         }
     }
@@ -386,7 +393,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     fn normal_force<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
-        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let parameters = || blocks.parameters.chunks_exact(blocks.parameter_lanes);
         let carry = &mut *blocks.carry;
         for ((p, motion), carry) in parameters().zip(blocks.motion).zip(&mut *carry) {
             // NaN and subnormal numbers would cost time, also in lanes that do not touch.
@@ -451,7 +458,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
-        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let parameters = || blocks.parameters.chunks_exact(blocks.parameter_lanes);
         let carry = &mut blocks.carry[..blocks.motion.len()];
         for (p, carry) in parameters().zip(&mut *carry) {
             let (m, root_x) = (load(&carry[M]), load(&carry[ROOT_X]));
@@ -469,7 +476,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             }
         }
         for ((((p, history), motion), carry), response) in parameters()
-            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
+            .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
             .zip(blocks.motion)
             .zip(carry)
             .zip(&mut *blocks.response)
@@ -528,7 +535,7 @@ impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION
         let (overlap, [r_i, r_j]) = (state.overlap, state.radii);
         let y = overlap / (4.0 * (r_i + r_j));
         let m = 1.0 / inverse_root(y);
-        let [slides, rolls] = state.limits;
+        let [slides, rolls, _] = state.limits;
         let mut d = Derivatives {
             normal: self.stiffness / m * overlap,
             normal_slope: self.stiffness / (m - 1.0),
@@ -537,11 +544,10 @@ impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION
         let [force, _, torque] = state.history;
         if FRICTION {
             let k_t = self.tangential_stiffness(state.radii, m, (y / m).sqrt());
-            d = d.limited([force, 0.0, 0.0], k_t, self.friction, slides);
+            d.tangential = SpringForce::new([force, 0.0, 0.0], k_t, d.limit(self.friction), slides);
         }
         if ROLLING {
-            let (k_r, arm) = self.rolling.spring(state.radii);
-            d = d.rolling(torque, k_r, arm, rolls);
+            d.rolling = self.rolling.derivatives(torque, state.radii, &d, rolls);
         }
         d
     }
@@ -580,6 +586,7 @@ mod tests {
         friction: 0.7,
         rolling_friction: 0.01,
         rolling_damping_ratio: 0.3,
+        ..Contact::NONE
     };
 
     /// Lower branch of Lambert's W by 40-digit arithmetic (mpmath): ℓ of δ/(R_1+R_2).
@@ -656,7 +663,7 @@ mod tests {
         let motion = PairMotion {
             overlap: lanes(overlap),
             tangential_increment: [lanes(slip); 3],
-            rolling_increment: lanes(rotation),
+            rolling_increment: [lanes(rotation); 4],
             ..PairMotion::ZERO
         };
         law.evaluate::<Portable, false>(
@@ -664,6 +671,8 @@ mod tests {
             &mut Blocks {
                 parameters: &parameters,
                 history: &mut history,
+                parameter_lanes: Law::PARAMETERS,
+                history_lanes: Law::HISTORY,
                 per_step: 0.0,
                 motion: &[motion],
                 carry: &mut [[Lanes16::ZERO; CARRY]],

@@ -16,8 +16,9 @@ use std::sync::Arc;
 
 use super::hooke::read_stiffnesses;
 use super::keys::{DENSITY, Key, KeyReader, MASS, NORMAL_STIFFNESS_3_2, TANGENTIAL_STIFFNESS_3_2};
+use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
-use crate::contact::stiffness::{self, Derivatives, SpringState, Stiffness};
+use crate::contact::stiffness::{self, Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, dissipation, norm, set_back, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
@@ -28,7 +29,7 @@ use crate::state::Masses;
 pub const KIND: LawKind = LawKind {
     name: "mindlin",
     summary: "the smoothed Mindlin law, F_n = k_n δ^(3/2), the same for all pairs, without damping \
-              and rolling resistance (BO eqs 1 and 5)",
+              (BO eqs 1 and 5)",
     dimensions: &[Dimensions::Two, Dimensions::Three],
     rolling: false,
     keys: &[
@@ -69,14 +70,6 @@ impl MindlinSprings {
             masses,
         }
     }
-
-    fn force<D: Dimension>(&self, contact: &Contact) -> Box<dyn PairForce<D>> {
-        if contact.friction > 0.0 {
-            Box::new(Mindlin::<D, true>::new(self, contact))
-        } else {
-            Box::new(Mindlin::<D, false>::new(self, contact))
-        }
-    }
 }
 
 impl Constants for MindlinSprings {
@@ -112,11 +105,17 @@ impl Constants for MindlinSprings {
     }
 
     fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
-        Some(self.force(contact))
+        Some(if contact.friction > 0.0 {
+            Box::new(Mindlin::<Two, true>::new(self, contact))
+        } else {
+            Box::new(Mindlin::<Two, false>::new(self, contact))
+        })
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        Some(self.force(contact))
+        let rough = Mindlin::<Three, true>::new(self, contact);
+        let smooth = Mindlin::<Three, false>::new(self, contact);
+        Some(between_spheres(self, contact, rough, smooth))
     }
 }
 
@@ -187,7 +186,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
         let load = |lanes: &Lanes16| L::load(token, lanes);
         for (((p, motion), carry), response) in blocks
             .parameters
-            .chunks_exact(Self::PARAMETERS)
+            .chunks_exact(blocks.parameter_lanes)
             .zip(blocks.motion)
             .zip(&mut *blocks.carry)
             .zip(&mut *blocks.response)
@@ -227,14 +226,6 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
             tangential = self.energy(token, root, s, &t);
         }
         [normal, tangential, c(0.0)]
-    }
-
-    fn history_to_state(history: [f64; 3]) -> [f64; 3] {
-        history
-    }
-
-    fn history_from_state(state: [f64; 3]) -> [f64; 3] {
-        state
     }
 }
 
@@ -284,7 +275,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
         let spins = D::SPINS;
         for (((history, motion), carry), response) in blocks
             .history
-            .chunks_exact_mut(Self::HISTORY)
+            .chunks_exact_mut(blocks.history_lanes)
             .zip(blocks.motion)
             .zip(&*blocks.carry)
             .zip(&mut *blocks.response)
@@ -343,7 +334,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
 /// -μ k_n δ^(3/2) t/|t|, with the same derivatives at s = 1.
 impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
-        let (overlap, history, [slides, _]) = (state.overlap, state.history, state.limits);
+        let (overlap, history, [slides, ..]) = (state.overlap, state.history, state.limits);
         let root = overlap.sqrt();
         let mut d = Derivatives {
             normal: self.normal_stiffness * overlap * root,
@@ -354,24 +345,34 @@ impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
             return d;
         }
         let length = stiffness::norm(history);
-        d.direction = stiffness::unit(history, length);
+        let direction = stiffness::unit(history, length);
         let s = length / (self.threshold_per_overlap() * overlap);
         let k_t = self.tangential_stiffness * root;
         // A contact that was cut to s = 1 has it with a rounding error.
-        d.sliding = slides.unwrap_or(s >= 1.0);
-        if d.sliding {
-            d.across = self.friction * d.normal / length;
-            d.tangential = d.direction.map(|t| -self.friction * d.normal * t);
-            d.tangential_slope = d.direction.map(|t| -self.friction * d.normal_slope * t);
+        let at_limit = slides.unwrap_or(s >= 1.0);
+        let [limit, limit_slope] = d.limit(self.friction);
+        d.tangential = if at_limit {
+            SpringForce {
+                value: direction.map(|t| -limit * t),
+                slope: direction.map(|t| -limit_slope * t),
+                along: 0.0,
+                across: limit / length,
+                direction,
+                at_limit,
+            }
         } else {
             let s = s.min(1.0);
             let secant = 1.0 + s - s * s;
-            d.along = k_t * (1.0 + 2.0 * s - 3.0 * s * s);
-            d.across = k_t * secant;
-            d.tangential = history.map(|t| -d.across * t);
             let slope = -k_t / (2.0 * overlap) * (secant + 2.0 * s * (2.0 * s - 1.0));
-            d.tangential_slope = history.map(|t| slope * t);
-        }
+            SpringForce {
+                value: history.map(|t| -k_t * secant * t),
+                slope: history.map(|t| slope * t),
+                along: k_t * (1.0 + 2.0 * s - 3.0 * s * s),
+                across: k_t * secant,
+                direction,
+                at_limit,
+            }
+        };
         d
     }
 }

@@ -10,6 +10,7 @@ pub mod keys;
 pub mod lee_hurley;
 pub mod mindlin;
 pub mod rolling;
+mod rolling_spheres;
 pub mod tsuji;
 
 use std::fmt::Debug;
@@ -38,7 +39,7 @@ pub struct LawKind {
     pub summary: &'static str,
     /// The dimensions in which it exists.
     pub dimensions: &'static [Dimensions],
-    /// Whether it has rolling resistance, in two dimensions.
+    /// Whether it has rolling resistance between disks; between spheres all laws have.
     pub rolling: bool,
     /// The keys it takes, in the order in which they are written.
     pub keys: &'static [&'static Key],
@@ -51,15 +52,52 @@ pub fn kind(name: &str) -> Option<&'static LawKind> {
     LAWS.iter().copied().find(|kind| kind.name == name)
 }
 
-/// μ_s, μ_r and η_r, which all laws share.
+/// What all laws share: friction, rolling and twisting resistance.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {
     /// μ_s, sliding friction.
     pub friction: f64,
     /// μ_r, rolling friction.
     pub rolling_friction: f64,
+    /// k_r/R_r² (N/m; Pa in 2D); `None`: [`Constants::rolling_stiffness`].
+    pub rolling_stiffness: Option<f64>,
     /// η_r, rolling damping ratio.
     pub rolling_damping_ratio: f64,
+    /// μ_w, twisting friction, of spheres.
+    pub twisting_friction: f64,
+    /// k_w/R_r² (N/m); `None`: that of rolling.
+    pub twisting_stiffness: Option<f64>,
+    /// η_w, twisting damping ratio.
+    pub twisting_damping_ratio: f64,
+}
+
+impl Contact {
+    /// Contacts without friction.
+    pub const NONE: Self = Self {
+        friction: 0.0,
+        rolling_friction: 0.0,
+        rolling_stiffness: None,
+        rolling_damping_ratio: 0.0,
+        twisting_friction: 0.0,
+        twisting_stiffness: None,
+        twisting_damping_ratio: 0.0,
+    };
+
+    /// Whether they resist rolling or twisting.
+    pub fn resists_rotation(&self) -> bool {
+        self.rolling_friction > 0.0 || self.twisting_friction > 0.0
+    }
+
+    /// The same without friction, rolling and twisting resistance.
+    #[must_use]
+    pub fn smooth(self) -> Self {
+        Self {
+            friction: 0.0,
+            rolling_friction: 0.0,
+            twisting_friction: 0.0,
+            ..self
+        }
+    }
 }
 
 /// Stiffnesses and damping constants of one contact of two of the lightest grains, for the limit of
@@ -100,6 +138,11 @@ pub trait Constants: Debug + Send + Sync {
     /// The duration (s) of an undamped collision of two spheres of this radius (m) at this speed
     /// (m/s), if it depends on the speed.
     fn collision_time(&self, _radius: f64, _speed: f64) -> Option<f64> {
+        None
+    }
+
+    /// k_r/R_r² (N/m; Pa in 2D) of rolling resistance where the contacts have no other.
+    fn rolling_stiffness(&self) -> Option<f64> {
         None
     }
 

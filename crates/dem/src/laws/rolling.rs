@@ -1,4 +1,4 @@
-//! Rolling resistance of type C (Ai et al. 2011; LH A13 to A22): a torsional spring between the two
+//! Rolling resistance of disks, of type C (Ai et al. 2011; LH A13 to A22): a torsional spring between the two
 //! rotations, and a damper,
 //!
 //! ```text
@@ -9,6 +9,7 @@
 //! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the moments of inertia I + mR² about
 //! the contact (LH A22).
 
+use crate::contact::stiffness::{Derivatives, SpringForce};
 use crate::contact::{Blocks, Limited, add_damping, dissipation};
 use crate::simd::{Lanes, Lanes16, Mask, inverse};
 
@@ -28,20 +29,32 @@ pub struct Rolling {
     pub damping_ratio: f64,
 }
 
-/// Where a law keeps the quantities of rolling resistance.
+/// The index in a block of the first parameter of rolling, and of its history.
 #[derive(Debug, Clone, Copy)]
 pub struct Places {
-    /// Number of parameters per block, and the index of the first one of rolling.
-    pub parameters: (usize, usize),
-    /// Number of history quantities per block, and the index of that of rolling.
-    pub history: (usize, usize),
+    /// Among the parameters.
+    pub parameters: usize,
+    /// Among the history.
+    pub history: usize,
 }
 
 impl Rolling {
     /// k_r (N m; N in 2D) and μ_r R_r (m) of two radii (m).
-    pub(super) fn spring(&self, [r_i, r_j]: [f64; 2]) -> (f64, f64) {
+    fn spring(&self, [r_i, r_j]: [f64; 2]) -> (f64, f64) {
         let r_r = r_i * r_j / (r_i + r_j);
         (self.stiffness * r_r * r_r, self.friction * r_r)
+    }
+
+    /// The derivatives of the spring's torque `trial` on i; F_n must be set.
+    pub(super) fn derivatives(
+        &self,
+        trial: f64,
+        radii: [f64; 2],
+        of: &Derivatives,
+        rolls: Option<bool>,
+    ) -> SpringForce {
+        let (k_r, arm) = self.spring(radii);
+        SpringForce::new([trial, 0.0, 0.0], k_r, of.limit(arm), rolls)
     }
 
     /// Computes k_r, C_r and μ_r R_r.
@@ -71,18 +84,19 @@ pub fn rolling_force<L: Lanes, const BUDGET: bool>(
 ) {
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let zero = L::splat(token, 0.0);
-    let ((parameters, at), (histories, place)) = (places.parameters, places.history);
+    let (at, place) = (places.parameters, places.history);
     for (((p, history), motion), response) in blocks
         .parameters
-        .chunks_exact(parameters)
-        .zip(blocks.history.chunks_exact_mut(histories))
+        .chunks_exact(blocks.parameter_lanes)
+        .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
         .zip(blocks.motion)
         .zip(&mut *blocks.response)
     {
         let touching = load(&motion.overlap).greater(zero);
-        let trial = (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
+        let trial =
+            (-load(&p[at])).mul_add(load(&motion.rolling_increment[0]), load(&history[place]));
         let limit = load(&p[at + 2]) * load(&response.normal);
-        let speed = load(&motion.rolling_velocity);
+        let speed = load(&motion.rolling_velocity[0]);
         let damping = load(&p[at + 1]) * speed;
         let no = L::mask(token, 0);
         let m = Limited::new(
@@ -94,11 +108,11 @@ pub fn rolling_force<L: Lanes, const BUDGET: bool>(
             0.0,
         );
         let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
-        (elastic - viscous).store(&mut response.rolling);
+        (elastic - viscous).store(&mut response.rolling[0]);
         response.rolls = m.at_limit.bits();
         let (before, after) = (load(&history[place]), elastic.select(touching, zero));
         if BUDGET {
-            let work = (before + after) * load(&motion.rolling_increment);
+            let work = (before + after) * load(&motion.rolling_increment[0]);
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
             (L::splat(token, -0.5) * (work + gained))
                 .store(&mut response.dissipated[dissipation::ROLLING]);

@@ -31,6 +31,7 @@ use super::hertz::{Damper, Hertz, PACKING_RESTITUTION, Spheres, impact};
 use super::keys::{
     DENSITY, Key, POISSON_RATIO, RESTITUTION, TANGENTIAL_DAMPING_RATIO, YOUNG_MODULUS,
 };
+use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::dimension::{Dimensions, Three};
 use crate::kernel::PairForce;
@@ -162,11 +163,8 @@ impl Constants for TsujiSpheres {
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        Some(if contact.friction > 0.0 {
-            Box::new(self.force::<true>(contact))
-        } else {
-            Box::new(self.force::<false>(contact))
-        })
+        let (rough, smooth) = (self.force::<true>(contact), self.force::<false>(contact));
+        Some(between_spheres(self, contact, rough, smooth))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::contact::TORQUES;
 use crate::contact::model::PairModel;
 use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs};
 
@@ -42,11 +43,10 @@ pub struct Contacts {
     pub history_lanes: usize,
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
-    /// Lanes that were then at the limit of friction, at that of rolling, and without any force;
-    /// see
-    /// [`ContactState::is_idle`].
-    pub limits: Vec<[u16; 3]>,
-    /// Whether the first two are of a step in which the histories advanced.
+    /// Lanes that were then at the limit of friction, at that of rolling, at that of twisting, and
+    /// without any force; see [`ContactState::is_idle`].
+    pub limits: Vec<[u16; 4]>,
+    /// Whether the first three are of a step in which the histories advanced.
     pub limits_are_known: bool,
     /// For each block, the distance (m) that the grains may have travelled since the list was made
     /// before one of its pairs can touch: until then the block is asleep, and costs nothing.
@@ -175,7 +175,7 @@ impl Contacts {
             j: [0; LANES],
         };
         let mut geometry = [Lanes16([FILLER; LANES]), Lanes16([-0.5 * FILLER; LANES])];
-        let (mut touching, mut limits) = (0, [0; 3]);
+        let (mut touching, mut limits) = (0, [0; 4]);
         let first = self.history.len();
         self.history
             .resize(first + self.history_lanes, Lanes16::ZERO);
@@ -187,12 +187,12 @@ impl Contacts {
             geometry[1].0[lane] = radius[i as usize];
             if let Some(contact) = listed.contact {
                 touching |= 1 << lane;
-                let [slides, rolls] = contact.limits().map(Option::unwrap_or_default);
-                let is_at = [slides, rolls, contact.is_idle()];
+                let [slides, rolls, twists] = contact.limits().map(Option::unwrap_or_default);
+                let is_at = [slides, rolls, twists, contact.is_idle()];
                 for (lanes, is_at) in limits.iter_mut().zip(is_at) {
                     *lanes |= u16::from(is_at) << lane;
                 }
-                let history = law.from_state(contact.history);
+                let history = law.from_state(contact.all_histories());
                 for (lanes, from) in self.history[first..].iter_mut().zip(history) {
                     lanes.0[lane] = from;
                 }
@@ -274,18 +274,21 @@ impl Contacts {
 
     /// The history of a touching contact, with the ids of its grains.
     pub fn state(&self, law: &dyn PairModel, at: Touching, id: &[u32]) -> ContactState {
-        let mut history = [0.0; 3];
+        let mut history = [0.0; 3 + TORQUES];
         let lanes = &self.history[at.block * self.history_lanes..][..self.history_lanes];
         for (to, lanes) in history.iter_mut().zip(lanes) {
             *to = lanes.0[at.lane];
         }
-        let [slides, rolls, idle] = self.limits[at.block].map(|lanes| lanes >> at.lane & 1 == 1);
-        let limits = [slides, rolls].map(|is_at| self.limits_are_known.then_some(is_at));
+        let is_at = |lanes: u16| lanes >> at.lane & 1 == 1;
+        let [slides, rolls, twists, idle] = self.limits[at.block].map(is_at);
+        let limits = [slides, rolls, twists].map(|is_at| self.limits_are_known.then_some(is_at));
+        let [a, b, c, torques @ ..] = law.to_state(history);
         ContactState {
             i: id[at.i],
             j: id[at.j],
-            history: law.to_state(history),
+            history: [a, b, c],
             limits: ContactState::stored(limits, idle),
+            torques,
         }
     }
 
@@ -296,7 +299,7 @@ impl Contacts {
             + self.geometry.capacity() * size_of::<[Lanes16; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Lanes16>()
             + self.touching.capacity() * size_of::<u16>()
-            + self.limits.capacity() * size_of::<[u16; 3]>()
+            + self.limits.capacity() * size_of::<[u16; 4]>()
             + self.asleep_until.capacity() * size_of::<f64>()
     }
 }
@@ -368,7 +371,7 @@ pub struct BlockRange<'a> {
     /// [`Contacts::touching`] of these blocks.
     pub touching: &'a mut [u16],
     /// [`Contacts::limits`] of these blocks.
-    pub limits: &'a mut [[u16; 3]],
+    pub limits: &'a mut [[u16; 4]],
     /// [`Contacts::asleep_until`] of these blocks.
     pub asleep_until: &'a mut [f64],
     /// [`Contacts::inner`].

@@ -4,6 +4,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use super::{ContactSample, GrainSample, Image};
+use crate::contact::{History, TORQUES};
 
 /// The state of a grain, SI units; in two dimensions the unused components are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -53,7 +54,13 @@ pub struct ContactState {
     pub history: [f64; 3],
     /// [`ContactState::limits`], as [`ContactState::stored`] writes them.
     pub limits: i64,
+    /// Elastic torques on i that resist the rolling and twisting of spheres: a vector in the tangent
+    /// plane and the component along n (N m).
+    pub torques: [f64; TORQUES],
 }
+
+/// The bits of [`ContactState::limits`] of friction, rolling and twisting: at the limit, and known.
+const LIMITS: [[i64; 2]; 3] = [[1, 4], [2, 8], [32, 64]];
 
 impl ContactState {
     /// A contact with this history; what limits it is at is not known.
@@ -63,14 +70,22 @@ impl ContactState {
             j,
             history,
             limits: 0,
+            torques: [0.0; TORQUES],
         }
     }
 
-    /// Whether it was at the limit of friction, and at that of rolling, when the forces were last
-    /// computed; `None` if that is not known, because that was no step, or it was not stored.
-    pub fn limits(&self) -> [Option<bool>; 2] {
+    /// History and torques.
+    pub fn all_histories(&self) -> History {
+        let ([a, b, c], [d, e, f, g]) = (self.history, self.torques);
+        [a, b, c, d, e, f, g]
+    }
+
+    /// Whether it was at the limit of friction, at that of rolling and at that of twisting, when the
+    /// forces were last computed; `None` if that is not known, because that was no step, or it was not
+    /// stored.
+    pub fn limits(&self) -> [Option<bool>; 3] {
         let is_set = |bit: i64| self.limits & bit != 0;
-        [(1, 4), (2, 8)].map(|(limit, known)| is_set(known).then(|| is_set(limit)))
+        LIMITS.map(|[limit, known]| is_set(known).then(|| is_set(limit)))
     }
 
     /// Whether it transmitted nothing when the forces were last computed: its damper would have
@@ -79,19 +94,23 @@ impl ContactState {
         self.limits & 16 != 0
     }
 
-    /// Limits as a number: 1 and 2 for friction and rolling, 4 and 8 if that is known, and 16 if it
-    /// is idle.
-    pub fn stored(limits: [Option<bool>; 2], is_idle: bool) -> i64 {
-        let number = |known: i64, limit: Option<bool>| {
-            limit.map_or(0, |is_at| known + known / 4 * i64::from(is_at))
+    /// Limits as a number: the bits of [`LIMITS`], and 16 if it is idle.
+    pub fn stored(limits: [Option<bool>; 3], is_idle: bool) -> i64 {
+        let of = |(limit, [bit, known]): (Option<bool>, [i64; 2])| {
+            limit.map_or(0, |is_at| known + bit * i64::from(is_at))
         };
-        number(4, limits[0]) + number(8, limits[1]) + 16 * i64::from(is_idle)
+        limits.into_iter().zip(LIMITS).map(of).sum::<i64>() + 16 * i64::from(is_idle)
     }
 
-    /// The bytes of all that the motion of disks depends on, of every field before the limits. That of
-    /// spheres depends on the limit of friction, too.
+    /// The bytes of all that the motion of disks depends on, of every field before the limits.
     pub fn moving(&self) -> &[u8] {
         &bytemuck::bytes_of(self)[..std::mem::offset_of!(Self, limits)]
+    }
+
+    /// What the motion of spheres depends on beside that: at which limits it is, and the torques.
+    pub fn moving_spheres(&self) -> (i64, [f64; TORQUES]) {
+        let [[slides, _], [rolls, _], _] = LIMITS;
+        (self.limits & (slides | rolls), self.torques)
     }
 }
 

@@ -16,8 +16,7 @@ const DENSITY: f64 = 2500.0;
 
 pub const CONTACT: Contact = Contact {
     friction: 0.5,
-    rolling_friction: 0.0,
-    rolling_damping_ratio: 0.0,
+    ..Contact::NONE
 };
 
 /// Stiff enough for overlaps of at most some percent at 1 m/s: Pa in 2D, N/m in 3D.

@@ -171,6 +171,7 @@ const CONTACT: Contact = Contact {
     friction: 0.5,
     rolling_friction: 0.1,
     rolling_damping_ratio: 0.2,
+    ..Contact::NONE
 };
 
 #[test]

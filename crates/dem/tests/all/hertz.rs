@@ -28,8 +28,7 @@ const GLASS: Spheres = Spheres {
 fn contact(friction: f64) -> Contact {
     Contact {
         friction,
-        rolling_friction: 0.0,
-        rolling_damping_ratio: 0.0,
+        ..Contact::NONE
     }
 }
 
@@ -359,6 +358,8 @@ fn the_law_is_that_of_lammps() {
                     &mut Blocks {
                         parameters: &parameters,
                         history: &mut lanes,
+                        parameter_lanes: Law::PARAMETERS,
+                        history_lanes: Law::HISTORY,
                         per_step: 0.0,
                         motion: &[PairMotion {
                             overlap: splat(overlap),

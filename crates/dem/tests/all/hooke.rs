@@ -29,6 +29,7 @@ const CONTACT: Contact = Contact {
     friction: 0.5,
     rolling_friction: 0.3,
     rolling_damping_ratio: 0.2,
+    ..Contact::NONE
 };
 const RADII: [f64; 2] = [0.7e-3, 1e-3];
 

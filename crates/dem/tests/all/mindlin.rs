@@ -27,8 +27,7 @@ const RADII: [f64; 2] = [0.5, 0.7];
 fn contact(friction: f64) -> Contact {
     Contact {
         friction,
-        rolling_friction: 0.0,
-        rolling_damping_ratio: 0.0,
+        ..Contact::NONE
     }
 }
 
@@ -62,6 +61,8 @@ fn evaluate<D: Dimension>(
         &mut Blocks {
             parameters: &parameters,
             history: &mut lanes[..D::SPINS],
+            parameter_lanes: Mindlin::<D, true>::PARAMETERS,
+            history_lanes: Mindlin::<D, true>::HISTORY,
             per_step: 0.0,
             motion: &[PairMotion {
                 overlap: splat(overlap),

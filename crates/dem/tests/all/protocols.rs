@@ -33,8 +33,7 @@ const SPRINGS: Springs = Springs {
 /// Contacts stick.
 const CONTACT: Contact = Contact {
     friction: 10.0,
-    rolling_friction: 0.0,
-    rolling_damping_ratio: 0.0,
+    ..Contact::NONE
 };
 
 /// A square or cubic lattice between two walls.

@@ -170,11 +170,7 @@ fn packing_laws<D: LawSpace>(
     let PlaneShear { load, pack, .. } = plane_shear;
     let diameter = scene.sample.mean_diameter;
     let law = scene.law.while_packing(diameter, load.pressure);
-    let smooth = Contact {
-        friction: 0.0,
-        rolling_friction: 0.0,
-        ..scene.contact
-    };
+    let smooth = scene.contact.smooth();
     // Without friction also no rolling resistance, which gives the densest packing.
     let contact = if pack.friction > 0.0 {
         Contact {

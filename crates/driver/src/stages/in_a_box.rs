@@ -3,7 +3,7 @@
 
 use gshear_dem::clock::Clock;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::{Contact, LawSpace};
+use gshear_dem::laws::LawSpace;
 use gshear_scene::{PeriodicBox, Scene};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
@@ -107,12 +107,7 @@ fn begin<D: LawSpace>(
         checkpoint::to_both_holders(run.exchange, &mut saved.state);
         return Ok(Some((saved.header, saved.state)));
     }
-    let smooth = Contact {
-        friction: 0.0,
-        rolling_friction: 0.0,
-        ..scene.contact
-    };
-    let smooth = force::<D>(&scene.law, smooth);
+    let smooth = force::<D>(&scene.law, scene.contact.smooth());
     let prepared = prepare::prepare(run, scene, periodic, smooth.as_ref())?;
     let progress = Progress {
         length: Some(scene.sample.length),

@@ -165,7 +165,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
             author: scene.author.as_deref(),
-            history_unit: law.history_unit(),
+            law,
             attributes: attributes(scene, strain, &progress),
             log: false,
             scalars: false,

@@ -392,8 +392,7 @@ mod tests {
     fn law(friction: f64) -> Hooke<Two, true, false> {
         let contact = Contact {
             friction,
-            rolling_friction: 0.0,
-            rolling_damping_ratio: 0.0,
+            ..Contact::NONE
         };
         Hooke::new(&SPRINGS, &contact)
     }

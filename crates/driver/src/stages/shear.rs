@@ -104,7 +104,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             walls: true,
             height: schedule.height,
             author: scene.author.as_deref(),
-            history_unit: law.history_unit(),
+            law: law.as_ref(),
             attributes: attributes(scene, plane_shear, &schedule),
             log: true,
             scalars: plane_shear.analysis.scalars,

@@ -95,7 +95,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
             author: scene.author.as_deref(),
-            history_unit: law.history_unit(),
+            law,
             attributes: vec![(
                 "mean_diameter",
                 Attribute::Number(scene.sample.mean_diameter),

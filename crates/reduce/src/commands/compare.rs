@@ -10,6 +10,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, FrameRecords};
 use gshear_scene::Dimensions;
 use gshear_store::run_reader::RunFile;
+use gshear_store::trajectory::Form;
 
 /// Compare two runs field by field, to the last bit
 ///
@@ -316,7 +317,7 @@ fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
 
 /// Compares the fields of frames, read in blocks.
 fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>, Failure> {
-    let mut fields = FrameComparison::new(a.dimension());
+    let mut fields = FrameComparison::new(b.form());
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
@@ -340,18 +341,18 @@ const FRAME_FIELDS: [&str; 7] = [
 ];
 
 struct FrameComparison {
-    dimension: Dimensions,
+    form: Form,
     /// [`FRAME_FIELDS`], then those of contacts.
     fields: Vec<FieldComparison>,
 }
 
 impl FrameComparison {
-    fn new(dimension: Dimensions) -> Self {
-        let contacts = of_contacts(dimension.axes());
+    fn new(form: Form) -> Self {
+        let contacts = of_contacts(form);
         let contacts = contacts.map(|of| FieldComparison::new(format!("c. {}", of.name)));
         let fields = FRAME_FIELDS.map(FieldComparison::new).into_iter();
         FrameComparison {
-            dimension,
+            form,
             fields: fields.chain(contacts).collect(),
         }
     }
@@ -362,11 +363,8 @@ impl FrameComparison {
         };
         step.see(a.step as f64, b.step as f64, Location::Frame(t));
         time.see(a.time, b.time, Location::Frame(t));
-        let axes = self.dimension.axes();
-        let spins = match self.dimension {
-            Dimensions::Two => 2..3,
-            Dimensions::Three => 0..3,
-        };
+        let axes = self.form.axes;
+        let spins = if axes == 2 { 2..3 } else { 0..3 };
         for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
             let at = |k: usize| Location::GrainOf(t, n, PARTS[k]);
             for k in 0..axes {
@@ -385,7 +383,7 @@ impl FrameComparison {
     fn see_contacts(&mut self, t: usize, mut a: &[ContactSample], mut b: &[ContactSample]) {
         let (frames, contacts) = self.fields.split_at_mut(FRAME_FIELDS.len());
         let pairs = &mut frames[FRAME_FIELDS.len() - 1];
-        let axes = self.dimension.axes();
+        let axes = self.form.axes;
         loop {
             let order = match (a.first(), b.first()) {
                 (Some(x), Some(y)) => (x.i, x.j).cmp(&(y.i, y.j)),
@@ -405,7 +403,7 @@ impl FrameComparison {
                 at,
             );
             if order == Ordering::Equal {
-                for (field, of) in contacts.iter_mut().zip(of_contacts(axes)) {
+                for (field, of) in contacts.iter_mut().zip(of_contacts(self.form)) {
                     let values = of.values(axes, &a[0]).zip(of.values(axes, &b[0]));
                     values.for_each(|(x, y)| field.see(x, y, at));
                 }
@@ -460,7 +458,10 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameComparison::new(Dimensions::Two);
+        let mut fields = FrameComparison::new(Form {
+            axes: 2,
+            torques: false,
+        });
         fields.see_contacts(7, &a, &b);
         let [.., pairs, force, _, _, _, _, _, _] = &fields.fields[..] else {
             panic!("too few fields");

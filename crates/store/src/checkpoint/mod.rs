@@ -253,12 +253,7 @@ fn of_grains<R: Record>(
     records.sort_unstable_by_key(&id);
     let complete = records.iter().map(|g| u64::from(id(g))).eq(ids.clone());
     assert!(complete, "a snapshot's grains are not 0 … N-1");
-    Stretch {
-        prefix,
-        length: blocks.grains,
-        first: ids.start,
-        records,
-    }
+    Stretch::new(exchange, prefix, (blocks.grains, ids.start), records)
 }
 
 /// Returns the contacts whose lower id is in this rank's block, sorted by their ids. Collective.
@@ -269,12 +264,9 @@ fn of_contacts<R: Record>(
 ) -> Stretch<R> {
     let mut records = blocks.redistribute(exchange, contacts, |c| ids(c)[0]);
     records.sort_unstable_by_key(&ids);
-    Stretch {
-        prefix,
-        length: total(exchange, records.len() as u64),
-        first: exchange.sum_below(records.len() as u64),
-        records,
-    }
+    let length = total(exchange, records.len() as u64);
+    let first = exchange.sum_below(records.len() as u64);
+    Stretch::new(exchange, prefix, (length, first), records)
 }
 
 /// Gives the new checkpoint its name. `checkpoint.h5` exists and is complete at every moment.

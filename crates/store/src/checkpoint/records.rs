@@ -50,6 +50,10 @@ pub(super) trait Record: Pod {
     fn signed() -> Vec<Field<Self, i64>> {
         Vec::new()
     }
+    /// Numbers that are stored where one of them is not 0.
+    fn where_not_zero() -> Vec<Field<Self, f64>> {
+        Vec::new()
+    }
 }
 
 impl Record for GrainState {
@@ -88,6 +92,11 @@ impl Record for ContactState {
 
     fn numbers() -> Vec<Field<Self, f64>> {
         vec![field!(Self, history, 3)]
+    }
+
+    /// Of spheres that resist rolling or twisting.
+    fn where_not_zero() -> Vec<Field<Self, f64>> {
+        vec![field!(Self, torques, 4)]
     }
 
     fn signed() -> Vec<Field<Self, i64>> {
@@ -181,6 +190,33 @@ pub(super) struct Stretch<R> {
     /// Number of records before the stretch.
     pub first: u64,
     pub records: Vec<R>,
+    /// Whether a rank has one of [`Record::where_not_zero`].
+    not_zero: bool,
+}
+
+impl<R: Record> Stretch<R> {
+    /// Collective.
+    pub fn new(
+        exchange: &dyn Parallel,
+        prefix: &'static str,
+        (length, first): (u64, u64),
+        records: Vec<R>,
+    ) -> Self {
+        let fields = R::where_not_zero();
+        let of = |r: &R| {
+            fields
+                .iter()
+                .any(|f| (f.get)(r).iter().any(|x| x.to_bits() != 0))
+        };
+        let not_zero = u64::from(records.iter().any(of));
+        Self {
+            prefix,
+            length,
+            first,
+            not_zero: !fields.is_empty() && total(exchange, not_zero) > 0,
+            records,
+        }
+    }
 }
 
 /// A list of a checkpoint, whatever its records are.
@@ -215,6 +251,9 @@ impl<R: Record> List for Stretch<R> {
         }
         for field in R::signed() {
             outcome.note(write_column(file, self, &field));
+        }
+        for field in R::where_not_zero().iter().filter(|_| self.not_zero) {
+            outcome.note(write_column(file, self, field));
         }
     }
 }
@@ -271,8 +310,11 @@ pub(super) fn read_records<R: Record>(
         }
         Ok(())
     }
-    // The widest field comes with every record.
-    if all.saturating_mul(size_of::<R>() as u64) > file.size() {
+    let optional: usize = R::where_not_zero()
+        .iter()
+        .map(|field| 8 * field.width)
+        .sum();
+    if all.saturating_mul((size_of::<R>() - optional) as u64) > file.size() {
         return Err(format!(
             "damaged: {} has more rows than the file can hold",
             R::GROUP
@@ -288,6 +330,12 @@ pub(super) fn read_records<R: Record>(
     }
     for field in R::signed() {
         fill(file, &field, all, &local, &mut records)?;
+    }
+    for field in R::where_not_zero() {
+        let (file, prefix) = file;
+        if file.link_exists(&format!("{prefix}{}/{}", R::GROUP, field.name)) {
+            fill((file, prefix), &field, all, &local, &mut records)?;
+        }
     }
     Ok(records)
 }

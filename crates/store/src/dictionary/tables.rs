@@ -8,7 +8,7 @@ use gshear_dem::columns::Column;
 use gshear_dem::state::SERIES_COLUMNS;
 
 use crate::box_columns::{AqsRow, NewtonianRow};
-use crate::layout::{MASS, RADIUS, elements, forces};
+use crate::layout::{Form, MASS, RADIUS, elements, forces};
 
 /// A table of numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -291,9 +291,18 @@ const CONTACT_IDS: [Column; 2] = [
     Column::new("i", "1", "lower id"),
     Column::new("j", "1", "higher id"),
 ];
-const LIMITS: [Column; 2] = [
+const LIMITS: [Column; 3] = [
     Column::new("sliding", "1", "1 at Coulomb's limit"),
-    Column::new("rolling", "1", "1 at the limit of rolling; of disks"),
+    Column::new(
+        "rolling",
+        "1",
+        "1 at the limit of rolling; of spheres that resist it",
+    ),
+    Column::new(
+        "twisting",
+        "1",
+        "1 at the limit of twisting; of spheres that resist it",
+    ),
 ];
 const MODES: [Column; 4] = [
     Column::new(
@@ -693,8 +702,11 @@ fn of_exports(axes: usize) -> Vec<TableDescription> {
             &[
                 &of_frame,
                 &CONTACT_IDS,
-                &named(forces(axes)),
-                &LIMITS[..if axes == 2 { 2 } else { 1 }],
+                &named(forces(Form {
+                    axes,
+                    torques: axes == 3,
+                })),
+                &LIMITS[..axes],
             ],
         ),
         table(OF_FIGURES, "point, grain or contact", &[&FIGURES]),

@@ -22,10 +22,15 @@ pub(super) struct ContactValues {
     normal_force: Vec<f64>,
     tangential_force: Vec<[f64; 3]>,
     tangential_history: Vec<[f64; 3]>,
+    /// Of disks.
     rolling_history: Vec<f64>,
+    /// Of spheres.
+    rolling_torque: Vec<[f64; 3]>,
+    twisting_history: Vec<f64>,
     overlap: Vec<f64>,
     sliding: Vec<u8>,
     rolling: Vec<u8>,
+    twisting: Vec<u8>,
 }
 
 impl ContactValues {
@@ -42,6 +47,11 @@ impl ContactValues {
             overlap: of(&self.overlap, k),
             sliding: flag(&self.sliding, k),
             rolling: flag(&self.rolling, k),
+            torques: {
+                let [x, y, z] = self.rolling_torque.get(k).copied().unwrap_or_default();
+                [x, y, z, of(&self.twisting_history, k)]
+            },
+            twisting: flag(&self.twisting, k),
         };
         (rows.start - self.first..rows.end - self.first)
             .map(contact)
@@ -129,9 +139,15 @@ impl RunFile {
         Ok(frames)
     }
 
-    /// Returns whether the file has the flags of rolling at its limit: files of disks.
+    /// Returns whether the file has the flags of rolling at its limit: files of disks, and of spheres
+    /// that resist it.
     pub fn has_rolling(&self) -> bool {
         self.contacts.contains_key("rolling")
+    }
+
+    /// Returns whether the file has those of twisting: files of spheres that resist it.
+    pub fn has_twisting(&self) -> bool {
+        self.contacts.contains_key("twisting")
     }
 
     /// Reads the images of some frames, all grains of a frame after the other.
@@ -298,6 +314,7 @@ impl RunFile {
         // No rows of fields that are not wanted.
         let rows_from = |least: FrameFields| if fields >= least { rows.clone() } else { 0..0 };
         let (forces, others) = (rows_from(FrameFields::Forces), rows_from(FrameFields::All));
+        let planar = self.dimension == Dimensions::Two;
         let contacts = ContactValues {
             first: rows.start,
             i: self.column("i", &rows)?,
@@ -305,10 +322,21 @@ impl RunFile {
             normal_force: self.column("normal_force", &forces)?,
             tangential_force: self.tangential("tangential_force", &forces)?,
             tangential_history: self.tangential("tangential_history", &others)?,
-            rolling_history: self.column("rolling_history", &others)?,
+            rolling_history: if planar {
+                self.column("rolling_history", &others)?
+            } else {
+                Vec::new()
+            },
+            rolling_torque: if self.has_rolling() && !planar {
+                self.tangential("rolling_history", &others)?
+            } else {
+                Vec::new()
+            },
+            twisting_history: self.column("twisting_history", &others)?,
             overlap: self.column("overlap", &others)?,
             sliding: self.column("sliding", &others)?,
             rolling: self.column("rolling", &others)?,
+            twisting: self.column("twisting", &others)?,
         };
         self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
         let pairs = Pairs::new(&contacts.i, &contacts.j, rows.start, self.dimension.axes());
@@ -323,6 +351,11 @@ impl RunFile {
             flat(&contacts.tangential_force),
             flat(&contacts.tangential_history),
         );
+        let rolling = if planar {
+            contacts.rolling_history.clone()
+        } else {
+            flat(&contacts.rolling_torque)
+        };
         let numbers = [
             (
                 "normal_force",
@@ -332,9 +365,10 @@ impl RunFile {
             ),
             ("tangential_force", &force, spins, FrameFields::Forces),
             ("tangential_history", &history, spins, FrameFields::All),
+            ("rolling_history", &rolling, spins, FrameFields::All),
             (
-                "rolling_history",
-                &contacts.rolling_history,
+                "twisting_history",
+                &contacts.twisting_history,
                 1,
                 FrameFields::All,
             ),
@@ -344,14 +378,21 @@ impl RunFile {
             let rows = self.rows(t..t + 1);
             self.verify(t, "pairs", pairs.ids(&rows))?;
             for (name, values, width, least) in numbers {
-                if fields >= least && !(name == "rolling_history" && spins == 3) {
+                if fields >= least && self.contacts.contains_key(name) {
                     self.verify(t, name, pairs.numbers(&rows, values, width))?;
                 }
             }
             if fields == FrameFields::All {
-                self.verify(t, "sliding", pairs.flags(&rows, &contacts.sliding))?;
-                if self.has_rolling() {
-                    self.verify(t, "rolling", pairs.flags(&rows, &contacts.rolling))?;
+                let flags = [
+                    ("sliding", &contacts.sliding),
+                    ("rolling", &contacts.rolling),
+                    ("twisting", &contacts.twisting),
+                ];
+                let stored = flags
+                    .iter()
+                    .filter(|(name, _)| self.contacts.contains_key(name));
+                for (name, flags) in stored {
+                    self.verify(t, name, pairs.flags(&rows, flags))?;
                 }
             }
         }
@@ -389,7 +430,7 @@ impl RunFile {
         Ok(values.outer_iter().map(|v| [v[0], v[1], v[2]]).collect())
     }
 
-    /// Reads a column of the contacts; nothing if the file has none, since its grains are spheres.
+    /// Reads a column of the contacts; nothing if the file has none.
     fn column<T: H5Type>(&self, name: &str, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
         let Some(dataset) = self.contacts.get(name).filter(|_| !rows.is_empty()) else {
             return Ok(Vec::new());

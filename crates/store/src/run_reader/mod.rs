@@ -19,7 +19,10 @@ use self::verify::FrameSums;
 use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::checksums;
 use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
-use crate::layout::{CONTACTS, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain};
+use crate::layout::{
+    CONTACTS, Form, OBSERVABLES, PARTICLES, TWISTING_HISTORY, contact_dataset, grain_dataset,
+    of_grain,
+};
 pub use crate::parameter::Parameter;
 use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -206,6 +209,10 @@ impl RunFile {
         };
         let series = source.series(columns, finished)?;
         let scalars = source.scalars(finished)?;
+        let form = Form {
+            axes: dimension.axes(),
+            torques: source.exists(&contact_dataset(TWISTING_HISTORY)),
+        };
         let [position, velocity, angular_velocity, image] =
             of_grain(dimension.axes()).map(|quantity| source.of_grains(quantity, grains.count()));
         let mut file = Self {
@@ -223,13 +230,21 @@ impl RunFile {
             velocity: velocity?,
             angular_velocity: angular_velocity?,
             image: image?,
-            contacts: source.of_contacts(dimension.axes())?,
-            sums: FrameSums::read(&source, dimension.axes())?,
+            contacts: source.of_contacts(form)?,
+            sums: FrameSums::read(&source, form)?,
             grains,
             path: path.clone(),
         };
         file.cut_to_whole_frames(&source, finished)?;
         Ok(file)
+    }
+
+    /// What its contacts are.
+    pub fn form(&self) -> Form {
+        Form {
+            axes: self.dimension.axes(),
+            torques: self.has_twisting(),
+        }
     }
 
     /// Keeps the frames that every dataset has, and reads their boxes.

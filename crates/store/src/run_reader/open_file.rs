@@ -11,8 +11,8 @@ use super::{Parameter, Series, StoredScalars};
 use crate::checksums::{OF_PARAMETERS, of_parameters};
 use crate::h5;
 use crate::layout::{
-    EDGES_VALUE, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, contact_dataset, grain_dataset,
-    of_contact,
+    EDGES_VALUE, Form, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, contact_dataset,
+    grain_dataset, of_contact,
 };
 use crate::parameter::attributes;
 use crate::scalar_columns::SCALARS;
@@ -121,14 +121,14 @@ impl<'a> OpenFile<'a> {
     /// The datasets of the contacts, by name.
     pub(super) fn of_contacts(
         &self,
-        axes: usize,
+        form: Form,
     ) -> Result<BTreeMap<&'static str, Dataset>, Failure> {
         let open = |(column, width, _): Quantity| {
             let inner = if width == 1 { &[][..] } else { &[width] };
             let dataset = self.frames(&contact_dataset(column), inner)?;
             Ok((column.name, dataset))
         };
-        of_contact(axes).into_iter().map(open).collect()
+        of_contact(form).into_iter().map(open).collect()
     }
 
     /// What is constant of the grains, verified. `edges`: of the box at the start.

@@ -33,9 +33,11 @@ impl RunFile {
                 [
                     Some(c.sliding != 0),
                     self.has_rolling().then_some(c.rolling != 0),
+                    self.has_twisting().then_some(c.twisting != 0),
                 ],
                 c.normal_force == 0.0,
             ),
+            torques: c.torques,
             ..ContactState::new(c.i, c.j, history(c))
         };
         Ok((

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::StoredScalars;
 use super::open_file::OpenFile;
 use crate::checksums::{self, CONSTANTS, ContactWeights, FRAMES, ROWS, SCALARS};
-use crate::layout::frame_columns;
+use crate::layout::{Form, frame_columns};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
@@ -18,8 +18,8 @@ pub struct FrameSums {
 }
 
 impl FrameSums {
-    pub fn read(source: &OpenFile<'_>, axes: usize) -> Result<Self, Failure> {
-        let columns = frame_columns(axes);
+    pub fn read(source: &OpenFile<'_>, form: Form) -> Result<Self, Failure> {
+        let columns = frame_columns(form);
         let sums = source.frames(FRAMES, &[columns.len()])?.read_raw();
         Ok(Self {
             columns,

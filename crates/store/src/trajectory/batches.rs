@@ -5,7 +5,7 @@ use crate::batch::{Share, ShareColumns, Shares, length};
 use crate::checksums::{of_clock, of_row};
 use crate::collective::CollectiveOutcome;
 use crate::h5::Slab;
-use crate::layout::{by_root, forces, frame_columns};
+use crate::layout::{Form, by_root, forces, frame_columns};
 use crate::scalar_columns::ScalarColumns;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
@@ -16,11 +16,11 @@ use gshear_mpi_exchange::Parallel;
 fn sums_of(
     exchange: &dyn Parallel,
     (part, share): (&ShareColumns, &Share),
-    (frames, axes): (usize, usize),
+    (frames, form): (usize, Form),
 ) -> Vec<i64> {
-    let width = frame_columns(axes).len();
+    let width = frame_columns(form).len();
     let mut sums = vec![0i64; frames * width];
-    let of_share = part.checksums(share, axes);
+    let of_share = part.checksums(share, form);
     let rows = (sums.chunks_exact_mut(width)).skip(share.frames.start as usize);
     for ((row, contacts), checksums) in rows.zip(&part.counts).zip(of_share) {
         row[0] = *contacts;
@@ -46,14 +46,14 @@ impl TrajectoryWriter {
         };
         let messages = exchange.all_to_all(self.frames.messages(&shares));
         let share = shares.of(exchange.rank());
-        let part = ShareColumns::assemble(&messages, &share, self.columns.axes);
+        let part = ShareColumns::assemble(&messages, &share, self.columns.form);
         drop(messages);
 
-        let width = frame_columns(self.columns.axes).len();
+        let width = frame_columns(self.columns.form).len();
         let sums = sums_of(
             exchange,
             (&part, &share),
-            (count as usize, self.columns.axes),
+            (count as usize, self.columns.form),
         );
         // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
         let counts = sums.chunks_exact(width).map(|row| row[0]);
@@ -87,11 +87,11 @@ impl TrajectoryWriter {
         for (ids, column) in [&part.i, &part.j].into_iter().zip(contacts.by_ref()) {
             outcome.note(column.append(end, of_width(1), ids));
         }
-        let numbers = part.forces.iter().zip(forces(columns.axes));
+        let numbers = part.forces.iter().zip(forces(columns.form));
         for ((values, (_, width)), column) in numbers.zip(contacts.by_ref()) {
             outcome.note(column.append(end, of_width(*width), values));
         }
-        for (flags, column) in [&part.sliding, &part.rolling].into_iter().zip(contacts) {
+        for (flags, column) in part.flags.iter().zip(contacts) {
             outcome.note(column.append(end, of_width(1), flags));
         }
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));

@@ -12,7 +12,7 @@ use crate::journal::{self, Journal};
 use crate::layout::{
     CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, by_root, describe,
 };
-pub use crate::layout::{file_bytes, frame_bytes};
+pub use crate::layout::{Form, file_bytes, frame_bytes};
 use crate::scalar_columns::ScalarColumns;
 use bytemuck::{Pod, Zeroable};
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -63,8 +63,8 @@ impl GrainShape {
 /// Content of `run.h5` from the start of the run.
 #[derive(Debug, Clone, Copy)]
 pub struct RunHeader<'a> {
-    /// Number of dimensions.
-    pub axes: usize,
+    /// What the contacts are.
+    pub form: Form,
     /// Whether the box is bounded along its last axis.
     pub walls: bool,
     /// Columns of the time series.
@@ -153,7 +153,7 @@ impl TrajectoryWriter {
         let created = (|| {
             let layout = Layout {
                 grains: grains as usize,
-                axes: header.axes,
+                form: header.form,
                 walls: header.walls,
                 series: header.series,
                 // Scenes of a periodic box may use any consistent set of units.
@@ -254,7 +254,7 @@ impl TrajectoryWriter {
             of_root,
         ));
         let numbers = |column: &Column, values: &[f64]| {
-            let unit = column.unit_in(header.axes).filter(|_| header.walls);
+            let unit = column.unit_in(header.form.axes).filter(|_| header.walls);
             fixed_in_units(file, &name(column.name), grains, local, values, unit)
         };
         outcome.note(fixed(file, &name("id"), grains, local, &id));

@@ -4,7 +4,7 @@ use super::{AT_THE_END, TrajectoryWriter, seal};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
 use crate::existing::inspect;
 use crate::h5::H5File;
-use crate::layout::{Datasets, Layout, Mode, PARAMETERS};
+use crate::layout::{Datasets, Form, Layout, Mode, PARAMETERS};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
@@ -34,8 +34,8 @@ impl TrajectoryWriter {
         agree(exchange, looked)?;
         let extent = exchange.broadcast(bytemuck::cast_slice(&extent).to_vec());
         let extent: Vec<u64> = records_of(&extent).collect();
-        let [grains, contacts, axes] = extent[..] else {
-            unreachable!("three numbers were sent")
+        let [grains, contacts, axes, torques] = extent[..] else {
+            unreachable!("four numbers were sent")
         };
 
         let blocks = IdBlocks {
@@ -45,7 +45,10 @@ impl TrajectoryWriter {
         let file = H5File::open(path, exchange)?;
         let layout = Layout {
             grains: grains as usize,
-            axes: axes as usize,
+            form: Form {
+                axes: axes as usize,
+                torques: torques > 0,
+            },
             series,
             // They matter only to new datasets.
             walls: true,

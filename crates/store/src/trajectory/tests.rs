@@ -1,5 +1,5 @@
 use super::*;
-use crate::layout::OBSERVABLES;
+use crate::layout::{Form, OBSERVABLES};
 use crate::run_reader::RunFile;
 use gshear_dem::domain::Solo;
 use gshear_dem::state::SeriesRow;
@@ -17,7 +17,10 @@ fn create(path: &Path, rows: u64) {
         mass: 1.0,
     }];
     let header = RunHeader {
-        axes: 2,
+        form: Form {
+            axes: 2,
+            torques: false,
+        },
         walls: true,
         series: &SeriesRow::COLUMNS,
         edges: [2.0, 3.0, 0.0],

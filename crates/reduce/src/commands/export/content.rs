@@ -17,6 +17,7 @@ use gshear_dem::state::{BoxEdges, ContactSample, Disks, Frame, FrameRecords, Gra
 use gshear_scene::Dimensions;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_reader::{Mode, SpectrumFile};
+use gshear_store::trajectory::Form;
 
 /// A number of every grain that is computed for the export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -188,6 +189,11 @@ impl<'a> ExportedRun<'a> {
     /// Number of dimensions.
     pub fn axes(&self) -> usize {
         self.run.dimension().axes()
+    }
+
+    /// What its contacts are.
+    pub fn form(&self) -> Form {
+        self.run.form()
     }
 
     /// The computed fields.
@@ -445,13 +451,13 @@ fn planar(frame: &FrameRecords) -> Frame {
 }
 
 /// Names of the components of all quantities of contacts.
-pub fn contact_names(axes: usize) -> impl Iterator<Item = String> {
-    of_contacts(axes).flat_map(move |of| component_names(of.name, of.components(axes)))
+pub fn contact_names(form: Form) -> impl Iterator<Item = String> {
+    of_contacts(form).flat_map(move |of| component_names(of.name, of.components(form.axes)))
 }
 
 /// Their values.
-pub fn contact_values(axes: usize, contact: &ContactSample) -> impl Iterator<Item = f64> {
-    of_contacts(axes).flat_map(move |of| of.values(axes, contact))
+pub fn contact_values(form: Form, contact: &ContactSample) -> impl Iterator<Item = f64> {
+    of_contacts(form).flat_map(move |of| of.values(form.axes, contact))
 }
 
 /// Name and value of a number of a grain's state.

@@ -88,7 +88,7 @@ impl CsvWriter {
             .chain(["id", "body", "radius", "mass"])
             .chain(named)
             .chain(fields.iter().map(String::as_str));
-        let named: Vec<String> = contact_names(axes).collect();
+        let named: Vec<String> = contact_names(run.form()).collect();
         let named = named.iter().map(String::as_str);
         let contacts = FRAME.into_iter().chain(["i", "j"]).chain(named);
         Ok(Self {
@@ -129,7 +129,7 @@ impl FrameWriter for CsvWriter {
             let table = &mut self.contacts;
             table.cells(&of_frame);
             table.cells(&[&contact.i, &contact.j]);
-            for value in contact_values(run.axes(), contact) {
+            for value in contact_values(run.form(), contact) {
                 table.cells(&[&value]);
             }
             table.end_line()?;

@@ -95,13 +95,13 @@ impl DumpWriter {
         let contacts = &frame.records.contacts;
         Self::head(file, run, frame, ("ENTRIES", contacts.len()))?;
         write!(file, "ITEM: ENTRIES batom1 batom2")?;
-        for name in contact_names(run.axes()) {
+        for name in contact_names(run.form()) {
             write!(file, " {name}")?;
         }
         writeln!(file)?;
         for contact in contacts {
             write!(file, "{} {}", contact.i + 1, contact.j + 1)?;
-            for value in contact_values(run.axes(), contact) {
+            for value in contact_values(run.form(), contact) {
                 write!(file, " {value:?}")?;
             }
             writeln!(file)?;

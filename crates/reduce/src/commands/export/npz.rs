@@ -171,7 +171,7 @@ impl FrameWriter for NpzWriter {
         let pairs: Vec<u32> = contacts.iter().flat_map(|c| [c.i, c.j]).collect();
         self.append("contact_pair", contacts.len(), &[2], &pairs);
         let axes = run.axes();
-        for of in of_contacts(axes) {
+        for of in of_contacts(run.form()) {
             let components = of.components(axes);
             let shape = if components == 1 {
                 vec![]

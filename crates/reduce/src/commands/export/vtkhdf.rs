@@ -196,7 +196,7 @@ impl VtkWriter {
         let ids = Column::create(&point_group, "id", 0)?;
         point_offsets.push(Column::of_steps(&of_points, "id", 0)?);
         let (mut cell_data, mut cell_offsets) = (Vec::new(), Vec::new());
-        for quantity in of_contacts(run.axes()) {
+        for quantity in of_contacts(run.form()) {
             let width = match quantity.components(run.axes()) {
                 1 => 0,
                 width => width,

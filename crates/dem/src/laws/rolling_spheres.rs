@@ -1,0 +1,272 @@
+//! Rolling and twisting resistance of spheres, beside any law between them: springs, dashpots and
+//! sliders as LAMMPS' `rolling sds` and `twisting sds` (Luding 2008; Santos et al. 2020).
+//!
+//! With the rotation Δθ of i against j in a step, its part Δθ_r in the tangent plane and its component
+//! Δθ_n along n, the torques on i are
+//!
+//! ```text
+//! M ← M - k_r Δθ_r,  M_r = M - C_r (ω_i-ω_j)_r,  |M_r| ≤ μ_r R_r F_n,  k_r = k R_r²
+//! T ← T - k_w Δθ_n,  T_n = T - C_w (ω_i-ω_j)_n,  |T_n| ≤ μ_w R_r F_n,  k_w = k' R_r²
+//! C = 2η√(I k)
+//! ```
+//!
+//! with R_r = R_i R_j/(R_i+R_j), I = I_i I_j/(I_i+I_j), and of a sphere I = (7/5) mR² for rolling, about
+//! the contact, and (2/5) mR² for twisting. A torque beyond its limit is cut to it, and its spring set
+//! back so that spring and damper together give the limit; that of rolling along the mean of the
+//! directions ([`set_back`]). The histories, M and T, turn with the pair as that of F_t.
+//!
+//! LAMMPS counts in forces R_r apart: its k_roll is k, its γ_roll is C_r/R_r², its k_twist and γ_twist
+//! are k_w and C_w, its μ_twist is μ_w R_r (m).
+
+use super::{Constants, Contact};
+use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
+use crate::contact::{
+    Blocks, ContactLaw, History, TORQUES, add_damping, dissipation, set_back, vector,
+};
+use crate::dimension::{Dimension, Three};
+use crate::kernel::PairForce;
+use crate::simd::{Lanes, Lanes16, Mask, inverse};
+use crate::state::Masses;
+
+/// The law `rough`, `smooth` without friction, or with rolling and twisting resistance, as the contacts
+/// have them.
+pub(super) fn between_spheres(
+    constants: &dyn Constants,
+    contact: &Contact,
+    rough: impl ContactLaw<Space = Three> + Stiffness,
+    smooth: impl ContactLaw<Space = Three> + Stiffness,
+) -> Box<dyn PairForce<Three>> {
+    match (contact.friction > 0.0, contact.resists_rotation()) {
+        (true, true) => Box::new(Resisting::new(constants, contact, rough)),
+        (false, true) => Box::new(Resisting::new(constants, contact, smooth)),
+        (true, false) => Box::new(rough),
+        (false, false) => Box::new(smooth),
+    }
+}
+
+/// A torque of a spring, a dashpot and a slider.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Resistance {
+    /// k_r/R_r² or k_w/R_r² (N/m).
+    stiffness: f64,
+    /// μ_r or μ_w.
+    friction: f64,
+    /// 2η √(I/mR²).
+    damping: f64,
+}
+
+/// A law with rolling and twisting resistance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Resisting<C> {
+    law: C,
+    masses: Masses,
+    rolling: Resistance,
+    twisting: Resistance,
+}
+
+impl<C: ContactLaw> Resisting<C> {
+    fn new(constants: &dyn Constants, contact: &Contact, law: C) -> Self {
+        let rolling = contact.rolling_stiffness.or(constants.rolling_stiffness());
+        // A scene gives what it needs.
+        let rolling = rolling.unwrap_or(0.0);
+        Self {
+            law,
+            masses: constants.masses(),
+            rolling: Resistance {
+                stiffness: rolling,
+                friction: contact.rolling_friction,
+                damping: 2.0 * contact.rolling_damping_ratio * 1.4f64.sqrt(),
+            },
+            twisting: Resistance {
+                stiffness: contact.twisting_stiffness.unwrap_or(rolling),
+                friction: contact.twisting_friction,
+                damping: 2.0 * contact.twisting_damping_ratio * 0.4f64.sqrt(),
+            },
+        }
+    }
+}
+
+// Places in the parameters of a pair, after those of the law.
+/// k_r and k_w (N m).
+const STIFFNESS: usize = 0;
+/// C_r and C_w (N m s).
+const DAMPING: usize = 2;
+/// μ_r R_r and μ_w R_r (m).
+const ARM: usize = 4;
+/// How many they are.
+const OWN: usize = 6;
+
+/// Lower bound of a stiffness (N m), by which energies are divided.
+const SOFTEST: f64 = 1e-200;
+
+impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
+    type Space = Three;
+    const PARAMETERS: usize = C::PARAMETERS + OWN;
+    const HISTORY: usize = C::HISTORY + TORQUES;
+    const HISTORY_UNIT: &'static str = C::HISTORY_UNIT;
+    // The motion across n is needed.
+    const FRICTION: bool = true;
+    const ROLLING: bool = true;
+
+    #[inline(always)]
+    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
+        let c = |v| L::splat(token, v);
+        self.law.parameters(token, r_i, r_j, out);
+        let out = &mut out[C::PARAMETERS..];
+        let mass = |radius: L| match self.masses {
+            Masses::Density(density) => c(density * Three::volume(1.0)) * Three::power(radius),
+            Masses::Equal(mass) => c(mass),
+        };
+        let r_r = r_i * r_j / (r_i + r_j);
+        // mR².
+        let (i, j) = (mass(r_i) * r_i * r_i, mass(r_j) * r_j * r_j);
+        let inertia = i * j / (i + j);
+        for (k, of) in [self.rolling, self.twisting].into_iter().enumerate() {
+            let stiffness = c(of.stiffness) * r_r * r_r;
+            stiffness.store(&mut out[STIFFNESS + k]);
+            (c(of.damping) * (inertia * stiffness).sqrt()).store(&mut out[DAMPING + k]);
+            (c(of.friction) * r_r).store(&mut out[ARM + k]);
+        }
+    }
+
+    fn largest_force(&self, radius: f64) -> f64 {
+        self.law.largest_force(radius)
+    }
+
+    #[inline(always)]
+    fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        self.law.evaluate::<L, BUDGET>(token, blocks);
+        let c = |v| L::splat(token, v);
+        let load = |lanes: &Lanes16| L::load(token, lanes);
+        let zero = c(0.0);
+        let per_half_step = c(2.0 * blocks.per_step);
+        let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
+        for (((p, history), motion), response) in blocks
+            .parameters
+            .chunks_exact(blocks.parameter_lanes)
+            .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
+            .zip(blocks.motion)
+            .zip(&mut *blocks.response)
+        {
+            if !C::FRICTION {
+                response.tangential = [Lanes16::ZERO; 3];
+                response.sliding = 0;
+            }
+            let (p, history) = (&p[C::PARAMETERS..], &mut history[C::HISTORY..]);
+            let touching = load(&motion.overlap).greater(zero);
+            let normal = load(&response.normal);
+            // Of the spring and of spring and damper, at the beginning of the step and at its end
+            // without limit.
+            let mut sprung = [zero; TORQUES];
+            let (mut earlier, mut trial) = ([zero; TORQUES], [zero; TORQUES]);
+            let of = |k: usize| k / 3;
+            for k in 0..TORQUES {
+                let (stiffness, damping) = (load(&p[STIFFNESS + of(k)]), load(&p[DAMPING + of(k)]));
+                let (increment, velocity) = (
+                    load(&motion.rolling_increment[k]),
+                    load(&motion.rolling_velocity[k]),
+                );
+                let gained = moves * velocity - per_half_step * increment;
+                sprung[k] = (-stiffness).mul_add(increment, load(&history[k]));
+                trial[k] = (-damping).mul_add(velocity, sprung[k]);
+                earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
+            }
+            let [x, y, z, twist] = trial;
+            let rolled = L::mask(token, response.rolls);
+            let before = [earlier[0], earlier[1], earlier[2]];
+            let limit = load(&p[ARM]) * normal;
+            let (cut, rolls) = set_back(token, &before, [x, y, z], limit, rolled);
+            let limit = load(&p[ARM + 1]) * normal;
+            let twists = twist.abs().greater(limit);
+            let cut = [
+                cut[0],
+                cut[1],
+                cut[2],
+                limit.copy_sign(twist).select(twists, twist),
+            ];
+            (response.rolls, response.twists) = (rolls.bits(), twists.bits());
+            let mut dissipated = zero;
+            for k in 0..TORQUES {
+                cut[k].store(&mut response.rolling[k]);
+                let (stiffness, damping) = (load(&p[STIFFNESS + of(k)]), load(&p[DAMPING + of(k)]));
+                let viscous = damping * load(&motion.rolling_velocity[k]);
+                let at_limit = if of(k) == 0 { rolls } else { twists };
+                let after = (cut[k] + viscous).select(at_limit, sprung[k]);
+                let (before, after) = (load(&history[k]), after.select(touching, zero));
+                if BUDGET {
+                    let per_stiffness = inverse(token, stiffness.max(c(SOFTEST)));
+                    let gained = (after - before) * per_stiffness;
+                    let way = load(&motion.rolling_increment[k]) + gained;
+                    dissipated = (c(-0.5) * (before + after)).mul_add(way, dissipated);
+                    let power = viscous * load(&motion.rolling_velocity[k]);
+                    add_damping(token, response, power.select(touching, zero));
+                }
+                after.store(&mut history[k]);
+            }
+            if BUDGET {
+                dissipated.store(&mut response.dissipated[dissipation::ROLLING]);
+            }
+        }
+    }
+
+    /// Rolling: ½M²/k_r + ½T²/k_w.
+    #[inline(always)]
+    fn elastic_energies<L: Lanes>(
+        &self,
+        token: L::Token,
+        parameters: &[Lanes16],
+        overlap: L,
+        history: &[Lanes16],
+    ) -> [L; 3] {
+        let c = |v| L::splat(token, v);
+        let [normal, tangential, _] = self
+            .law
+            .elastic_energies(token, parameters, overlap, history);
+        let torques = &history[C::HISTORY..];
+        let stiffness = |k| L::load(token, &parameters[C::PARAMETERS + STIFFNESS + k]);
+        let per_stiffness = |k| c(0.5) / stiffness(k).max(c(SOFTEST));
+        let moment = vector::<L>(token, torques, 3);
+        let twist = L::load(token, &torques[3]);
+        let rolling = per_stiffness(0) * Three::dot(&moment, &moment);
+        let rolling = (per_stiffness(1) * twist).mul_add(twist, rolling);
+        [normal, tangential, rolling]
+    }
+
+    // Without friction the torques come first.
+    fn history_to_state(history: History) -> History {
+        let [a, b, c, d, ..] = history;
+        if C::FRICTION {
+            history
+        } else {
+            [0.0, 0.0, 0.0, a, b, c, d]
+        }
+    }
+
+    fn history_from_state(state: History) -> History {
+        let [_, _, _, a, b, c, d] = state;
+        if C::FRICTION {
+            state
+        } else {
+            [a, b, c, d, 0.0, 0.0, 0.0]
+        }
+    }
+}
+
+impl<C: ContactLaw + Stiffness> Stiffness for Resisting<C> {
+    fn derivatives(&self, state: &SpringState) -> Derivatives {
+        let d = self.law.derivatives(state);
+        let [r_i, r_j] = state.radii;
+        let r_r = r_i * r_j / (r_i + r_j);
+        let [_, rolls, twists] = state.limits;
+        let [x, y, z, twist] = state.torques;
+        let force = |of: Resistance, trial, at_limit| {
+            let limit = d.limit(of.friction * r_r);
+            SpringForce::new(trial, of.stiffness * r_r * r_r, limit, at_limit)
+        };
+        Derivatives {
+            rolling: force(self.rolling, [x, y, z], rolls),
+            twisting: force(self.twisting, [twist, 0.0, 0.0], twists),
+            ..d
+        }
+    }
+}
