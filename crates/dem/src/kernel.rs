@@ -384,7 +384,7 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         if new != 0 {
             let approach = approach.to_lanes16();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
-                let factor = first_touch(motion, lane, approach.0[lane]);
+                let factor = first_touch::<C::Space>(motion, lane, approach.0[lane]);
                 if BUDGET {
                     scratch.touched.push((k, lane, factor));
                 }
@@ -888,7 +888,7 @@ fn forces_of_pair<C: ContactLaw, L: Lanes>(
 /// so the damping, which begins with a jump, is scaled by that. Without these corrections an impact
 /// would be of first order in Δt.
 #[cold]
-fn first_touch(motion: &mut PairMotion, lane: usize, approach: f64) -> f64 {
+fn first_touch<D: Dimension>(motion: &mut PairMotion, lane: usize, approach: f64) -> f64 {
     let part = motion.overlap.0[lane] / approach;
     let increments = &mut motion.tangential_increment;
     for lanes in increments.iter_mut().chain(&mut motion.rolling_increment) {
@@ -896,9 +896,12 @@ fn first_touch(motion: &mut PairMotion, lane: usize, approach: f64) -> f64 {
     }
     let factor = 0.5 + part;
     motion.normal_velocity.0[lane] *= factor;
-    let velocities = &mut motion.tangential_velocity;
-    for lanes in velocities.iter_mut().chain(&mut motion.rolling_velocity) {
+    for lanes in &mut motion.tangential_velocity {
         lanes.0[lane] *= factor;
+    }
+    // The torques of spheres begin at 0.
+    if D::SPINS == 1 {
+        motion.rolling_velocity[0].0[lane] *= factor;
     }
     factor
 }

@@ -15,13 +15,16 @@
 //! back so that spring and damper together give the limit; that of rolling along the mean of the
 //! directions ([`set_back`]). The histories, M and T, turn with the pair as that of F_t.
 //!
+//! Where two spheres touch, F_n and with it the limits begin at 0, but not the dashpots, so the sliders
+//! slide: M begins as C (ω_i-ω_j), and the torque at 0.
+//!
 //! LAMMPS counts in forces R_r apart: its k_roll is k, its γ_roll is C_r/R_r², its k_twist and γ_twist
 //! are k_w and C_w, its μ_twist is μ_w R_r (m).
 
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, History, TORQUES, add_damping, dissipation, set_back, vector,
+    Blocks, ContactLaw, History, PairMotion, TORQUES, add_damping, dissipation, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -157,8 +160,9 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             let normal = load(&response.normal);
             // Of the spring and of spring and damper, at the beginning of the step and at its end
             // without limit.
+            let (begins, touched) = begins_at(token, motion, history, blocks.per_step);
             let mut sprung = [zero; TORQUES];
-            let (mut earlier, mut trial) = ([zero; TORQUES], [zero; TORQUES]);
+            let (mut before, mut earlier, mut trial) = (sprung, sprung, sprung);
             let of = |k: usize| k / 3;
             for k in 0..TORQUES {
                 let (stiffness, damping) = (load(&p[STIFFNESS + of(k)]), load(&p[DAMPING + of(k)]));
@@ -167,15 +171,16 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                     load(&motion.rolling_velocity[k]),
                 );
                 let gained = moves * velocity - per_half_step * increment;
-                sprung[k] = (-stiffness).mul_add(increment, load(&history[k]));
+                before[k] = load(&history[k]) + damping * begins[k];
+                sprung[k] = (-stiffness).mul_add(increment, before[k]);
                 trial[k] = (-damping).mul_add(velocity, sprung[k]);
                 earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
             }
             let [x, y, z, twist] = trial;
             let rolled = L::mask(token, response.rolls);
-            let before = [earlier[0], earlier[1], earlier[2]];
+            let of_step = [earlier[0], earlier[1], earlier[2]];
             let limit = load(&p[ARM]) * normal;
-            let (cut, rolls) = set_back(token, &before, [x, y, z], limit, rolled);
+            let (cut, rolls) = set_back(token, &of_step, [x, y, z], limit, rolled);
             let limit = load(&p[ARM + 1]) * normal;
             let twists = twist.abs().greater(limit);
             let cut = [
@@ -192,13 +197,15 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 let viscous = damping * load(&motion.rolling_velocity[k]);
                 let at_limit = if of(k) == 0 { rolls } else { twists };
                 let after = (cut[k] + viscous).select(at_limit, sprung[k]);
-                let (before, after) = (load(&history[k]), after.select(touching, zero));
+                let after = after.select(touching, zero);
                 if BUDGET {
+                    let stored = load(&history[k]);
                     let per_stiffness = inverse(token, stiffness.max(c(SOFTEST)));
-                    let gained = (after - before) * per_stiffness;
-                    let way = load(&motion.rolling_increment[k]) + gained;
-                    dissipated = (c(-0.5) * (before + after)).mul_add(way, dissipated);
-                    let power = viscous * load(&motion.rolling_velocity[k]);
+                    let gained = (after - stored) * (after + stored) * per_stiffness;
+                    let way = load(&motion.rolling_increment[k]).select(touching, zero);
+                    let lost = (before[k] + after).mul_add(way, gained);
+                    dissipated = c(-0.5).mul_add(lost, dissipated);
+                    let power = touched * viscous * load(&motion.rolling_velocity[k]);
                     add_damping(token, response, power.select(touching, zero));
                 }
                 after.store(&mut history[k]);
@@ -250,6 +257,44 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             [a, b, c, d, 0.0, 0.0, 0.0]
         }
     }
+}
+
+/// ω_i - ω_j where a torque begins, in contacts without history: at the touch, a part θ of the step
+/// ago. There increments are of this part, and v_n has been multiplied by ½ + θ. 0 elsewhere. Also the
+/// part of the dampers' power in the step, which the kernel divides by ½ + θ.
+#[inline(always)]
+fn begins_at<L: Lanes>(
+    token: L::Token,
+    motion: &PairMotion,
+    history: &[Lanes16],
+    per_step: f64,
+) -> ([L; TORQUES], L) {
+    let c = |v| L::splat(token, v);
+    let load = |lanes: &Lanes16| L::load(token, lanes);
+    let (zero, half, one) = (c(0.0), c(0.5), c(1.0));
+    let mut begins = [zero; TORQUES];
+    if per_step == 0.0 {
+        return (begins, one);
+    }
+    let mut size = zero;
+    for lanes in &history[..TORQUES] {
+        size = size + load(lanes).abs();
+    }
+    let overlap = load(&motion.overlap);
+    let least = c(f64::MIN_POSITIVE);
+    let has_none = least.greater(size).and(overlap.greater(zero));
+    // (½ + θ)/θ ≥ 3/2 of a pair that comes to touch.
+    let way = load(&motion.normal_velocity) * c(-1.0 / per_step);
+    let ratio = way / overlap.max(least);
+    let part = half / (ratio - one).max(half);
+    for k in 0..TORQUES {
+        let of_half_step = c(2.0 * per_step) * load(&motion.rolling_increment[k]);
+        let velocity = load(&motion.rolling_velocity[k]);
+        let begun = c(-2.0).mul_add(part, one).mul_add(velocity, of_half_step);
+        begins[k] = begun.select(has_none, zero);
+    }
+    let touches = has_none.and(ratio.greater(c(1.5)));
+    (begins, (part * (half + part)).select(touches, one))
 }
 
 impl<C: ContactLaw + Stiffness> Stiffness for Resisting<C> {

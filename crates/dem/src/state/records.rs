@@ -4,7 +4,6 @@ use bytemuck::{Pod, Zeroable};
 
 use super::Image;
 use crate::columns::Column;
-use crate::contact::TORQUES;
 
 /// A grain in a frame: its row of `particles/trajectory` in `run.h5`. In two dimensions the unused
 /// components are 0.
@@ -49,7 +48,7 @@ pub struct ContactSample {
     /// 1 if the elastic rolling torque is at its limit, else 0.
     pub rolling: u64,
     /// Of spheres, as in [`super::ContactState`] (N m).
-    pub torques: [f64; TORQUES],
+    pub torques: [f64; 4],
     /// 1 if the elastic twisting torque is at its limit, else 0.
     pub twisting: u64,
 }

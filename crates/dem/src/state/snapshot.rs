@@ -56,7 +56,7 @@ pub struct ContactState {
     pub limits: i64,
     /// Elastic torques on i that resist the rolling and twisting of spheres: a vector in the tangent
     /// plane and the component along n (N m).
-    pub torques: [f64; TORQUES],
+    pub torques: [f64; 4],
 }
 
 /// The bits of [`ContactState::limits`] of friction, rolling and twisting: at the limit, and known.

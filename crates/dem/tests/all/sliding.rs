@@ -1,5 +1,5 @@
-//! Friction of spheres: of second order in Δt where contacts slide and their direction turns, and
-//! objective: forces turn with a pair that turns as a rigid body.
+//! Friction, rolling and twisting resistance of spheres: of second order in Δt where contacts slide and
+//! their direction turns, and objective: forces turn with a pair that turns as a rigid body.
 
 use bytemuck::Zeroable;
 use gshear_dem::dimension::Three;
@@ -67,6 +67,23 @@ fn laws() -> Vec<(&'static str, Box<dyn Constants>)> {
     ]
 }
 
+/// Rolling and twisting resistance, in the same units.
+const RESISTING: Contact = Contact {
+    rolling_friction: 0.1,
+    rolling_stiffness: Some(0.5),
+    rolling_damping_ratio: 0.2,
+    twisting_friction: 0.05,
+    twisting_stiffness: Some(0.3),
+    twisting_damping_ratio: 0.1,
+    ..Contact::NONE
+};
+
+/// Every law without and with rolling and twisting resistance.
+fn all_contacts() -> impl Iterator<Item = ((&'static str, Box<dyn Constants>), bool)> {
+    let with = laws().into_iter().map(|law| (law, true));
+    laws().into_iter().map(|law| (law, false)).chain(with)
+}
+
 struct Couple {
     system: System<Three>,
     law: Box<dyn PairForce<Three>>,
@@ -74,18 +91,25 @@ struct Couple {
 }
 
 impl Couple {
-    /// Position, velocity and spin of each, and the history of their contact.
+    /// Position, velocity and spin of each, and the histories of their contact.
     fn new(
         law: &dyn Constants,
-        friction: f64,
+        contact: &Contact,
         step: f64,
         of: [[Vector; 3]; 2],
-        history: Vector,
+        histories: (Vector, [f64; 4]),
     ) -> Self {
-        let contact = Contact {
-            friction,
-            ..Contact::default()
-        };
+        Self::of_radii(RADII, law, contact, step, of, histories)
+    }
+
+    fn of_radii(
+        radii: [f64; 2],
+        law: &dyn Constants,
+        contact: &Contact,
+        step: f64,
+        of: [[Vector; 3]; 2],
+        (history, torques): (Vector, [f64; 4]),
+    ) -> Self {
         let setup = Setup {
             isa: Isa::detect(),
             list: ListSettings {
@@ -105,19 +129,19 @@ impl Couple {
             let [position, velocity, angular_velocity] = of[id];
             GrainState {
                 id: id as u32,
-                radius: RADII[id],
+                radius: radii[id],
                 position: position.map(|x| 10.0 + x),
                 velocity,
                 angular_velocity,
                 ..GrainState::zeroed()
             }
         };
-        let law = law.spheres(&contact).expect("a law of spheres");
+        let law = law.spheres(contact).expect("a law of spheres");
         let mut system = System::new(&Solo, setup).expect("one rank");
-        let contacts = match history {
-            [0.0, 0.0, 0.0] => Vec::new(),
-            _ => vec![ContactState::new(0, 1, history)],
-        };
+        let contacts = vec![ContactState {
+            torques,
+            ..ContactState::new(0, 1, history)
+        }];
         let grains = vec![grain(0), grain(1)];
         system
             .replace(&Solo, law.as_ref(), &mut NoWalls, grains, contacts)
@@ -138,8 +162,10 @@ impl Couple {
         advance(&Solo, system, law, &mut NoWalls, request).expect("sound");
     }
 
-    fn slides(&self) -> bool {
-        self.system.contacts.limits[0][0] != 0
+    /// Whether it is at the limits of friction, rolling and twisting.
+    fn at_limits(&self) -> [bool; 3] {
+        let [slides, rolls, twists, _] = self.system.contacts.limits[0];
+        [slides, rolls, twists].map(|lanes| lanes != 0)
     }
 }
 
@@ -180,16 +206,25 @@ fn a_direction_that_turns_is_followed_to_second_order() {
         let along: f64 = v.iter().zip(n).map(|(v, n)| v * n).sum();
         std::array::from_fn(|k| v[k] - along * n[k] + turning[k])
     };
-    for (name, law) in laws() {
-        // Beyond the limit, so that it slides; a force or a displacement.
+    let turning = minus(spin_i, spin_j);
+    let twisting: f64 = turning.iter().zip(n).map(|(w, n)| w * n).sum();
+    for ((name, law), resists) in all_contacts() {
+        // Beyond the limits, so that it slides; a force or a displacement.
         let sign = if name == "hooke" { -1.0 } else { 1.0 };
         let history = slip.map(|v| sign * v / norm(slip));
+        let [x, y, z] = std::array::from_fn(|k| twisting * n[k] - turning[k]);
+        let torques = [x, y, z, -twisting].map(|t| t * f64::from(u8::from(resists)));
+        let contact = Contact {
+            friction: 0.15,
+            ..if resists { RESISTING } else { Contact::NONE }
+        };
         let end = |steps: usize| {
             let step = 0.8 / steps as f64;
-            let mut pair = Couple::new(law.as_ref(), 0.15, step, of, history);
+            let histories = (history, torques);
+            let mut pair = Couple::new(law.as_ref(), &contact, step, of, histories);
             for _ in 0..steps {
                 pair.advance();
-                assert!(pair.slides(), "{name}");
+                assert_eq!(pair.at_limits(), [true, resists, resists], "{name}");
             }
             pair.system.grains().state(0)
         };
@@ -201,7 +236,7 @@ fn a_direction_that_turns_is_followed_to_second_order() {
         });
         for pair in errors.windows(2) {
             let order = (pair[0] / pair[1]).log2();
-            assert!((1.85..2.5).contains(&order), "{name}: {errors:?}");
+            assert!((1.85..2.5).contains(&order), "{name} {resists}: {errors:?}");
         }
     }
 }
@@ -213,7 +248,7 @@ fn a_force_turns_with_its_pair_about_the_normal() {
     let n = [0.6, 0.0, 0.8];
     // Perpendicular to n.
     let t = [0.8, 0.0, -0.6];
-    for (name, law) in laws() {
+    for ((name, law), resists) in all_contacts() {
         let step = 1e-7;
         // In so short a time the spring does not change the spins.
         let spin = std::f64::consts::FRAC_PI_2 / (step * STEPS as f64);
@@ -230,15 +265,87 @@ fn a_force_turns_with_its_pair_about_the_normal() {
             ],
         ];
         let history = t.map(|t| 1e-4 * t);
-        let mut pair = Couple::new(law.as_ref(), 10.0, step, of, history);
+        let [x, y, z] = history;
+        let high = if resists { 10.0 } else { 0.0 };
+        let contact = Contact {
+            friction: 10.0,
+            rolling_friction: high,
+            twisting_friction: high,
+            ..RESISTING
+        };
+        let torques = if resists { [x, y, z, 1e-4] } else { [0.0; 4] };
+        let mut pair = Couple::new(law.as_ref(), &contact, step, of, (history, torques));
         (0..STEPS).for_each(|_| pair.advance());
         let contacts = pair.system.contact_states(pair.law.as_ref());
         let found = contacts[0].history;
         let turned = cross(n, t);
+        if resists {
+            let [x, y, z, twist] = contacts[0].torques;
+            let error = norm(minus([x, y, z], turned.map(|t| 1e-4 * t))) / 1e-4;
+            assert!(error < 1e-5, "{name}: {x} {y} {z}, {error:e}");
+            assert!((twist / 1e-4 - 1.0).abs() < 1e-5, "{name}: {twist}");
+        }
         let error = norm(minus(found, turned.map(|t| 1e-4 * t))) / 1e-4;
         assert!(
             error < 1e-5,
             "{name}: {found:?} is not along {turned:?}, {error:e}"
+        );
+    }
+}
+
+/// Two equal spheres that roll on each other, and twist, without slip: damped oscillators whose
+/// period and decay are those of k_r, C_r and of k_w, C_w.
+#[test]
+fn spheres_oscillate_against_each_other() {
+    const RADIUS: f64 = 0.5;
+    let (name, law) = laws().swap_remove(0);
+    let mass = law
+        .masses()
+        .of(4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3));
+    let contact = Contact {
+        friction: 10.0,
+        rolling_friction: 1e3,
+        twisting_friction: 1e3,
+        // So stiff that the spheres hardly part meanwhile.
+        rolling_stiffness: Some(500.0),
+        twisting_stiffness: Some(300.0),
+        ..RESISTING
+    };
+    let n = [0.0, 0.6, 0.8];
+    for (axis, k, eta, inertia) in [([1.0, 0.0, 0.0], 500.0, 0.2, 1.4), (n, 300.0, 0.1, 0.4)] {
+        // I φ'' = -k_r φ - C_r φ' of the relative angle φ with I = (2/5) mR²/2.
+        let stiffness = k * RADIUS * RADIUS / 4.0;
+        let damping = 2.0 * eta * (0.5 * inertia * mass * RADIUS * RADIUS * stiffness).sqrt();
+        let moment = 0.2 * mass * RADIUS * RADIUS;
+        let (rate, decay) = ((stiffness / moment).sqrt(), 0.5 * damping / moment);
+        let turning = (rate * rate - decay * decay).sqrt();
+        let (spin, end) = (1e-3, 3.0 / rate);
+        let expected = spin
+            * (-decay * end).exp()
+            * ((turning * end).cos() - decay / turning * (turning * end).sin());
+        let errors = [400, 800].map(|steps| {
+            let grain = |side: f64| {
+                [
+                    n.map(|n| side * 0.99 * RADIUS * n),
+                    [0.0; 3],
+                    axis.map(|a| 0.5 * side * spin * a),
+                ]
+            };
+            let step = end / f64::from(steps);
+            let of = [grain(1.0), grain(-1.0)];
+            // Without any torque, they would begin as if they had just touched.
+            let histories = ([0.0; 3], [1e-30; 4]);
+            let mut pair =
+                Couple::of_radii([RADIUS; 2], law.as_ref(), &contact, step, of, histories);
+            (0..steps).for_each(|_| pair.advance());
+            let [a, b] = [0, 1].map(|g| pair.system.grains().state(g).angular_velocity);
+            let found: f64 = (0..3).map(|k| (a[k] - b[k]) * axis[k]).sum();
+            (found - expected).abs() / spin
+        });
+        assert!(errors[1] < 1e-5, "{name}: {errors:?}, {expected}");
+        assert!(
+            (3.5..4.5).contains(&(errors[0] / errors[1])),
+            "{name}: {errors:?}"
         );
     }
 }

@@ -32,10 +32,19 @@ fn spheres(young_modulus: f64, restitution: f64, tangential_damping_ratio: f64) 
     }
 }
 
+fn sliding(friction: f64) -> Contact {
+    Contact {
+        friction,
+        ..Contact::NONE
+    }
+}
+
 fn norm(v: Vector) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
+/// Steps of a collision that lasts as long as without dampers.
+const STEPS: u32 = 32_000;
 /// The gap (m) between the spheres at the start: more than the rounding of their positions.
 const GAP: f64 = 1e-12;
 
@@ -50,16 +59,12 @@ struct Impact {
 impl Impact {
     fn new(
         of: TsujiSpheres,
-        friction: f64,
+        contact: &Contact,
         n: Vector,
         velocity: Vector,
         spins: [Vector; 2],
     ) -> Self {
-        let contact = Contact {
-            friction,
-            ..Contact::default()
-        };
-        let law = of.spheres(&contact).expect("a law of spheres");
+        let law = of.spheres(contact).expect("a law of spheres");
         let duration = of.collision_time(RADII[0], norm(velocity)).expect("a time");
         let setup = Setup {
             isa: Isa::detect(),
@@ -71,7 +76,7 @@ impl Impact {
             largest_radius: RADII[1],
             mean_diameter: RADII[0] + RADII[1],
             masses: of.masses(),
-            step: duration / 4000.0,
+            step: duration / f64::from(STEPS),
             gravity: 0.0,
             typical_force: 1.0,
             threads: 1,
@@ -106,12 +111,18 @@ impl Impact {
 
     /// Head on, at this speed (m/s).
     fn head_on(of: TsujiSpheres, speed: f64) -> Self {
-        Self::new(of, 0.0, [1.0, 0.0, 0.0], [-speed, 0.0, 0.0], [[0.0; 3]; 2])
+        Self::new(
+            of,
+            &Contact::NONE,
+            [1.0, 0.0, 0.0],
+            [-speed, 0.0, 0.0],
+            [[0.0; 3]; 2],
+        )
     }
 
     /// The two spheres some time after the impact.
     fn end(&mut self) -> [GrainState; 2] {
-        for _ in 0..12_000 {
+        for _ in 0..3 * STEPS {
             let request = StepRequest::sampled(&mut self.samples);
             let law = self.law.as_ref();
             advance(&Solo, &mut self.system, law, &mut NoWalls, request).expect("sound");
@@ -166,23 +177,42 @@ fn restitution_does_not_depend_on_the_speed() {
     }
 }
 
-/// The kinetic energy that an oblique impact takes equals the dissipation.
+/// The kinetic energy that an oblique impact takes equals the dissipation, also of spheres that resist
+/// rolling and twisting, below their limits and at them.
 #[test]
 fn the_energy_budget_closes() {
     let (n, velocity) = ([1.0, 0.0, 0.0], [-1.0, 1.5, 0.0]);
-    let mut impact = Impact::new(spheres(1e10, 0.6, 0.5), 0.3, n, velocity, [[0.0; 3]; 2]);
-    let (_, before) = impact.energies();
-    impact.end();
-    let (entry, after) = impact.energies();
-    assert_eq!(entry.elastic, [0.0; 3]);
-    let lost = entry.dissipated.iter().sum::<f64>();
-    let [damping, friction, ..] = entry.dissipated;
-    assert!(damping > 0.1 * lost && friction > 0.1 * lost, "{entry:?}");
-    let missing = before - after - lost;
-    assert!(missing.abs() < 2e-6 * lost, "{missing:e} of {lost:e} J");
+    let spinning = [[900.0, 300.0, -400.0], [-700.0, 500.0, 200.0]];
+    for (mu, spins) in [(0.0, [[0.0; 3]; 2]), (0.05, spinning), (100.0, spinning)] {
+        let contact = Contact {
+            rolling_friction: mu,
+            rolling_stiffness: Some(3e6),
+            rolling_damping_ratio: 0.003,
+            twisting_friction: mu / 2.0,
+            twisting_stiffness: Some(2e6),
+            twisting_damping_ratio: 0.002,
+            ..sliding(0.3)
+        };
+        let mut impact = Impact::new(spheres(1e10, 0.6, 0.5), &contact, n, velocity, spins);
+        let (_, before) = impact.energies();
+        impact.end();
+        let (entry, after) = impact.energies();
+        assert_eq!(entry.elastic, [0.0; 3]);
+        let lost = entry.dissipated.iter().sum::<f64>();
+        let [damping, friction, rolling, _] = entry.dissipated;
+        let slides = friction > 0.1 * lost || mu > 0.0;
+        assert!(damping > 0.1 * lost && slides, "{entry:?}");
+        assert_eq!(rolling > 1e-3 * lost, mu > 0.0, "{entry:?}");
+        let missing = before - after - lost;
+        assert!(
+            missing.abs() < 2e-6 * lost,
+            "{missing:e} of {lost:e} J with {mu}"
+        );
+    }
 }
 
-/// Oblique impacts of spinning spheres, sticking and sliding. Stiff ones against LAMMPS; soft ones,
+/// Oblique impacts of spinning spheres, sticking and sliding, without and with resistance to rolling
+/// and twisting, below its limits and at them. Stiff ones against LAMMPS; soft ones,
 /// whose overlap reaches 0.15 R, against an integration with the arm R of the torques, where
 /// LAMMPS' `granular` has R - δ/2: see lammps/impacts.py.
 #[test]
@@ -195,11 +225,21 @@ fn impacts_are_those_of_lammps() {
     for row in text.lines().filter(|line| !line.starts_with('#')) {
         let numbers = row.split_whitespace().map(|n| n.parse().expect("a number"));
         let numbers: Vec<f64> = numbers.collect();
-        let ([modulus, e, ratio, angle], expected) = numbers.split_first_chunk().expect("a row");
+        let (of, expected) = numbers.split_first_chunk().expect("a row");
+        let [modulus, e, ratio, angle, k, eta, mu, k_w, eta_w, mu_w] = *of;
+        let contact = Contact {
+            rolling_friction: mu,
+            rolling_stiffness: Some(k),
+            rolling_damping_ratio: eta,
+            twisting_friction: mu_w,
+            twisting_stiffness: Some(k_w),
+            twisting_damping_ratio: eta_w,
+            ..sliding(0.4)
+        };
         let (s, c) = angle.to_radians().sin_cos();
         let velocity = std::array::from_fn(|k| SPEED * (s * aside[k] - c * n[k]));
-        let of = spheres(*modulus, *e, *ratio);
-        let ends = Impact::new(of, 0.4, n, velocity, spins).end();
+        let of = spheres(modulus, e, ratio);
+        let ends = Impact::new(of, &contact, n, velocity, spins).end();
         let velocities = ends.map(|g| (g.velocity, SPEED));
         let spins = ends.map(|g| (g.angular_velocity, SPEED / g.radius));
         let found = velocities.into_iter().chain(spins);

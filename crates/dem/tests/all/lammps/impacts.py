@@ -6,7 +6,8 @@ Made impacts.txt, which crates/dem/tests/all/tsuji.rs compares with:
     LD_LIBRARY_PATH=venv/lib venv/bin/python impacts.py > impacts.txt
 
 A row: E (Pa), the restitution e, gamma_t/gamma_n, the angle (degrees) between the second sphere's
-velocity and the line of centres, and after the impact the velocities (m/s) and spins (rad/s) of both.
+velocity and the line of centres; of `rolling sds`, then of `twisting sds`, the stiffness over R_r^2 (N/m),
+the damping ratio and the friction; and after the impact the velocities (m/s) and spins (rad/s) of both.
 
 Stiff spheres are LAMMPS'. Soft ones overlap by up to 0.15 R, where LAMMPS' arm of the torque, R - overlap/2,
 is no longer R: they are integrated here with the arm R and the spring turned about n with the spheres,
@@ -26,6 +27,9 @@ ASIDE = (1 / 3, -2 / 3, -2 / 3)
 # Without a mean along DIRECTION: LAMMPS does not turn the spring with the spheres about n.
 SPINS = ((40.0, -25.0, 60.0), (-60.0, 70.0, -17.5))
 SPEED = 0.2
+NONE = (0, 0, 0)
+# Turns the spins of the stiff spheres around during the impact (N/m).
+RESISTANCE = 3e8
 STEPS = {STIFF: 5e-13, SOFT: 1e-9}
 
 
@@ -50,7 +54,26 @@ def approach(angle):
     return -normal * np.array(DIRECTION) + aside * np.array(ASIDE)
 
 
-def start(modulus, e, ratio, angle, gap):
+def resistance(rolling, twisting):
+    """The words of rolling and twisting resistance in pair_coeff; see laws/rolling_spheres.rs."""
+    if not any(rolling + twisting):
+        return ""
+    arm = RADII[0] * RADII[1] / sum(RADII)
+    mass = [RHO * 4 / 3 * pi * r**3 for r in RADII]
+
+    def dashpot(stiffness, ratio, share):
+        of = [share * m * r**2 for m, r in zip(mass, RADII, strict=True)]
+        return 2 * ratio * (of[0] * of[1] / sum(of) * stiffness) ** 0.5
+
+    (k, eta, mu), (k_w, eta_w, mu_w) = rolling, twisting
+    k_w *= arm**2
+    return (
+        f"rolling sds {k!r} {dashpot(k * arm**2, eta, 1.4) / arm**2!r} {mu!r} "
+        f"twisting sds {k_w!r} {dashpot(k_w, eta_w, 0.4)!r} {mu_w * arm!r}"
+    )
+
+
+def start(modulus, e, ratio, angle, gap, rolling=NONE, twisting=NONE):
     """The two spheres, at rest and approaching, with this gap (m) between them."""
     lmp = lammps(cmdargs=["-log", "none", "-screen", "none"])
     distance = sum(RADII) + gap
@@ -73,7 +96,7 @@ def start(modulus, e, ratio, angle, gap):
         set atom 1 omega {' '.join(map(str, SPINS[0]))}
         set atom 2 omega {' '.join(map(str, SPINS[1]))}
         pair_style granular
-        pair_coeff * * hertz/material {modulus!r} {e!r} {NU!r} tangential mindlin NULL {ratio!r} {MU!r} damping tsuji limit_damping
+        pair_coeff * * hertz/material {modulus!r} {e!r} {NU!r} tangential mindlin NULL {ratio!r} {MU!r} {resistance(rolling, twisting)} damping tsuji limit_damping
         timestep {STEPS[modulus]!r}
         neighbor 1e-4 bin
         fix move all nve/sphere
@@ -94,9 +117,9 @@ def factor():
     return (force - secant * overlap) / (SPEED * (mass * secant) ** 0.5) / alpha(e)
 
 
-def of_lammps(modulus, e, ratio, angle):
+def of_lammps(modulus, e, ratio, angle, rolling=NONE, twisting=NONE):
     """Velocities and spins after the impact in LAMMPS."""
-    lmp = start(modulus, e, ratio, angle, 0.0)
+    lmp = start(modulus, e, ratio, angle, 0.0, rolling, twisting)
     distance = 0.0
     while distance < sum(RADII):
         lmp.command("run 200000 post no")
@@ -178,11 +201,15 @@ def differ(a, b):
     return np.abs((a - b) / scale).max()
 
 
+def show(of, rows):
+    print(*of, *(f"{v:.9e}" for row in rows for v in row), flush=True)
+
+
 def main():
     found = factor()
     assert min(abs(found - 1), abs(found - 2**0.5)) < 1e-3, found
     old = found < 1.2
-    print("# E e ratio angle v1 v2 omega1 omega2")
+    print("# E e ratio angle k eta mu k_w eta_w mu_w v1 v2 omega1 omega2")
     cases = ((0.5, 0.5, 15), (0.5, 1.0, 40), (0.8, 0.5, 25), (0.9, 0.0, 60))
     for modulus in (STIFF, SOFT):
         for e, ratio, angle in cases:
@@ -193,8 +220,15 @@ def main():
                 error = differ(rows, extrapolated(*of, as_lammps=True))
                 assert error < 2e-5, error
                 rows = extrapolated(*of, as_lammps=False)
-            numbers = (f"{v:.9e}" for row in rows for v in row)
-            print(modulus, e, ratio, angle, *numbers, flush=True)
+            show((modulus, e, ratio, angle, *NONE, *NONE), rows)
+    for e, ratio, angle in cases[:3]:
+        given = restitution_of(2**0.5 * alpha(e)) if old else e
+        # Below the limits but at the touch, and at them.
+        for mu in (100.0, 0.05):
+            # Above them LAMMPS' dashpot of rolling, but not that of twisting, begins with a jump.
+            rolling, twisting = (RESISTANCE, 0.2 * (mu < 1), mu), (0.5 * RESISTANCE, 0.1, mu / 2)
+            rows = of_lammps(STIFF, given, ratio, angle, rolling, twisting)
+            show((STIFF, e, ratio, angle, *rolling, *twisting), rows)
 
 
 main()
