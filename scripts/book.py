@@ -28,6 +28,8 @@ from urllib.parse import unquote, urlsplit
 CONTENTS = "docs/README.md"
 API_PAGE = "api.md"
 LAWS = "docs/laws.md"
+# What laws have beside them: file and title.
+BESIDE_LAWS = {"rolling_spheres": "rolling and twisting of spheres"}
 
 ITEM = re.compile(r"^(?P<indent> *)- \[(?P<title>[^]]+)\]\((?P<path>[^)#\s]+\.md)\)")
 LINK = re.compile(r"(?P<before>!?\[(?:[^][]|\[[^]]*\])*\]\()(?P<target>[^)\s]+)(?P<after>\))")
@@ -318,15 +320,16 @@ def laws(root: Path) -> str:
     begin, end = "<!-- laws: generated -->\n", "<!-- end of laws -->\n"
     before, _, rest = (root / LAWS).read_text().partition(begin)
     text = ""
-    for name in names:
+    for name in [*names, *BESIDE_LAWS]:
         source = (folder / f"{name}.rs").read_text()
         key = re.search(r"name: \"([^\"]+)\"", source)
-        if key is None:
+        title = key[1] if key else BESIDE_LAWS.get(name)
+        if title is None:
             raise BookError(f"{folder}/{name}.rs: no name of the law")
         front = [
             line[3:].removeprefix(" ") for line in source.splitlines() if line.startswith("//!")
         ]
-        text += f"\n## {key[1]}\n\n" + "\n".join(front) + "\n"
+        text += f"\n## {title}\n\n" + "\n".join(front) + "\n"
     return f"{before}{begin}{text}\n{end}{rest.partition(end)[2]}"
 
 

@@ -113,8 +113,9 @@ class Contacts(Columns):
     Columns, for K contacts: `i`, `j` (ids, i < j), `normal_force` (F_n, on i along n, never
     negative), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K]; `tangential_force` (F_t on
     i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3] for spheres;
-    `rolling_history` and `rolling` (1 at the limit of rolling), [K], for disks. Forces are in N,
-    for disks in N/m. `docs/glossary.md` defines the quantities.
+    `rolling_history` and `rolling` (1 at the limit of rolling), [K] for disks; for spheres that
+    resist rolling or twisting [K, 3] and [K], with `twisting_history` and `twisting`, [K]. Forces
+    are in N, for disks in N/m. `docs/glossary.md` defines the quantities.
 
     Attributes:
         frame: The frame with the grains.
