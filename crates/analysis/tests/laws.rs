@@ -344,8 +344,8 @@ fn idle<D: LawSpace>(law: &Law, contact: &Contact) {
     assert_eq!(found, (0, 0.0), "{name}");
 }
 
-/// Whether K and the forces agree with each choice of friction and rolling resistance, of spheres also
-/// of twisting resistance.
+/// Whether K and the forces agree with each choice of friction and rolling resistance, of spheres
+/// also of twisting resistance.
 fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
     let law = Law::read(kind, &mut Examples);
     let rolling: &[f64] = if rolls { &[0.0, 0.1] } else { &[0.0] };

@@ -202,6 +202,7 @@ pub struct Scratch<D: Dimension> {
 }
 
 impl<D: Dimension> Default for Scratch<D> {
+    #[expect(clippy::large_stack_arrays, reason = "17 KiB, once a thread and run")]
     fn default() -> Self {
         Self {
             difference: [D::NO_FIELDS; CHUNK],
@@ -307,8 +308,8 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let mut active = 0;
     let spins = C::Space::SPINS;
     let step = L::splat(token, pass.step);
-    let [slip_shift, rotation_shift] =
-        [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
+    let shifts = [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
+    let steps = (step, shifts);
     let contacts = &mut pass.part;
     if BUDGET {
         scratch.touched.clear();
@@ -331,42 +332,22 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             (half_v.normal * step).store(&mut motion.normal_increment);
         }
         if C::FRICTION {
-            let (half_of_j, of_j) = spins_of_j.split_at(spins);
-            let s = spin_sum::<C::Space, L>(token, &difference[C::Space::SPIN..], of_j, sum, r_i);
-            let half_s = &difference[C::Space::HALF_SPIN..];
-            let half_s = spin_sum::<C::Space, L>(token, half_s, half_of_j, sum, r_i);
-            let rotational = C::Space::surface_velocity(&pair.n, &s);
-            let tangential = C::Space::tangential_part(&pair.n, &v.vector, v.normal);
-            for k in 0..spins {
-                (tangential[k] + rotational[k]).store(&mut motion.tangential_velocity[k]);
-            }
-            let mut slip = Slip::of_half_step::<C::Space>(token, step, &pair, &half_v, &half_s);
-            if spins == 3 {
-                let first = (chunk.start + k) * C::HISTORY;
-                let history = &mut contacts.history[first..first + C::HISTORY];
-                let spins = mean_spin::<L>(token, &difference[C::Space::HALF_SPIN..], half_of_j);
-                let turn = Turn::new(&pair.n, &slip, &scaled(&spins, step));
-                if C::HISTORY >= 3 + if C::ROLLING { TORQUES } else { 0 } {
-                    turn.of_step(token, &mut history[..3]);
-                }
-                slip.velocity = turn.of_half_step(token, &slip.velocity);
-                if C::ROLLING {
-                    let first = C::HISTORY - TORQUES;
-                    turn.of_step(token, &mut history[first..first + 3]);
-                    let spins = [C::Space::SPIN, C::Space::HALF_SPIN];
-                    let spins = spins.map(|at| vector::<L>(token, &difference[at..], 3));
-                    turn.rolling(token, spins, (step, rotation_shift), motion);
-                }
-            }
-            for k in 0..spins {
-                let rounded = slip.velocity[k].mul_add(step, slip_shift) - slip_shift;
-                rounded.store(&mut motion.tangential_increment[k]);
-            }
+            let first = (chunk.start + k) * C::HISTORY;
+            let history = &mut contacts.history[first..first + C::HISTORY];
+            let records = (difference, &spins_of_j[..], [sum, r_i]);
+            tangential_motion::<C, L>(
+                token,
+                &steps,
+                (&pair, &v, &half_v),
+                records,
+                history,
+                motion,
+            );
         }
         if C::ROLLING && spins == 1 {
             motion.rolling_velocity[0] = difference[C::Space::SPIN];
             let half_spin = L::load(token, &difference[C::Space::HALF_SPIN]);
-            let rotation = half_spin.mul_add(step, rotation_shift) - rotation_shift;
+            let rotation = half_spin.mul_add(step, shifts[1]) - shifts[1];
             rotation.store(&mut motion.rolling_increment[0]);
         }
         let before = *touching;
@@ -392,6 +373,50 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         }
     }
     active
+}
+
+/// Computes the tangential motion; in three dimensions rotates the histories, and computes the
+/// rolling motion. `steps`: Δt, and what rounds increments of slip and rotation. `records`:
+/// differences, spins of j, R_i + R_j and R_i.
+#[inline(always)]
+fn tangential_motion<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    (step, [slip_shift, rotation_shift]): &(L, [L; 2]),
+    (pair, v, half_v): (&Separation<L>, &Velocity<L>, &Velocity<L>),
+    (difference, spins_of_j, [sum, r_i]): (&[Lanes16], &[Lanes16], [L; 2]),
+    history: &mut [Lanes16],
+    motion: &mut PairMotion,
+) {
+    let spins = C::Space::SPINS;
+    let (half_of_j, of_j) = spins_of_j.split_at(spins);
+    let s = spin_sum::<C::Space, L>(token, &difference[C::Space::SPIN..], of_j, sum, r_i);
+    let half_s = &difference[C::Space::HALF_SPIN..];
+    let half_s = spin_sum::<C::Space, L>(token, half_s, half_of_j, sum, r_i);
+    let rotational = C::Space::surface_velocity(&pair.n, &s);
+    let tangential = C::Space::tangential_part(&pair.n, &v.vector, v.normal);
+    for k in 0..spins {
+        (tangential[k] + rotational[k]).store(&mut motion.tangential_velocity[k]);
+    }
+    let mut slip = Slip::of_half_step::<C::Space>(token, *step, pair, half_v, &half_s);
+    if spins == 3 {
+        let mean = mean_spin::<L>(token, &difference[C::Space::HALF_SPIN..], half_of_j);
+        let turn = Turn::new(&pair.n, &slip, &scaled(&mean, *step));
+        if C::HISTORY >= 3 + if C::ROLLING { TORQUES } else { 0 } {
+            turn.of_step(token, &mut history[..3]);
+        }
+        slip.velocity = turn.of_half_step(token, &slip.velocity);
+        if C::ROLLING {
+            let first = C::HISTORY - TORQUES;
+            turn.of_step(token, &mut history[first..first + 3]);
+            let turning = [C::Space::SPIN, C::Space::HALF_SPIN];
+            let turning = turning.map(|at| vector::<L>(token, &difference[at..], 3));
+            turn.rolling(token, turning, (*step, *rotation_shift), motion);
+        }
+    }
+    for k in 0..spins {
+        let rounded = slip.velocity[k].mul_add(*step, *slip_shift) - *slip_shift;
+        rounded.store(&mut motion.tangential_increment[k]);
+    }
 }
 
 /// How far the grains will have travelled (m) when a pair of this block may touch; `travelled` is
@@ -583,9 +608,10 @@ fn mean_spin<L: Lanes>(token: L::Token, of_difference: &[Lanes16], of_j: &[Lanes
     ]
 }
 
-/// How sixteen pairs of spheres have turned in a step: n, and about n the two grains, by the mean of
-/// their rotations. Without the latter the force would not turn with a pair that turns as a rigid body,
-/// and the stress would be no tensor (M. R. Kuhn, K. Suzuki and A. Daouadji, Granular Matter 22, 2020).
+/// How sixteen pairs of spheres have turned in a step: n, and about n the two grains, by the mean
+/// of their rotations. Without the latter the force would not turn with a pair that turns as a
+/// rigid body, and the stress would be no tensor (M. R. Kuhn, K. Suzuki and A. Daouadji, Granular
+/// Matter 22, 2020).
 struct Turn<L> {
     n: [L; 3],
     /// The half-angle vector τ = ½Δt v_t/|r| of the half step: n - τ was n there.
@@ -607,8 +633,8 @@ impl<L: Lanes> Turn<L> {
         }
     }
 
-    /// Rotates a vector u of the last tangent plane into this one: with p = u·n it becomes u - p (n -
-    /// τ), then u + φ n × u - ½φ² u. The lengths are that of u to third order in the angles.
+    /// Rotates a vector u of the last tangent plane into this one: with p = u·n it becomes u - p (n
+    /// - τ), then u + φ n × u - ½φ² u. The lengths are that of u to third order in the angles.
     #[inline(always)]
     fn of_step(&self, token: L::Token, vectors: &mut [Lanes16]) {
         let mut u = vector::<L>(token, vectors, 3);
@@ -636,9 +662,9 @@ impl<L: Lanes> Turn<L> {
         ]
     }
 
-    /// Sets the rolling motion from ω_i - ω_j of the full and of the half step. The latter, w, turns
-    /// from the plane of the half step into this one: w·n becomes w·(n - τ), and a part of the twist
-    /// becomes tangential, τ (n·w).
+    /// Sets the rolling motion from ω_i - ω_j of the full and of the half step. The latter, w,
+    /// turns from the plane of the half step into this one: w·n becomes w·(n - τ), and a part of
+    /// the twist becomes tangential, τ (n·w).
     #[inline(always)]
     fn rolling(
         &self,

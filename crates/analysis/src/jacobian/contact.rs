@@ -73,8 +73,8 @@ impl LinearContact {
             History::Unturned => 0.0,
         };
         let friction = self.linear(&d.tangential, turned);
-        let friction_by_r = matrix(|a, b| friction.by_way[a][b] + friction.by_r[a][b]);
-        let friction_by_s = product(&friction.by_way, &cross(n));
+        let friction_by_r = matrix(|a, b| friction.way[a][b] + friction.r[a][b]);
+        let friction_by_s = product(&friction.way, &cross(n));
         let force_by_r = matrix(|a, b| {
             friction_by_r[a][b] - d.normal_slope * n[a] * n[b]
                 + d.normal / self.distance * plane[a][b]
@@ -95,40 +95,40 @@ impl LinearContact {
             force_by_s: friction_by_s,
             moment_by_r: matrix(|a, b| moved[a][b] - turn[a][b] / self.distance),
             moment_by_s: product(&cross(n), &friction_by_s),
-            moment_by_twist: product(&cross(n), &friction.by_twist),
-            force_by_twist: friction.by_twist,
+            moment_by_twist: product(&cross(n), &friction.twist),
+            force_by_twist: friction.twist,
             torque_by_r: matrix(|a, b| {
-                rolling.by_r[a][b] - twist_slope * n[a] * n[b] + twist / self.distance * plane[a][b]
+                rolling.r[a][b] - twist_slope * n[a] * n[b] + twist / self.distance * plane[a][b]
             }),
-            torque_by_turn: matrix(|a, b| rolling.by_way[a][b] - twisting.along * n[a] * n[b]),
-            torque_by_twist: rolling.by_twist,
+            torque_by_turn: matrix(|a, b| rolling.way[a][b] - twisting.along * n[a] * n[b]),
+            torque_by_twist: rolling.twist,
         }
     }
 
-    /// The derivatives of a force or torque in the tangent plane; `turned`: 1 where it turns with the
-    /// pair, else 0.
+    /// The derivatives of a force or torque in the tangent plane; `turned`: 1 where it turns with
+    /// the pair, else 0.
     fn linear(&self, of: &SpringForce, turned: f64) -> Linear {
         let n = self.n;
         let way = matrix(|a, b| {
             let along = of.direction[a] * of.direction[b];
             -(of.across * (unit(a, b) - along) + of.along * along)
         });
-        let by_way = product(&way, &matrix(|a, b| unit(a, b) - n[a] * n[b]));
+        let way = product(&way, &matrix(|a, b| unit(a, b) - n[a] * n[b]));
         let across = product(&cross(n), &matrix(|a, _| of.value[a]));
         Linear {
-            by_r: matrix(|a, b| -of.slope[a] * n[b] - turned / self.distance * n[a] * of.value[b]),
-            by_way,
-            by_twist: matrix(|a, b| 0.5 * turned * across[a][0] * n[b]),
+            r: matrix(|a, b| -of.slope[a] * n[b] - turned / self.distance * n[a] * of.value[b]),
+            way,
+            twist: matrix(|a, b| 0.5 * turned * across[a][0] * n[b]),
         }
     }
 }
 
-/// Derivatives of a force in the tangent plane: by r where its way is none, by its way, and by either
-/// grain's rotation about n.
+/// Derivatives of a force in the tangent plane: by r where its way is none, by its way, and by
+/// either grain's rotation about n.
 struct Linear {
-    by_r: Matrix,
-    by_way: Matrix,
-    by_twist: Matrix,
+    r: Matrix,
+    way: Matrix,
+    twist: Matrix,
 }
 
 /// A force of one component as a vector along a unit vector; across it there is no stiffness.

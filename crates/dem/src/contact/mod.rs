@@ -122,8 +122,8 @@ impl Response {
     };
 }
 
-/// Elastic torques that resist the rolling and twisting of spheres: a vector in the tangent plane and
-/// the component along n (N m).
+/// Elastic torques that resist the rolling and twisting of spheres: a vector in the tangent plane
+/// and the component along n (N m).
 pub const TORQUES: usize = 4;
 
 /// The numbers that a contact may keep from step to step.
@@ -223,17 +223,18 @@ impl<L: Lanes> Limited<L> {
     }
 }
 
-/// A tangential vector that would grow from `before` to `trial` in a step, cut to `limit`, and where
-/// it was cut.
+/// A tangential vector that would grow from `before` to `trial` in a step, cut to `limit`, and
+/// where it was cut.
 ///
-/// A contact that slides sets its spring back along the force, which turns towards the slip: with f =
-/// l m, |m| = 1, l dm/dt = k P v, P the projection perpendicular to m. Where it was at the limit
-/// before the step, the spring is set back along the mean of the directions before and after it (the
-/// mean-normal return of plasticity: J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D. B. Krieg,
-/// J. Press. Vess. Tech. 99, 510, 1977), which is of second order, with the mean of the limits:
-/// m' is m mirrored at the line along 2m + u with u = 2 (trial - before)/(|before| + limit). Elsewhere,
-/// in a step in which the sliding begins or reverses, or whose slip is longer than twice the limit,
-/// along `trial`: such steps are few, and the error of each is of second order.
+/// A contact that slides sets its spring back along the force, which turns towards the slip: with f
+/// = l m, |m| = 1, l dm/dt = k P v, P the projection perpendicular to m. Where it was at the limit
+/// before the step, the spring is set back along the mean of the directions before and after it
+/// (the mean-normal return of plasticity: J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D. B.
+/// Krieg, J. Press. Vess. Tech. 99, 510, 1977), which is of second order, with the mean of the
+/// limits: m' is m mirrored at the line along 2m + u with u = 2 (trial - before)/(|before| +
+/// limit). Elsewhere, in a step in which the sliding begins or reverses, or whose slip is longer
+/// than twice the limit, along `trial`: such steps are few, and the error of each is of second
+/// order.
 #[inline(always)]
 pub(crate) fn set_back<L: Lanes>(
     token: L::Token,

@@ -57,8 +57,8 @@ pub struct SpringState {
     pub history: [f64; 3],
     /// As in [`crate::state::ContactState`].
     pub torques: [f64; TORQUES],
-    /// Whether it is at the limit of friction, at that of rolling and at that of twisting, as the step
-    /// found with F_n of spring and damper; `None`: by the elastic F_n, as in equilibrium.
+    /// Whether it is at the limit of friction, at that of rolling and at that of twisting, as the
+    /// step found with F_n of spring and damper; `None`: by the elastic F_n, as in equilibrium.
     pub limits: [Option<bool>; 3],
 }
 
@@ -76,8 +76,8 @@ impl Derivatives {
 }
 
 impl SpringForce {
-    /// The spring's force `trial` of this stiffness, cut to a limit of this slope. What is `at_limit`
-    /// by a step was cut there, to the limit that the damper left.
+    /// The spring's force `trial` of this stiffness, cut to a limit of this slope. What is
+    /// `at_limit` by a step was cut there, to the limit that the damper left.
     pub(crate) fn new(
         trial: [f64; 3],
         stiffness: f64,

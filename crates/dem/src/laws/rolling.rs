@@ -1,5 +1,5 @@
-//! Rolling resistance of disks, of type C (Ai et al. 2011; LH A13 to A22): a torsional spring between the two
-//! rotations, and a damper,
+//! Rolling resistance of disks, of type C (Ai et al. 2011; LH A13 to A22): a torsional spring
+//! between the two rotations, and a damper,
 //!
 //! ```text
 //! M^k ← M^k - k_r Δθ_r,  |M^k| ≤ μ_r R_r F_n,  M = M^k - C_r (ω_i-ω_j) below that limit

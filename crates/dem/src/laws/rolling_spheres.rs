@@ -1,8 +1,8 @@
 //! Rolling and twisting resistance of spheres, beside any law between them: springs, dashpots and
 //! sliders as LAMMPS' `rolling sds` and `twisting sds` (Luding 2008; Santos et al. 2020).
 //!
-//! With the rotation Δθ of i against j in a step, its part Δθ_r in the tangent plane and its component
-//! Δθ_n along n, the torques on i are
+//! With the rotation Δθ of i against j in a step, its part Δθ_r in the tangent plane and its
+//! component Δθ_n along n, the torques on i are
 //!
 //! ```text
 //! M ← M - k_r Δθ_r,  M_r = M - C_r (ω_i-ω_j)_r,  |M_r| ≤ μ_r R_r F_n,  k_r = k R_r²
@@ -10,16 +10,17 @@
 //! C = 2η√(I k)
 //! ```
 //!
-//! with R_r = R_i R_j/(R_i+R_j), I = I_i I_j/(I_i+I_j), and of a sphere I = (7/5) mR² for rolling, about
-//! the contact, and (2/5) mR² for twisting. A torque beyond its limit is cut to it, and its spring set
-//! back so that spring and damper together give the limit; that of rolling along the mean of the
-//! directions (`contact::set_back`). The histories, M and T, turn with the pair as that of F_t.
+//! with R_r = R_i R_j/(R_i+R_j), I = I_i I_j/(I_i+I_j), and of a sphere I = (7/5) mR² for rolling,
+//! about the contact, and (2/5) mR² for twisting. A torque beyond its limit is cut to it, and its
+//! spring set back so that spring and damper together give the limit; that of rolling along the
+//! mean of the directions (`contact::set_back`). The histories, M and T, turn with the pair as that
+//! of F_t.
 //!
-//! Where two spheres touch, F_n and with it the limits begin at 0, but not the dashpots, so the sliders
-//! slide: M begins as C (ω_i-ω_j), and the torque at 0.
+//! Where two spheres touch, F_n and with it the limits begin at 0, but not the dashpots, so the
+//! sliders slide: M begins as C (ω_i-ω_j), and the torque at 0.
 //!
-//! LAMMPS counts in forces R_r apart: its k_roll is k, its γ_roll is C_r/R_r², its k_twist and γ_twist
-//! are k_w and C_w, its μ_twist is μ_w R_r (m).
+//! LAMMPS counts in forces R_r apart: its k_roll is k, its γ_roll is C_r/R_r², its k_twist and
+//! γ_twist are k_w and C_w, its μ_twist is μ_w R_r (m).
 
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
@@ -31,8 +32,8 @@ use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse};
 use crate::state::Masses;
 
-/// The law `rough`, `smooth` without friction, or with rolling and twisting resistance, as the contacts
-/// have them.
+/// The law `rough`, `smooth` without friction, or with rolling and twisting resistance, as the
+/// contacts have them.
 pub(super) fn between_spheres(
     constants: &dyn Constants,
     contact: &Contact,
@@ -260,8 +261,8 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
 }
 
 /// ω_i - ω_j where a torque begins, in contacts without history: at the touch, a part θ of the step
-/// ago. There increments are of this part, and v_n has been multiplied by ½ + θ. 0 elsewhere. Also the
-/// part of the dampers' power in the step, which the kernel divides by ½ + θ.
+/// ago. There increments are of this part, and v_n has been multiplied by ½ + θ. 0 elsewhere. Also
+/// the part of the dampers' power in the step, which the kernel divides by ½ + θ.
 #[inline(always)]
 fn begins_at<L: Lanes>(
     token: L::Token,
@@ -287,11 +288,11 @@ fn begins_at<L: Lanes>(
     let way = load(&motion.normal_velocity) * c(-1.0 / per_step);
     let ratio = way / overlap.max(least);
     let part = half / (ratio - one).max(half);
-    for k in 0..TORQUES {
+    for (k, begins) in begins.iter_mut().enumerate() {
         let of_half_step = c(2.0 * per_step) * load(&motion.rolling_increment[k]);
         let velocity = load(&motion.rolling_velocity[k]);
         let begun = c(-2.0).mul_add(part, one).mul_add(velocity, of_half_step);
-        begins[k] = begun.select(has_none, zero);
+        *begins = begun.select(has_none, zero);
     }
     let touches = has_none.and(ratio.greater(c(1.5)));
     (begins, (part * (half + part)).select(touches, one))

@@ -54,8 +54,8 @@ pub struct ContactState {
     pub history: [f64; 3],
     /// [`ContactState::limits`], as [`ContactState::stored`] writes them.
     pub limits: i64,
-    /// Elastic torques on i that resist the rolling and twisting of spheres: a vector in the tangent
-    /// plane and the component along n (N m).
+    /// Elastic torques on i that resist the rolling and twisting of spheres: a vector in the
+    /// tangent plane and the component along n (N m).
     pub torques: [f64; 4],
 }
 
@@ -80,9 +80,9 @@ impl ContactState {
         [a, b, c, d, e, f, g]
     }
 
-    /// Whether it was at the limit of friction, at that of rolling and at that of twisting, when the
-    /// forces were last computed; `None` if that is not known, because that was no step, or it was not
-    /// stored.
+    /// Whether it was at the limit of friction, at that of rolling and at that of twisting, when
+    /// the forces were last computed; `None` if that is not known, because that was no step, or it
+    /// was not stored.
     pub fn limits(&self) -> [Option<bool>; 3] {
         let is_set = |bit: i64| self.limits & bit != 0;
         LIMITS.map(|[limit, known]| is_set(known).then(|| is_set(limit)))

@@ -1,5 +1,5 @@
-//! Friction, rolling and twisting resistance of spheres: of second order in Δt where contacts slide and
-//! their direction turns, and objective: forces turn with a pair that turns as a rigid body.
+//! Friction, rolling and twisting resistance of spheres: of second order in Δt where contacts slide
+//! and their direction turns, and objective: forces turn with a pair that turns as a rigid body.
 
 use bytemuck::Zeroable;
 use gshear_dem::dimension::Three;
@@ -181,9 +181,9 @@ fn cross(a: Vector, b: Vector) -> Vector {
     std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
 }
 
-/// Two spheres pressed together with spins, which slide from the first step on while the direction of the
-/// slip turns. Differences to a run of 12,800 steps fall by four from 200 steps on, in velocities and
-/// spins.
+/// Two spheres pressed together with spins, which slide from the first step on while the direction
+/// of the slip turns. Differences to a run of 12,800 steps fall by four from 200 steps on, in
+/// velocities and spins.
 #[test]
 fn a_direction_that_turns_is_followed_to_second_order() {
     let n = [1.0, 0.4, -0.2].map(|n| n / norm([1.0, 0.4, -0.2]));

@@ -177,8 +177,8 @@ fn restitution_does_not_depend_on_the_speed() {
     }
 }
 
-/// The kinetic energy that an oblique impact takes equals the dissipation, also of spheres that resist
-/// rolling and twisting, below their limits and at them.
+/// The kinetic energy that an oblique impact takes equals the dissipation, also of spheres that
+/// resist rolling and twisting, below their limits and at them.
 #[test]
 fn the_energy_budget_closes() {
     let (n, velocity) = ([1.0, 0.0, 0.0], [-1.0, 1.5, 0.0]);
@@ -211,10 +211,10 @@ fn the_energy_budget_closes() {
     }
 }
 
-/// Oblique impacts of spinning spheres, sticking and sliding, without and with resistance to rolling
-/// and twisting, below its limits and at them. Stiff ones against LAMMPS; soft ones,
-/// whose overlap reaches 0.15 R, against an integration with the arm R of the torques, where
-/// LAMMPS' `granular` has R - δ/2: see lammps/impacts.py.
+/// Oblique impacts of spinning spheres, sticking and sliding, without and with resistance to
+/// rolling and twisting, below its limits and at them. Stiff ones against LAMMPS; soft ones, whose
+/// overlap reaches 0.15 R, against an integration with the arm R of the torques, where LAMMPS'
+/// `granular` has R - δ/2: see lammps/impacts.py.
 #[test]
 fn impacts_are_those_of_lammps() {
     const SPEED: f64 = 0.2;

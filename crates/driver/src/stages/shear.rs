@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
+use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{GrainWalls, Piston, Slider};
 use gshear_dem::failure::Failure;
@@ -98,17 +99,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             .shearing(scene, plane_shear, &schedule, from.step);
         let goes_on = run.options.replay.is_none();
         let before = goes_on.then(|| UpToCheckpoint::new(from.step));
-        let format = Format {
-            name: RUN_FILE,
-            columns: series_columns(schedule.protocol.is_more_than_velocities()),
-            walls: true,
-            height: schedule.height,
-            author: scene.author.as_deref(),
-            law: law.as_ref(),
-            attributes: attributes(scene, plane_shear, &schedule),
-            log: true,
-            scalars: plane_shear.analysis.scalars,
-        };
+        let format = format(scene, plane_shear, &schedule, law.as_ref());
         let files = Files::open(run.place(), &mut system, &format, before)?;
         // The first row of new scalars is of a frame without a frame before it.
         let before = state.analysed.filter(|_| files.resumed());
@@ -470,6 +461,26 @@ fn set_moving(grains: &mut [GrainState], walls: &mut GrainWalls, schedule: &Sche
             body::BOTTOM if schedule.protocol.has_bottom() => g.velocity[up] = bottom,
             _ => {}
         }
+    }
+}
+
+/// The file of the run.
+fn format<'a>(
+    scene: &'a Scene,
+    plane_shear: &PlaneShear,
+    schedule: &Schedule,
+    law: &'a dyn PairModel,
+) -> Format<'a> {
+    Format {
+        name: RUN_FILE,
+        columns: series_columns(schedule.protocol.is_more_than_velocities()),
+        walls: true,
+        height: schedule.height,
+        author: scene.author.as_deref(),
+        law,
+        attributes: attributes(scene, plane_shear, schedule),
+        log: true,
+        scalars: plane_shear.analysis.scalars,
     }
 }
 

@@ -32,7 +32,7 @@ const FORMAT: &str = "gshear-checkpoint";
 const HELD: &str = "held_";
 
 /// Version of the format, the only one that is read.
-pub const VERSION: u64 = 7;
+pub const VERSION: u64 = 8;
 
 fn hex(sum: u64) -> String {
     format!("{sum:016x}")

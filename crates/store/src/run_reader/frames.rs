@@ -1,5 +1,6 @@
 //! Frames of a run, read on demand.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use hdf5::{Dataset, H5Type};
@@ -56,6 +57,36 @@ impl ContactValues {
         (rows.start - self.first..rows.end - self.first)
             .map(contact)
             .collect()
+    }
+
+    /// The columns of numbers: name, values, numbers per contact, and with which fields they are
+    /// read.
+    fn numbers(&self, planar: bool) -> [(&'static str, Cow<'_, [f64]>, usize, FrameFields); 6] {
+        let spins = if planar { 1 } else { 3 };
+        let flat = |vectors: &[[f64; 3]]| -> Cow<'_, [f64]> {
+            let of_each = vectors.iter().flat_map(|v| v[..spins].iter().copied());
+            Cow::Owned(of_each.collect())
+        };
+        let rolling = if planar {
+            Cow::Borrowed(&self.rolling_history[..])
+        } else {
+            flat(&self.rolling_torque)
+        };
+        let (force, history) = (flat(&self.tangential_force), flat(&self.tangential_history));
+        let (forces, all) = (FrameFields::Forces, FrameFields::All);
+        [
+            ("normal_force", Cow::Borrowed(&self.normal_force), 1, forces),
+            ("tangential_force", force, spins, forces),
+            ("tangential_history", history, spins, all),
+            ("rolling_history", rolling, spins, all),
+            (
+                "twisting_history",
+                Cow::Borrowed(&self.twisting_history),
+                1,
+                all,
+            ),
+            ("overlap", Cow::Borrowed(&self.overlap), 1, all),
+        ]
     }
 }
 
@@ -139,8 +170,8 @@ impl RunFile {
         Ok(frames)
     }
 
-    /// Returns whether the file has the flags of rolling at its limit: files of disks, and of spheres
-    /// that resist it.
+    /// Returns whether the file has the flags of rolling at its limit: files of disks, and of
+    /// spheres that resist it.
     pub fn has_rolling(&self) -> bool {
         self.contacts.contains_key("rolling")
     }
@@ -340,44 +371,12 @@ impl RunFile {
         };
         self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
         let pairs = Pairs::new(&contacts.i, &contacts.j, rows.start, self.dimension.axes());
-        let spins = self.dimension.axes() * 2 - 3;
-        let flat = |vectors: &[[f64; 3]]| -> Vec<f64> {
-            vectors
-                .iter()
-                .flat_map(|v| v[..spins].iter().copied())
-                .collect()
-        };
-        let (force, history) = (
-            flat(&contacts.tangential_force),
-            flat(&contacts.tangential_history),
-        );
-        let rolling = if planar {
-            contacts.rolling_history.clone()
-        } else {
-            flat(&contacts.rolling_torque)
-        };
-        let numbers = [
-            (
-                "normal_force",
-                &contacts.normal_force,
-                1,
-                FrameFields::Forces,
-            ),
-            ("tangential_force", &force, spins, FrameFields::Forces),
-            ("tangential_history", &history, spins, FrameFields::All),
-            ("rolling_history", &rolling, spins, FrameFields::All),
-            (
-                "twisting_history",
-                &contacts.twisting_history,
-                1,
-                FrameFields::All,
-            ),
-            ("overlap", &contacts.overlap, 1, FrameFields::All),
-        ];
+        let numbers = contacts.numbers(planar);
         for t in frames.clone() {
             let rows = self.rows(t..t + 1);
             self.verify(t, "pairs", pairs.ids(&rows))?;
-            for (name, values, width, least) in numbers {
+            for (name, values, width, least) in &numbers {
+                let (width, least) = (*width, *least);
                 if fields >= least && self.contacts.contains_key(name) {
                     self.verify(t, name, pairs.numbers(&rows, values, width))?;
                 }

@@ -1,7 +1,7 @@
 //! Batches of frames and rows, written by all ranks together.
 
 use super::TrajectoryWriter;
-use crate::batch::{Share, ShareColumns, Shares, length};
+use crate::batch::{Frames, Share, ShareColumns, Shares, length};
 use crate::checksums::{of_clock, of_row};
 use crate::collective::CollectiveOutcome;
 use crate::h5::Slab;
@@ -32,6 +32,20 @@ fn sums_of(
     sums
 }
 
+/// The checksums of the frames of a batch. `sums`: [`sums_of`].
+fn checksums(frames: &Frames, sums: &[i64], edges: &[f64]) -> Vec<u64> {
+    let count = frames.step.len();
+    let rows = sums.chunks_exact(sums.len() / count);
+    let clock = frames.step.iter().zip(&frames.time);
+    let boxes = edges.chunks_exact(edges.len() / count);
+    let mut all = Vec::with_capacity(sums.len());
+    for ((row, (&step, &time)), edges) in rows.zip(clock).zip(boxes) {
+        all.push(of_clock(step, time, edges));
+        all.extend(row[1..].iter().map(|&sum| sum as u64));
+    }
+    all
+}
+
 impl TrajectoryWriter {
     pub(super) fn write_frames(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
         let count = self.frames.len() as u64;
@@ -49,22 +63,19 @@ impl TrajectoryWriter {
         let part = ShareColumns::assemble(&messages, &share, self.columns.form);
         drop(messages);
 
-        let width = frame_columns(self.columns.form).len();
-        let sums = sums_of(
-            exchange,
-            (&part, &share),
-            (count as usize, self.columns.form),
-        );
+        let form = self.columns.form;
+        let width = frame_columns(form).len();
+        let sums = sums_of(exchange, (&part, &share), (count as usize, form));
         // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
-        let counts = sums.chunks_exact(width).map(|row| row[0]);
+        let counts = sums.iter().step_by(width);
         let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
         let of_width = |width: usize| Slab::rows(begin, part.i.len() as u64, width as u64);
         let mut end = self.contacts_written;
-        let mut ends = Vec::with_capacity(count as usize);
-        for count in counts {
-            end += count as u64;
-            ends.push(end);
-        }
+        let of_frame = |count: &i64| {
+            end += *count as u64;
+            end
+        };
+        let ends: Vec<u64> = counts.map(of_frame).collect();
 
         let (before, after) = (self.frames_written, self.frames_written + count);
         let block = Slab {
@@ -105,13 +116,11 @@ impl TrajectoryWriter {
         };
         let local = if root { &edges[..] } else { &[] };
         outcome.note(columns.edges.append(after, slab, local));
-        let clock = self.frames.step.iter().zip(&self.frames.time);
-        let rows = sums.chunks_exact(width).zip(clock);
-        let mut checksums = Vec::new();
-        for (t, (row, (&step, &time))) in rows.enumerate().filter(|_| root) {
-            checksums.push(of_clock(step, time, &edges[t * of_box..][..of_box]));
-            checksums.extend(row[1..].iter().map(|&sum| sum as u64));
-        }
+        let checksums = if root {
+            checksums(&self.frames, &sums, &edges)
+        } else {
+            Vec::new()
+        };
         let rows = Slab::rows(before, (checksums.len() / width) as u64, width as u64);
         outcome.note(columns.frame_sums.append(after, rows, &checksums));
         self.file.agree(exchange, outcome)?;
