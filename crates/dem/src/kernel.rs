@@ -14,7 +14,8 @@ use std::ops::Range;
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
 use crate::contact::{
-    CARRY, ContactLaw, PairMotion, Response, TORQUES, dissipation, scaled, store_vector, vector,
+    CARRY, CHUNK, ContactLaw, PairMotion, Response, TORQUES, Turning, dissipation, scaled,
+    store_vector, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch, prefetch_all};
@@ -175,10 +176,6 @@ struct PassWork<'a, C: ContactLaw, const BUDGET: bool> {
     scratch: &'a mut Scratch<C::Space>,
 }
 
-/// Number of blocks that go through the phases of a pass together: enough for the processor to
-/// overlap them, few enough for its first-level cache.
-const CHUNK: usize = 8;
-
 /// Size of the records (bytes) beyond which the next chunk is prefetched: with their contacts, six
 /// times as much, they fill a last-level cache. Prefetching makes larger packings a third faster,
 /// and costs some 5 % where the cache holds all (docs/lab/speed.md).
@@ -196,13 +193,13 @@ pub struct Scratch<D: Dimension> {
     direction: [[Lanes16; 3]; CHUNK],
     carry: [[Lanes16; CARRY]; CHUNK],
     response: [Response; CHUNK],
+    turning: [Turning; CHUNK],
     /// Block, lane and damping factor of pairs that touch for the first time; set with an energy
     /// budget only.
     touched: Vec<(usize, usize, f64)>,
 }
 
 impl<D: Dimension> Default for Scratch<D> {
-    #[expect(clippy::large_stack_arrays, reason = "17 KiB, once a thread and run")]
     fn default() -> Self {
         Self {
             difference: [D::NO_FIELDS; CHUNK],
@@ -211,6 +208,7 @@ impl<D: Dimension> Default for Scratch<D> {
             direction: [[Lanes16::ZERO; 3]; CHUNK],
             carry: [[Lanes16::ZERO; CARRY]; CHUNK],
             response: [Response::NONE; CHUNK],
+            turning: [Turning::ZERO; CHUNK],
             touched: Vec::new(),
         }
     }
@@ -318,9 +316,12 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         .iter()
         .zip(&mut contacts.touching[chunk.clone()])
         .zip(scratch.difference.iter().zip(&scratch.spins_of_j))
-        .zip(scratch.motion.iter_mut().zip(&mut scratch.direction))
+        .zip(scratch.motion.iter_mut().zip(&mut scratch.turning))
+        .zip(&mut scratch.direction)
         .enumerate();
-    for (k, (((radii, touching), (difference, spins_of_j)), (motion, direction))) in blocks {
+    for (k, ((((radii, touching), (difference, spins_of_j)), (motion, turning)), direction)) in
+        blocks
+    {
         let difference = difference.as_ref();
         let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
         let pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
@@ -341,14 +342,14 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
                 (&pair, &v, &half_v),
                 records,
                 history,
-                motion,
+                (motion, turning),
             );
         }
         if C::ROLLING && spins == 1 {
-            motion.rolling_velocity[0] = difference[C::Space::SPIN];
+            motion.rolling_velocity = difference[C::Space::SPIN];
             let half_spin = L::load(token, &difference[C::Space::HALF_SPIN]);
             let rotation = half_spin.mul_add(step, shifts[1]) - shifts[1];
-            rotation.store(&mut motion.rolling_increment[0]);
+            rotation.store(&mut motion.rolling_increment);
         }
         let before = *touching;
         *touching = pair.overlap.greater(L::splat(token, 0.0)).bits();
@@ -365,7 +366,7 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         if new != 0 {
             let approach = approach.to_lanes16();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
-                let factor = first_touch::<C::Space>(motion, lane, approach.0[lane]);
+                let factor = first_touch((motion, turning), lane, approach.0[lane]);
                 if BUDGET {
                     scratch.touched.push((k, lane, factor));
                 }
@@ -385,7 +386,7 @@ fn tangential_motion<C: ContactLaw, L: Lanes>(
     (pair, v, half_v): (&Separation<L>, &Velocity<L>, &Velocity<L>),
     (difference, spins_of_j, [sum, r_i]): (&[Lanes16], &[Lanes16], [L; 2]),
     history: &mut [Lanes16],
-    motion: &mut PairMotion,
+    (motion, turning): (&mut PairMotion, &mut Turning),
 ) {
     let spins = C::Space::SPINS;
     let (half_of_j, of_j) = spins_of_j.split_at(spins);
@@ -408,9 +409,9 @@ fn tangential_motion<C: ContactLaw, L: Lanes>(
         if C::ROLLING {
             let first = C::HISTORY - TORQUES;
             turn.of_step(token, &mut history[first..first + 3]);
-            let turning = [C::Space::SPIN, C::Space::HALF_SPIN];
-            let turning = turning.map(|at| vector::<L>(token, &difference[at..], 3));
-            turn.rolling(token, turning, (*step, *rotation_shift), motion);
+            let spins = [C::Space::SPIN, C::Space::HALF_SPIN];
+            let spins = spins.map(|at| vector::<L>(token, &difference[at..], 3));
+            turn.rolling(token, spins, (*step, *rotation_shift), turning);
         }
     }
     for k in 0..spins {
@@ -671,12 +672,12 @@ impl<L: Lanes> Turn<L> {
         token: L::Token,
         [full, half]: [[L; 3]; 2],
         (step, shift): (L, L),
-        motion: &mut PairMotion,
+        turning: &mut Turning,
     ) {
         let along = Three::dot(&full, &self.n);
         let across = Three::tangential_part(&self.n, &full, along);
-        store_vector(&across, &mut motion.rolling_velocity, 3);
-        along.store(&mut motion.rolling_velocity[3]);
+        store_vector(&across, &mut turning.velocity, 3);
+        along.store(&mut turning.velocity[3]);
         let along = Three::dot(&half, &self.n);
         let mut across = Three::tangential_part(&self.n, &half, along);
         for k in 0..3 {
@@ -686,7 +687,7 @@ impl<L: Lanes> Turn<L> {
         let along = along - Three::dot(&half, &self.tilt);
         for (k, part) in [x, y, z, along].into_iter().enumerate() {
             let rounded = part.mul_add(step, shift) - shift;
-            rounded.store(&mut motion.rolling_increment[k]);
+            rounded.store(&mut turning.increment[k]);
         }
     }
 }
@@ -701,7 +702,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     scratch: &mut Scratch<C::Space>,
 ) -> Option<(usize, usize)> {
     let contacts = &mut pass.part;
-    if C::FRICTION {
+    if C::FRICTION && C::Space::SPINS == 3 {
         let limits = &contacts.limits[chunk.clone()];
         for (response, limits) in scratch.response.iter_mut().zip(limits) {
             [response.sliding, response.rolls, response.twists, _] = *limits;
@@ -712,11 +713,10 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         token,
         &mut crate::contact::Blocks {
             parameters: &contacts.parameters[range(C::PARAMETERS)],
-            parameter_lanes: C::PARAMETERS,
             history: &mut contacts.history[range(C::HISTORY)],
-            history_lanes: C::HISTORY,
             motion: &scratch.motion[..chunk.len()],
-            per_step: if pass.step > 0.0 {
+            turning: &mut scratch.turning[..chunk.len()],
+            per_step: if C::Space::SPINS == 3 && pass.step > 0.0 {
                 1.0 / pass.step
             } else {
                 0.0
@@ -811,6 +811,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
     let contacts = &mut pass.part;
     for (k, block) in chunk.enumerate() {
         let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
+        let turning = &scratch.turning[k];
         let touching = load(&motion.overlap).greater(zero);
         let mut n = vector::<L>(token, &scratch.direction[k], 1);
         for axis in 0..axes {
@@ -833,7 +834,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         contacts.limits[block] = [slides, rolls, twists, idle];
         let radii = &contacts.geometry[block];
         let (mut force, mut on_i, mut on_j) =
-            forces_of_pair::<C, L>(token, &n, (touching, normal), response, radii);
+            forces_of_pair::<C, L>(token, &n, (touching, normal), (response, turning), radii);
         let mut greatest = force[0].abs();
         for axis in 1..axes {
             greatest = greatest.max(force[axis].abs());
@@ -867,7 +868,7 @@ fn forces_of_pair<C: ContactLaw, L: Lanes>(
     token: L::Token,
     n: &[L; 3],
     (touching, normal): (L::Mask, L),
-    response: &Response,
+    (response, turning): (&Response, &Turning),
     radii: &[Lanes16; 2],
 ) -> ([L; 3], [L; 3], [L; 3]) {
     let load = |lanes: &Lanes16| L::load(token, lanes);
@@ -894,10 +895,11 @@ fn forces_of_pair<C: ContactLaw, L: Lanes>(
     }
     if C::ROLLING {
         for k in 0..spins {
-            let mut rolling = load(&response.rolling[k]);
-            if spins == 3 {
-                rolling = load(&response.rolling[3]).mul_add(n[k], rolling);
-            }
+            let rolling = if spins == 3 {
+                load(&turning.torque[3]).mul_add(n[k], load(&turning.torque[k]))
+            } else {
+                load(&response.rolling)
+            };
             let rolling = rolling.select(touching, zero);
             on_i[k] = on_i[k] + rolling;
             on_j[k] = on_j[k] - rolling;
@@ -914,10 +916,18 @@ fn forces_of_pair<C: ContactLaw, L: Lanes>(
 /// so the damping, which begins with a jump, is scaled by that. Without these corrections an impact
 /// would be of first order in Δt.
 #[cold]
-fn first_touch<D: Dimension>(motion: &mut PairMotion, lane: usize, approach: f64) -> f64 {
+fn first_touch(
+    (motion, turning): (&mut PairMotion, &mut Turning),
+    lane: usize,
+    approach: f64,
+) -> f64 {
     let part = motion.overlap.0[lane] / approach;
-    let increments = &mut motion.tangential_increment;
-    for lanes in increments.iter_mut().chain(&mut motion.rolling_increment) {
+    for lanes in &mut motion.tangential_increment {
+        lanes.0[lane] *= part;
+    }
+    motion.rolling_increment.0[lane] *= part;
+    // The torques of spheres begin at 0, so their velocities remain.
+    for lanes in &mut turning.increment {
         lanes.0[lane] *= part;
     }
     let factor = 0.5 + part;
@@ -925,9 +935,6 @@ fn first_touch<D: Dimension>(motion: &mut PairMotion, lane: usize, approach: f64
     for lanes in &mut motion.tangential_velocity {
         lanes.0[lane] *= factor;
     }
-    // The torques of spheres begin at 0.
-    if D::SPINS == 1 {
-        motion.rolling_velocity[0].0[lane] *= factor;
-    }
+    motion.rolling_velocity.0[lane] *= factor;
     factor
 }

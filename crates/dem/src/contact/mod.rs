@@ -5,7 +5,7 @@ pub mod model;
 pub mod stiffness;
 
 use crate::dimension::{Dimension, Three, Vector};
-use crate::simd::{Lanes, Lanes16, Mask, Portable, PortableToken, inverse, inverse_sqrt, ln};
+use crate::simd::{Lanes, Lanes16, Mask, Portable, PortableToken, inverse_sqrt, ln};
 
 /// Relative motion of sixteen pairs of grains, of i with respect to j; n points from j to i. SI
 /// units.
@@ -24,11 +24,10 @@ pub struct PairMotion {
     pub tangential_velocity: Vector<Lanes16>,
     /// v_t(t + ½Δt) Δt (m), in the tangent plane of the full step.
     pub tangential_increment: Vector<Lanes16>,
-    /// ω_i - ω_j of the full step (rad/s): in two dimensions the first number, in three a vector in
-    /// the tangent plane and, fourth, the component along n.
-    pub rolling_velocity: [Lanes16; 4],
-    /// (ω_i - ω_j)(t + ½Δt) Δt (rad), of the same components, those of the full step.
-    pub rolling_increment: [Lanes16; 4],
+    /// ω_i - ω_j of the full step (rad/s), of disks.
+    pub rolling_velocity: Lanes16,
+    /// (ω_i - ω_j)(t + ½Δt) Δt (rad), of disks.
+    pub rolling_increment: Lanes16,
 }
 
 impl PairMotion {
@@ -39,8 +38,30 @@ impl PairMotion {
         normal_increment: Lanes16::ZERO,
         tangential_velocity: [Lanes16::ZERO; 3],
         tangential_increment: [Lanes16::ZERO; 3],
-        rolling_velocity: [Lanes16::ZERO; 4],
-        rolling_increment: [Lanes16::ZERO; 4],
+        rolling_velocity: Lanes16::ZERO,
+        rolling_increment: Lanes16::ZERO,
+    };
+}
+
+/// Rotation of sixteen pairs of spheres against each other, and the torques on i that resist it: each
+/// a vector in the tangent plane and the component along n. Apart from [`PairMotion`], which is smaller
+/// without it.
+#[derive(Debug, Clone, Copy)]
+pub struct Turning {
+    /// ω_i - ω_j of the full step (rad/s).
+    pub velocity: [Lanes16; TORQUES],
+    /// (ω_i - ω_j)(t + ½Δt) Δt (rad), of the components of the full step.
+    pub increment: [Lanes16; TORQUES],
+    /// The torque (N m).
+    pub torque: [Lanes16; TORQUES],
+}
+
+impl Turning {
+    /// A pair that does not turn.
+    pub const ZERO: Self = Self {
+        velocity: [Lanes16::ZERO; TORQUES],
+        increment: [Lanes16::ZERO; TORQUES],
+        torque: [Lanes16::ZERO; TORQUES],
     };
 }
 
@@ -50,19 +71,17 @@ impl PairMotion {
 /// intermediate results from loop to loop in `carry`. The processor then works on several blocks at
 /// a time; in one long loop it would wait for each result.
 pub struct Blocks<'a> {
-    /// The parameters, `parameter_lanes` quantities per block.
+    /// [`ContactLaw::PARAMETERS`] quantities per block.
     pub parameters: &'a [Lanes16],
-    /// [`ContactLaw::PARAMETERS`] of the whole law, of which the law may be the first part.
-    pub parameter_lanes: usize,
-    /// The histories, `history_lanes` quantities per block, which the law updates; zeros in lanes
-    /// that do not touch. With friction a tangential vector comes first, which in three dimensions
-    /// has been rotated with the pair.
+    /// The histories, [`ContactLaw::HISTORY`] quantities per block, which the law updates; zeros in
+    /// lanes that do not touch. With friction a tangential vector comes first, which in three
+    /// dimensions has been rotated with the pair.
     pub history: &'a mut [Lanes16],
-    /// [`ContactLaw::HISTORY`] of the whole law.
-    pub history_lanes: usize,
     /// The relative motion of the pairs.
     pub motion: &'a [PairMotion],
-    /// 1/Δt (1/s); 0 if Δt is 0.
+    /// The rotation of spheres that resist it, and its torques.
+    pub turning: &'a mut [Turning],
+    /// 1/Δt (1/s) in three dimensions; 0 if Δt is 0.
     pub per_step: f64,
     /// Intermediate results that one loop of a law passes to the next.
     pub carry: &'a mut [[Lanes16; CARRY]],
@@ -93,8 +112,8 @@ pub struct Response {
     pub normal: Lanes16,
     /// F_t.
     pub tangential: Vector<Lanes16>,
-    /// Rolling torque, components as of [`PairMotion::rolling_velocity`].
-    pub rolling: [Lanes16; 4],
+    /// Rolling torque about z, of disks.
+    pub rolling: Lanes16,
     /// Lanes at the Coulomb limit; before the law is evaluated those of the last step.
     pub sliding: u16,
     /// Lanes at the limit of rolling, likewise.
@@ -113,7 +132,7 @@ impl Response {
     pub const NONE: Self = Self {
         normal: Lanes16::ZERO,
         tangential: [Lanes16::ZERO; 3],
-        rolling: [Lanes16::ZERO; 4],
+        rolling: Lanes16::ZERO,
         sliding: 0,
         rolls: 0,
         twists: 0,
@@ -128,6 +147,10 @@ pub const TORQUES: usize = 4;
 
 /// The numbers that a contact may keep from step to step.
 pub type History = [f64; 3 + TORQUES];
+
+/// Most blocks that a law is given at once: enough for the processor to overlap them, few enough for
+/// its first-level cache.
+pub const CHUNK: usize = 8;
 
 /// Number of quantities that a loop of a law may pass to the next loop.
 pub const CARRY: usize = 4;
@@ -189,14 +212,14 @@ pub(crate) struct Limited<L: Lanes> {
 }
 
 impl<L: Lanes> Limited<L> {
-    /// `before` and `trial`: the spring's part before the step, and after it without limit; `slid`:
-    /// where the contact was at the limit before. `viscous`: the damper's part below the limit, of
+    /// `before` and `trial`: the spring's part before the step, and after it without limit; `masks`: as
+    /// of [`set_back`]. `viscous`: the damper's part below the limit, of
     /// which `share` acts at it. Uses `n` components of each vector.
     #[inline(always)]
     pub fn new(
         token: L::Token,
         n: usize,
-        (before, trial, slid): (&Vector<L>, Vector<L>, L::Mask),
+        (before, trial, masks): (&Vector<L>, &Vector<L>, [L::Mask; 2]),
         limit: L,
         viscous: Vector<L>,
         share: f64,
@@ -210,7 +233,7 @@ impl<L: Lanes> Limited<L> {
                 at_limit,
             };
         }
-        let (elastic, at_limit) = set_back(token, before, trial, limit, slid);
+        let (elastic, at_limit) = set_back(token, before, trial, limit, masks);
         Self {
             elastic,
             viscous: [
@@ -226,52 +249,55 @@ impl<L: Lanes> Limited<L> {
 /// A tangential vector that would grow from `before` to `trial` in a step, cut to `limit`, and
 /// where it was cut.
 ///
-/// A contact that slides sets its spring back along the force, which turns towards the slip: with f
-/// = l m, |m| = 1, l dm/dt = k P v, P the projection perpendicular to m. Where it was at the limit
-/// before the step, the spring is set back along the mean of the directions before and after it
-/// (the mean-normal return of plasticity: J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D. B.
-/// Krieg, J. Press. Vess. Tech. 99, 510, 1977), which is of second order, with the mean of the
-/// limits: m' is m mirrored at the line along 2m + u with u = 2 (trial - before)/(|before| +
-/// limit). Elsewhere, in a step in which the sliding begins or reverses, or whose slip is longer
-/// than twice the limit, along `trial`: such steps are few, and the error of each is of second
-/// order.
+/// A contact that slides sets its spring back along the force, which turns towards the slip: with f =
+/// l m, |m| = 1, l dm/dt = P v, v Δt = trial - before, P the projection perpendicular to m. Where it was
+/// at the limit before the step, it is set along (l - ½ m·v Δt) m + v Δt with the mean l, which turns as
+/// the solution to second order, m + P v Δt/l - ½ ((m·v) P v + |P v|² m) Δt²/l², as does the mean-normal
+/// return of plasticity (J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D. B. Krieg, J. Press. Vess.
+/// Tech. 99, 510, 1977). Elsewhere, in a step in which the sliding begins or reverses, or whose slip is
+/// longer than twice the limit, it is set along `trial`, which turns to first order: such steps are few,
+/// and the error of each is of second order.
+///
+/// `slid`: where it was at the limit before; `touching`: where it matters.
 #[inline(always)]
 pub(crate) fn set_back<L: Lanes>(
     token: L::Token,
     before: &Vector<L>,
-    trial: Vector<L>,
+    trial: &Vector<L>,
     limit: L,
-    slid: L::Mask,
+    [slid, touching]: [L::Mask; 2],
 ) -> (Vector<L>, L::Mask) {
     let c = |v| L::splat(token, v);
-    let (length, per_length) = norm(token, &trial);
-    let at_limit = length.greater(limit);
-    let part = (limit * per_length).select(at_limit, c(1.0));
-    let (radius, per_radius) = norm(token, before);
-    let added = [
-        trial[0] - before[0],
-        trial[1] - before[1],
-        trial[2] - before[2],
-    ];
-    let outward = Three::dot(before, &added);
-    let square = Three::dot(&added, &added);
-    // Twice the mean limit.
-    let twice = radius + limit;
-    let turns = slid
-        .and(at_limit)
-        .and(outward.greater(c(0.0)))
-        .and((twice * twice).greater(square));
-    // |2m + u|² and its part along m, times the square of the mean limit and the mean limit.
-    let along = per_radius.mul_add(outward, twice);
-    let long = twice.mul_add((c(2.0) * per_radius).mul_add(outward, twice), square);
-    let mirrored = c(2.0) * limit * along * inverse(token, long.max(c(SMALLEST_SQUARE)));
-    let of_before = mirrored.mul_add(twice, -limit) * per_radius;
-    let mut cut = scaled(&trial, part);
-    for k in 0..3 {
-        let turned = of_before.mul_add(before[k], mirrored * added[k]);
-        cut[k] = turned.select(turns, cut[k]);
+    let at_limit = Three::dot(trial, trial)
+        .greater(limit * limit)
+        .and(touching);
+    if at_limit.bits() == 0 {
+        return (*trial, at_limit);
     }
-    (cut, at_limit)
+    let mut along = *trial;
+    let turns = slid.and(at_limit);
+    if turns.bits() != 0 {
+        let half = c(0.5);
+        let square = Three::dot(before, before).max(c(SMALLEST_SQUARE));
+        let per_radius = inverse_sqrt(token, square);
+        let outward = Three::dot(before, trial) - square;
+        // (l - ½ m·v Δt)/|before| - 1, with twice the mean limit |before| + limit.
+        let share = (-outward).mul_add(per_radius, limit);
+        let share = (half * per_radius).mul_add(share, -half);
+        let turns = turns
+            .and(outward.greater(c(0.0)))
+            .and(share.greater(c(-1.0)));
+        let share = share.select(turns, c(0.0));
+        for k in 0..3 {
+            along[k] = share.mul_add(before[k], trial[k]);
+        }
+    }
+    let (_, per_length) = norm(token, &along);
+    let part = limit * per_length;
+    for k in 0..3 {
+        along[k] = (part * along[k]).select(at_limit, trial[k]);
+    }
+    (along, at_limit)
 }
 
 /// Lower bound of |v|²: vectors shorter than 1e-145 have an arbitrary direction.
@@ -355,7 +381,7 @@ mod tests {
         let f = Limited::new(
             PortableToken,
             n,
-            (&[c(0.0); 3], trial.map(c), 0),
+            (&[c(0.0); 3], &trial.map(c), [0, u16::MAX]),
             c(2.0),
             viscous.map(c),
             share,

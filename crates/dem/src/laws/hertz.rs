@@ -375,7 +375,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
         let zero = c(0.0);
         for (((p, motion), carry), response) in blocks
             .parameters
-            .chunks_exact(blocks.parameter_lanes)
+            .chunks_exact(Self::PARAMETERS)
             .zip(blocks.motion)
             .zip(&mut *blocks.carry)
             .zip(&mut *blocks.response)
@@ -438,8 +438,8 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
         for ((((p, history), motion), carry), response) in blocks
             .parameters
-            .chunks_exact(blocks.parameter_lanes)
-            .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
+            .chunks_exact(Self::PARAMETERS)
+            .zip(blocks.history.chunks_exact_mut(3))
             .zip(blocks.motion)
             .zip(&*blocks.carry)
             .zip(&mut *blocks.response)
@@ -456,8 +456,8 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             ];
             let damping = D::per_root(token, load(&p[DAMPING]), root);
             let gamma_t = c(self.tangential_damping) * damping;
-            // Spring and damper over √(δR*), at the beginning of the step and at its end. There v_t
-            // was 2 v_t(t + ½Δt) - v_t, to second order.
+            // Spring and damper over √(δR*), at the beginning of the step and at its end. There v_t was
+            // 2 v_t(t + ½Δt) - v_t, to second order.
             let (mut earlier, mut force) = ([zero; 3], [zero; 3]);
             for k in 0..3 {
                 let gained = moves * v_t[k] - per_half_step * slip[k];
@@ -465,8 +465,8 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                 earlier[k] = force[k] - k_t.mul_add(slip[k], gamma_t * gained);
             }
             let limit = c(self.friction) * load(&response.normal) * inverse(token, root);
-            let slid = L::mask(token, response.sliding);
-            let (cut, sliding) = set_back(token, &earlier, force, limit, slid);
+            let masks = [L::mask(token, response.sliding), touching];
+            let (cut, sliding) = set_back(token, &earlier, &force, limit, masks);
             response.sliding = sliding.bits();
             for k in 0..3 {
                 (-(root * cut[k])).store(&mut response.tangential[k]);

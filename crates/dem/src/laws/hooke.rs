@@ -270,7 +270,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         let zero = c(0.0);
         for ((p, motion), response) in blocks
             .parameters
-            .chunks_exact(blocks.parameter_lanes)
+            .chunks_exact(Self::PARAMETERS)
             .zip(blocks.motion)
             .zip(&mut *blocks.response)
         {
@@ -289,8 +289,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         if FRICTION {
             for (((p, history), motion), response) in blocks
                 .parameters
-                .chunks_exact(blocks.parameter_lanes)
-                .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
+                .chunks_exact(Self::PARAMETERS)
+                .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
                 .zip(blocks.motion)
                 .zip(&mut *blocks.response)
             {
@@ -308,7 +308,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 let limit = c(self.friction) * load(&response.normal);
                 let (viscous, share) = (scaled(&v_t, gamma_t), self.sliding_damping);
                 let slid = L::mask(token, response.sliding);
-                let spring = (&before, trial, slid);
+                let spring = (&before, &trial, [slid, touching]);
                 let f = Limited::new(token, n, spring, limit, viscous, share);
                 response.sliding = f.at_limit.bits();
                 for k in 0..n {
@@ -334,8 +334,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         }
         if ROLLING {
             let places = Places {
-                parameters: PLAIN,
-                history: Self::HISTORY - 1,
+                parameters: (Self::PARAMETERS, PLAIN),
+                history: (Self::HISTORY, Self::HISTORY - 1),
             };
             rolling_force::<L, BUDGET>(token, blocks, places);
         }
@@ -458,8 +458,8 @@ mod tests {
             normal_velocity: v_n,
             tangential_velocity: [v_t; 3],
             tangential_increment: [slip; 3],
-            rolling_velocity: [spin; 4],
-            rolling_increment: [rotation; 4],
+            rolling_velocity: spin,
+            rolling_increment: rotation,
             ..PairMotion::ZERO
         };
         let mut response = [Response::NONE];
@@ -468,17 +468,16 @@ mod tests {
             &mut Blocks {
                 parameters: &parameters,
                 history: &mut history,
-                parameter_lanes: Law::PARAMETERS,
-                history_lanes: Law::HISTORY,
                 per_step: 0.0,
                 motion: &[motion],
+                turning: &mut [],
                 carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut response,
             },
         );
         let [r] = response;
         (
-            [r.normal, r.tangential[0], r.rolling[0]].map(|lanes| lanes.0[3]),
+            [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]),
             [r.sliding != 0, r.beyond != 0],
             history.map(|lanes| lanes.0[3]),
         )

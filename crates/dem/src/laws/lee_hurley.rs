@@ -325,8 +325,8 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
         }
         if ROLLING {
             let places = Places {
-                parameters: Self::PARAMETERS - rolling::PARAMETERS,
-                history: Self::HISTORY - 1,
+                parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
+                history: (Self::HISTORY, Self::HISTORY - 1),
             };
             rolling_force::<L, BUDGET>(token, blocks, places);
         }
@@ -393,7 +393,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     fn normal_force<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
-        let parameters = || blocks.parameters.chunks_exact(blocks.parameter_lanes);
+        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
         let carry = &mut *blocks.carry;
         for ((p, motion), carry) in parameters().zip(blocks.motion).zip(&mut *carry) {
             // NaN and subnormal numbers would cost time, also in lanes that do not touch.
@@ -458,7 +458,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
-        let parameters = || blocks.parameters.chunks_exact(blocks.parameter_lanes);
+        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
         let carry = &mut blocks.carry[..blocks.motion.len()];
         for (p, carry) in parameters().zip(&mut *carry) {
             let (m, root_x) = (load(&carry[M]), load(&carry[ROOT_X]));
@@ -476,7 +476,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             }
         }
         for ((((p, history), motion), carry), response) in parameters()
-            .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
+            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
             .zip(blocks.motion)
             .zip(carry)
             .zip(&mut *blocks.response)
@@ -498,7 +498,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let f = Limited::new(
                 token,
                 1,
-                (&[trial; 3], [trial; 3], no),
+                (&[trial; 3], &[trial; 3], [no; 2]),
                 limit,
                 [damping; 3],
                 share,
@@ -663,7 +663,7 @@ mod tests {
         let motion = PairMotion {
             overlap: lanes(overlap),
             tangential_increment: [lanes(slip); 3],
-            rolling_increment: [lanes(rotation); 4],
+            rolling_increment: lanes(rotation),
             ..PairMotion::ZERO
         };
         law.evaluate::<Portable, false>(
@@ -671,10 +671,9 @@ mod tests {
             &mut Blocks {
                 parameters: &parameters,
                 history: &mut history,
-                parameter_lanes: Law::PARAMETERS,
-                history_lanes: Law::HISTORY,
                 per_step: 0.0,
                 motion: &[motion],
+                turning: &mut [],
                 carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut [Response::NONE],
             },

@@ -186,7 +186,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
         let load = |lanes: &Lanes16| L::load(token, lanes);
         for (((p, motion), carry), response) in blocks
             .parameters
-            .chunks_exact(blocks.parameter_lanes)
+            .chunks_exact(Self::PARAMETERS)
             .zip(blocks.motion)
             .zip(&mut *blocks.carry)
             .zip(&mut *blocks.response)
@@ -275,7 +275,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
         let spins = D::SPINS;
         for (((history, motion), carry), response) in blocks
             .history
-            .chunks_exact_mut(blocks.history_lanes)
+            .chunks_exact_mut(Self::HISTORY)
             .zip(blocks.motion)
             .zip(&*blocks.carry)
             .zip(&mut *blocks.response)
@@ -290,11 +290,11 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 t[k] = before[k] + slip[k];
             }
             let s = self.mobilised(token, depth, &t);
-            let sliding = s.greater(one);
+            let mut sliding = s.greater(one);
             if spins == 3 {
-                let slid = L::mask(token, response.sliding);
+                let masks = [L::mask(token, response.sliding), touching];
                 let limit = c(self.threshold_per_overlap()) * depth;
-                t = set_back(token, &before, t, limit, slid).0;
+                (t, sliding) = set_back(token, &before, &t, limit, masks);
             } else {
                 t[0] = t[0] * inverse(token, s).select(sliding, one);
             }

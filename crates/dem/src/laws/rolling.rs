@@ -29,13 +29,13 @@ pub struct Rolling {
     pub damping_ratio: f64,
 }
 
-/// The index in a block of the first parameter of rolling, and of its history.
+/// Where a law keeps the quantities of rolling resistance.
 #[derive(Debug, Clone, Copy)]
 pub struct Places {
-    /// Among the parameters.
-    pub parameters: usize,
-    /// Among the history.
-    pub history: usize,
+    /// Number of parameters per block, and the index of the first one of rolling.
+    pub parameters: (usize, usize),
+    /// Number of history quantities per block, and the index of that of rolling.
+    pub history: (usize, usize),
 }
 
 impl Rolling {
@@ -84,35 +84,34 @@ pub fn rolling_force<L: Lanes, const BUDGET: bool>(
 ) {
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let zero = L::splat(token, 0.0);
-    let (at, place) = (places.parameters, places.history);
+    let ((parameters, at), (histories, place)) = (places.parameters, places.history);
     for (((p, history), motion), response) in blocks
         .parameters
-        .chunks_exact(blocks.parameter_lanes)
-        .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
+        .chunks_exact(parameters)
+        .zip(blocks.history.chunks_exact_mut(histories))
         .zip(blocks.motion)
         .zip(&mut *blocks.response)
     {
         let touching = load(&motion.overlap).greater(zero);
-        let trial =
-            (-load(&p[at])).mul_add(load(&motion.rolling_increment[0]), load(&history[place]));
+        let trial = (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
         let limit = load(&p[at + 2]) * load(&response.normal);
-        let speed = load(&motion.rolling_velocity[0]);
+        let speed = load(&motion.rolling_velocity);
         let damping = load(&p[at + 1]) * speed;
         let no = L::mask(token, 0);
         let m = Limited::new(
             token,
             1,
-            (&[trial; 3], [trial; 3], no),
+            (&[trial; 3], &[trial; 3], [no; 2]),
             limit,
             [damping; 3],
             0.0,
         );
         let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
-        (elastic - viscous).store(&mut response.rolling[0]);
+        (elastic - viscous).store(&mut response.rolling);
         response.rolls = m.at_limit.bits();
         let (before, after) = (load(&history[place]), elastic.select(touching, zero));
         if BUDGET {
-            let work = (before + after) * load(&motion.rolling_increment[0]);
+            let work = (before + after) * load(&motion.rolling_increment);
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
             (L::splat(token, -0.5) * (work + gained))
                 .store(&mut response.dissipated[dissipation::ROLLING]);

@@ -25,7 +25,8 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, History, PairMotion, TORQUES, add_damping, dissipation, set_back, vector,
+    Blocks, CHUNK, ContactLaw, History, PairMotion, TORQUES, Turning, add_damping, dissipation,
+    set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -99,6 +100,8 @@ const DAMPING: usize = 2;
 const ARM: usize = 4;
 /// How many they are.
 const OWN: usize = 6;
+/// Most parameters of a law between spheres.
+const MOST: usize = 4;
 
 /// Lower bound of a stiffness (N m), by which energies are divided.
 const SOFTEST: f64 = 1e-200;
@@ -139,17 +142,18 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
 
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        self.law.evaluate::<L, BUDGET>(token, blocks);
+        self.evaluate_law::<L, BUDGET>(token, blocks);
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         let per_half_step = c(2.0 * blocks.per_step);
         let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
-        for (((p, history), motion), response) in blocks
+        for ((((p, history), motion), turning), response) in blocks
             .parameters
-            .chunks_exact(blocks.parameter_lanes)
-            .zip(blocks.history.chunks_exact_mut(blocks.history_lanes))
+            .chunks_exact(Self::PARAMETERS)
+            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
             .zip(blocks.motion)
+            .zip(&mut *blocks.turning)
             .zip(&mut *blocks.response)
         {
             if !C::FRICTION {
@@ -161,16 +165,13 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             let normal = load(&response.normal);
             // Of the spring and of spring and damper, at the beginning of the step and at its end
             // without limit.
-            let (begins, touched) = begins_at(token, motion, history, blocks.per_step);
+            let (begins, touched) = begins_at(token, (motion, turning), history, blocks.per_step);
             let mut sprung = [zero; TORQUES];
             let (mut before, mut earlier, mut trial) = (sprung, sprung, sprung);
-            let of = |k: usize| k / 3;
             for k in 0..TORQUES {
-                let (stiffness, damping) = (load(&p[STIFFNESS + of(k)]), load(&p[DAMPING + of(k)]));
-                let (increment, velocity) = (
-                    load(&motion.rolling_increment[k]),
-                    load(&motion.rolling_velocity[k]),
-                );
+                let (stiffness, damping) = (load(&p[STIFFNESS + k / 3]), load(&p[DAMPING + k / 3]));
+                let (increment, velocity) =
+                    (load(&turning.increment[k]), load(&turning.velocity[k]));
                 let gained = moves * velocity - per_half_step * increment;
                 before[k] = load(&history[k]) + damping * begins[k];
                 sprung[k] = (-stiffness).mul_add(increment, before[k]);
@@ -178,10 +179,10 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
             }
             let [x, y, z, twist] = trial;
-            let rolled = L::mask(token, response.rolls);
+            let masks = [L::mask(token, response.rolls), touching];
             let of_step = [earlier[0], earlier[1], earlier[2]];
             let limit = load(&p[ARM]) * normal;
-            let (cut, rolls) = set_back(token, &of_step, [x, y, z], limit, rolled);
+            let (cut, rolls) = set_back(token, &of_step, &[x, y, z], limit, masks);
             let limit = load(&p[ARM + 1]) * normal;
             let twists = twist.abs().greater(limit);
             let cut = [
@@ -193,20 +194,20 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             (response.rolls, response.twists) = (rolls.bits(), twists.bits());
             let mut dissipated = zero;
             for k in 0..TORQUES {
-                cut[k].store(&mut response.rolling[k]);
-                let (stiffness, damping) = (load(&p[STIFFNESS + of(k)]), load(&p[DAMPING + of(k)]));
-                let viscous = damping * load(&motion.rolling_velocity[k]);
-                let at_limit = if of(k) == 0 { rolls } else { twists };
+                cut[k].store(&mut turning.torque[k]);
+                let (stiffness, damping) = (load(&p[STIFFNESS + k / 3]), load(&p[DAMPING + k / 3]));
+                let viscous = damping * load(&turning.velocity[k]);
+                let at_limit = if k / 3 == 0 { rolls } else { twists };
                 let after = (cut[k] + viscous).select(at_limit, sprung[k]);
                 let after = after.select(touching, zero);
                 if BUDGET {
                     let stored = load(&history[k]);
                     let per_stiffness = inverse(token, stiffness.max(c(SOFTEST)));
                     let gained = (after - stored) * (after + stored) * per_stiffness;
-                    let way = load(&motion.rolling_increment[k]).select(touching, zero);
+                    let way = load(&turning.increment[k]).select(touching, zero);
                     let lost = (before[k] + after).mul_add(way, gained);
                     dissipated = c(-0.5).mul_add(lost, dissipated);
-                    let power = touched * viscous * load(&motion.rolling_velocity[k]);
+                    let power = touched * viscous * load(&turning.velocity[k]);
                     add_damping(token, response, power.select(touching, zero));
                 }
                 after.store(&mut history[k]);
@@ -260,13 +261,47 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     }
 }
 
+impl<C: ContactLaw<Space = Three>> Resisting<C> {
+    /// Evaluates the law itself, with its own parameters and histories in a row.
+    #[inline(always)]
+    fn evaluate_law<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let mut parameters = [Lanes16::ZERO; CHUNK * MOST];
+        let mut history = [Lanes16::ZERO; CHUNK * 3];
+        let count = blocks.motion.len();
+        let of_law = &mut parameters[..count * C::PARAMETERS];
+        for (k, of_block) in blocks.parameters.chunks_exact(Self::PARAMETERS).enumerate() {
+            of_law[k * C::PARAMETERS..][..C::PARAMETERS]
+                .copy_from_slice(&of_block[..C::PARAMETERS]);
+        }
+        let kept = &mut history[..count * C::HISTORY];
+        for (k, of_block) in blocks.history.chunks_exact(Self::HISTORY).enumerate() {
+            kept[k * C::HISTORY..][..C::HISTORY].copy_from_slice(&of_block[..C::HISTORY]);
+        }
+        self.law.evaluate::<L, BUDGET>(
+            token,
+            &mut Blocks {
+                parameters: of_law,
+                history: kept,
+                motion: blocks.motion,
+                turning: &mut [],
+                per_step: blocks.per_step,
+                carry: &mut *blocks.carry,
+                response: &mut *blocks.response,
+            },
+        );
+        for (k, of_block) in blocks.history.chunks_exact_mut(Self::HISTORY).enumerate() {
+            of_block[..C::HISTORY].copy_from_slice(&kept[k * C::HISTORY..][..C::HISTORY]);
+        }
+    }
+}
+
 /// ω_i - ω_j where a torque begins, in contacts without history: at the touch, a part θ of the step
 /// ago. There increments are of this part, and v_n has been multiplied by ½ + θ. 0 elsewhere. Also
 /// the part of the dampers' power in the step, which the kernel divides by ½ + θ.
 #[inline(always)]
 fn begins_at<L: Lanes>(
     token: L::Token,
-    motion: &PairMotion,
+    (motion, turning): (&PairMotion, &Turning),
     history: &[Lanes16],
     per_step: f64,
 ) -> ([L; TORQUES], L) {
@@ -289,8 +324,8 @@ fn begins_at<L: Lanes>(
     let ratio = way / overlap.max(least);
     let part = half / (ratio - one).max(half);
     for (k, begins) in begins.iter_mut().enumerate() {
-        let of_half_step = c(2.0 * per_step) * load(&motion.rolling_increment[k]);
-        let velocity = load(&motion.rolling_velocity[k]);
+        let of_half_step = c(2.0 * per_step) * load(&turning.increment[k]);
+        let velocity = load(&turning.velocity[k]);
         let begun = c(-2.0).mul_add(part, one).mul_add(velocity, of_half_step);
         *begins = begun.select(has_none, zero);
     }

@@ -358,9 +358,8 @@ fn the_law_is_that_of_lammps() {
                     &mut Blocks {
                         parameters: &parameters,
                         history: &mut lanes,
-                        parameter_lanes: Law::PARAMETERS,
-                        history_lanes: Law::HISTORY,
                         per_step: 0.0,
+                        turning: &mut [],
                         motion: &[PairMotion {
                             overlap: splat(overlap),
                             normal_velocity: splat(v_n),

@@ -61,9 +61,8 @@ fn evaluate<D: Dimension>(
         &mut Blocks {
             parameters: &parameters,
             history: &mut lanes[..D::SPINS],
-            parameter_lanes: Mindlin::<D, true>::PARAMETERS,
-            history_lanes: Mindlin::<D, true>::HISTORY,
             per_step: 0.0,
+            turning: &mut [],
             motion: &[PairMotion {
                 overlap: splat(overlap),
                 normal_increment: splat(-deeper),
