@@ -12,9 +12,9 @@
 //!
 //! with R_r = R_i R_j/(R_i+R_j), I = I_i I_j/(I_i+I_j), and of a sphere I = (7/5) mR² for rolling,
 //! about the contact, and (2/5) mR² for twisting. A torque beyond its limit is cut to it, and its
-//! spring set back so that spring and damper together give the limit; that of rolling along the
-//! mean of the directions (`contact::set_back`). The histories, M and T, turn with the pair as that
-//! of F_t.
+//! spring set back so that spring and damper together give the limit; that of rolling turns as a
+//! spring that slides (`contact::set_back`). The histories, M and T, turn with the pair as that of
+//! F_t.
 //!
 //! Where two spheres touch, F_n and with it the limits begin at 0, but not the dashpots, so the
 //! sliders slide: M begins as C (ω_i-ω_j), and the torque at 0.
