@@ -409,9 +409,9 @@ fn tangential_motion<C: ContactLaw, L: Lanes>(
         if C::ROLLING {
             let first = C::HISTORY - TORQUES;
             turn.of_step(token, &mut history[first..first + 3]);
-            let spins = [C::Space::SPIN, C::Space::HALF_SPIN];
-            let spins = spins.map(|at| vector::<L>(token, &difference[at..], 3));
-            turn.rolling(token, spins, (*step, *rotation_shift), turning);
+            let full = vector::<L>(token, &difference[C::Space::SPIN..], 3);
+            let half = vector::<L>(token, &difference[C::Space::HALF_SPIN..], 3);
+            turn.rolling(token, [full, half], (*step, *rotation_shift), turning);
         }
     }
     for k in 0..spins {

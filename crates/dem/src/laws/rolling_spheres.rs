@@ -120,13 +120,16 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         let c = |v| L::splat(token, v);
         self.law.parameters(token, r_i, r_j, out);
         let out = &mut out[C::PARAMETERS..];
-        let mass = |radius: L| match self.masses {
-            Masses::Density(density) => c(density * Three::volume(1.0)) * Three::power(radius),
-            Masses::Equal(mass) => c(mass),
+        let (m_i, m_j) = match self.masses {
+            Masses::Density(density) => {
+                let density = c(density * Three::volume(1.0));
+                (density * Three::power(r_i), density * Three::power(r_j))
+            }
+            Masses::Equal(mass) => (c(mass), c(mass)),
         };
         let r_r = r_i * r_j / (r_i + r_j);
         // mR².
-        let (i, j) = (mass(r_i) * r_i * r_i, mass(r_j) * r_j * r_j);
+        let (i, j) = (m_i * r_i * r_i, m_j * r_j * r_j);
         let inertia = i * j / (i + j);
         for (k, of) in [self.rolling, self.twisting].into_iter().enumerate() {
             let stiffness = c(of.stiffness) * r_r * r_r;
@@ -232,12 +235,13 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             .law
             .elastic_energies(token, parameters, overlap, history);
         let torques = &history[C::HISTORY..];
-        let stiffness = |k| L::load(token, &parameters[C::PARAMETERS + STIFFNESS + k]);
-        let per_stiffness = |k| c(0.5) / stiffness(k).max(c(SOFTEST));
+        let own = &parameters[C::PARAMETERS + STIFFNESS..];
+        let k_r = L::load(token, &own[0]).max(c(SOFTEST));
+        let k_w = L::load(token, &own[1]).max(c(SOFTEST));
         let moment = vector::<L>(token, torques, 3);
         let twist = L::load(token, &torques[3]);
-        let rolling = per_stiffness(0) * Three::dot(&moment, &moment);
-        let rolling = (per_stiffness(1) * twist).mul_add(twist, rolling);
+        let rolling = c(0.5) * Three::dot(&moment, &moment) / k_r;
+        let rolling = rolling + c(0.5) * twist * twist / k_w;
         [normal, tangential, rolling]
     }
 
