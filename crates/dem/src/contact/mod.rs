@@ -43,9 +43,9 @@ impl PairMotion {
     };
 }
 
-/// Rotation of sixteen pairs of spheres against each other, and the torques on i that resist it: each
-/// a vector in the tangent plane and the component along n. Apart from [`PairMotion`], which is smaller
-/// without it.
+/// Rotation of sixteen pairs of spheres against each other, and the torques on i that resist it:
+/// each a vector in the tangent plane and the component along n. Apart from [`PairMotion`], which
+/// is smaller without it.
 #[derive(Debug, Clone, Copy)]
 pub struct Turning {
     /// ω_i - ω_j of the full step (rad/s).
@@ -148,8 +148,8 @@ pub const TORQUES: usize = 4;
 /// The numbers that a contact may keep from step to step.
 pub type History = [f64; 3 + TORQUES];
 
-/// Most blocks that a law is given at once: enough for the processor to overlap them, few enough for
-/// its first-level cache.
+/// Most blocks that a law is given at once: enough for the processor to overlap them, few enough
+/// for its first-level cache.
 pub const CHUNK: usize = 8;
 
 /// Number of quantities that a loop of a law may pass to the next loop.
@@ -212,9 +212,9 @@ pub(crate) struct Limited<L: Lanes> {
 }
 
 impl<L: Lanes> Limited<L> {
-    /// `before` and `trial`: the spring's part before the step, and after it without limit; `masks`: as
-    /// of [`set_back`]. `viscous`: the damper's part below the limit, of
-    /// which `share` acts at it. Uses `n` components of each vector.
+    /// `before` and `trial`: the spring's part before the step, and after it without limit;
+    /// `masks`: as of [`set_back`]. `viscous`: the damper's part below the limit, of which `share`
+    /// acts at it. Uses `n` components of each vector.
     #[inline(always)]
     pub fn new(
         token: L::Token,
@@ -249,14 +249,14 @@ impl<L: Lanes> Limited<L> {
 /// A tangential vector that would grow from `before` to `trial` in a step, cut to `limit`, and
 /// where it was cut.
 ///
-/// A contact that slides sets its spring back along the force, which turns towards the slip: with f =
-/// l m, |m| = 1, l dm/dt = P v, v Δt = trial - before, P the projection perpendicular to m. Where it was
-/// at the limit before the step, it is set along (l - ½ m·v Δt) m + v Δt with the mean l, which turns as
-/// the solution to second order, m + P v Δt/l - ½ ((m·v) P v + |P v|² m) Δt²/l², as does the mean-normal
-/// return of plasticity (J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D. B. Krieg, J. Press. Vess.
-/// Tech. 99, 510, 1977). Elsewhere, in a step in which the sliding begins or reverses, or whose slip is
-/// longer than twice the limit, it is set along `trial`, which turns to first order: such steps are few,
-/// and the error of each is of second order.
+/// A contact that slides sets its spring back along the force, which turns towards the slip: with f
+/// = l m, |m| = 1, l dm/dt = P v, v Δt = trial - before, P the projection perpendicular to m. Where
+/// it was at the limit before the step, it is set along (l - ½ m·v Δt) m + v Δt with the mean l,
+/// which turns as the solution to second order, m + P v Δt/l - ½ ((m·v) P v + |P v|² m) Δt²/l², as
+/// does the mean-normal return of plasticity (J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D.
+/// B. Krieg, J. Press. Vess. Tech. 99, 510, 1977). Elsewhere, in a step in which the sliding begins
+/// or reverses, or whose slip is longer than twice the limit, it is set along `trial`, which turns
+/// to first order: such steps are few, and the error of each is of second order.
 ///
 /// `slid`: where it was at the limit before; `touching`: where it matters.
 #[inline(always)]

@@ -456,8 +456,8 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             ];
             let damping = D::per_root(token, load(&p[DAMPING]), root);
             let gamma_t = c(self.tangential_damping) * damping;
-            // Spring and damper over √(δR*), at the beginning of the step and at its end. There v_t was
-            // 2 v_t(t + ½Δt) - v_t, to second order.
+            // Spring and damper over √(δR*), at the beginning of the step and at its end. There v_t
+            // was 2 v_t(t + ½Δt) - v_t, to second order.
             let (mut earlier, mut force) = ([zero; 3], [zero; 3]);
             for k in 0..3 {
                 let gained = moves * v_t[k] - per_half_step * slip[k];

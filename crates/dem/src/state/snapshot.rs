@@ -94,7 +94,8 @@ impl ContactState {
         self.limits & 16 != 0
     }
 
-    /// Limits as a number: the bits of [`LIMITS`], and 16 if it is idle.
+    /// Limits as a number: 1, 2 and 32 where it is at that of friction, rolling and twisting, 4, 8
+    /// and 64 where that is known, and 16 if it is idle.
     pub fn stored(limits: [Option<bool>; 3], is_idle: bool) -> i64 {
         let of = |(limit, [bit, known]): (Option<bool>, [i64; 2])| {
             limit.map_or(0, |is_at| known + bit * i64::from(is_at))
