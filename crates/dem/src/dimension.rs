@@ -37,6 +37,9 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     const HALF_SPIN: usize = 3 * Self::AXES;
     /// Angular velocity of the full step (rad/s); predicted while the forces are computed.
     const SPIN: usize = 3 * Self::AXES + Self::SPINS;
+    /// Index of the angular velocities of the second grain in what [`Dimension::load`] gives of it:
+    /// of the half step, then of the full step.
+    const SPINS_OF_J: usize;
     /// Index of the torques in [`Dimension::Force`]; forces begin at 0.
     const TORQUE: usize = Self::AXES;
 
@@ -59,21 +62,16 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     /// R² or R³: the volume over π or (4/3)π.
     fn power<L: Lanes>(radius: L) -> L;
 
-    /// Loads the records of a block of pairs, and transposes their differences i - j into lanes.
-    fn load_differences<L: Lanes>(
+    /// Loads the records of a block of pairs, and transposes their differences i - j into lanes;
+    /// with `FRICTION` also the angular velocities of the grains j, from
+    /// [`Dimension::SPINS_OF_J`] on.
+    fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[Self::Record],
         list: &PairList,
         block: usize,
-        out: &mut Self::Fields,
-    );
-    /// Loads the angular velocities of the grains j: of the half step, then of the full step.
-    fn spins_of_j<L: Lanes>(
-        token: L::Token,
-        records: &[Self::Record],
-        list: &PairList,
-        block: usize,
-        out: &mut [Lanes16; 6],
+        differences: &mut Self::Fields,
+        of_j: &mut [Lanes16; 8],
     );
     /// Adds forces and torques to the grains of a block of pairs: (`force`, `torque_i`) to i,
     /// (-`force`, `torque_j`) to j.
@@ -115,6 +113,7 @@ impl Dimension for Two {
     const AXES: usize = 2;
     const SPINS: usize = 1;
     const INERTIA: f64 = 0.5;
+    const SPINS_OF_J: usize = 0;
     type Record = [CacheLine; 1];
     type Force = Force2;
     type Fields = [Lanes16; 8];
@@ -140,27 +139,20 @@ impl Dimension for Two {
     }
 
     #[inline(always)]
-    fn load_differences<L: Lanes>(
+    fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[[CacheLine; 1]],
         list: &PairList,
         block: usize,
-        out: &mut [Lanes16; 8],
+        differences: &mut [Lanes16; 8],
+        of_j: &mut [Lanes16; 8],
     ) {
-        L::differences::<0, 1>(token, records, list, block, out);
-    }
-
-    #[inline(always)]
-    fn spins_of_j<L: Lanes>(
-        token: L::Token,
-        records: &[[CacheLine; 1]],
-        list: &PairList,
-        block: usize,
-        out: &mut [Lanes16; 6],
-    ) {
-        let [half, full] = L::last_two_of_j::<0, 1>(token, records, list, block);
-        half.store(&mut out[0]);
-        full.store(&mut out[1]);
+        L::differences::<0, 1>(token, records, list, block, differences, None);
+        if FRICTION {
+            let [half, full] = L::last_two_of_j::<0, 1>(token, records, list, block);
+            half.store(&mut of_j[0]);
+            full.store(&mut of_j[1]);
+        }
     }
 
     #[inline(always)]
@@ -215,6 +207,7 @@ impl Dimension for Three {
     const AXES: usize = 3;
     const SPINS: usize = 3;
     const INERTIA: f64 = 0.4;
+    const SPINS_OF_J: usize = Self::HALF_SPIN - 8;
     type Record = [CacheLine; 2];
     type Force = Force3;
     type Fields = [Lanes16; 16];
@@ -240,30 +233,18 @@ impl Dimension for Three {
     }
 
     #[inline(always)]
-    fn load_differences<L: Lanes>(
+    fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[[CacheLine; 2]],
         list: &PairList,
         block: usize,
-        out: &mut [Lanes16; 16],
+        differences: &mut [Lanes16; 16],
+        of_j: &mut [Lanes16; 8],
     ) {
-        let (lines, _) = out.as_chunks_mut();
-        L::differences::<0, 2>(token, records, list, block, &mut lines[0]);
-        L::differences::<1, 2>(token, records, list, block, &mut lines[1]);
-    }
-
-    #[inline(always)]
-    fn spins_of_j<L: Lanes>(
-        token: L::Token,
-        records: &[[CacheLine; 2]],
-        list: &PairList,
-        block: usize,
-        out: &mut [Lanes16; 6],
-    ) {
-        let line = L::cache_line_of_j::<1, 2>(token, records, list, block);
-        for (field, lanes) in line[Self::HALF_SPIN - 8..].iter().zip(out) {
-            field.store(lanes);
-        }
+        let (lines, _) = differences.as_chunks_mut();
+        let of_j = if FRICTION { Some(of_j) } else { None };
+        L::differences::<0, 2>(token, records, list, block, &mut lines[0], None);
+        L::differences::<1, 2>(token, records, list, block, &mut lines[1], of_j);
     }
 
     #[inline(always)]

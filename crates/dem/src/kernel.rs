@@ -14,8 +14,8 @@ use std::ops::Range;
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
 use crate::contact::{
-    CARRY, CHUNK, ContactLaw, PairMotion, Response, TORQUES, Turning, dissipation, scaled,
-    store_vector, vector,
+    CARRY, CHUNK, ContactLaw, PairMotion, Response, TORQUES, Turning, dissipation, store_vector,
+    vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, inverse_sqrt, prefetch, prefetch_all};
@@ -185,9 +185,9 @@ const CACHED: usize = 3 << 20;
 /// reuse its memory.
 #[derive(Debug)]
 pub struct Scratch<D: Dimension> {
-    /// Differences of the records, and the angular velocities of the second grain.
+    /// Differences of the records, and of the second grain what [`Dimension::load`] gives.
     difference: [D::Fields; CHUNK],
-    spins_of_j: [[Lanes16; 6]; CHUNK],
+    of_j: [[Lanes16; 8]; CHUNK],
     motion: [PairMotion; CHUNK],
     /// n.
     direction: [[Lanes16; 3]; CHUNK],
@@ -203,7 +203,7 @@ impl<D: Dimension> Default for Scratch<D> {
     fn default() -> Self {
         Self {
             difference: [D::NO_FIELDS; CHUNK],
-            spins_of_j: [[Lanes16::ZERO; 6]; CHUNK],
+            of_j: [[Lanes16::ZERO; 8]; CHUNK],
             motion: [PairMotion::ZERO; CHUNK],
             direction: [[Lanes16::ZERO; 3]; CHUNK],
             carry: [[Lanes16::ZERO; CARRY]; CHUNK],
@@ -281,14 +281,13 @@ fn load_differences<C: ContactLaw, L: Lanes>(
     scratch: &mut Scratch<C::Space>,
 ) {
     let (record, part) = (pass.record, &pass.part);
-    for ((block, difference), spins_of_j) in chunk
-        .zip(&mut scratch.difference)
-        .zip(&mut scratch.spins_of_j)
-    {
+    let scratch = scratch.difference.iter_mut().zip(&mut scratch.of_j);
+    for (block, (difference, of_j)) in chunk.zip(scratch) {
         let block = part.first + block;
-        C::Space::load_differences::<L>(token, record, part.pairs, block, difference);
         if C::FRICTION {
-            C::Space::spins_of_j::<L>(token, record, part.pairs, block, spins_of_j);
+            C::Space::load::<L, true>(token, record, part.pairs, block, difference, of_j);
+        } else {
+            C::Space::load::<L, false>(token, record, part.pairs, block, difference, of_j);
         }
     }
 }
@@ -315,13 +314,11 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let blocks = contacts.geometry[chunk.clone()]
         .iter()
         .zip(&mut contacts.touching[chunk.clone()])
-        .zip(scratch.difference.iter().zip(&scratch.spins_of_j))
+        .zip(scratch.difference.iter().zip(&scratch.of_j))
         .zip(scratch.motion.iter_mut().zip(&mut scratch.turning))
         .zip(&mut scratch.direction)
         .enumerate();
-    for (k, ((((radii, touching), (difference, spins_of_j)), (motion, turning)), direction)) in
-        blocks
-    {
+    for (k, ((((radii, touching), (difference, of_j)), (motion, turning)), direction)) in blocks {
         let difference = difference.as_ref();
         let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
         let pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
@@ -335,7 +332,7 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         if C::FRICTION {
             let first = (chunk.start + k) * C::HISTORY;
             let history = &mut contacts.history[first..first + C::HISTORY];
-            let records = (difference, &spins_of_j[..], [sum, r_i]);
+            let records = (difference, &of_j[C::Space::SPINS_OF_J..], [sum, r_i]);
             tangential_motion::<C, L>(
                 token,
                 &steps,
@@ -398,24 +395,28 @@ fn tangential_motion<C: ContactLaw, L: Lanes>(
     for k in 0..spins {
         (tangential[k] + rotational[k]).store(&mut motion.tangential_velocity[k]);
     }
-    let mut slip = Slip::of_half_step::<C::Space>(token, *step, pair, half_v, &half_s);
+    let half = HalfStep::new::<C::Space>(token, *step, pair, half_v);
+    let mut slip = half.tangential;
     if spins == 3 {
         let mean = mean_spin::<L>(token, &difference[C::Space::HALF_SPIN..], half_of_j);
-        let turn = Turn::new(&pair.n, &slip, &scaled(&mean, *step));
+        let turn = Turn::new(token, &pair.n, &half, (*step, &mean));
         if C::HISTORY >= 3 + if C::ROLLING { TORQUES } else { 0 } {
             turn.of_step(token, &mut history[..3]);
         }
-        slip.velocity = turn.of_half_step(token, &slip.velocity);
+        slip = turn.slip(&half, &half_v.vector, &half_s);
         if C::ROLLING {
             let first = C::HISTORY - TORQUES;
             turn.of_step(token, &mut history[first..first + 3]);
             let full = vector::<L>(token, &difference[C::Space::SPIN..], 3);
             let half = vector::<L>(token, &difference[C::Space::HALF_SPIN..], 3);
-            turn.rolling(token, [full, half], (*step, *rotation_shift), turning);
+            turn.rolling([full, half], (*step, *rotation_shift), turning);
         }
+    } else {
+        let rotational = C::Space::surface_velocity(&pair.n, &half_s);
+        slip[0] = slip[0].mul_add(half.longer, rotational[0]);
     }
     for k in 0..spins {
-        let rounded = slip.velocity[k].mul_add(*step, *slip_shift) - *slip_shift;
+        let rounded = slip[k].mul_add(*step, *slip_shift) - *slip_shift;
         rounded.store(&mut motion.tangential_increment[k]);
     }
 }
@@ -547,51 +548,32 @@ fn spin_sum<D: Dimension, L: Lanes>(
     ]
 }
 
-/// The tangential motion of the half step, in the tangent plane of the full step.
-struct Slip<L> {
-    /// v_t (m/s).
-    velocity: [L; 3],
-    /// Its part without spins, as it was in the plane of the half step (m/s).
+/// The motion of sixteen pairs in the half step. It belongs to the tangent plane of the half step,
+/// when r was r - ½Δt v, and slips must be brought into that of the full step: otherwise F_t^e would
+/// be of first order if n turns.
+struct HalfStep<L> {
+    /// v - v_n n (m/s), with n of the full step. With that of the half step only the length of r
+    /// differs, by `longer`, because v × v = 0.
     tangential: [L; 3],
-    /// ½Δt/|r - ½Δt v| (s/m): times `tangential` the angle of n since the half step.
-    half_angle: L,
+    /// |r|/|r - ½Δt v|.
+    longer: L,
+    /// ½Δt/|r| (s/m): times `tangential` and `longer` the angle of n since the half step.
+    per_distance: L,
 }
 
-impl<L: Lanes> Slip<L> {
-    /// `s` is R_i ω_i + R_j ω_j of the half step.
-    ///
-    /// The half-step velocity belongs to the tangent plane of the half step, when r was r - ½Δt v.
-    /// Without this correction F_t^e would be of first order if n rotates. In v - v_n n only the
-    /// length of r differs, by |r|/|r - ½Δt v|, because v × v = 0.
+impl<L: Lanes> HalfStep<L> {
     #[inline(always)]
-    fn of_half_step<D: Dimension>(
+    fn new<D: Dimension>(
         token: L::Token,
         step: L,
         pair: &Separation<L>,
         half_v: &Velocity<L>,
-        s: &[L; 3],
     ) -> Self {
-        let half_step = L::splat(token, 0.5) * step * pair.per_distance;
-        let longer = half_step.mul_add(half_v.normal, L::splat(token, 1.0));
-        let rotational = D::surface_velocity(&pair.n, s);
-        let tangential = D::tangential_part(&pair.n, &half_v.vector, half_v.normal);
-        let mut velocity = [L::splat(token, 0.0); 3];
-        for k in 0..D::SPINS {
-            velocity[k] = tangential[k].mul_add(longer, rotational[k]);
-        }
-        if D::SPINS == 3 {
-            // The spins, too, are rotated from that plane into this one: a part of the twist
-            // becomes tangential.
-            let twist = half_step * D::dot(&pair.n, s);
-            let aside = D::surface_velocity(&pair.n, &half_v.vector);
-            for k in 0..D::SPINS {
-                velocity[k] = twist.mul_add(aside[k], velocity[k]);
-            }
-        }
+        let per_distance = L::splat(token, 0.5) * step * pair.per_distance;
         Self {
-            velocity,
-            tangential,
-            half_angle: half_step * longer,
+            tangential: D::tangential_part(&pair.n, &half_v.vector, half_v.normal),
+            longer: per_distance.mul_add(half_v.normal, L::splat(token, 1.0)),
+            per_distance,
         }
     }
 }
@@ -615,22 +597,25 @@ fn mean_spin<L: Lanes>(token: L::Token, of_difference: &[Lanes16], of_j: &[Lanes
 /// Matter 22, 2020).
 struct Turn<L> {
     n: [L; 3],
-    /// The half-angle vector τ = ½Δt v_t/|r| of the half step: n - τ was n there.
-    tilt: [L; 3],
-    /// The angle φ about it.
+    /// n of the half step, n - τ with τ = ½Δt v_t/|r|.
+    half_n: [L; 3],
+    /// The angle φ about it, and half of it.
     twist: L,
+    half_twist: L,
 }
 
 impl<L: Lanes> Turn<L> {
-    /// `mean`: the mean rotation vector of the grains in the step.
+    /// `mean`: ½(ω_i + ω_j) of the half step.
     #[inline(always)]
-    fn new(n: &[L; 3], slip: &Slip<L>, mean: &[L; 3]) -> Self {
-        let tilt = scaled(&slip.tangential, slip.half_angle);
-        let of_half_step = [n[0] - tilt[0], n[1] - tilt[1], n[2] - tilt[2]];
+    fn new(token: L::Token, n: &[L; 3], half: &HalfStep<L>, (step, mean): (L, &[L; 3])) -> Self {
+        let angle = half.per_distance * half.longer;
+        let half_n = Three::tangential_part(&half.tangential, n, angle);
+        let twist = step * Three::dot(mean, &half_n);
         Self {
             n: *n,
-            tilt,
-            twist: Three::dot(mean, &of_half_step),
+            half_n,
+            twist,
+            half_twist: L::splat(token, 0.5) * twist,
         }
     }
 
@@ -638,24 +623,46 @@ impl<L: Lanes> Turn<L> {
     /// - τ), then u + φ n × u - ½φ² u. The lengths are that of u to third order in the angles.
     #[inline(always)]
     fn of_step(&self, token: L::Token, vectors: &mut [Lanes16]) {
-        let mut u = vector::<L>(token, vectors, 3);
-        let p = Three::dot(&u, &self.n);
-        for k in 0..3 {
-            u[k] = p.mul_add(self.tilt[k] - self.n[k], u[k]);
-        }
+        let u = vector::<L>(token, vectors, 3);
         let across = Three::surface_velocity(&self.n, &u);
-        let less = L::splat(token, -0.5) * self.twist * self.twist;
+        let u = Three::tangential_part(&self.half_n, &u, Three::dot(&u, &self.n));
+        let shorter = (-self.half_twist).mul_add(self.twist, L::splat(token, 1.0));
         for k in 0..3 {
-            u[k] = self.twist.mul_add(across[k], less.mul_add(u[k], u[k]));
+            let turned = self.twist.mul_add(across[k], shorter * u[k]);
+            turned.store(&mut vectors[k]);
         }
-        store_vector(&u, vectors, 3);
+    }
+
+    /// The slip (m/s) in the tangent plane of the full step, from v and s = R_i ω_i + R_j ω_j of the
+    /// half step.
+    ///
+    /// The spins, too, are rotated from that plane into this one: a part of the twist becomes
+    /// tangential, ½Δt/|r| (n·s) n × v. About n the slip v_t + n × s turns by ½φ, so ½φ (n × v - s_t)
+    /// is added.
+    #[inline(always)]
+    fn slip(&self, half: &HalfStep<L>, v: &[L; 3], s: &[L; 3]) -> [L; 3] {
+        let along = Three::dot(&self.n, s);
+        let twist = half.per_distance.mul_add(along, self.half_twist);
+        let across = Three::tangential_part(&self.n, s, along);
+        let [x, y, z] = *s;
+        let turned = [
+            twist.mul_add(v[0], x),
+            twist.mul_add(v[1], y),
+            twist.mul_add(v[2], z),
+        ];
+        let mut slip = Three::surface_velocity(&self.n, &turned);
+        for k in 0..3 {
+            let straight = half.tangential[k].mul_add(half.longer, slip[k]);
+            slip[k] = (-self.half_twist).mul_add(across[k], straight);
+        }
+        slip
     }
 
     /// Rotates a vector of this plane that was made in the half step by ½φ.
     #[inline(always)]
-    fn of_half_step(&self, token: L::Token, u: &[L; 3]) -> [L; 3] {
+    fn of_half_step(&self, u: &[L; 3]) -> [L; 3] {
         let across = Three::surface_velocity(&self.n, u);
-        let half = L::splat(token, 0.5) * self.twist;
+        let half = self.half_twist;
         [
             half.mul_add(across[0], u[0]),
             half.mul_add(across[1], u[1]),
@@ -667,24 +674,14 @@ impl<L: Lanes> Turn<L> {
     /// turns from the plane of the half step into this one: w·n becomes w·(n - τ), and a part of
     /// the twist becomes tangential, τ (n·w).
     #[inline(always)]
-    fn rolling(
-        &self,
-        token: L::Token,
-        [full, half]: [[L; 3]; 2],
-        (step, shift): (L, L),
-        turning: &mut Turning,
-    ) {
+    fn rolling(&self, [full, half]: [[L; 3]; 2], (step, shift): (L, L), turning: &mut Turning) {
         let along = Three::dot(&full, &self.n);
         let across = Three::tangential_part(&self.n, &full, along);
         store_vector(&across, &mut turning.velocity, 3);
         along.store(&mut turning.velocity[3]);
-        let along = Three::dot(&half, &self.n);
-        let mut across = Three::tangential_part(&self.n, &half, along);
-        for k in 0..3 {
-            across[k] = along.mul_add(self.tilt[k], across[k]);
-        }
-        let [x, y, z] = self.of_half_step(token, &across);
-        let along = along - Three::dot(&half, &self.tilt);
+        let across = Three::tangential_part(&self.half_n, &half, Three::dot(&half, &self.n));
+        let [x, y, z] = self.of_half_step(&across);
+        let along = Three::dot(&half, &self.half_n);
         for (k, part) in [x, y, z, along].into_iter().enumerate() {
             let rounded = part.mul_add(step, shift) - shift;
             rounded.store(&mut turning.increment[k]);

@@ -212,84 +212,92 @@ pub(crate) struct Limited<L: Lanes> {
 }
 
 impl<L: Lanes> Limited<L> {
-    /// `before` and `trial`: the spring's part before the step, and after it without limit;
-    /// `masks`: as of [`set_back`]. `viscous`: the damper's part below the limit, of which `share`
-    /// acts at it. Uses `n` components of each vector.
+    /// Of one component. `trial`: the spring's part after the step without limit. `viscous`: the
+    /// damper's part below the limit, of which `share` acts at it.
     #[inline(always)]
-    pub fn new(
-        token: L::Token,
-        n: usize,
-        (before, trial, masks): (&Vector<L>, &Vector<L>, [L::Mask; 2]),
-        limit: L,
-        viscous: Vector<L>,
-        share: f64,
-    ) -> Self {
-        let (share, zero) = (L::splat(token, share), L::splat(token, 0.0));
-        if n == 1 {
-            let at_limit = trial[0].abs().greater(limit);
-            return Self {
-                elastic: [limit.copy_sign(trial[0]).select(at_limit, trial[0]); 3],
-                viscous: [share.mul_add(viscous[0], zero).select(at_limit, viscous[0]); 3],
-                at_limit,
-            };
+    pub fn scalar(token: L::Token, trial: L, limit: L, viscous: L, share: f64) -> Self {
+        let at_limit = trial.abs().greater(limit);
+        Self {
+            elastic: [limit.copy_sign(trial).select(at_limit, trial); 3],
+            viscous: [at_share(token, viscous, share, at_limit); 3],
+            at_limit,
         }
-        let (elastic, at_limit) = set_back(token, before, trial, limit, masks);
+    }
+
+    /// Of a vector in the tangent plane; `before`: the spring's part before the step; `masks`: where
+    /// it was at the limit then, and where the pair touches.
+    #[inline(always)]
+    pub fn vector(
+        token: L::Token,
+        [before, trial, viscous]: [&Vector<L>; 3],
+        limit: L,
+        share: f64,
+        [slid, touching]: [L::Mask; 2],
+    ) -> Self {
+        let at_limit = exceeds(trial, limit).and(touching);
+        let mut elastic = *trial;
+        if at_limit.bits() != 0 {
+            elastic = set_back(token, before, trial, limit, [slid, at_limit]);
+        }
         Self {
             elastic,
             viscous: [
-                share.mul_add(viscous[0], zero).select(at_limit, viscous[0]),
-                share.mul_add(viscous[1], zero).select(at_limit, viscous[1]),
-                share.mul_add(viscous[2], zero).select(at_limit, viscous[2]),
+                at_share(token, viscous[0], share, at_limit),
+                at_share(token, viscous[1], share, at_limit),
+                at_share(token, viscous[2], share, at_limit),
             ],
             at_limit,
         }
     }
 }
 
-/// A tangential vector that would grow from `before` to `trial` in a step, cut to `limit`, and
-/// where it was cut.
+/// The damper's part, of which `share` acts at the limit. Without one, no sign of zero: forces have
+/// the same bits as without a damper.
+#[inline(always)]
+fn at_share<L: Lanes>(token: L::Token, viscous: L, share: f64, at_limit: L::Mask) -> L {
+    let acting = L::splat(token, share).mul_add(viscous, L::splat(token, 0.0));
+    acting.select(at_limit, viscous)
+}
+
+/// Where a vector is longer than its limit.
+#[inline(always)]
+pub(crate) fn exceeds<L: Lanes>(v: &Vector<L>, limit: L) -> L::Mask {
+    Three::dot(v, v).greater(limit * limit)
+}
+
+/// A tangential vector that would grow from `before` to `trial` in a step, set back to `limit`
+/// where it is `at_limit`, where the limit is positive.
 ///
 /// A contact that slides sets its spring back along the force, which turns towards the slip: with f
 /// = l m, |m| = 1, l dm/dt = P v, v Δt = trial - before, P the projection perpendicular to m. Where
-/// it was at the limit before the step, it is set along (l - ½ m·v Δt) m + v Δt with the mean l,
-/// which turns as the solution to second order, m + P v Δt/l - ½ ((m·v) P v + |P v|² m) Δt²/l², as
-/// does the mean-normal return of plasticity (J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D.
-/// B. Krieg, J. Press. Vess. Tech. 99, 510, 1977). Elsewhere, in a step in which the sliding begins
-/// or reverses, or whose slip is longer than twice the limit, it is set along `trial`, which turns
-/// to first order: such steps are few, and the error of each is of second order.
-///
-/// `slid`: where it was at the limit before; `touching`: where it matters.
+/// it was at the limit before the step (`slid`), it is set along trial + a before, a = ½ (½ (1 +
+/// l²/|before|²) - before·trial/|before|²), which turns as the solution to second order, m + P v Δt/l
+/// - ½ ((m·v) P v + |P v|² m) Δt²/l² with the mean l, as does the mean-normal return of plasticity
+/// (J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D. B. Krieg, J. Press. Vess. Tech. 99, 510,
+/// 1977). Elsewhere, in a step in which the sliding begins, or whose slip or change of limit is so
+/// great that |a| > 1, it is set along `trial`, which turns to first order: such steps are few, and
+/// the error of each is of second order.
 #[inline(always)]
 pub(crate) fn set_back<L: Lanes>(
     token: L::Token,
     before: &Vector<L>,
     trial: &Vector<L>,
     limit: L,
-    [slid, touching]: [L::Mask; 2],
-) -> (Vector<L>, L::Mask) {
+    [slid, at_limit]: [L::Mask; 2],
+) -> Vector<L> {
     let c = |v| L::splat(token, v);
-    let at_limit = Three::dot(trial, trial)
-        .greater(limit * limit)
-        .and(touching);
-    if at_limit.bits() == 0 {
-        return (*trial, at_limit);
-    }
     let mut along = *trial;
     let turns = slid.and(at_limit);
     if turns.bits() != 0 {
+        // |before|² times trial + a before: no division.
         let half = c(0.5);
-        let square = Three::dot(before, before).max(c(SMALLEST_SQUARE));
-        let per_radius = inverse_sqrt(token, square);
-        let outward = Three::dot(before, trial) - square;
-        // (l - ½ m·v Δt)/|before| - 1, with twice the mean limit |before| + limit.
-        let share = (-outward).mul_add(per_radius, limit);
-        let share = (half * per_radius).mul_add(share, -half);
-        let turns = turns
-            .and(outward.greater(c(0.0)))
-            .and(share.greater(c(-1.0)));
-        let share = share.select(turns, c(0.0));
+        let square = Three::dot(before, before);
+        let mean = half * limit.mul_add(limit, square);
+        let share = half * (mean - Three::dot(before, trial));
+        let turns = turns.and(square.greater(share.abs()));
+        let (square, share) = (square.select(turns, c(1.0)), share.select(turns, c(0.0)));
         for k in 0..3 {
-            along[k] = share.mul_add(before[k], trial[k]);
+            along[k] = share.mul_add(before[k], square * trial[k]);
         }
     }
     let (_, per_length) = norm(token, &along);
@@ -297,7 +305,7 @@ pub(crate) fn set_back<L: Lanes>(
     for k in 0..3 {
         along[k] = (part * along[k]).select(at_limit, trial[k]);
     }
-    (along, at_limit)
+    along
 }
 
 /// Lower bound of |v|²: vectors shorter than 1e-145 have an arbitrary direction.
@@ -378,14 +386,13 @@ mod tests {
     /// The parts of a contact whose spring has `trial` under a limit of 2, with the damper's part.
     fn limited(n: usize, trial: [f64; 3], viscous: [f64; 3], share: f64) -> ([f64; 3], [f64; 3]) {
         let c = |v| Portable::splat(PortableToken, v);
-        let f = Limited::new(
-            PortableToken,
-            n,
-            (&[c(0.0); 3], &trial.map(c), [0, u16::MAX]),
-            c(2.0),
-            viscous.map(c),
-            share,
-        );
+        let (trial, viscous) = (trial.map(c), viscous.map(c));
+        let f = if n == 1 {
+            Limited::scalar(PortableToken, trial[0], c(2.0), viscous[0], share)
+        } else {
+            let vectors = [&[c(0.0); 3], &trial, &viscous];
+            Limited::vector(PortableToken, vectors, c(2.0), share, [0, u16::MAX])
+        };
         let first = |lanes: Portable| {
             let mut out = Lanes16::ZERO;
             lanes.store(&mut out);

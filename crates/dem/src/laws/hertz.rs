@@ -24,12 +24,12 @@ use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, add_damping, dissipation, portable_exp, portable_ln, scaled, set_back,
-    vector,
+    Blocks, ContactLaw, add_damping, dissipation, exceeds, portable_exp, portable_ln, scaled,
+    set_back, vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
+use crate::simd::{Lanes, Lanes16, Mask, inverse_sqrt};
 use crate::state::Masses;
 
 /// The law as scenes name it.
@@ -338,8 +338,9 @@ const DAMPING: usize = 1;
 /// Largest overlap (m).
 const LARGEST: usize = 2;
 
-// Index in `Blocks::carry`: √(δR*).
+// Indices in `Blocks::carry`: √(δR*), and F_n over it (Pa m).
 const ROOT: usize = 0;
+const NORMAL: usize = 1;
 
 /// Lower bound of δR* (m²), also for pairs that do not touch.
 const NO_AREA: f64 = 1e-290;
@@ -386,7 +387,9 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
             root.store(&mut carry[ROOT]);
             let elastic = c(self.normal_stiffness) * overlap;
             let damping = D::per_root(token, load(&p[DAMPING]), root);
-            let normal = (root * (elastic - damping * v_n)).max(zero);
+            let per_root = (elastic - damping * v_n).max(zero);
+            per_root.store(&mut carry[NORMAL]);
+            let normal = root * per_root;
             normal.store(&mut response.normal);
             response.beyond = overlap.greater(load(&p[LARGEST])).bits();
             if BUDGET {
@@ -434,8 +437,6 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         let k_t = c(self.tangential_stiffness);
-        let per_half_step = c(2.0 * blocks.per_step);
-        let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
         for ((((p, history), motion), carry), response) in blocks
             .parameters
             .chunks_exact(Self::PARAMETERS)
@@ -456,23 +457,39 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             ];
             let damping = D::per_root(token, load(&p[DAMPING]), root);
             let gamma_t = c(self.tangential_damping) * damping;
-            // Spring and damper over √(δR*), at the beginning of the step and at its end. There v_t
-            // was 2 v_t(t + ½Δt) - v_t, to second order.
-            let (mut earlier, mut force) = ([zero; 3], [zero; 3]);
+            // Spring and damper over √(δR*).
+            let mut force = u;
             for k in 0..3 {
-                let gained = moves * v_t[k] - per_half_step * slip[k];
                 force[k] = k_t.mul_add(u[k], gamma_t * v_t[k]);
-                earlier[k] = force[k] - k_t.mul_add(slip[k], gamma_t * gained);
             }
-            let limit = c(self.friction) * load(&response.normal) * inverse(token, root);
-            let masks = [L::mask(token, response.sliding), touching];
-            let (cut, sliding) = set_back(token, &earlier, &force, limit, masks);
+            let limit = c(self.friction) * load(&carry[NORMAL]);
+            let sliding = exceeds(&force, limit).and(touching);
+            let mut spring = u;
+            if sliding.bits() != 0 {
+                // At the beginning of the step v_t was 2 v_t(t + ½Δt) - v_t, to second order.
+                let per_slip = gamma_t.mul_add(c(-2.0 * blocks.per_step), k_t);
+                let per_velocity = if blocks.per_step > 0.0 {
+                    gamma_t + gamma_t
+                } else {
+                    zero
+                };
+                let mut earlier = force;
+                for k in 0..3 {
+                    let gained = per_slip.mul_add(slip[k], per_velocity * v_t[k]);
+                    earlier[k] = force[k] - gained;
+                }
+                let masks = [L::mask(token, response.sliding), sliding];
+                force = set_back(token, &earlier, &force, limit, masks);
+                for k in 0..3 {
+                    let cut =
+                        (-gamma_t).mul_add(v_t[k], force[k]) * c(1.0 / self.tangential_stiffness);
+                    spring[k] = cut.select(sliding, u[k]);
+                }
+            }
             response.sliding = sliding.bits();
             for k in 0..3 {
-                (-(root * cut[k])).store(&mut response.tangential[k]);
-                let spring = (cut[k] - gamma_t * v_t[k]) * c(1.0 / self.tangential_stiffness);
-                let after = spring.select(sliding, u[k]).select(touching, zero);
-                after.store(&mut history[k]);
+                (-(root * force[k])).store(&mut response.tangential[k]);
+                spring[k].select(touching, zero).store(&mut history[k]);
             }
             if BUDGET {
                 let after = vector(token, history, 3);

@@ -307,9 +307,12 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 }
                 let limit = c(self.friction) * load(&response.normal);
                 let (viscous, share) = (scaled(&v_t, gamma_t), self.sliding_damping);
-                let slid = L::mask(token, response.sliding);
-                let spring = (&before, &trial, [slid, touching]);
-                let f = Limited::new(token, n, spring, limit, viscous, share);
+                let f = if n == 1 {
+                    Limited::scalar(token, trial[0], limit, viscous[0], share)
+                } else {
+                    let masks = [L::mask(token, response.sliding), touching];
+                    Limited::vector(token, [&before, &trial, &viscous], limit, share, masks)
+                };
                 response.sliding = f.at_limit.bits();
                 for k in 0..n {
                     (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);

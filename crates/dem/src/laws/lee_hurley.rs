@@ -493,16 +493,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let limit = c(self.friction) * load(&response.normal);
             let v_t = load(&motion.tangential_velocity[0]);
             let damping = load(&p[DAMPING]) * root * v_t;
-            let share = self.sliding_damping;
-            let no = L::mask(token, 0);
-            let f = Limited::new(
-                token,
-                1,
-                (&[trial; 3], &[trial; 3], [no; 2]),
-                limit,
-                [damping; 3],
-                share,
-            );
+            let f = Limited::scalar(token, trial, limit, damping, self.sliding_damping);
             let (elastic, viscous) = (f.elastic[0], f.viscous[0]);
             (elastic - viscous).store(&mut response.tangential[0]);
             response.sliding = f.at_limit.bits();

@@ -19,7 +19,7 @@ use super::keys::{DENSITY, Key, KeyReader, MASS, NORMAL_STIFFNESS_3_2, TANGENTIA
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{Blocks, ContactLaw, dissipation, norm, set_back, vector};
+use crate::contact::{Blocks, ContactLaw, dissipation, exceeds, norm, set_back, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
@@ -292,9 +292,12 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
             let s = self.mobilised(token, depth, &t);
             let mut sliding = s.greater(one);
             if spins == 3 {
-                let masks = [L::mask(token, response.sliding), touching];
                 let limit = c(self.threshold_per_overlap()) * depth;
-                (t, sliding) = set_back(token, &before, &t, limit, masks);
+                sliding = exceeds(&t, limit).and(touching);
+                if sliding.bits() != 0 {
+                    let slid = L::mask(token, response.sliding);
+                    t = set_back(token, &before, &t, limit, [slid, sliding]);
+                }
             } else {
                 t[0] = t[0] * inverse(token, s).select(sliding, one);
             }

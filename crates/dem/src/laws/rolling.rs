@@ -97,15 +97,7 @@ pub fn rolling_force<L: Lanes, const BUDGET: bool>(
         let limit = load(&p[at + 2]) * load(&response.normal);
         let speed = load(&motion.rolling_velocity);
         let damping = load(&p[at + 1]) * speed;
-        let no = L::mask(token, 0);
-        let m = Limited::new(
-            token,
-            1,
-            (&[trial; 3], &[trial; 3], [no; 2]),
-            limit,
-            [damping; 3],
-            0.0,
-        );
+        let m = Limited::scalar(token, trial, limit, damping, 0.0);
         let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
         (elastic - viscous).store(&mut response.rolling);
         response.rolls = m.at_limit.bits();

@@ -26,7 +26,7 @@ use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
     Blocks, CHUNK, ContactLaw, History, PairMotion, TORQUES, Turning, add_damping, dissipation,
-    set_back, vector,
+    exceeds, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -182,10 +182,14 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
             }
             let [x, y, z, twist] = trial;
-            let masks = [L::mask(token, response.rolls), touching];
-            let of_step = [earlier[0], earlier[1], earlier[2]];
+            let mut cut = [x, y, z];
             let limit = load(&p[ARM]) * normal;
-            let (cut, rolls) = set_back(token, &of_step, &[x, y, z], limit, masks);
+            let rolls = exceeds(&cut, limit).and(touching);
+            if rolls.bits() != 0 {
+                let masks = [L::mask(token, response.rolls), rolls];
+                let earlier = [earlier[0], earlier[1], earlier[2]];
+                cut = set_back(token, &earlier, &cut, limit, masks);
+            }
             let limit = load(&p[ARM + 1]) * normal;
             let twists = twist.abs().greater(limit);
             let cut = [

@@ -180,40 +180,26 @@ impl Lanes for Avx2 {
         list: &PairList,
         block: usize,
         out: &mut [Lanes16; 8],
+        mut of_j: Option<&mut [Lanes16; 8]>,
     ) {
         let pairs = list.within(block, records.len());
         for lane in (0..LANES).step_by(4) {
             for from in [0, 4] {
                 // SAFETY: the token proves AVX2; the indices were checked by `within`, and every
-                // cache line holds eight f64 and is aligned.
-                let columns = unsafe { columns::<LINE, LINES>(records, pairs, lane, from) };
-                for (column, lanes) in columns.into_iter().zip(&mut out[from..]) {
-                    // SAFETY: `Lanes16` holds sixteen f64 and is aligned; four are written, from a
-                    // multiple of four on.
-                    unsafe { _mm256_store_pd(lanes.0.as_mut_ptr().add(lane), column) }
+                // cache line holds eight f64 and is aligned. `Lanes16` holds sixteen f64 and is
+                // aligned; four are written, from a multiple of four on.
+                unsafe {
+                    let [difference, second] = columns::<LINE, LINES>(records, pairs, lane, from);
+                    for (column, lanes) in difference.into_iter().zip(&mut out[from..]) {
+                        _mm256_store_pd(lanes.0.as_mut_ptr().add(lane), column);
+                    }
+                    if let Some(of_j) = &mut of_j {
+                        for (column, lanes) in second.into_iter().zip(&mut of_j[from..]) {
+                            _mm256_store_pd(lanes.0.as_mut_ptr().add(lane), column);
+                        }
+                    }
                 }
             }
-        }
-    }
-
-    #[inline(always)]
-    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
-        _: Avx2Token,
-        records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
-    ) -> [Self; 8] {
-        let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX2; the indices were checked by `within`, and every cache line
-        // holds eight f64 and is aligned.
-        unsafe {
-            let mut low = [[_mm256_setzero_pd(); 4]; 4];
-            let mut high = low;
-            for k in 0..4 {
-                low[k] = columns_of_j::<LINE, LINES>(records, pairs, 4 * k, 0);
-                high[k] = columns_of_j::<LINE, LINES>(records, pairs, 4 * k, 4);
-            }
-            joined(low, high)
         }
     }
 
@@ -297,22 +283,6 @@ impl Lanes for Avx2 {
     }
 }
 
-/// Eight quantities of sixteen pairs: `low` has the first four, `high` the last four, of four pairs
-/// each.
-#[inline(always)]
-fn joined(low: [[__m256d; 4]; 4], high: [[__m256d; 4]; 4]) -> [Avx2; 8] {
-    [
-        Avx2(each(|k| low[k][0])),
-        Avx2(each(|k| low[k][1])),
-        Avx2(each(|k| low[k][2])),
-        Avx2(each(|k| low[k][3])),
-        Avx2(each(|k| high[k][0])),
-        Avx2(each(|k| high[k][1])),
-        Avx2(each(|k| high[k][2])),
-        Avx2(each(|k| high[k][3])),
-    ]
-}
-
 /// The k for which the mantissa of x is nearest to 1 + k/8, as in [`Eighths2`].
 ///
 /// # Safety
@@ -334,7 +304,8 @@ unsafe fn eighth(x: __m256d) -> (__m256i, __m256d) {
     }
 }
 
-/// Transposed differences of four pairs, from `lane` on: four fields, from the field `from` on.
+/// Transposed differences i - j of four pairs, from `lane` on, and the records j: four fields, from
+/// the field `from` on.
 ///
 /// # Safety
 /// The processor has AVX, and the indices are below `records.len()`.
@@ -344,46 +315,21 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
     pairs: &Pairs,
     lane: usize,
     from: usize,
-) -> [__m256d; 4] {
+) -> [[__m256d; 4]; 2] {
     // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned, four of
     // which are read from `from` on.
     unsafe {
-        let mut rows = [_mm256_setzero_pd(); 4];
-        for (k, row) in rows.iter_mut().enumerate() {
+        let mut difference = [_mm256_setzero_pd(); 4];
+        let mut of_j = difference;
+        for k in 0..4 {
             let (a, b) = (
                 &records.get_unchecked(pairs.i[lane + k] as usize)[LINE],
                 &records.get_unchecked(pairs.j[lane + k] as usize)[LINE],
             );
-            *row = _mm256_sub_pd(
-                _mm256_load_pd(a.0.as_ptr().add(from)),
-                _mm256_load_pd(b.0.as_ptr().add(from)),
-            );
+            of_j[k] = _mm256_load_pd(b.0.as_ptr().add(from));
+            difference[k] = _mm256_sub_pd(_mm256_load_pd(a.0.as_ptr().add(from)), of_j[k]);
         }
-        transpose(rows)
-    }
-}
-
-/// Transposed cache lines of four records `pairs.j`, from `lane` on: four fields, from the field
-/// `from` on.
-///
-/// # Safety
-/// The processor has AVX, and the indices are below `records.len()`.
-#[inline(always)]
-unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
-    records: &[[CacheLine; LINES]],
-    pairs: &Pairs,
-    lane: usize,
-    from: usize,
-) -> [__m256d; 4] {
-    // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned, four of
-    // which are read from `from` on.
-    unsafe {
-        let mut rows = [_mm256_setzero_pd(); 4];
-        for (k, row) in rows.iter_mut().enumerate() {
-            let record = records.get_unchecked(pairs.j[lane + k] as usize);
-            *row = _mm256_load_pd(record[LINE].0.as_ptr().add(from));
-        }
-        transpose(rows)
+        [transpose(difference), transpose(of_j)]
     }
 }
 

@@ -149,6 +149,7 @@ impl Lanes for Avx512 {
         list: &PairList,
         block: usize,
         out: &mut [Lanes16; 8],
+        of_j: Option<&mut [Lanes16; 8]>,
     ) {
         let pairs = list.within(block, records.len());
         // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every cache
@@ -160,25 +161,10 @@ impl Lanes for Avx512 {
             )
         };
         for (k, lanes) in out.iter_mut().enumerate() {
-            Avx512([a[k], b[k]]).store(lanes);
+            Avx512([a[0][k], b[0][k]]).store(lanes);
         }
-    }
-
-    #[inline(always)]
-    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
-        _: Avx512Token,
-        records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
-    ) -> [Self; 8] {
-        let pairs = list.within(block, records.len());
-        // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every cache
-        // line holds eight f64 and is aligned.
-        unsafe {
-            joined(
-                columns_of_j::<LINE, LINES>(records, pairs, 0),
-                columns_of_j::<LINE, LINES>(records, pairs, 8),
-            )
+        for (k, lanes) in of_j.into_iter().flatten().enumerate() {
+            Avx512([a[1][k], b[1][k]]).store(lanes);
         }
     }
 
@@ -268,22 +254,7 @@ impl Lanes for Avx512 {
 // Functions instead of closures: a closure that is not inlined is not compiled for the instruction
 // set.
 
-/// Eight quantities of sixteen pairs: `a` has the first eight pairs, `b` the last eight.
-#[inline(always)]
-fn joined(a: [__m512d; 8], b: [__m512d; 8]) -> [Avx512; 8] {
-    [
-        Avx512([a[0], b[0]]),
-        Avx512([a[1], b[1]]),
-        Avx512([a[2], b[2]]),
-        Avx512([a[3], b[3]]),
-        Avx512([a[4], b[4]]),
-        Avx512([a[5], b[5]]),
-        Avx512([a[6], b[6]]),
-        Avx512([a[7], b[7]]),
-    ]
-}
-
-/// Transposed differences of eight pairs, from `first` on.
+/// Transposed differences i - j of eight pairs, from `first` on, and the records j.
 ///
 /// # Safety
 /// The processor has AVX-512 F, and the indices are below `records.len()`.
@@ -292,39 +263,20 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
     records: &[[CacheLine; LINES]],
     pairs: &Pairs,
     first: usize,
-) -> [__m512d; 8] {
+) -> [[__m512d; 8]; 2] {
     // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned.
     unsafe {
-        let mut rows = [_mm512_setzero_pd(); 8];
-        for (k, row) in rows.iter_mut().enumerate() {
+        let mut difference = [_mm512_setzero_pd(); 8];
+        let mut of_j = difference;
+        for k in 0..8 {
             let (a, b) = (
                 &records.get_unchecked(pairs.i[first + k] as usize)[LINE],
                 &records.get_unchecked(pairs.j[first + k] as usize)[LINE],
             );
-            *row = _mm512_sub_pd(_mm512_load_pd(a.0.as_ptr()), _mm512_load_pd(b.0.as_ptr()));
+            of_j[k] = _mm512_load_pd(b.0.as_ptr());
+            difference[k] = _mm512_sub_pd(_mm512_load_pd(a.0.as_ptr()), of_j[k]);
         }
-        transpose(rows)
-    }
-}
-
-/// Transposed cache lines of eight records `pairs.j`, from `first` on.
-///
-/// # Safety
-/// The processor has AVX-512 F, and the indices are below `records.len()`.
-#[inline(always)]
-unsafe fn columns_of_j<const LINE: usize, const LINES: usize>(
-    records: &[[CacheLine; LINES]],
-    pairs: &Pairs,
-    first: usize,
-) -> [__m512d; 8] {
-    // SAFETY: as the caller guarantees; every cache line holds eight f64 and is aligned.
-    unsafe {
-        let mut rows = [_mm512_setzero_pd(); 8];
-        for (k, row) in rows.iter_mut().enumerate() {
-            let record = records.get_unchecked(pairs.j[first + k] as usize);
-            *row = _mm512_load_pd(record[LINE].0.as_ptr());
-        }
-        transpose(rows)
+        [transpose(difference), transpose(of_j)]
     }
 }
 

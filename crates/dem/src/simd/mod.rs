@@ -86,7 +86,7 @@ impl DerefMut for Force3 {
 }
 
 /// Sixteen pairs of indices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
 #[repr(C, align(64))]
 pub struct Pairs {
     /// The first of each pair.
@@ -213,7 +213,7 @@ pub trait Lanes:
     /// |1 - x y²| < 0.0682.
     fn inverse_sqrt_start(self) -> Self;
     /// Transposes `records[i] - records[j]` of a block of pairs, one cache line of each: `out[k]`
-    /// gets field k of the sixteen differences.
+    /// gets field k of the sixteen differences, `of_j[k]` that of the sixteen records j.
     ///
     /// # Panics
     /// If an index of the list is outside `records`.
@@ -223,17 +223,8 @@ pub trait Lanes:
         list: &PairList,
         block: usize,
         out: &mut [Lanes16; 8],
+        of_j: Option<&mut [Lanes16; 8]>,
     );
-    /// One cache line of the records j, transposed: element k is field k of the sixteen records.
-    ///
-    /// # Panics
-    /// If an index of the list is outside `records`.
-    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
-        token: Self::Token,
-        records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
-    ) -> [Self; 8];
     /// The last two fields of one cache line of the records j.
     ///
     /// # Panics
@@ -454,11 +445,11 @@ mod tests {
             inverse_sqrt::<L>(token, L::load(token, &positive)),
         ];
         let mut rows = [Lanes16::ZERO; 8];
-        L::differences::<0, 2>(token, &records, &list, 0, &mut rows);
+        L::differences::<0, 2>(token, &records, &list, 0, &mut rows, None);
         out.extend(rows.iter().map(|row| L::load(token, row)));
-        L::differences::<1, 2>(token, &records, &list, 0, &mut rows);
-        out.extend(rows.iter().map(|row| L::load(token, row)));
-        out.extend(L::cache_line_of_j::<1, 2>(token, &records, &list, 0));
+        let mut of_j = rows;
+        L::differences::<1, 2>(token, &records, &list, 0, &mut rows, Some(&mut of_j));
+        out.extend(rows.iter().chain(&of_j).map(|row| L::load(token, row)));
         out.extend(L::last_two_of_j::<1, 2>(token, &records, &list, 0));
         let mut bits = Vec::new();
         for lanes in out {

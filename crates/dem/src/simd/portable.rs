@@ -226,6 +226,7 @@ impl Lanes for Portable {
         list: &PairList,
         block: usize,
         out: &mut [Lanes16; 8],
+        mut of_j: Option<&mut [Lanes16; 8]>,
     ) {
         let pairs = list.within(block, records.len());
         for lane in 0..LANES {
@@ -233,34 +234,25 @@ impl Lanes for Portable {
                 &records[pairs.i[lane] as usize][LINE],
                 &records[pairs.j[lane] as usize][LINE],
             );
-            for (field, lanes) in out.iter_mut().enumerate() {
-                lanes.0[lane] = a.0[field] - b.0[field];
+            for field in 0..8 {
+                out[field].0[lane] = a.0[field] - b.0[field];
+                if let Some(of_j) = &mut of_j {
+                    of_j[field].0[lane] = b.0[field];
+                }
             }
         }
     }
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn cache_line_of_j<const LINE: usize, const LINES: usize>(
+    fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: PortableToken,
         records: &[[CacheLine; LINES]],
         list: &PairList,
         block: usize,
-    ) -> [Self; 8] {
-        let pairs = list.within(block, records.len());
-        std::array::from_fn(|field| Portable(pairs.j.map(|j| records[j as usize][LINE].0[field])))
-    }
-
-    #[cfg_attr(target_arch = "x86_64", inline(never))]
-    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn last_two_of_j<const LINE: usize, const LINES: usize>(
-        token: PortableToken,
-        records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
     ) -> [Self; 2] {
-        let [.., a, b] = Self::cache_line_of_j::<LINE, LINES>(token, records, list, block);
-        [a, b]
+        let pairs = list.within(block, records.len());
+        [6, 7].map(|field| Portable(pairs.j.map(|j| records[j as usize][LINE].0[field])))
     }
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
