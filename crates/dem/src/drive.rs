@@ -8,7 +8,7 @@ use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, Scratch};
 use crate::protocol::{Protocol, Segment};
 use crate::simd::Isa;
-use crate::state::{CandidatePair, Cell, Contacts, Grains, LocalGrains, body};
+use crate::state::{CandidatePair, Cell, Contacts, Grains, LocalGrains, Remembered, body};
 
 /// The rigid body on top, along the last axis: m_w ÿ = F_y - N - c ẏ, by the Verlet scheme of the
 /// grains. SI units; per unit depth in 2D.
@@ -297,7 +297,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             isa,
             self.law.as_ref(),
             &pairs,
-            &[],
+            &Remembered::default(),
             LocalGrains {
                 id: &id,
                 radius: &radius,

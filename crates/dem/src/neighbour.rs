@@ -1,9 +1,10 @@
 //! Candidate pairs: grains sorted into cells, then pairs within the cutoff.
 
 use std::marker::PhantomData;
+use std::ops::Range;
 
 use crate::dimension::Dimension;
-use crate::state::{CandidatePair, Cell, Grains, body};
+use crate::state::{CandidatePair, Cell, GrainState, Grains, body};
 
 /// The interval along x, by [`Cell::slab_coordinate`], that holds the owned grains and ghosts of a
 /// rank.
@@ -185,7 +186,15 @@ impl<D: Dimension> Bins<D> {
     /// itself.
     #[inline]
     pub fn each_near(&self, x: &[f64; 3], mut visit: impl FnMut(u32)) {
-        let here = self.at(x);
+        self.each_column(self.at(x), |column| {
+            self.member[column].iter().for_each(|&b| visit(b));
+        });
+    }
+
+    /// Calls `visit` once with each range of members that may lie within the cutoff of those of a
+    /// cell.
+    #[inline]
+    fn each_column(&self, here: [usize; 3], mut visit: impl FnMut(Range<usize>)) {
         // Members of consecutive cells along the last axis are contiguous. If that axis is periodic
         // and the cells wrap around, all of them are taken.
         let column = self.axes[D::UP].with_neighbours(here[D::UP]);
@@ -194,8 +203,7 @@ impl<D: Dimension> Bins<D> {
             place[D::UP] = bottom;
             let from = self.start[self.index(place)] as usize;
             place[D::UP] = top;
-            let to = self.start[self.index(place) + 1] as usize;
-            self.member[from..to].iter().for_each(|&b| visit(b));
+            visit(from..self.start[self.index(place) + 1] as usize);
         };
         for x in self.axes[0].with_neighbours(here[0]) {
             if D::UP == 1 {
@@ -207,10 +215,57 @@ impl<D: Dimension> Bins<D> {
             }
         }
     }
+
+    /// Calls `visit` with the members of each cell that has any, and with all columns that may be
+    /// near them.
+    fn each_cell(&self, mut visit: impl FnMut(Range<usize>, &[Range<usize>])) {
+        let mut columns = Vec::with_capacity(9);
+        let [_, y, z] = self.axes.map(|axis| axis.count);
+        for (index, ends) in self.start.windows(2).enumerate() {
+            let members = ends[0] as usize..ends[1] as usize;
+            if members.is_empty() {
+                continue;
+            }
+            let here = match D::AXES {
+                2 => [index / y, index % y, 0],
+                _ => [index / (y * z), index / z % y, index % z],
+            };
+            columns.clear();
+            self.each_column(here, |column| columns.push(column));
+            visit(members, &columns);
+        }
+    }
 }
 
-/// All pairs of local grains closer than R_i + R_j + skin, sorted by (lower id, higher id), each
-/// with the lower id first. Leaves out pairs of two ghosts, which other ranks have, and of two wall
+/// Sorts grains by their cells, so that what lies near is near in memory; in a cell they keep their
+/// order.
+pub fn sort_by_cells<D: Dimension>(
+    grains: &mut Vec<GrainState>,
+    cell: Cell,
+    extent: LocalExtent,
+    cutoff: f64,
+) {
+    let position: Vec<[f64; 3]> = grains.iter().map(|g| g.position).collect();
+    let bins = Bins::<D>::new(cell, extent, cutoff, &position);
+    *grains = bins.member.iter().map(|&g| grains[g as usize]).collect();
+}
+
+/// What the search for pairs reads of a grain.
+struct Placed {
+    position: [f64; 3],
+    radius: f64,
+    id: u32,
+    /// Local index.
+    grain: u32,
+    /// [`GHOST`], [`WALL`]: two grains that have one of them in common are no pair.
+    class: u8,
+}
+
+const GHOST: u8 = 1;
+const WALL: u8 = 2;
+
+/// All pairs of local grains closer than R_i + R_j + skin, each with the lower id first, in the
+/// order of the cells. Leaves out pairs of two ghosts, which other ranks have, and of two wall
 /// grains, which do not move relative to each other.
 pub fn pairs<D: Dimension>(
     grains: &Grains<D>,
@@ -220,43 +275,48 @@ pub fn pairs<D: Dimension>(
 ) -> Vec<CandidatePair> {
     let Cutoff { greatest, skin } = cutoff;
     let local = grains.local();
-    let position: Vec<[f64; 3]> = (0..local)
-        .map(|g| {
-            let mut x = [0.0; 3];
-            x[..D::AXES].copy_from_slice(&grains.fields(g)[..D::AXES]);
-            x
-        })
-        .collect();
+    let position: Vec<[f64; 3]> = (0..local).map(|g| grains.position(g)).collect();
     let bins = Bins::<D>::new(cell, extent, greatest, &position);
+    let place = |&grain: &u32| {
+        let g = grain as usize;
+        let is = |class: u8, is: bool| if is { class } else { 0 };
+        Placed {
+            position: position[g],
+            radius: grains.radius[g],
+            id: grains.id[g],
+            grain,
+            class: is(GHOST, g >= grains.owned) + is(WALL, grains.body[g] != body::FREE),
+        }
+    };
+    // In the order of the cells: what lies near is near in memory.
+    let placed: Vec<Placed> = bins.member.iter().map(place).collect();
 
-    let mut by_id: Vec<u32> = (0..local as u32).collect();
-    by_id.sort_unstable_by_key(|&g| grains.id[g as usize]);
-
-    let mut pairs = Vec::with_capacity(3 * local);
-    for &a in &by_id {
-        let g = a as usize;
-        let id = grains.id[g];
-        let begin = pairs.len();
-        bins.each_near(&position[g], |b| {
-            let h = b as usize;
-            if grains.id[h] <= id
-                || (g >= grains.owned && h >= grains.owned)
-                || (grains.body[g] != body::FREE && grains.body[h] != body::FREE)
-            {
-                return;
+    let mut pairs = Vec::with_capacity(4 * local);
+    bins.each_cell(|members, columns| {
+        for k in members {
+            let a = &placed[k];
+            for column in columns {
+                // Each pair once, with the first of the two.
+                let after = column.start.max(k + 1)..column.end.max(k + 1);
+                for b in &placed[after] {
+                    let apart = cell.separation::<D>(&b.position, &a.position);
+                    let square = apart.iter().map(|x| x * x).sum::<f64>();
+                    let touch = a.radius + b.radius;
+                    if square < (touch + skin) * (touch + skin) && a.class & b.class == 0 {
+                        let ordered = a.id < b.id;
+                        pairs.push(CandidatePair {
+                            grains: if ordered {
+                                [a.grain, b.grain]
+                            } else {
+                                [b.grain, a.grain]
+                            },
+                            gap: square.sqrt() - touch,
+                        });
+                    }
+                }
             }
-            let apart = cell.separation::<D>(&position[h], &position[g]);
-            let square = apart.iter().map(|x| x * x).sum::<f64>();
-            let touch = grains.radius[g] + grains.radius[h];
-            if square < (touch + skin) * (touch + skin) {
-                pairs.push(CandidatePair {
-                    grains: [a, b],
-                    gap: square.sqrt() - touch,
-                });
-            }
-        });
-        pairs[begin..].sort_unstable_by_key(|p: &CandidatePair| grains.id[p.grains[1] as usize]);
-    }
+        }
+    });
     pairs
 }
 
@@ -264,7 +324,7 @@ pub fn pairs<D: Dimension>(
 mod tests {
     use super::*;
     use crate::dimension::{Three, Two};
-    use crate::state::{GrainState, Masses, Sheared};
+    use crate::state::{Masses, Sheared};
     use bytemuck::Zeroable;
 
     /// Compares with a search over all pairs, in narrow and wide cells, with ghosts; `offset` over
@@ -334,9 +394,44 @@ mod tests {
                 }
             }
             assert!(!expected.is_empty());
-            let found: Vec<_> = found.iter().map(|pair| pair.grains).collect();
+            let mut found: Vec<_> = found.iter().map(|pair| pair.grains).collect();
+            found.sort_unstable();
             assert_eq!(found, expected);
         }
+    }
+
+    #[test]
+    fn sorted_by_cells_neighbours_are_near_in_memory() {
+        // A lattice of 50 × 20 grains, numbered at random.
+        let mut states: Vec<GrainState> = (0..1000)
+            .map(|k| GrainState {
+                id: k * 387 % 1000,
+                position: [f64::from(k / 20) + 0.5, f64::from(k % 20), 0.0],
+                radius: 0.5,
+                ..GrainState::zeroed()
+            })
+            .collect();
+        states.sort_unstable_by_key(|g| g.id);
+        let cell = Cell::between_walls([50.0, 1.0]);
+        let extent = LocalExtent::whole(50.0);
+        let cutoff = Cutoff {
+            greatest: 1.1,
+            skin: 0.1,
+        };
+        let furthest = |states: &[GrainState]| {
+            let mut grains = Grains::<Two>::default();
+            grains.replace(states, Masses::Equal(1.0), 1.0);
+            let pairs = pairs(&grains, cell, extent, cutoff);
+            assert_eq!(pairs.len(), 1000 + 19 * 50);
+            let across = |p: &CandidatePair| p.grains[0].abs_diff(p.grains[1]);
+            let mut apart: Vec<u32> = pairs.iter().map(across).collect();
+            apart.sort_unstable();
+            // But for those across the edge of the period.
+            apart[pairs.len() - 21]
+        };
+        assert!(furthest(&states) > 500);
+        sort_by_cells::<Two>(&mut states, cell, extent, cutoff.greatest);
+        assert!(furthest(&states) < 60);
     }
 
     #[test]

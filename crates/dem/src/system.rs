@@ -8,10 +8,11 @@ use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::Drive;
 use crate::failure::Failure;
 use crate::kernel::PairForce;
-use crate::neighbour;
+use crate::neighbour::{self, LocalExtent};
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
-    Cell, ContactState, Contacts, GrainState, Grains, LocalGrains, Masses, Units, body, length,
+    CandidatePair, Cell, ContactState, Contacts, GrainState, Grains, LocalGrains, Masses,
+    Remembered, Units, body, length,
 };
 use crate::threads::{OwnedPart, ThreadPool};
 
@@ -84,6 +85,10 @@ pub struct List {
     pub(crate) travelled: f64,
     /// [`Clock::worked`] at the last rebuild (s).
     worked: f64,
+    /// Mean distance in memory of the two grains of a pair, in grains: of this list, and of that
+    /// for which the grains were last sorted.
+    reach: f64,
+    reach_when_sorted: f64,
     /// By how much rounding may move a grain in a step (m).
     rounding: f64,
     /// Change of the Lees–Edwards offset since then (m).
@@ -123,6 +128,8 @@ impl List {
             bound: 0.0,
             travelled: 0.0,
             worked: 0.0,
+            reach: 0.0,
+            reach_when_sorted: 0.0,
             rounding: 0.0,
             offset_change: 0.0,
             origin: Vec::new(),
@@ -231,6 +238,11 @@ impl List {
         self.diameter + self.skin
     }
 
+    /// Whether neighbours have drifted apart in memory since the grains were sorted.
+    fn scattered(&self) -> bool {
+        self.reach > 1.5 * self.reach_when_sorted
+    }
+
     /// Adapts the skin: thicker if rebuilds are frequent, thinner if they are rare, because pairs
     /// that do not touch cost time, too.
     fn adapt(&mut self, steps: u64) {
@@ -240,6 +252,14 @@ impl List {
             self.skin = self.skin.clamp(self.range[0], self.range[1]);
         }
     }
+}
+
+/// Mean distance in memory of the two grains of a pair, in grains.
+fn reach(pairs: &[CandidatePair]) -> f64 {
+    let apart = pairs
+        .iter()
+        .map(|p| u64::from(p.grains[0].abs_diff(p.grains[1])));
+    apart.sum::<u64>() as f64 / pairs.len().max(1) as f64
 }
 
 /// Settings of the list of pairs. They change the speed of a run and not its numbers.
@@ -371,12 +391,13 @@ impl<D: Dimension> System<D> {
         Ok(())
     }
 
-    /// The states of the owned grains.
+    /// The states of the owned grains, sorted by id.
     pub fn grain_states(&mut self) -> Vec<GrainState> {
         self.finish_step();
-        (0..self.grains.owned)
-            .map(|g| self.grains.state(g))
-            .collect()
+        let owned = 0..self.grains.owned;
+        let mut states: Vec<GrainState> = owned.map(|g| self.grains.state(g)).collect();
+        states.sort_unstable_by_key(|g| g.id);
+        states
     }
 
     /// The touching contacts of this rank, including those that another rank has as well.
@@ -406,9 +427,15 @@ impl<D: Dimension> System<D> {
         law: &dyn PairForce<D>,
         drive: &mut dyn Drive<D>,
     ) -> Result<(), Failure> {
-        let (grains, contacts) = (self.grain_states(), self.contact_states(law));
         self.list.adapt(self.steps);
-        self.replace(exchange, law, drive, grains, contacts)
+        if exchange.size() > 1 || self.list.scattered() {
+            let (grains, contacts) = (self.grain_states(), self.contact_states(law));
+            return self.replace(exchange, law, drive, grains, contacts);
+        }
+        self.finish_step();
+        let remembered = self.contacts.remembered(law, &self.grains.id);
+        self.make_list(exchange, law, drive, |_| remembered);
+        Ok(())
     }
 
     /// Replaces the whole state by these grains and contacts, which may belong to any rank. Every
@@ -426,24 +453,45 @@ impl<D: Dimension> System<D> {
     ) -> Result<(), Failure> {
         let cutoff = self.list.cutoff();
         let worked = self.clock.worked() - self.list.worked;
-        let (owned, remembered) =
+        let (mut owned, contacts) =
             self.slabs
                 .redistribute(exchange, self.cell, grains, contacts, (cutoff, worked))?;
         self.list.worked = self.clock.worked();
         self.second_kick_deferred = false;
+        let extent = self.extent(exchange);
+        neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff);
         self.grains.replace(&owned, self.masses, self.step);
         let largest = 0.5 * self.list.diameter;
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
             .attach_ghosts(exchange, self.cell, &mut self.grains, cutoff);
-        let extent = self
-            .slabs
-            .local_extent(exchange, self.cell.cutoff_along_x(cutoff));
-        let list_cutoff = neighbour::Cutoff {
-            greatest: cutoff,
+        self.make_list(exchange, law, drive, |id| Remembered::sorted(contacts, id));
+        self.list.reach_when_sorted = self.list.reach;
+        Ok(())
+    }
+
+    /// The part of the cell that holds the local grains.
+    fn extent(&self, exchange: &dyn Exchange) -> LocalExtent {
+        let cutoff = self.cell.cutoff_along_x(self.list.cutoff());
+        self.slabs.local_extent(exchange, cutoff)
+    }
+
+    /// Makes a new list of the pairs of the local grains, with the histories of the contacts that
+    /// `remembered` gives for their ids.
+    fn make_list(
+        &mut self,
+        exchange: &dyn Exchange,
+        law: &dyn PairForce<D>,
+        drive: &mut dyn Drive<D>,
+        remembered: impl FnOnce(&[u32]) -> Remembered,
+    ) {
+        let cutoff = neighbour::Cutoff {
+            greatest: self.list.cutoff(),
             skin: self.list.skin,
         };
-        let mut candidates = neighbour::pairs(&self.grains, self.cell, extent, list_cutoff);
+        let extent = self.extent(exchange);
+        let mut candidates = neighbour::pairs(&self.grains, self.cell, extent, cutoff);
+        self.list.reach = reach(&candidates);
         self.slabs
             .drop_unpaired_ghosts(exchange, &mut self.grains, &mut candidates);
         let Grains {
@@ -454,7 +502,7 @@ impl<D: Dimension> System<D> {
             self.isa,
             law,
             &candidates,
-            &remembered,
+            &remembered(id),
             LocalGrains {
                 id,
                 radius,
@@ -475,11 +523,10 @@ impl<D: Dimension> System<D> {
         self.list.origin.clear();
         self.list
             .origin
-            .extend((0..self.grains.owned).map(|g| self.grains.state(g).position));
+            .extend((0..self.grains.owned).map(|g| self.grains.position(g)));
         let coordinates = self.list.origin.as_flattened().iter();
         let greatest = coordinates.fold(0.0, |a: f64, x| a.max(x.abs()));
         self.list.rounding = 2.0 * f64::EPSILON * greatest;
-        Ok(())
     }
 
     /// The position of a grain, for messages.

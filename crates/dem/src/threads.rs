@@ -142,12 +142,14 @@ impl<D: Dimension> ThreadPool<D> {
     /// for every new list.
     pub fn divide(&mut self, candidates: &[CandidatePair], owned: usize) {
         let threads = self.threads();
+        if threads == 1 {
+            self.shares[0] = 0..owned;
+            return;
+        }
         let mut cost = vec![1; owned];
-        if threads > 1 {
-            for pair in candidates {
-                if let Some(cost) = cost.get_mut(pair.grains[0] as usize) {
-                    *cost += PAIR_COST;
-                }
+        for pair in candidates {
+            if let Some(cost) = cost.get_mut(pair.grains[0] as usize) {
+                *cost += PAIR_COST;
             }
         }
         let all: usize = cost.iter().sum();

@@ -464,7 +464,9 @@ fn each_touching<D: Dimension>(
         greatest: 2.0 * sample.radius_max,
         skin: 0.0,
     };
-    for pair in neighbour::pairs(&grains, cell, extent, cutoff) {
+    let mut pairs = neighbour::pairs(&grains, cell, extent, cutoff);
+    pairs.sort_unstable_by_key(|pair| pair.grains);
+    for pair in pairs {
         let pair = pair.grains.map(|g| g as usize);
         let [a, b] = pair.map(|g| &states[g]);
         let apart = cell.separation::<D>(&a.position, &b.position);

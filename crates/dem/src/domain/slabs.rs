@@ -138,8 +138,9 @@ impl<D: Dimension> Slabs<D> {
                 contacts.extend(pod_collect_to_vec::<u8, ContactState>(&bytes));
             }
         }
-        owned.sort_unstable_by_key(|g| g.id);
-        contacts.sort_unstable_by_key(|c| (c.i, c.j));
+        // Stable: most are in order already.
+        owned.sort_by_key(|g| g.id);
+        contacts.sort_by_key(|c| (c.i, c.j));
         contacts.dedup_by_key(|c| (c.i, c.j));
         Ok((owned, contacts))
     }

@@ -4,7 +4,12 @@
 use crate::dimension::Dimension;
 
 /// The nearest image of a separation along a periodic axis of `length` (m).
+#[inline]
 pub fn nearest_image(dx: f64, length: f64) -> f64 {
+    // Most are their own, and dividing and rounding take long.
+    if dx.abs() < 0.5 * length {
+        return dx;
+    }
     dx - length * (dx / length).round()
 }
 
@@ -64,6 +69,7 @@ impl Cell {
     }
 
     /// The nearest image of a - b (m), as many components as there are dimensions.
+    #[inline]
     pub fn separation<D: Dimension>(&self, a: &[f64], b: &[f64]) -> [f64; 3] {
         let mut r = [0.0; 3];
         for (axis, r) in r[..D::AXES].iter_mut().enumerate() {

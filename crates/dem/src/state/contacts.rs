@@ -13,9 +13,10 @@ use super::ContactState;
 /// There are groups of blocks. First come inner pairs, of which this rank owns both grains: for
 /// each thread those between two grains of its [share](LocalGrains::shares), then those between
 /// grains of two threads. Then come pairs of which this rank owns i, then pairs of which it owns j.
-/// In a group the pairs are sorted by (id of i, id of j). Within every run of 1,024 of them,
-/// contacts then come first, followed by the other pairs in order of their gaps, so that blocks in
-/// which nothing touches follow each other.
+/// In a group the pairs are in the order of the cells. Within every run of 1,024 of them, contacts
+/// then come first, those that slide before the others, followed by the other pairs in order of
+/// their gaps, so that blocks in which nothing touches follow each other, and in most blocks
+/// nothing slides.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
 /// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs
@@ -87,14 +88,14 @@ pub struct CandidatePair {
 }
 
 impl Contacts {
-    /// Replaces the list by `candidates`, which are sorted by their ids, with the histories of
-    /// `remembered`, which is sorted by (i, j). Other pairs start without a history.
+    /// Replaces the list by `candidates` with the histories of `remembered`. Other pairs start
+    /// without a history.
     pub fn replace(
         &mut self,
         isa: Isa,
         law: &dyn PairModel,
         candidates: &[CandidatePair],
-        remembered: &[ContactState],
+        remembered: &Remembered,
         grains: LocalGrains<'_>,
     ) {
         let LocalGrains {
@@ -108,8 +109,9 @@ impl Contacts {
         let mut groups: Vec<Vec<Listed>> = Vec::new();
         groups.resize_with(shares.len() + 3, Vec::new);
         let share_of = |g: usize| shares.partition_point(|share| share.end <= g);
-        for pair in with_contacts(candidates, remembered, id) {
+        for pair in candidates {
             let [i, j] = pair.grains.map(|g| g as usize);
+            let pair = Listed::new(pair, remembered.find(i, [id[i], id[j]]));
             let group = match (i < owned, j < owned) {
                 (true, true) if share_of(i) == share_of(j) => share_of(i),
                 (true, true) => shares.len(),
@@ -118,7 +120,6 @@ impl Contacts {
             };
             groups[group].push(pair);
         }
-        groups.iter_mut().for_each(|group| contacts_first(group));
         self.parameter_lanes = law.parameter_lanes();
         self.history_lanes = law.history_lanes();
         self.pairs.clear();
@@ -128,7 +129,7 @@ impl Contacts {
         self.limits.clear();
         self.asleep_until.clear();
         let known = |c: &ContactState| c.limits().iter().all(Option::is_some);
-        self.limits_are_known = remembered.iter().all(known);
+        self.limits_are_known = remembered.states.iter().all(known);
         let mut end = 0;
         let ends: Vec<usize> = groups
             .iter()
@@ -148,18 +149,21 @@ impl Contacts {
         self.inner = ends[shares.len()];
         self.owned_blocks = ends[shares.len() + 1];
         let firsts = shares.iter().map(|share| share.start as u32);
-        let groups = groups.iter().zip(firsts.chain([0; 3]));
-        let blocks = groups.flat_map(|(group, first)| group.chunks(LANES).map(move |b| (b, first)));
-        for (block, first_grain) in blocks {
-            self.push(law, block, first_grain, radius);
-            let least = block.iter().map(|listed| listed.gap);
-            let least = least.fold(f64::INFINITY, f64::min);
-            let inner = self.asleep_until.len() < self.inner;
-            self.asleep_until.push(if inner {
-                way_to_touch(least)
-            } else {
-                2.0 * way_to_touch(least) - ghosts_move
-            });
+        let mut ordered = Vec::with_capacity(SORTED_TOGETHER);
+        for (group, first_grain) in groups.iter().zip(firsts.chain([0; 3])) {
+            for run in group.chunks(SORTED_TOGETHER) {
+                contacts_first(run, &mut ordered);
+                for block in ordered.chunks(LANES) {
+                    self.push(law, block, first_grain, radius);
+                    let least = way_to_touch(block.iter().map(|p| p.gap).fold(f64::MAX, f64::min));
+                    let inner = self.asleep_until.len() < self.inner;
+                    self.asleep_until.push(if inner {
+                        least
+                    } else {
+                        2.0 * least - ghosts_move
+                    });
+                }
+            }
         }
         let blocks = self.geometry.len();
         self.parameters.clear();
@@ -169,11 +173,8 @@ impl Contacts {
     }
 
     /// Appends a block of pairs. Grains are numbered from `first_grain` on.
-    fn push(&mut self, law: &dyn PairModel, block: &[Listed], first_grain: u32, radius: &[f64]) {
-        let mut pairs = Pairs {
-            i: [0; LANES],
-            j: [0; LANES],
-        };
+    fn push(&mut self, law: &dyn PairModel, block: &[&Listed], first_grain: u32, radius: &[f64]) {
+        let mut pairs = Pairs::default();
         let mut geometry = [Lanes16([FILLER; LANES]), Lanes16([-0.5 * FILLER; LANES])];
         let (mut touching, mut limits) = (0, [0; 4]);
         let first = self.history.len();
@@ -256,20 +257,24 @@ impl Contacts {
 
     /// The touching contacts with local indices, block by block.
     pub fn touching(&self) -> impl Iterator<Item = Touching> + '_ {
-        self.touching
-            .iter()
-            .enumerate()
-            .flat_map(move |(block, &mask)| {
-                let grains = self.grains(block);
-                (0..LANES)
-                    .filter(move |lane| mask >> lane & 1 == 1)
-                    .map(move |lane| Touching {
-                        block,
-                        lane,
-                        i: grains.i[lane] as usize,
-                        j: grains.j[lane] as usize,
-                    })
+        let mut blocks = self.touching.iter().copied().enumerate();
+        let (mut block, mut rest, mut grains) = (0, 0u16, Pairs::default());
+        std::iter::from_fn(move || {
+            while rest == 0 {
+                (block, rest) = blocks.next()?;
+                if rest != 0 {
+                    grains = self.grains(block);
+                }
+            }
+            let lane = rest.trailing_zeros() as usize;
+            rest &= rest - 1;
+            Some(Touching {
+                block,
+                lane,
+                i: grains.i[lane] as usize,
+                j: grains.j[lane] as usize,
             })
+        })
     }
 
     /// The history of a touching contact, with the ids of its grains.
@@ -292,6 +297,24 @@ impl Contacts {
         }
     }
 
+    /// The touching contacts, for the next list.
+    pub fn remembered(&self, law: &dyn PairModel, id: &[u32]) -> Remembered {
+        let mut first = vec![0; id.len() + 1];
+        for at in self.touching() {
+            first[at.i + 1] += 1;
+        }
+        for g in 1..first.len() {
+            first[g] += first[g - 1];
+        }
+        let mut states = vec![ContactState::new(0, 0, [0.0; 3]); first[id.len()]];
+        let mut end = first.clone();
+        for at in self.touching() {
+            states[end[at.i]] = self.state(law, at, id);
+            end[at.i] += 1;
+        }
+        Remembered { states, first }
+    }
+
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
         use std::mem::size_of;
@@ -304,43 +327,62 @@ impl Contacts {
     }
 }
 
+/// Contacts, those of the same i together.
+#[derive(Debug, Default)]
+pub struct Remembered {
+    states: Vec<ContactState>,
+    /// The first contact of each local grain as i, if it has any.
+    first: Vec<usize>,
+}
+
+impl Remembered {
+    /// Contacts that are sorted by i, of local grains with these ids.
+    pub fn sorted(states: Vec<ContactState>, id: &[u32]) -> Self {
+        let first_of = |&id: &u32| states.partition_point(|c| c.i < id);
+        let first = id.iter().map(first_of).collect();
+        Self { states, first }
+    }
+
+    /// The contact of the local grain i and the grain of id j.
+    fn find(&self, i: usize, [id_i, id_j]: [u32; 2]) -> Option<&ContactState> {
+        let from = self.states[*self.first.get(i)?..].iter();
+        from.take_while(|c| c.i == id_i).find(|c| c.j == id_j)
+    }
+}
+
 /// A pair of the list, and its state if it is a contact.
 struct Listed<'a> {
     grains: [u32; 2],
-    /// |r| - R_i - R_j (m); -∞ for contacts.
+    /// |r| - R_i - R_j (m); of contacts the least number, of those that slide -∞.
     gap: f64,
     contact: Option<&'a ContactState>,
+}
+
+impl<'a> Listed<'a> {
+    fn new(pair: &CandidatePair, contact: Option<&'a ContactState>) -> Self {
+        Self {
+            grains: pair.grains,
+            gap: contact.map_or(pair.gap, |c| match c.limits() {
+                [Some(true), ..] => f64::NEG_INFINITY,
+                _ => f64::MIN,
+            }),
+            contact,
+        }
+    }
 }
 
 /// Number of pairs among which contacts come first: enough that few blocks hold both kinds, and few
 /// enough that their data stay in the cache.
 const SORTED_TOGETHER: usize = 64 * LANES;
 
-/// The candidates with what is remembered of those that are contacts.
-fn with_contacts<'a>(
-    candidates: &'a [CandidatePair],
-    remembered: &'a [ContactState],
-    id: &'a [u32],
-) -> impl Iterator<Item = Listed<'a>> {
-    let mut rest = remembered.iter().peekable();
-    candidates.iter().map(move |pair| {
-        let [i, j] = pair.grains.map(|g| id[g as usize]);
-        while rest.next_if(|c| (c.i, c.j) < (i, j)).is_some() {}
-        let contact = rest.next_if(|c| (c.i, c.j) == (i, j));
-        Listed {
-            grains: pair.grains,
-            gap: contact.map_or(pair.gap, |_| f64::NEG_INFINITY),
-            contact,
-        }
-    })
-}
-
-/// Puts the pairs of a group into the order of the list.
-fn contacts_first(group: &mut [Listed]) {
-    for run in group.chunks_mut(SORTED_TOGETHER) {
-        // Stable: contacts stay in order.
-        run.sort_by(|a, b| a.gap.total_cmp(&b.gap));
-    }
+/// Puts the pairs of a run into the order of the list.
+fn contacts_first<'a, 'b>(run: &'a [Listed<'b>], ordered: &mut Vec<&'a Listed<'b>>) {
+    ordered.clear();
+    ordered.extend(run.iter().filter(|pair| pair.gap == f64::NEG_INFINITY));
+    ordered.extend(run.iter().filter(|pair| pair.gap == f64::MIN));
+    let contacts = ordered.len();
+    ordered.extend(run.iter().filter(|pair| pair.gap > f64::MIN));
+    ordered[contacts..].sort_unstable_by(|a, b| a.gap.total_cmp(&b.gap));
 }
 
 /// How far (m) two grains with this gap (m) must travel to touch. Slightly less than half of it,

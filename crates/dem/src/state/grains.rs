@@ -1,4 +1,4 @@
-//! The grains of this rank: owned grains, sorted by id, then ghosts.
+//! The grains of this rank: owned grains, in the order of their cells, then ghosts.
 
 use bytemuck::Zeroable;
 
@@ -145,7 +145,7 @@ impl<D: Dimension> Grains<D> {
         self.id.len()
     }
 
-    /// Replaces all grains by these owned ones, sorted by id, without ghosts. `step`: Δt (s).
+    /// Replaces all grains by these owned ones, without ghosts. `step`: Δt (s).
     pub fn replace(&mut self, owned: &[GrainState], masses: Masses, step: f64) {
         self.owned = owned.len();
         self.id.clear();
@@ -230,6 +230,13 @@ impl<D: Dimension> Grains<D> {
     /// The record of a grain, to change it.
     pub fn fields_mut(&mut self, g: usize) -> &mut [f64] {
         D::fields_mut(&mut self.record[g])
+    }
+
+    /// The wrapped position of a grain (m).
+    pub fn position(&self, g: usize) -> [f64; 3] {
+        let mut x = [0.0; 3];
+        x[..D::AXES].copy_from_slice(&self.fields(g)[..D::AXES]);
+        x
     }
 
     /// The record of an owned grain and its image, to move it.

@@ -24,7 +24,9 @@ mod records;
 mod snapshot;
 
 pub use cell::{BoxEdges, Cell, Image, Sheared, length, nearest_image};
-pub use contacts::{BlockRange, CandidatePair, Contacts, LocalGrains, Touching, way_to_touch};
+pub use contacts::{
+    BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Touching, way_to_touch,
+};
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
 pub use records::{
