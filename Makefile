@@ -75,7 +75,8 @@ python: build
 	cd python && ../target/python/bin/ruff format --check --config pyproject.toml . ../scripts
 	cd python && ../target/python/bin/ruff check --config pyproject.toml . ../scripts
 	cd python && ../target/python/bin/mypy
-	cd python && GSHEAR_MPI=$(abspath $(PROGRAM)) GSHEAR_REDUCE=$(abspath $(REDUCE)) ../target/python/bin/pytest --durations=5
+	cd python && GSHEAR_MPI=$(abspath $(PROGRAM)) GSHEAR_REDUCE=$(abspath $(REDUCE)) ../target/python/bin/pytest --durations=5 \
+		--numprocesses $$(nproc) --dist loadfile
 
 # From the declarations of the keys; a test says when it is due.
 docs:

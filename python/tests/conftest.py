@@ -28,8 +28,8 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     )
     scenes: dict[str, tuple[str, int, dict[str, object]]] = {
         "disks": ("crossing.toml", 2, slow),
-        "other disks": ("crossing.toml", 2, slow | {"seed": 6}),
-        "spheres": ("crossing-3d.toml", 2, {"shear.protocol": protocol}),
+        "other disks": ("crossing.toml", 1, slow | {"seed": 6}),
+        "spheres": ("crossing-3d.toml", 1, {"shear.protocol": protocol}),
         "box": ("periodic.toml", 1, {}),
         "disks in a box": ("periodic.toml", 1, {"dimension": 2, "box.solid_fraction": 0.9}),
     }

@@ -76,7 +76,7 @@ def test_the_program_takes_every_kind_of_value(tmp_path: Path) -> None:
         "seed": np.uint32(7),
         "output.energy": False,
         "time.collision_speed": None,
-        "pack.tolerance": np.float64(1e-2),
+        "load.gravity": np.float64(9.5),
         "shear.spring_number": 100,
         "shear.protocol": [
             {"velocity": 3.0, "distance": np.float64(3e-4)},
@@ -98,11 +98,6 @@ def test_the_program_takes_every_kind_of_value(tmp_path: Path) -> None:
     packing.parent.mkdir()
     export = ["export", str(tmp_path / "a"), "--format", "lammps-data", "--out", str(packing)]
     subprocess.run([str(find("gshear-reduce")), *export], check=True, capture_output=True)
-    of_packing: dict[str, object] = {"sample.packing": packing, "sample.walls": "types"}
-    for key in ("grains", "radius_min", "radius_max", "length", "width"):
-        of_packing[f"sample.{key}"] = None
-    of_packing["pack.tolerance"] = None
-    with Run(
-        simulate(scene, tmp_path / "b", ranks=1, values=values | of_packing, quiet=True)
-    ) as run:
+    values |= {"sample.packing": packing, "sample.walls": "types"}
+    with Run(simulate(scene, tmp_path / "b", ranks=1, values=values, quiet=True)) as run:
         assert run.scene["sample.packing"] == str(packing)

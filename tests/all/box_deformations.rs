@@ -351,6 +351,9 @@ fn every_deformation_is_reported() {
     }
 }
 
+/// Spheres that are soon at rest.
+const SPHERES: [&str; 1] = ["--set=seed=5"];
+
 /// Contracts 1 to 3: ranks and threads, other output, stopped and gone on with.
 fn keeps_the_contracts(of: &[&str], more: &[&str]) {
     let folder = tempfile::tempdir().expect("a folder");
@@ -392,7 +395,7 @@ fn keeps_the_contracts(of: &[&str], more: &[&str]) {
 
 #[test]
 fn a_compression_keeps_the_contracts() {
-    keeps_the_contracts(&COMPRESSION, &[]);
+    keeps_the_contracts(&COMPRESSION, &SPHERES);
 }
 
 #[test]
@@ -403,17 +406,20 @@ fn a_compression_of_disks_keeps_the_contracts() {
 
 #[test]
 fn pure_shear_keeps_the_contracts() {
-    keeps_the_contracts(&PURE_SHEAR, &["--set=box.pressure=0.008"]);
+    keeps_the_contracts(
+        &[&PURE_SHEAR[..], &["--set=box.pressure=0.008"]].concat(),
+        &SPHERES,
+    );
 }
 
 #[test]
 fn a_biaxial_test_keeps_the_contracts() {
-    keeps_the_contracts(&BIAXIAL, &[]);
+    keeps_the_contracts(&BIAXIAL, &SPHERES);
 }
 
 #[test]
 fn simple_shear_at_a_pressure_keeps_the_contracts() {
-    keeps_the_contracts(&["--set=aqs.steps=4", "--set=box.pressure=0.008"], &[]);
+    keeps_the_contracts(&["--set=aqs.steps=4", "--set=box.pressure=0.008"], &SPHERES);
 }
 
 /// Strain steps that stop after every part of a relaxation and go on, on other ranks each time: the

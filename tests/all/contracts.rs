@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::crossing::{SCENE, resumed, stopped, whole};
+use crate::common::crossing::{PACKED, SCENE, resumed, stopped, whole};
 use crate::common::{self, beyond_the_digest, gshear_mpi, same_run};
 
 /// Contract 1: ranks, slabs, skins, rebuilds, instruction sets.
@@ -30,7 +30,7 @@ fn bookkeeping_never_reaches_the_numbers() {
         }
     }
 
-    let start = stopped(&folder.path().join("start"), 1, 1);
+    let start = stopped(&folder.path().join("start"), 1, 1, &[]);
     for (ranks, set) in [
         (1, &["bookkeeping.skin=0.05"][..]),
         (1, &["bookkeeping.skin=0.5", "bookkeeping.rebuild_every=1"]),
@@ -136,7 +136,7 @@ fn grains_cross(folder: &Path) {
 #[test]
 fn output_changes_nothing() {
     let folder = tempfile::tempdir().expect("a folder");
-    let start = stopped(&folder.path().join("start"), 1, 1);
+    let start = stopped(&folder.path().join("start"), 1, 1, &[]);
     let run =
         |name: &str, ranks, set: &[&str]| resumed(&start, &folder.path().join(name), ranks, set);
     let expected = run("plain", 1, &[]).digest();
@@ -181,10 +181,10 @@ fn output_changes_nothing() {
 fn a_stopped_run_goes_on_exactly() {
     let folder = tempfile::tempdir().expect("a folder");
     let unbroken = folder.path().join("unbroken");
-    let expected = whole(&unbroken, 1, &[]).digest();
+    let expected = whole(&unbroken, 1, &PACKED).digest();
     for (before, step, after) in [(2, 1733, 1), (1, 4001, 3), (3, 5000, 5)] {
         let broken = folder.path().join(format!("broken-{step}"));
-        let checkpoint = stopped(&broken, before, step);
+        let checkpoint = stopped(&broken, before, step, &PACKED);
         let outcome = resumed(&checkpoint, &broken, after, &[]);
         assert_eq!(
             outcome.digest(),

@@ -35,10 +35,10 @@ fn said(outcome: &Outcome) -> Vec<String> {
 
 /// Contracts 1 to 3 in 2D and 3D: any number of ranks, threads, instruction sets and skins; other
 /// output; stopped and gone on with.
-fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
+fn keeps_the_contracts(dimension: &'static str, sample: &'static str) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
-    let base = [dimension, fraction];
+    let base = [dimension, sample];
     let with = |more: &[&'static str]| [&base[..], more].concat();
     let expected = digests(&run(&at("one"), 1, &base));
     assert_eq!(expected.len(), 2);
@@ -132,9 +132,10 @@ fn keeps_the_contracts(dimension: &'static str, fraction: &'static str) {
     }
 }
 
+/// A sample that is soon at rest.
 #[test]
 fn spheres_in_a_box_keep_the_contracts() {
-    keeps_the_contracts("--set=dimension=3", "--set=box.solid_fraction=0.72");
+    keeps_the_contracts("--set=dimension=3", "--set=seed=5");
 }
 
 /// At their own fraction, and in a box long enough for three slabs.

@@ -67,6 +67,16 @@ fn spheres_under_a_spring_keep_the_contracts() {
     assert_eq!(gshear_mpi(2, &broken, &[resume]).digest(), expected);
     same_run(&folder.path().join("one"), &broken);
     assert_eq!(beyond_the_digest(&broken), beyond);
+
+    let packed = |ranks| {
+        let further = [
+            "--set=pack.skip=false",
+            "--set=pack.tolerance=0.1",
+            "--set=shear.protocol=[{ velocity = 3.0, distance = 1e-4 }]",
+        ];
+        run(&format!("packed-{ranks}"), ranks, &further).digest()
+    };
+    assert_eq!(packed(1), packed(3), "3 ranks pack");
 }
 
 /// That spheres change slabs and cross both seams, and contacts slide across.

@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use crate::common::crossing::{SCENE, resumed, whole};
-use crate::common::{gshear_mpi, same_run};
+use crate::common::crossing::{PACKED, resumed, stopped, whole};
+use crate::common::same_run;
 use gshear_store::run_reader::RunFile;
 
 /// Contracts 1 and 3 with linear springs, whose histories are fewer.
@@ -32,21 +32,18 @@ fn linear_springs_keep_the_contracts() {
     }
 }
 
-/// Runs the crossing scene with these keys on one rank and on two, with another skin, and from a
-/// checkpoint in every way of computing it. Returns the digest.
+/// Shears the packed crossing scene with these keys on one rank and on two, with another skin, and
+/// from a checkpoint in every way of computing it. Returns the digest.
 fn keeps_the_contracts(folder: &Path, name: &str, sets: &[&str]) -> String {
+    let sets = &[&PACKED[..], sets].concat();
     let one = folder.join(name);
     let expected = whole(&one, 1, sets).digest();
     let two = folder.join(format!("{name}-2"));
-    let ranks = [sets, &["bookkeeping.skin=0.3"]].concat();
+    let ranks = [&sets[..], &["bookkeeping.skin=0.3"]].concat();
     assert_eq!(whole(&two, 2, &ranks).digest(), expected, "{name}");
     same_run(&one, &two);
 
-    let mut arguments = vec![SCENE.to_string(), "--stop-at=600".into()];
-    arguments.extend(sets.iter().map(|s| format!("--set={s}")));
-    let broken = folder.join(format!("{name}-broken"));
-    assert_eq!(gshear_mpi(2, &broken, &arguments).code, 75);
-    let checkpoint = broken.join("checkpoint.h5");
+    let checkpoint = stopped(&folder.join(format!("{name}-broken")), 2, 600, sets);
     let mut kinds = vec![(3, "bookkeeping.rebuild_every=7".to_string())];
     for simd in ["portable", "avx2", "avx512"] {
         if gshear_dem::simd::Isa::named(simd).is_some() {
@@ -73,7 +70,8 @@ fn dampers_on_sliding_contacts_keep_the_contracts() {
         "with",
         &[strain, "contact.sliding_damping=1"],
     );
-    let without = whole(&folder.path().join("without"), 1, &[strain]).digest();
+    let packed = [&PACKED[..], &[strain]].concat();
+    let without = whole(&folder.path().join("without"), 1, &packed).digest();
     assert_ne!(with, without);
     let last = |run: &RunFile, column: &str| *run.series().column(column).last().expect("a row");
     let [with, without] = ["with", "without"].map(at);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
-use crate::common::crossing::{SCENE, whole};
+use crate::common::crossing::{PACKED, SCENE, whole};
 use crate::common::{self, Outcome, bounded, processes, program, same_run, signal};
 
 /// Longest time of a run, its watchdog included.
@@ -20,6 +20,10 @@ const SET: [&str; 5] = [
     // Long enough for a busy machine.
     "bookkeeping.watchdog=20",
 ];
+
+fn sets() -> impl Iterator<Item = &'static str> {
+    PACKED.into_iter().chain(SET)
+}
 
 /// A folder on which something is mounted.
 struct Mount(PathBuf);
@@ -62,7 +66,7 @@ fn command(out: &Path, ranks: usize) -> Command {
         .arg("--resume=auto")
         .arg("--out")
         .arg(out);
-    command.args(SET.iter().map(|set| format!("--set={set}")));
+    command.args(sets().map(|set| format!("--set={set}")));
     command
 }
 
@@ -90,7 +94,8 @@ struct Reference {
 impl Reference {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
-        let digest = whole(&folder.path().join("reference"), 1, &SET).digest();
+        let sets: Vec<&str> = sets().collect();
+        let digest = whole(&folder.path().join("reference"), 1, &sets).digest();
         Self { folder, digest }
     }
 

@@ -4,18 +4,19 @@
 use std::path::{Path, PathBuf};
 use std::process::Output;
 
+use crate::common::crossing::{PACKED, SCENE};
 use crate::common::{self, gshear_mpi, reducer};
 use gshear_dem::state::FrameRecords;
 use gshear_store::checksums::{self, FRAMES, ROWS, of_numbers, weights};
 use gshear_store::run_reader::RunFile;
 use nalgebra::{DMatrix, Vector3};
 
-const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 const SPHERES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml");
 
 fn run(scene: &str, ranks: usize, folder: &Path, set: &[&str]) {
+    let sample = if scene == SCENE { &PACKED[..] } else { &[] };
     let mut arguments = vec![scene.to_string()];
-    arguments.extend(set.iter().map(|s| format!("--set={s}")));
+    arguments.extend(sample.iter().chain(set).map(|s| format!("--set={s}")));
     gshear_mpi(ranks, folder, &arguments).digest();
 }
 

@@ -1,10 +1,9 @@
-//! Protocols of walls, through the real program: closed forms of what is imposed, the contracts,
-//! and the energy budget.
+//! Protocols of walls, through the real program: closed forms of what is imposed, and the energy
+//! budget.
 
 use std::path::Path;
 
-use crate::common::crossing::SCENE;
-use crate::common::{self, gshear_mpi, same_run};
+use crate::common::crossing::{PACKED, whole};
 use gshear_store::run_reader::RunFile;
 
 /// Ramps, steps and oscillations of all that a protocol can impose, in eight short parts.
@@ -19,49 +18,20 @@ const MIXED: &str = "shear.protocol=[
     { velocity = 0.3, time = 2e-7, bottom_amplitude = 2e-9, bottom_frequency = 1e7 },
 ]";
 
-fn run(folder: &Path, ranks: usize, further: &[&str]) -> common::Outcome {
-    let removed = ["inertial_number", "strain"].map(|key| format!("--set=shear.{key}=none"));
-    let removed_output = ["frame_strain", "series_strain", "checkpoint_strain"];
-    let removed_output = removed_output.map(|key| format!("--set=output.{key}=none"));
-    let mut arguments = vec![SCENE.to_string(), format!("--set={MIXED}")];
-    arguments.extend(removed.into_iter().chain(removed_output));
-    arguments.push("--set=output.series_rows=20".into());
-    arguments.push("--set=output.frame_rows=2".into());
-    arguments.extend(further.iter().map(ToString::to_string));
-    gshear_mpi(ranks, folder, &arguments)
-}
-
-/// Contracts 1 to 3 in every part; stops in the middle of a ramp, a cycle and a hold of the volume.
-#[test]
-fn protocols_keep_the_contracts() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = |name: &str| folder.path().join(name);
-    let expected = run(&at("one"), 1, &[]).digest();
-    for ranks in [2, 3] {
-        let name = format!("on-{ranks}");
-        let outcome = run(&at(&name), ranks, &["--set=bookkeeping.skin=0.3"]);
-        assert_eq!(outcome.digest(), expected, "{ranks} ranks");
-        same_run(&at("one"), &at(&name));
-    }
-    let silent = ["--set=output.series_rows=0", "--set=output.energy=false"];
-    assert_eq!(run(&at("silent"), 1, &silent).digest(), expected);
-
-    let all = RunFile::open(&at("one")).expect("a run");
-    let last = *all.series().step.last().expect("rows");
-    let broken = at("broken");
-    assert_eq!(
-        run(&broken, 2, &[&format!("--stop-at={}", last / 7)]).code,
-        75
-    );
-    let resume = format!("--resume={}", broken.join("checkpoint.h5").display());
-    for part in 2..7 {
-        let stop = format!("--stop-at={}", part * last / 7);
-        let ranks = 1 + part as usize % 3;
-        let outcome = gshear_mpi(ranks, &broken, &[resume.clone(), stop]);
-        assert_eq!(outcome.code, 75, "{}", outcome.text);
-    }
-    assert_eq!(gshear_mpi(1, &broken, &[resume]).digest(), expected);
-    same_run(&at("one"), &broken);
+/// Runs them in `folder`.
+fn run(folder: &Path) -> RunFile {
+    let sets = [
+        MIXED,
+        "shear.inertial_number=none",
+        "shear.strain=none",
+        "output.frame_strain=none",
+        "output.series_strain=none",
+        "output.checkpoint_strain=none",
+        "output.series_rows=20",
+        "output.frame_rows=2",
+    ];
+    whole(folder, 1, &[&PACKED[..], &sets].concat()).digest();
+    RunFile::open(folder).expect("a run")
 }
 
 /// Imposed values are closed forms of the time, the height is constant to the last bit, and the
@@ -69,8 +39,7 @@ fn protocols_keep_the_contracts() {
 #[test]
 fn what_is_imposed_is_a_closed_form() {
     let folder = tempfile::tempdir().expect("a folder");
-    run(folder.path(), 1, &[]).digest();
-    let run = RunFile::open(folder.path()).expect("a run");
+    let run = run(folder.path());
     let series = run.series();
     let column = |name: &str| series.column(name);
     let (load, force) = (

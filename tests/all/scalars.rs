@@ -3,33 +3,28 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::common::crossing::{PACKED, resumed, stopped, whole};
 use crate::common::{Outcome, gshear_mpi, same_run};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_reduce::scalars::FrameSeries;
 use gshear_store::run_reader::RunFile;
 
-const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml");
 /// A start that is no multiple of the interval.
-const SCALARS: [&str; 4] = [
-    SHORT,
-    "--set=analysis.scalars=true",
-    "--set=analysis.strain=0.005",
-    "--set=analysis.start=0.097",
+const SCALARS: [&str; 3] = [
+    "analysis.scalars=true",
+    "analysis.strain=0.005",
+    "analysis.start=0.097",
 ];
-const SHORT: &str = "--set=shear.strain=0.4";
-const NO_FRAMES: &str = "--set=output.frame_strain=0";
+/// Little friction, so that D²min is defined in most intervals.
+const SHORT: [&str; 2] = ["shear.strain=0.4", "contact.friction=0.3"];
+const NO_FRAMES: &str = "output.frame_strain=0";
 
-fn run(folder: &Path, ranks: usize, further: &[&str]) -> Outcome {
-    let scene = [SCENE];
-    let arguments = scene.iter().chain(&SCALARS).chain(further);
-    let arguments: Vec<String> = arguments.map(ToString::to_string).collect();
-    gshear_mpi(ranks, folder, &arguments)
+fn sets<'a>(further: &[&'a str]) -> Vec<&'a str> {
+    [&PACKED, &SHORT[..], &SCALARS, further].concat()
 }
 
-fn resumed(checkpoint: &Path, folder: &Path, ranks: usize, further: &[&str]) -> Outcome {
-    let mut arguments = vec![format!("--resume={}", checkpoint.display())];
-    arguments.extend(further.iter().map(ToString::to_string));
-    gshear_mpi(ranks, folder, &arguments)
+fn run(folder: &Path, ranks: usize, further: &[&str]) -> Outcome {
+    whole(folder, ranks, &sets(further))
 }
 
 fn open(folder: &Path) -> RunFile {
@@ -58,12 +53,9 @@ fn of(folder: &Path) -> Vec<Vec<u64>> {
 fn scalars_of_the_run_are_those_of_its_frames() {
     let temporary = tempfile::tempdir().expect("a folder");
     let folder = |name: &str| -> PathBuf { temporary.path().join(name) };
-    let without = gshear_mpi(1, &folder("without"), &[SCENE.into(), SHORT.into()]).digest();
+    let without = whole(&folder("without"), 1, &[&PACKED[..], &SHORT].concat()).digest();
 
-    let frames = [
-        "--set=output.frame_strain=0.005",
-        "--set=output.frame_start=0.097",
-    ];
+    let frames = ["output.frame_strain=0.005", "output.frame_start=0.097"];
     assert_eq!(run(&folder("one"), 1, &frames).digest(), without);
     let one = open(&folder("one"));
     let expected = bits(&FrameSeries::of_frames(&one).expect("frames"));
@@ -86,10 +78,8 @@ fn scalars_of_the_run_are_those_of_its_frames() {
     let on = one.frame_steps()[30];
     for (before, step, after) in [(2, 5, 1), (1, on, 3), (3, on + every / 2, 2)] {
         let broken = folder(&format!("broken-{step}"));
-        let stop = format!("--stop-at={step}");
-        let stopped = run(&broken, before, &[NO_FRAMES, &stop]);
-        assert_eq!(stopped.code, 75, "{}", stopped.text);
-        let outcome = resumed(&broken.join("checkpoint.h5"), &broken, after, &[]);
+        let checkpoint = stopped(&broken, before, step, &sets(&[NO_FRAMES]));
+        let outcome = resumed(&checkpoint, &broken, after, &[]);
         assert_eq!(outcome.digest(), without);
         assert_eq!(of(&broken), expected, "stopped at {step}");
         same_run(&folder("ranks-2"), &broken);
@@ -102,25 +92,22 @@ fn scalars_of_the_run_are_those_of_its_frames() {
 fn scalars_follow_grains_over_the_edge() {
     let temporary = tempfile::tempdir().expect("a folder");
     let scalars = [
-        SCENE,
-        "--set=analysis.scalars=true",
-        "--set=analysis.strain=0.9",
-        "--set=output.frame_strain=0.9",
+        "analysis.scalars=true",
+        "analysis.strain=0.9",
+        "output.frame_strain=0.9",
     ];
-    let scalars = scalars.map(String::from);
-    let whole = temporary.path().join("whole");
-    gshear_mpi(1, &whole, &scalars).digest();
-    let run_of = open(&whole);
+    let scalars = [&PACKED[..], &scalars].concat();
+    let unbroken = temporary.path().join("unbroken");
+    whole(&unbroken, 1, &scalars).digest();
+    let run_of = open(&unbroken);
     let [first, last] = [0, 1].map(|t| run_of.unwrapped(t..t + 1).expect("a frame").remove(0));
     let moved = first.iter().zip(&last).map(|(a, b)| (b[0] - a[0]).abs());
     assert!(moved.fold(0.0, f64::max) > 0.5 * run_of.grains().length);
     let expected = bits(&FrameSeries::of_frames(&run_of).expect("frames"));
-    assert_eq!(of(&whole), expected);
+    assert_eq!(of(&unbroken), expected);
     let broken = temporary.path().join("broken");
-    let stop = format!("--stop-at={}", run_of.frame_steps()[1] - 5);
-    let stopped = gshear_mpi(1, &broken, &[&scalars[..], &[stop]].concat());
-    assert_eq!(stopped.code, 75, "{}", stopped.text);
-    resumed(&broken.join("checkpoint.h5"), &broken, 2, &[]).digest();
+    let checkpoint = stopped(&broken, 1, run_of.frame_steps()[1] - 5, &scalars);
+    resumed(&checkpoint, &broken, 2, &[]).digest();
     assert_eq!(of(&broken), expected);
 }
 
@@ -128,20 +115,20 @@ fn scalars_follow_grains_over_the_edge() {
 #[test]
 fn a_gap_is_a_gap() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let whole = temporary.path().join("whole");
-    run(&whole, 1, &[NO_FRAMES]).digest();
-    let expected = of(&whole);
+    let unbroken = temporary.path().join("unbroken");
+    run(&unbroken, 1, &[NO_FRAMES]).digest();
+    let expected = of(&unbroken);
     let [first, last] = [expected[20][0], expected[40][0]];
 
     let broken = temporary.path().join("broken");
-    let checkpoint = broken.join("checkpoint.h5");
-    let stop = format!("--stop-at={first}");
-    assert_eq!(run(&broken, 1, &[NO_FRAMES, &stop]).code, 75);
-    let stop = format!("--stop-at={last}");
-    let off = ["--set=analysis.scalars=false", &stop];
-    assert_eq!(resumed(&checkpoint, &broken, 1, &off).code, 75);
-    let on = ["--set=analysis.scalars=true"];
-    resumed(&checkpoint, &broken, 2, &on).digest();
+    let checkpoint = stopped(&broken, 1, first, &sets(&[NO_FRAMES]));
+    let off = [
+        format!("--resume={}", checkpoint.display()),
+        format!("--stop-at={last}"),
+        "--set=analysis.scalars=false".into(),
+    ];
+    assert_eq!(gshear_mpi(1, &broken, &off).code, 75);
+    resumed(&checkpoint, &broken, 2, &["analysis.scalars=true"]).digest();
 
     let found = of(&broken);
     assert_eq!(found[..21], expected[..21]);

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use crate::common::crossing::SCENE;
+use crate::common::crossing::{PACKED, SCENE};
 use crate::common::{PROGRAM, mpirun, rank_variable, succeed};
 
 /// The process of a rank of the job whose environment has this variable.
@@ -28,11 +28,9 @@ fn a_stopped_rank_is_named() {
     let mark = format!("GSHEAR_TEST={}", folder.path().display());
     let (name, value) = mark.split_once('=').expect("a variable");
     let mut child = mpirun(2, PROGRAM)
-        .args([
-            SCENE,
-            "--set=shear.strain=1000",
-            "--set=bookkeeping.watchdog=3",
-        ])
+        .arg(SCENE)
+        .args(PACKED.map(|set| format!("--set={set}")))
+        .args(["--set=shear.strain=1000", "--set=bookkeeping.watchdog=3"])
         .arg("--out")
         .arg(folder.path().join("run"))
         .env(name, value)

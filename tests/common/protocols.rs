@@ -5,11 +5,14 @@ use std::path::Path;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Source, load};
 
+use super::crossing::{PACKED, SCENE};
 use super::{Outcome, gshear_mpi};
 
 /// A scene with one part of every kind. Parts without a key of the pressure keep that before them.
 pub struct Case {
     pub scene: &'static str,
+    /// What the scene begins with, if it is not its own sample.
+    pub sample: &'static [&'static str],
     /// Keys that another way to shear needs.
     pub removed: &'static [&'static str],
     pub further: &'static [&'static str],
@@ -17,7 +20,8 @@ pub struct Case {
 }
 
 pub const DISKS: Case = Case {
-    scene: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml"),
+    scene: SCENE,
+    sample: &PACKED,
     removed: &[
         "shear.inertial_number",
         "shear.strain",
@@ -45,12 +49,9 @@ pub const DISKS: Case = Case {
 
 pub const SPHERES: Case = Case {
     scene: concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing-3d.toml"),
+    sample: &[],
     removed: &["shear.spring_number"],
-    further: &[
-        "output.series_rows=10",
-        "output.frame_rows=1",
-        "pack.tolerance=1e-2",
-    ],
+    further: &["output.series_rows=10", "output.frame_rows=1"],
     parts: &[
         "velocity = 3, time = 1e-4",
         "velocity = 3, time = 1e-4, pressure = 1.2e5",
@@ -82,8 +83,9 @@ pub const SPHERES_UNDER_A_SPRING: Case = Case {
     ..SPHERES
 };
 
-/// Loads by a servo, and what may interrupt them.
+/// Loads by a servo, which packs them, too, and what may interrupt them.
 pub const DISKS_UNDER_A_SERVO: Case = Case {
+    sample: &[],
     further: &[
         "output.series_rows=10",
         "output.frame_rows=1",
@@ -104,7 +106,6 @@ pub const SPHERES_UNDER_A_SERVO: Case = Case {
     further: &[
         "output.series_rows=10",
         "output.frame_rows=1",
-        "pack.tolerance=1e-2",
         "load.control=servo",
     ],
     parts: &[
@@ -119,14 +120,17 @@ impl Case {
     /// What `--set` takes.
     pub fn sets(&self) -> Vec<String> {
         let removed = self.removed.iter().map(|key| format!("{key}=none"));
-        let further = self.further.iter().map(ToString::to_string);
+        let further = self.sample.iter().chain(self.further);
         let parts: Vec<_> = self
             .parts
             .iter()
             .map(|part| format!("{{ {part} }}"))
             .collect();
         let protocol = format!("shear.protocol=[{}]", parts.join(", "));
-        removed.chain(further).chain([protocol]).collect()
+        removed
+            .chain(further.map(ToString::to_string))
+            .chain([protocol])
+            .collect()
     }
 
     /// A run in `folder`; `further` are arguments.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
 
-use crate::common::crossing::{SCENE, whole};
+use crate::common::crossing::{PACKED, SCENE, whole};
 use crate::common::{self, copy_folder, processes, program, reducer, same_run, signal, succeed};
 use gshear_store::run_reader::RunFile;
 use rand::{RngExt, SeedableRng};
@@ -24,6 +24,10 @@ const SET: [&str; 5] = [
     "bookkeeping.watchdog=15",
 ];
 
+fn sets() -> impl Iterator<Item = &'static str> {
+    PACKED.into_iter().chain(SET)
+}
+
 const BOX: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
 /// The library that makes calls fail, compiled into `folder`.
@@ -39,7 +43,7 @@ fn shim(folder: &Path) -> PathBuf {
 /// How a run begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Start {
-    /// From the first grain.
+    /// From the packed grains.
     New,
     /// From a checkpoint of the shear, with the files of the run.
     Resume,
@@ -145,7 +149,8 @@ impl Scenario {
     fn new() -> Self {
         let folder = tempfile::tempdir().expect("a folder");
         let shim = shim(folder.path());
-        let digest = whole(&folder.path().join("reference"), 1, &SET).digest();
+        let sets: Vec<&str> = sets().collect();
+        let digest = whole(&folder.path().join("reference"), 1, &sets).digest();
         Self {
             folder,
             shim,
@@ -162,7 +167,7 @@ impl Scenario {
         let mut command = program(ranks);
         command.arg(SCENE).arg("--resume=auto");
         command.arg("--out").arg(self.path("run"));
-        command.args(SET.iter().map(|set| format!("--set={set}")));
+        command.args(sets().map(|set| format!("--set={set}")));
         // By which its ranks are found.
         command.env("FAULT_JOB", self.folder.path());
         // Open MPI waits no second before it ends ranks that are left over.
@@ -243,7 +248,7 @@ impl Scenario {
         let begun = self.path("begun");
         if !begun.exists() {
             let mut arguments = vec![SCENE.to_string(), "--stop-at=3".into()];
-            arguments.extend(SET.iter().map(|set| format!("--set={set}")));
+            arguments.extend(sets().map(|set| format!("--set={set}")));
             assert_eq!(common::gshear_mpi(1, &begun, &arguments).code, 75);
         }
         copy_folder(&begun, &run);
@@ -531,7 +536,7 @@ fn a_kill_after_going_back_loses_nothing() {
     let scenario = Scenario::new();
     let (begun, run) = (scenario.path("later"), scenario.path("run"));
     let mut arguments = vec![SCENE.to_string(), "--stop-at=15".into()];
-    let set = SET.iter().chain(&["output.keep_checkpoints=true"]);
+    let set = sets().chain(["output.keep_checkpoints=true"]);
     arguments.extend(set.map(|set| format!("--set={set}")));
     assert_eq!(common::gshear_mpi(1, &begun, &arguments).code, 75);
     for kill in (0..24).map(|k| 1 + 9 * k) {
