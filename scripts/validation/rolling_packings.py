@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Solid fraction and coordination of packings with sliding, rolling and twisting friction.
 
-rolling_packings.py run FOLDER [--seeds 5] [--lammps lmp]
+rolling_packings.py run FOLDER [--seeds 5] [--only 10,1,1] [--lammps lmp]
 rolling_packings.py figure FOLDER FIGURE.svg
 
 `run` compresses the same dilute states with gshear-mpi and with LAMMPS, by the same law, walls and
@@ -41,7 +41,7 @@ DILUTE = 0.3
 DURATION = 35.0
 # Share of the height, around its middle, that is measured.
 MIDDLE = 0.5
-# mu_s, mu_r, mu_t.
+# mu_s, mu_r, mu_w.
 COEFFICIENTS = [
     (10.0, 1.0, 1.0),
     (10.0, 0.0, 0.0),
@@ -55,6 +55,9 @@ COEFFICIENTS = [
 NAMES = ["friction", "rolling_friction", "twisting_friction"]
 MEASURED = ["phi", "z", "z_held", "rattlers", "constraints", "kinetic"]
 PROGRAMS = ["gshear-mpi", "LAMMPS"]
+# Phi and z without rattlers of equal hard spheres with mu_s = 0.3, compressed from a gas: Agnolin &
+# Roux, Phys. Rev. E 76, 061302 (2007), arXiv:0705.3194, abstract.
+AGNOLIN_ROUX = (0.593, 4.5)
 # Coefficients of Tsuji's damping (docs/laws.md).
 TSUJI = [1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218]
 
@@ -258,7 +261,7 @@ def end(out: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return frame.position, frame.velocity, frame.species != 0
 
 
-def run_all(folder: Path, seeds: int, lammps: str) -> None:
+def run_all(folder: Path, seeds: int, kinds: list[Coefficients], lammps: str) -> None:
     """Runs the packings that are missing."""
     folder.mkdir(parents=True, exist_ok=True)
     density = Scene(SCENE.read_text())["material.density"]
@@ -266,7 +269,7 @@ def run_all(folder: Path, seeds: int, lammps: str) -> None:
         data = folder / f"{seed}.data"
         if not data.exists():
             write_data(data, *dilute(seed), density)
-        for coefficients in COEFFICIENTS:
+        for coefficients in kinds:
             for program in PROGRAMS:
                 out = folder_of(folder, program, seed, coefficients)
                 if program == "LAMMPS":
@@ -331,15 +334,31 @@ def draw(means: pd.DataFrame, out: Path) -> None:
         lw=1.2,
         label="isostatic",
     )
+    of_roux = kinds.index((0.3, 0.0, 0.0))
+    for axis, value in zip(axes[:2], AGNOLIN_ROUX, strict=True):
+        axis.plot(of_roux, value, "kx", ms=6, label="Agnolin & Roux 2007")
     axes[0].set(ylabel="Φ")
     axes[1].set(ylabel="z without rattlers", ylim=(1.8, None))
-    axes[2].set(ylabel="rattlers", ylim=(0.0, 1.0))
-    names = ["\n".join(f"{c:g}" for c in kind) for kind in kinds]
-    axes[2].set_xticks(np.arange(len(kinds)), names)
-    axes[2].set_xlabel("coefficients of sliding, rolling and twisting, from top to bottom")
+    axes[2].set(ylabel="share of rattlers", ylim=(0.0, 1.0))
+    names = ["\n".join(f"${c:g}$" for c in kind) for kind in kinds]
+    axes[2].set_xticks(np.arange(len(kinds)), names, linespacing=1.3)
+    side = axes[2].get_xaxis_transform()
+    axes[2].text(
+        -0.75, -0.07, "$μ_s$\n$μ_r$\n$μ_w$", transform=side, va="top", ha="right", linespacing=1.45
+    )
+    axes[2].set_xlabel("friction of sliding, rolling and twisting")
     for axis in axes:
         axis.grid(axis="y", lw=0.4, alpha=0.5)
-    axes[1].legend(frameon=False, fontsize=9)
+    handles, labels = axes[1].get_legend_handles_labels()
+    axes[0].legend(
+        handles,
+        labels,
+        frameon=False,
+        fontsize=9,
+        ncols=4,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+    )
     figure.align_ylabels(axes)
     figure.tight_layout()
     figure.savefig(out)
@@ -359,13 +378,16 @@ def main() -> None:
     of_run = commands.add_parser("run")
     of_run.add_argument("folder", type=Path)
     of_run.add_argument("--seeds", type=int, default=5)
+    of_run.add_argument("--only", help="mu_s,mu_r,mu_w of the only kind of packing to run")
     of_run.add_argument("--lammps", default="lmp")
     of_figure = commands.add_parser("figure")
     of_figure.add_argument("folder", type=Path)
     of_figure.add_argument("figure", type=Path)
     arguments = parser.parse_args()
     if arguments.command == "run":
-        run_all(arguments.folder, arguments.seeds, arguments.lammps)
+        only = arguments.only and tuple(map(float, arguments.only.split(",")))
+        kinds = [kind for kind in COEFFICIENTS if only in (None, kind)]
+        run_all(arguments.folder, arguments.seeds, kinds, arguments.lammps)
     else:
         draw(summary(measure_all(arguments.folder)), arguments.figure)
 
