@@ -92,8 +92,9 @@ fn a_grain_that_is_put_elsewhere_wakes_its_block() {
             advance(&Solo, &mut system, &law, walls, StepRequest::default()).expect("sound");
         }
         for g in 0..400 {
-            let away = if g % 2 == 0 { 0.06 } else { -0.06 };
-            system.grains_mut().fields_mut(g)[0] += away * RADIUS;
+            let grains = system.grains_mut();
+            let away = if grains.id[g] % 2 == 0 { 0.06 } else { -0.06 };
+            grains.fields_mut(g)[0] += away * RADIUS;
         }
         let step = system.step;
         assert!(forces(&Solo, &mut system, &law, walls, step, None).is_none());
