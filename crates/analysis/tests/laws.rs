@@ -249,12 +249,14 @@ impl<'a, D: Dimension> Packing<'a, D> {
         assemble::<D>(state, self.law, History::Turned)
     }
 
-    /// Forces and torques on all grains after the `k`-th unknown of `grain` has moved by h in one
+    /// Forces and torques on all grains, by id, after the `k`-th unknown of `grain` has moved by h in one
     /// step.
-    fn moved(&mut self, (grain, k): (usize, usize), h: f64) -> Vec<f64> {
+    fn moved(&mut self, (grain, k): (u32, usize), h: f64) -> Vec<f64> {
         let history = self.system.contacts.history.clone();
         // Histories beyond the limits, as no step leaves them: all slide as if from now on.
         self.system.contacts.limits_are_known = false;
+        let ids = &self.system.grains().id;
+        let grain = ids.iter().position(|id| *id == grain).expect("a grain");
         let record = self.system.grains().record[grain];
         let fields = self.system.grains_mut().fields_mut(grain);
         if k < D::AXES {
@@ -266,7 +268,9 @@ impl<'a, D: Dimension> Packing<'a, D> {
         self.forces(None);
         let grains = self.system.grains_mut();
         grains.record[grain] = record;
-        let found = grains.force.iter();
+        let mut by_id: Vec<usize> = (0..grains.owned).collect();
+        by_id.sort_unstable_by_key(|&g| grains.id[g]);
+        let found = by_id.into_iter().map(|g| &grains.force[g]);
         let found = found.flat_map(|f| f[..Self::unknowns()].to_vec()).collect();
         self.system.contacts.history = history;
         found
@@ -297,7 +301,7 @@ fn agrees<D: LawSpace>(law: &Law, contact: &Contact) {
     let greatest = k.norm_max();
     let mut worst = 0.0f64;
     for column in 0..jacobian.unknowns() {
-        let grain = jacobian.grains[column / per_grain] as usize;
+        let grain = jacobian.grains[column / per_grain];
         let unknown = (grain, column % per_grain);
         let [a, b, c, d] = [-2.0, -1.0, 1.0, 2.0].map(|part| packing.moved(unknown, part * H));
         for (row, &g) in jacobian.grains.iter().enumerate() {
@@ -329,7 +333,7 @@ fn idle<D: LawSpace>(law: &Law, contact: &Contact) {
         return;
     }
     let greatest = at_rest.k.to_dense().norm_max();
-    for grain in 0..packing.system.owned() {
+    for grain in 0..packing.system.owned() as u32 {
         for k in 0..Packing::<D>::unknowns() {
             let moved = packing.moved((grain, k), H);
             // Dampers along t̂ are left with the rounding of the velocities.

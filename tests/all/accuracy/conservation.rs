@@ -63,6 +63,10 @@ fn exact_sum(terms: impl Iterator<Item = f64>) -> f64 {
     sum + rest
 }
 
+fn mass_of(system: &System<Two>, grain: &GrainState) -> f64 {
+    system.masses.of(Two::volume(grain.radius))
+}
+
 /// Contact forces cancel exactly, pair by pair; what is left is rounding, which is followed here
 /// step by step.
 ///
@@ -78,7 +82,7 @@ fn momentum_is_conserved_to_rounding() {
     let mut system = crowd_system(Isa::detect());
     let mut drive = NoWalls;
     let start = system.grain_states();
-    let mass = system.grains().mass.clone();
+    let mass: Vec<f64> = start.iter().map(|g| mass_of(&system, g)).collect();
     // m u_now - m u_start of all grains, each product with its own rounding error.
     let drift = |now: &[GrainState], c: usize| {
         exact_sum(
@@ -114,11 +118,12 @@ fn momentum_is_conserved_to_rounding() {
         // stands for them.
         if system.list.rebuilds == built {
             pull.fill(0.0);
+            let ids: Vec<usize> = system.grains().id.iter().map(|&id| id as usize).collect();
             for at in system.contacts.touching() {
                 let force = samples.normal[at.block].0[at.lane].abs()
                     + samples.tangential[at.block][0].0[at.lane].abs();
-                pull[at.i] += force;
-                pull[at.j] += force;
+                pull[ids[at.i]] += force;
+                pull[ids[at.j]] += force;
             }
         }
         built = system.list.rebuilds;
@@ -248,7 +253,8 @@ fn angular_momentum_changes_by_the_overlap_alone() {
     let mut drive = NoWalls;
     let about = |s: &mut System<Two>| -> f64 {
         let states = s.grain_states();
-        exact_sum(states.iter().zip(&s.grains().mass).flat_map(|(g, m)| {
+        exact_sum(states.iter().flat_map(|g| {
+            let m = mass_of(s, g);
             let ([x, y, _], [u, v, _]) = (g.position, g.velocity);
             // About a point amid the two.
             let x = x - 4e-6;
@@ -276,11 +282,11 @@ fn angular_momentum_changes_by_the_overlap_alone() {
         gross += step * first.abs();
         // Largest terms in which roundings of x (up to 8e-6), u, v and ω enter.
         let states = s.grain_states();
-        let term = |(g, m): (&GrainState, &f64)| {
+        let term = |g: &GrainState| {
             let speed = g.velocity[0].hypot(g.velocity[1]);
-            m * (8e-6 * speed + g.radius * g.radius * g.angular_velocity[2].abs())
+            mass_of(&s, g) * (8e-6 * speed + g.radius * g.radius * g.angular_velocity[2].abs())
         };
-        size = size.max(states.iter().zip(&s.grains().mass).map(term).sum());
+        size = size.max(states.iter().map(term).sum());
     }
     let error = (about(&mut s) - before - turned).abs();
     // Some ten roundings per step, each at most half an ulp of the largest terms, at random: six
@@ -371,10 +377,9 @@ fn energy_is_accounted_for() {
             let kinetic: f64 = system
                 .grain_states()
                 .iter()
-                .zip(&system.grains().mass)
-                .map(|(g, m)| {
+                .map(|g| {
                     let spin = 0.5 * g.radius.powi(2) * g.angular_velocity[2].powi(2);
-                    0.5 * m * (g.velocity[0].powi(2) + g.velocity[1].powi(2) + spin)
+                    0.5 * mass_of(system, g) * (g.velocity[0].powi(2) + g.velocity[1].powi(2) + spin)
                 })
                 .sum();
             let mut budget = system.budget.take().expect("a budget");

@@ -120,9 +120,11 @@ impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
 }
 
 impl<C: ContactLaw<Space = Two> + Stiffness, D: Drive<Two>> Rig<C, D> {
-    /// Moves a grain, before [`Rig::pass`].
-    pub fn place(&mut self, grain: usize, place: Place) {
-        let r = self.system.grains_mut().fields_mut(grain);
+    /// Moves the grain of this id, before [`Rig::pass`].
+    pub fn place(&mut self, id: u32, place: Place) {
+        let grains = self.system.grains_mut();
+        let grain = grains.id.iter().position(|of| *of == id).expect("a grain");
+        let r = grains.fields_mut(grain);
         let mut put = |at: usize, values: &[f64]| r[at..at + values.len()].copy_from_slice(values);
         put(Two::POSITION, &place.position);
         put(Two::VELOCITY, &place.velocity);

@@ -444,9 +444,10 @@ pub(super) struct Moved {
 
 impl GrainMotion {
     fn begin<D: Dimension>(system: &mut System<D>) -> Self {
-        let states = system.grain_states();
+        let grains = system.grains();
+        let of = |g| Displacement::from(&grains.state(g));
         Self {
-            displacements: states.iter().map(Displacement::from).collect(),
+            displacements: (0..grains.owned).map(of).collect(),
             rebuilds: system.list.rebuilds,
         }
     }
