@@ -249,8 +249,8 @@ impl<'a, D: Dimension> Packing<'a, D> {
         assemble::<D>(state, self.law, History::Turned)
     }
 
-    /// Forces and torques on all grains, by id, after the `k`-th unknown of `grain` has moved by h in one
-    /// step.
+    /// Forces and torques on all grains, by id, after the `k`-th unknown of `grain` has moved by h
+    /// in one step.
     fn moved(&mut self, (grain, k): (u32, usize), h: f64) -> Vec<f64> {
         let history = self.system.contacts.history.clone();
         // Histories beyond the limits, as no step leaves them: all slide as if from now on.

@@ -549,8 +549,8 @@ fn spin_sum<D: Dimension, L: Lanes>(
 }
 
 /// The motion of sixteen pairs in the half step. It belongs to the tangent plane of the half step,
-/// when r was r - ½Δt v, and slips must be brought into that of the full step: otherwise F_t^e would
-/// be of first order if n turns.
+/// when r was r - ½Δt v, and slips must be brought into that of the full step: otherwise F_t^e
+/// would be of first order if n turns.
 struct HalfStep<L> {
     /// v - v_n n (m/s), with n of the full step. With that of the half step only the length of r
     /// differs, by `longer`, because v × v = 0.
@@ -633,12 +633,12 @@ impl<L: Lanes> Turn<L> {
         }
     }
 
-    /// The slip (m/s) in the tangent plane of the full step, from v and s = R_i ω_i + R_j ω_j of the
-    /// half step.
+    /// The slip (m/s) in the tangent plane of the full step, from v and s = R_i ω_i + R_j ω_j of
+    /// the half step.
     ///
     /// The spins, too, are rotated from that plane into this one: a part of the twist becomes
-    /// tangential, ½Δt/|r| (n·s) n × v. About n the slip v_t + n × s turns by ½φ, so ½φ (n × v - s_t)
-    /// is added.
+    /// tangential, ½Δt/|r| (n·s) n × v. About n the slip v_t + n × s turns by ½φ, so ½φ (n × v -
+    /// s_t) is added.
     #[inline(always)]
     fn slip(&self, half: &HalfStep<L>, v: &[L; 3], s: &[L; 3]) -> [L; 3] {
         let along = Three::dot(&self.n, s);

@@ -379,7 +379,8 @@ fn energy_is_accounted_for() {
                 .iter()
                 .map(|g| {
                     let spin = 0.5 * g.radius.powi(2) * g.angular_velocity[2].powi(2);
-                    0.5 * mass_of(system, g) * (g.velocity[0].powi(2) + g.velocity[1].powi(2) + spin)
+                    0.5 * mass_of(system, g)
+                        * (g.velocity[0].powi(2) + g.velocity[1].powi(2) + spin)
                 })
                 .sum();
             let mut budget = system.budget.take().expect("a budget");

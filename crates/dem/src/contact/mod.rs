@@ -224,8 +224,8 @@ impl<L: Lanes> Limited<L> {
         }
     }
 
-    /// Of a vector in the tangent plane; `before`: the spring's part before the step; `masks`: where
-    /// it was at the limit then, and where the pair touches.
+    /// Of a vector in the tangent plane; `before`: the spring's part before the step; `masks`:
+    /// where it was at the limit then, and where the pair touches.
     #[inline(always)]
     pub fn vector(
         token: L::Token,
@@ -271,7 +271,8 @@ pub(crate) fn exceeds<L: Lanes>(v: &Vector<L>, limit: L) -> L::Mask {
 /// A contact that slides sets its spring back along the force, which turns towards the slip: with f
 /// = l m, |m| = 1, l dm/dt = P v, v Δt = trial - before, P the projection perpendicular to m. Where
 /// it was at the limit before the step (`slid`), it is set along trial + a before, a = ½ (½ (1 +
-/// l²/|before|²) - before·trial/|before|²), which turns as the solution to second order, m + P v Δt/l
+/// l²/|before|²) - before·trial/|before|²), which turns as the solution to second order, m + P v
+/// Δt/l
 /// - ½ ((m·v) P v + |P v|² m) Δt²/l² with the mean l, as does the mean-normal return of plasticity
 /// (J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D. B. Krieg, J. Press. Vess. Tech. 99, 510,
 /// 1977). Elsewhere, in a step in which the sliding begins, or whose slip or change of limit is so

@@ -27,7 +27,7 @@ use crate::contact::{
     Blocks, ContactLaw, add_damping, dissipation, exceeds, portable_exp, portable_ln, scaled,
     set_back, vector,
 };
-use crate::dimension::{Dimension, Dimensions, Three};
+use crate::dimension::{Dimension, Dimensions, Three, Vector};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse_sqrt};
 use crate::state::Masses;
@@ -426,6 +426,29 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
 }
 
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
+    /// Spring and damper over √(δR*), set back to their limit; at the end of the step they would be
+    /// `trial`. At its beginning v_t was 2 v_t(t + ½Δt) - v_t, to second order.
+    #[inline(always)]
+    fn set_back<L: Lanes>(
+        &self,
+        token: L::Token,
+        per_step: f64,
+        trial: &Vector<L>,
+        (gamma_t, slip, v_t): (L, &Vector<L>, &Vector<L>),
+        limit: L,
+        masks: [L::Mask; 2],
+    ) -> Vector<L> {
+        let c = |v| L::splat(token, v);
+        let per_slip = gamma_t.mul_add(c(-2.0 * per_step), c(self.tangential_stiffness));
+        let moves = c(if per_step > 0.0 { 2.0 } else { 0.0 });
+        let per_velocity = moves * gamma_t;
+        let mut earlier = *trial;
+        for k in 0..3 {
+            earlier[k] = trial[k] - per_slip.mul_add(slip[k], per_velocity * v_t[k]);
+        }
+        set_back(token, &earlier, trial, limit, masks)
+    }
+
     /// Computes F_t.
     #[inline(always)]
     fn tangential_force<L: Lanes, const BUDGET: bool>(
@@ -466,20 +489,9 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             let sliding = exceeds(&force, limit).and(touching);
             let mut spring = u;
             if sliding.bits() != 0 {
-                // At the beginning of the step v_t was 2 v_t(t + ½Δt) - v_t, to second order.
-                let per_slip = gamma_t.mul_add(c(-2.0 * blocks.per_step), k_t);
-                let per_velocity = if blocks.per_step > 0.0 {
-                    gamma_t + gamma_t
-                } else {
-                    zero
-                };
-                let mut earlier = force;
-                for k in 0..3 {
-                    let gained = per_slip.mul_add(slip[k], per_velocity * v_t[k]);
-                    earlier[k] = force[k] - gained;
-                }
                 let masks = [L::mask(token, response.sliding), sliding];
-                force = set_back(token, &earlier, &force, limit, masks);
+                let moved = (gamma_t, &slip, &v_t);
+                force = self.set_back(token, blocks.per_step, &force, moved, limit, masks);
                 for k in 0..3 {
                     let cut =
                         (-gamma_t).mul_add(v_t[k], force[k]) * c(1.0 / self.tangential_stiffness);

@@ -99,27 +99,12 @@ impl Contacts {
         grains: LocalGrains<'_>,
     ) {
         let LocalGrains {
-            id,
             radius,
-            owned,
             shares,
             ghosts_move,
+            ..
         } = grains;
-        // Of each share, then of the others in the order of the list.
-        let mut groups: Vec<Vec<Listed>> = Vec::new();
-        groups.resize_with(shares.len() + 3, Vec::new);
-        let share_of = |g: usize| shares.partition_point(|share| share.end <= g);
-        for pair in candidates {
-            let [i, j] = pair.grains.map(|g| g as usize);
-            let pair = Listed::new(pair, remembered.find(i, [id[i], id[j]]));
-            let group = match (i < owned, j < owned) {
-                (true, true) if share_of(i) == share_of(j) => share_of(i),
-                (true, true) => shares.len(),
-                (true, false) => shares.len() + 1,
-                (false, _) => shares.len() + 2,
-            };
-            groups[group].push(pair);
-        }
+        let groups = grouped(candidates, remembered, grains);
         self.parameter_lanes = law.parameter_lanes();
         self.history_lanes = law.history_lanes();
         self.pairs.clear();
@@ -374,6 +359,31 @@ impl<'a> Listed<'a> {
 /// Number of pairs among which contacts come first: enough that few blocks hold both kinds, and few
 /// enough that their data stay in the cache.
 const SORTED_TOGETHER: usize = 64 * LANES;
+
+/// The pairs of each share, then of the other groups, in the order of the list.
+fn grouped<'a>(
+    candidates: &[CandidatePair],
+    remembered: &'a Remembered,
+    grains: LocalGrains<'_>,
+) -> Vec<Vec<Listed<'a>>> {
+    let LocalGrains {
+        id, owned, shares, ..
+    } = grains;
+    let mut groups: Vec<Vec<Listed>> = Vec::new();
+    groups.resize_with(shares.len() + 3, Vec::new);
+    let share_of = |g: usize| shares.partition_point(|share| share.end <= g);
+    for pair in candidates {
+        let [i, j] = pair.grains.map(|g| g as usize);
+        let group = match (i < owned, j < owned) {
+            (true, true) if share_of(i) == share_of(j) => share_of(i),
+            (true, true) => shares.len(),
+            (true, false) => shares.len() + 1,
+            (false, _) => shares.len() + 2,
+        };
+        groups[group].push(Listed::new(pair, remembered.find(i, [id[i], id[j]])));
+    }
+    groups
+}
 
 /// Puts the pairs of a run into the order of the list.
 fn contacts_first<'a, 'b>(run: &'a [Listed<'b>], ordered: &mut Vec<&'a Listed<'b>>) {
