@@ -268,16 +268,23 @@ pub(crate) fn exceeds<L: Lanes>(v: &Vector<L>, limit: L) -> L::Mask {
 /// A tangential vector that would grow from `before` to `trial` in a step, set back to `limit`
 /// where it is `at_limit`, where the limit is positive.
 ///
-/// A contact that slides sets its spring back along the force, which turns towards the slip: with f
-/// = l m, |m| = 1, l dm/dt = P v, v Δt = trial - before, P the projection perpendicular to m. Where
-/// it was at the limit before the step (`slid`), it is set along trial + a before, a = ½ (½ (1 +
-/// l²/|before|²) - before·trial/|before|²), which turns as the solution to second order, m + P v
-/// Δt/l
-/// - ½ ((m·v) P v + |P v|² m) Δt²/l² with the mean l, as does the mean-normal return of plasticity
-/// (J. R. Rice and D. M. Tracey, 1973; R. D. Krieg and D. B. Krieg, J. Press. Vess. Tech. 99, 510,
-/// 1977). Elsewhere, in a step in which the sliding begins, or whose slip or change of limit is so
-/// great that |a| > 1, it is set along `trial`, which turns to first order: such steps are few, and
-/// the error of each is of second order.
+/// A contact that slides sets its spring back along the force, which turns towards the slip:
+///
+/// ```text
+/// f = l m, |m| = 1,  l dm/dt = P v,  v Δt = trial - before,  P the projection perpendicular to m
+/// ```
+///
+/// Where it was at the limit before the step (`slid`), it is set along trial + a before, with
+///
+/// ```text
+/// a = ½ (½ (1 + l²/|before|²) - before·trial/|before|²)
+/// ```
+///
+/// This turns as the solution to second order, as does the mean-normal return of plasticity (J. R.
+/// Rice and D. M. Tracey, 1973; R. D. Krieg and D. B. Krieg, J. Press. Vess. Tech. 99, 510, 1977).
+/// Elsewhere, in a step in which the sliding begins, or whose slip or change of limit is so great
+/// that |a| > 1, it is set along `trial`, which turns to first order: such steps are few, and the
+/// error of each is of second order.
 #[inline(always)]
 pub(crate) fn set_back<L: Lanes>(
     token: L::Token,
