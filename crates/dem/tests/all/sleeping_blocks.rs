@@ -93,7 +93,11 @@ fn a_grain_that_is_put_elsewhere_wakes_its_block() {
         }
         for g in 0..400 {
             let grains = system.grains_mut();
-            let away = if grains.id[g] % 2 == 0 { 0.06 } else { -0.06 };
+            let away = if grains.id[g].is_multiple_of(2) {
+                0.06
+            } else {
+                -0.06
+            };
             grains.fields_mut(g)[0] += away * RADIUS;
         }
         let step = system.step;
