@@ -21,8 +21,8 @@
 //!
 //! LAMMPS counts in forces R_r apart: its k_roll is k, its γ_roll is C_r/R_r², its k_twist and
 //! γ_twist are k_w and C_w, its μ_twist is μ_w R_r (m). It sets a twisting torque beyond its limit
-//! against the present twisting velocity, also where the spring is still loaded the other way; here it
-//! keeps its sign.
+//! against the present twisting velocity, also where the spring is still loaded the other way; here
+//! it keeps its sign.
 
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
