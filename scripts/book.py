@@ -29,7 +29,10 @@ CONTENTS = "docs/README.md"
 API_PAGE = "api.md"
 LAWS = "docs/laws.md"
 # What laws have beside them: file and title.
-BESIDE_LAWS = {"rolling_spheres": "rolling and twisting of spheres"}
+BESIDE_LAWS = {
+    "rolling_spheres": "rolling and twisting of spheres",
+    "attraction": "attraction",
+}
 
 ITEM = re.compile(r"^(?P<indent> *)- \[(?P<title>[^]]+)\]\((?P<path>[^)#\s]+\.md)\)")
 LINK = re.compile(r"(?P<before>!?\[(?:[^][]|\[[^]]*\])*\]\()(?P<target>[^)\s]+)(?P<after>\))")

@@ -68,6 +68,25 @@ fn spheres_under_a_spring_keep_the_contracts() {
     same_run(&folder.path().join("one"), &broken);
     assert_eq!(beyond_the_digest(&broken), beyond);
 
+    // Attraction, which depends on the radii and acts in the steps of touch and of opening.
+    let attracting = |name: &str, ranks, further: &[&str]| {
+        let further = [&["--set=contact.surface_energy=2.0"], further].concat();
+        run(name, ranks, &further)
+    };
+    let held = attracting("held", 1, &[]).digest();
+    assert_ne!(held, expected);
+    assert_eq!(
+        attracting("held", 3, &["--stop-at=3100", "--overwrite"]).code,
+        75
+    );
+    let resume = format!(
+        "--resume={}",
+        folder.path().join("held/checkpoint.h5").display()
+    );
+    let portable = "--set=bookkeeping.simd=portable".to_string();
+    let again = gshear_mpi(2, &folder.path().join("held-on"), &[resume, portable]);
+    assert_eq!(again.digest(), held);
+
     let packed = |ranks| {
         let further = [
             "--set=pack.skip=false",

@@ -299,13 +299,7 @@ fn add_elastic(
     let contacts = of.contacts;
     let owned = contacts.owned_blocks;
     let mut energies = vec![[Lanes16::ZERO; ELASTIC]; owned];
-    law.energies(
-        isa,
-        &contacts.parameters,
-        &contacts.history,
-        of.overlap,
-        &mut energies,
-    );
+    law.energies(isa, &contacts.elastic(of.overlap), &mut energies);
     for (energies, touching) in energies.iter().zip(&contacts.touching) {
         for (sum, lanes) in sums.iter_mut().zip(energies) {
             for lane in (0..LANES).filter(|lane| touching >> lane & 1 == 1) {

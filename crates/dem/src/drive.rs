@@ -245,6 +245,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
                 cell,
                 step,
                 travelled: None,
+                attraction: None,
                 samples: None,
                 counting: None,
             },

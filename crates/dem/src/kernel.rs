@@ -11,6 +11,7 @@
 
 use std::ops::Range;
 
+use crate::contact::attraction::Attraction;
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
 use crate::contact::{
@@ -98,6 +99,8 @@ pub struct Pass<'a, D: Dimension> {
     /// How far the grains have travelled since the list was made (m): blocks that cannot touch yet
     /// are left out. `None`: unknown, and all blocks are looked at.
     pub travelled: Option<f64>,
+    /// Attraction beside the law, if there is one.
+    pub attraction: Option<Attraction>,
     /// Receives the contact forces.
     pub samples: Option<Samples<'a>>,
     /// Makes the pass count the dissipation for the energy budget.
@@ -194,6 +197,8 @@ pub struct Scratch<D: Dimension> {
     carry: [[Lanes16; CARRY]; CHUNK],
     response: [Response; CHUNK],
     turning: [Turning; CHUNK],
+    /// F_c; set with an attraction only.
+    attraction: [Lanes16; CHUNK],
     /// Block, lane and damping factor of pairs that touch for the first time; set with an energy
     /// budget only.
     touched: Vec<(usize, usize, f64)>,
@@ -209,6 +214,7 @@ impl<D: Dimension> Default for Scratch<D> {
             carry: [[Lanes16::ZERO; CARRY]; CHUNK],
             response: [Response::NONE; CHUNK],
             turning: [Turning::ZERO; CHUNK],
+            attraction: [Lanes16::ZERO; CHUNK],
             touched: Vec::new(),
         }
     }
@@ -349,7 +355,15 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             rotation.store(&mut motion.rolling_increment);
         }
         let before = *touching;
-        *touching = pair.overlap.greater(L::splat(token, 0.0)).bits();
+        let zero = L::splat(token, 0.0);
+        let touches = pair.overlap.greater(zero);
+        *touching = touches.bits();
+        if let Some(attraction) = pass.attraction {
+            let force = attraction.force(token, [sum, r_i]);
+            force
+                .select(touches, zero)
+                .store(&mut scratch.attraction[k]);
+        }
         if before | *touching != 0 {
             active = k + 1;
         } else {
@@ -364,9 +378,22 @@ fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             let approach = approach.to_lanes16();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
                 let factor = first_touch((motion, turning), lane, approach.0[lane]);
+                scratch.attraction[k].0[lane] *= factor;
                 if BUDGET {
                     scratch.touched.push((k, lane, factor));
                 }
+            }
+        }
+        let opened = before & !*touching;
+        if opened != 0
+            && let Some(attraction) = pass.attraction
+        {
+            let approach = approach.to_lanes16();
+            for lane in (0..LANES).filter(|lane| opened >> lane & 1 == 1) {
+                let [sum, r_i] = [radii[0].0[lane], radii[1].0[lane]];
+                let force = attraction.between(r_i, sum - r_i);
+                let part = part_of_opening(motion.overlap.0[lane], approach.0[lane]);
+                scratch.attraction[k].0[lane] = force * part;
             }
         }
     }
@@ -810,18 +837,26 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
         let turning = &scratch.turning[k];
         let touching = load(&motion.overlap).greater(zero);
+        // Attraction acts on pairs that have just opened, too.
+        let mut acts = touching;
+        if pass.attraction.is_some() {
+            acts = load(&scratch.attraction[k]).abs().greater(zero);
+        }
         let mut n = vector::<L>(token, &scratch.direction[k], 1);
         for axis in 0..axes {
-            n[axis] = load(&scratch.direction[k][axis]).select(touching, zero);
+            n[axis] = load(&scratch.direction[k][axis]).select(acts, zero);
         }
-        let normal = load(&response.normal).select(touching, zero);
+        let mut normal = load(&response.normal).select(touching, zero);
+        let touched = contacts.touching[block];
+        let idle = !normal.greater(zero).bits() & touched;
+        if pass.attraction.is_some() {
+            normal = normal - load(&scratch.attraction[k]);
+        }
         if let Some(samples) = &mut pass.samples {
-            samples.normal[block] = response.normal;
+            normal.store(&mut samples.normal[block]);
             samples.overlap[block] = motion.overlap;
             samples.tangential[block] = response.tangential;
         }
-        let touched = contacts.touching[block];
-        let idle = !normal.greater(zero).bits() & touched;
         let at_limit = if C::FRICTION || C::ROLLING {
             [response.sliding, response.rolls, response.twists]
         } else {
@@ -934,4 +969,17 @@ fn first_touch(
     }
     motion.rolling_velocity.0[lane] *= factor;
     factor
+}
+
+/// The part of the attraction in the first step without touch. The pair touched for a part θ of it;
+/// the kick of the step before stands for half of it, so θ - ½ is left. `approach` is -v_n Δt (m).
+#[cold]
+fn part_of_opening(overlap: f64, approach: f64) -> f64 {
+    // Otherwise rounding opened the pair, or nothing moved.
+    let open = if approach < overlap {
+        overlap / approach
+    } else {
+        1.0
+    };
+    0.5 - open
 }

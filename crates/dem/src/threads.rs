@@ -389,6 +389,7 @@ impl<D: Dimension> PartOfPass<'_, D> {
             cell: input.cell,
             step: input.step,
             travelled: input.travelled,
+            attraction: None,
             samples: self.samples,
             counting: input.counting,
         };

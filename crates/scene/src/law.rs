@@ -1,5 +1,8 @@
 //! The contact law: `[material]` and `[contact]`.
 
+use std::f64::consts::PI;
+
+use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{BELOW_ONE, Change, NOT_NEGATIVE, POSITIVE};
@@ -53,6 +56,10 @@ table! {
         twisting_stiffness: Number(POSITIVE) { unit: "N/m", otherwise: "that of rolling" },
         /// twisting damping ratio η_w; 3D only
         twisting_damping_ratio: Number(BELOW_ONE) { default: "0.0" },
+        /// attraction F_c of two grains that touch; packing does without
+        attraction: Number(NOT_NEGATIVE) { unit: "N, in 2D N/m", default: "0.0" },
+        /// surface energy γ: an attraction of 4πγR* (DMT); 3D only
+        surface_energy: Number(NOT_NEGATIVE) { unit: "J/m²", default: "0.0" },
     }
 }
 
@@ -77,6 +84,10 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, 
         for key in twisting {
             c.useless(key, "disks do not twist");
         }
+        c.useless(
+            &CONTACT.surface_energy,
+            "gives the attraction of spheres; give disks contact.attraction (N/m)",
+        );
     }
     let law = Law::read(kind, c);
     for (key, value) in law.given() {
@@ -90,6 +101,10 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, 
         twisting_friction: c.number_or_default(&CONTACT.twisting_friction),
         twisting_stiffness: c.number(&CONTACT.twisting_stiffness),
         twisting_damping_ratio: c.number_or_default(&CONTACT.twisting_damping_ratio),
+        attraction: Attraction {
+            constant: c.number_or_default(&CONTACT.attraction),
+            per_radius: 4.0 * PI * c.number_or_default(&CONTACT.surface_energy),
+        },
     };
     let of_rolling = contact.rolling_stiffness.or(law.rolling_stiffness());
     for (key, friction, stiffness, given) in [

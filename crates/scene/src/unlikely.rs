@@ -37,7 +37,7 @@ const MATERIAL: [Likely; 2] = [
     },
 ];
 /// Of every scene.
-const CONTACT: [Likely; 5] = [
+const CONTACT: [Likely; 6] = [
     Likely {
         key: "contact.friction",
         // Bonfanti et al. take 10, to keep contacts from sliding.
@@ -56,6 +56,12 @@ const CONTACT: [Likely; 5] = [
         range: [0.0, 1.0],
         unit: "",
         doubt: "it is a coefficient: of most materials below 0.5",
+    },
+    Likely {
+        key: "contact.surface_energy",
+        range: [0.0, 1.0],
+        unit: "J/m²",
+        doubt: "of most powders 0.001 to 0.1",
     },
     Likely {
         key: "contact.damping_ratio",

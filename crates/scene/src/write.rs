@@ -47,6 +47,13 @@ fn derived(scene: &Scene) -> Vec<(&'static str, f64, &'static str)> {
     };
     let load = &walls.load;
     let mut found = scene.law.derived();
+    let radius = 0.5 * scene.sample.mean_diameter;
+    let attraction = scene.contact.attraction.between(radius, radius);
+    if attraction > 0.0 {
+        let number = attraction / (load.pressure * scene.sample.mean_section());
+        found.push(("attraction F_c of mean grains", attraction, of_force));
+        found.push(("cohesion number F_c/(P d)", number, ""));
+    }
     found.push(("pressure P", load.pressure, "Pa"));
     found.push(("normal force N", load.normal_force, of_force));
     if let Some(spring) = walls.shear.spring {

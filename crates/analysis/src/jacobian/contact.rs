@@ -32,13 +32,14 @@ pub struct LinearContact {
 }
 
 impl LinearContact {
-    /// Evaluates the derivatives of the law at this contact of unit normal n.
+    /// Evaluates the derivatives of the law at this contact of unit normal n; `None` if it is
+    /// `idle` and nothing acts.
     pub fn new<D: Dimension>(
         law: &dyn Stiffness,
         n: Vector,
         distance: f64,
-        mut springs: SpringState,
-    ) -> Self {
+        (mut springs, idle): (SpringState, bool),
+    ) -> Option<Self> {
         if D::SPINS == 3 {
             // The force routine does the same: rounding has left a small component along n.
             let [x, y, z, twist] = springs.torques;
@@ -46,17 +47,21 @@ impl LinearContact {
             let [x, y, z] = projected([x, y, z], n);
             springs.torques = [x, y, z, twist];
         }
-        let mut derivatives = law.derivatives(&springs);
+        let mut derivatives = if idle {
+            law.idle_derivatives(springs.radii)?
+        } else {
+            law.derivatives(&springs)
+        };
         if D::SPINS == 1 {
             derivatives.tangential = along(derivatives.tangential, [-n[1], n[0], 0.0]);
             derivatives.rolling = along(derivatives.rolling, [0.0, 0.0, 1.0]);
         }
-        Self {
+        Some(Self {
             radii: springs.radii,
             n,
             distance,
             derivatives,
-        }
+        })
     }
 
     /// Returns whether the contact is at the limit of friction.

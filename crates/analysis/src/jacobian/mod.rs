@@ -146,12 +146,10 @@ pub fn assemble<D: Dimension>(
     let touching: Vec<(LinearContact, [Option<usize>; 2])> = contacts
         .iter()
         .filter_map(|c| {
-            if c.is_idle() && !state.at_rest {
-                return None;
-            }
             let pair = [&grains[c.i as usize], &grains[c.j as usize]];
             let limits = if state.at_rest { [None; 3] } else { c.limits() };
-            let contact = touch::<D>(pair, (c, limits), state.cell, law)?;
+            let idle = c.is_idle() && !state.at_rest;
+            let contact = touch::<D>(pair, (c, limits, idle), state.cell, law)?;
             Some((contact, [c.i, c.j].map(|g| place[g as usize])))
         })
         .collect();
@@ -191,10 +189,10 @@ pub fn assemble<D: Dimension>(
     }
 }
 
-/// The contact of two grains, or `None` without overlap.
+/// The contact of two grains, or `None` without overlap or force.
 fn touch<D: Dimension>(
     [a, b]: [&GrainState; 2],
-    (contact, limits): (&ContactState, [Option<bool>; 3]),
+    (contact, limits, idle): (&ContactState, [Option<bool>; 3], bool),
     cell: Cell,
     law: &dyn Stiffness,
 ) -> Option<LinearContact> {
@@ -209,5 +207,8 @@ fn touch<D: Dimension>(
         torques: contact.torques,
         limits,
     };
-    (overlap > 0.0).then(|| LinearContact::new::<D>(law, n, distance, springs))
+    if overlap <= 0.0 {
+        return None;
+    }
+    LinearContact::new::<D>(law, n, distance, (springs, idle))
 }

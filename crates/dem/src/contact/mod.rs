@@ -1,6 +1,7 @@
 //! The interface of contact laws: numbers in, numbers out. The laws are in [`crate::laws`], the
 //! loop over the contacts in [`crate::kernel`].
 
+pub mod attraction;
 pub mod model;
 pub mod stiffness;
 

@@ -46,15 +46,21 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     fn from_state(&self, state: History) -> History;
 
     /// Elastic energies (J; J/m in 2D) of the contacts of all blocks: normal, tangential, rolling.
-    /// Arbitrary for lanes that do not touch. `overlap`: δ (m).
-    fn energies(
-        &self,
-        isa: Isa,
-        parameters: &[Lanes16],
-        history: &[Lanes16],
-        overlap: &[Lanes16],
-        out: &mut [[Lanes16; 3]],
-    );
+    /// Arbitrary for lanes that do not touch.
+    fn energies(&self, isa: Isa, blocks: &Elastic<'_>, out: &mut [[Lanes16; 3]]);
+}
+
+/// What the elastic energies of some blocks depend on.
+#[derive(Debug, Clone, Copy)]
+pub struct Elastic<'a> {
+    /// R_i + R_j and R_i (m).
+    pub geometry: &'a [[Lanes16; 2]],
+    /// [`PairModel::parameter_lanes`] per block.
+    pub parameters: &'a [Lanes16],
+    /// [`PairModel::history_lanes`] per block.
+    pub history: &'a [Lanes16],
+    /// δ (m).
+    pub overlap: &'a [Lanes16],
 }
 
 impl<C: ContactLaw + Stiffness> PairModel for C {
@@ -98,19 +104,10 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
         C::history_from_state(state)
     }
 
-    fn energies(
-        &self,
-        isa: Isa,
-        parameters: &[Lanes16],
-        history: &[Lanes16],
-        overlap: &[Lanes16],
-        out: &mut [[Lanes16; 3]],
-    ) {
+    fn energies(&self, isa: Isa, blocks: &Elastic<'_>, out: &mut [[Lanes16; 3]]) {
         isa.run(Energies {
             law: self,
-            parameters,
-            history,
-            overlap,
+            blocks,
             out,
         });
     }
@@ -138,9 +135,7 @@ impl<C: ContactLaw> Work for Parameters<'_, C> {
 
 struct Energies<'a, C> {
     law: &'a C,
-    parameters: &'a [Lanes16],
-    history: &'a [Lanes16],
-    overlap: &'a [Lanes16],
+    blocks: &'a Elastic<'a>,
     out: &'a mut [[Lanes16; 3]],
 }
 
@@ -149,10 +144,11 @@ impl<C: ContactLaw> Work for Energies<'_, C> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) {
+        let of = self.blocks;
         for (block, out) in self.out.iter_mut().enumerate() {
-            let parameters = &self.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
-            let history = &self.history[block * C::HISTORY..][..C::HISTORY];
-            let overlap = L::load(token, &self.overlap[block]);
+            let parameters = &of.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
+            let history = &of.history[block * C::HISTORY..][..C::HISTORY];
+            let overlap = L::load(token, &of.overlap[block]);
             let energies = self
                 .law
                 .elastic_energies(token, parameters, overlap, history);

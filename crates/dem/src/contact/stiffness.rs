@@ -66,6 +66,12 @@ pub struct SpringState {
 pub trait Stiffness: Sync {
     /// The derivatives at this state.
     fn derivatives(&self, state: &SpringState) -> Derivatives;
+
+    /// Those of an idle contact of grains of these radii (m), whose spring and damper leave no
+    /// force; `None` if nothing else acts.
+    fn idle_derivatives(&self, _radii: [f64; 2]) -> Option<Derivatives> {
+        None
+    }
 }
 
 impl Derivatives {

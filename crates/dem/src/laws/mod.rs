@@ -3,6 +3,7 @@
 //! The file of a law has its formulas and their source, its keys with defaults and limits, its
 //! stability and its derivatives. To add a law, write its file and add it to [`LAWS`].
 
+pub mod attraction;
 pub mod damping;
 pub mod hertz;
 pub mod hooke;
@@ -16,7 +17,9 @@ pub mod tsuji;
 use std::fmt::Debug;
 use std::sync::Arc;
 
+use self::attraction::Attracting;
 use self::keys::{Key, KeyReader};
+use crate::contact::attraction::Attraction;
 use crate::dimension::{Dimensions, Three, Two};
 use crate::kernel::PairForce;
 use crate::state::Masses;
@@ -52,7 +55,7 @@ pub fn kind(name: &str) -> Option<&'static LawKind> {
     LAWS.iter().copied().find(|kind| kind.name == name)
 }
 
-/// What all laws share: friction, rolling and twisting resistance.
+/// What all laws share: friction, rolling and twisting resistance, and attraction.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Contact {
     /// μ_s, sliding friction.
@@ -69,6 +72,8 @@ pub struct Contact {
     pub twisting_stiffness: Option<f64>,
     /// η_w, twisting damping ratio.
     pub twisting_damping_ratio: f64,
+    /// F_c.
+    pub attraction: Attraction,
 }
 
 impl Contact {
@@ -81,6 +86,10 @@ impl Contact {
         twisting_friction: 0.0,
         twisting_stiffness: None,
         twisting_damping_ratio: 0.0,
+        attraction: Attraction {
+            constant: 0.0,
+            per_radius: 0.0,
+        },
     };
 
     /// Whether they resist rolling or twisting.
@@ -88,13 +97,14 @@ impl Contact {
         self.rolling_friction > 0.0 || self.twisting_friction > 0.0
     }
 
-    /// The same without friction, rolling and twisting resistance.
+    /// The same without friction, rolling and twisting resistance, and attraction.
     #[must_use]
     pub fn smooth(self) -> Self {
         Self {
             friction: 0.0,
             rolling_friction: 0.0,
             twisting_friction: 0.0,
+            attraction: Attraction::default(),
             ..self
         }
     }
@@ -246,13 +256,15 @@ pub trait LawSpace: crate::dimension::Dimension {
 
 impl LawSpace for Two {
     fn pair_force(law: &Law, contact: &Contact) -> Option<Box<dyn PairForce<Self>>> {
-        law.disks(contact)
+        let force = law.disks(contact)?;
+        Some(Attracting::beside(force, contact.attraction))
     }
 }
 
 impl LawSpace for Three {
     fn pair_force(law: &Law, contact: &Contact) -> Option<Box<dyn PairForce<Self>>> {
-        law.spheres(contact)
+        let force = law.spheres(contact)?;
+        Some(Attracting::beside(force, contact.attraction))
     }
 }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::contact::TORQUES;
-use crate::contact::model::PairModel;
+use crate::contact::model::{Elastic, PairModel};
 use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs};
 
 use super::ContactState;
@@ -45,7 +45,7 @@ pub struct Contacts {
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
     /// Lanes that were then at the limit of friction, at that of rolling, at that of twisting, and
-    /// without any force; see [`ContactState::is_idle`].
+    /// without any force of spring and damper; see [`ContactState::is_idle`].
     pub limits: Vec<[u16; 4]>,
     /// Whether the first three are of a step in which the histories advanced.
     pub limits_are_known: bool,
@@ -298,6 +298,16 @@ impl Contacts {
             end[at.i] += 1;
         }
         Remembered { states, first }
+    }
+
+    /// What the elastic energies of the contacts depend on; `overlap`: δ (m).
+    pub fn elastic<'a>(&'a self, overlap: &'a [Lanes16]) -> Elastic<'a> {
+        Elastic {
+            geometry: &self.geometry,
+            parameters: &self.parameters,
+            history: &self.history,
+            overlap,
+        }
     }
 
     /// Heap in use (bytes).

@@ -1,5 +1,6 @@
 //! Laws, scheme and bookkeeping of the crate, without MPI and files.
 
+mod attraction;
 mod common;
 mod deferred_kick;
 mod ghosts;

@@ -175,6 +175,7 @@ fn packing_laws<D: LawSpace>(
     let contact = if pack.friction > 0.0 {
         Contact {
             friction: pack.friction,
+            attraction: smooth.attraction,
             ..scene.contact
         }
     } else {

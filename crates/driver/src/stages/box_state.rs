@@ -110,13 +110,7 @@ fn shares<D: Dimension>(
     let (grains, contacts) = system.grains_and_contacts();
     let (axes, up) = (D::AXES, D::UP);
     let mut energies = vec![[Lanes16::ZERO; 3]; contacts.owned_blocks];
-    law.energies(
-        isa,
-        &contacts.parameters,
-        &contacts.history,
-        &samples.overlap,
-        &mut energies,
-    );
+    law.energies(isa, &contacts.elastic(&samples.overlap), &mut energies);
     let iter = contacts.touching().filter(|at| at.i < grains.owned);
     iter.map(|at| {
         let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));

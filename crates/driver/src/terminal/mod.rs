@@ -24,8 +24,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::unlikely;
 use gshear_scene::{
-    Boundary, Control, Dimensions, Law, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed,
-    Walls,
+    Boundary, Control, Dimensions, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls,
 };
 use gshear_store::provenance;
 use gshear_store::status::Standing;
@@ -160,7 +159,7 @@ impl Terminal {
             isa.name(),
             sample.grains
         );
-        let law = law(&scene.law);
+        let law = law(scene);
         let TimeStep { step, limit, .. } = scene.time_step;
         let plane_shear = match &scene.boundary {
             Boundary::Walls(plane_shear) => plane_shear,
@@ -473,8 +472,13 @@ fn imposed(schedule: &Schedule, segment: &Segment) -> String {
 }
 
 /// The law's name and its derived constants.
-fn law(law: &Law) -> String {
-    let derived = law.derived().into_iter();
+fn law(scene: &Scene) -> String {
+    let law = &scene.law;
+    let radius = 0.5 * scene.sample.mean_diameter;
+    let attraction = scene.contact.attraction.between(radius, radius);
+    let unit = ["N/m", "N"][scene.dimension.axes() - 2];
+    let attraction = (attraction > 0.0).then_some(("attraction F_c", attraction, unit));
+    let derived = law.derived().into_iter().chain(attraction);
     let derived = derived.map(|(symbol, value, unit)| format!("{symbol} = {value:.4e} {unit}"));
     let parts: Vec<String> = std::iter::once(law.kind().name.into())
         .chain(derived.map(|text| text.trim_end().into()))
