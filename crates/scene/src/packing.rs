@@ -6,7 +6,7 @@ use std::path::Path;
 use bytemuck::Zeroable;
 
 use crate::identity::hash;
-use crate::insertion::{columns, freeze_walls, stop_walls};
+use crate::insertion::{freeze_walls, stop_walls};
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::sample::{Origin, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
@@ -85,11 +85,15 @@ fn replicated(
         let [low, high] = data.bounds[axis];
         let period = high - low;
         let once = data.atoms.clone();
+        let last = once.iter().map(|atom| atom.id).max().unwrap_or(0);
         for copy in 1..copies {
             let shift = period * f64::from(copy);
             data.atoms.extend(once.iter().map(|atom| {
                 let mut atom = *atom;
                 atom.position[axis] += shift;
+                // As LAMMPS numbers copies.
+                let before = last.saturating_mul(u64::from(copy));
+                atom.id = atom.id.saturating_add(before);
                 atom
             }));
         }
@@ -164,21 +168,6 @@ fn check_room(atoms: &[Atom], periods: &[f64], largest: f64) -> Result<(), Strin
     ))
 }
 
-/// Sorts grains by columns as wide as the greatest grain, and from bottom to top.
-fn sort(atoms: &mut [Atom], periods: &[f64], radius_max: f64) {
-    let up = periods.len();
-    let mut widths = [f64::INFINITY; 2];
-    for axis in 0..up {
-        widths[axis] = periods[axis] / f64::from(columns(periods[axis], radius_max));
-    }
-    let column = |a: &Atom| [0, 1].map(|axis| (a.position[axis] / widths[axis]) as u32);
-    atoms.sort_by(|a, b| {
-        let height = a.position[up].total_cmp(&b.position[up]);
-        let same = a.id.cmp(&b.id);
-        column(a).cmp(&column(b)).then(height).then(same)
-    });
-}
-
 /// Refuses atoms so crowded that they cannot be grains: pairs of them might not fit into memory.
 fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result<(), Failure> {
     // What has its centre in a cell is within twice its width.
@@ -205,8 +194,8 @@ pub struct Packing {
     name: String,
     /// What a scene needs to know of the file.
     pub file: PackingFile,
-    /// Sorted column after column, from the bottom to the top of each, which is the order of the
-    /// ids to come.
+    /// Sorted by the ids of the file, so that those of the run, from 0 on, are one less where the
+    /// file counts from 1 without gaps.
     atoms: Vec<Atom>,
 }
 
@@ -281,7 +270,7 @@ impl Packing {
         check_room(&atoms, &periods[..up], largest)
             .map_err(|what| Failure::input(format!("{name}: {what}")))?;
         check_crowding(name, &atoms, up, largest)?;
-        sort(&mut atoms, &periods[..up], radius_max);
+        atoms.sort_by_key(|a| a.id);
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
         let edges = |sign: f64| {
             atoms
@@ -517,6 +506,15 @@ mod tests {
         edit: impl Fn(String) -> String,
         sets: &[&str],
     ) -> Result<(Packing, Scene), Failure> {
+        let data = lammps_data::parse("f", &edit(TEXT.into()))?;
+        packing_of(data, [1, 1], sets)
+    }
+
+    fn packing_of(
+        data: DataFile,
+        copies: [u32; 2],
+        sets: &[&str],
+    ) -> Result<(Packing, Scene), Failure> {
         let text = "
             material.density = 2500
             contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
@@ -524,8 +522,8 @@ mod tests {
             load.stiffness_number = 1e3
             shear = { inertial_number = 1e-3, strain = 0.01 }
         ";
-        let data = lammps_data::parse("f", &edit(TEXT.into()))?;
-        let packing = Packing::new("f", Path::new(FILE), data, [1, 1])?;
+        let data = replicated("f", data, copies, &GrainLimit::default())?;
+        let packing = Packing::new("f", Path::new(FILE), data, copies)?;
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         let scene = crate::load_with(&Source::new("s", text), &sets, &mut |_, _| {
             Ok(packing.file.clone())
@@ -726,15 +724,24 @@ mod tests {
         assert!((file.edges[1] / rows - 1.0).abs() < 1e-14);
     }
 
+    /// A grain is followed by its id; copies are numbered on.
     #[test]
-    fn ids_run_up_in_columns() {
-        let all = grains(|text| text, &[]).unwrap();
-        let width = 9.99e-3 / 9.0;
-        for (k, pair) in all.windows(2).enumerate() {
-            assert_eq!(pair[0].id as usize, k);
-            let place = |g: &GrainState| ((g.position[0] / width) as u32, g.position[1]);
-            assert!(place(&pair[0]) <= place(&pair[1]));
-            assert!((0.0..9.99e-3).contains(&pair[0].position[0]));
+    fn ids_are_those_of_the_file() {
+        let once = lammps_data::parse("f", TEXT).unwrap();
+        let [low, high] = once.bounds[0];
+        for copies in [1, 2] {
+            let (packing, scene) = packing_of(once.clone(), [copies, 1], &[]).unwrap();
+            let all = packing.grains(&scene).unwrap();
+            assert_eq!(all.len(), 120 * copies as usize);
+            for (k, grain) in all.iter().enumerate() {
+                assert_eq!(grain.id as usize, k);
+                let atom = once.atoms.iter().find(|a| a.id as usize == k % 120 + 1);
+                let atom = atom.expect("ids from 1 on");
+                let x = atom.position[0] - low + (k / 120) as f64 * (high - low);
+                let apart = (grain.position[0] - x).abs() % (f64::from(copies) * (high - low));
+                assert!(apart < 1e-15, "{k}: {apart}");
+                assert_eq!(grain.radius, 0.5 * atom.diameter);
+            }
         }
     }
 
