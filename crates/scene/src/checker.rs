@@ -188,8 +188,11 @@ impl<'a> Checker<'a> {
         let given = given.clone();
         let hold = |x: &f64| x.is_finite() && bounds.hold(*x);
         if given.is_empty() || !given.iter().all(hold) {
-            let what = format!("must hold one {what} or more, each greater than 0");
-            self.refuse(key, &what);
+            let each = bounds.words();
+            self.refuse(
+                key,
+                &format!("must hold one {what} or more, each of which {each}"),
+            );
         }
         given
     }

@@ -1,6 +1,6 @@
 //! The sizes of the grains, and their cell.
 
-use gshear_dem::contact::portable_exp;
+use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::state::{Cell, Sheared};
 
@@ -110,6 +110,15 @@ pub enum Sizes {
         /// Its standard deviation before it is cut off (m).
         deviation: f64,
     },
+    /// A normal distribution of ln R, cut off at both ends.
+    Lognormal {
+        /// Its mean before it is cut off, of R in m.
+        mean: f64,
+        /// Its standard deviation before it is cut off.
+        deviation: f64,
+    },
+    /// Classes of sizes that follow each other: a power law or a grading curve.
+    Classes(Vec<SizeClass>),
     /// The greatest or the least.
     Binary {
         /// Share of the grains that have the greatest.
@@ -119,12 +128,63 @@ pub enum Sizes {
     List(Vec<f64>),
 }
 
+/// Radii between two bounds, as many of each as R to the power of -`exponent`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SizeClass {
+    /// The share of all grains.
+    pub share: f64,
+    /// The bounds (m).
+    pub between: [f64; 2],
+    /// α.
+    pub exponent: f64,
+}
+
+impl SizeClass {
+    /// The radius (m) that the part u ∈ [0, 1] of the class is smaller than: with p = 1 - α,
+    ///
+    /// ```text
+    /// R = b (t + u (1-t))^(1/p),  t = (a/b)^p,  or b (a/b)^(1-u) if p = 0
+    /// ```
+    pub fn quantile(&self, u: f64) -> f64 {
+        let [a, b] = self.between;
+        let (p, wide) = (1.0 - self.exponent, portable_ln(a / b));
+        if (p * wide).abs() < 1e-9 {
+            return b * portable_exp((1.0 - u) * wide);
+        }
+        let t = if p > 0.0 {
+            portable_exp(p * wide)
+        } else {
+            1.0 / portable_exp(-p * wide)
+        };
+        let exponent = portable_ln(t + u * (1.0 - t)) / p;
+        // Rounding must not make it greater than b.
+        (b * portable_exp(exponent.min(0.0))).clamp(a, b)
+    }
+
+    /// ⟨f(R)⟩.
+    pub fn mean(&self, f: impl Fn(f64) -> f64) -> f64 {
+        let [a, b] = self.between;
+        let p = 1.0 - self.exponent;
+        // Of R^p, one of whose ends is 1.
+        let end = if p > 0.0 { b } else { a };
+        weighted_by_logarithm([a, b], f, |x| portable_exp(p * (x - portable_ln(end))))
+    }
+}
+
 impl Sizes {
     /// The names, as `sample.sizes` has them.
-    pub const NAMES: [&str; 4] = ["uniform", "normal", "binary", "list"];
+    pub const NAMES: [&str; 7] = [
+        "uniform",
+        "normal",
+        "lognormal",
+        "power",
+        "table",
+        "binary",
+        "list",
+    ];
 
     /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where
-    /// R is not normal.
+    /// R is uniform, binary or a list.
     pub fn mean(&self, [a, b]: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
         match self {
             Sizes::Uniform => weighted(a, b, 2, f, |_| 1.0),
@@ -132,6 +192,14 @@ impl Sizes {
                 let z = (r - mean) / deviation;
                 portable_exp(-0.5 * z * z)
             }),
+            Sizes::Lognormal { mean, deviation } => weighted_by_logarithm([a, b], f, |x| {
+                let z = (x - mean) / deviation;
+                portable_exp(-0.5 * z * z)
+            }),
+            Sizes::Classes(classes) => classes
+                .iter()
+                .map(|class| class.share * class.mean(&f))
+                .sum(),
             Sizes::Binary { large_fraction } => {
                 large_fraction * f(b) + (1.0 - large_fraction) * f(a)
             }
@@ -161,4 +229,20 @@ fn weighted(
         all += w;
     }
     sum / all
+}
+
+/// Mean of f(R) over R ∈ [a, b] (m), with these weights of x = ln R per dx.
+fn weighted_by_logarithm(
+    [a, b]: [f64; 2],
+    f: impl Fn(f64) -> f64,
+    weight: impl Fn(f64) -> f64,
+) -> f64 {
+    let [from, to] = [a, b].map(portable_ln);
+    weighted(
+        from,
+        to,
+        2000,
+        |x| f(b * portable_exp((x - to).min(0.0))),
+        weight,
+    )
 }

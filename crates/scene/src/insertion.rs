@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::grains::{Sample, Sizes};
-use gshear_dem::contact::portable_ln;
+use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::state::{GrainState, body};
 
 /// Room for the largest grain, over its diameter.
@@ -118,6 +118,28 @@ pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64)
                 return r;
             }
         },
+        Sizes::Lognormal { mean, deviation } => {
+            let wide = portable_ln(a / b);
+            loop {
+                let below = uniform() * wide;
+                let z = (portable_ln(b) + below - mean) / deviation;
+                if -2.0 * portable_ln(1.0 - uniform()) >= z * z {
+                    return (b * portable_exp(below)).clamp(a, b);
+                }
+            }
+        }
+        Sizes::Classes(classes) => {
+            let mut left = uniform();
+            let last = classes.len() - 1;
+            for class in &classes[..last] {
+                if left < class.share {
+                    return class.quantile(left / class.share);
+                }
+                left -= class.share;
+            }
+            let class = &classes[last];
+            class.quantile((left / class.share).clamp(0.0, 1.0))
+        }
         Sizes::Binary { large_fraction } => {
             if uniform() < *large_fraction {
                 b
@@ -189,6 +211,8 @@ pub fn stop_walls(grains: &mut [GrainState]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::grains::SizeClass;
+    use crate::sample::Origin;
     use gshear_dem::dimension::{Three, Two};
 
     const SAMPLE: Sample = Sample::uniform(1003, 0.5e-6, 1e-6, 48e-6);
@@ -240,7 +264,34 @@ mod tests {
         let binary = Sizes::Binary {
             large_fraction: 0.3,
         };
-        for sizes in [Sizes::Uniform, normal, binary, list] {
+        let lognormal = Sizes::Lognormal {
+            mean: f64::ln(0.7e-6),
+            deviation: 0.3,
+        };
+        let class = |share, between: [f64; 2], exponent| SizeClass {
+            share,
+            between: between.map(|r| r * 1e-6),
+            exponent,
+        };
+        let power = |exponent| Sizes::Classes(vec![class(1.0, [0.5, 1.0], exponent)]);
+        let table = vec![
+            class(0.5, [0.5, 0.6], 3.0),
+            class(0.3, [0.6, 0.8], 1.0),
+            class(0.2, [0.9, 1.0], 3.0),
+        ];
+        let [falls, level, rises] = [2.5, 1.0, -3.0].map(power);
+        let curve = Sizes::Classes(table);
+        for sizes in [
+            Sizes::Uniform,
+            normal,
+            lognormal,
+            falls,
+            level,
+            rises,
+            curve,
+            binary,
+            list,
+        ] {
             let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
             let of = |f: fn(f64) -> f64| {
                 let n = grains.len() as f64;
@@ -260,6 +311,80 @@ mod tests {
             of(|r| r);
             of(|r| r * r);
             of(|r| r * r * r);
+        }
+    }
+
+    /// Of the grains of a scene so much of the mass passes each sieve as its grading curve says.
+    #[test]
+    fn a_grading_curve_is_one_of_mass_or_number() {
+        let (sieves, passing) = ([0.5e-3, 1e-3, 1.5e-3, 2e-3], [0.0, 0.2, 0.2, 1.0]);
+        for (dimension, by, power) in [(2, "mass", 2), (3, "mass", 3), (3, "number", 0)] {
+            let width = if dimension == 3 { "width = 0.02" } else { "" };
+            let law = ["lee-hurley", "hertz-tsuji"][dimension - 2];
+            let damping = ["damping_ratio = 0.1", "restitution = 0.9"][dimension - 2];
+            let text = format!(
+                "dimension = {dimension}
+                material = {{ young_modulus = 1e9, poisson_ratio = 0.2, density = 2500.0 }}
+                contact = {{ law = '{law}', friction = 0.5, {damping} }}
+                load.pressure = 1e5
+                shear = {{ inertial_number = 1e-3, strain = 0.01 }}
+                [sample]
+                grains = 60000
+                length = 0.02
+                {width}
+                sizes = 'table'
+                sieves = {sieves:?}
+                passing = {passing:?}
+                passing_by = '{by}'"
+            );
+            let scene = crate::load(&crate::Source::new("s", &text), &[]).expect("a scene");
+            let Origin::Insertion(sizes) = &scene.plane_shear("s").expect("walls").origin else {
+                panic!("not inserted");
+            };
+            let grains = Lattice::new(&scene.sample, sizes).insert(9, 0, 1);
+            let volume = |g: &GrainState| (g.radius / 1e-3).powi(power);
+            let all: f64 = grains.iter().map(volume).sum();
+            // Half way along the logarithm between the last two, too.
+            let middle = (1.5e-3f64 * 2e-3).sqrt();
+            for (sieve, share) in [(1e-3, 0.2), (1.5e-3, 0.2), (middle, 0.6)] {
+                let fine = grains.iter().filter(|g| 2.0 * g.radius < sieve);
+                let found = fine.map(volume).sum::<f64>() / all;
+                assert!((found - share).abs() < 0.012, "{by}: {found} at {sieve}");
+            }
+            let mean = grains.iter().map(|g| 2.0 * g.radius).sum::<f64>() / grains.len() as f64;
+            let expected = scene.sample.mean_diameter;
+            assert!((mean / expected - 1.0).abs() < 0.01, "{mean} {expected}");
+        }
+    }
+
+    /// ⟨R^n⟩ of R^-α against its closed form, and the radius below which a part of it is.
+    #[test]
+    fn means_and_quantiles_of_power_laws() {
+        for (exponent, n) in [(2.5, 1), (1.0, 2), (4.0, 3), (-3.0, 2)] {
+            let class = SizeClass {
+                share: 1.0,
+                between: [0.3, 2.0],
+                exponent,
+            };
+            // ∫ R^q dR/R between the bounds.
+            let integral = |q: f64, to: f64| {
+                if q == 0.0 {
+                    (to / 0.3f64).ln()
+                } else {
+                    (to.powf(q) - 0.3f64.powf(q)) / q
+                }
+            };
+            let p = 1.0 - exponent;
+            let expected = integral(p + f64::from(n), 2.0) / integral(p, 2.0);
+            let mean = class.mean(|r| r.powi(n));
+            assert!(
+                (mean / expected - 1.0).abs() < 1e-10,
+                "{exponent}: {mean} {expected}"
+            );
+            for part in [0.0, 0.25, 0.5, 0.9, 1.0] {
+                let below = integral(p, class.quantile(part)) / integral(p, 2.0);
+                assert!((below - part).abs() < 1e-12, "{exponent}: {below} {part}");
+            }
         }
     }
 

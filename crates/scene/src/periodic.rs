@@ -252,7 +252,7 @@ pub(crate) fn check(
     dimension: Dimensions,
     seed: u64,
 ) -> Result<(Sample, PeriodicBox), Failure> {
-    let sizes = sample::check_boxed(c);
+    let sizes = sample::check_boxed(c, dimension);
     let deformation = check_deformation(c);
     let periodic = PeriodicBox {
         sizes,

@@ -444,6 +444,8 @@ mod tests {
             "contact.restitution",
             "contact.sliding_damping",
             "contact.tangential_damping_ratio",
+            "sample.radius_exponent",
+            "sample.passing",
             "sample.large_fraction",
             "sample.replicate",
             "sample.wall_thickness",

@@ -3,23 +3,30 @@
 use std::ops::Bound;
 use std::path::{Path, PathBuf};
 
-use gshear_dem::contact::portable_exp;
+use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Bounds, Change, Integers, Key, POSITIVE, UNIT, Values};
+use gshear_dem::laws::keys::{Bounds, Change, Integers, Key, POSITIVE, SHARE, UNIT, Values};
 use serde::{Deserialize, Serialize};
 
 use crate::checker::Checker;
 use crate::derived;
-use crate::grains::{Sample, Sizes};
+use crate::grains::{Sample, SizeClass, Sizes};
 use crate::insertion::volume_in_box;
 use crate::table::{names, table};
 use crate::value::Value;
-use crate::words::show;
+use crate::words::{list, show};
 
 const PLACEMENT_NAMES: [&str; Placement::NAMES.len()] = names(&Placement::NAMES);
 const WALLS_NAMES: [&str; Walls::NAMES.len()] = names(&Walls::NAMES);
 
+/// Whether a grading curve is of the mass or of the number of grains.
+const PASSING_NAMES: [&str; 2] = ["mass", "number"];
+/// Exponents of a power law of sizes.
+const EXPONENT: Bounds = Bounds {
+    from: Bound::Included(-10.0),
+    to: Bound::Included(10.0),
+};
 /// Copies of a packing.
 const COPIES: Bounds = Bounds {
     from: Bound::Included(1.0),
@@ -57,20 +64,48 @@ table! {
         },
         /// distribution of R between them; `"binary"` is either of the two
         sizes: Text(&Sizes::NAMES) { default: Sizes::NAMES[0], change: Change::Never },
-        /// mean of the normal distribution before its ends are cut off
+        /// mean of R of the distribution before its ends are cut off
         radius_mean: Number(POSITIVE) {
             unit: "m",
-            condition: "with `\"normal\"`",
-            what: "the mean of the normal distribution before its ends are cut off",
+            condition: "with `\"normal\"` and `\"lognormal\"`",
+            what: "the mean of R of the distribution before its ends are cut off",
             example: "1.5e-3",
             change: Change::Never,
         },
         /// its standard deviation
         radius_deviation: Number(POSITIVE) {
             unit: "m",
-            condition: "with `\"normal\"`",
-            what: "the standard deviation of the normal distribution",
+            condition: "with `\"normal\"` and `\"lognormal\"`",
+            what: "the standard deviation of R of the distribution before its ends are cut off",
             example: "0.5e-3",
+            change: Change::Never,
+        },
+        /// α of a number of grains per radius of R^-α
+        radius_exponent: Number(EXPONENT) {
+            condition: "with `\"power\"`",
+            what: "α of a number of grains per radius of R^-α",
+            example: "2.5",
+            change: Change::Never,
+        },
+        /// mesh widths of a grading curve: diameters, instead of `radius_min` and `radius_max`
+        sieves: Numbers(POSITIVE) {
+            unit: "m",
+            condition: "two or more, ascending, with `\"table\"`",
+            what: "the mesh widths of a grading curve (diameters)",
+            example: "[0.5e-3, 1e-3, 2e-3]",
+            change: Change::Never,
+        },
+        /// share that passes each sieve; straight lines over the logarithm of the width between
+        passing: Numbers(SHARE) {
+            condition: "0 … 1, ascending, with `\"table\"`",
+            what: "the share that passes each of sample.sieves",
+            example: "[0.0, 0.4, 1.0]",
+            change: Change::Never,
+        },
+        /// what the shares are of
+        passing_by: Text(&PASSING_NAMES) {
+            condition: "with `\"table\"`",
+            default: PASSING_NAMES[0],
             change: Change::Never,
         },
         /// share of the grains that have `radius_max`
@@ -285,6 +320,10 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
             &keys.radii,
             &keys.radius_mean,
             &keys.radius_deviation,
+            &keys.radius_exponent,
+            &keys.sieves,
+            &keys.passing,
+            &keys.passing_by,
             &keys.large_fraction,
         ] {
             c.useless(key, why);
@@ -302,7 +341,7 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     if dimension == Dimensions::Three {
         c.required(&keys.width);
     }
-    Grains::Inserted(check_sizes(c))
+    Grains::Inserted(check_sizes(c, dimension))
 }
 
 /// Copies along x and, in three dimensions, y.
@@ -339,9 +378,11 @@ fn copies(c: &mut Checker<'_>, dimension: Dimensions) -> [u32; 2] {
 fn check_inserted(c: &mut Checker<'_>) {
     c.required_count(&SAMPLE.grains);
     for key in [&SAMPLE.radius_min, &SAMPLE.radius_max] {
-        // A list says itself which is the least and which the greatest.
+        // A list says itself which is the least and which the greatest, and so do sieves.
         if c.is_given(&SAMPLE.radii) {
             c.useless(key, "is the least or the greatest of sample.radii");
+        } else if c.is_given(&SAMPLE.sieves) {
+            c.useless(key, "follows from sample.sieves");
         } else {
             c.required(key);
         }
@@ -350,7 +391,7 @@ fn check_inserted(c: &mut Checker<'_>) {
 
 /// The keys of grains in a box, whose size follows from its solid fraction. Returns the
 /// distribution of their radii.
-pub(crate) fn check_boxed(c: &mut Checker<'_>) -> Sizes {
+pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
     let keys = &SAMPLE;
     let why = "follows from box.solid_fraction";
     c.useless(&keys.length, why);
@@ -365,7 +406,7 @@ pub(crate) fn check_boxed(c: &mut Checker<'_>) -> Sizes {
         c.useless(key, why);
     }
     check_inserted(c);
-    check_sizes(c)
+    check_sizes(c, dimension)
 }
 
 /// The sample in a cubic box (square in 2D) in which its grains have the solid fraction φ.
@@ -424,6 +465,10 @@ fn radii(c: &mut Checker<'_>, sizes: &Sizes) -> [f64; 2] {
             radii.iter().copied().fold(f64::INFINITY, f64::min),
             radii.iter().copied().fold(0.0, f64::max),
         ],
+        Sizes::Classes(classes) if c.is_given(&SAMPLE.sieves) => [
+            classes.first().map_or(0.0, |class| class.between[0]),
+            classes.last().map_or(0.0, |class| class.between[1]),
+        ],
         _ => keys.map(|key| c.known(key)),
     };
     if a > b {
@@ -432,27 +477,32 @@ fn radii(c: &mut Checker<'_>, sizes: &Sizes) -> [f64; 2] {
             &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
         );
     }
-    if let Sizes::Normal { deviation, .. } = sizes
-        && a < b
-        && *deviation < NARROWEST * (b - a)
-    {
-        // Radii are drawn between the two until one is in the distribution.
+    // What is drawn until one is in the distribution: R, or its logarithm.
+    let (name, bell, [from, to]) = match sizes {
+        Sizes::Normal { mean, deviation } => ("normal", [*mean, *deviation], [a, b]),
+        Sizes::Lognormal { mean, deviation } => {
+            ("lognormal", [*mean, *deviation], [a, b].map(portable_ln))
+        }
+        _ => return [a, b],
+    };
+    let [mean, deviation] = [&SAMPLE.radius_mean, &SAMPLE.radius_deviation].map(|key| c.known(key));
+    let least = NARROWEST * (to - from);
+    if a < b && bell[1] < least {
+        let least = least * deviation / bell[1];
         c.refuse(
             &SAMPLE.radius_deviation,
-            &format!("must be at least {NARROWEST} (radius_max - radius_min) = {:.3e}, found {deviation:?}; give radius_min and radius_max closer to the mean", NARROWEST * (b - a)),
+            &format!("must be at least {least:.3e} for radii so far apart, found {deviation:?}; give radius_min and radius_max closer to the mean"),
         );
-    } else if let Sizes::Normal { mean, deviation } = sizes
-        && taken(*mean, *deviation, [a, b]) < LEAST_TAKEN
-    {
+    } else if taken(bell[0], bell[1], [from, to]) < LEAST_TAKEN {
         c.refuse_among(
             &keys,
-            &format!("the normal distribution about {mean:?} with deviation {deviation:?} has hardly a radius between radius_min and radius_max; give a mean between them"),
+            &format!("the {name} distribution about {mean:?} with deviation {deviation:?} has hardly a radius between radius_min and radius_max; give a mean between them"),
         );
     }
     [a, b]
 }
 
-/// The share of uniform radii in [a, b] that the normal distribution takes.
+/// The share of uniform numbers in [a, b] that the normal distribution takes.
 fn taken(mean: f64, deviation: f64, [a, b]: [f64; 2]) -> f64 {
     let density = |r: f64| {
         let z = (r - mean) / deviation;
@@ -464,21 +514,27 @@ fn taken(mean: f64, deviation: f64, [a, b]: [f64; 2]) -> f64 {
 }
 
 /// How the radii of inserted grains are distributed.
-fn check_sizes(c: &mut Checker<'_>) -> Sizes {
+fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
     let keys = &SAMPLE;
     let Some(name) = c.choice(&keys.sizes) else {
         return Sizes::Uniform;
     };
     for (key, of) in [
-        (&keys.radius_mean, "normal"),
-        (&keys.radius_deviation, "normal"),
-        (&keys.large_fraction, "binary"),
-        (&keys.radii, "list"),
+        (&keys.radius_mean, &["normal", "lognormal"][..]),
+        (&keys.radius_deviation, &["normal", "lognormal"]),
+        (&keys.radius_exponent, &["power"]),
+        (&keys.sieves, &["table"]),
+        (&keys.passing, &["table"]),
+        (&keys.passing_by, &["table"]),
+        (&keys.large_fraction, &["binary"]),
+        (&keys.radii, &["list"]),
     ] {
-        if name != of {
+        if !of.contains(&name) {
+            let of: Vec<String> = of.iter().map(|name| format!("{name:?}")).collect();
+            let of = list(&of, "and");
             c.useless(
                 key,
-                &format!("applies to sample.sizes = {of:?}, not to {name:?}"),
+                &format!("applies to sample.sizes = {of}, not to {name:?}"),
             );
         }
     }
@@ -487,12 +543,77 @@ fn check_sizes(c: &mut Checker<'_>) -> Sizes {
             mean: c.required(&keys.radius_mean),
             deviation: c.required(&keys.radius_deviation),
         },
+        "lognormal" => {
+            let mean = c.required(&keys.radius_mean);
+            let relative = c.required(&keys.radius_deviation) / mean;
+            let square = portable_ln(1.0 + relative * relative);
+            Sizes::Lognormal {
+                mean: portable_ln(mean) - 0.5 * square,
+                deviation: square.sqrt(),
+            }
+        }
+        "power" => Sizes::Classes(vec![SizeClass {
+            share: 1.0,
+            between: [&keys.radius_min, &keys.radius_max].map(|key| c.known(key)),
+            exponent: c.required(&keys.radius_exponent),
+        }]),
+        "table" => Sizes::Classes(check_table(c, dimension)),
         "binary" => Sizes::Binary {
             large_fraction: c.required(&keys.large_fraction),
         },
         "list" => Sizes::List(c.required_list(&keys.radii, "radius")),
         _ => Sizes::Uniform,
     }
+}
+
+/// The classes of a grading curve that hold grains. The curve is straight over the logarithm of the
+/// diameter, so in a class the number of grains per radius goes as 1/R, or as 1/R over the volume
+/// if the curve is one of mass.
+fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
+    let keys = &SAMPLE;
+    let sieves = c.required_list(&keys.sieves, "mesh width");
+    let passing = c.required_list(&keys.passing, "share");
+    let rises = sieves.windows(2).all(|pair| pair[0] < pair[1]);
+    if sieves.len() < 2 || !rises {
+        c.refuse(
+            &keys.sieves,
+            "must hold two mesh widths or more, from the finest to the coarsest",
+        );
+        return Vec::new();
+    }
+    let rises = passing.windows(2).all(|pair| pair[0] <= pair[1]);
+    let ends = [passing.first(), passing.last()] == [Some(&0.0), Some(&1.0)];
+    if passing.len() != sieves.len() || !rises || !ends {
+        let what = format!(
+            "must hold the share that passes each of the {} sieves, from 0.0 to 1.0, such as [0.0, 0.4, 1.0]",
+            sieves.len()
+        );
+        c.refuse(&keys.passing, &what);
+        return Vec::new();
+    }
+    let exponent = match c.choice(&keys.passing_by) {
+        Some("number") => 1.0,
+        _ => 1.0 + dimension.axes() as f64,
+    };
+    let largest = 0.5 * sieves[sieves.len() - 1];
+    let mut classes: Vec<SizeClass> = sieves
+        .windows(2)
+        .zip(passing.windows(2))
+        .filter(|(_, passing)| passing[0] < passing[1])
+        .map(|(sieves, passing)| SizeClass {
+            share: passing[1] - passing[0],
+            between: [0.5 * sieves[0], 0.5 * sieves[1]],
+            exponent,
+        })
+        .collect();
+    if exponent > 1.0 {
+        for class in &mut classes {
+            class.share /= class.mean(|r| (r / largest).powi(dimension.axes() as i32));
+        }
+        let all: f64 = classes.iter().map(|class| class.share).sum();
+        classes.iter_mut().for_each(|class| class.share /= all);
+    }
+    classes
 }
 
 /// The sample, where it comes from, and the thickness of each of its walls over d̄; `skip`: it is

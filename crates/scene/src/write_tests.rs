@@ -93,6 +93,15 @@ fn the_choice_is_kept() {
     assert!(!scene.toml.contains("\nstep"));
 }
 
+/// A grading curve.
+const GRADED: &[&str] = &[
+    "sample.radius_min=none",
+    "sample.radius_max=none",
+    "sample.sizes=table",
+    "sample.sieves=[1e-6, 1.5e-6, 2e-6]",
+    "sample.passing=[0.0, 0.4, 1.0]",
+];
+
 /// Of a strain, a protocol and a box.
 #[test]
 fn every_constant_default_is_written() {
@@ -101,7 +110,7 @@ fn every_constant_default_is_written() {
         &Source::new("box.toml", of_a_box),
         &["box.pressure=1e-2".into()],
     );
-    let scenes = [with(&[]), spheres(), of_a_box.unwrap()];
+    let scenes = [with(&[]), with(GRADED), spheres(), of_a_box.unwrap()];
     for table in tables() {
         for key in table.keys().iter().filter(|key| !key.default.is_empty()) {
             let line = format!("\n{} = ", key.name());
@@ -208,6 +217,14 @@ fn every_distribution_and_drive_reads_back() {
             "sample.sizes=list",
             "sample.radii=[0.5e-6, 0.75e-6, 1e-6]",
         ],
+        GRADED,
+        &[
+            "sample.sizes=lognormal",
+            "sample.radius_mean=0.7e-6",
+            "sample.radius_deviation=0.2e-6",
+        ],
+        &["sample.sizes=power", "sample.radius_exponent=2.5"],
+        &["contact.attraction=0.1"],
         &["shear.spring_stiffness=1e6"],
         &["load.gravity=9.81"],
         &["load.control=servo"],
