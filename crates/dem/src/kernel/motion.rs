@@ -1,0 +1,472 @@
+//! The relative motion of the pairs of some blocks: how they lie to each other, how fast they
+//! separate and slip, and in three dimensions how they have turned since the last step.
+
+use std::ops::Range;
+
+use super::{Pass, Scratch};
+use crate::contact::{ContactLaw, PairMotion, TORQUES, Turning, store_vector, vector};
+use crate::dimension::{Dimension, Three};
+use crate::simd::{LANES, Lanes, Lanes16, Mask, inverse_sqrt};
+use crate::state::{Cell, Units, way_to_touch};
+
+/// Computes the relative motion of the pairs; in three dimensions also rotates the tangential part
+/// of their histories with n. Returns the number of blocks up to the last in which a pair touches
+/// or touched a step ago.
+#[inline(always)]
+pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
+    token: L::Token,
+    pass: &mut Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &mut Scratch<C::Space>,
+) -> usize {
+    let mut active = 0;
+    let spins = C::Space::SPINS;
+    let step = L::splat(token, pass.step);
+    let shifts = [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
+    let steps = (step, shifts);
+    let contacts = &mut pass.part;
+    if BUDGET {
+        scratch.touched.clear();
+    }
+    let blocks = contacts.geometry[chunk.clone()]
+        .iter()
+        .zip(&mut contacts.touching[chunk.clone()])
+        .zip(scratch.difference.iter().zip(&scratch.of_j))
+        .zip(scratch.motion.iter_mut().zip(&mut scratch.turning))
+        .zip(&mut scratch.direction)
+        .enumerate();
+    for (k, ((((radii, touching), (difference, of_j)), (motion, turning)), direction)) in blocks {
+        let difference = difference.as_ref();
+        let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
+        let pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
+        store_vector(&pair.n, direction, C::Space::AXES);
+        pair.overlap.store(&mut motion.overlap);
+        let [v, half_v] = Velocity::of_pair::<C::Space>(token, &pair, difference);
+        v.normal.store(&mut motion.normal_velocity);
+        if BUDGET {
+            (half_v.normal * step).store(&mut motion.normal_increment);
+        }
+        if C::FRICTION {
+            let first = (chunk.start + k) * C::HISTORY;
+            let history = &mut contacts.history[first..first + C::HISTORY];
+            let records = (difference, &of_j[C::Space::SPINS_OF_J..], [sum, r_i]);
+            tangential_motion::<C, L>(
+                token,
+                &steps,
+                (&pair, &v, &half_v),
+                records,
+                history,
+                (motion, turning),
+            );
+        }
+        if C::ROLLING && spins == 1 {
+            motion.rolling_velocity = difference[C::Space::SPIN];
+            let half_spin = L::load(token, &difference[C::Space::HALF_SPIN]);
+            let rotation = half_spin.mul_add(step, shifts[1]) - shifts[1];
+            rotation.store(&mut motion.rolling_increment);
+        }
+        let before = *touching;
+        let zero = L::splat(token, 0.0);
+        let touches = pair.overlap.greater(zero);
+        *touching = touches.bits();
+        if let Some(attraction) = pass.attraction {
+            let force = attraction.force(token, [sum, r_i]);
+            force
+                .select(touches, zero)
+                .store(&mut scratch.attraction[k]);
+        }
+        if before | *touching != 0 {
+            active = k + 1;
+        } else {
+            let block = chunk.start + k;
+            let inner = contacts.first + block < contacts.inner;
+            contacts.asleep_until[block] = asleep_until(motion, pass.travelled.filter(|_| inner));
+        }
+        // A pair that touched a step ago overlaps by more than it has approached since.
+        let approach = -half_v.normal * step;
+        let new = approach.greater(pair.overlap).bits() & *touching;
+        if new != 0 {
+            let approach = approach.to_lanes16();
+            for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
+                let factor = first_touch((motion, turning), lane, approach.0[lane]);
+                scratch.attraction[k].0[lane] *= factor;
+                if BUDGET {
+                    scratch.touched.push((k, lane, factor));
+                }
+            }
+        }
+        let opened = before & !*touching;
+        if opened != 0
+            && let Some(attraction) = pass.attraction
+        {
+            let approach = approach.to_lanes16();
+            for lane in (0..LANES).filter(|lane| opened >> lane & 1 == 1) {
+                let [sum, r_i] = [radii[0].0[lane], radii[1].0[lane]];
+                let force = attraction.between(r_i, sum - r_i);
+                let part = part_of_opening(motion.overlap.0[lane], approach.0[lane]);
+                scratch.attraction[k].0[lane] = force * part;
+            }
+        }
+    }
+    active
+}
+
+/// Computes the tangential motion; in three dimensions rotates the histories, and computes the
+/// rolling motion. `steps`: Δt, and what rounds increments of slip and rotation. `records`:
+/// differences, spins of j, R_i + R_j and R_i.
+#[inline(always)]
+fn tangential_motion<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    (step, [slip_shift, rotation_shift]): &(L, [L; 2]),
+    (pair, v, half_v): (&Separation<L>, &Velocity<L>, &Velocity<L>),
+    (difference, spins_of_j, [sum, r_i]): (&[Lanes16], &[Lanes16], [L; 2]),
+    history: &mut [Lanes16],
+    (motion, turning): (&mut PairMotion, &mut Turning),
+) {
+    let spins = C::Space::SPINS;
+    let (half_of_j, of_j) = spins_of_j.split_at(spins);
+    let s = spin_sum::<C::Space, L>(token, &difference[C::Space::SPIN..], of_j, sum, r_i);
+    let half_s = &difference[C::Space::HALF_SPIN..];
+    let half_s = spin_sum::<C::Space, L>(token, half_s, half_of_j, sum, r_i);
+    let rotational = C::Space::surface_velocity(&pair.n, &s);
+    let tangential = C::Space::tangential_part(&pair.n, &v.vector, v.normal);
+    for k in 0..spins {
+        (tangential[k] + rotational[k]).store(&mut motion.tangential_velocity[k]);
+    }
+    let half = HalfStep::new::<C::Space>(token, *step, pair, half_v);
+    let mut slip = half.tangential;
+    if spins == 3 {
+        let mean = mean_spin::<L>(token, &difference[C::Space::HALF_SPIN..], half_of_j);
+        let turn = Turn::new(token, &pair.n, &half, (*step, &mean));
+        if C::HISTORY >= 3 + if C::ROLLING { TORQUES } else { 0 } {
+            turn.of_step(token, &mut history[..3]);
+        }
+        slip = turn.slip(&half, &half_v.vector, &half_s);
+        if C::ROLLING {
+            let first = C::HISTORY - TORQUES;
+            turn.of_step(token, &mut history[first..first + 3]);
+            let full = vector::<L>(token, &difference[C::Space::SPIN..], 3);
+            let half = vector::<L>(token, &difference[C::Space::HALF_SPIN..], 3);
+            turn.rolling([full, half], (*step, *rotation_shift), turning);
+        }
+    } else {
+        let rotational = C::Space::surface_velocity(&pair.n, &half_s);
+        slip[0] = slip[0].mul_add(half.longer, rotational[0]);
+    }
+    for k in 0..spins {
+        let rounded = slip[k].mul_add(*step, *slip_shift) - *slip_shift;
+        rounded.store(&mut motion.tangential_increment[k]);
+    }
+}
+
+/// How far the grains will have travelled (m) when a pair of this block may touch; `travelled` is
+/// how far they are now, `None` if that is not known, as of ghosts.
+#[inline(always)]
+fn asleep_until(motion: &PairMotion, travelled: Option<f64>) -> f64 {
+    let Some(travelled) = travelled else {
+        return 0.0;
+    };
+    let mut gap = f64::INFINITY;
+    for overlap in motion.overlap.0 {
+        gap = gap.min(-overlap);
+    }
+    travelled + way_to_touch(gap)
+}
+
+/// How sixteen pairs lie to each other.
+struct Separation<L> {
+    /// From j to i (m).
+    r: [L; 3],
+    n: [L; 3],
+    /// 1/|r|.
+    per_distance: L,
+    /// δ (m).
+    overlap: L,
+    /// Velocity along x of the second grain's image relative to the grain, subtracted from
+    /// differences of velocities.
+    image_velocity: Option<L>,
+    /// Rates of the lengths of the cell (1/s).
+    stretching: Option<[f64; 3]>,
+}
+
+impl<L: Lanes> Separation<L> {
+    /// From differences of the records, by the nearest images; `sum` is R_i + R_j.
+    #[inline(always)]
+    fn new<D: Dimension>(token: L::Token, cell: &Cell, difference: &[Lanes16], sum: L) -> Self {
+        let c = |v| L::splat(token, v);
+        let mut r = vector::<L>(token, &difference[D::POSITION..], D::AXES);
+        let (mut image_velocity, mut stretching) = (None, None);
+        if let Some(sheared) = &cell.sheared {
+            let images = -(r[D::UP] * c(1.0 / sheared.height)).round();
+            r[D::UP] = images.mul_add(c(sheared.height), r[D::UP]);
+            r[0] = images.mul_add(c(sheared.offset), r[0]);
+            image_velocity = Some(images * c(sheared.velocity));
+            stretching = sheared.stretching;
+        }
+        for axis in 0..D::UP {
+            let period = cell.periods[axis];
+            let images = -(r[axis] * c(1.0 / period)).round();
+            r[axis] = images.mul_add(c(period), r[axis]);
+        }
+        let square = D::dot(&r, &r);
+        let per_distance = inverse_sqrt(token, square);
+        // To 0.501 ulp, because the overlap is the small difference of two lengths.
+        let estimate = square * per_distance;
+        let distance =
+            (c(0.5) * per_distance).mul_add((-estimate).mul_add(estimate, square), estimate);
+        let mut n = r;
+        for axis in 0..D::AXES {
+            n[axis] = r[axis] * per_distance;
+        }
+        Self {
+            r,
+            n,
+            per_distance,
+            overlap: sum - distance,
+            image_velocity,
+            stretching,
+        }
+    }
+}
+
+/// Relative velocity of sixteen pairs (m/s).
+struct Velocity<L> {
+    vector: [L; 3],
+    /// Along n.
+    normal: L,
+}
+
+impl<L: Lanes> Velocity<L> {
+    /// Those of the full and of the half step.
+    #[inline(always)]
+    fn of_pair<D: Dimension>(
+        token: L::Token,
+        pair: &Separation<L>,
+        difference: &[Lanes16],
+    ) -> [Self; 2] {
+        let mut v = vector::<L>(token, &difference[D::VELOCITY..], D::AXES);
+        let mut half_v = vector::<L>(token, &difference[D::HALF_VELOCITY..], D::AXES);
+        if let Some(more) = pair.image_velocity {
+            v[0] = v[0] + more;
+            half_v[0] = half_v[0] + more;
+        }
+        if let Some(rates) = pair.stretching {
+            for axis in 0..D::AXES {
+                half_v[axis] = pair.r[axis].mul_add(L::splat(token, rates[axis]), half_v[axis]);
+            }
+        }
+        [
+            Self {
+                vector: v,
+                normal: D::dot(&v, &pair.n),
+            },
+            Self {
+                vector: half_v,
+                normal: D::dot(&half_v, &pair.n),
+            },
+        ]
+    }
+}
+
+/// R_i ω_i + R_j ω_j = R_i (ω_i - ω_j) + (R_i + R_j) ω_j.
+#[inline(always)]
+fn spin_sum<D: Dimension, L: Lanes>(
+    token: L::Token,
+    of_difference: &[Lanes16],
+    of_j: &[Lanes16],
+    sum: L,
+    r_i: L,
+) -> [L; 3] {
+    let of_difference = vector::<L>(token, of_difference, D::SPINS);
+    let of_j = vector::<L>(token, of_j, D::SPINS);
+    [
+        r_i.mul_add(of_difference[0], sum * of_j[0]),
+        r_i.mul_add(of_difference[1], sum * of_j[1]),
+        r_i.mul_add(of_difference[2], sum * of_j[2]),
+    ]
+}
+
+/// The motion of sixteen pairs in the half step. It belongs to the tangent plane of the half step,
+/// when r was r - ½Δt v, and slips must be brought into that of the full step: otherwise F_t^e
+/// would be of first order if n turns.
+struct HalfStep<L> {
+    /// v - v_n n (m/s), with n of the full step. With that of the half step only the length of r
+    /// differs, by `longer`, because v × v = 0.
+    tangential: [L; 3],
+    /// |r|/|r - ½Δt v|.
+    longer: L,
+    /// ½Δt/|r| (s/m): times `tangential` and `longer` the angle of n since the half step.
+    per_distance: L,
+}
+
+impl<L: Lanes> HalfStep<L> {
+    #[inline(always)]
+    fn new<D: Dimension>(
+        token: L::Token,
+        step: L,
+        pair: &Separation<L>,
+        half_v: &Velocity<L>,
+    ) -> Self {
+        let per_distance = L::splat(token, 0.5) * step * pair.per_distance;
+        Self {
+            tangential: D::tangential_part(&pair.n, &half_v.vector, half_v.normal),
+            longer: per_distance.mul_add(half_v.normal, L::splat(token, 1.0)),
+            per_distance,
+        }
+    }
+}
+
+/// ½(ω_i + ω_j) = ½(ω_i - ω_j) + ω_j.
+#[inline(always)]
+fn mean_spin<L: Lanes>(token: L::Token, of_difference: &[Lanes16], of_j: &[Lanes16]) -> [L; 3] {
+    let half = L::splat(token, 0.5);
+    let difference = vector::<L>(token, of_difference, 3);
+    let of_j = vector::<L>(token, of_j, 3);
+    [
+        half.mul_add(difference[0], of_j[0]),
+        half.mul_add(difference[1], of_j[1]),
+        half.mul_add(difference[2], of_j[2]),
+    ]
+}
+
+/// How sixteen pairs of spheres have turned in a step: n, and about n the two grains, by the mean
+/// of their rotations. Without the latter the force would not turn with a pair that turns as a
+/// rigid body, and the stress would be no tensor (M. R. Kuhn, K. Suzuki and A. Daouadji, Granular
+/// Matter 22, 2020).
+struct Turn<L> {
+    n: [L; 3],
+    /// n of the half step, n - τ with τ = ½Δt v_t/|r|.
+    half_n: [L; 3],
+    /// The angle φ about it, and half of it.
+    twist: L,
+    half_twist: L,
+}
+
+impl<L: Lanes> Turn<L> {
+    /// `mean`: ½(ω_i + ω_j) of the half step.
+    #[inline(always)]
+    fn new(token: L::Token, n: &[L; 3], half: &HalfStep<L>, (step, mean): (L, &[L; 3])) -> Self {
+        let angle = half.per_distance * half.longer;
+        let half_n = Three::tangential_part(&half.tangential, n, angle);
+        let twist = step * Three::dot(mean, &half_n);
+        Self {
+            n: *n,
+            half_n,
+            twist,
+            half_twist: L::splat(token, 0.5) * twist,
+        }
+    }
+
+    /// Rotates a vector u of the last tangent plane into this one: with p = u·n it becomes u - p (n
+    /// - τ), then u + φ n × u - ½φ² u. The lengths are that of u to third order in the angles.
+    #[inline(always)]
+    fn of_step(&self, token: L::Token, vectors: &mut [Lanes16]) {
+        let u = vector::<L>(token, vectors, 3);
+        let across = Three::surface_velocity(&self.n, &u);
+        let u = Three::tangential_part(&self.half_n, &u, Three::dot(&u, &self.n));
+        let shorter = (-self.half_twist).mul_add(self.twist, L::splat(token, 1.0));
+        for k in 0..3 {
+            let turned = self.twist.mul_add(across[k], shorter * u[k]);
+            turned.store(&mut vectors[k]);
+        }
+    }
+
+    /// The slip (m/s) in the tangent plane of the full step, from v and s = R_i ω_i + R_j ω_j of
+    /// the half step.
+    ///
+    /// The spins, too, are rotated from that plane into this one: a part of the twist becomes
+    /// tangential, ½Δt/|r| (n·s) n × v. About n the slip v_t + n × s turns by ½φ, so ½φ (n × v -
+    /// s_t) is added.
+    #[inline(always)]
+    fn slip(&self, half: &HalfStep<L>, v: &[L; 3], s: &[L; 3]) -> [L; 3] {
+        let along = Three::dot(&self.n, s);
+        let twist = half.per_distance.mul_add(along, self.half_twist);
+        let across = Three::tangential_part(&self.n, s, along);
+        let [x, y, z] = *s;
+        let turned = [
+            twist.mul_add(v[0], x),
+            twist.mul_add(v[1], y),
+            twist.mul_add(v[2], z),
+        ];
+        let mut slip = Three::surface_velocity(&self.n, &turned);
+        for k in 0..3 {
+            let straight = half.tangential[k].mul_add(half.longer, slip[k]);
+            slip[k] = (-self.half_twist).mul_add(across[k], straight);
+        }
+        slip
+    }
+
+    /// Rotates a vector of this plane that was made in the half step by ½φ.
+    #[inline(always)]
+    fn of_half_step(&self, u: &[L; 3]) -> [L; 3] {
+        let across = Three::surface_velocity(&self.n, u);
+        let half = self.half_twist;
+        [
+            half.mul_add(across[0], u[0]),
+            half.mul_add(across[1], u[1]),
+            half.mul_add(across[2], u[2]),
+        ]
+    }
+
+    /// Sets the rolling motion from ω_i - ω_j of the full and of the half step. The latter, w,
+    /// turns from the plane of the half step into this one: w·n becomes w·(n - τ), and a part of
+    /// the twist becomes tangential, τ (n·w).
+    #[inline(always)]
+    fn rolling(&self, [full, half]: [[L; 3]; 2], (step, shift): (L, L), turning: &mut Turning) {
+        let along = Three::dot(&full, &self.n);
+        let across = Three::tangential_part(&self.n, &full, along);
+        store_vector(&across, &mut turning.velocity, 3);
+        along.store(&mut turning.velocity[3]);
+        let across = Three::tangential_part(&self.half_n, &half, Three::dot(&half, &self.n));
+        let [x, y, z] = self.of_half_step(&across);
+        let along = Three::dot(&half, &self.half_n);
+        for (k, part) in [x, y, z, along].into_iter().enumerate() {
+            let rounded = part.mul_add(step, shift) - shift;
+            rounded.store(&mut turning.increment[k]);
+        }
+    }
+}
+
+/// Corrects the motion of one lane in the step in which a pair comes to touch. Returns the factor
+/// of the damping. `approach` is -v_n Δt (m).
+///
+/// The pair touches for a part θ = δ/(-v_n Δt) of the step only, so the increments are scaled by θ.
+/// The kicks of this force stand for the time from t-½Δt to t+½Δt, of which the pair touches ½+θ,
+/// so the damping, which begins with a jump, is scaled by that. Without these corrections an impact
+/// would be of first order in Δt.
+#[cold]
+fn first_touch(
+    (motion, turning): (&mut PairMotion, &mut Turning),
+    lane: usize,
+    approach: f64,
+) -> f64 {
+    let part = motion.overlap.0[lane] / approach;
+    for lanes in &mut motion.tangential_increment {
+        lanes.0[lane] *= part;
+    }
+    motion.rolling_increment.0[lane] *= part;
+    // The torques of spheres begin at 0, so their velocities remain.
+    for lanes in &mut turning.increment {
+        lanes.0[lane] *= part;
+    }
+    let factor = 0.5 + part;
+    motion.normal_velocity.0[lane] *= factor;
+    for lanes in &mut motion.tangential_velocity {
+        lanes.0[lane] *= factor;
+    }
+    motion.rolling_velocity.0[lane] *= factor;
+    factor
+}
+
+/// The part of the attraction in the first step without touch. The pair touched for a part θ of it;
+/// the kick of the step before stands for half of it, so θ - ½ is left. `approach` is -v_n Δt (m).
+#[cold]
+fn part_of_opening(overlap: f64, approach: f64) -> f64 {
+    // Otherwise rounding opened the pair, or nothing moved.
+    let open = if approach < overlap {
+        overlap / approach
+    } else {
+        1.0
+    };
+    0.5 - open
+}
