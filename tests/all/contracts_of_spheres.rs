@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use crate::common::{beyond_the_digest, gshear_mpi, same_run};
+use gshear_dem::domain::Solo;
+use gshear_store::checkpoint::{PREVIOUS, read};
 
 /// Contracts 1, 2 and 3 of spheres with vectors for histories, under a spring and a protocol with a
 /// hold.
@@ -57,6 +59,22 @@ fn spheres_under_a_spring_keep_the_contracts() {
             "{ranks} ranks, {further:?}"
         );
     }
+
+    // Checkpoints by the time, in the middle of parts, do not reach the numbers.
+    let timed = run("timed", 2, &["--set=output.checkpoint_minutes=1e-7"]);
+    assert_eq!(timed.digest(), expected);
+    same_run(&folder.path().join("one"), &folder.path().join("timed"));
+    let step_before_the_last = |name: &str| {
+        let path = folder.path().join(name).join(PREVIOUS);
+        let ([header, _], _) = read(&Solo, &path).expect("a checkpoint");
+        let header: serde_json::Value = serde_json::from_str(&header).expect("JSON");
+        header["step"].as_u64().expect("a step")
+    };
+    let [of_parts, by_time] = ["one", "timed"].map(step_before_the_last);
+    assert!(
+        of_parts < by_time && by_time % 100 == 0,
+        "{of_parts} {by_time}"
+    );
 
     // In the hold, and again in the last part.
     assert_eq!(run("broken", 3, &["--stop-at=3100"]).code, 75);

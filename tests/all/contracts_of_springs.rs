@@ -22,7 +22,7 @@ fn linear_springs_keep_the_contracts() {
         ("full", &[][..]),
         ("sliding", &["contact.rolling_friction=0"]),
         ("damped", &["contact.sliding_damping=0.6"]),
-        ("attracting", &["contact.attraction=5.0"]),
+        ("attracting", &["contact.attraction=0.3"]),
         (
             "frictionless",
             &["contact.rolling_friction=0", "contact.friction=0"],

@@ -69,7 +69,7 @@ fn silent<'a, D: LawSpace>(
 ) -> Result<Run<'a>, Failure> {
     let scene = &task.scene;
     let record = task.record.clone();
-    let run = Run::new(exchange, &scene.toml, &scene.bookkeeping, record, options)?;
+    let run = Run::new(exchange, scene, record, options)?;
     let cell = match &scene.boundary {
         Boundary::Walls(_) => scene.sample.cell(),
         Boundary::Periodic(_) => scene.sample.box_cell(scene.sample.length),

@@ -61,7 +61,7 @@ impl Task {
     pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
         let scene = &self.scene;
         let record = self.record.clone();
-        let mut run = Run::new(exchange, &scene.toml, &scene.bookkeeping, record, options)?;
+        let mut run = Run::new(exchange, scene, record, options)?;
         if options.replay.is_none() {
             self.check_ends(options.stop_at)?;
             run.folder = Some(RunFolder::take(exchange, &self.claim(), options)?);

@@ -6,7 +6,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{GrainState, Snapshot};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::Bookkeeping;
+use gshear_scene::Scene;
 use gshear_store::checkpoint;
 use gshear_store::collective::agree;
 
@@ -19,8 +19,8 @@ use crate::signals::Signals;
 use crate::terminal::Terminal;
 use gshear_store::status::Standing;
 
-/// Interval between checkpoints of stages without a schedule for them (s).
-const CHECKPOINT_INTERVAL: f64 = 60.0;
+/// Steps of Newton's equations after which a stage looks whether the last checkpoint is old.
+pub(crate) const LOOK: u64 = 100;
 
 /// The start of a run. Grains are this rank's part of all grains, in any distribution.
 #[derive(Debug, Clone)]
@@ -38,7 +38,7 @@ pub enum Start {
 pub enum Save {
     /// No checkpoint.
     No,
-    /// If the last checkpoint is a minute old.
+    /// If the last checkpoint is as old as `output.checkpoint_minutes`.
     IfOld,
     /// By the schedule of the stage.
     Now,
@@ -120,6 +120,8 @@ pub struct Run<'a> {
     signals: Signals,
     started: Instant,
     saved: Instant,
+    /// Time between checkpoints (s), if there is one.
+    checkpoint_time: Option<f64>,
 }
 
 impl<'a> Run<'a> {
@@ -127,11 +129,11 @@ impl<'a> Run<'a> {
     /// This processor lacks the instruction set, or signals cannot be caught.
     pub fn new(
         exchange: &'a dyn Parallel,
-        toml: &'a str,
-        bookkeeping: &Bookkeeping,
+        scene: &'a Scene,
         record: RunRecord,
         options: &'a Options,
     ) -> Result<Self, Failure> {
+        let bookkeeping = &scene.bookkeeping;
         let name = bookkeeping.simd;
         let isa = Isa::named(name)
             .ok_or_else(|| Failure::input(format!("this processor has no {name}")))?;
@@ -143,7 +145,7 @@ impl<'a> Run<'a> {
         Ok(Self {
             exchange,
             options,
-            toml,
+            toml: &scene.toml,
             record,
             isa,
             folder: None,
@@ -154,6 +156,7 @@ impl<'a> Run<'a> {
             signals: Signals::catch()?,
             started: now,
             saved: now,
+            checkpoint_time: Some(scene.checkpoint_time).filter(|time| *time > 0.0),
         })
     }
 
@@ -189,7 +192,7 @@ impl<'a> Run<'a> {
                 Save::IfOld => stopped || self.last_checkpoint_is_old(),
             };
             if due {
-                self.save(stage)?;
+                self.save(stage).map_err(|e| in_stage(e, name))?;
             }
             stage.log(self);
             let due = stage.goes_on() || self.terminal.is_due(stage.steps());
@@ -236,7 +239,10 @@ impl<'a> Run<'a> {
 
     /// Decides by the greatest age over the ranks, because their clocks differ; collective.
     fn last_checkpoint_is_old(&self) -> bool {
-        self.exchange.maximum(self.saved.elapsed().as_secs_f64()) > CHECKPOINT_INTERVAL
+        let Some(time) = self.checkpoint_time else {
+            return false;
+        };
+        self.exchange.maximum(self.saved.elapsed().as_secs_f64()) > time
     }
 
     fn save(&mut self, stage: &mut dyn Stage) -> Result<(), Failure> {

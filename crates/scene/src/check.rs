@@ -32,6 +32,7 @@ pub(crate) fn scene(
     let (law, contact) = law::check(c, dimension)?;
     time::check(c, &law, boxed);
     check_limit(c, limit);
+    let checkpoint_time = 60.0 * c.number_or_default(&OUTPUT.checkpoint_minutes);
     let keep_checkpoints = c.flag_or_default(&OUTPUT.keep_checkpoints);
     let bookkeeping = check_bookkeeping(c);
     let (default_title, sample, mut boundary) = if boxed {
@@ -64,6 +65,7 @@ pub(crate) fn scene(
         sample,
         time_step,
         boundary,
+        checkpoint_time,
         keep_checkpoints,
         bookkeeping,
         toml: String::new(),

@@ -32,6 +32,8 @@ pub struct Scene {
     pub time_step: TimeStep,
     /// What bounds the grains, and how they are sheared there.
     pub boundary: Boundary,
+    /// Time between checkpoints besides those of a stage's schedule (s); 0 is never.
+    pub checkpoint_time: f64,
     /// Whether every checkpoint is kept, so that stretches can be replayed.
     pub keep_checkpoints: bool,
     /// What changes speed, not results.

@@ -199,8 +199,9 @@ pub struct Scratch<D: Dimension> {
     carry: [[Lanes16; CARRY]; CHUNK],
     response: [Response; CHUNK],
     turning: [Turning; CHUNK],
-    /// F_c; set with an attraction only.
-    attraction: [Lanes16; CHUNK],
+    /// Block, lane and factor of the attraction of pairs that touch for the first time or have
+    /// opened; set with an attraction only.
+    jumps: Vec<(usize, usize, f64)>,
     /// Block, lane and damping factor of pairs that touch for the first time; set with an energy
     /// budget only.
     touched: Vec<(usize, usize, f64)>,
@@ -216,7 +217,7 @@ impl<D: Dimension> Default for Scratch<D> {
             carry: [[Lanes16::ZERO; CARRY]; CHUNK],
             response: [Response::NONE; CHUNK],
             turning: [Turning::ZERO; CHUNK],
-            attraction: [Lanes16::ZERO; CHUNK],
+            jumps: Vec::new(),
             touched: Vec::new(),
         }
     }
@@ -258,8 +259,11 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             if BUDGET {
                 count_dissipation::<C, L>(token, pass, chunk.clone(), scratch, &mut outcome);
             }
-            let too_strong = add_forces::<C, L>(token, pass, chunk, scratch);
+            let too_strong = add_forces::<C, L>(token, pass, chunk.clone(), scratch);
             outcome.too_strong = outcome.too_strong.or(too_strong);
+            if let Some(attraction) = pass.attraction {
+                add_attraction::<C::Space, L>(token, attraction, pass, chunk, scratch);
+            }
         }
         outcome
     }
@@ -421,26 +425,18 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
         let turning = &scratch.turning[k];
         let touching = load(&motion.overlap).greater(zero);
-        // Attraction acts on pairs that have just opened, too.
-        let mut acts = touching;
-        if pass.attraction.is_some() {
-            acts = load(&scratch.attraction[k]).abs().greater(zero);
-        }
         let mut n = vector::<L>(token, &scratch.direction[k], 1);
         for axis in 0..axes {
-            n[axis] = load(&scratch.direction[k][axis]).select(acts, zero);
+            n[axis] = load(&scratch.direction[k][axis]).select(touching, zero);
         }
-        let mut normal = load(&response.normal).select(touching, zero);
-        let touched = contacts.touching[block];
-        let idle = !normal.greater(zero).bits() & touched;
-        if pass.attraction.is_some() {
-            normal = normal - load(&scratch.attraction[k]);
-        }
+        let normal = load(&response.normal).select(touching, zero);
         if let Some(samples) = &mut pass.samples {
-            normal.store(&mut samples.normal[block]);
+            samples.normal[block] = response.normal;
             samples.overlap[block] = motion.overlap;
             samples.tangential[block] = response.tangential;
         }
+        let touched = contacts.touching[block];
+        let idle = !normal.greater(zero).bits() & touched;
         let at_limit = if C::FRICTION || C::ROLLING {
             [response.sliding, response.rolls, response.twists]
         } else {
@@ -476,6 +472,53 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         );
     }
     outside
+}
+
+/// Adds the attraction to the grains of pairs that touch, and of those that have just opened.
+#[inline(always)]
+fn add_attraction<D: Dimension, L: Lanes>(
+    token: L::Token,
+    attraction: Attraction,
+    pass: &mut Pass<'_, D>,
+    chunk: Range<usize>,
+    scratch: &Scratch<D>,
+) {
+    let zero = L::splat(token, 0.0);
+    let shift = L::splat(token, Units::shift(pass.units.force));
+    let contacts = &pass.part;
+    let mut jumps = scratch.jumps.iter().peekable();
+    for (k, block) in chunk.enumerate() {
+        let mut factors = Lanes16::ZERO;
+        for lane in 0..LANES {
+            factors.0[lane] = f64::from(contacts.touching[block] >> lane & 1);
+        }
+        while let Some((_, lane, factor)) = jumps.next_if(|jump| jump.0 == k) {
+            factors.0[*lane] = *factor;
+        }
+        let [sum, r_i] = &contacts.geometry[block];
+        let radii = [L::load(token, sum), L::load(token, r_i)];
+        let factor = L::load(token, &factors);
+        let acts = factor.abs().greater(zero);
+        let pull = factor * attraction.force(token, radii);
+        let mut force = [zero; 3];
+        for axis in 0..D::AXES {
+            let n = L::load(token, &scratch.direction[k][axis]).select(acts, zero);
+            force[axis] = (shift - pull * n) - shift;
+        }
+        if let Some(samples) = &mut pass.samples {
+            let normal = L::load(token, &samples.normal[block]) - pull;
+            normal.store(&mut samples.normal[block]);
+        }
+        let none = [zero; 3];
+        D::add_forces(
+            force,
+            none,
+            none,
+            pass.force,
+            contacts.pairs,
+            contacts.first + block,
+        );
+    }
 }
 
 /// The force on i and the torques on i and j, zeros where the pair does not touch.

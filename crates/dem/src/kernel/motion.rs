@@ -25,8 +25,12 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let shifts = [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
     let steps = (step, shifts);
     let contacts = &mut pass.part;
+    let attracts = pass.attraction.is_some();
     if BUDGET {
         scratch.touched.clear();
+    }
+    if attracts {
+        scratch.jumps.clear();
     }
     let blocks = contacts.geometry[chunk.clone()]
         .iter()
@@ -66,15 +70,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             rotation.store(&mut motion.rolling_increment);
         }
         let before = *touching;
-        let zero = L::splat(token, 0.0);
-        let touches = pair.overlap.greater(zero);
-        *touching = touches.bits();
-        if let Some(attraction) = pass.attraction {
-            let force = attraction.force(token, [sum, r_i]);
-            force
-                .select(touches, zero)
-                .store(&mut scratch.attraction[k]);
-        }
+        *touching = pair.overlap.greater(L::splat(token, 0.0)).bits();
         if before | *touching != 0 {
             active = k + 1;
         } else {
@@ -89,22 +85,20 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             let approach = approach.to_lanes16();
             for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
                 let factor = first_touch((motion, turning), lane, approach.0[lane]);
-                scratch.attraction[k].0[lane] *= factor;
                 if BUDGET {
                     scratch.touched.push((k, lane, factor));
                 }
+                if attracts {
+                    scratch.jumps.push((k, lane, factor));
+                }
             }
         }
-        let opened = before & !*touching;
-        if opened != 0
-            && let Some(attraction) = pass.attraction
-        {
+        if attracts {
+            let opened = before & !*touching;
             let approach = approach.to_lanes16();
             for lane in (0..LANES).filter(|lane| opened >> lane & 1 == 1) {
-                let [sum, r_i] = [radii[0].0[lane], radii[1].0[lane]];
-                let force = attraction.between(r_i, sum - r_i);
                 let part = part_of_opening(motion.overlap.0[lane], approach.0[lane]);
-                scratch.attraction[k].0[lane] = force * part;
+                scratch.jumps.push((k, lane, part));
             }
         }
     }

@@ -8,7 +8,7 @@ use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::laws::hooke::Springs;
-use gshear_dem::laws::{Constants, Contact, Law, LawSpace, hertz, hooke};
+use gshear_dem::laws::{Contact, Law, LawSpace, hertz, hooke};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState};
 use gshear_dem::step::{StepRequest, advance, initial_forces};

@@ -29,12 +29,9 @@ use super::strain;
 use crate::files::{Files, Format};
 use crate::header::{Header, Pair, Progress};
 use crate::options::Outcome;
-use crate::run::{Checkpoint, Run, Save, Stage};
+use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
 use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
-
-/// Every so many steps the ranks agree whether a checkpoint is due.
-const LOOK: u64 = 100;
 
 /// The stage that integrates Newton's equations of a box.
 pub(super) struct NewtonianStage<'a, D: Dimension> {

@@ -17,15 +17,13 @@ use gshear_scene::{Load, PlaneShear, Scene};
 use super::setup::system;
 use super::top_wall::{height_between, mass_of, mass_of_top};
 use crate::header::{Header, PackHeader};
-use crate::run::{Checkpoint, Run, Save, Stage};
+use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
 use gshear_store::status::Standing;
 
 /// Steps between two checks whether the sample is at rest.
 const CHECK_INTERVAL: u64 = 1000;
 /// Starts after the first one, each with a quarter of the load of the one before.
 const MOST_STARTS: u32 = 6;
-/// Steps between checkpoints.
-const PACK_CHECKPOINT: u64 = 500_000;
 
 /// The stage that compresses the sample between planes.
 pub(super) struct PackStage<'a, D: Dimension> {
@@ -292,8 +290,8 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
     }
 
     fn save_due(&self) -> Save {
-        if !self.at_rest && self.step.is_multiple_of(PACK_CHECKPOINT) {
-            Save::Now
+        if !self.at_rest && self.step.is_multiple_of(LOOK) {
+            Save::IfOld
         } else {
             Save::No
         }

@@ -6,6 +6,7 @@ use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
+use gshear_dem::domain::Exchange;
 use gshear_dem::drive::{GrainWalls, Piston, Slider};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
@@ -24,7 +25,7 @@ use crate::files::{Files, Format};
 use crate::frame_analysis::FrameAnalysis;
 use crate::header::{Header, ShearHeader};
 use crate::options::Outcome;
-use crate::run::{Checkpoint, Run, Save, Stage};
+use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
 use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::status::Standing;
@@ -197,6 +198,13 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         ]
     }
 
+    /// Ends the run if a free grain has passed a wall. Collective.
+    fn check_between(&self, exchange: &dyn Exchange) -> Result<(), Failure> {
+        let bottom = self.floor + self.walls.bottom_displacement();
+        let top = self.floor + self.walls.piston.height;
+        observe::check_between(exchange, &self.system, [bottom, top])
+    }
+
     /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
     /// more than half a mean diameter. A top that moves at an imposed velocity or by a servo does
     /// not fly, and a vibrating bottom may throw it on purpose.
@@ -311,10 +319,8 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         let [series, frames, analysed] = self.due(step);
         let time = self.schedule.time(step);
         let is_last = step == self.schedule.total;
-        if series || frames || analysed || is_last || self.schedule.checkpoint_due(step) {
-            let bottom = self.floor + self.walls.bottom_displacement();
-            let top = self.floor + self.walls.piston.height;
-            observe::check_between(exchange, &self.system, [bottom, top])?;
+        if series || frames || analysed || is_last {
+            self.check_between(exchange)?;
         }
         if series {
             let row = observe::series(
@@ -355,15 +361,18 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     fn save_due(&self) -> Save {
-        let ends = self.is_done() && self.schedule.window().is_none();
-        if self.schedule.checkpoint_due(self.step) || ends {
+        let is_replay = self.schedule.window().is_some();
+        if self.schedule.checkpoint_due(self.step) || (self.is_done() && !is_replay) {
             Save::Now
+        } else if self.step.is_multiple_of(LOOK) && !is_replay {
+            Save::IfOld
         } else {
             Save::No
         }
     }
 
     fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+        self.check_between(run.exchange)?;
         self.write_scalars(run.exchange)?;
         let written = self.files.flush(run.exchange)?;
         Ok(Checkpoint {
