@@ -61,7 +61,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
     }
 
     // Checkpoints by the time, in the middle of parts, do not reach the numbers.
-    let timed = run("timed", 2, &["--set=output.checkpoint_minutes=1e-7"]);
+    let timed = run("timed", 2, &["--set=output.checkpoint_time=1e-6"]);
     assert_eq!(timed.digest(), expected);
     same_run(&folder.path().join("one"), &folder.path().join("timed"));
     let step_before_the_last = |name: &str| {

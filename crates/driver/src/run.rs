@@ -38,7 +38,7 @@ pub enum Start {
 pub enum Save {
     /// No checkpoint.
     No,
-    /// If the last checkpoint is as old as `output.checkpoint_minutes`.
+    /// If the last checkpoint is as old as `output.checkpoint_time`.
     IfOld,
     /// By the schedule of the stage.
     Now,

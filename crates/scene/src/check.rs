@@ -32,7 +32,7 @@ pub(crate) fn scene(
     let (law, contact) = law::check(c, dimension)?;
     time::check(c, &law, boxed);
     check_limit(c, limit);
-    let checkpoint_time = 60.0 * c.number_or_default(&OUTPUT.checkpoint_minutes);
+    let checkpoint_time = c.number_or_default(&OUTPUT.checkpoint_time);
     let keep_checkpoints = c.flag_or_default(&OUTPUT.keep_checkpoints);
     let bookkeeping = check_bookkeeping(c);
     let (default_title, sample, mut boundary) = if boxed {
@@ -49,9 +49,13 @@ pub(crate) fn scene(
         Boundary::Walls(walls) => Some(walls),
         Boundary::Periodic(_) => None,
     };
+    law::check_attraction(c, (&law, &contact), &sample);
     let time_step = time::derive(c, (&law, &contact), &sample, of_walls)?;
     if let Boundary::Walls(walls) = &mut boundary {
-        let greatest = (walls.greatest_overlap(&law, &sample), time_step.step);
+        let greatest = (
+            walls.greatest_overlap(&law, &contact, &sample),
+            time_step.step,
+        );
         walls.load.control = load::derive_servo(c, (&law, &sample), &walls.load, greatest);
         c.settle()?;
     }

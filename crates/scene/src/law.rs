@@ -9,6 +9,8 @@ use gshear_dem::laws::keys::{BELOW_ONE, Change, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, hertz, lee_hurley};
 
 use crate::checker::Checker;
+use crate::derived::{self, STIFFNESS_NUMBER_MIN};
+use crate::grains::Sample;
 use crate::table::{Scenes, Table, law_keys, laws_with, table};
 use crate::words::list;
 
@@ -130,6 +132,28 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, 
         }
     }
     Ok((law, contact))
+}
+
+/// Refuses an attraction that presses mean grains further together than the law takes.
+pub(crate) fn check_attraction(
+    c: &mut Checker<'_>,
+    (law, contact): (&Law, &Contact),
+    sample: &Sample,
+) {
+    let given = derived::attraction_pressure(contact, sample);
+    let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN);
+    if given > most {
+        let of_all = [&CONTACT.attraction, &CONTACT.surface_energy];
+        let section = sample.mean_section();
+        let unit = if sample.is_planar() { "N/m" } else { "N" };
+        let what = format!(
+            "mean grains attract each other by {:.3e} {unit}, which presses them further together than the law {:?} takes; give less, for at most {:.3e} {unit}, or a stiffer law",
+            given * section,
+            law.kind().name,
+            most * section,
+        );
+        c.refuse_among(&of_all, &what);
+    }
 }
 
 /// The law that is named; refuses what only other laws take.

@@ -19,9 +19,9 @@ table! {
         /// Δγ between checkpoints; 0 is only at the end
         checkpoint_strain: Number(NOT_NEGATIVE) { default: "0.02", change: Change::Resume },
         /// time of computing between checkpoints, besides those by strain and of parts; 0 is never
-        checkpoint_minutes: Number(NOT_NEGATIVE) {
-            unit: "min",
-            default: "10.0",
+        checkpoint_time: Number(NOT_NEGATIVE) {
+            unit: "s",
+            default: "600.0",
             change: Change::Resume,
         },
         /// keep every checkpoint of the shear as `checkpoint-<step>.h5`, from step 0 on, for
@@ -136,7 +136,7 @@ pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
 pub(crate) fn check_box(c: &mut Checker<'_>) {
     let why = "applies to scenes with walls only; a [box] has aqs.frame_every, newtonian.frames and newtonian.rows";
     let keys = OutputKeys::TABLE.own.iter();
-    let of_all = [OUTPUT.keep_checkpoints.path, OUTPUT.checkpoint_minutes.path];
+    let of_all = [OUTPUT.keep_checkpoints.path, OUTPUT.checkpoint_time.path];
     for key in keys.filter(|key| !of_all.contains(&key.path)) {
         c.useless(key, why);
     }

@@ -77,7 +77,7 @@ pub(crate) fn derive(
     walls: Option<&PlaneShear>,
 ) -> Result<TimeStep, Failure> {
     let mean_overlap = match walls {
-        Some(walls) => walls.greatest_overlap(law, sample),
+        Some(walls) => walls.greatest_overlap(law, contact, sample),
         None => BOX_OVERLAP * sample.mean_diameter,
     };
     let friction = contact.friction > 0.0 || walls.is_some_and(|walls| walls.pack.friction > 0.0);

@@ -3,8 +3,8 @@
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::drive::Servo;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{Change, FROM_ONE, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::{Contact, Law};
 
 use crate::checker::Checker;
 use crate::derived;
@@ -89,9 +89,10 @@ impl PlaneShear {
         }
     }
 
-    /// δ̄ (m) at the greatest pressure.
-    pub(crate) fn greatest_overlap(&self, law: &Law, sample: &Sample) -> f64 {
-        let most = self.shear.greatest_pressure(self.load.pressure);
+    /// δ̄ (m) at the greatest pressure, with the attraction.
+    pub(crate) fn greatest_overlap(&self, law: &Law, contact: &Contact, sample: &Sample) -> f64 {
+        let most = self.shear.greatest_pressure(self.load.pressure)
+            + derived::attraction_pressure(contact, sample);
         match derived::stiffness_number(law, sample, most) {
             Some(kappa) if most > self.load.pressure => sample.mean_diameter / kappa,
             _ => self.load.mean_overlap(sample),

@@ -5,6 +5,7 @@
 use gshear_dem::dimension::Dimensions;
 
 use crate::checker::Checker;
+use crate::derived::attraction_pressure;
 use crate::keys::tables;
 use crate::scene::{Boundary, Scene};
 
@@ -47,12 +48,11 @@ fn derived(scene: &Scene) -> Vec<(&'static str, f64, &'static str)> {
     };
     let load = &walls.load;
     let mut found = scene.law.derived();
-    let radius = 0.5 * scene.sample.mean_diameter;
-    let attraction = scene.contact.attraction.between(radius, radius);
+    let attraction = attraction_pressure(&scene.contact, &scene.sample);
     if attraction > 0.0 {
-        let number = attraction / (load.pressure * scene.sample.mean_section());
-        found.push(("attraction F_c of mean grains", attraction, of_force));
-        found.push(("cohesion number F_c/(P d)", number, ""));
+        let force = attraction * scene.sample.mean_section();
+        found.push(("attraction F_c of mean grains", force, of_force));
+        found.push(("cohesion number F_c/(P d)", attraction / load.pressure, ""));
     }
     found.push(("pressure P", load.pressure, "Pa"));
     found.push(("normal force N", load.normal_force, of_force));
