@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::process::Stdio;
 
+use crate::bad_input::{BAD_INPUTS, each_bad_input};
 use crate::common::{self, gshear_mpi, interrupted, program, reducer};
 use gshear_store::run_reader::RunFile;
 
@@ -30,31 +31,16 @@ fn refused(ranks: usize, out: &Path, arguments: &[String]) -> String {
 fn bad_scenes_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
-    let bad = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/bad_input");
-    let entries = std::fs::read_dir(bad).expect("the bad inputs");
-    let mut paths: Vec<_> = entries.map(|e| e.expect("an entry").path()).collect();
-    paths.sort();
     // All of them are tested in bad_input.rs; here is to see that the program passes on what it is
     // told.
-    for path in paths.iter().step_by(11) {
-        let text = std::fs::read_to_string(path).expect("a bad input is text");
-        let expected = text
-            .lines()
-            .next()
-            .and_then(|l| l.strip_prefix("# expect: "));
-        let found = refused(1, &out, &[path.display().to_string()]);
-        assert_eq!(
-            found.replace(&format!("{bad}/"), ""),
-            expected.expect("a message")
-        );
-    }
+    each_bad_input(11, |path| refused(1, &out, &[path.display().to_string()]));
     let ranks = [SCENE, "-n", "2"].map(String::from);
     let outcome = gshear_mpi(1, &out, &ranks);
     assert_eq!(outcome.code, 2, "{}", outcome.text);
     let tip = "mpirun -n RANKS gshear-mpi CONFIG.toml";
     assert!(outcome.text.contains(tip), "{}", outcome.text);
     // On ranks it is said once.
-    let path = format!("{bad}/unknown_key.toml");
+    let path = format!("{BAD_INPUTS}/unknown_key.toml");
     assert!(refused(2, &out, &[path]).contains("unknown key"));
     let missing = folder.path().join("none.toml").display().to_string();
     assert!(
