@@ -186,6 +186,9 @@ struct PassWork<'a, C: ContactLaw, const BUDGET: bool> {
 /// and costs some 5 % where the cache holds all (docs/lab/speed.md).
 const CACHED: usize = 3 << 20;
 
+/// Block and lane of a pair, and the factor of a force that jumps in this step.
+type Jump = (usize, usize, f64);
+
 /// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
 /// reuse its memory.
 #[derive(Debug)]
@@ -201,10 +204,10 @@ pub struct Scratch<D: Dimension> {
     turning: [Turning; CHUNK],
     /// Block, lane and factor of the attraction of pairs that touch for the first time or have
     /// opened; set with an attraction only.
-    jumps: Vec<(usize, usize, f64)>,
+    jumps: Vec<Jump>,
     /// Block, lane and damping factor of pairs that touch for the first time; set with an energy
     /// budget only.
-    touched: Vec<(usize, usize, f64)>,
+    touched: Vec<Jump>,
 }
 
 impl<D: Dimension> Default for Scratch<D> {

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::{Pass, Scratch};
+use super::{Jump, Pass, Scratch};
 use crate::contact::{ContactLaw, PairMotion, TORQUES, Turning, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Lanes16, Mask, inverse_sqrt};
@@ -81,25 +81,15 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         // A pair that touched a step ago overlaps by more than it has approached since.
         let approach = -half_v.normal * step;
         let new = approach.greater(pair.overlap).bits() & *touching;
-        if new != 0 {
-            let approach = approach.to_lanes16();
-            for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
-                let factor = first_touch((motion, turning), lane, approach.0[lane]);
-                if BUDGET {
-                    scratch.touched.push((k, lane, factor));
-                }
-                if attracts {
-                    scratch.jumps.push((k, lane, factor));
-                }
-            }
-        }
-        if attracts {
-            let opened = before & !*touching;
-            let approach = approach.to_lanes16();
-            for lane in (0..LANES).filter(|lane| opened >> lane & 1 == 1) {
-                let part = part_of_opening(motion.overlap.0[lane], approach.0[lane]);
-                scratch.jumps.push((k, lane, part));
-            }
+        let opened = if attracts { before & !*touching } else { 0 };
+        if new | opened != 0 {
+            let jumps = attracts.then_some(&mut scratch.jumps);
+            let touched = BUDGET.then_some(&mut scratch.touched);
+            correct_jumps(
+                (k, [new, opened], &approach.to_lanes16()),
+                (motion, turning),
+                [touched, jumps],
+            );
         }
     }
     active
@@ -421,6 +411,28 @@ impl<L: Lanes> Turn<L> {
     }
 }
 
+/// Corrects the motion of pairs of block k that touch for the first time, and notes the factors of
+/// damping and attraction of those and of pairs that have opened. `approach`: -v_n Δt (m).
+#[cold]
+fn correct_jumps(
+    (k, [new, opened], approach): (usize, [u16; 2], &Lanes16),
+    (motion, turning): (&mut PairMotion, &mut Turning),
+    [mut touched, mut jumps]: [Option<&mut Vec<Jump>>; 2],
+) {
+    for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
+        let factor = first_touch((motion, turning), lane, approach.0[lane]);
+        for to in [&mut touched, &mut jumps].into_iter().flatten() {
+            to.push((k, lane, factor));
+        }
+    }
+    if let Some(jumps) = jumps {
+        for lane in (0..LANES).filter(|lane| opened >> lane & 1 == 1) {
+            let part = part_of_opening(motion.overlap.0[lane], approach.0[lane]);
+            jumps.push((k, lane, part));
+        }
+    }
+}
+
 /// Corrects the motion of one lane in the step in which a pair comes to touch. Returns the factor
 /// of the damping. `approach` is -v_n Δt (m).
 ///
@@ -428,7 +440,6 @@ impl<L: Lanes> Turn<L> {
 /// The kicks of this force stand for the time from t-½Δt to t+½Δt, of which the pair touches ½+θ,
 /// so the damping, which begins with a jump, is scaled by that. Without these corrections an impact
 /// would be of first order in Δt.
-#[cold]
 fn first_touch(
     (motion, turning): (&mut PairMotion, &mut Turning),
     lane: usize,
@@ -454,7 +465,6 @@ fn first_touch(
 
 /// The part of the attraction in the first step without touch. The pair touched for a part θ of it;
 /// the kick of the step before stands for half of it, so θ - ½ is left. `approach` is -v_n Δt (m).
-#[cold]
 fn part_of_opening(overlap: f64, approach: f64) -> f64 {
     // Otherwise rounding opened the pair, or nothing moved.
     let open = if approach < overlap {

@@ -6,8 +6,8 @@
 //!
 //! with F_n' ≥ 0 of the law's spring and damper, and F_c constant, or 4πγR* between spheres of the
 //! surface energy γ (B. V. Derjaguin, V. M. Muller and Y. P. Toporov, J. Colloid Interface Sci. 53,
-//! 314, 1975; LAMMPS' `dmt`). The limits of friction, rolling and twisting are those of F_n' = F_n
-//! + F_c, which presses the grains together. The potential energy is -F_c δ.
+//! 314, 1975; LAMMPS' `dmt`). The limits of friction, rolling and twisting are those of F_n', which
+//! presses the grains together. The potential energy is -F_c δ.
 //!
 //! F_c begins and ends with a jump. In the steps of touch and of opening the kernel gives it for
 //! the part of the step in which the pair touches, so that the scheme stays of second order.
