@@ -86,13 +86,22 @@ fn spheres_under_a_spring_keep_the_contracts() {
     same_run(&folder.path().join("one"), &broken);
     assert_eq!(beyond_the_digest(&broken), beyond);
 
-    // Attraction, which depends on the radii and acts in the steps of touch and of opening.
+    // Attraction, which depends on the radii and jumps in the steps of touch and of opening.
     let attracting = |name: &str, ranks, further: &[&str]| {
         let further = [&["--set=contact.surface_energy=2.0"], further].concat();
         run(name, ranks, &further)
     };
     let held = attracting("held", 1, &[]).digest();
     assert_ne!(held, expected);
+    let without_output = [
+        "--threads=2",
+        "--set=output.energy=false",
+        "--set=output.series_rows=0",
+    ];
+    assert_eq!(
+        attracting("held-quietly", 2, &without_output).digest(),
+        held
+    );
     assert_eq!(
         attracting("held", 3, &["--stop-at=3100", "--overwrite"]).code,
         75

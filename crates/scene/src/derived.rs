@@ -82,10 +82,10 @@ pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
     law.normal_stiffness(radius, radius, overlap) / stiffness_number * per_section
 }
 
-/// The pressure (Pa) that presses mean grains together as their attraction does.
-pub fn attraction_pressure(contact: &Contact, sample: &Sample) -> f64 {
+/// F_c (N; N/m in 2D) of two mean grains.
+pub fn mean_attraction(contact: &Contact, sample: &Sample) -> f64 {
     let radius = 0.5 * sample.mean_diameter;
-    contact.attraction.between(radius, radius) / sample.mean_section()
+    contact.attraction.between(radius, radius)
 }
 
 /// κ at which [`pressure`] is the given P (Pa): bisection of a function that falls as κ grows, down

@@ -140,17 +140,16 @@ pub(crate) fn check_attraction(
     (law, contact): (&Law, &Contact),
     sample: &Sample,
 ) {
-    let given = derived::attraction_pressure(contact, sample);
-    let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN);
+    let given = derived::mean_attraction(contact, sample);
+    let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN) * sample.mean_section();
     if given > most {
         let of_all = [&CONTACT.attraction, &CONTACT.surface_energy];
-        let section = sample.mean_section();
         let unit = if sample.is_planar() { "N/m" } else { "N" };
         let what = format!(
             "mean grains attract each other by {:.3e} {unit}, which presses them further together than the law {:?} takes; give less, for at most {:.3e} {unit}, or a stiffer law",
-            given * section,
+            given,
             law.kind().name,
-            most * section,
+            most,
         );
         c.refuse_among(&of_all, &what);
     }

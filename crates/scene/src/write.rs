@@ -5,7 +5,7 @@
 use gshear_dem::dimension::Dimensions;
 
 use crate::checker::Checker;
-use crate::derived::attraction_pressure;
+use crate::derived::mean_attraction;
 use crate::keys::tables;
 use crate::scene::{Boundary, Scene};
 
@@ -48,11 +48,11 @@ fn derived(scene: &Scene) -> Vec<(&'static str, f64, &'static str)> {
     };
     let load = &walls.load;
     let mut found = scene.law.derived();
-    let attraction = attraction_pressure(&scene.contact, &scene.sample);
+    let attraction = mean_attraction(&scene.contact, &scene.sample);
     if attraction > 0.0 {
-        let force = attraction * scene.sample.mean_section();
-        found.push(("attraction F_c of mean grains", force, of_force));
-        found.push(("cohesion number F_c/(P d)", attraction / load.pressure, ""));
+        let number = attraction / (load.pressure * scene.sample.mean_section());
+        found.push(("attraction F_c of mean grains", attraction, of_force));
+        found.push(("cohesion number F_c/(P d)", number, ""));
     }
     found.push(("pressure P", load.pressure, "Pa"));
     found.push(("normal force N", load.normal_force, of_force));

@@ -491,10 +491,11 @@ fn add_attraction<D: Dimension, L: Lanes>(
     let contacts = &pass.part;
     let mut jumps = scratch.jumps.iter().peekable();
     for (k, block) in chunk.enumerate() {
+        let touches = L::mask(token, contacts.touching[block]);
         let mut factors = Lanes16::ZERO;
-        for lane in 0..LANES {
-            factors.0[lane] = f64::from(contacts.touching[block] >> lane & 1);
-        }
+        L::splat(token, 1.0)
+            .select(touches, zero)
+            .store(&mut factors);
         while let Some((_, lane, factor)) = jumps.next_if(|jump| jump.0 == k) {
             factors.0[*lane] = *factor;
         }

@@ -9,8 +9,8 @@
 //! 314, 1975; LAMMPS' `dmt`). The limits of friction, rolling and twisting are those of F_n', which
 //! presses the grains together. The potential energy is -F_c δ.
 //!
-//! F_c begins and ends with a jump. In the steps of touch and of opening the kernel gives it for
-//! the part of the step in which the pair touches, so that the scheme stays of second order.
+//! F_c jumps when a pair touches and when it opens. In these steps the kernel scales it by the part
+//! of the step in which the pair touches, so that the scheme stays of second order.
 
 use crate::contact::History;
 use crate::contact::attraction::Attraction;

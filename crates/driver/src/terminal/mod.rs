@@ -21,6 +21,7 @@ use gshear_dem::simd::Isa;
 use gshear_dem::system::System;
 use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
+use gshear_scene::derived::mean_attraction;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::unlikely;
 use gshear_scene::{
@@ -474,8 +475,7 @@ fn imposed(schedule: &Schedule, segment: &Segment) -> String {
 /// The law's name and its derived constants.
 fn law(scene: &Scene) -> String {
     let law = &scene.law;
-    let radius = 0.5 * scene.sample.mean_diameter;
-    let attraction = scene.contact.attraction.between(radius, radius);
+    let attraction = mean_attraction(&scene.contact, &scene.sample);
     let unit = ["N/m", "N"][scene.dimension.axes() - 2];
     let attraction = (attraction > 0.0).then_some(("attraction F_c", attraction, unit));
     let derived = law.derived().into_iter().chain(attraction);
