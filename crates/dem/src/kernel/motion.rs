@@ -437,8 +437,8 @@ fn correct_jumps(
 /// of the damping. `approach` is -v_n Δt (m).
 ///
 /// The pair touches for a part θ = δ/(-v_n Δt) of the step only, so the increments are scaled by θ.
-/// The kicks by this force cover the time from t-½Δt to t+½Δt. The pair touches during ½+θ of it, so
-/// the damping, which begins with a jump, is scaled by ½+θ. Without these corrections an impact
+/// The kicks by this force cover the time from t-½Δt to t+½Δt. The pair touches during ½+θ of it,
+/// so the damping, which begins with a jump, is scaled by ½+θ. Without these corrections an impact
 /// would be of first order in Δt.
 fn first_touch(
     (motion, turning): (&mut PairMotion, &mut Turning),
