@@ -32,6 +32,7 @@ LAWS = "docs/laws.md"
 BESIDE_LAWS = {
     "rolling_spheres": "rolling and twisting of spheres",
     "attraction": "attraction",
+    "mixture": "several materials",
 }
 
 ITEM = re.compile(r"^(?P<indent> *)- \[(?P<title>[^]]+)\]\((?P<path>[^)#\s]+\.md)\)")

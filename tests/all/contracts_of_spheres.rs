@@ -171,3 +171,84 @@ fn spheres_cross(folder: &Path) {
     // Grains that changed slabs, and crossed the seams; contacts sliding over cuts, and over seams.
     assert!(counts.iter().all(|&n| n >= 20), "{counts:?}");
 }
+
+/// The same of three materials, whose pairs have laws of their own: read from the types of a
+/// packing, walls included; nothing depends on how the list keeps their pairs apart.
+#[test]
+fn mixtures_keep_the_contracts() {
+    const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes");
+    let folder = tempfile::tempdir().expect("a folder");
+    let packing = std::fs::read_to_string(format!("{SCENES}/crossing-3d.data")).expect("a file");
+    let row = |line: &str| match line.split_once(" 1 ") {
+        Some((id, rest)) if id.parse().is_ok_and(|id: u32| id % 3 == 0) => {
+            format!("{id} 4 {rest}\n")
+        }
+        _ => format!("{line}\n"),
+    };
+    let mixed: String = packing.lines().map(row).collect();
+    std::fs::write(
+        folder.path().join("mixed.data"),
+        mixed.replace("3 atom", "4 atom"),
+    )
+    .expect("a packing");
+    let scene = format!(
+        "extends = '{SCENES}/crossing-3d.toml'
+         sample = {{ packing = 'mixed.data', walls = 'types', wall_material = 'rough' }}
+         [contact]
+         pair = [
+             {{ materials = ['soft', 'soft'], friction = 0.0, restitution = 0.9 }},
+             {{ materials = ['rough', 'hard'], friction = 1.0, rolling_friction = 0.1 }},
+         ]
+         [[material]]
+         name = 'hard'
+         young_modulus = 1e8
+         poisson_ratio = 0.3
+         density = 2500.0
+         [[material]]
+         name = 'soft'
+         young_modulus = 5e7
+         poisson_ratio = 0.45
+         density = 4000.0
+         [[material]]
+         name = 'rough'
+         young_modulus = 1e8
+         poisson_ratio = 0.2
+         density = 3000.0
+         "
+    );
+    let path = folder.path().join("mixture.toml");
+    std::fs::write(&path, scene).expect("a scene");
+    let run = |name: &str, ranks, further: &[&str]| {
+        let mut arguments = vec![path.display().to_string()];
+        arguments.extend(further.iter().map(ToString::to_string));
+        gshear_mpi(ranks, &folder.path().join(name), &arguments)
+    };
+    let expected = run("one", 1, &[]).digest();
+    let rebuilt = ["--set=bookkeeping.rebuild_every=7", "--threads=2"];
+    assert_eq!(run("three", 3, &rebuilt).digest(), expected);
+    same_run(&folder.path().join("one"), &folder.path().join("three"));
+    let file = hdf5::File::open(folder.path().join("one/run.h5")).expect("run.h5");
+    let of = |name: &str| -> Vec<u8> {
+        let dataset = file.dataset(&format!("particles/trajectory/{name}"));
+        dataset.and_then(|d| d.read_raw()).expect(name)
+    };
+    let (material, body) = (of("material"), of("body"));
+    let count = |of: u8| material.iter().filter(|k| **k == of).count();
+    assert!([0, 1, 2].map(count).iter().all(|&n| n > 50));
+    assert!(
+        material
+            .iter()
+            .zip(&body)
+            .all(|(k, body)| (*k == 2) == (*body > 0))
+    );
+
+    assert_eq!(run("begun", 2, &["--stop-at=3100"]).code, 75);
+    let resume = format!(
+        "--resume={}",
+        folder.path().join("begun/checkpoint.h5").display()
+    );
+    let portable = "--set=bookkeeping.simd=portable".to_string();
+    let again = gshear_mpi(3, &folder.path().join("begun"), &[resume, portable]);
+    assert_eq!(again.digest(), expected);
+    same_run(&folder.path().join("one"), &folder.path().join("begun"));
+}

@@ -183,7 +183,7 @@ fn the_form_of_the_paper() {
         grains: &grains,
         contacts: &contacts,
         cell,
-        masses: Masses::Equal(1.0),
+        masses: &Masses::Equal(1.0),
         at_rest: true,
     };
     let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
@@ -246,7 +246,7 @@ fn translations_are_null_vectors() {
         grains: &grains,
         contacts: &contacts,
         cell,
-        masses: MASSES,
+        masses: &MASSES,
         at_rest: true,
     };
     let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);
@@ -288,7 +288,7 @@ fn linear_systems_are_solved() {
             grains: &grains,
             contacts: &contacts,
             cell,
-            masses: Masses::Equal(1.0),
+            masses: &Masses::Equal(1.0),
             at_rest: true,
         };
         let jacobian = assemble::<Three>(state, &law, History::Turned);
@@ -344,7 +344,7 @@ fn eigenvalues_alone() {
         grains: &grains,
         contacts: &contacts,
         cell,
-        masses: Masses::Equal(1.0),
+        masses: &Masses::Equal(1.0),
         at_rest: true,
     };
     let law = Mindlin::<Three, true>::new(&SMOOTH, &CONTACT);

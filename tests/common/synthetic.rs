@@ -34,6 +34,7 @@ pub fn shapes(grains: u64) -> Vec<GrainShape> {
         body: (id % 3) as u32,
         radius: 1.0 + number(0, id, 1),
         mass: 1.0 + number(0, id, 2),
+        material: id % 2,
     };
     (0..grains).map(shape).collect()
 }
@@ -135,6 +136,7 @@ pub fn snapshot(t: u64, grains: u64) -> Snapshot {
         force: [20, 21, 22].map(|c| number(t, id, c)),
         torque: [23, 24, 25].map(|c| number(t, id, c)),
         image: image(t, id),
+        material: id % 2,
     };
     let contact = |(i, j)| ContactState {
         i,

@@ -10,6 +10,7 @@ use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::keys::{Key, KeyReader};
+use gshear_dem::laws::mixture::pair_force;
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
@@ -81,6 +82,7 @@ fn grains<D: Dimension>(random: &mut ChaCha8Rng) -> Vec<GrainState> {
             force: [0.0; 3],
             torque: [0.0; 3],
             image: [0; 3],
+            material: id as u64 % 2,
         }
     };
     (0..SIDE.pow(D::AXES as u32)).map(grain).collect()
@@ -246,7 +248,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
             grains: &self.system.grain_states(),
             contacts: &contacts,
             cell: self.system.cell,
-            masses: MASSES,
+            masses: &MASSES,
             at_rest,
         };
         assemble::<D>(state, self.law, History::Turned)
@@ -285,10 +287,11 @@ fn name_of<D: Dimension>(law: &Law, contact: &Contact) -> String {
     format!("{name} in {axes} dimensions with {contact:?}")
 }
 
-/// Every entry of K, to 1e-8 of the greatest.
-fn agrees<D: LawSpace>(law: &Law, contact: &Contact) {
-    let name = name_of::<D>(law, contact);
-    let force = D::pair_force(law, contact);
+/// Every entry of K, to 1e-8 of the greatest, of the laws of one or two materials.
+fn agrees<D: LawSpace>(laws: &[(Law, Contact)]) {
+    let (law, contact) = &laws[0];
+    let name = format!("{}: {} pairs", name_of::<D>(law, contact), laws.len());
+    let force = pair_force::<D>(laws);
     let force = force.unwrap_or_else(|| panic!("{name}: no forces"));
     let mut packing = Packing::<D>::new(force.as_ref(), contact, cell(1.0));
     let jacobian = packing.jacobian(true);
@@ -385,8 +388,17 @@ fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
                 twisting_stiffness: None,
                 twisting_damping_ratio: 0.2,
                 attraction,
+                ..Contact::NONE
             };
-            agrees::<D>(&law, &contact);
+            let of_all = (law.clone(), contact);
+            agrees::<D>(std::slice::from_ref(&of_all));
+            let other = Contact {
+                friction: 2.0 * friction,
+                rolling_stiffness: Some(0.2 * law.normal_stiffness(0.5, 0.5, 0.03)),
+                ..contact
+            };
+            let unlike = (law.clone(), other);
+            agrees::<D>(&[of_all.clone(), unlike.clone(), unlike, of_all]);
             idle::<D>(&law, &contact);
         }
     }
@@ -454,7 +466,7 @@ fn random_frame(random: &mut ChaCha8Rng) -> Option<Problem> {
         grains: &grains,
         contacts: &contacts,
         cell,
-        masses: MASSES,
+        masses: &MASSES,
         at_rest: false,
     };
     let jacobian = assemble::<Two>(state, force.as_ref(), History::Turned);

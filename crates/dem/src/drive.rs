@@ -285,11 +285,9 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         };
         let pairs: Vec<_> = (0..self.candidates.len() as u32).map(with_image).collect();
         let id: Vec<_> = (0..2 * self.candidates.len() as u32).collect();
-        let radius: Vec<_> = self
-            .candidates
-            .iter()
-            .flat_map(|&(g, _)| [grains.radius[g as usize]; 2])
-            .collect();
+        let grains_of = || self.candidates.iter().map(|&(g, _)| g as usize);
+        let radius: Vec<_> = grains_of().flat_map(|g| [grains.radius[g]; 2]).collect();
+        let material: Vec<_> = grains_of().flat_map(|g| [grains.material[g]; 2]).collect();
         self.record.clear();
         self.record.resize(radius.len(), Zeroable::zeroed());
         self.force.clear();
@@ -302,6 +300,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             LocalGrains {
                 id: &id,
                 radius: &radius,
+                material: &material,
                 owned: radius.len(),
                 shares: std::slice::from_ref(&(0..radius.len())),
                 ghosts_move: 0.0,

@@ -365,7 +365,7 @@ mod tests {
                 })
                 .collect();
             let mut grains = Grains::<D>::default();
-            grains.replace(&states[..owned], Masses::Equal(1.0), 1.0);
+            grains.replace(&states[..owned], &Masses::Equal(1.0), 1.0);
             for ghost in &states[owned..] {
                 grains.push(ghost);
             }
@@ -420,7 +420,7 @@ mod tests {
         };
         let furthest = |states: &[GrainState]| {
             let mut grains = Grains::<Two>::default();
-            grains.replace(states, Masses::Equal(1.0), 1.0);
+            grains.replace(states, &Masses::Equal(1.0), 1.0);
             let pairs = pairs(&grains, cell, extent, cutoff);
             assert_eq!(pairs.len(), 1000 + 19 * 50);
             let across = |p: &CandidatePair| p.grains[0].abs_diff(p.grains[1]);

@@ -272,7 +272,7 @@ pub struct ListSettings {
 }
 
 /// Parameters of a [`System`]. SI units.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Setup {
     /// The instruction set.
     pub isa: Isa,
@@ -460,7 +460,7 @@ impl<D: Dimension> System<D> {
         self.second_kick_deferred = false;
         let extent = self.extent(exchange);
         neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff);
-        self.grains.replace(&owned, self.masses, self.step);
+        self.grains.replace(&owned, &self.masses, self.step);
         let largest = 0.5 * self.list.diameter;
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
@@ -495,7 +495,11 @@ impl<D: Dimension> System<D> {
         self.slabs
             .drop_unpaired_ghosts(exchange, &mut self.grains, &mut candidates);
         let Grains {
-            id, radius, owned, ..
+            id,
+            radius,
+            material,
+            owned,
+            ..
         } = &self.grains;
         self.pool.divide(&candidates, *owned);
         self.contacts.replace(
@@ -506,6 +510,7 @@ impl<D: Dimension> System<D> {
             LocalGrains {
                 id,
                 radius,
+                material,
                 owned: *owned,
                 shares: self.pool.shares(),
                 ghosts_move: 0.5 * self.list.skin,

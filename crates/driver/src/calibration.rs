@@ -21,7 +21,7 @@ use crate::launch::Task;
 use crate::options::Options;
 use crate::run::Run;
 use crate::stages::relax;
-use crate::stages::setup::{force, system};
+use crate::stages::setup::system;
 
 /// Speed of all ranks together (grain-steps/s), measured within a second; `None` if the law does
 /// not hold on the lattice. Collective.
@@ -200,7 +200,7 @@ fn measured<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, Failure> {
         grains: [along, across, up],
         spacing: [touching, near, touching],
     };
-    let law = force::<D>(&scene.law, scene.contact);
+    let law = scene.force::<D>();
     let law = law.as_ref();
     let mut system = lattice.system(run, scene, law)?;
     let mut steps = |steps: u64| -> Result<f64, Failure> {
@@ -262,7 +262,7 @@ fn strain_step_on_lattices<D: LawSpace>(
 ) -> Result<f64, Failure> {
     let exchange = run.exchange;
     let all = scene.sample.grains;
-    let law = force::<D>(&scene.law, scene.contact);
+    let law = scene.force::<D>();
     let law = law.as_ref();
     let lattice = |grains: u32| {
         let side = f64::from(grains).powf(1.0 / D::AXES as f64).round() as u32;

@@ -9,8 +9,6 @@ use gshear_analysis::stability::Stability;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, ContactState, GrainState};
 use gshear_driver::header::{Header, Saved};
 use gshear_scene::{Boundary, Dimensions, Scene, Source};
@@ -116,13 +114,15 @@ impl StoredState {
             grains: &self.grains,
             contacts: &self.contacts,
             cell: self.cell,
-            masses: self.scene.law.masses(),
+            masses: &self.scene.materials.masses,
             // Strain steps end at rest.
             at_rest: self.origin.stage == RunStage::Strain,
         };
         match self.scene.dimension {
-            Dimensions::Two => assemble::<Two>(state, self.force::<Two>().as_ref(), history),
-            Dimensions::Three => assemble::<Three>(state, self.force::<Three>().as_ref(), history),
+            Dimensions::Two => assemble::<Two>(state, self.scene.force::<Two>().as_ref(), history),
+            Dimensions::Three => {
+                assemble::<Three>(state, self.scene.force::<Three>().as_ref(), history)
+            }
         }
     }
 
@@ -133,12 +133,6 @@ impl StoredState {
     pub fn stability(&self, jacobian: &Jacobian) -> Result<Stability, Failure> {
         let unfit = |why| Failure::numbers(format!("{}: K: {why}", self.what));
         Ok(Stability::of(&jacobian.problem().map_err(unfit)?))
-    }
-
-    /// Returns the contact law, as the run itself chooses it.
-    fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
-        D::pair_force(&self.scene.law, &self.scene.contact)
-            .expect("a law of this dimension, as the scene was checked")
     }
 }
 

@@ -12,7 +12,7 @@ use crate::scene::{Boundary, Scene};
 use crate::schedule::packing_steps;
 use crate::value::Value;
 use crate::walls::{PACK, PlaneShear};
-use crate::{extent, law, load, periodic, time, walls, write};
+use crate::{extent, law, load, materials, periodic, time, walls, write};
 
 /// Checks every value by itself, then those that must agree, and derives what follows. `boxed`: the
 /// scene has a `[box]`; `limit`: of inserted grains; `packing` is called for the file of a packing,
@@ -30,6 +30,7 @@ pub(crate) fn scene(
         _ => Dimensions::Two,
     };
     let (law, contact) = law::check(c, dimension)?;
+    let materials = materials::check(c, &law, &contact)?;
     time::check(c, &law, boxed);
     check_limit(c, limit);
     let checkpoint_time = c.number_or_default(&OUTPUT.checkpoint_time);
@@ -49,8 +50,10 @@ pub(crate) fn scene(
         Boundary::Walls(walls) => Some(walls),
         Boundary::Periodic(_) => None,
     };
-    law::check_attraction(c, (&law, &contact), &sample);
-    let time_step = time::derive(c, (&law, &contact), &sample, of_walls)?;
+    for (law, contact) in &materials.laws {
+        law::check_attraction(c, (law, contact), &sample);
+    }
+    let time_step = time::derive(c, &materials, &sample, of_walls)?;
     if let Boundary::Walls(walls) = &mut boundary {
         let greatest = (
             walls.greatest_overlap(&law, &contact, &sample),
@@ -66,6 +69,7 @@ pub(crate) fn scene(
         dimension,
         law,
         contact,
+        materials,
         sample,
         time_step,
         boundary,

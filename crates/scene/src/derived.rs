@@ -122,7 +122,7 @@ fn lightest_and_stiffest(law: &Law, sample: &Sample, mean_overlap: f64) -> [f64;
     } else {
         Three::volume(radius)
     };
-    [law.masses().of(volume), stiffness]
+    [law.masses().of(0, volume), stiffness]
 }
 
 /// √(m_min/k_n,max) (s).
@@ -199,7 +199,7 @@ pub fn step_limit(
 /// same grains would, 1/Z of the impedance Z = √(m̄ k)/d̄, in 3D over d̄², with k at the mean
 /// overlap (m).
 pub fn servo_gain(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
-    let mass = law.masses().of(sample.mean_volume);
+    let mass = law.masses().of(0, sample.mean_volume);
     sample.mean_section() / (mass * mean_stiffness(law, sample, mean_overlap)).sqrt()
 }
 
@@ -207,7 +207,7 @@ pub fn servo_gain(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
 /// stiffness K (Pa/m) and the damping constant C (Pa s/m) is stable while gain (K Δt + 3 C) < 1;
 /// they are taken as four contacts of mean grains at this overlap (m) on every d̄, in 3D d̄².
 pub fn servo_gain_limit(law: &Law, sample: &Sample, overlap: f64, step: f64) -> f64 {
-    let mass = law.masses().of(sample.mean_volume);
+    let mass = law.masses().of(0, sample.mean_volume);
     let rigid = law.rigidity(mean_stiffness(law, sample, overlap), mass, false);
     let of_contact = rigid.normal * step + 3.0 * rigid.damping[0];
     sample.mean_section() / (4.0 * of_contact)

@@ -8,6 +8,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::grains::{Sample, Sizes};
+use crate::materials::Materials;
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::state::{GrainState, body};
 
@@ -26,6 +27,7 @@ pub fn columns(length: f64, radius_max: f64) -> u32 {
 pub struct Lattice<'a> {
     sample: &'a Sample,
     sizes: &'a Sizes,
+    materials: &'a Materials,
     /// Columns along x and along y; in two dimensions one.
     columns: [u32; 2],
     /// Of a column (m), along x and along y; none in two dimensions.
@@ -34,7 +36,7 @@ pub struct Lattice<'a> {
 
 impl<'a> Lattice<'a> {
     /// The lattice on which the grains of a sample are inserted.
-    pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
+    pub fn new(sample: &'a Sample, sizes: &'a Sizes, materials: &'a Materials) -> Self {
         let planar = sample.is_planar();
         let along = columns(sample.length, sample.radius_max);
         let across = if planar {
@@ -46,6 +48,7 @@ impl<'a> Lattice<'a> {
         Self {
             sample,
             sizes,
+            materials,
             columns: [along, across],
             width: [
                 width(sample.length, along),
@@ -97,6 +100,7 @@ impl<'a> Lattice<'a> {
                 id,
                 position,
                 radius,
+                material: (self.materials).of_inserted(seed, id, radius, self.sample.radius_max),
                 ..GrainState::zeroed()
             }
         };
@@ -155,9 +159,18 @@ pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64)
 
 /// Random numbers in [0, 1) for one grain: first those of its radius, then those of its position.
 pub fn stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
+    stream_of(seed, u64::from(id))
+}
+
+fn stream_of(seed: u64, number: u64) -> impl FnMut() -> f64 {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(u64::from(id));
+    random.set_stream(number);
     move || random.random::<f64>()
+}
+
+/// Random numbers in [0, 1) for the material of one grain.
+pub(crate) fn material_stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
+    stream_of(seed, u64::from(id) + (1 << 32))
 }
 
 /// Number of large grains of a binary mixture of `grains`.
@@ -187,7 +200,13 @@ pub fn volume_in_box(
 
 /// Makes walls of the grains whose centre is within `thickness` (m) of the `planes` (m) across the
 /// axis `up`, the lower one first.
-pub fn freeze_walls(grains: &mut [GrainState], up: usize, planes: [f64; 2], thickness: f64) {
+pub fn freeze_walls(
+    grains: &mut [GrainState],
+    up: usize,
+    planes: [f64; 2],
+    thickness: f64,
+    material: Option<u64>,
+) {
     for g in grains.iter_mut() {
         g.body = if g.position[up] < planes[0] + thickness {
             body::BOTTOM
@@ -197,14 +216,16 @@ pub fn freeze_walls(grains: &mut [GrainState], up: usize, planes: [f64; 2], thic
             body::FREE
         };
     }
-    stop_walls(grains);
+    finish_walls(grains, material);
 }
 
-/// Sets the velocities of wall grains to 0.
-pub fn stop_walls(grains: &mut [GrainState]) {
+/// Sets the velocities of wall grains to 0, and gives them their material, if they have one of
+/// their own.
+pub(crate) fn finish_walls(grains: &mut [GrainState], material: Option<u64>) {
     for g in grains.iter_mut().filter(|g| g.body != body::FREE) {
         g.velocity = [0.0; 3];
         g.angular_velocity = [0.0; 3];
+        g.material = material.unwrap_or(g.material);
     }
 }
 
@@ -213,6 +234,7 @@ mod tests {
     use super::*;
     use crate::grains::SizeClass;
     use crate::sample::Origin;
+    use crate::{Source, load};
     use gshear_dem::dimension::{Three, Two};
 
     const SAMPLE: Sample = Sample::uniform(1003, 0.5e-6, 1e-6, 48e-6);
@@ -222,6 +244,10 @@ mod tests {
         width: 9e-6,
         ..SAMPLE
     };
+
+    fn one() -> Materials {
+        load(&Source::embedded(), &[]).expect("a scene").materials
+    }
 
     fn distance(sample: &Sample, a: &GrainState, b: &GrainState) -> f64 {
         let r = match sample.width {
@@ -234,7 +260,7 @@ mod tests {
     #[test]
     fn grains_do_not_overlap_and_their_sizes_are_uniform() {
         for (sample, up) in [(&SAMPLE, 1), (&SPHERES, 2)] {
-            let grains = Lattice::new(sample, &Sizes::Uniform).insert(3, 0, 1);
+            let grains = Lattice::new(sample, &Sizes::Uniform, &one()).insert(3, 0, 1);
             assert_eq!(grains.len(), sample.grains as usize);
             for (k, a) in grains.iter().enumerate() {
                 assert_eq!(a.id, k as u32);
@@ -292,7 +318,7 @@ mod tests {
             binary,
             list,
         ] {
-            let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
+            let grains = Lattice::new(&SAMPLE, &sizes, &one()).insert(5, 0, 1);
             let of = |f: fn(f64) -> f64| {
                 let n = grains.len() as f64;
                 let mean = grains.iter().map(|g| f(g.radius / 1e-6)).sum::<f64>() / n;
@@ -337,11 +363,11 @@ mod tests {
                 passing = {passing:?}
                 passing_by = '{by}'"
             );
-            let scene = crate::load(&crate::Source::new("s", &text), &[]).expect("a scene");
+            let scene = load(&Source::new("s", &text), &[]).expect("a scene");
             let Origin::Insertion(sizes) = &scene.plane_shear("s").expect("walls").origin else {
                 panic!("not inserted");
             };
-            let grains = Lattice::new(&scene.sample, sizes).insert(9, 0, 1);
+            let grains = Lattice::new(&scene.sample, sizes, &one()).insert(9, 0, 1);
             let volume = |g: &GrainState| (g.radius / 1e-3).powi(power);
             let all: f64 = grains.iter().map(volume).sum();
             // Half way along the logarithm between the last two, too.
@@ -404,8 +430,9 @@ mod tests {
 
     #[test]
     fn any_share_is_the_same_as_the_whole() {
+        let one = one();
         for sample in [&SAMPLE, &SPHERES] {
-            let lattice = Lattice::new(sample, &Sizes::Uniform);
+            let lattice = Lattice::new(sample, &Sizes::Uniform, &one);
             let whole = lattice.insert(3, 0, 1);
             let shares: Vec<_> = (0..5).flat_map(|r| lattice.insert(3, r, 5)).collect();
             assert_eq!(whole, shares);

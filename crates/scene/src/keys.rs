@@ -1,14 +1,15 @@
 //! All tables and keys, and what messages say of those that are unknown.
 
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::Key;
+use gshear_dem::laws::keys::{Key, Values};
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeArray, DeTable, DeValue};
 
 use crate::checker::Given;
 use crate::general::{BookkeepingKeys, SceneKeys};
-use crate::law::{ContactKeys, MATERIAL};
+use crate::law::ContactKeys;
 use crate::load::LoadKeys;
+use crate::materials::{MaterialKeys, OTHERS};
 use crate::output::{AnalysisKeys, OutputKeys};
 use crate::periodic::{AqsKeys, BoxKeys, NewtonianKeys, RelaxKeys};
 use crate::protocol::ShearKeys;
@@ -16,7 +17,7 @@ use crate::sample::SampleKeys;
 use crate::source::Input;
 use crate::table::{Scenes, Table};
 use crate::time::TimeKeys;
-use crate::value::Value;
+use crate::value::{Value, of_entry};
 use crate::walls::PackKeys;
 use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, known_names, nearest};
 
@@ -25,7 +26,7 @@ pub(crate) static TOP: Table = SceneKeys::TABLE;
 
 /// Every table.
 pub(crate) static TABLES: [Table; 14] = [
-    MATERIAL,
+    MaterialKeys::TABLE,
     ContactKeys::TABLE,
     SampleKeys::TABLE,
     LoadKeys::TABLE,
@@ -82,6 +83,18 @@ pub(crate) fn read(tree: DeTable<'_>, input: &Input<'_>) -> Result<Given, Failur
                     take(table.key(name.get_ref()), value)?;
                 }
             }
+            (Some(table), DeValue::Array(all)) => {
+                let mut all = all.into_iter();
+                if let Some(DeValue::Table(first)) = all.next().map(Spanned::into_inner) {
+                    for (name, value) in first {
+                        take(table.key(name.get_ref()), value)?;
+                    }
+                }
+                let others: DeArray<'_> = all.collect();
+                if !others.is_empty() {
+                    take(Some(&OTHERS), Spanned::new(span, DeValue::Array(others)))?;
+                }
+            }
             (_, value) => take(TOP.key(name.get_ref()), Spanned::new(span, value))?,
         }
     }
@@ -121,12 +134,20 @@ pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
         let name: &str = key.get_ref();
         let offset = key.span().start;
         match (table(name), value.get_ref()) {
-            (Some(known), DeValue::Table(table)) => {
-                for (inner, _) in table {
-                    let inner_name: &str = inner.get_ref();
-                    if known.key(inner_name).is_none() {
-                        let what = unknown_key(name, inner_name);
-                        problems.push((inner.span().start, format!("{name}.{inner_name}"), what));
+            (Some(known), DeValue::Table(table)) => unknown_of(known, table, &mut problems),
+            (Some(known), DeValue::Array(tables))
+                if known.name == MaterialKeys::TABLE.name && !tables.is_empty() =>
+            {
+                for table in tables.iter() {
+                    match table.get_ref() {
+                        DeValue::Table(table) => unknown_of(known, table, &mut problems),
+                        other => {
+                            let what = format!(
+                                "must be a table, not a value of type {}",
+                                other.type_str()
+                            );
+                            problems.push((offset, name.to_string(), what));
+                        }
                     }
                 }
             }
@@ -149,6 +170,33 @@ pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
     match problems.into_iter().min_by_key(|(offset, _, _)| *offset) {
         Some((offset, path, what)) => Err(input.failure(offset, &path, &what)),
         None => Ok(()),
+    }
+}
+
+/// Notes the keys that a table does not know, and those of its lists of tables.
+fn unknown_of(known: &Table, table: &DeTable<'_>, problems: &mut Vec<(usize, String, String)>) {
+    for (key, value) in table {
+        let name: &str = key.get_ref();
+        let Some(declared) = known.key(name) else {
+            let what = unknown_key(known.name, name);
+            problems.push((key.span().start, format!("{}.{name}", known.name), what));
+            continue;
+        };
+        let (Values::Tables(of), DeValue::Array(tables)) = (declared.values, value.get_ref())
+        else {
+            continue;
+        };
+        let keys = tables.iter().filter_map(|table| table.get_ref().as_table());
+        for (key, _) in keys.flatten() {
+            if of_entry(of, key.get_ref()).is_none() {
+                let what = unknown_key(of, key.get_ref());
+                problems.push((
+                    key.span().start,
+                    format!("{}.{}", declared.path, key.get_ref()),
+                    what,
+                ));
+            }
+        }
     }
 }
 

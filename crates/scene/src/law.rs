@@ -5,13 +5,13 @@ use std::f64::consts::PI;
 use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{BELOW_ONE, Change, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, hertz, lee_hurley};
 
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
-use crate::table::{Scenes, Table, law_keys, laws_with, table};
+use crate::table::{law_keys, laws_with, table};
 use crate::words::list;
 
 /// The names of the contact laws.
@@ -23,14 +23,6 @@ const LAW_NAMES: [&str; LAWS.len()] = {
         k += 1;
     }
     names
-};
-
-/// The material of the grains, whose keys are those of the laws.
-pub(crate) const MATERIAL: Table = Table {
-    name: "material",
-    about: "The material of the grains.",
-    scenes: Scenes::All,
-    own: &[],
 };
 
 table! {
@@ -62,6 +54,8 @@ table! {
         attraction: Number(NOT_NEGATIVE) { unit: "N, in 2D N/m", default: "0.0" },
         /// surface energy γ: an attraction of 4πγR* (DMT); 3D only
         surface_energy: Number(NOT_NEGATIVE) { unit: "J/m²", default: "0.0" },
+        /// pairs of materials with other values of these keys, see below
+        pair: Tables("contact") { condition: "with several materials", otherwise: "none" },
     }
 }
 
@@ -95,43 +89,55 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, 
     for (key, value) in law.given() {
         c.fill(key, *value);
     }
-    let contact = Contact {
-        friction: c.required(&CONTACT.friction),
-        rolling_friction: c.number_or_default(&CONTACT.rolling_friction),
-        rolling_stiffness: c.number(&CONTACT.rolling_stiffness),
-        rolling_damping_ratio: c.number_or_default(&CONTACT.rolling_damping_ratio),
-        twisting_friction: c.number_or_default(&CONTACT.twisting_friction),
-        twisting_stiffness: c.number(&CONTACT.twisting_stiffness),
-        twisting_damping_ratio: c.number_or_default(&CONTACT.twisting_damping_ratio),
-        attraction: Attraction {
-            constant: c.number_or_default(&CONTACT.attraction),
-            per_radius: 4.0 * PI * c.number_or_default(&CONTACT.surface_energy),
-        },
-    };
-    let of_rolling = contact.rolling_stiffness.or(law.rolling_stiffness());
-    for (key, friction, stiffness, given) in [
-        (
-            rolling,
-            contact.rolling_friction,
-            of_rolling,
-            "rolling_stiffness",
-        ),
-        (
-            twisting,
-            contact.twisting_friction,
-            contact.twisting_stiffness.or(of_rolling),
-            "twisting_stiffness",
-        ),
-    ] {
-        if friction > 0.0 && stiffness.is_none() {
-            let what = format!(
-                "needs {given} (N/m), such as {given} = 1e6: the law {:?} has none of its own",
-                kind.name
-            );
-            c.refuse(key[0], &what);
-        }
+    let contact = contact_of(&mut |key| match key.default {
+        "" => c.number(key),
+        _ => Some(c.number_or_default(key)),
+    });
+    c.required(&CONTACT.friction);
+    if let Some((key, what)) = lacks_stiffness(&law, &contact) {
+        c.refuse(key, &what);
     }
     Ok((law, contact))
+}
+
+/// What contacts have whatever their law, from the values of its keys.
+pub(crate) fn contact_of(number: &mut dyn FnMut(&Key) -> Option<f64>) -> Contact {
+    let mut coefficient = |key| number(key).unwrap_or(0.0);
+    let contact = Contact {
+        friction: coefficient(&CONTACT.friction),
+        rolling_friction: coefficient(&CONTACT.rolling_friction),
+        rolling_damping_ratio: coefficient(&CONTACT.rolling_damping_ratio),
+        twisting_friction: coefficient(&CONTACT.twisting_friction),
+        twisting_damping_ratio: coefficient(&CONTACT.twisting_damping_ratio),
+        attraction: Attraction {
+            constant: coefficient(&CONTACT.attraction),
+            per_radius: 4.0 * PI * coefficient(&CONTACT.surface_energy),
+        },
+        ..Contact::NONE
+    };
+    Contact {
+        rolling_stiffness: number(&CONTACT.rolling_stiffness),
+        twisting_stiffness: number(&CONTACT.twisting_stiffness),
+        ..contact
+    }
+}
+
+/// The key of a friction that lacks the stiffness of its spring, and what to say of it.
+pub(crate) fn lacks_stiffness(law: &Law, contact: &Contact) -> Option<(&'static Key, String)> {
+    let of_rolling = contact.rolling_stiffness.or(law.rolling_stiffness());
+    let of_twisting = contact.twisting_stiffness.or(of_rolling);
+    let (key, given) = if contact.rolling_friction > 0.0 && of_rolling.is_none() {
+        (&CONTACT.rolling_friction, "rolling_stiffness")
+    } else if contact.twisting_friction > 0.0 && of_twisting.is_none() {
+        (&CONTACT.twisting_friction, "twisting_stiffness")
+    } else {
+        return None;
+    };
+    let what = format!(
+        "needs {given} (N/m), such as {given} = 1e6: the law {:?} has none of its own",
+        law.kind().name
+    );
+    Some((key, what))
 }
 
 /// Refuses an attraction that presses mean grains further together than the law takes.

@@ -38,7 +38,7 @@
 //! | `merge` | merges a file with those that it `extends` |
 //! | `overrides`, `units` | applies `--set`, converts values with units |
 //! | `table`, `keys` | what is declared of a table; all tables, unknown keys, values of the tree |
-//! | `general`, `law`, `sample`, `load`, `time`, `walls`, `protocol`, `output`, `periodic` | the tables |
+//! | `general`, `materials`, `law`, `sample`, `load`, `time`, `walls`, `protocol`, `output`, `periodic` | the tables |
 //! | `check`, `checker` | checks the tables in their order; values, defaults and problems |
 //! | `extent` | refuses a run that would not end or not fit on a disk |
 //! | `write` | writes the values that the checks left as TOML again |
@@ -56,6 +56,7 @@ mod keys;
 pub mod lammps_data;
 mod law;
 mod load;
+pub mod materials;
 mod merge;
 mod output;
 mod overrides;
@@ -91,6 +92,7 @@ pub use gshear_dem::laws::keys::Change;
 pub use gshear_dem::laws::{Contact, Law};
 pub use gshear_dem::protocol::Part;
 pub use load::{Control, Load};
+pub use materials::Materials;
 pub use output::{Analysis, Output};
 pub use periodic::{Aqs, Deformation, Method, Newtonian, PeriodicBox, Relax};
 pub use protocol::{Motion, Shear, WallSpeed};

@@ -6,7 +6,7 @@ use std::path::Path;
 use bytemuck::Zeroable;
 
 use crate::identity::hash;
-use crate::insertion::{freeze_walls, stop_walls};
+use crate::insertion::{finish_walls, freeze_walls};
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::sample::{Origin, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
@@ -327,11 +327,13 @@ impl Packing {
             return Ok(Vec::new());
         };
         let up = scene.dimension.axes() - 1;
+        let wall = scene.materials.wall;
         let grain = |(id, a): (usize, &Atom)| {
             let mut grain = GrainState {
                 id: id as u32,
                 position: a.position,
                 radius: 0.5 * a.diameter,
+                material: scene.materials.of_type(a.kind.into()).unwrap_or(0),
                 ..GrainState::zeroed()
             };
             if pack.skip {
@@ -355,9 +357,10 @@ impl Packing {
                         up,
                         self.file.edges,
                         plane_shear.wall_thickness(&scene.sample),
+                        wall,
                     );
                 }
-                Walls::Types => self.walls_by_type(&mut grains, up)?,
+                Walls::Types => self.walls_by_type(&mut grains, up, wall)?,
             }
             if grains.iter().all(|g| g.body != body::FREE) {
                 let what = "all grains belong to walls, none is free";
@@ -371,7 +374,12 @@ impl Packing {
         Ok(grains)
     }
 
-    fn walls_by_type(&self, grains: &mut [GrainState], up: usize) -> Result<(), Failure> {
+    fn walls_by_type(
+        &self,
+        grains: &mut [GrainState],
+        up: usize,
+        wall: Option<u64>,
+    ) -> Result<(), Failure> {
         let of = |kind| self.atoms.iter().filter(move |a| a.kind == kind);
         let by_height = |a: &&Atom, b: &&Atom| a.position[up].total_cmp(&b.position[up]);
         let highest = of(BOTTOM_TYPE).max_by(by_height);
@@ -401,7 +409,7 @@ impl Packing {
                 _ => body::FREE,
             };
         }
-        stop_walls(grains);
+        finish_walls(grains, wall);
         Ok(())
     }
 
@@ -447,7 +455,7 @@ fn each_touching<D: Dimension>(
     let sample = &scene.sample;
     let cell = sample.cell();
     let mut grains = Grains::<D>::default();
-    grains.replace(states, scene.law.masses(), scene.time_step.step);
+    grains.replace(states, &scene.materials.masses, scene.time_step.step);
     let extent = LocalExtent::whole(sample.length);
     let cutoff = Cutoff {
         greatest: 2.0 * sample.radius_max,

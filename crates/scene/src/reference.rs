@@ -11,6 +11,7 @@ use serde_json::{Map, Value, json};
 
 use crate::keys::{TABLES, TOP, tables};
 use crate::law::CONTACT;
+use crate::materials::{MaterialKeys, PAIR};
 use crate::protocol::PartKeys;
 use crate::table::{Table, laws_with, unit};
 use crate::units;
@@ -197,7 +198,7 @@ fn allowed(key: &Key) -> String {
         Values::Text([]) if key.condition.is_empty() => "any string".into(),
         Values::Text(names) => quoted(names),
         Values::Numbers(bounds) => format!("each {}", bounds.formula()),
-        Values::Parts(_) => String::new(),
+        Values::Names | Values::Parts(_) | Values::Tables(_) => String::new(),
     };
     match (&values[..], key.condition) {
         (_, "") => values,
@@ -226,13 +227,21 @@ fn quoted(names: &[&str]) -> String {
 pub fn json_schema() -> String {
     let mut properties = object(&TOP.keys());
     for table in &TABLES {
-        let schema = json!({
+        let mut schema = json!({
             "description": table.about.trim(),
             "type": ["object", "string"],
             "pattern": none(),
             "properties": object(&table.keys()),
             "additionalProperties": unknown(),
         });
+        if table.name == MaterialKeys::TABLE.name {
+            schema["type"] = json!(["object", "array", "string"]);
+            schema["items"] = json!({
+                "type": "object",
+                "properties": object(&table.keys()),
+                "additionalProperties": unknown(),
+            });
+        }
         properties.insert(table.name.into(), schema);
     }
     let sweep = json!({
@@ -290,7 +299,9 @@ fn schema(key: &Key) -> Value {
         Values::Numbers(bounds) => {
             json!({ "type": "array", "items": number(bounds, with_unit), "minItems": 1 })
         }
+        Values::Names => json!({ "type": "array", "items": { "type": "string" } }),
         Values::Parts(keys) => json!({ "type": "array", "items": part(keys), "minItems": 1 }),
+        Values::Tables(name) => json!({ "type": "array", "items": entries(name), "minItems": 1 }),
     };
     match key.values {
         Values::Text(_) => {}
@@ -307,6 +318,15 @@ fn schema(key: &Key) -> Value {
         schema["default"] = serde_json::from_str(&default.toml()).unwrap_or(Value::Null);
     }
     schema
+}
+
+/// The schema of the tables of a list with the keys of a table.
+fn entries(name: &str) -> Value {
+    let table = crate::keys::table(name).expect("a table");
+    let numbers = table.keys().into_iter();
+    let numbers = numbers.filter(|key| !matches!(key.values, Values::Tables(_)));
+    let keys: Vec<&Key> = numbers.chain([&PAIR]).collect();
+    json!({ "type": "object", "properties": object(&keys), "additionalProperties": unknown() })
 }
 
 /// The meaning of a key with its unit.
@@ -434,6 +454,7 @@ mod tests {
     #[test]
     fn every_quantity_has_a_unit() {
         let pure = [
+            "material.fraction",
             "material.poisson_ratio",
             "contact.friction",
             "contact.rolling_friction",

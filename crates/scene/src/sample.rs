@@ -22,6 +22,8 @@ const WALLS_NAMES: [&str; Walls::NAMES.len()] = names(&Walls::NAMES);
 
 /// Whether a grading curve is of the mass or of the number of grains.
 const PASSING_NAMES: [&str; 2] = ["mass", "number"];
+/// Whether a share is of the number of grains, or of their volume (area in 2D).
+const SHARE_NAMES: [&str; 2] = ["number", "volume"];
 /// Exponents of a power law of sizes.
 const EXPONENT: Bounds = Bounds {
     from: Bound::Included(-10.0),
@@ -115,6 +117,18 @@ table! {
             example: "0.5",
             change: Change::Never,
         },
+        /// what that share is of
+        large_fraction_by: Text(&SHARE_NAMES) {
+            condition: "with `\"binary\"`",
+            default: SHARE_NAMES[0],
+            change: Change::Never,
+        },
+        /// material of the grains that have `radius_max`
+        large_material: Text(&[]) {
+            condition: "with `\"binary\"` and several materials",
+            otherwise: "as `material.fraction` says",
+            change: Change::Never,
+        },
         /// radii, each as likely as the others, instead of `radius_min` and `radius_max`
         radii: Numbers(POSITIVE) {
             unit: "m",
@@ -160,6 +174,12 @@ table! {
         },
         /// which of its grains are walls, see below
         walls: Text(&WALLS_NAMES) { otherwise: "see below", change: Change::Never },
+        /// material of the walls
+        wall_material: Text(&[]) {
+            condition: "with several materials",
+            otherwise: "those of their grains",
+            change: Change::Never,
+        },
         /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min,
         /// see below
         wall_thickness: Number(LAYERS) { default: "1.0", change: Change::Never },
@@ -325,6 +345,8 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
             &keys.passing,
             &keys.passing_by,
             &keys.large_fraction,
+            &keys.large_fraction_by,
+            &keys.large_material,
         ] {
             c.useless(key, why);
         }
@@ -401,6 +423,7 @@ pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
         &keys.packing,
         &keys.walls,
         &keys.wall_thickness,
+        &keys.wall_material,
         &keys.replicate,
     ] {
         c.useless(key, why);
@@ -527,6 +550,8 @@ fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
         (&keys.passing, &["table"]),
         (&keys.passing_by, &["table"]),
         (&keys.large_fraction, &["binary"]),
+        (&keys.large_fraction_by, &["binary"]),
+        (&keys.large_material, &["binary"]),
         (&keys.radii, &["list"]),
     ] {
         if !of.contains(&name) {
@@ -559,11 +584,23 @@ fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
         }]),
         "table" => Sizes::Classes(check_table(c, dimension)),
         "binary" => Sizes::Binary {
-            large_fraction: c.required(&keys.large_fraction),
+            large_fraction: large_fraction(c, dimension),
         },
         "list" => Sizes::List(c.required_list(&keys.radii, "radius")),
         _ => Sizes::Uniform,
     }
+}
+
+/// The share of the large grains of a binary mixture by number. n_l V_l = φ V and n_s V_s = (1-φ) V
+/// give it from their share φ of the volume V.
+fn large_fraction(c: &mut Checker<'_>, dimension: Dimensions) -> f64 {
+    let share = c.required(&SAMPLE.large_fraction);
+    if c.choice(&SAMPLE.large_fraction_by) != Some("volume") {
+        return share;
+    }
+    let [small, large] = [&SAMPLE.radius_min, &SAMPLE.radius_max].map(|key| c.known(key));
+    let of_one = (small / large).powi(dimension.axes() as i32);
+    share * of_one / (share * of_one + 1.0 - share)
 }
 
 /// The classes of a grading curve that hold grains. The curve is straight over the logarithm of the

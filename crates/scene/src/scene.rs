@@ -5,8 +5,13 @@ use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::{Contact, Law};
 
+use gshear_dem::kernel::PairForce;
+use gshear_dem::laws::LawSpace;
+use gshear_dem::laws::mixture::pair_force;
+
 use crate::general::Bookkeeping;
 use crate::grains::Sample;
+use crate::materials::Materials;
 use crate::periodic::PeriodicBox;
 use crate::time::TimeStep;
 use crate::walls::PlaneShear;
@@ -22,10 +27,13 @@ pub struct Scene {
     pub seed: u64,
     /// Disks or spheres.
     pub dimension: Dimensions,
-    /// The contact law with its constants.
+    /// The contact law with its constants; with several materials that of the first, of which all
+    /// that follows from a law is.
     pub law: Law,
-    /// What contacts have whatever their law: friction and rolling resistance.
+    /// What contacts have whatever their law: friction and rolling resistance; likewise.
     pub contact: Contact,
+    /// The materials, and the laws of their pairs.
+    pub materials: Materials,
     /// The grains and their cell. In a periodic box, length and width are those of the box.
     pub sample: Sample,
     /// Δt and its limit.
@@ -44,6 +52,26 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The forces between the grains.
+    ///
+    /// # Panics
+    /// In another dimension than the scene's.
+    pub fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
+        self.force_with(|law, contact| (law.clone(), *contact))
+    }
+
+    /// [`Scene::force`] with the law and the contacts of each pair changed.
+    ///
+    /// # Panics
+    /// Likewise.
+    pub fn force_with<D: LawSpace>(
+        &self,
+        change: impl Fn(&Law, &Contact) -> (Law, Contact),
+    ) -> Box<dyn PairForce<D>> {
+        pair_force(&self.materials.changed(change))
+            .expect("a law of this dimension, as the scene was checked")
+    }
+
     /// The part of a scene between walls; messages call the scene `name`.
     ///
     /// # Errors

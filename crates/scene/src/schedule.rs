@@ -104,9 +104,10 @@ pub fn packing_time(scene: &Scene, load: &Load) -> f64 {
     (mean_mass(scene) / load.pressure * per_section).sqrt()
 }
 
-/// m̄ = ρπ⟨R²⟩ (kg/m), in three dimensions (4/3)πρ⟨R³⟩ (kg); or the mass that all have.
+/// m̄ = ρπ⟨R²⟩ (kg/m), in three dimensions (4/3)πρ⟨R³⟩ (kg), with ρ of the first material; or the
+/// mass that all have.
 pub fn mean_mass(scene: &Scene) -> f64 {
-    scene.law.masses().of(scene.sample.mean_volume)
+    scene.materials.masses.of(0, scene.sample.mean_volume)
 }
 
 /// A guess how many steps the packing takes: the top falls through loose layers, then waves and the

@@ -1,12 +1,13 @@
 //! The time step: `[time]`.
 
 use gshear_dem::failure::Failure;
+use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{Change, POSITIVE};
-use gshear_dem::laws::{Contact, Law};
 
 use crate::checker::Checker;
 use crate::derived;
 use crate::grains::Sample;
+use crate::materials::Materials;
 use crate::table::table;
 use crate::walls::PlaneShear;
 use crate::words::show;
@@ -72,30 +73,37 @@ pub(crate) fn check(c: &mut Checker<'_>, law: &Law, boxed: bool) {
 /// Δt and its limit. `walls`: of a scene between walls.
 pub(crate) fn derive(
     c: &mut Checker<'_>,
-    (law, contact): (&Law, &Contact),
+    materials: &Materials,
     sample: &Sample,
     walls: Option<&PlaneShear>,
 ) -> Result<TimeStep, Failure> {
-    let mean_overlap = match walls {
-        Some(walls) => walls.greatest_overlap(law, contact, sample),
-        None => BOX_OVERLAP * sample.mean_diameter,
-    };
-    let friction = contact.friction > 0.0 || walls.is_some_and(|walls| walls.pack.friction > 0.0);
-    let limit_of = |law: &Law| derived::step_limit(law, contact, sample, mean_overlap, friction);
-    let mut limit = limit_of(law);
-    if let Some(walls) = walls.filter(|walls| !walls.pack.skip) {
-        let packing = law.while_packing(sample.mean_diameter, walls.load.pressure);
-        limit = limit.min(limit_of(&packing));
+    let (mut limit, mut contact_time) = (f64::INFINITY, f64::INFINITY);
+    for (law, contact) in &materials.laws {
+        let mean_overlap = match walls {
+            Some(walls) => walls.greatest_overlap(law, contact, sample),
+            None => BOX_OVERLAP * sample.mean_diameter,
+        };
+        let friction =
+            contact.friction > 0.0 || walls.is_some_and(|walls| walls.pack.friction > 0.0);
+        let limit_of =
+            |law: &Law| derived::step_limit(law, contact, sample, mean_overlap, friction);
+        limit = limit.min(limit_of(law));
+        if let Some(walls) = walls.filter(|walls| !walls.pack.skip) {
+            let packing = law.while_packing(sample.mean_diameter, walls.load.pressure);
+            limit = limit.min(limit_of(&packing));
+        }
+        contact_time = contact_time.min(derived::contact_time(law, sample, mean_overlap));
     }
-    let contact_time = derived::contact_time(law, sample, mean_overlap);
     let default = derived::default_step(contact_time, limit);
     let keys = &TIME;
     let (step, key) = match (c.number(&keys.step), c.number(&keys.collision_speed)) {
         (Some(step), _) => (step, &keys.step),
         (None, Some(speed)) => {
             // A hundredth of how long two of the least grains collide.
-            let duration = law.collision_time(sample.radius_min, speed);
-            (0.01 * duration.unwrap_or(f64::NAN), &keys.collision_speed)
+            let durations = materials.laws.iter();
+            let of = |(law, _): &(Law, _)| law.collision_time(sample.radius_min, speed);
+            let duration = durations.filter_map(of).fold(f64::INFINITY, f64::min);
+            (0.01 * duration, &keys.collision_speed)
         }
         (None, None) => (default, &keys.step),
     };

@@ -2,11 +2,11 @@
 //! key, with the bits that the same number without a unit has.
 
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
+use toml::de::{DeArray, DeTable, DeValue};
 
 use super::keys::table;
 use super::source::Input;
-use super::table::unit;
+use super::table::{Table, unit};
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::{self, keys::Values};
 
@@ -374,38 +374,72 @@ fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<(),
             Ok(())
         }
     };
+    let of_law = (spheres, law.as_deref());
     for (name, value) in tree.iter_mut() {
-        let (Some(known), DeValue::Table(inner)) = (table(name.get_ref()), value.get_mut()) else {
+        let Some(known) = table(name.get_ref()) else {
             continue;
         };
-        for (name, value) in inner.iter_mut() {
-            let Some(key) = known.key(name.get_ref()) else {
-                continue;
-            };
-            let at = value.span().start;
-            let units = declared(&unit(key), spheres, law.as_deref());
-            match (key.values, value.get_mut()) {
-                (Values::Number(_), value) => visit(at, key.path, &units, value)?,
-                (Values::Numbers(_), DeValue::Array(list)) => {
-                    for value in list.iter_mut() {
-                        visit(at, key.path, &units, value.get_mut())?;
-                    }
+        match value.get_mut() {
+            DeValue::Table(inner) => each_of(known, inner, of_law, &mut visit)?,
+            DeValue::Array(tables) => each_of_list(known, tables, of_law, &mut visit)?,
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// [`each_quantity`] of the tables of a list.
+fn each_of_list<'a>(
+    known: &Table,
+    tables: &mut DeArray<'a>,
+    of_law: (bool, Option<&str>),
+    visit: Visit<'_, 'a>,
+) -> Result<(), Failure> {
+    for table in tables.iter_mut() {
+        if let DeValue::Table(inner) = table.get_mut() {
+            each_of(known, inner, of_law, visit)?;
+        }
+    }
+    Ok(())
+}
+
+/// [`each_quantity`] of a table. `of_law`: whether the grains are spheres, and the law.
+fn each_of<'a>(
+    known: &Table,
+    inner: &mut DeTable<'a>,
+    of_law: (bool, Option<&str>),
+    visit: Visit<'_, 'a>,
+) -> Result<(), Failure> {
+    for (name, value) in inner.iter_mut() {
+        let Some(key) = known.key(name.get_ref()) else {
+            continue;
+        };
+        let at = value.span().start;
+        let units = declared(&unit(key), of_law.0, of_law.1);
+        match (key.values, value.get_mut()) {
+            (Values::Number(_), value) => visit(at, key.path, &units, value)?,
+            (Values::Numbers(_), DeValue::Array(list)) => {
+                for value in list.iter_mut() {
+                    visit(at, key.path, &units, value.get_mut())?;
                 }
-                (Values::Parts(keys), DeValue::Array(parts)) => {
-                    for (n, part) in parts.iter_mut().enumerate() {
-                        let DeValue::Table(part) = part.get_mut() else {
-                            continue;
-                        };
-                        for (name, value) in part.iter_mut() {
-                            let known = keys.iter().find(|key| name.get_ref() == key.path);
-                            let units = known.map(|key| key.unit.to_string());
-                            let path = format!("{}: part {}: {}", key.path, n + 1, name.get_ref());
-                            visit(at, &path, units.as_slice(), value.get_mut())?;
-                        }
-                    }
-                }
-                _ => {}
             }
+            (Values::Parts(keys), DeValue::Array(parts)) => {
+                for (n, part) in parts.iter_mut().enumerate() {
+                    let DeValue::Table(part) = part.get_mut() else {
+                        continue;
+                    };
+                    for (name, value) in part.iter_mut() {
+                        let known = keys.iter().find(|key| name.get_ref() == key.path);
+                        let units = known.map(|key| key.unit.to_string());
+                        let path = format!("{}: part {}: {}", key.path, n + 1, name.get_ref());
+                        visit(at, &path, units.as_slice(), value.get_mut())?;
+                    }
+                }
+            }
+            (Values::Tables(name), DeValue::Array(tables)) => {
+                each_of_list(table(name).unwrap_or(known), tables, of_law, visit)?;
+            }
+            _ => {}
         }
     }
     Ok(())
@@ -555,9 +589,7 @@ mod tests {
     /// Every unit that is declared, in every law and dimension.
     #[test]
     fn declared_units_are_known() {
-        let keys = crate::keys::TABLES
-            .iter()
-            .flat_map(crate::table::Table::keys);
+        let keys = crate::keys::TABLES.iter().flat_map(Table::keys);
         for key in keys.filter(|key| !key.unit.is_empty()) {
             let all = [true, false].map(|spheres| declared(&unit(key), spheres, None));
             for unit in all.iter().flatten() {

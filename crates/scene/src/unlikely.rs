@@ -8,7 +8,7 @@ use crate::packing::force_on_top;
 use crate::periodic::{Newtonian, PeriodicBox};
 use crate::protocol::{Motion, WallSpeed};
 use crate::scene::{Boundary, Scene};
-use crate::schedule::{STEPS_WITHOUT_A_PAIR, Schedule};
+use crate::schedule::{STEPS_WITHOUT_A_PAIR, Schedule, mean_mass};
 use crate::walls::PlaneShear;
 use crate::words::show;
 use gshear_dem::protocol::Normal;
@@ -286,7 +286,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
             ));
         }
     }
-    let mass = scene.law.masses().of(sample.mean_volume) * f64::from(sample.grains);
+    let mass = mean_mass(scene) * f64::from(sample.grains);
     let weight = load.gravity * mass / load.normal_force;
     if weight > WEIGHT {
         doubts.push(format!(

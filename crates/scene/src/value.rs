@@ -5,6 +5,8 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeValue, ValueDeserializer};
 
+use crate::materials::PAIR;
+use crate::table::Table;
 use crate::words::show;
 
 /// The value of a key, of the kind that its declaration names.
@@ -17,9 +19,14 @@ pub(crate) enum Value {
     Wholes(Vec<u32>),
     Flag(bool),
     Text(String),
+    Names(Vec<String>),
     /// Names and values in the order of their declarations; unknown names come last.
     Parts(Vec<Vec<(String, f64)>>),
+    Tables(Vec<Entries>),
 }
+
+/// The keys of a table of a list, and their values.
+pub(crate) type Entries = Vec<(String, Value)>;
 
 impl Value {
     /// The value that TOML gives.
@@ -27,18 +34,16 @@ impl Value {
     /// # Errors
     /// What was expected, and what was found.
     pub fn read(values: Values, found: Spanned<DeValue<'_>>) -> Result<Self, String> {
-        let expected = match values {
-            Values::Number(_) => "a number",
-            Values::Numbers(_) => "a list of numbers",
-            Values::Whole(_) => "an integer without decimal point or exponent",
-            Values::Flag => "true or false",
-            Values::Text(_) => "a string in quotes",
-            Values::Parts(_) => "a list of tables of numbers, such as [[shear.protocol]]",
-        };
         let found = toml::Value::deserialize(ValueDeserializer::from(found))
-            .map_err(|_| format!("expected {expected}, found a number out of range"))?;
-        Self::of(values, &found)
-            .ok_or_else(|| format!("expected {expected}, found {}", kind(&found)))
+            .map_err(|_| format!("expected {}, found a number out of range", expected(values)))?;
+        match (values, &found) {
+            (Values::Tables(name), toml::Value::Array(tables)) => {
+                let tables = tables.iter().map(|table| entries(name, table));
+                tables.collect::<Result<_, _>>().map(Self::Tables)
+            }
+            _ => Self::of(values, &found)
+                .ok_or_else(|| format!("expected {}, found {}", expected(values), kind(&found))),
+        }
     }
 
     fn of(values: Values, found: &toml::Value) -> Option<Self> {
@@ -62,7 +67,30 @@ impl Value {
                 });
                 Self::Parts(parts.collect::<Option<_>>()?)
             }
+            Values::Names => {
+                let names = found.as_array()?.iter().map(toml::Value::as_str);
+                Self::Names(
+                    names
+                        .map(|name| name.map(Into::into))
+                        .collect::<Option<_>>()?,
+                )
+            }
+            Values::Tables(_) => return None,
         })
+    }
+
+    /// What is wrong with a number that its key does not take.
+    pub fn out_of_bounds(&self, key: &Key) -> Option<String> {
+        let (what, found) = match (self, key.values) {
+            (&Self::Number(x), Values::Number(bounds)) if !(bounds.hold(x) && x.is_finite()) => {
+                (bounds.words(), show(x))
+            }
+            (&Self::Whole(n), Values::Whole(range)) if n < range.from || n > range.to => {
+                (range.words(), n.to_string())
+            }
+            _ => return None,
+        };
+        Some(format!("{what}, found {found}"))
     }
 
     /// The constant default of a key, if it has one.
@@ -75,7 +103,7 @@ impl Value {
             Values::Whole(_) => key.default.parse().ok().map(Self::Whole),
             Values::Flag => key.default.parse().ok().map(Self::Flag),
             Values::Text(_) => Some(Self::Text(key.default.into())),
-            Values::Numbers(_) | Values::Parts(_) => None,
+            Values::Numbers(_) | Values::Names | Values::Parts(_) | Values::Tables(_) => None,
         }
     }
 
@@ -91,17 +119,22 @@ impl Value {
             Self::Wholes(list) => format!("{list:?}"),
             Self::Flag(b) => b.to_string(),
             Self::Text(s) => toml::Value::String(s.clone()).to_string(),
+            Self::Names(list) => format!("{list:?}"),
             Self::Parts(parts) => {
-                let mut list = String::from("[\n");
-                for part in parts {
-                    let entries = part
-                        .iter()
-                        .map(|(name, x)| format!("{name} = {}", show(*x)));
-                    let entries: Vec<String> = entries.collect();
-                    list += &format!("    {{ {} }},\n", entries.join(", "));
-                }
-                list + "]"
+                let parts = parts.iter().map(|part| {
+                    let entries = part.iter();
+                    entries
+                        .map(|(name, x)| format!("{name} = {}", show(*x)))
+                        .collect()
+                });
+                lines(parts)
             }
+            Self::Tables(tables) => lines(tables.iter().map(|table| {
+                let entries = table.iter();
+                entries
+                    .map(|(name, value)| format!("{name} = {}", value.toml()))
+                    .collect()
+            })),
         }
     }
 }
@@ -134,6 +167,57 @@ impl From<&str> for Value {
     fn from(s: &str) -> Self {
         Self::Text(s.into())
     }
+}
+
+/// Tables of these lines as a list of TOML.
+fn lines(tables: impl Iterator<Item = Vec<String>>) -> String {
+    let tables = tables.map(|entries| format!("    {{ {} }},\n", entries.join(", ")));
+    format!("[\n{}]", tables.collect::<String>())
+}
+
+/// What a key of this kind takes.
+fn expected(values: Values) -> &'static str {
+    match values {
+        Values::Number(_) => "a number",
+        Values::Numbers(_) => "a list of numbers",
+        Values::Whole(_) => "an integer without decimal point or exponent",
+        Values::Flag => "true or false",
+        Values::Text(_) => "a string in quotes",
+        Values::Names => "a list of strings in quotes",
+        Values::Parts(_) => "a list of tables of numbers, such as [[shear.protocol]]",
+        Values::Tables(_) => "a list of tables",
+    }
+}
+
+/// The entries of a table of a list, in the order of their declarations.
+fn entries(name: &str, found: &toml::Value) -> Result<Entries, String> {
+    let table = found.as_table();
+    let table = table.ok_or_else(|| format!("expected a table, found {}", kind(found)))?;
+    let keys = crate::keys::table(name)
+        .map(Table::keys)
+        .unwrap_or_default();
+    let mut entries = Entries::new();
+    for (key, found) in table {
+        // An unknown one has been refused.
+        let Some(declared) = of_entry(name, key) else {
+            continue;
+        };
+        let value = Value::of(declared.values, found).ok_or_else(|| {
+            let expected = expected(declared.values);
+            format!("{key}: expected {expected}, found {}", kind(found))
+        })?;
+        entries.push((key.clone(), value));
+    }
+    entries.sort_by_key(|(name, _)| keys.iter().position(|key| key.name() == name));
+    Ok(entries)
+}
+
+/// The declaration of a key of a table of a list.
+pub(crate) fn of_entry(table: &str, name: &str) -> Option<&'static Key> {
+    if table == "contact" && name == PAIR.path {
+        return Some(&PAIR);
+    }
+    crate::keys::table(table)?.key(name)
 }
 
 fn number(value: &toml::Value) -> Option<f64> {

@@ -7,7 +7,9 @@ use gshear_dem::dimension::Dimensions;
 use crate::checker::Checker;
 use crate::derived::mean_attraction;
 use crate::keys::tables;
+use crate::materials::{MaterialKeys, OTHERS};
 use crate::scene::{Boundary, Scene};
+use crate::value::Value;
 
 /// The configuration of a scene: the values that the checks left, in the order of the declarations.
 pub(crate) fn toml(c: &Checker<'_>, scene: &Scene) -> String {
@@ -22,10 +24,22 @@ pub(crate) fn toml(c: &Checker<'_>, scene: &Scene) -> String {
             Some(format!("{} = {value}\n", key.name()))
         });
         let lines: String = lines.collect();
-        if !lines.is_empty() && !table.name.is_empty() {
+        let others = match c.written(&OTHERS) {
+            Some(Value::Tables(others)) if table.name == MaterialKeys::TABLE.name => &others[..],
+            _ => &[],
+        };
+        if !others.is_empty() {
+            text += &format!("\n[[{}]]\n", table.name);
+        } else if !lines.is_empty() && !table.name.is_empty() {
             text += &format!("\n[{}]\n", table.name);
         }
         text += &lines;
+        for entries in others {
+            text += &format!("\n[[{}]]\n", table.name);
+            for (name, value) in entries {
+                text += &format!("{name} = {}\n", value.toml());
+            }
+        }
     }
     text
 }

@@ -110,7 +110,14 @@ fn every_constant_default_is_written() {
         &Source::new("box.toml", of_a_box),
         &["box.pressure=1e-2".into()],
     );
-    let scenes = [with(&[]), with(GRADED), spheres(), of_a_box.unwrap()];
+    let binary = with(&["sample.sizes=binary", "sample.large_fraction=0.25"]);
+    let scenes = [
+        with(&[]),
+        with(GRADED),
+        binary,
+        spheres(),
+        of_a_box.unwrap(),
+    ];
     for table in tables() {
         for key in table.keys().iter().filter(|key| !key.default.is_empty()) {
             let line = format!("\n{} = ", key.name());

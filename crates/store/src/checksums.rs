@@ -101,16 +101,20 @@ pub fn of_images(weights: &[u64], images: &[i32]) -> u64 {
     })
 }
 
-/// Of what never changes of the grains `first`, `first` + 1, …, and of the edges of the box.
+/// Of what never changes of the grains `first`, `first` + 1, …, and of the edges of the box. Bodies
+/// and materials have one checksum together.
 pub fn of_constants(
     first: u64,
     id: &[u32],
-    body: &[u8],
+    [body, material]: [&[u8]; 2],
     [radius, mass]: [&[f64]; 2],
     edges: &[f64],
 ) -> [u64; 5] {
     let id: Vec<f64> = id.iter().map(|&id| id.into()).collect();
-    let body: Vec<f64> = body.iter().map(|&body| body.into()).collect();
+    let kinds = body.iter().zip(material);
+    let body: Vec<f64> = kinds
+        .map(|(&body, &material)| f64::from(body) + 256.0 * f64::from(material))
+        .collect();
     let of = |values: &[f64]| of_sequence(first, values);
     [
         of(&id),

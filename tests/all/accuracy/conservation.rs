@@ -64,7 +64,7 @@ fn exact_sum(terms: impl Iterator<Item = f64>) -> f64 {
 }
 
 fn mass_of(system: &System<Two>, grain: &GrainState) -> f64 {
-    system.masses.of(Two::volume(grain.radius))
+    system.masses.of(grain.material, Two::volume(grain.radius))
 }
 
 /// Contact forces cancel exactly, pair by pair; what is left is rounding, which is followed here

@@ -157,6 +157,7 @@ impl Fixture {
                 body: self.grains.body[n].into(),
                 radius: self.grains.radius[n],
                 mass: self.grains.mass[n],
+                material: 0,
             })
             .collect();
         let scene = format!(

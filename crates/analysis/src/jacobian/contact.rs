@@ -48,7 +48,7 @@ impl LinearContact {
             springs.torques = [x, y, z, twist];
         }
         let mut derivatives = if idle {
-            law.idle_derivatives(springs.radii)?
+            law.idle_derivatives(&springs)?
         } else {
             law.derivatives(&springs)
         };

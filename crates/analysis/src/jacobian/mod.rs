@@ -32,7 +32,7 @@ pub struct NetworkState<'a> {
     /// The cell, periodic or with walls.
     pub cell: Cell,
     /// Masses of the grains.
-    pub masses: Masses,
+    pub masses: &'a Masses,
     /// Whether it is in equilibrium, so that the elastic forces alone decide which contacts are at
     /// their limits; else it is as the contacts say.
     pub at_rest: bool,
@@ -171,8 +171,10 @@ pub fn assemble<D: Dimension>(
         }
     }
     let mass = free.iter().flat_map(|&g| {
-        let radius = grains[g as usize].radius;
-        let m = state.masses.of(D::volume(radius));
+        let GrainState {
+            radius, material, ..
+        } = grains[g as usize];
+        let m = state.masses.of(material, D::volume(radius));
         let inertia = D::INERTIA * m * radius * radius;
         let of = move |k: usize| if k < D::AXES { m } else { inertia };
         (0..D::AXES + D::SPINS).map(of)
@@ -201,6 +203,7 @@ fn touch<D: Dimension>(
     let overlap = a.radius + b.radius - distance;
     let n = r.map(|x| x / distance);
     let springs = SpringState {
+        materials: [a.material, b.material],
         radii: [a.radius, b.radius],
         overlap,
         history: contact.history,

@@ -24,9 +24,14 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// Number of quantities that a contact keeps from step to step.
     fn history_lanes(&self) -> usize;
 
-    /// Computes the parameters of all blocks from their R_i + R_j and R_i (m). Lanes that fill up a
-    /// block have negative sums.
-    fn set_parameters(&self, isa: Isa, geometry: &[[Lanes16; 2]], out: &mut [Lanes16]);
+    /// The kind of a pair of grains of these materials; a block has pairs of one kind.
+    fn kind(&self, _materials: [u64; 2]) -> u16 {
+        0
+    }
+
+    /// Computes the parameters of all blocks from their R_i + R_j and R_i (m), and their kinds.
+    /// Lanes that fill up a block have negative sums.
+    fn set_parameters(&self, isa: Isa, of: (&[[Lanes16; 2]], &[u16]), out: &mut [Lanes16]);
 
     /// The largest F_n (N; N/m in 2D) of two grains of this radius (m) within the law.
     fn largest_normal_force(&self, radius: f64) -> f64;
@@ -55,6 +60,8 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
 pub struct Elastic<'a> {
     /// R_i + R_j and R_i (m).
     pub geometry: &'a [[Lanes16; 2]],
+    /// [`PairModel::kind`] of each.
+    pub kinds: &'a [u16],
     /// [`PairModel::parameter_lanes`] per block.
     pub parameters: &'a [Lanes16],
     /// [`PairModel::history_lanes`] per block.
@@ -80,7 +87,8 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
         C::HISTORY
     }
 
-    fn set_parameters(&self, isa: Isa, geometry: &[[Lanes16; 2]], out: &mut [Lanes16]) {
+    fn set_parameters(&self, isa: Isa, of: (&[[Lanes16; 2]], &[u16]), out: &mut [Lanes16]) {
+        let geometry = of.0;
         isa.run(Parameters {
             law: self,
             geometry,

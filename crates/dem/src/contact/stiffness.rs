@@ -49,6 +49,8 @@ pub struct SpringForce {
 /// The springs of a contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpringState {
+    /// Of i and j.
+    pub materials: [u64; 2],
     /// R_i, R_j (m).
     pub radii: [f64; 2],
     /// δ > 0 (m).
@@ -67,9 +69,9 @@ pub trait Stiffness: Sync {
     /// The derivatives at this state.
     fn derivatives(&self, state: &SpringState) -> Derivatives;
 
-    /// Those of an idle contact of grains of these radii (m), whose spring and damper leave no
-    /// force; `None` if nothing else acts.
-    fn idle_derivatives(&self, _radii: [f64; 2]) -> Option<Derivatives> {
+    /// Those of an idle contact, whose spring and damper leave no force; `None` if nothing else
+    /// acts.
+    fn idle_derivatives(&self, _state: &SpringState) -> Option<Derivatives> {
         None
     }
 }

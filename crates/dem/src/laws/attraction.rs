@@ -46,7 +46,8 @@ impl<D: Dimension> Stiffness for Attracting<D> {
         d
     }
 
-    fn idle_derivatives(&self, [r_i, r_j]: [f64; 2]) -> Option<Derivatives> {
+    fn idle_derivatives(&self, state: &SpringState) -> Option<Derivatives> {
+        let [r_i, r_j] = state.radii;
         Some(Derivatives {
             normal: -self.attraction.between(r_i, r_j),
             ..Derivatives::default()
@@ -71,8 +72,8 @@ impl<D: Dimension> PairModel for Attracting<D> {
         self.law.history_lanes()
     }
 
-    fn set_parameters(&self, isa: Isa, geometry: &[[Lanes16; 2]], out: &mut [Lanes16]) {
-        self.law.set_parameters(isa, geometry, out);
+    fn set_parameters(&self, isa: Isa, of: (&[[Lanes16; 2]], &[u16]), out: &mut [Lanes16]) {
+        self.law.set_parameters(isa, of, out);
     }
 
     fn largest_normal_force(&self, radius: f64) -> f64 {

@@ -296,8 +296,8 @@ pub struct Hertz<const FRICTION: bool, D = Viscoelastic> {
     damping: f64,
     /// γ_t/γ_n.
     tangential_damping: f64,
-    /// (4/3)πρ (kg/m³).
-    density: f64,
+    /// (4/3)πρ (kg/m³) of i and j.
+    densities: [f64; 2],
     /// μ.
     friction: f64,
     damper: PhantomData<D>,
@@ -323,7 +323,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             tangential_stiffness: spheres.tangential_stiffness(),
             damping,
             tangential_damping,
-            density: Three::volume(1.0) * spheres.density,
+            densities: contact.densities(Three::volume(1.0) * spheres.density),
             friction: contact.friction,
             damper: PhantomData,
         }
@@ -356,8 +356,8 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     #[inline(always)]
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
-        let density = c(self.density);
-        let (m_i, m_j) = (density * Three::power(r_i), density * Three::power(r_j));
+        let [of_i, of_j] = self.densities.map(c);
+        let (m_i, m_j) = (of_i * Three::power(r_i), of_j * Three::power(r_j));
         let smaller = r_i.select(r_j.greater(r_i), r_j);
         (r_i * r_j / (r_i + r_j)).store(&mut out[RADIUS]);
         D::of_pair(token, c(self.damping), m_i * m_j / (m_i + m_j)).store(&mut out[DAMPING]);

@@ -193,8 +193,9 @@ pub struct Hooke<D, const FRICTION: bool, const ROLLING: bool> {
     tangential_stiffness: f64,
     /// γ_t/γ_n = √(k_t/k_n).
     tangential_damping: f64,
-    /// Mass per squared radius, ρπ, in 2D, and per cubed radius, (4/3)ρπ, in 3D (kg/m³).
-    density: f64,
+    /// Mass per squared radius, ρπ, in 2D, and per cubed radius, (4/3)ρπ, in 3D (kg/m³), of i and
+    /// j.
+    densities: [f64; 2],
     /// α.
     damping_ratio: f64,
     /// The share of the tangential damper that acts on sliding contacts.
@@ -212,13 +213,13 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
             normal_stiffness: springs.normal_stiffness,
             tangential_stiffness: springs.tangential_stiffness,
             tangential_damping: (springs.tangential_stiffness / springs.normal_stiffness).sqrt(),
-            density: D::volume(1.0) * springs.density,
+            densities: contact.densities(D::volume(1.0) * springs.density),
             damping_ratio: springs.damping_ratio,
             sliding_damping: springs.sliding_damping,
             friction: contact.friction,
             rolling: Rolling {
                 stiffness: (contact.rolling_stiffness).unwrap_or(springs.tangential_stiffness),
-                density: std::f64::consts::PI * springs.density,
+                densities: contact.densities(std::f64::consts::PI * springs.density),
                 friction: contact.rolling_friction,
                 damping_ratio: contact.rolling_damping_ratio,
             },
@@ -247,8 +248,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     #[inline(always)]
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
-        let density = c(self.density);
-        let (m_i, m_j) = (density * D::power(r_i), density * D::power(r_j));
+        let [of_i, of_j] = self.densities.map(c);
+        let (m_i, m_j) = (of_i * D::power(r_i), of_j * D::power(r_j));
         let reduced_mass = m_i * m_j / (m_i + m_j);
         let smaller = r_i.select(r_j.greater(r_i), r_j);
         (c(2.0 * self.damping_ratio) * (c(self.normal_stiffness) * reduced_mass).sqrt())

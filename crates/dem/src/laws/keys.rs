@@ -149,8 +149,12 @@ pub enum Values {
     Flag,
     /// One of these strings; any string if there are none.
     Text(&'static [&'static str]),
+    /// A list of names.
+    Names,
     /// A list of tables of numbers with these keys: the parts of a protocol.
     Parts(&'static [&'static Key]),
+    /// A list of tables with the keys of the table of this name.
+    Tables(&'static str),
 }
 
 /// When the value of a key may change after a run has begun.

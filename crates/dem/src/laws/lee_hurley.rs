@@ -162,8 +162,8 @@ pub const LARGEST_CONTACT: f64 = 0.3;
 pub struct LeeHurley<const FRICTION: bool, const ROLLING: bool> {
     /// πE* (Pa).
     stiffness: f64,
-    /// Mass per squared radius, ρπ (kg/m³).
-    density: f64,
+    /// Mass per squared radius, ρπ (kg/m³), of i and j.
+    densities: [f64; 2],
     /// α.
     damping_ratio: f64,
     /// The share of the tangential damper that acts on sliding contacts.
@@ -185,14 +185,14 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
         let nu = material.poisson_ratio;
         Self {
             stiffness: PI * material.effective_modulus(),
-            density: PI * material.density,
+            densities: contact.densities(PI * material.density),
             damping_ratio: material.damping_ratio,
             sliding_damping: material.sliding_damping,
             friction: contact.friction,
             rolling: Rolling {
                 stiffness: (contact.rolling_stiffness)
                     .unwrap_or(0.25 * PI * material.effective_modulus()),
-                density: PI * material.density,
+                densities: contact.densities(PI * material.density),
                 friction: contact.rolling_friction,
                 damping_ratio: contact.rolling_damping_ratio,
             },
@@ -291,8 +291,8 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let (one, four) = (c(1.0), c(4.0));
-        let density = c(self.density);
-        let (m_i, m_j) = (density * r_i * r_i, density * r_j * r_j);
+        let [of_i, of_j] = self.densities.map(c);
+        let (m_i, m_j) = (of_i * r_i * r_i, of_j * r_j * r_j);
         let reduced_mass = m_i * m_j / (m_i + m_j);
         let ratio = r_j / r_i;
         (one / (four * (r_i + r_j))).store(&mut out[INVERSE_SIZE]);

@@ -42,7 +42,7 @@ pub const KIND: LawKind = LawKind {
 };
 
 /// Springs of F = k δ^(3/2) between grains, whatever their radii.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MindlinSprings {
     /// k_n (N/m^(3/2); per unit depth in 2D).
     pub normal_stiffness: f64,
@@ -74,7 +74,7 @@ impl MindlinSprings {
 
 impl Constants for MindlinSprings {
     fn masses(&self) -> Masses {
-        self.masses
+        self.masses.clone()
     }
 
     fn normal_stiffness(&self, _: f64, _: f64, overlap: f64) -> f64 {

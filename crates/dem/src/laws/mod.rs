@@ -10,6 +10,7 @@ pub mod hooke;
 pub mod keys;
 pub mod lee_hurley;
 pub mod mindlin;
+pub mod mixture;
 pub mod rolling;
 mod rolling_spheres;
 pub mod tsuji;
@@ -56,7 +57,7 @@ pub fn kind(name: &str) -> Option<&'static LawKind> {
 }
 
 /// What all laws share: friction, rolling and twisting resistance, and attraction.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
     /// μ_s, sliding friction.
     pub friction: f64,
@@ -74,6 +75,14 @@ pub struct Contact {
     pub twisting_damping_ratio: f64,
     /// F_c.
     pub attraction: Attraction,
+    /// ρ_i and ρ_j over that of the constants.
+    pub relative_densities: [f64; 2],
+}
+
+impl Default for Contact {
+    fn default() -> Self {
+        Self::NONE
+    }
 }
 
 impl Contact {
@@ -90,7 +99,13 @@ impl Contact {
             constant: 0.0,
             per_radius: 0.0,
         },
+        relative_densities: [1.0; 2],
     };
+
+    /// ρ_i and ρ_j, times a factor, of constants of this density.
+    fn densities(&self, density: f64) -> [f64; 2] {
+        self.relative_densities.map(|part| part * density)
+    }
 
     /// Whether they resist rolling or twisting.
     pub fn resists_rotation(&self) -> bool {

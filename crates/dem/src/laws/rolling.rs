@@ -21,8 +21,8 @@ pub const PARAMETERS: usize = 3;
 pub struct Rolling {
     /// k_r/R_r² (Pa).
     pub stiffness: f64,
-    /// Mass per squared radius, ρπ (kg/m³).
-    pub density: f64,
+    /// Mass per squared radius, ρπ (kg/m³), of i and j.
+    pub densities: [f64; 2],
     /// μ_r.
     pub friction: f64,
     /// η_r.
@@ -63,11 +63,8 @@ impl Rolling {
         let c = |v| L::splat(token, v);
         let r_r = r_i * r_j / (r_i + r_j);
         let k_r = c(self.stiffness) * r_r * r_r;
-        let density = c(1.5 * self.density);
-        let (i_i, i_j) = (
-            density * r_i * r_i * r_i * r_i,
-            density * r_j * r_j * r_j * r_j,
-        );
+        let [of_i, of_j] = self.densities.map(|density| c(1.5 * density));
+        let (i_i, i_j) = (of_i * r_i * r_i * r_i * r_i, of_j * r_j * r_j * r_j * r_j);
         let i_r = i_i * i_j / (i_i + i_j);
         k_r.store(&mut out[0]);
         (c(2.0 * self.damping_ratio) * (i_r * k_r).sqrt()).store(&mut out[1]);

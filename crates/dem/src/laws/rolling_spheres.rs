@@ -66,7 +66,10 @@ struct Resistance {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Resisting<C> {
     law: C,
-    masses: Masses,
+    /// (4/3)πρ (kg/m³) of i and j, or the mass of each (kg).
+    masses: [f64; 2],
+    /// Which of the two.
+    is_density: bool,
     rolling: Resistance,
     twisting: Resistance,
 }
@@ -76,9 +79,14 @@ impl<C: ContactLaw> Resisting<C> {
         let rolling = contact.rolling_stiffness.or(constants.rolling_stiffness());
         // A scene gives what it needs.
         let rolling = rolling.unwrap_or(0.0);
+        let (masses, is_density) = match constants.masses() {
+            Masses::Equal(mass) => ([mass; 2], false),
+            of => (contact.densities(of.of(0, Three::volume(1.0))), true),
+        };
         Self {
             law,
-            masses: constants.masses(),
+            masses,
+            is_density,
             rolling: Resistance {
                 stiffness: rolling,
                 friction: contact.rolling_friction,
@@ -122,13 +130,10 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         let c = |v| L::splat(token, v);
         self.law.parameters(token, r_i, r_j, out);
         let out = &mut out[C::PARAMETERS..];
-        let (m_i, m_j) = match self.masses {
-            Masses::Density(density) => {
-                let density = c(density * Three::volume(1.0));
-                (density * Three::power(r_i), density * Three::power(r_j))
-            }
-            Masses::Equal(mass) => (c(mass), c(mass)),
-        };
+        let [mut m_i, mut m_j] = self.masses.map(c);
+        if self.is_density {
+            (m_i, m_j) = (m_i * Three::power(r_i), m_j * Three::power(r_j));
+        }
         let r_r = r_i * r_j / (r_i + r_j);
         // mR².
         let (i, j) = (m_i * r_i * r_i, m_j * r_j * r_j);

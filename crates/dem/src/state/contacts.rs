@@ -13,8 +13,8 @@ use super::ContactState;
 /// There are groups of blocks. First come inner pairs, of which this rank owns both grains: for
 /// each thread those between two grains of its [share](LocalGrains::shares), then those between
 /// grains of two threads. Then come pairs of which this rank owns i, then pairs of which it owns j.
-/// In a group the pairs are in the order of the cells. Within every run of 1,024 of them, contacts
-/// then come first, those that slide before the others, followed by the other pairs in order of
+/// In a group the pairs are in the order of the cells. Within every run of 1,024 of them, those of
+/// the same two materials follow each other, in blocks of their own. Of these, contacts come first, those that slide before the others, followed by the other pairs in order of
 /// their gaps, so that blocks in which nothing touches follow each other, and in most blocks
 /// nothing slides.
 ///
@@ -34,6 +34,8 @@ pub struct Contacts {
     pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Lanes16; 2]>,
+    /// [`PairModel::kind`] of the pairs of every block.
+    pub kinds: Vec<u16>,
     /// [`Contacts::parameter_lanes`] elements per block.
     pub parameters: Vec<Lanes16>,
     /// [`Contacts::history_lanes`] elements per block.
@@ -70,6 +72,8 @@ pub struct LocalGrains<'a> {
     pub id: &'a [u32],
     /// Their radii (m).
     pub radius: &'a [f64],
+    /// Their materials.
+    pub material: &'a [u64],
     /// This rank owns the first of them.
     pub owned: usize,
     /// The owned grains of each thread, one range after the other.
@@ -100,6 +104,7 @@ impl Contacts {
     ) {
         let LocalGrains {
             radius,
+            material,
             shares,
             ghosts_move,
             ..
@@ -109,20 +114,42 @@ impl Contacts {
         self.history_lanes = law.history_lanes();
         self.pairs.clear();
         self.geometry.clear();
+        self.kinds.clear();
         self.history.clear();
         self.touching.clear();
         self.limits.clear();
         self.asleep_until.clear();
         let known = |c: &ContactState| c.limits().iter().all(Option::is_some);
         self.limits_are_known = remembered.states.iter().all(known);
-        let mut end = 0;
-        let ends: Vec<usize> = groups
-            .iter()
-            .map(|group| {
-                end += group.len().div_ceil(LANES);
-                end
-            })
-            .collect();
+        let several = material.iter().any(|k| *k != material[0]);
+        let kind = |pair: &Listed| {
+            let of_both = || law.kind(pair.grains.map(|g| material[g as usize]));
+            if several { of_both() } else { 0 }
+        };
+        let firsts = shares.iter().map(|share| share.start as u32);
+        let mut ordered = Vec::with_capacity(SORTED_TOGETHER);
+        let mut ends = Vec::with_capacity(groups.len());
+        for (k, (group, first_grain)) in groups.iter().zip(firsts.chain([0; 3])).enumerate() {
+            let inner = k <= shares.len();
+            for run in group.chunks(SORTED_TOGETHER) {
+                contacts_first(run, &mut ordered);
+                if several {
+                    ordered.sort_by_key(|pair| kind(pair));
+                }
+                let of_kinds = ordered.chunk_by(|a, b| kind(a) == kind(b));
+                for block in of_kinds.flat_map(|of_kind| of_kind.chunks(LANES)) {
+                    self.kinds.push(kind(block[0]));
+                    self.push(law, block, first_grain, radius);
+                    let least = way_to_touch(block.iter().map(|p| p.gap).fold(f64::MAX, f64::min));
+                    self.asleep_until.push(if inner {
+                        least
+                    } else {
+                        2.0 * least - ghosts_move
+                    });
+                }
+            }
+            ends.push(self.geometry.len());
+        }
         self.shares = shares
             .iter()
             .enumerate()
@@ -133,28 +160,11 @@ impl Contacts {
             .collect();
         self.inner = ends[shares.len()];
         self.owned_blocks = ends[shares.len() + 1];
-        let firsts = shares.iter().map(|share| share.start as u32);
-        let mut ordered = Vec::with_capacity(SORTED_TOGETHER);
-        for (group, first_grain) in groups.iter().zip(firsts.chain([0; 3])) {
-            for run in group.chunks(SORTED_TOGETHER) {
-                contacts_first(run, &mut ordered);
-                for block in ordered.chunks(LANES) {
-                    self.push(law, block, first_grain, radius);
-                    let least = way_to_touch(block.iter().map(|p| p.gap).fold(f64::MAX, f64::min));
-                    let inner = self.asleep_until.len() < self.inner;
-                    self.asleep_until.push(if inner {
-                        least
-                    } else {
-                        2.0 * least - ghosts_move
-                    });
-                }
-            }
-        }
         let blocks = self.geometry.len();
         self.parameters.clear();
         self.parameters
             .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
-        law.set_parameters(isa, &self.geometry, &mut self.parameters);
+        law.set_parameters(isa, (&self.geometry, &self.kinds), &mut self.parameters);
     }
 
     /// Appends a block of pairs. Grains are numbered from `first_grain` on.
@@ -200,6 +210,7 @@ impl Contacts {
             history_lanes: self.history_lanes,
             pairs: &self.pairs,
             geometry: &self.geometry[of(1)],
+            kinds: &self.kinds[of(1)],
             parameters: &self.parameters[of(self.parameter_lanes)],
             history: &mut self.history[of(self.history_lanes)],
             touching: &mut self.touching[of(1)],
@@ -304,6 +315,7 @@ impl Contacts {
     pub fn elastic<'a>(&'a self, overlap: &'a [Lanes16]) -> Elastic<'a> {
         Elastic {
             geometry: &self.geometry,
+            kinds: &self.kinds,
             parameters: &self.parameters,
             history: &self.history,
             overlap,
@@ -316,7 +328,7 @@ impl Contacts {
         self.pairs.memory()
             + self.geometry.capacity() * size_of::<[Lanes16; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Lanes16>()
-            + self.touching.capacity() * size_of::<u16>()
+            + (self.touching.capacity() + self.kinds.capacity()) * size_of::<u16>()
             + self.limits.capacity() * size_of::<[u16; 4]>()
             + self.asleep_until.capacity() * size_of::<f64>()
     }
@@ -426,6 +438,8 @@ pub struct BlockRange<'a> {
     pub pairs: &'a PairList,
     /// [`Contacts::geometry`] of these blocks.
     pub geometry: &'a [[Lanes16; 2]],
+    /// [`Contacts::kinds`] of these blocks.
+    pub kinds: &'a [u16],
     /// [`Contacts::parameters`] of these blocks.
     pub parameters: &'a [Lanes16],
     /// [`Contacts::history`] of these blocks.
@@ -465,6 +479,7 @@ impl<'a> BlockRange<'a> {
     pub fn split(self, until: usize) -> (BlockRange<'a>, BlockRange<'a>) {
         let here = until - self.first;
         let (geometry, geometry_after) = self.geometry.split_at(here);
+        let (kinds, kinds_after) = self.kinds.split_at(here);
         let (parameters, parameters_after) = self.parameters.split_at(here * self.parameter_lanes);
         let (history, history_after) = self.history.split_at_mut(here * self.history_lanes);
         let (touching, touching_after) = self.touching.split_at_mut(here);
@@ -478,6 +493,7 @@ impl<'a> BlockRange<'a> {
                 history_lanes: self.history_lanes,
                 pairs: self.pairs,
                 geometry,
+                kinds,
                 parameters,
                 history,
                 touching,
@@ -492,6 +508,7 @@ impl<'a> BlockRange<'a> {
                 history_lanes: self.history_lanes,
                 pairs: self.pairs,
                 geometry: geometry_after,
+                kinds: kinds_after,
                 parameters: parameters_after,
                 history: history_after,
                 touching: touching_after,

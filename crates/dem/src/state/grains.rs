@@ -1,5 +1,7 @@
 //! The grains of this rank: owned grains, in the order of their cells, then ghosts.
 
+use std::sync::Arc;
+
 use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
@@ -72,21 +74,23 @@ fn power_of_two_above(x: f64) -> f64 {
 }
 
 /// How the masses of the grains follow from their sizes.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Masses {
     /// ρ (kg/m³) of all.
     Density(f64),
+    /// ρ (kg/m³) of each material.
+    Densities(Arc<[f64]>),
     /// m (kg; kg/m in 2D), the same for all, whatever their size.
     Equal(f64),
 }
 
 impl Masses {
-    /// m (kg; kg/m in 2D) of a grain of this volume (m³; m² in 2D); the mean mass for the mean
-    /// volume.
-    pub fn of(self, volume: f64) -> f64 {
+    /// m (kg; kg/m in 2D) of a grain of this material and volume (m³; m² in 2D).
+    pub fn of(&self, material: u64, volume: f64) -> f64 {
         match self {
             Masses::Density(density) => density * volume,
-            Masses::Equal(mass) => mass,
+            Masses::Densities(of) => of[material as usize] * volume,
+            Masses::Equal(mass) => *mass,
         }
     }
 }
@@ -103,6 +107,8 @@ pub struct Grains<D: Dimension> {
     pub body: Vec<u32>,
     /// Radii (m).
     pub radius: Vec<f64>,
+    /// Materials.
+    pub material: Vec<u64>,
     /// Positions and velocities.
     pub record: Vec<D::Record>,
     /// Forces and torques.
@@ -124,6 +130,7 @@ impl<D: Dimension> Default for Grains<D> {
             id: Vec::new(),
             body: Vec::new(),
             radius: Vec::new(),
+            material: Vec::new(),
             record: Vec::new(),
             force: Vec::new(),
             units: Units::new(1.0, 1.0),
@@ -146,11 +153,12 @@ impl<D: Dimension> Grains<D> {
     }
 
     /// Replaces all grains by these owned ones, without ghosts. `step`: Δt (s).
-    pub fn replace(&mut self, owned: &[GrainState], masses: Masses, step: f64) {
+    pub fn replace(&mut self, owned: &[GrainState], masses: &Masses, step: f64) {
         self.owned = owned.len();
         self.id.clear();
         self.body.clear();
         self.radius.clear();
+        self.material.clear();
         self.record.clear();
         self.force.clear();
         self.mass.clear();
@@ -158,7 +166,7 @@ impl<D: Dimension> Grains<D> {
         for g in owned {
             self.push(g);
             self.image.push(g.image);
-            self.mass.push(masses.of(D::volume(g.radius)));
+            self.mass.push(masses.of(g.material, D::volume(g.radius)));
         }
         self.set_step(step);
     }
@@ -168,6 +176,7 @@ impl<D: Dimension> Grains<D> {
         self.id.push(g.id);
         self.body.push(g.body);
         self.radius.push(g.radius);
+        self.material.push(g.material);
         let axes = 0..D::AXES;
         let spins = first_spin::<D>()..3;
         let mut record = D::Record::zeroed();
@@ -198,6 +207,7 @@ impl<D: Dimension> Grains<D> {
         retain(&mut self.id, kept);
         retain(&mut self.body, kept);
         retain(&mut self.radius, kept);
+        retain(&mut self.material, kept);
         retain(&mut self.record, kept);
         retain(&mut self.force, kept);
         let mut next = 0;
@@ -268,6 +278,7 @@ impl<D: Dimension> Grains<D> {
             torque: angular(f, D::TORQUE),
             // Ghosts have none.
             image: self.image.get(g).copied().unwrap_or_default(),
+            material: self.material[g],
         }
     }
 
@@ -283,6 +294,7 @@ impl<D: Dimension> Grains<D> {
         use std::mem::size_of;
         (self.id.capacity() + self.body.capacity()) * size_of::<u32>()
             + (self.radius.capacity() + self.mass.capacity()) * size_of::<f64>()
+            + self.material.capacity() * size_of::<u64>()
             + self.record.capacity() * size_of::<D::Record>()
             + self.force.capacity() * size_of::<D::Force>()
             + self.half_kick.capacity() * size_of::<[f64; 2]>()

@@ -131,7 +131,7 @@ impl<D: LawSpace> Pair<D> {
 }
 
 fn reduced_mass(law: &Law, volume: fn(f64) -> f64) -> f64 {
-    let [a, b] = RADII.map(|r| law.masses().of(volume(r)));
+    let [a, b] = RADII.map(|r| law.masses().of(0, volume(r)));
     a * b / (a + b)
 }
 

@@ -8,6 +8,7 @@ mod hertz;
 mod hooke;
 mod images;
 mod mindlin;
+mod mixture;
 mod protocols;
 mod shares;
 mod sleeping_blocks;

@@ -301,7 +301,7 @@ fn spheres_oscillate_against_each_other() {
     let (name, law) = laws().swap_remove(0);
     let mass = law
         .masses()
-        .of(4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3));
+        .of(0, 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3));
     let contact = Contact {
         friction: 10.0,
         rolling_friction: 1e3,

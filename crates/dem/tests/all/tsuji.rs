@@ -91,6 +91,7 @@ impl Impact {
             force: [0.0; 3],
             torque: [0.0; 3],
             image: [0; 3],
+            material: 0,
         };
         let distance = RADII[0] + RADII[1] + GAP;
         let grains = vec![grain(0, 0.0, [0.0; 3]), grain(1, distance, velocity)];
@@ -133,10 +134,10 @@ impl Impact {
 
     /// The energy budget, and the kinetic energy (J).
     fn energies(&mut self) -> (EnergyBalance, f64) {
-        let (isa, masses) = (self.system.isa, self.system.masses);
+        let (isa, masses) = (self.system.isa, self.system.masses.clone());
         let kinetic = self.system.grain_states().into_iter().map(|g| {
             let (speed, rim) = (norm(g.velocity), g.radius * norm(g.angular_velocity));
-            0.5 * masses.of(Three::volume(g.radius)) * (speed * speed + 0.4 * rim * rim)
+            0.5 * masses.of(0, Three::volume(g.radius)) * (speed * speed + 0.4 * rim * rim)
         });
         let kinetic = kinetic.sum();
         let mut budget = self.system.budget.take().expect("a budget");

@@ -3,7 +3,7 @@
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::{Contact, LawSpace};
+use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::Lattice;
 use gshear_scene::schedule::mean_mass;
@@ -11,7 +11,6 @@ use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
 use gshear_store::checkpoint;
 
 use super::pack::{PackStage, falling_drag};
-use super::setup::force;
 use super::shear::ShearStage;
 use super::top_wall::{height_between, mass_of_top};
 use crate::header::{Header, PackHeader, ShearHeader};
@@ -47,7 +46,7 @@ pub fn run<D: LawSpace>(
             ));
         }
     };
-    let law = force::<D>(&scene.law, scene.contact);
+    let law = scene.force::<D>();
     let begins = from.step == 0;
     let mut shear = ShearStage::new(run, scene, plane_shear, law, from, state)?;
     let outcome = run.drive(&mut shear, begins);
@@ -90,7 +89,8 @@ fn packed<D: LawSpace>(
 /// The height (m) of the inserted grains, and this rank's part of them.
 fn inserted(run: &Run<'_>, scene: &Scene, sizes: &Sizes) -> (f64, Vec<GrainState>) {
     let (rank, size) = (run.exchange.rank(), run.exchange.size());
-    let grains = Lattice::new(&scene.sample, sizes).insert(scene.seed, rank, size);
+    let grains =
+        Lattice::new(&scene.sample, sizes, &scene.materials).insert(scene.seed, rank, size);
     let top = grains.iter().map(|g| g.position[up(scene)] + g.radius);
     (run.exchange.maximum(top.fold(0.0, f64::max)), grains)
 }
@@ -169,19 +169,20 @@ fn packing_laws<D: LawSpace>(
 ) -> [Box<dyn PairForce<D>>; 2] {
     let PlaneShear { load, pack, .. } = plane_shear;
     let diameter = scene.sample.mean_diameter;
-    let law = scene.law.while_packing(diameter, load.pressure);
-    let smooth = scene.contact.smooth();
+    let packing = |law: &Law| law.while_packing(diameter, load.pressure);
     // Without friction also no rolling resistance, which gives the densest packing.
-    let contact = if pack.friction > 0.0 {
-        Contact {
-            friction: pack.friction,
-            attraction: smooth.attraction,
-            ..scene.contact
-        }
-    } else {
-        smooth
+    let rough = |contact: &Contact| match pack.friction {
+        0.0 => contact.smooth(),
+        friction => Contact {
+            friction,
+            attraction: contact.smooth().attraction,
+            ..*contact
+        },
     };
-    [force(&law, contact), force(&law, smooth)]
+    [
+        scene.force_with(|law, contact| (packing(law), rough(contact))),
+        scene.force_with(|law, contact| (packing(law), contact.smooth())),
+    ]
 }
 
 /// The axis of the walls' normals.

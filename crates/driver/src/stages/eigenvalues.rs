@@ -65,7 +65,7 @@ impl GlobalState {
             grains: &self.grains,
             contacts: &self.contacts,
             cell: system.cell,
-            masses: system.masses,
+            masses: &system.masses,
             at_rest: self.at_rest,
         };
         jacobian::assemble::<D>(state, law, History::Turned)

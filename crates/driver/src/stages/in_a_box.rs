@@ -11,7 +11,7 @@ use gshear_store::run_reader::RunStage;
 use super::newtonian::{NewtonianStage, Resumed};
 use super::prepare;
 use super::rest::RestState;
-use super::setup::{force, system};
+use super::setup::system;
 use super::strain::Strain;
 use crate::header::{Header, Progress};
 use crate::options::Outcome;
@@ -29,7 +29,7 @@ pub fn run<D: LawSpace>(
     periodic: &PeriodicBox,
     start: Start,
 ) -> Result<Outcome, Failure> {
-    let law = force::<D>(&scene.law, scene.contact);
+    let law = scene.force::<D>();
     let law = law.as_ref();
     let begins = !matches!(start, Start::Checkpoint(_));
     let Some((header, state)) = begin::<D>(run, scene, periodic, start)? else {
@@ -107,7 +107,7 @@ fn begin<D: LawSpace>(
         checkpoint::to_both_holders(run.exchange, &mut saved.state);
         return Ok(Some((saved.header, saved.state)));
     }
-    let smooth = force::<D>(&scene.law, scene.contact.smooth());
+    let smooth = scene.force_with::<D>(|law, contact| (law.clone(), contact.smooth()));
     let prepared = prepare::prepare(run, scene, periodic, smooth.as_ref())?;
     let progress = Progress {
         length: Some(scene.sample.length),

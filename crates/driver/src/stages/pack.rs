@@ -165,6 +165,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             D::UP,
             planes,
             self.plane_shear.wall_thickness(&self.scene.sample),
+            self.scene.materials.wall,
         );
         let piston = Piston {
             velocity: 0.0,

@@ -111,11 +111,15 @@ fn part<D: Dimension>(
     // Ids ascend along x, as those of the lattice.
     placed.sort_by(|a, b| a.position[0].total_cmp(&b.position[0]));
     let share = share_of(scene.sample.grains, exchange.rank(), exchange.size());
-    let grains = share.map(|id| GrainState {
-        id,
-        position: placed[id as usize].position,
-        radius: placed[id as usize].radius,
-        ..GrainState::zeroed()
+    let grains = share.map(|id| {
+        let Placed { position, radius } = placed[id as usize];
+        GrainState {
+            id,
+            position,
+            radius,
+            material: material(scene, id, radius),
+            ..GrainState::zeroed()
+        }
     });
     let mut system = system::<D>(run, scene, cell)?;
     system.replace(exchange, law, &mut NoWalls, grains.collect(), Vec::new())?;
@@ -314,11 +318,18 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
             id,
             position,
             radius,
+            material: material(scene, id, radius),
             ..GrainState::zeroed()
         }
     };
     let grains = share_of(count, rank, ranks).map(grain).collect();
     (room * f64::from(side), grains)
+}
+
+/// The material of a grain of this radius (m).
+fn material(scene: &Scene, id: u32, radius: f64) -> u64 {
+    let largest = scene.sample.radius_max;
+    scene.materials.of_inserted(scene.seed, id, radius, largest)
 }
 
 /// The ids that a rank inserts.

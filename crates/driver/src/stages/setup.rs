@@ -1,19 +1,12 @@
-//! What a stage of any scene is made of: the law between the grains, and the system.
+//! What a stage of any scene is made of: its system.
 
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::Cell;
 use gshear_dem::system::{Setup, System};
 use gshear_scene::{Boundary, Scene};
 
 use crate::run::Run;
-
-/// The law between the grains of a scene, with this friction and rolling resistance.
-pub(crate) fn force<D: LawSpace>(law: &Law, contact: Contact) -> Box<dyn PairForce<D>> {
-    D::pair_force(law, &contact).expect("a law of this dimension, as the scene was checked")
-}
 
 /// The system of the scene in a cell, without its grains.
 pub(crate) fn system<D: Dimension>(
@@ -40,7 +33,7 @@ pub(crate) fn system<D: Dimension>(
         cell,
         largest_radius: sample.radius_max,
         mean_diameter: sample.mean_diameter,
-        masses: scene.law.masses(),
+        masses: scene.materials.masses.clone(),
         step: scene.time_step.step,
         gravity,
         typical_force,

@@ -17,10 +17,9 @@ pub(super) fn mass_of_top(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -
 pub(super) fn mass_of(run: &Run<'_>, scene: &Scene, grains: &[GrainState], body: u32) -> f64 {
     let masses = FixedPoint::new(mean_mass(scene));
     let mut mass = Accumulator::default();
-    let of_grain = scene.law.masses();
     for g in grains.iter().filter(|g| g.body == body) {
         let volume = scene.dimension.volume(g.radius);
-        masses.add(&mut mass, of_grain.of(volume));
+        masses.add(&mut mass, scene.materials.masses.of(g.material, volume));
     }
     let [mass] = masses.total(run.exchange, [mass]);
     mass

@@ -480,7 +480,11 @@ fn law(scene: &Scene) -> String {
     let attraction = (attraction > 0.0).then_some(("attraction F_c", attraction, unit));
     let derived = law.derived().into_iter().chain(attraction);
     let derived = derived.map(|(symbol, value, unit)| format!("{symbol} = {value:.4e} {unit}"));
-    let parts: Vec<String> = std::iter::once(law.kind().name.into())
+    let name = match &scene.materials.names[..] {
+        [first, _, ..] => format!("{} of {first}", law.kind().name),
+        _ => law.kind().name.into(),
+    };
+    let parts: Vec<String> = std::iter::once(name)
         .chain(derived.map(|text| text.trim_end().into()))
         .collect();
     parts.join(", ")

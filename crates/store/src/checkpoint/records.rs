@@ -19,6 +19,29 @@ pub(super) struct Field<R, T> {
     set: fn(&mut R) -> &mut [T],
 }
 
+/// A field that is stored only where it is needed.
+pub(super) enum Optional<R> {
+    Number(Field<R, f64>),
+    Whole(Field<R, u64>),
+}
+
+impl<R> Optional<R> {
+    /// Its name and its bytes per record.
+    fn size(&self) -> (&'static str, usize) {
+        match self {
+            Self::Number(field) => (field.name, 8 * field.width),
+            Self::Whole(field) => (field.name, 8 * field.width),
+        }
+    }
+
+    fn is_zero(&self, r: &R) -> bool {
+        match self {
+            Self::Number(field) => (field.get)(r).iter().all(|x| x.to_bits() == 0),
+            Self::Whole(field) => (field.get)(r).iter().all(|n| *n == 0),
+        }
+    }
+}
+
 macro_rules! field {
     ($record:ty, $name:ident, number) => {
         Field {
@@ -50,8 +73,12 @@ pub(super) trait Record: Pod {
     fn signed() -> Vec<Field<Self, i64>> {
         Vec::new()
     }
-    /// Numbers that are stored where one of them is not 0.
-    fn where_not_zero() -> Vec<Field<Self, f64>> {
+    /// What its checksum is of.
+    fn hashed(&self) -> &[u8] {
+        bytemuck::bytes_of(self)
+    }
+    /// Fields that are stored where one of them is not 0.
+    fn where_not_zero() -> Vec<Optional<Self>> {
         Vec::new()
     }
 }
@@ -79,6 +106,19 @@ impl Record for GrainState {
     fn signed() -> Vec<Field<Self, i64>> {
         vec![field!(Self, image, 3)]
     }
+
+    fn where_not_zero() -> Vec<Optional<Self>> {
+        vec![Optional::Whole(field!(Self, material, number))]
+    }
+
+    /// The first material adds nothing.
+    fn hashed(&self) -> &[u8] {
+        let all = bytemuck::bytes_of(self);
+        match self.material {
+            0 => &all[..std::mem::offset_of!(Self, material)],
+            _ => all,
+        }
+    }
 }
 
 impl Record for ContactState {
@@ -95,8 +135,8 @@ impl Record for ContactState {
     }
 
     /// Of spheres that resist rolling or twisting.
-    fn where_not_zero() -> Vec<Field<Self, f64>> {
-        vec![field!(Self, torques, 4)]
+    fn where_not_zero() -> Vec<Optional<Self>> {
+        vec![Optional::Number(field!(Self, torques, 4))]
     }
 
     fn signed() -> Vec<Field<Self, i64>> {
@@ -203,11 +243,7 @@ impl<R: Record> Stretch<R> {
         records: Vec<R>,
     ) -> Self {
         let fields = R::where_not_zero();
-        let of = |r: &R| {
-            fields
-                .iter()
-                .any(|f| (f.get)(r).iter().any(|x| x.to_bits() != 0))
-        };
+        let of = |r: &R| !fields.iter().all(|field| field.is_zero(r));
         let not_zero = u64::from(records.iter().any(of));
         Self {
             prefix,
@@ -253,7 +289,10 @@ impl<R: Record> List for Stretch<R> {
             outcome.note(write_column(file, self, &field));
         }
         for field in R::where_not_zero().iter().filter(|_| self.not_zero) {
-            outcome.note(write_column(file, self, field));
+            outcome.note(match field {
+                Optional::Number(field) => write_column(file, self, field),
+                Optional::Whole(field) => write_column(file, self, field),
+            });
         }
     }
 }
@@ -261,7 +300,7 @@ impl<R: Record> List for Stretch<R> {
 /// Returns the wrapping sum of the records' hashes, which depends neither on their order nor on the
 /// ranks that hold them.
 pub(super) fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64 {
-    let hashes = records.iter().map(|r| xxh3_64(bytemuck::bytes_of(r)));
+    let hashes = records.iter().map(|r| xxh3_64(r.hashed()));
     total(exchange, hashes.fold(0, u64::wrapping_add))
 }
 
@@ -310,10 +349,7 @@ pub(super) fn read_records<R: Record>(
         }
         Ok(())
     }
-    let optional: usize = R::where_not_zero()
-        .iter()
-        .map(|field| 8 * field.width)
-        .sum();
+    let optional: usize = R::where_not_zero().iter().map(|field| field.size().1).sum();
     if all.saturating_mul((size_of::<R>() - optional) as u64) > file.size() {
         return Err(format!(
             "damaged: {} has more rows than the file can hold",
@@ -333,8 +369,12 @@ pub(super) fn read_records<R: Record>(
     }
     for field in R::where_not_zero() {
         let (file, prefix) = file;
-        if file.link_exists(&format!("{prefix}{}/{}", R::GROUP, field.name)) {
-            fill((file, prefix), &field, all, &local, &mut records)?;
+        if !file.link_exists(&format!("{prefix}{}/{}", R::GROUP, field.size().0)) {
+            continue;
+        }
+        match field {
+            Optional::Number(field) => fill((file, prefix), &field, all, &local, &mut records)?,
+            Optional::Whole(field) => fill((file, prefix), &field, all, &local, &mut records)?,
         }
     }
     Ok(records)

@@ -135,6 +135,8 @@ pub struct RunFile {
     path: PathBuf,
     stage: RunStage,
     grains: Disks,
+    /// Of the grains.
+    material: Vec<u8>,
     /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
     edges: [f64; 3],
     dimension: Dimensions,
@@ -199,7 +201,7 @@ impl RunFile {
             Some(Parameter::Integer(3)) => Dimensions::Three,
             _ => Dimensions::Two,
         };
-        let grains = source.grains(&edges)?;
+        let (grains, material) = source.grains(&edges)?;
         let finished = parameters.contains_key("digest");
         let imposed = ImposedRow::COLUMNS[0].name;
         let columns = if source.exists(&format!("{OBSERVABLES}/{imposed}")) {
@@ -217,6 +219,7 @@ impl RunFile {
             of_grain(dimension.axes()).map(|quantity| source.of_grains(quantity, grains.count()));
         let mut file = Self {
             stage,
+            material,
             edges,
             dimension,
             parameters,
@@ -330,6 +333,11 @@ impl RunFile {
     /// Returns radii, bodies and masses of the grains.
     pub fn grains(&self) -> &Disks {
         &self.grains
+    }
+
+    /// Returns the numbers of the grains' materials.
+    pub fn material(&self) -> &[u8] {
+        &self.material
     }
 
     /// Returns the height of the box at the start of the shear (m).

@@ -131,8 +131,8 @@ impl<'a> OpenFile<'a> {
         of_contact(form).into_iter().map(open).collect()
     }
 
-    /// What is constant of the grains, verified. `edges`: of the box at the start.
-    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<Disks, Failure> {
+    /// What is constant of the grains, and their materials, verified. `edges`: of the box at the start.
+    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<(Disks, Vec<u8>), Failure> {
         let name = |part: &str| format!("{PARTICLES}/{part}");
         let id: Vec<u32> = self.all(&name("id"))?;
         if let Some(row) = (0..id.len()).find(|&row| id[row] as usize != row) {
@@ -145,9 +145,14 @@ impl<'a> OpenFile<'a> {
             mass: self.of_length(&name("mass"), id.len())?,
             length: edges[0],
         };
-        self.verify_constants(&id, &grains, edges)?;
+        let material = if self.exists(&name("material")) {
+            self.of_length(&name("material"), id.len())?
+        } else {
+            vec![0; id.len()]
+        };
+        self.verify_constants(&id, (&grains, &material), edges)?;
         self.check_grains(&grains)?;
-        Ok(grains)
+        Ok((grains, material))
     }
 
     /// Checks that there are grains, of some size.

@@ -19,6 +19,7 @@ impl RunFile {
             id: g as u32,
             body: self.grains.body[g].into(),
             radius: self.grains.radius[g],
+            material: self.material[g].into(),
             position: position[g],
             ..GrainState::zeroed()
         };

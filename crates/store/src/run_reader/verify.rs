@@ -49,11 +49,16 @@ impl OpenFile<'_> {
     pub(super) fn verify_constants(
         &self,
         id: &[u32],
-        grains: &Disks,
+        (grains, material): (&Disks, &[u8]),
         edges: &[f64],
     ) -> Result<(), Failure> {
-        let found =
-            checksums::of_constants(0, id, &grains.body, [&grains.radius, &grains.mass], edges);
+        let found = checksums::of_constants(
+            0,
+            id,
+            [&grains.body, material],
+            [&grains.radius, &grains.mass],
+            edges,
+        );
         let names = ["id", "body", "radius", "mass", "box/edges"];
         let stored: Vec<u64> = self.of_length(CONSTANTS, names.len())?;
         match (0..names.len()).find(|&k| stored[k] != found[k]) {

@@ -39,6 +39,8 @@ pub struct GrainShape {
     pub radius: f64,
     /// m (kg; kg/m in 2D).
     pub mass: f64,
+    /// Number of the material.
+    pub material: u64,
 }
 
 impl GrainShape {
@@ -49,6 +51,7 @@ impl GrainShape {
             body: grain.body,
             radius: grain.radius,
             mass,
+            material: grain.material,
         }
     }
 
@@ -235,11 +238,15 @@ impl TrajectoryWriter {
         let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
         let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
         let mass: Vec<f64> = shapes.iter().map(|g| g.mass).collect();
+        let material: Vec<u8> = shapes.iter().map(|g| g.material as u8).collect();
+        let several = u64::from(material.iter().any(|of| *of > 0));
+        let several = total(exchange, several) > 0;
         let root = exchange.rank() == 0;
         let edges = if root { &header.edges[..] } else { &[] };
 
-        let mut sums = checksums::of_constants(ids.start, &id, &body, [&radius, &mass], edges)
-            .map(|sum| sum as i64);
+        let mut sums =
+            checksums::of_constants(ids.start, &id, [&body, &material], [&radius, &mass], edges)
+                .map(|sum| sum as i64);
         exchange.sum(&mut sums);
         let sums = sums.map(|sum| sum as u64);
         let of_root = if root { &sums[..] } else { &[] };
@@ -260,6 +267,9 @@ impl TrajectoryWriter {
         outcome.note(fixed(file, &name("id"), grains, local, &id));
         outcome.note(fixed(file, &name("body"), grains, local, &body));
         outcome.note(file.link(&name("body"), &name("species")));
+        if several {
+            outcome.note(fixed(file, &name("material"), grains, local, &material));
+        }
         outcome.note(numbers(&RADIUS, &radius));
         outcome.note(numbers(&MASS, &mass));
         outcome.note(by_root(root, &mut self.columns.offset, 0, &[0u64]));

@@ -15,6 +15,7 @@ fn create(path: &Path, rows: u64) {
         body: 0,
         radius: 1.0,
         mass: 1.0,
+        material: 0,
     }];
     let header = RunHeader {
         form: Form {

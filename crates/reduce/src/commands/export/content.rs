@@ -5,6 +5,7 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
+use super::data_file::atom_type;
 use crate::commands::dmin::{between, is_planar};
 use crate::contact_quantities::of_contacts;
 use gshear_analysis::dmin;
@@ -184,6 +185,11 @@ impl<'a> ExportedRun<'a> {
     /// The constants of the grains.
     pub fn grains(&self) -> &Disks {
         self.run.grains()
+    }
+
+    /// The type of a grain's atom.
+    pub fn atom_type(&self, g: usize) -> u32 {
+        atom_type(self.grains().body[g].into(), self.run.material()[g].into())
     }
 
     /// Number of dimensions.

@@ -55,14 +55,23 @@ struct ExportedState {
 }
 
 struct Grain {
-    /// 0 free, 1 bottom wall, 2 top wall.
-    body: u32,
+    /// Type of the atom.
+    atom_type: u32,
     radius: f64,
     /// kg; kg/m in 2D.
     mass: f64,
     position: [f64; 3],
     velocity: [f64; 3],
     angular_velocity: [f64; 3],
+}
+
+/// The type of the atom of a grain of this body and material, as a scene reads it again: 1 free, 2
+/// and 3 the walls, from 4 on free grains of the other materials.
+pub fn atom_type(body: u32, material: u64) -> u32 {
+    match (body, material) {
+        (0, 1..) => material as u32 + 3,
+        (body, _) => body + 1,
+    }
 }
 
 /// Writes a state of `run`, which is a run or a checkpoint, to `out` or into the folder of the run.
@@ -98,7 +107,7 @@ fn of_run(run: &RunFile, which: Which) -> Result<ExportedState, Failure> {
     let grains = run.grains();
     let frame = run.records(t..t + 1)?.swap_remove(0);
     let grain = |(g, of): (usize, &GrainSample)| Grain {
-        body: grains.body[g].into(),
+        atom_type: atom_type(grains.body[g].into(), run.material()[g].into()),
         radius: grains.radius[g],
         mass: grains.mass[g],
         position: of.position,
@@ -129,9 +138,9 @@ fn of_checkpoint(path: &Path) -> Result<ExportedState, Failure> {
         )));
     };
     let grain = |g: &gshear_dem::state::GrainState| Grain {
-        body: g.body,
+        atom_type: atom_type(g.body, g.material),
         radius: g.radius,
-        mass: scene.law.masses().of(scene.dimension.volume(g.radius)),
+        mass: (scene.materials.masses).of(g.material, scene.dimension.volume(g.radius)),
         position: g.position,
         velocity: g.velocity,
         angular_velocity: g.angular_velocity,
@@ -178,7 +187,7 @@ fn data_file(
         let diameter = 2.0 * grain.radius;
         Atom {
             id: g as u64 + 1,
-            kind: grain.body + 1,
+            kind: grain.atom_type,
             diameter,
             density: grain.mass / volume(grain.radius),
             position: grain.position,
@@ -192,7 +201,7 @@ fn data_file(
             (Dimensions::Two, [length, _]) => [[0.0, length], edges, [-largest, largest]],
             (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
         },
-        types: 3,
+        types: state.grains.iter().fold(3, |n, g| n.max(g.atom_type)),
         atoms: state.grains.iter().enumerate().map(atom).collect(),
     };
     let title = format!(

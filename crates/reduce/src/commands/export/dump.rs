@@ -74,9 +74,8 @@ impl DumpWriter {
             write!(file, " {name}")?;
         }
         writeln!(file)?;
-        let constants = run.grains();
         for (g, grain) in grains.iter().enumerate() {
-            write!(file, "{} {}", grain.id + 1, constants.body[g] + 1)?;
+            write!(file, "{} {}", grain.id + 1, run.atom_type(g))?;
             for value in run.state_values(frame, g) {
                 write!(file, " {value:?}")?;
             }

@@ -1,0 +1,176 @@
+//! Grains of several materials: a law for each ordered pair of them.
+//!
+//! The list keeps pairs of one kind in blocks of their own, so that each law works on its own
+//! blocks as if there were no other.
+
+use super::{Contact, Law, LawSpace};
+use crate::contact::History;
+use crate::contact::model::{Elastic, PairModel};
+use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
+use crate::dimension::Dimension;
+use crate::kernel::{PairForce, Pass, PassOutcome, Scratch};
+use crate::simd::{Isa, Lanes16};
+
+/// The forces between grains of n materials from the n² laws of ordered pairs, that of i and j at i
+/// n + j; `None` if one of them has none in this dimension. One law is that of all pairs.
+pub fn pair_force<D: LawSpace>(laws: &[(Law, Contact)]) -> Option<Box<dyn PairForce<D>>> {
+    let force = |of: &(Law, Contact)| D::pair_force(&of.0, &beside(of.1, laws));
+    match laws {
+        [of_all] => force(of_all),
+        _ => Some(Box::new(Mixture {
+            materials: laws.len().isqrt(),
+            laws: laws.iter().map(force).collect::<Option<_>>()?,
+        })),
+    }
+}
+
+/// A coefficient whose forces are rounded to 0. All laws of a mixture keep the same histories, so
+/// pairs without friction have this one where others have friction.
+const NEXT_TO_NOTHING: f64 = 1e-100;
+
+/// The contacts of a pair, compiled as those of all pairs need.
+fn beside(mut contact: Contact, laws: &[(Law, Contact)]) -> Contact {
+    let any = |of: fn(&Contact) -> f64| laws.iter().any(|(_, contact)| of(contact) > 0.0);
+    for (coefficient, needed) in [
+        (&mut contact.friction, any(|c| c.friction)),
+        (&mut contact.rolling_friction, any(|c| c.rolling_friction)),
+        (&mut contact.twisting_friction, any(|c| c.twisting_friction)),
+    ] {
+        if needed {
+            *coefficient = coefficient.max(NEXT_TO_NOTHING);
+        }
+    }
+    contact
+}
+
+/// The laws of all ordered pairs of materials.
+#[derive(Debug)]
+struct Mixture<D: Dimension> {
+    materials: usize,
+    laws: Vec<Box<dyn PairForce<D>>>,
+}
+
+impl<D: Dimension> Mixture<D> {
+    fn of(&self, materials: [u64; 2]) -> &dyn PairForce<D> {
+        self.laws[usize::from(self.kind(materials))].as_ref()
+    }
+
+    /// That of any pair: of what all have in common.
+    fn any(&self) -> &dyn PairForce<D> {
+        self.laws[0].as_ref()
+    }
+}
+
+/// The lengths of the runs of one kind.
+fn runs(kinds: &[u16]) -> impl Iterator<Item = (usize, usize)> {
+    kinds
+        .chunk_by(|a, b| a == b)
+        .map(|run| (usize::from(run[0]), run.len()))
+}
+
+impl<D: Dimension> Stiffness for Mixture<D> {
+    fn derivatives(&self, state: &SpringState) -> Derivatives {
+        self.of(state.materials).derivatives(state)
+    }
+
+    fn idle_derivatives(&self, state: &SpringState) -> Option<Derivatives> {
+        self.of(state.materials).idle_derivatives(state)
+    }
+}
+
+impl<D: Dimension> PairModel for Mixture<D> {
+    fn has_friction(&self) -> bool {
+        self.any().has_friction()
+    }
+
+    fn has_torques(&self) -> bool {
+        self.any().has_torques()
+    }
+
+    fn parameter_lanes(&self) -> usize {
+        self.any().parameter_lanes()
+    }
+
+    fn history_lanes(&self) -> usize {
+        self.any().history_lanes()
+    }
+
+    fn kind(&self, [i, j]: [u64; 2]) -> u16 {
+        (i as usize * self.materials + j as usize) as u16
+    }
+
+    fn set_parameters(
+        &self,
+        isa: Isa,
+        (mut geometry, kinds): (&[[Lanes16; 2]], &[u16]),
+        mut out: &mut [Lanes16],
+    ) {
+        for (kind, blocks) in runs(kinds) {
+            let (of_kind, others) = geometry.split_at(blocks);
+            let (to, rest) = out.split_at_mut(blocks * self.parameter_lanes());
+            self.laws[kind].set_parameters(isa, (of_kind, &[]), to);
+            (geometry, out) = (others, rest);
+        }
+    }
+
+    fn largest_normal_force(&self, radius: f64) -> f64 {
+        let forces = self.laws.iter().map(|law| law.largest_normal_force(radius));
+        forces.fold(0.0, f64::max)
+    }
+
+    fn history_unit(&self) -> &'static str {
+        self.any().history_unit()
+    }
+
+    fn to_state(&self, history: History) -> History {
+        self.any().to_state(history)
+    }
+
+    fn from_state(&self, state: History) -> History {
+        self.any().from_state(state)
+    }
+
+    fn energies(&self, isa: Isa, blocks: &Elastic<'_>, mut out: &mut [[Lanes16; 3]]) {
+        let mut first = 0;
+        for (kind, length) in runs(&blocks.kinds[..out.len()]) {
+            let of = |per_block: usize| first * per_block..(first + length) * per_block;
+            let (to, rest) = out.split_at_mut(length);
+            let of_kind = Elastic {
+                geometry: &blocks.geometry[of(1)],
+                kinds: &blocks.kinds[of(1)],
+                parameters: &blocks.parameters[of(self.parameter_lanes())],
+                history: &blocks.history[of(self.history_lanes())],
+                overlap: &blocks.overlap[of(1)],
+            };
+            self.laws[kind].energies(isa, &of_kind, to);
+            (first, out) = (first + length, rest);
+        }
+    }
+}
+
+impl<D: Dimension> PairForce<D> for Mixture<D> {
+    fn pass(&self, isa: Isa, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
+        let Pass {
+            mut part,
+            mut samples,
+            force,
+            ..
+        } = pass;
+        let mut outcome = PassOutcome::default();
+        let kinds = part.kinds;
+        for (kind, blocks) in runs(kinds) {
+            let until = part.first + blocks;
+            let (of_kind, rest) = part.split(until);
+            let (of_samples, rest_of_samples) = samples.map(|s| s.split(blocks)).unzip();
+            (part, samples) = (rest, rest_of_samples);
+            let of_kind = Pass {
+                force: &mut *force,
+                part: of_kind,
+                samples: of_samples,
+                ..pass
+            };
+            outcome = outcome.merge(self.laws[kind].pass(isa, of_kind, scratch));
+        }
+        outcome
+    }
+}

@@ -1,0 +1,165 @@
+//! Laws of several materials: equal ones are one, and unlike pairs have their own masses.
+
+use bytemuck::Zeroable;
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::laws::damping::damping_ratio;
+use gshear_dem::laws::mixture::pair_force;
+use gshear_dem::laws::{Contact, Law, LawSpace, hooke};
+use gshear_dem::state::{GrainState, Masses};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
+
+use crate::common::{CONTACT, gas, setup, springs};
+
+const ALWAYS: ListSettings = ListSettings {
+    skin: Some(0.1),
+    rebuild_every: 7,
+};
+
+/// The grains after so many steps, by id.
+fn after<D: LawSpace>(
+    setup: Setup,
+    laws: &[(Law, Contact)],
+    grains: Vec<GrainState>,
+    steps: usize,
+) -> Vec<GrainState> {
+    let law = pair_force::<D>(laws).expect("a law of this dimension");
+    let mut system = System::new(&Solo, setup).expect("one rank");
+    let none = Vec::new();
+    (system.replace(&Solo, law.as_ref(), &mut NoWalls, grains, none)).expect("a list");
+    initial_forces(&Solo, &mut system, law.as_ref(), &mut NoWalls, None).expect("sound");
+    for _ in 0..steps {
+        let request = StepRequest::default();
+        advance(&Solo, &mut system, law.as_ref(), &mut NoWalls, request).expect("sound");
+    }
+    system.grain_states()
+}
+
+fn materials_of_one_kind_are_one<D: LawSpace>(contact: Contact) {
+    let law = Law::of(&hooke::KIND, springs::<D>());
+    let side = if D::AXES == 2 { 12 } else { 6 };
+    let alone = gas::<D>(side, 0.9, 5);
+    let mut mixed = alone.clone();
+    for g in &mut mixed {
+        g.material = u64::from(g.id * 7 % 5 % 2);
+    }
+    for threads in [1, 3] {
+        let setup = Setup {
+            threads,
+            ..setup::<D>(side, 3.0, ALWAYS)
+        };
+        let of_one = after::<D>(
+            setup.clone(),
+            &[(law.clone(), contact)],
+            alone.clone(),
+            2000,
+        );
+        let of_two = vec![(law.clone(), contact); 4];
+        let of_two = after::<D>(setup, &of_two, mixed.clone(), 2000);
+        let moved = |a: &GrainState, b: &GrainState| a.moving() == b.moving();
+        assert!(of_one.iter().zip(&of_two).all(|(a, b)| moved(a, b)));
+        assert!(of_one.iter().any(|g| g.angular_velocity != [0.0; 3]));
+    }
+}
+
+#[test]
+fn disks_of_two_equal_materials_move_as_one() {
+    materials_of_one_kind_are_one::<Two>(CONTACT);
+}
+
+#[test]
+fn spheres_of_two_equal_materials_move_as_one() {
+    let rolling = Contact {
+        rolling_friction: 0.1,
+        rolling_stiffness: Some(1e3),
+        twisting_friction: 0.1,
+        ..CONTACT
+    };
+    materials_of_one_kind_are_one::<Three>(CONTACT);
+    materials_of_one_kind_are_one::<Three>(rolling);
+}
+
+/// Friction of one kind of pairs alone is none of the others': grains of the smooth kind fly and
+/// collide as in a packing without any friction, but for rounding.
+#[test]
+fn friction_of_other_pairs_does_not_reach_smooth_ones() {
+    let law = Law::of(&hooke::KIND, springs::<Three>());
+    let smooth = (law.clone(), Contact::NONE);
+    let beside = [
+        smooth.clone(),
+        smooth.clone(),
+        smooth.clone(),
+        (law, CONTACT),
+    ];
+    let [alone, beside] = [&[smooth][..], &beside].map(|laws| {
+        let grains = gas::<Three>(6, 0.9, 11);
+        after::<Three>(setup::<Three>(6, 3.0, ALWAYS), laws, grains, 2000)
+    });
+    for (a, b) in alone.iter().zip(&beside) {
+        let apart = |k: usize| (a.velocity[k] - b.velocity[k]).abs();
+        assert!((0..3).all(|k| apart(k) < 1e-9), "{a:?} {b:?}");
+        assert_eq!(b.angular_velocity, [0.0; 3]);
+    }
+}
+
+/// A head-on impact with α has the restitution of α whatever the masses, if each has its own, and
+/// conserves momentum. F_n ≥ 0 lets grains part a little earlier, of all materials.
+#[test]
+fn unlike_grains_have_their_own_masses() {
+    fn impact<D: LawSpace>() {
+        let (densities, e) = ([2500.0, 400.0], 0.6);
+        let mut constants = springs::<D>();
+        constants.damping_ratio = damping_ratio(e);
+        let law = |k: usize| {
+            let mut constants = constants;
+            constants.density = densities[k];
+            Law::of(&hooke::KIND, constants)
+        };
+        let laws: Vec<_> = (0..4)
+            .map(|pair| {
+                let [i, j] = [pair / 2, pair % 2];
+                let contact = Contact {
+                    relative_densities: [1.0, densities[j] / densities[i]],
+                    ..Contact::NONE
+                };
+                (law(i), contact)
+            })
+            .collect();
+        let mut restitution = Vec::new();
+        for order in [[0, 0], [0, 1], [1, 0]] {
+            let speed = 0.1;
+            let grain = |id: u32, x: f64, velocity: f64| GrainState {
+                id,
+                position: [x, 3e-3, if D::AXES == 3 { 3e-3 } else { 0.0 }],
+                velocity: [velocity, 0.0, 0.0],
+                radius: 1e-3,
+                material: order[id as usize],
+                ..GrainState::zeroed()
+            };
+            let setup = Setup {
+                masses: Masses::Densities(densities.into()),
+                step: 1e-7,
+                ..setup::<D>(8, 0.0, ALWAYS)
+            };
+            let grains = vec![grain(0, 3e-3, speed), grain(1, 5.001e-3, 0.0)];
+            let found = after::<D>(setup, &laws, grains, 40_000);
+            let [v_0, v_1] = [found[0].velocity[0], found[1].velocity[0]];
+            restitution.push((v_1 - v_0) / speed);
+            let [m_0, m_1] = order.map(|k| densities[k as usize]);
+            let momentum = (m_0 * v_0 + m_1 * v_1) / (m_0 * speed);
+            assert!((momentum - 1.0).abs() < 1e-12, "{momentum}");
+        }
+        let [of_like, unlike @ ..] = &restitution[..] else {
+            panic!("three impacts");
+        };
+        assert!((of_like - e).abs() < 0.05, "{of_like}");
+        assert!(
+            unlike.iter().all(|e| (e - of_like).abs() < 1e-3),
+            "{restitution:?}"
+        );
+    }
+    impact::<Two>();
+    impact::<Three>();
+}

@@ -1,0 +1,595 @@
+//! Several materials: `[[material]]`, and `[[contact.pair]]` for pairs that differ.
+
+use std::sync::Arc;
+
+use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::{
+    BELOW_ONE, Change, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, YOUNG_MODULUS,
+};
+use gshear_dem::laws::{Contact, Law};
+use gshear_dem::state::Masses;
+
+use crate::checker::Checker;
+use crate::insertion::material_stream;
+use crate::law::{CONTACT, contact_of, lacks_stiffness};
+use crate::sample::SAMPLE;
+use crate::table::table;
+use crate::value::{Entries, Value};
+use crate::words::list;
+
+table! {
+    /// The material of the grains; several are given as `[[material]]`, the first of them that of
+    /// all grains that have no other.
+    MATERIAL: MaterialKeys "material" All {
+        /// its name, by which other keys call it
+        name: Text(&[]) { condition: "with several materials", otherwise: "none", change: Change::Never },
+        /// share of the inserted grains that have it, by number; the first has the rest
+        fraction: Number(BELOW_ONE) {
+            condition: "not of the first",
+            otherwise: "0",
+            change: Change::Never,
+        },
+        /// type of its atoms in `sample.packing`, of which they are free
+        atom_type: Whole(FROM_ONE) {
+            otherwise: "1 of the first, 4 of the second, 5 of the third, …",
+            change: Change::Never,
+        },
+    }
+}
+
+/// All materials but the first, as [`crate::keys`] reads them.
+pub(crate) static OTHERS: Key = Key {
+    path: "material",
+    doc: "all materials but the first",
+    values: gshear_dem::laws::keys::Values::Tables("material"),
+    ..Key::PLAIN
+};
+
+/// The two materials of an entry of `contact.pair`.
+pub(crate) static PAIR: Key = Key {
+    path: "materials",
+    doc: "names of the two materials, which may be the same",
+    values: gshear_dem::laws::keys::Values::Names,
+    ..Key::PLAIN
+};
+
+/// The materials of a scene, and the laws between their grains.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Materials {
+    /// The names; of a single material it may be empty.
+    pub names: Vec<String>,
+    /// The law of each ordered pair: that of materials i and j is at i n + j.
+    pub laws: Vec<(Law, Contact)>,
+    /// The masses of the grains.
+    pub masses: Masses,
+    /// Share of the inserted grains that have each but the first.
+    fractions: Vec<f64>,
+    /// Type of the atoms of each in a packing.
+    pub atom_types: Vec<i64>,
+    /// That of the walls, if they have one of their own.
+    pub wall: Option<u64>,
+    /// That of the larger grains of a binary mixture, if it is given.
+    large: Option<u64>,
+}
+
+impl Materials {
+    /// The material of an inserted grain of this radius (m); `largest`: the greatest (m).
+    pub fn of_inserted(&self, seed: u64, id: u32, radius: f64, largest: f64) -> u64 {
+        if let Some(large) = self.large {
+            return if radius == largest { large } else { 0 };
+        }
+        if self.fractions.iter().all(|part| *part == 0.0) {
+            return 0;
+        }
+        let mut left = material_stream(seed, id)();
+        for (k, part) in self.fractions.iter().enumerate() {
+            if left < *part {
+                return k as u64 + 1;
+            }
+            left -= part;
+        }
+        0
+    }
+
+    /// The material of the atoms of this type.
+    pub fn of_type(&self, atom_type: i64) -> Option<u64> {
+        let found = self.atom_types.iter().position(|of| *of == atom_type)?;
+        Some(found as u64)
+    }
+
+    /// The same with each pair's law and contacts changed.
+    pub fn changed(
+        &self,
+        change: impl Fn(&Law, &Contact) -> (Law, Contact),
+    ) -> Vec<(Law, Contact)> {
+        let laws = self.laws.iter();
+        laws.map(|(law, contact)| change(law, contact)).collect()
+    }
+}
+
+/// The keys of one material but the first, or of one pair.
+struct Listed {
+    entries: Entries,
+    /// Where it is, for messages: `material 2`.
+    place: String,
+}
+
+impl Listed {
+    fn number(&self, key: &Key) -> Option<f64> {
+        match self.value(key)? {
+            Value::Number(x) => Some(*x),
+            _ => None,
+        }
+    }
+
+    fn value(&self, key: &Key) -> Option<&Value> {
+        let entry = self.entries.iter().find(|(name, _)| *name == key.name());
+        entry.map(|(_, value)| value)
+    }
+}
+
+/// The tables of a list, in their order.
+fn tables(c: &Checker<'_>, key: &Key, called: &str, first: usize) -> Vec<Listed> {
+    let Some(Value::Tables(tables)) = c.value(key) else {
+        return Vec::new();
+    };
+    let numbered = tables.iter().enumerate();
+    numbered
+        .map(|(n, entries)| Listed {
+            entries: entries.clone(),
+            place: format!("{called} {}", n + first),
+        })
+        .collect()
+}
+
+/// Refuses numbers out of their bounds.
+fn check_bounds(
+    c: &mut Checker<'_>,
+    of: &Key,
+    tables: &[Listed],
+    known: fn(&str) -> Option<&'static Key>,
+) {
+    for table in tables {
+        for (name, value) in &table.entries {
+            let Some(key) = known(name) else { continue };
+            if let Some(what) = value.out_of_bounds(key) {
+                c.refuse(of, &format!("{}: {name} {what}", table.place));
+            }
+        }
+    }
+}
+
+/// Reads the values of a pair of materials: what `contact.pair` or a material has, mixed where it
+/// has only those of like pairs.
+struct PairReader<'r, 'a> {
+    c: &'r mut Checker<'a>,
+    materials: &'r [Listed],
+    pairs: &'r [([usize; 2], Listed)],
+    of: [usize; 2],
+}
+
+impl PairReader<'_, '_> {
+    fn of_material(&self, k: usize, key: &Key) -> Option<f64> {
+        match k.checked_sub(1) {
+            None => Some(self.c.known(key)).filter(|x| !x.is_nan()),
+            Some(k) => self.materials[k].number(key),
+        }
+    }
+
+    /// The value that `contact.pair` gives for two materials, in either order.
+    fn given(&self, [i, j]: [usize; 2], key: &Key) -> Option<f64> {
+        let given = self
+            .pairs
+            .iter()
+            .filter(|(of, _)| [[i, j], [j, i]].contains(of));
+        given.filter_map(|(_, table)| table.number(key)).next_back()
+    }
+
+    fn of_like(&self, k: usize, key: &Key) -> Option<f64> {
+        let of_all = || Some(self.c.known(key)).filter(|x| !x.is_nan());
+        self.given([k, k], key).or_else(of_all)
+    }
+}
+
+impl KeyReader for PairReader<'_, '_> {
+    fn number(&mut self, key: &Key) -> Option<f64> {
+        let [i, j] = self.of;
+        if key.table() != MaterialKeys::TABLE.name {
+            let mixed = || geometric_mean(self.of_like(i, key)?, self.of_like(j, key)?);
+            return self.given([i, j], key).or_else(mixed);
+        }
+        if i == j || ![YOUNG_MODULUS.path, POISSON_RATIO.path].contains(&key.path) {
+            return self.of_material(i, key);
+        }
+        let elastic = |k| {
+            let modulus = self.of_material(k, &YOUNG_MODULUS)?;
+            Some([modulus, self.of_material(k, &POISSON_RATIO)?])
+        };
+        let [modulus, ratio] = effective(elastic(i)?, elastic(j)?);
+        Some(if key.path == YOUNG_MODULUS.path {
+            modulus
+        } else {
+            ratio
+        })
+    }
+
+    fn required(&mut self, key: &Key) -> f64 {
+        self.number(key).unwrap_or_else(|| {
+            let place = match self.of {
+                [0, 0] => return self.c.required(key),
+                [0, k] | [k, _] => &self.materials[k - 1].place,
+            };
+            let what = format!("{place} lacks {}", key.lacking());
+            self.c.refuse(&OTHERS, &what);
+            f64::NAN
+        })
+    }
+
+    fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize {
+        self.c.exactly_one(keys, what)
+    }
+
+    fn useless(&mut self, _: &Key, _: &str) {}
+
+    fn refuse(&mut self, key: &Key, what: &str) {
+        self.c.refuse(key, what);
+    }
+}
+
+fn geometric_mean(a: f64, b: f64) -> Option<f64> {
+    Some(if a == b { a } else { (a * b).sqrt() })
+}
+
+/// E and ν of the material whose like pairs have the stiffnesses of an unlike pair: 1/E* and 1/G*
+/// are the sums of (1-ν²)/E and of 2(1+ν)(2-ν)/E of both.
+fn effective(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+    if a == b {
+        return a;
+    }
+    let normal = |[e, nu]: [f64; 2]| e / (1.0 - nu * nu);
+    let tangential = |[e, nu]: [f64; 2]| e / ((1.0 + nu) * (2.0 - nu));
+    let mean = |of: &dyn Fn([f64; 2]) -> f64| 2.0 / (1.0 / of(a) + 1.0 / of(b));
+    let (normal, ratio) = (mean(&normal), mean(&tangential) / mean(&normal));
+    // Of one material (1-ν)/(2-ν).
+    let nu = ((1.0 - 2.0 * ratio) / (1.0 - ratio)).clamp(0.0, 0.5);
+    [normal * (1.0 - nu * nu), nu]
+}
+
+/// The materials of a scene whose first has this law and whose contacts are these.
+pub(crate) fn check(
+    c: &mut Checker<'_>,
+    law: &Law,
+    contact: &Contact,
+) -> Result<Materials, Failure> {
+    let others = tables(c, &OTHERS, "material", 2);
+    let mut all = Materials {
+        names: vec![c.text(&MATERIAL.name).unwrap_or_default().into()],
+        laws: vec![(law.clone(), *contact)],
+        masses: law.masses(),
+        fractions: Vec::new(),
+        atom_types: vec![c.whole(&MATERIAL.atom_type).unwrap_or(1)],
+        wall: None,
+        large: None,
+    };
+    if others.is_empty() {
+        let why = "names one of several [[material]], but there is one material";
+        for key in [&CONTACT.pair, &SAMPLE.wall_material, &SAMPLE.large_material] {
+            c.useless(key, why);
+        }
+        if c.number(&MATERIAL.fraction).is_some_and(|part| part > 0.0) {
+            c.refuse(
+                &MATERIAL.fraction,
+                "all grains have the only material; leave it out",
+            );
+        }
+        return Ok(all);
+    }
+    check_bounds(c, &OTHERS, &others, |name| {
+        crate::keys::table("material")?.key(name)
+    });
+    check_others(c, &others, &mut all);
+    let pairs = check_pairs(c, law, &all.names);
+    c.settle()?;
+    all.wall = named(c, &SAMPLE.wall_material, &all.names);
+    all.large = named(c, &SAMPLE.large_material, &all.names);
+    let count = all.names.len();
+    let densities: Vec<f64> = (0..count)
+        .map(|k| match k {
+            0 => c.known(&DENSITY),
+            k => others[k - 1].number(&DENSITY).unwrap_or(f64::NAN),
+        })
+        .collect();
+    if densities.iter().any(|density| density.is_nan()) {
+        c.refuse(&OTHERS, "each material must have a density (kg/m³)");
+        c.settle()?;
+    }
+    all.laws.clear();
+    for pair in 0..count * count {
+        let [i, j] = [pair / count, pair % count];
+        let mut reader = PairReader {
+            c,
+            materials: &others,
+            pairs: &pairs,
+            of: [i, j],
+        };
+        let law = Law::read(law.kind(), &mut reader);
+        let mut contact = contact_of(&mut |key| reader.number(key));
+        contact.relative_densities = [1.0, densities[j] / densities[i]];
+        if let Some((key, what)) = lacks_stiffness(&law, &contact) {
+            let [i, j] = [&all.names[i], &all.names[j]];
+            let what = format!("{i:?} and {j:?}: {} {what}", key.name());
+            c.refuse_among(&[&CONTACT.pair, key], &what);
+        }
+        all.laws.push((law, contact));
+    }
+    c.settle()?;
+    all.masses = Masses::Densities(Arc::from(densities));
+    Ok(all)
+}
+
+/// Names, fractions and types of the other materials.
+fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
+    if all.names[0].is_empty() {
+        c.refuse(
+            &OTHERS,
+            "each of several materials needs a name; the first has none",
+        );
+    }
+    for (k, table) in others.iter().enumerate() {
+        let name = match table.value(&MATERIAL.name) {
+            Some(Value::Text(name)) => name.clone(),
+            _ => String::new(),
+        };
+        if name.is_empty() || all.names.contains(&name) {
+            let what = format!(
+                "{} needs a name of its own, such as name = \"steel\"",
+                table.place
+            );
+            c.refuse(&OTHERS, &what);
+        }
+        all.names.push(name);
+        all.fractions
+            .push(table.number(&MATERIAL.fraction).unwrap_or(0.0));
+        let of_type = match table.value(&MATERIAL.atom_type) {
+            Some(Value::Whole(n)) => *n,
+            // 2 and 3 are walls.
+            _ => k as i64 + 4,
+        };
+        if all.atom_types.contains(&of_type) {
+            c.refuse(
+                &OTHERS,
+                &format!("{}: another has the atom_type {of_type}", table.place),
+            );
+        }
+        all.atom_types.push(of_type);
+    }
+    let sum: f64 = all.fractions.iter().sum();
+    if sum > 1.0 {
+        c.refuse(
+            &OTHERS,
+            &format!("the fractions add up to {sum}; they must leave the first the rest of 1"),
+        );
+    }
+    if c.number(&MATERIAL.fraction).is_some_and(|part| part > 0.0) {
+        c.refuse(
+            &MATERIAL.fraction,
+            "the first material has the grains that have no other; leave it out",
+        );
+    }
+    if c.is_given(&SAMPLE.packing) && sum > 0.0 {
+        let what = "a fraction applies to inserted grains, but the grains come from sample.packing; give material.atom_type";
+        c.refuse(&OTHERS, what);
+    }
+    if c.is_given(&SAMPLE.large_material) && sum > 0.0 {
+        c.refuse(&SAMPLE.large_material, "decides which grains have which material, and so does material.fraction; leave one out");
+    }
+}
+
+/// The entries of `contact.pair` with the numbers of their materials.
+fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<([usize; 2], Listed)> {
+    let pairs = tables(c, &CONTACT.pair, "pair", 1);
+    check_bounds(c, &CONTACT.pair, &pairs, |name| {
+        crate::keys::table("contact")?.key(name)
+    });
+    let mut found = Vec::new();
+    for table in pairs {
+        let of_law = |name: &str| {
+            law.kind()
+                .keys
+                .iter()
+                .any(|key| key.path == format!("contact.{name}"))
+        };
+        for (name, _) in &table.entries {
+            let key = crate::keys::table("contact").and_then(|table| table.key(name));
+            let Some(key) = key else { continue };
+            let what = if [CONTACT.law.path, CONTACT.pair.path].contains(&key.path) {
+                "is the same for all pairs"
+            } else if crate::table::laws_with(key).is_empty() {
+                continue;
+            } else if !of_law(name) {
+                "does not apply to the law of [contact]"
+            } else if !c.is_given(key) && law.default_of(key).is_none() && key.default.is_empty() {
+                "must be given in [contact] as well, for the other pairs"
+            } else {
+                continue;
+            };
+            c.refuse(&CONTACT.pair, &format!("{}: {name} {what}", table.place));
+        }
+        let of = match table.value(&PAIR) {
+            Some(Value::Names(of)) => of
+                .iter()
+                .map(|name| names.iter().position(|n| n == name))
+                .collect(),
+            _ => Vec::new(),
+        };
+        match of[..] {
+            [Some(i), Some(j)] => found.push(([i, j], table)),
+            _ => {
+                let known: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+                let what = format!(
+                    "{}: materials must be a list of two names of {}",
+                    table.place,
+                    list(&known, "and")
+                );
+                c.refuse(&CONTACT.pair, &what);
+            }
+        }
+    }
+    found
+}
+
+/// The material that a key names.
+fn named(c: &mut Checker<'_>, key: &Key, names: &[String]) -> Option<u64> {
+    let name = c.text(key)?.to_string();
+    let found = names.iter().position(|known| *known == name);
+    if found.is_none() {
+        let known: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
+        c.refuse(
+            key,
+            &format!("must be {}, found {name:?}", list(&known, "or")),
+        );
+    }
+    found.map(|k| k as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use gshear_dem::contact::stiffness::SpringState;
+    use gshear_dem::dimension::Three;
+
+    use super::*;
+    use crate::identity::identity;
+    use crate::insertion::Lattice;
+    use crate::sample::Origin;
+    use crate::{Scene, Source, load};
+
+    const MIXTURE: &str = r#"
+        dimension = 3
+        material = [
+            { name = "glass", young_modulus = 65e9, poisson_ratio = 0.22, density = 2500 },
+            { name = "steel", young_modulus = "200 GPa", poisson_ratio = 0.3, density = 7800, fraction = 0.3 },
+        ]
+        contact.law = "hertz-tsuji"
+        contact.friction = 0.4
+        contact.restitution = 0.8
+        contact.pair = [{ materials = ["steel", "steel"], friction = 0.1, restitution = 0.5 }]
+        sample = { grains = 4000, radius_min = "0.8 mm", radius_max = 1e-3, length = 0.016, width = 0.016 }
+        load.pressure = 1e5
+        shear = { inertial_number = 1e-2, strain = 0.02 }
+    "#;
+
+    fn mixture(sets: &[&str]) -> Result<Scene, Failure> {
+        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
+        load(&Source::new("mixture.toml", MIXTURE), &sets)
+    }
+
+    /// F_n = (4/3) E* √R* δ^(3/2) and k_t = 8 G* √(R*δ) of unlike spheres (K. L. Johnson, Contact
+    /// Mechanics, eqs 4.22 and 7.42), and √0.4·0.1 of the frictions of like ones.
+    #[test]
+    fn unlike_spheres_have_the_stiffness_of_their_moduli() {
+        let scene = mixture(&[]).expect("a scene");
+        let force = scene.force::<Three>();
+        let (radii, overlap) = ([0.8e-3, 1e-3], 1e-6);
+        let small: f64 = radii[0] * radii[1] / (radii[0] + radii[1]);
+        let state = |materials, slip| SpringState {
+            materials,
+            radii,
+            overlap,
+            history: [slip, 0.0, 0.0],
+            torques: [0.0; 4],
+            limits: [None; 3],
+        };
+        let compliance = |e: f64, nu: f64| (1.0 - nu * nu) / e;
+        let modulus = 1.0 / (compliance(65e9, 0.22) + compliance(200e9, 0.3));
+        let shear = |e: f64, nu: f64| 2.0 * (2.0 - nu) * (1.0 + nu) / e;
+        let shear = 1.0 / (shear(65e9, 0.22) + shear(200e9, 0.3));
+        let normal = 4.0 / 3.0 * modulus * small.sqrt() * overlap.powf(1.5);
+        for materials in [[0, 1], [1, 0]] {
+            let stuck = force.derivatives(&state(materials, 1e-12));
+            assert!((stuck.normal / normal - 1.0).abs() < 1e-12);
+            let k_t = 8.0 * shear * (small * overlap).sqrt();
+            assert!((stuck.tangential.along / k_t - 1.0).abs() < 1e-12);
+            let slid = force.derivatives(&state(materials, 1e-3));
+            let friction = slid.tangential.value[0].abs() / normal;
+            assert!((friction - 0.04f64.sqrt()).abs() < 1e-12, "{friction}");
+        }
+        let like = |k| force.derivatives(&state([k, k], 1e-3));
+        let [glass, steel] = [0, 1].map(|k| like(k).tangential.value[0] / like(k).normal);
+        assert!((glass.abs() - 0.4).abs() < 1e-12 && (steel.abs() - 0.1).abs() < 1e-12);
+    }
+
+    /// As many grains of each material as their fractions say, within four standard errors, whatever
+    /// their size; and all larger grains of a binary mixture by volume.
+    #[test]
+    fn grains_have_the_materials_that_are_asked_for() {
+        let made = |scene: &Scene| {
+            let walls = scene.plane_shear("s").expect("walls");
+            let Origin::Insertion(sizes) = &walls.origin else {
+                panic!("inserted");
+            };
+            let lattice = Lattice::new(&scene.sample, sizes, &scene.materials);
+            let whole = lattice.insert(scene.seed, 0, 1);
+            let parts: Vec<_> = (0..3)
+                .flat_map(|r| lattice.insert(scene.seed, r, 3))
+                .collect();
+            assert_eq!(whole, parts);
+            whole
+        };
+        let grains = made(&mixture(&[]).expect("a scene"));
+        let of_steel = grains.iter().filter(|g| g.material == 1).count() as f64;
+        assert!((of_steel / 4000.0 - 0.3).abs() < 4.0 * (0.21f64 / 4000.0).sqrt());
+        let text = MIXTURE.replace(", fraction = 0.3", "");
+        let sets = [
+            "sample.sizes=binary",
+            "sample.large_fraction=0.5",
+            "sample.large_fraction_by=volume",
+            "sample.large_material=steel",
+        ];
+        let scene = load(&Source::new("s", &text), &sets.map(String::from)).expect("a scene");
+        let grains = made(&scene);
+        let is_large = |r: f64| r == scene.sample.radius_max;
+        assert!(
+            grains
+                .iter()
+                .all(|g| (g.material == 1) == is_large(g.radius))
+        );
+        let volume = |large: bool| -> f64 {
+            let of = grains.iter().filter(|g| is_large(g.radius) == large);
+            of.map(|g| g.radius.powi(3)).sum()
+        };
+        let share = volume(true) / (volume(true) + volume(false));
+        assert!((share - 0.5).abs() < 0.03, "{share}");
+    }
+
+    /// What is written is read again as the same scene.
+    #[test]
+    fn what_is_written_is_the_same_scene() {
+        let scene = mixture(&[]).expect("a scene");
+        let again = load(&Source::new("s", &scene.toml), &[]).expect("a scene");
+        assert_eq!(
+            (&again.toml, &again.materials),
+            (&scene.toml, &scene.materials)
+        );
+        assert_eq!(identity(&again), identity(&scene));
+        let other = MIXTURE.replace("friction = 0.1", "friction = 0.2");
+        let other = load(&Source::new("s", &other), &[]).expect("a scene");
+        assert_ne!(identity(&other), identity(&scene));
+    }
+
+    /// The equivalent material has the E* and G* of the pair (K. L. Johnson, Contact Mechanics,
+    /// eqs 4.20 and 7.36).
+    #[test]
+    fn the_equivalent_material_has_the_moduli_of_the_pair() {
+        let (glass, rubber) = ([65e9, 0.22], [1e7, 0.49]);
+        let per_normal = |[e, nu]: [f64; 2]| (1.0 - nu * nu) / e;
+        let per_tangential = |[e, nu]: [f64; 2]| 2.0 * (1.0 + nu) * (2.0 - nu) / e;
+        for pair in [[glass, rubber], [rubber, glass], [glass, [66e9, 0.1]]] {
+            let same = effective(pair[0], pair[1]);
+            for of in [per_normal, per_tangential] {
+                let sum = of(pair[0]) + of(pair[1]);
+                assert!((2.0 * of(same) / sum - 1.0).abs() < 1e-12, "{pair:?}");
+            }
+        }
+        assert_eq!(effective(glass, glass), glass);
+    }
+}
