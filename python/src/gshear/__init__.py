@@ -19,6 +19,7 @@ from .frames import Contacts, Frame
 from .programs import simulate
 from .run import Frames, Run
 from .scene import Scene
+from .sweep import Sweep
 
 __version__ = version("gshear")
 __all__ = [
@@ -32,5 +33,6 @@ __all__ = [
     "Run",
     "RunError",
     "Scene",
+    "Sweep",
     "simulate",
 ]

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import RunError
 from .frames import Frame
 from .run import Run
+from .sweep import Sweep
 
 STICK, SLIP, THIRD = "#0072B2", "#D55E00", "#009E73"  # Okabe & Ito
 KINDS = {"stick": STICK, "slip": SLIP}
@@ -178,6 +179,46 @@ def series(ax: Axes, run: Run, column: str, *, against: str = "strain") -> Line2
     for axis, name in ((ax.xaxis, against), (ax.yaxis, column)):
         label_axis(axis, name.replace("_", " "), units.get(name), table[name].to_numpy())
     return line
+
+
+def courses(ax: Axes, sweep: Sweep, column: str, *, against: str = "strain") -> list[Line2D]:
+    """Draws a column of the time series of every run of a sweep, named by the keys that differ."""
+    lines = []
+    for run, colour in zip(sweep, _colours(len(sweep)), strict=True):
+        line = series(ax, run, column, against=against)
+        line.set_color(colour)
+        line.set_label(", ".join(f"{key} = {run.scene.get(key)}" for key in sweep.keys))
+        lines.append(line)
+    if len(lines) > 1:
+        ax.legend(fontsize="x-small")
+    return lines
+
+
+def against(ax: Axes, means: pd.DataFrame, column: str) -> list[Line2D]:
+    """Draws a column of `Sweep.means` with its errors against the first of its keys.
+
+    Runs that differ in further keys have lines of their own.
+    """
+    first, *others = means.index.names
+    groups = means.groupby(others, sort=True) if others else [((), means)]
+    lines = []
+    for values, group in groups:
+        label = ", ".join(f"{k} = {v}" for k, v in zip(others, values, strict=True))
+        bars = ax.errorbar(
+            group.index.get_level_values(str(first)),
+            group[column],
+            group[f"{column}_error"],
+            fmt="o-",
+            markersize=4,
+            linewidth=0.8,
+            capsize=2,
+            label=label or None,
+        )
+        lines.append(bars.lines[0])
+    ax.set(xlabel=first, ylabel=column)
+    if others:
+        ax.legend(fontsize="x-small")
+    return lines
 
 
 def dmin_distribution(

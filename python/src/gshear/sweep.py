@@ -1,0 +1,152 @@
+"""Runs that differ in some keys of their scenes, side by side."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from .errors import RunError
+from .run import FILES, Run
+from .scene import Scene
+
+# A key that only chooses a packing among equals.
+SEED = "seed"
+
+
+class Sweep(Sequence[Run]):
+    """The runs of a folder that `gshear-mpi --sweep` wrote, or any runs.
+
+        with Sweep("out/sweep") as sweep:
+            print(sweep.means(["stress_ratio"], start=0.4))
+
+    Args:
+        runs: The folder with a folder for each run, or the paths of runs as `Run` takes them.
+        quiet: As of `Run`.
+
+    Raises:
+        RunError: If there are no runs.
+
+    Attributes:
+        keys: The keys in which the scenes differ, such as `contact.friction`.
+    """
+
+    def __init__(
+        self,
+        runs: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+        *,
+        quiet: bool = False,
+    ) -> None:
+        if isinstance(runs, (str, os.PathLike)):
+            folder = Path(runs)
+            inner = sorted(path for path in folder.iterdir() if path.is_dir())
+            paths = [path for path in inner if any((path / file).exists() for file in FILES)]
+            if not paths:
+                raise RunError(f"{folder}: no folder in it holds a run")
+        else:
+            paths = [Path(path) for path in runs]
+        if not paths:
+            raise RunError("a sweep needs one run or more")
+        self._runs = [Run(path, quiet=quiet) for path in paths]
+        scenes = [_values(run.scene) for run in self._runs]
+        names = dict.fromkeys(name for scene in scenes for name in scene)
+        self.keys = [
+            name for name in names if any(s.get(name) != scenes[0].get(name) for s in scenes)
+        ]
+        self._values = [{name: scene.get(name) for name in self.keys} for scene in scenes]
+
+    def __enter__(self) -> Sweep:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes all runs."""
+        for run in self._runs:
+            run.close()
+
+    def __len__(self) -> int:
+        return len(self._runs)
+
+    def __getitem__(self, n: Any) -> Any:  # noqa: ANN401 - of a number a run, of a slice several
+        return self._runs[n]
+
+    def __iter__(self) -> Iterator[Run]:
+        return iter(self._runs)
+
+    def __repr__(self) -> str:
+        return f"<Sweep of {len(self)} runs over {', '.join(self.keys) or 'nothing'}>"
+
+    def table(
+        self,
+        columns: Iterable[str] = (),
+        *,
+        start: float = 0.0,
+        measures: Mapping[str, Callable[[Run], float]] | None = None,
+    ) -> pd.DataFrame:
+        """A row for each run: the keys in which they differ, then numbers.
+
+        Args:
+            columns: Columns of the time series, of which the mean over the rows is given.
+            start: The share of the rows, from the first on, that is left out of the means: 0.4 of a
+                run to the strain 0.1 leaves out what is before 0.04.
+            measures: Further numbers, each a function of the run, such as
+                `{"slips": lambda run: len(run.phases())}`.
+
+        Raises:
+            KeyError: If a run has no such column.
+        """
+        if not 0.0 <= start < 1.0:
+            raise ValueError(f"start is {start}; give a share of the rows from 0 to below 1")
+        columns = list(columns)
+        rows = []
+        for run, values in zip(self._runs, self._values, strict=True):
+            row = {"run": run.folder.name, **values}
+            if columns:
+                series = run.series
+                later = series.iloc[int(start * len(series)) :]
+                row |= {name: float(later[name].mean()) for name in columns}
+            row |= {name: of(run) for name, of in (measures or {}).items()}
+            rows.append(row)
+        return pd.DataFrame(rows).set_index("run")
+
+    def means(
+        self,
+        columns: Iterable[str] = (),
+        *,
+        start: float = 0.0,
+        measures: Mapping[str, Callable[[Run], float]] | None = None,
+        over: Sequence[str] = (SEED,),
+    ) -> pd.DataFrame:
+        """The means of `table` over the runs that differ in the keys `over` only.
+
+        `name_error` is the standard error of the mean, NaN of a single run; `runs` is their number.
+        The rows are indexed by the other keys.
+        """
+        table = self.table(columns, start=start, measures=measures)
+        by = [name for name in self.keys if name not in over]
+        numbers = [name for name in table.columns if name not in self.keys]
+        # Without other keys all runs are one group.
+        groups = table.groupby(by if by else [0] * len(table), sort=True)[numbers]
+        means = groups.mean()
+        errors = groups.sem()
+        for name in numbers:
+            means[f"{name}_error"] = errors[name]
+        means["runs"] = groups.size()
+        return means
+
+
+def _values(scene: Scene) -> dict[str, Any]:
+    """The values of a scene by their paths. Names of the run are not among them."""
+    values: dict[str, Any] = {}
+    for name in scene:
+        inner = scene[name]
+        if isinstance(inner, dict):
+            values |= {f"{name}.{key}": value for key, value in inner.items()}
+        elif name not in ("title", "author"):
+            values[name] = inner
+    return values

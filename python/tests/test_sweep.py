@@ -1,0 +1,101 @@
+"""Runs side by side: keys, tables, means with errors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+from gshear import Run, RunError, Sweep, plots, simulate
+
+from .conftest import SCENES
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs of two frictions, with three and two seeds."""
+    folder = tmp_path_factory.mktemp("sweep")
+    for friction, seeds in [(0.3, (1, 2, 3)), (0.6, (1, 2))]:
+        for seed in seeds:
+            values: dict[str, object] = {"contact.friction": friction, "seed": seed}
+            values |= {"shear.inertial_number": 5e-3, "shear.strain": 0.01}
+            values |= {"output.series_strain": 2e-4, "sample.packing": "none"}
+            values |= {"sample.grains": 120, "sample.length": 1.2e-5}
+            values |= {"sample.radius_min": 0.5e-6, "sample.radius_max": 0.7e-6}
+            out = folder / f"friction-{friction}_seed-{seed}"
+            simulate(SCENES / "crossing.toml", out, values=values, quiet=True)
+    (folder / "notes").mkdir()
+    return folder
+
+
+def test_a_sweep_is_its_runs_and_keys(folder: Path) -> None:
+    with Sweep(folder, quiet=True) as sweep:
+        assert sorted(sweep.keys) == ["contact.friction", "seed"]
+        assert len(sweep) == 5
+        assert [run.scene["contact.friction"] for run in sweep] == [0.3] * 3 + [0.6] * 2
+        assert len(sweep[1:3]) == 2
+        assert "5 runs over" in repr(sweep)
+
+
+def test_means_and_errors_are_those_by_hand(folder: Path) -> None:
+    """mean and std/√n, of the later rows of each run."""
+    names = ["stress_ratio", "solid_fraction"]
+    measures: dict[str, Callable[[Run], float]] = {"rows": lambda run: len(run.series)}
+    with Sweep(folder, quiet=True) as sweep:
+        table = sweep.table(names, start=0.5, measures=measures)
+        means = sweep.means(names, start=0.5, measures=measures)
+        by_hand = []
+        for run in sweep:
+            series = run.series
+            half = series[int(0.5 * len(series)) :]
+            by_hand.append([half[name].to_numpy().mean() for name in names])
+            assert table.loc[run.folder.name, "rows"] == len(series)
+    of_runs = np.array(by_hand)
+    np.testing.assert_allclose(table[names].to_numpy(), of_runs, rtol=1e-14)
+    assert list(means.index) == [0.3, 0.6]
+    assert list(means.runs) == [3, 2]
+    for friction, rows in [(0.3, of_runs[:3]), (0.6, of_runs[3:])]:
+        for k, name in enumerate(names):
+            found = means.loc[friction, [name, f"{name}_error"]]
+            error = rows[:, k].std(ddof=1) / np.sqrt(len(rows))
+            np.testing.assert_allclose(found, [rows[:, k].mean(), error], rtol=1e-12)
+
+
+def test_one_run_has_no_error_and_no_keys(folder: Path) -> None:
+    with Sweep([folder / "friction-0.6_seed-1"], quiet=True) as sweep:
+        assert sweep.keys == []
+        means = sweep.means(["stress_ratio"])
+        assert np.isnan(means["stress_ratio_error"].iloc[0])
+        assert means["runs"].iloc[0] == 1
+
+
+def test_what_is_no_sweep_is_refused(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="no folder in it holds a run"):
+        Sweep(tmp_path)
+    with pytest.raises(RunError, match="one run or more"):
+        Sweep([])
+    with Sweep(folder, quiet=True) as sweep:
+        with pytest.raises(KeyError):
+            sweep.table(["stres_ratio"])
+        with pytest.raises(ValueError, match="from 0 to below 1"):
+            sweep.table(["stress_ratio"], start=1.5)
+
+
+def test_figures_of_a_sweep(folder: Path) -> None:
+    """A line for each group of runs, with the means at its keys; a curve for each run."""
+    with Sweep(folder, quiet=True) as sweep:
+        means = sweep.means(["stress_ratio"], start=0.5)
+        _, (left, right) = plt.subplots(1, 2)
+        plots.against(left, means, "stress_ratio")
+        line = left.lines[0]
+        np.testing.assert_array_equal(line.get_xdata(), means.index)
+        np.testing.assert_array_equal(line.get_ydata(), means.stress_ratio)
+        assert left.get_xlabel() == "contact.friction"
+        plots.courses(right, sweep, "stress_ratio")
+        assert len(right.lines) == 5
+        shortest = sweep[0].series
+        np.testing.assert_array_equal(right.lines[0].get_ydata(), shortest.stress_ratio)
+        plt.close("all")
