@@ -11,6 +11,7 @@ use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, hertz, lee_hurley};
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
+use crate::materials::OTHERS;
 use crate::table::{law_keys, laws_with, table};
 use crate::words::list;
 
@@ -86,8 +87,12 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, 
         );
     }
     let law = Law::read(kind, c);
+    // What follows from other keys differs from pair to pair of several materials.
+    let several = c.is_given(&OTHERS);
     for (key, value) in law.given() {
-        c.fill(key, *value);
+        if !several || c.is_given(key) || !key.default.is_empty() {
+            c.fill(key, *value);
+        }
     }
     let contact = contact_of(&mut |key| match key.default {
         "" => c.number(key),
