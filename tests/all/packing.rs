@@ -144,6 +144,91 @@ const OF_A_FILE: &str = "
     packing = 'is given below'
     ";
 
+/// A grain is followed by the id of its file through all files of a run, also of one that began
+/// without the file.
+#[test]
+fn ids_of_a_file_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let of_file = |id: u64| 10 * id + 7 * (id / 50);
+    let renumbered = |line: &str| match line.split_once(' ').map(|(id, row)| (id.parse(), row)) {
+        Some((Ok(id), row)) if row.split(' ').count() > 5 => format!("{} {row}\n", of_file(id)),
+        _ => format!("{line}\n"),
+    };
+    let text: String = TRIANGULAR_TEXT.lines().map(renumbered).collect();
+    std::fs::write(at("gaps.data"), &text).expect("written");
+    std::fs::write(
+        at("scene.toml"),
+        OF_A_FILE.replace("pack.tolerance = 1e-4", ""),
+    )
+    .expect("written");
+    let arguments = [
+        at("scene.toml").display().to_string(),
+        format!("--set=sample.packing={}", at("gaps.data").display()),
+        "--set=output.frame_strain=1e-4".into(),
+        "--stop-at=100".into(),
+    ];
+    let first = gshear_mpi(2, &at("first"), &arguments);
+    assert_eq!(first.code, 75, "{}", first.text);
+    std::fs::remove_file(at("gaps.data")).expect("removed");
+    let mut command = program(1);
+    let branch = command
+        .arg(format!("--resume={}", at("first").display()))
+        .arg(format!("--branch={}", at("branch").display()))
+        .args(["--set=contact.friction=0.4", "--stop-at=200"])
+        .output()
+        .expect("the program starts");
+    assert_eq!(branch.status.code(), Some(75), "{branch:?}");
+
+    let expected: Vec<u64> = (1..=120).map(of_file).collect();
+    for name in ["first", "branch"] {
+        let run = RunFile::open(&at(name)).expect("a run");
+        assert!(
+            run.ids()
+                .iter()
+                .map(|id| u64::from(*id) + 1)
+                .eq(expected.iter().copied())
+        );
+        for from in [at(name), at(name).join("checkpoint.h5")] {
+            let atoms = export(&from, &[], &at("out.data")).atoms;
+            assert!(atoms.iter().map(|a| a.id).eq(expected.iter().copied()));
+        }
+    }
+    let run = RunFile::open(&at("first")).expect("a run");
+    let contacts = &run.records(0..1).expect("a frame")[0].contacts;
+    let of_contacts: Vec<u64> = contacts.iter().map(|c| expected[c.j as usize]).collect();
+    for (format, file, head, separator, column, more) in [
+        ("csv", "out.csv", "frame,", ',', 4, 1),
+        ("csv", "out-contacts.csv", "frame,", ',', 5, 1),
+        ("lammps-dump", "out.dump", "ITEM: ATOMS", ' ', 0, 0),
+        (
+            "lammps-dump",
+            "out-contacts.dump",
+            "ITEM: ENTRIES",
+            ' ',
+            1,
+            0,
+        ),
+        ("xyz", "out.xyz", "Lattice", ' ', 12, 1),
+    ] {
+        let out = at(&file.replace("-contacts", ""));
+        let mut command = reducer();
+        let command = command.args(["export", "--frames=0..0", "--format", format, "--out"]);
+        succeed(command.args([&out, &at("first")]));
+        let text = std::fs::read_to_string(at(file)).expect(file);
+        let rows = text.lines().skip_while(|line| !line.starts_with(head));
+        let id = |row: &str| row.split(separator).nth(column)?.parse::<u64>().ok();
+        let ids = rows.skip(1).map(|row| more + id(row).expect(row));
+        let is_of_contacts = file.contains("contacts");
+        let of_file = if is_of_contacts {
+            &of_contacts
+        } else {
+            &expected
+        };
+        assert!(ids.eq(of_file.iter().copied()), "{file}");
+    }
+}
+
 /// Ten columns press on the top wall by two contacts of 1e-6 m each, at 60 degrees. Under a load
 /// far below that the wall flies away; a branch may change the load.
 #[test]

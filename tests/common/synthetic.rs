@@ -51,6 +51,7 @@ pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
         author: "the test",
         history_unit: "N",
         grains,
+        ids: None,
         attributes: &[],
     }
 }

@@ -10,6 +10,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
+use gshear_scene::Scene;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::{agree, exists};
 use gshear_store::dictionary;
@@ -90,8 +91,8 @@ pub struct Format<'a> {
     pub walls: bool,
     /// Height of the box (m).
     pub height: f64,
-    /// Who made the run, if the configuration says it.
-    pub author: Option<&'a str>,
+    /// Says who made the run, and the ids of the grains.
+    pub scene: &'a Scene,
     /// The law between the grains.
     pub law: &'a dyn PairModel,
     /// Attributes in addition to those of every run.
@@ -207,12 +208,12 @@ impl Files {
         let mut edges = [0.0; 3];
         edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
         edges[D::UP] = format.height;
-        let user = match (exchange.rank(), format.author) {
+        let user = match (exchange.rank(), &format.scene.author) {
             (0, None) => provenance::user(),
             _ => String::new(),
         };
         let header = RunHeader {
-            author: format.author.unwrap_or(&user),
+            author: format.scene.author.as_ref().unwrap_or(&user),
             history_unit: format.law.history_unit(),
             form: Form {
                 axes: D::AXES,
@@ -222,6 +223,7 @@ impl Files {
             series: format.columns,
             edges,
             grains: &GrainShape::owned(system),
+            ids: format.scene.packing().map(|file| &file.ids),
             attributes: &attributes,
         };
         Ok(Self {

@@ -167,12 +167,12 @@ pub fn from_the_start(
         let text = exchange.broadcast(serde_json::to_vec(&file).expect("a file of finite numbers"));
         Ok(serde_json::from_slice(&text).expect("what rank 0 wrote"))
     })?;
-    let start = match &scene.boundary {
-        Boundary::Walls(plane_shear) if plane_shear.origin.file().is_some() => {
+    let start = match scene.packing() {
+        Some(_) => {
             let grains = packing.map_or(Ok(Vec::new()), |p| p.grains(&scene));
             Start::Grains(agree(exchange, grains)?)
         }
-        _ => Start::Insertion,
+        None => Start::Insertion,
     };
     Ok(Task {
         record: RunRecord::new(&scene),

@@ -8,7 +8,7 @@ use bytemuck::Zeroable;
 use crate::identity::hash;
 use crate::insertion::{finish_walls, freeze_walls};
 use crate::lammps_data::{self, Atom, DataFile};
-use crate::sample::{Origin, PackingFile, Walls};
+use crate::sample::{Ids, Origin, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
 use crate::source::read_text;
 use crate::walls::PlaneShear;
@@ -31,6 +31,9 @@ const MOST_FILLED: f64 = 4.0;
 
 /// Periods from the box beyond which a position says nothing about the place in the box.
 const MOST_PERIODS: f64 = 1e6;
+
+/// The greatest id of an atom, copies included: one less is a u32.
+const LAST_ID: u64 = 1 << 32;
 
 /// How many grains a packing may have.
 #[derive(Debug, Clone)]
@@ -194,8 +197,7 @@ pub struct Packing {
     name: String,
     /// What a scene needs to know of the file.
     pub file: PackingFile,
-    /// Sorted by the ids of the file, so that those of the run, from 0 on, are one less where the
-    /// file counts from 1 without gaps.
+    /// Sorted by id, as the rows of a run.
     atoms: Vec<Atom>,
 }
 
@@ -271,6 +273,12 @@ impl Packing {
             .map_err(|what| Failure::input(format!("{name}: {what}")))?;
         check_crowding(name, &atoms, up, largest)?;
         atoms.sort_by_key(|a| a.id);
+        let last = atoms[atoms.len() - 1].id;
+        if last > LAST_ID {
+            return whole(&format!(
+                "the id of atom {last} is greater than {LAST_ID}; number the atoms of the file from 1 on"
+            ));
+        }
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
         let edges = |sign: f64| {
             atoms
@@ -300,6 +308,7 @@ impl Packing {
             farthest,
             wall_types: (1..=3).all(has) && atoms.iter().all(|a| a.kind <= 3),
             content: String::new(),
+            ids: Ids::new(atoms.iter().map(|a| (a.id - 1) as u32)),
         };
         Ok(Packing {
             name: name.into(),
@@ -750,6 +759,32 @@ mod tests {
                 assert!(apart < 1e-15, "{k}: {apart}");
                 assert_eq!(grain.radius, 0.5 * atom.diameter);
             }
+        }
+    }
+
+    #[test]
+    fn ids_may_have_gaps() {
+        let mut data = lammps_data::parse("f", TEXT).unwrap();
+        let of = |id: u64| 3 * id + 5 * u64::from(id > 40) + LAST_ID - 1000;
+        let files: Vec<u64> = data.atoms.iter().map(|a| of(a.id)).collect();
+        data.atoms.iter_mut().for_each(|a| a.id = of(a.id));
+        let (packing, _) = packing_of(data.clone(), [1, 1], &[]).unwrap();
+        let mut ids: Vec<u64> = files.iter().map(|id| id - 1).collect();
+        ids.sort_unstable();
+        let of_rows = (0..120).map(|row| u64::from(packing.file.ids.of(row)));
+        assert!(of_rows.eq(ids.iter().copied()), "{:?}", packing.file.ids);
+        let last = ids[119] + 1;
+        assert_eq!(
+            message(packing_of(data, [2, 1], &[])),
+            format!(
+                "f: the id of atom {} is greater than 4294967296; number the atoms of the file from 1 on",
+                2 * last
+            )
+        );
+        for ids in [&[0, 1, 2][..], &[1, 2, 3], &[0, 1, 3, 4, 9], &[u32::MAX]] {
+            let jumps = Ids::new(ids.iter().copied());
+            let of_rows: Vec<u32> = (0..ids.len() as u32).map(|row| jumps.of(row)).collect();
+            assert_eq!(of_rows, ids);
         }
     }
 

@@ -13,6 +13,7 @@ use crate::general::Bookkeeping;
 use crate::grains::Sample;
 use crate::materials::Materials;
 use crate::periodic::PeriodicBox;
+use crate::sample::PackingFile;
 use crate::time::TimeStep;
 use crate::walls::PlaneShear;
 
@@ -82,6 +83,14 @@ impl Scene {
             Boundary::Periodic(_) => Err(Failure::input(format!(
                 "{name}: is a scene in a periodic box; this needs one of plane shear, without [box]"
             ))),
+        }
+    }
+
+    /// The file that the grains come from, if they do.
+    pub fn packing(&self) -> Option<&PackingFile> {
+        match &self.boundary {
+            Boundary::Walls(walls) => walls.origin.file(),
+            Boundary::Periodic(_) => None,
         }
     }
 }

@@ -55,7 +55,7 @@ class Columns(Mapping[str, Array]):
 
 
 class Frame(Columns):
-    """Grains at one step. Row n of every column is the grain with id n.
+    """Grains at one step. Row n of every column is the same grain in every frame.
 
     Columns, for N grains: `id`, `radius` (m), `body` (0 free, 1 bottom wall, 2 top wall), `mass`
     (kg; kg/m for disks), each [N]; `position` (m) and `velocity` (m/s), [N, 3], with z = 0 for
@@ -110,7 +110,7 @@ class Frame(Columns):
 class Contacts(Columns):
     """Contacts of a frame, ordered by (i, j).
 
-    Columns, for K contacts: `i`, `j` (ids, i < j), `normal_force` (F_n, on i along n, never
+    Columns, for K contacts: `i`, `j` (rows of the grains, i < j), `normal_force` (F_n, on i along n, never
     negative), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K]; `tangential_force` (F_t on
     i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3] for spheres;
     `rolling_history` and `rolling` (1 at the limit of rolling), [K] for disks; for spheres that
@@ -131,7 +131,7 @@ class Contacts(Columns):
 
     @property
     def pairs(self) -> Array:
-        """[K, 2], ids (i, j) of every contact: the edges of the contact network."""
+        """[K, 2], rows (i, j) of every contact: the edges of the contact network."""
         return np.stack([self.i, self.j], axis=1)
 
     @property
@@ -173,7 +173,7 @@ class Contacts(Columns):
     def to_networkx(self) -> nx.Graph:
         """Returns the contact network as a `networkx.Graph`.
 
-        Nodes are all grains by id, with `radius` and `body`; edges are contacts, with the columns
+        Nodes are the rows of all grains, with `radius` and `body`; edges are contacts, with the columns
         that have one number per contact. Needs networkx (`pip install gshear[networkx]`).
         """
         import networkx as nx

@@ -36,7 +36,7 @@ class RunReader(H5MDReader):  # type: ignore[misc]
 
     `ts.dimensions` are the box of the frame, tilted by the Lees–Edwards offset. Walls are not told
     from a periodic axis. `ts.data` has the time series at the frame, NaN where it has no row, and
-    `contacts`: [K, 2], ids of the grains that touch.
+    `contacts`: [K, 2], rows of the grains that touch.
     """
 
     format = "GSHEAR"

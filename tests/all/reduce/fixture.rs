@@ -201,6 +201,7 @@ impl Fixture {
             author: "gshear-mpi",
             history_unit: "N",
             grains: &grains,
+            ids: None,
             attributes: &attributes,
         };
         let mut writer = TrajectoryWriter::create(&Solo, path, &header)?;

@@ -161,7 +161,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             columns: &NewtonianRow::COLUMNS,
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
-            author: scene.author.as_deref(),
+            scene,
             law,
             attributes: attributes(scene, strain, &progress),
             log: false,

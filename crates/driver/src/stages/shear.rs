@@ -485,7 +485,7 @@ fn format<'a>(
         columns: series_columns(schedule.protocol.is_more_than_velocities()),
         walls: true,
         height: schedule.height,
-        author: scene.author.as_deref(),
+        scene,
         law,
         attributes: attributes(scene, plane_shear, schedule),
         log: true,

@@ -94,7 +94,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             columns: &AqsRow::COLUMNS,
             walls: false,
             height: system.cell.sheared.map_or(0.0, |s| s.height),
-            author: scene.author.as_deref(),
+            scene,
             law,
             attributes: vec![(
                 "mean_diameter",

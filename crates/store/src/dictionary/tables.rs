@@ -443,7 +443,7 @@ const TENSION: [Column; 4] = [
     Column::new("tension_y", "1", "as tension_x"),
 ];
 const MAP_GRAINS: [Column; 10] = [
-    Column::new("grain", "1", "id of the grain"),
+    Column::new("grain", "1", "row of the grain in run.h5"),
     Column::new("body", "1", "0 free, 1 bottom wall, 2 top wall"),
     Column::new("x", "m", "centre at the end of the interval"),
     Column::new("y", "m", "as x"),
@@ -460,8 +460,8 @@ const MAP_GRAINS: [Column; 10] = [
 ];
 const MAP_CONTACTS: [Column; 9] = [
     Column::new("end_strain", "1", "γ at the end"),
-    Column::new("i", "1", "lower id"),
-    Column::new("j", "1", "higher id"),
+    Column::new("i", "1", "row of the lower grain in run.h5"),
+    Column::new("j", "1", "row of the higher grain"),
     Column::new("x_i", "m", "centre of grain i"),
     Column::new("y_i", "m", "centre of grain i"),
     Column::new("x_j", "m", "centre of the image of grain j that touches it"),
@@ -505,7 +505,7 @@ const GROWTH: [Column; 8] = [
     ),
 ];
 const GROWTH_GRAINS: [Column; 3] = [
-    Column::new("grain", "1", "id of the grain"),
+    Column::new("grain", "1", "row of the grain in run.h5"),
     Column::new(
         "eigenvector_square",
         "1",

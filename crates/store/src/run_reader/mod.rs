@@ -135,6 +135,7 @@ pub struct RunFile {
     path: PathBuf,
     stage: RunStage,
     grains: Disks,
+    ids: Vec<u32>,
     /// Of the grains.
     material: Vec<u8>,
     /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
@@ -201,7 +202,7 @@ impl RunFile {
             Some(Parameter::Integer(3)) => Dimensions::Three,
             _ => Dimensions::Two,
         };
-        let (grains, material) = source.grains(&edges)?;
+        let (grains, ids, material) = source.grains(&edges)?;
         let finished = parameters.contains_key("digest");
         let imposed = ImposedRow::COLUMNS[0].name;
         let columns = if source.exists(&format!("{OBSERVABLES}/{imposed}")) {
@@ -236,6 +237,7 @@ impl RunFile {
             contacts: source.of_contacts(form)?,
             sums: FrameSums::read(&source, form)?,
             grains,
+            ids,
             path: path.clone(),
         };
         file.cut_to_whole_frames(&source, finished)?;
@@ -328,6 +330,11 @@ impl RunFile {
             Some(folder) if !folder.as_os_str().is_empty() => folder,
             _ => Path::new("."),
         }
+    }
+
+    /// Returns the id of each row of the grains.
+    pub fn ids(&self) -> &[u32] {
+        &self.ids
     }
 
     /// Returns radii, bodies and masses of the grains.

@@ -131,13 +131,13 @@ impl<'a> OpenFile<'a> {
         of_contact(form).into_iter().map(open).collect()
     }
 
-    /// What is constant of the grains, and their materials, verified. `edges`: of the box at the start.
-    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<(Disks, Vec<u8>), Failure> {
+    /// What is constant of the grains, their ids and materials, verified. `edges`: of the box at
+    /// the start.
+    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<(Disks, Vec<u32>, Vec<u8>), Failure> {
         let name = |part: &str| format!("{PARTICLES}/{part}");
         let id: Vec<u32> = self.all(&name("id"))?;
-        if let Some(row) = (0..id.len()).find(|&row| id[row] as usize != row) {
-            let what = format!("row {row} is grain {}; rows must be 0 … N-1", id[row]);
-            return Err(self.wrong(&name("id"), what));
+        if !id.is_sorted_by(|a, b| a < b) {
+            return Err(self.wrong(&name("id"), "does not ascend"));
         }
         let grains = Disks {
             radius: self.of_length(&name("radius"), id.len())?,
@@ -152,7 +152,7 @@ impl<'a> OpenFile<'a> {
         };
         self.verify_constants(&id, (&grains, &material), edges)?;
         self.check_grains(&grains)?;
-        Ok((grains, material))
+        Ok((grains, id, material))
     }
 
     /// Checks that there are grains, of some size.

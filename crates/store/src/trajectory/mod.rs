@@ -23,6 +23,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, GrainState};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
+use gshear_scene::Ids;
 use hdf5::H5Type;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -31,7 +32,7 @@ use std::time::Instant;
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct GrainShape {
-    /// Number of the grain, 0 … N-1.
+    /// Row of the grain, 0 … N-1.
     pub id: u32,
     /// 0 free, 1 bottom wall, 2 top wall.
     pub body: u32,
@@ -80,6 +81,8 @@ pub struct RunHeader<'a> {
     pub history_unit: &'static str,
     /// This rank's grains; together the ranks hold each of the ids 0 … N-1 once.
     pub grains: &'a [GrainShape],
+    /// What readers call them; `None`: by their rows.
+    pub ids: Option<&'a Ids>,
     /// Attributes of `parameters`; rank 0's are written.
     pub attributes: &'a [(&'a str, Attribute)],
 }
@@ -234,7 +237,8 @@ impl TrajectoryWriter {
         let grains = self.blocks.grains as usize;
         let name = |part: &str| format!("{PARTICLES}/{part}");
         let local = Slab::rows(ids.start, length(&ids), 1);
-        let id: Vec<u32> = shapes.iter().map(|g| g.id).collect();
+        let id_of = |g: &GrainShape| header.ids.map_or(g.id, |ids| ids.of(g.id));
+        let id: Vec<u32> = shapes.iter().map(id_of).collect();
         let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
         let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
         let mass: Vec<f64> = shapes.iter().map(|g| g.mass).collect();

@@ -28,6 +28,7 @@ fn create(path: &Path, rows: u64) {
         author: "the test",
         history_unit: "N",
         grains: &grains,
+        ids: None,
         attributes: &[("scene", "seed = 1".into())],
     };
     let mut writer = TrajectoryWriter::create(&Solo, path, &header).unwrap();

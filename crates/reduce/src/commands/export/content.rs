@@ -192,6 +192,11 @@ impl<'a> ExportedRun<'a> {
         atom_type(self.grains().body[g].into(), self.run.material()[g].into())
     }
 
+    /// The id of each row of the grains.
+    pub fn ids(&self) -> &[u32] {
+        self.run.ids()
+    }
+
     /// Number of dimensions.
     pub fn axes(&self) -> usize {
         self.run.dimension().axes()

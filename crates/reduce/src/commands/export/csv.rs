@@ -105,14 +105,14 @@ impl CsvWriter {
 
 impl FrameWriter for CsvWriter {
     fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
-        let (records, constants) = (&frame.records, run.grains());
+        let (records, constants, ids) = (&frame.records, run.grains(), run.ids());
         let of_frame: [&dyn TableCell; 4] =
             [&frame.number, &records.step, &records.time, &frame.strain];
         for (g, grain) in records.grains.iter().enumerate() {
             let table = &mut self.grains;
             table.cells(&of_frame);
             table.cells(&[
-                &grain.id,
+                &ids[g],
                 &constants.body[g],
                 &constants.radius[g],
                 &constants.mass[g],
@@ -128,7 +128,7 @@ impl FrameWriter for CsvWriter {
         for contact in &records.contacts {
             let table = &mut self.contacts;
             table.cells(&of_frame);
-            table.cells(&[&contact.i, &contact.j]);
+            table.cells(&[&ids[contact.i as usize], &ids[contact.j as usize]]);
             for value in contact_values(run.form(), contact) {
                 table.cells(&[&value]);
             }

@@ -55,6 +55,7 @@ struct ExportedState {
 }
 
 struct Grain {
+    id: u32,
     /// Type of the atom.
     atom_type: u32,
     radius: f64,
@@ -107,6 +108,7 @@ fn of_run(run: &RunFile, which: Which) -> Result<ExportedState, Failure> {
     let grains = run.grains();
     let frame = run.records(t..t + 1)?.swap_remove(0);
     let grain = |(g, of): (usize, &GrainSample)| Grain {
+        id: run.ids()[g],
         atom_type: atom_type(grains.body[g].into(), run.material()[g].into()),
         radius: grains.radius[g],
         mass: grains.mass[g],
@@ -137,7 +139,9 @@ fn of_checkpoint(path: &Path) -> Result<ExportedState, Failure> {
             path.display()
         )));
     };
+    let ids = scene.packing().map(|file| &file.ids);
     let grain = |g: &gshear_dem::state::GrainState| Grain {
+        id: ids.map_or(g.id, |ids| ids.of(g.id)),
         atom_type: atom_type(g.body, g.material),
         radius: g.radius,
         mass: (scene.materials.masses).of(g.material, scene.dimension.volume(g.radius)),
@@ -183,10 +187,10 @@ fn data_file(
     let ends = state.grains.iter().map(|g| (g.position[up], g.radius));
     let edges = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
     let largest = state.grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
-    let atom = |(g, grain): (usize, &Grain)| {
+    let atom = |grain: &Grain| {
         let diameter = 2.0 * grain.radius;
         Atom {
-            id: g as u64 + 1,
+            id: u64::from(grain.id) + 1,
             kind: grain.atom_type,
             diameter,
             density: grain.mass / volume(grain.radius),
@@ -202,7 +206,7 @@ fn data_file(
             (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
         },
         types: state.grains.iter().fold(3, |n, g| n.max(g.atom_type)),
-        atoms: state.grains.iter().enumerate().map(atom).collect(),
+        atoms: state.grains.iter().map(atom).collect(),
     };
     let title = format!(
         "{program} data file: {}; {}",

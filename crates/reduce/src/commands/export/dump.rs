@@ -75,7 +75,7 @@ impl DumpWriter {
         }
         writeln!(file)?;
         for (g, grain) in grains.iter().enumerate() {
-            write!(file, "{} {}", grain.id + 1, run.atom_type(g))?;
+            write!(file, "{} {}", run.ids()[g] + 1, run.atom_type(g))?;
             for value in run.state_values(frame, g) {
                 write!(file, " {value:?}")?;
             }
@@ -99,7 +99,8 @@ impl DumpWriter {
         }
         writeln!(file)?;
         for contact in contacts {
-            write!(file, "{} {}", contact.i + 1, contact.j + 1)?;
+            let [i, j] = [contact.i, contact.j].map(|row| run.ids()[row as usize] + 1);
+            write!(file, "{i} {j}")?;
             for value in contact_values(run.form(), contact) {
                 write!(file, " {value:?}")?;
             }

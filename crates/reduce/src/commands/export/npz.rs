@@ -121,8 +121,9 @@ impl NpzWriter {
     }
 
     /// Appends what all frames share, before the first one.
-    fn append_constants(&mut self, grains: &Disks) {
+    fn append_constants(&mut self, grains: &Disks, ids: &[u32]) {
         let n = grains.count();
+        self.append("id", n, &[], ids);
         self.append("radius", n, &[], &grains.radius);
         self.append("body", n, &[], &grains.body);
         self.append("mass", n, &[], &grains.mass);
@@ -139,7 +140,7 @@ impl FrameWriter for NpzWriter {
         self.append("bounds", 1, &[3, 2], run.bounds(frame).as_flattened());
         self.append("edges", 1, &[3, 3], run.edges(frame).as_flattened());
         if is_first {
-            self.append_constants(run.grains());
+            self.append_constants(run.grains(), run.ids());
         }
         let n = records.grains.len();
         let vectors = |value: fn(&GrainSample) -> [f64; 3]| -> Vec<f64> {

@@ -12,7 +12,7 @@ use hdf5::{Dataset, File, Group, H5Type};
 use ndarray::{ArrayView1, ArrayView2, s};
 
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Disks, GrainSample};
+use gshear_dem::state::GrainSample;
 use gshear_store::text_writer::{PartFile, unwritten};
 
 use super::FrameWriter;
@@ -234,7 +234,7 @@ impl VtkWriter {
     fn append(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> hdf5::Result<()> {
         self.append_step(frame.records.time)?;
         let of_point = self.append_geometry(run, frame)?;
-        self.append_point_data(run.grains(), frame, &of_point)?;
+        self.append_point_data(run, frame, &of_point)?;
         let (axes, grains) = (run.axes(), frame.records.grains.len());
         for (quantity, column) in &mut self.cell_data {
             // Of vertices nothing is known.
@@ -312,11 +312,11 @@ impl VtkWriter {
 
     fn append_point_data(
         &mut self,
-        constants: &Disks,
+        run: &ExportedRun,
         frame: &ExportedFrame,
         of_point: &[usize],
     ) -> hdf5::Result<()> {
-        let grains = &frame.records.grains;
+        let (grains, constants) = (&frame.records.grains, run.grains());
         let mut columns = self.point_data.iter_mut();
         for ((_, _, value), column) in STATE.iter().zip(columns.by_ref()) {
             let values: Vec<f64> = of_point.iter().flat_map(|&g| value(&grains[g])).collect();
@@ -330,7 +330,7 @@ impl VtkWriter {
             let values: Vec<f64> = of_point.iter().flat_map(of_grain).collect();
             column.append(&values)?;
         }
-        let ids: Vec<i64> = of_point.iter().map(|&g| g as i64).collect();
+        let ids: Vec<i64> = of_point.iter().map(|&g| run.ids()[g].into()).collect();
         self.ids.append(&ids)
     }
 

@@ -48,13 +48,13 @@ impl XyzWriter {
         let units = run.units().map(|units| format!(" units=\"{units}\""));
         writeln!(file, "{}", units.unwrap_or_default())?;
         let constants = run.grains();
-        for (g, grain) in grains.iter().enumerate() {
+        for g in 0..grains.len() {
             // ASE knows chemical symbols only; X is its dummy.
             write!(file, "X")?;
             for value in run.state_values(frame, g) {
                 write!(file, " {value:?}")?;
             }
-            write!(file, " {} {}", grain.id, constants.body[g])?;
+            write!(file, " {} {}", run.ids()[g], constants.body[g])?;
             for value in run.field_values(frame, g) {
                 write!(file, " {value:?}")?;
             }
