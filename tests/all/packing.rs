@@ -64,6 +64,17 @@ fn an_exported_state_comes_back() {
         }
     }
 
+    // A dump has the same numbers.
+    let dump = at("again.dump");
+    let mut command = reducer();
+    let command = command.args(["export", "--frames=0..1", "--format=lammps-dump", "--out"]);
+    succeed(command.args([&dump, &at("again")]));
+    let from = |packing: String| {
+        let set = format!("--set=sample.packing={}", at(&packing).display());
+        gshear_mpi(1, &at("from"), &arguments(&[short, &set, "--overwrite"])).digest()
+    };
+    assert_eq!(from("again.dump@0".into()), from("back.data".into()));
+
     // The ranks do not matter, nor who reads the scene that was written; and a checkpoint does
     // without the file.
     for ranks in [2, 3] {

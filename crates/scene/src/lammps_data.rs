@@ -14,6 +14,8 @@ use gshear_dem::failure::Failure;
 pub struct DataFile {
     /// lo and hi along x, y, z.
     pub bounds: [[f64; 2]; 3],
+    /// xy, xz, yz of a tilted box.
+    pub tilt: [f64; 3],
     /// Number of types.
     pub types: u32,
     /// In the order of the section `Atoms`.
@@ -33,19 +35,33 @@ pub struct Atom {
     pub density: f64,
     /// Of the centre.
     pub position: [f64; 3],
-    /// Zero without a section `Velocities`.
+    /// Zero in a file without velocities.
     pub velocity: [f64; 3],
-    /// Zero without a section `Velocities`.
+    /// Zero in a file without them.
     pub angular_velocity: [f64; 3],
     /// Line of the file, from 1.
     pub line: usize,
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
-/// Sections that are skipped.
-const PASSED_OVER: [&str; 4] = ["Masses", "Pair Coeffs", "PairIJ Coeffs", "Atom Type Labels"];
-/// Columns of the section `Atoms`.
-const COLUMNS: &str = "id type diameter density x y z";
+/// Sections that are skipped, by their last word.
+const PASSED_OVER: [&str; 3] = ["Masses", "Coeffs", "Labels"];
+/// Sections of what grains do not have, which must be empty.
+const WITHOUT_ROWS: [&str; 8] = [
+    "Bonds",
+    "Angles",
+    "Dihedrals",
+    "Impropers",
+    "Ellipsoids",
+    "Lines",
+    "Triangles",
+    "Bodies",
+];
+/// Columns of the section `Atoms` of `atom_style sphere`, and of a hybrid that begins with it.
+const COLUMNS: [&str; 2] = [
+    "id type diameter density x y z",
+    "id type x y z diameter density",
+];
 
 /// The file as text: numbers in shortest form that reads back to the same bits. `title` and
 /// `comments` are lines without `#`.
@@ -61,6 +77,10 @@ pub fn write(title: &str, comments: &[&str], file: &DataFile) -> String {
     ));
     for ([lo, hi], axis) in file.bounds.iter().zip(AXES) {
         text.push_str(&format!("{lo:?} {hi:?} {axis}lo {axis}hi\n"));
+    }
+    let [xy, xz, yz] = file.tilt;
+    if file.tilt != [0.0; 3] {
+        text.push_str(&format!("{xy:?} {xz:?} {yz:?} xy xz yz\n"));
     }
     // LAMMPS compares the whole comment with its atom_style.
     text.push_str("\nAtoms # sphere\n\n");
@@ -98,11 +118,7 @@ pub fn write(title: &str, comments: &[&str], file: &DataFile) -> String {
 /// # Errors
 /// `Failure::Input` with the line, what is wrong with it and what would be right.
 pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
-    let mut lines = Lines {
-        name,
-        rest: text.lines().enumerate(),
-        end: 1 + text.lines().count(),
-    };
+    let mut lines = Lines::new(name, text);
     if text.trim().is_empty() {
         return Err(Failure::input(format!(
             "{name}: is empty; give a LAMMPS data file of atom_style sphere"
@@ -112,6 +128,7 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
     let (header, mut section) = DataHeader::read(&mut lines)?;
     let DataSizes {
         bounds,
+        tilt,
         types,
         atoms: count,
     } = header.complete(name)?;
@@ -136,14 +153,16 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
                     "the header says {count} atoms, here is a velocity more"
                 ))?
             }
-            passed if PASSED_OVER.contains(&passed) => lines.pass_over(),
+            passed if PASSED_OVER.iter().any(|word| passed.ends_with(word)) => lines.pass_over(),
+            empty if WITHOUT_ROWS.contains(&empty) => lines.heading(&format!(
+                "{empty} are not taken: grains have none; delete the section"
+            ))?,
             other => {
                 return Err(lines.wrong(
                     at,
                     &format!(
-                        "{} is no section of a packing of disks; it has Atoms, and may have Velocities, {}",
-                        quoted(other),
-                        PASSED_OVER.join(", ")
+                        "{} is no section of a packing of disks; it has Atoms, and may have Velocities, Masses, … Coeffs, … Labels",
+                        quoted(other)
                     ),
                 ));
             }
@@ -156,15 +175,16 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
     };
     Ok(DataFile {
         bounds,
+        tilt,
         types,
         atoms,
     })
 }
 
 /// The lines of a file that are not read yet.
-struct Lines<'a> {
+pub(crate) struct Lines<'a> {
     name: &'a str,
-    rest: std::iter::Enumerate<std::str::Lines<'a>>,
+    pub(crate) rest: std::iter::Enumerate<std::str::Lines<'a>>,
     /// Line after the last.
     end: usize,
 }
@@ -172,8 +192,21 @@ struct Lines<'a> {
 type Heading<'a> = Option<(usize, &'a str)>;
 
 impl<'a> Lines<'a> {
+    pub(crate) fn new(name: &'a str, text: &'a str) -> Self {
+        Self {
+            name,
+            rest: text.lines().enumerate(),
+            end: 1 + text.lines().count(),
+        }
+    }
+
     /// The ends of an axis of the box.
-    fn bounds(&self, at: usize, words: &[&str], form: &str) -> Result<[f64; 2], Failure> {
+    pub(crate) fn bounds(
+        &self,
+        at: usize,
+        words: &[&str],
+        form: &str,
+    ) -> Result<[f64; 2], Failure> {
         let [lo, hi] = self.numbers(at, words, 0, &format!("write: {form}"))?;
         if hi <= lo {
             let what = format!("the box is empty: {lo:?} is not below {hi:?}");
@@ -196,20 +229,23 @@ impl<'a> Lines<'a> {
         (types, count): (u32, u64),
         place: &mut HashMap<u64, usize>,
     ) -> Result<Vec<Atom>, Failure> {
-        let style = style.split_whitespace().next().unwrap_or("");
-        if !matches!(style, "" | "sphere" | "granular") {
-            return Err(self.wrong(
-                at,
-                &format!(
-                    "Atoms are of the style {}; write them with atom_style sphere: {COLUMNS}",
-                    shortened(style)
-                ),
-            ));
-        }
+        let words: Vec<&str> = style.split_whitespace().collect();
+        let hybrid = match words[..] {
+            [] | ["sphere" | "granular", ..] => None,
+            ["hybrid", "sphere", ref others @ ..] => Some(!others.is_empty()),
+            _ => {
+                let what = format!(
+                    "Atoms are of the style {}; write them with atom_style sphere: {}; or with a hybrid that begins with sphere",
+                    shortened(style),
+                    COLUMNS[0]
+                );
+                return Err(self.wrong(at, &what));
+            }
+        };
         // The header may say more than the file has.
         let mut read = Vec::with_capacity((count as usize).min(self.end));
         for _ in 0..count {
-            let atom = self.atom(types, count)?;
+            let atom = self.atom(hybrid, types, count)?;
             if let Some(first) = place.insert(atom.id, read.len()) {
                 let first: &Atom = &read[first];
                 let what = format!("atom {} was on line {} already", atom.id, first.line);
@@ -238,7 +274,8 @@ impl<'a> Lines<'a> {
             if std::mem::replace(&mut seen[k], true) {
                 return Err(self.wrong(line, &format!("a second velocity of atom {id}")));
             }
-            if words.len() != 7 {
+            // A hybrid may have more of them.
+            if words.len() < 7 {
                 let what = format!("{} columns; {form}", words.len());
                 return Err(self.wrong(line, &what));
             }
@@ -249,12 +286,12 @@ impl<'a> Lines<'a> {
         Ok(())
     }
 
-    fn wrong(&self, line: usize, what: &str) -> Failure {
+    pub(crate) fn wrong(&self, line: usize, what: &str) -> Failure {
         Failure::input(format!("{}:{line}: {what}", self.name))
     }
 
     /// The next line that holds more than a comment, with its number.
-    fn next(&mut self) -> Heading<'a> {
+    pub(crate) fn next(&mut self) -> Heading<'a> {
         self.rest
             .by_ref()
             .map(|(k, line)| (k + 1, line.trim()))
@@ -262,7 +299,11 @@ impl<'a> Lines<'a> {
     }
 
     /// The words of the next of `count` rows.
-    fn row(&mut self, count: u64, section: &str) -> Result<(usize, Vec<&'a str>), Failure> {
+    pub(crate) fn row(
+        &mut self,
+        count: u64,
+        section: &str,
+    ) -> Result<(usize, Vec<&'a str>), Failure> {
         match self.next() {
             Some((at, line)) if !is_heading(line) => {
                 Ok((at, split_comment(line).0.split_whitespace().collect()))
@@ -293,7 +334,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    fn id(&self, line: usize, words: &[&str], form: &str) -> Result<u64, Failure> {
+    pub(crate) fn id(&self, line: usize, words: &[&str], form: &str) -> Result<u64, Failure> {
         match words[0].parse::<u64>() {
             Ok(id) if id > 0 => Ok(id),
             _ => {
@@ -307,7 +348,7 @@ impl<'a> Lines<'a> {
     }
 
     /// K numbers from the word `first` on.
-    fn numbers<const K: usize>(
+    pub(crate) fn numbers<const K: usize>(
         &self,
         line: usize,
         words: &[&str],
@@ -330,17 +371,28 @@ impl<'a> Lines<'a> {
         Ok(out)
     }
 
-    fn atom(&mut self, types: u32, count: u64) -> Result<Atom, Failure> {
+    /// `hybrid`: whether the style is a hybrid, and of more than spheres.
+    fn atom(&mut self, hybrid: Option<bool>, types: u32, count: u64) -> Result<Atom, Failure> {
         let (line, words) = self.row(count, "Atoms")?;
-        let form = format!("a row of Atoms is {COLUMNS}, as atom_style sphere writes it");
+        let form = match hybrid {
+            None => format!(
+                "a row of Atoms is {}, as atom_style sphere writes it",
+                COLUMNS[0]
+            ),
+            Some(_) => format!(
+                "a row of Atoms is {}, as atom_style hybrid sphere writes it",
+                COLUMNS[1]
+            ),
+        };
         let id = self.id(line, &words, &form)?;
-        if ![7, 10].contains(&words.len()) {
+        let has_more = hybrid == Some(true);
+        if words.len() < 7 || !has_more && ![7, 10].contains(&words.len()) {
             let what = format!("{} columns; {form}", words.len());
             return Err(self.wrong(line, &what));
         }
         // Images are not needed: positions are wrapped in any case.
         let image = words[7..].iter().find(|word| word.parse::<i64>().is_err());
-        if let Some(image) = image {
+        if let Some(image) = image.filter(|_| !has_more) {
             let what = format!(
                 "the images of atom {id} must be three whole numbers, such as 0 0 0, found {}",
                 quoted(image)
@@ -357,15 +409,12 @@ impl<'a> Lines<'a> {
                 return Err(self.wrong(line, &what));
             }
         };
-        let [diameter, density, x, y, z] = self.numbers(line, &words, 2, &form)?;
-        for (what, value) in [("diameter", diameter), ("density", density)] {
-            // Half of the least float is 0, the square of 1e-200 too.
-            if !(1e-100..=1e100).contains(&value) {
-                let what =
-                    format!("the {what} of atom {id} must lie in 1e-100 … 1e100, found {value:?}");
-                return Err(self.wrong(line, &what));
-            }
+        let mut numbers = self.numbers(line, &words, 2, &form)?;
+        if hybrid.is_some() {
+            numbers.rotate_left(3);
         }
+        let [diameter, density, x, y, z] = numbers;
+        self.check_sphere(line, id, [diameter, density])?;
         Ok(Atom {
             id,
             kind,
@@ -376,6 +425,24 @@ impl<'a> Lines<'a> {
             angular_velocity: [0.0; 3],
             line,
         })
+    }
+
+    /// Refuses a size or density of a sphere with which numbers overflow.
+    pub(crate) fn check_sphere(
+        &self,
+        line: usize,
+        id: u64,
+        [diameter, density]: [f64; 2],
+    ) -> Result<(), Failure> {
+        for (what, value) in [("diameter", diameter), ("density", density)] {
+            // Half of the least float is 0, the square of 1e-200 too.
+            if !(1e-100..=1e100).contains(&value) {
+                let what =
+                    format!("the {what} of atom {id} must lie in 1e-100 … 1e100, found {value:?}");
+                return Err(self.wrong(line, &what));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -394,6 +461,7 @@ fn is_heading(line: &str) -> bool {
 #[derive(Default)]
 struct DataHeader {
     bounds: [Option<[f64; 2]>; 3],
+    tilt: [f64; 3],
     types: Option<u32>,
     atoms: Option<u64>,
 }
@@ -463,13 +531,12 @@ impl DataHeader {
                 ("xy xz yz", _) => {
                     let form = "0 0 0 xy xz yz";
                     expect(3, form)?;
-                    let tilt: [f64; 3] = lines.numbers(at, &words, 0, &format!("write: {form}"))?;
-                    if tilt != [0.0; 3] {
-                        return Err(lines.wrong(at, "the box is tilted; it must be a rectangle"));
-                    }
+                    header.tilt = lines.numbers(at, &words, 0, &format!("write: {form}"))?;
                 }
-                // Such as `0 bonds`.
-                _ if numbers == 1 && words[0] == "0" && !keyword.is_empty() => {}
+                // Such as `0 bonds`, `2 extra bond per atom`.
+                _ if numbers == 1
+                    && (words[0] == "0" && !keyword.is_empty()
+                        || keyword.starts_with("extra ")) => {}
                 _ => {
                     let what = format!(
                         "{} is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi",
@@ -488,6 +555,7 @@ impl DataHeader {
         let bounds = |axis: usize, line| self.bounds[axis].ok_or_else(|| missing(line));
         Ok(DataSizes {
             atoms: self.atoms.ok_or_else(|| missing("N atoms"))?,
+            tilt: self.tilt,
             types: self.types.ok_or_else(|| missing("n atom types"))?,
             bounds: [
                 bounds(0, "lo hi xlo xhi")?,
@@ -501,6 +569,7 @@ impl DataHeader {
 /// A whole header.
 struct DataSizes {
     bounds: [[f64; 2]; 3],
+    tilt: [f64; 3],
     types: u32,
     atoms: u64,
 }
@@ -522,6 +591,7 @@ mod tests {
         };
         DataFile {
             bounds: [[0.0, 48e-6], [-1e-9, 0.1 + 0.2], [-0.5, 0.5]],
+            tilt: [1e-6 / 3.0, 0.0, 0.0],
             types: 3,
             atoms: (0..4).map(atom).collect(),
         }
@@ -578,6 +648,31 @@ Velocities
         assert_eq!((first.id, first.line, second.line), (9, 20, 22));
         assert_eq!(first.velocity, [4.0, 5.0, 0.0]);
         assert_eq!(second.angular_velocity[2], 3.0);
+    }
+
+    /// Rows of a hybrid have the position first; sections and header lines of a molecular style
+    /// say nothing; lines may end as on Windows.
+    #[test]
+    fn hybrids_and_what_comes_with_them() {
+        let text = |style: &str, more: &str| {
+            format!(
+                "Größe\n2 atoms\n0 bonds\n1 atom types\n2 extra bond per atom\n0 1 xlo xhi\n0 1 ylo yhi\n0 1 zlo zhi\n0.1 0 0 xy xz yz\n\nBond Coeffs\n\n1 2.0\n\nAtoms # {style}\n\n1 1 0.3 0.4 0.5 0.1 2500{more}\n2 1 0.6 0.7 0.8 0.2 2500{more}\n\nBonds\n\nVelocities\n\n2 1 0 0 0 0 3{more}\n1 0 0 0 0 0 0{more}\n"
+            )
+        };
+        for text in [
+            text("hybrid sphere", ""),
+            text("hybrid sphere bond", " 7"),
+            text("hybrid sphere", "").replace('\n', "\r\n"),
+        ] {
+            let file = parse("x", &text).unwrap();
+            assert_eq!(file.tilt, [0.1, 0.0, 0.0]);
+            let [first, second] = file.atoms[..] else {
+                panic!("two atoms")
+            };
+            assert_eq!((first.position, first.diameter), ([0.3, 0.4, 0.5], 0.1));
+            assert_eq!((second.diameter, second.density), (0.2, 2500.0));
+            assert_eq!(second.angular_velocity, [0.0, 0.0, 3.0]);
+        }
     }
 
     #[test]
@@ -696,11 +791,6 @@ Velocities
                 "f:4: 1 numbers; write: lo hi xlo xhi",
             ),
             (
-                "-1 1 zlo zhi",
-                "-1 1 zlo zhi\n1 0 0 xy xz yz",
-                "f:7: the box is tilted; it must be a rectangle",
-            ),
-            (
                 "2 atom types",
                 "2 atom types\n7 bonds",
                 "f:4: \"7 bonds\" is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi",
@@ -708,7 +798,7 @@ Velocities
             (
                 "Atoms # sphere",
                 "Atoms # atomic",
-                "f:8: Atoms are of the style atomic; write them with atom_style sphere: id type diameter density x y z",
+                "f:8: Atoms are of the style atomic; write them with atom_style sphere: id type diameter density x y z; or with a hybrid that begins with sphere",
             ),
             (
                 "1 1 1.0 1.0 1 1 0",
@@ -764,8 +854,23 @@ Velocities
             ),
             (
                 "Velocities",
+                "Rotations",
+                "f:13: \"Rotations\" is no section of a packing of disks; it has Atoms, and may have Velocities, Masses, … Coeffs, … Labels",
+            ),
+            (
+                "Velocities",
                 "Bonds",
-                "f:13: \"Bonds\" is no section of a packing of disks; it has Atoms, and may have Velocities, Masses, Pair Coeffs, PairIJ Coeffs, Atom Type Labels",
+                "f:15: Bonds are not taken: grains have none; delete the section",
+            ),
+            (
+                "Atoms # sphere",
+                "Atoms # hybrid bond sphere",
+                "f:8: Atoms are of the style hybrid bond sphere; write them with atom_style sphere: id type diameter density x y z; or with a hybrid that begins with sphere",
+            ),
+            (
+                "Atoms # sphere\n\n1 1 1.0 1.0 1 1 0",
+                "Atoms # hybrid sphere\n\n1 1 1.0 1.0 1 1 0 8",
+                "f:10: 8 columns; a row of Atoms is id type x y z diameter density, as atom_style hybrid sphere writes it",
             ),
             ("Velocities", "Atoms", "f:13: a second section Atoms"),
             (

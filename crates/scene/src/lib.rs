@@ -54,6 +54,7 @@ pub mod identity;
 pub mod insertion;
 mod keys;
 pub mod lammps_data;
+mod lammps_dump;
 mod law;
 mod load;
 pub mod materials;

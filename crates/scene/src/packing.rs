@@ -1,16 +1,19 @@
 //! A packing from a file in place of inserted grains: what the file says, as the grains of a run.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::io::Read;
+use std::path::{Path, PathBuf};
 
 use bytemuck::Zeroable;
+use flate2::read::MultiGzDecoder;
 
 use crate::identity::hash;
 use crate::insertion::{finish_walls, freeze_walls};
 use crate::lammps_data::{self, Atom, DataFile};
+use crate::lammps_dump;
 use crate::sample::{Ids, Origin, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
-use crate::source::read_text;
+use crate::source::read_bytes;
 use crate::walls::PlaneShear;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::failure::Failure;
@@ -34,6 +37,12 @@ const MOST_PERIODS: f64 = 1e6;
 
 /// The greatest id of an atom, copies included: one less is a u32.
 const LAST_ID: u64 = 1 << 32;
+
+/// The formats, for messages.
+const FORMAT: &str = "a LAMMPS data file or dump, or a list x y z r";
+
+/// Bytes of a packed file over its own: a file may not fill the memory with zeros.
+const MOST_UNPACKED: u64 = 100;
 
 /// How many grains a packing may have.
 #[derive(Debug, Clone)]
@@ -103,6 +112,56 @@ fn replicated(
         data.bounds[axis][1] = low + period * f64::from(copies);
     }
     Ok(data)
+}
+
+/// A path that ends in `@` and a number, if no file has this name: the file and the frame.
+pub fn split_frame(path: &Path) -> (PathBuf, Option<usize>) {
+    let text = path.to_str().filter(|_| !path.exists());
+    let split = text.and_then(|text| {
+        let (file, frame) = text.rsplit_once('@')?;
+        Some((file.into(), frame.parse().ok()?))
+    });
+    split.map_or_else(|| (path.into(), None), |(file, frame)| (file, Some(frame)))
+}
+
+/// What the bytes of a file say, in any of the formats.
+fn parsed(name: &str, bytes: &[u8], frame: Option<usize>) -> Result<DataFile, Failure> {
+    let refuse = |what: &str| Err(Failure::input(format!("{name}: {what}")));
+    if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
+        return refuse("is text in UTF-16; save it as UTF-8");
+    }
+    // Comments may be in any other encoding.
+    let text = String::from_utf8_lossy(bytes);
+    if lammps_dump::is_dump(&text) {
+        return lammps_dump::parse(name, &text, frame);
+    }
+    if let Some(frame) = frame {
+        return refuse(&format!("holds one state; leave out @{frame}"));
+    }
+    if lammps_dump::is_list(&text) {
+        return lammps_dump::parse_list(name, &text);
+    }
+    lammps_data::parse(name, &text)
+}
+
+/// The bytes of a file, unpacked if gzip has packed them.
+fn unpacked(name: &str, bytes: Vec<u8>) -> Result<Vec<u8>, Failure> {
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(bytes);
+    }
+    let most = MOST_UNPACKED * bytes.len() as u64;
+    let mut text = Vec::new();
+    let read = MultiGzDecoder::new(&bytes[..])
+        .take(most + 1)
+        .read_to_end(&mut text);
+    let refuse = |what: &str| Err(Failure::input(format!("{name}: {what}")));
+    match read {
+        Err(e) => refuse(&format!("cannot be unpacked: {e}; pack it again with gzip")),
+        Ok(_) if text.len() as u64 > most => refuse(&format!(
+            "has more than {MOST_UNPACKED} times its bytes when unpacked; unpack it with gunzip"
+        )),
+        Ok(_) => Ok(text),
+    }
 }
 
 /// Refuses a grain that is out of the box or moves out of the plane of disks, and puts it into the
@@ -224,16 +283,16 @@ impl Packing {
         let name = path.display().to_string();
         let unreadable =
             |e: &dyn std::fmt::Display| Failure::input(format!("{name}: cannot be read: {e}"));
-        let format = "a LAMMPS data file of atom_style sphere";
         let absolute = std::path::absolute(path).map_err(|e| unreadable(&e))?;
         // The scene and the checkpoints hold the path as text.
         if absolute.to_str().is_none() {
             let what = format!("the path {} is not UTF-8; rename it", absolute.display());
             return Err(Failure::input(format!("{name}: {what}")));
         }
-        let text = read_text(path, format, u64::MAX)?;
-        let content = hash(text.as_bytes());
-        let data = lammps_data::parse(&name, &text)?;
+        let (file, frame) = split_frame(path);
+        let bytes = unpacked(&name, read_bytes(&file, FORMAT, u64::MAX)?)?;
+        let content = hash(&bytes);
+        let data = parsed(&name, &bytes, frame)?;
         let data = replicated(&name, data, copies, limit)?;
         let mut packing = Self::new(&name, &absolute, data, copies)?;
         packing.file.content = content;
@@ -243,6 +302,9 @@ impl Packing {
     fn new(name: &str, path: &Path, data: DataFile, replicate: [u32; 2]) -> Result<Self, Failure> {
         let mut atoms = data.atoms;
         let whole = |what: &str| Err(Failure::input(format!("{name}: {what}")));
+        if data.tilt != [0.0; 3] {
+            return whole("the box is tilted; between walls it must be a rectangle");
+        }
         let Some(count) = u32::try_from(atoms.len()).ok().filter(|&n| n > 0) else {
             return whole("a packing has 1 to 4294967295 atoms");
         };
@@ -273,6 +335,12 @@ impl Packing {
             .map_err(|what| Failure::input(format!("{name}: {what}")))?;
         check_crowding(name, &atoms, up, largest)?;
         atoms.sort_by_key(|a| a.id);
+        if let Some([first, again]) = atoms.array_windows().find(|[a, b]| a.id == b.id) {
+            return Err(Failure::input(format!(
+                "{name}:{}: atom {} was on line {} already",
+                again.line, again.id, first.line
+            )));
+        }
         let last = atoms[atoms.len() - 1].id;
         if last > LAST_ID {
             return whole(&format!(
@@ -509,6 +577,8 @@ fn force_on_top_of<D: Dimension>(scene: &Scene, grains: &[GrainState]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write;
+
     use super::*;
     use crate::Source;
 
@@ -646,21 +716,39 @@ mod tests {
         let path = folder.path().join("file");
         assert_eq!(
             read(folder.path()).split_once(": ").unwrap().1,
-            "is a directory; give a LAMMPS data file of atom_style sphere"
+            format!("is a directory; give {FORMAT}")
         );
-        assert_eq!(
-            read(&path),
-            "file: no such file; give a LAMMPS data file of atom_style sphere"
-        );
+        assert_eq!(read(&path), format!("file: no such file; give {FORMAT}"));
         // Without an end.
         assert_eq!(
             read(Path::new("/dev/zero")),
-            "/dev/zero: is a device; give a LAMMPS data file of atom_style sphere"
+            format!("/dev/zero: is a device; give {FORMAT}")
         );
-        std::fs::write(&path, b"title\n2 atoms\n\xff\n").unwrap();
+        // As gzip writes them, cut short, or of zeros alone.
+        let packed = |text: &[u8]| {
+            let mut to = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
+            to.write_all(text).unwrap();
+            to.finish().unwrap()
+        };
+        let good = packed(&TEXT.replace('\n', " # Gr\u{f6}\u{df}e\n").into_bytes());
+        std::fs::write(&path, &good).unwrap();
+        assert_eq!(Packing::read(&path, [1, 1]).unwrap().file.grains, 120);
+        let latin1 = TEXT.replace('\n', " # Gr?e\n").into_bytes();
+        let latin1 = latin1
+            .into_iter()
+            .map(|byte| if byte == b'?' { 0xf6 } else { byte });
+        std::fs::write(&path, latin1.collect::<Vec<u8>>()).unwrap();
+        assert_eq!(Packing::read(&path, [1, 1]).unwrap().file.grains, 120);
+        std::fs::write(&path, &good[..good.len() / 2]).unwrap();
+        assert!(
+            read(&path).starts_with("file: cannot be unpacked: "),
+            "{}",
+            read(&path)
+        );
+        std::fs::write(&path, packed(&vec![0; 10_000_000])).unwrap();
         assert_eq!(
             read(&path),
-            "file:3: byte 0xff is not UTF-8; give a LAMMPS data file of atom_style sphere"
+            "file: has more than 100 times its bytes when unpacked; unpack it with gunzip"
         );
         std::fs::write(&path, "x".repeat(10_000_000)).unwrap();
         assert_eq!(read(&path), "file: the header lacks the line `N atoms`");
@@ -678,6 +766,133 @@ mod tests {
                 read(&odd)
             );
         }
+    }
+
+    /// The same grains in other formats.
+    #[test]
+    fn dumps_and_lists_are_read() {
+        let data = lammps_data::parse("f", TEXT).unwrap();
+        let [[xlo, xhi], [ylo, yhi], [zlo, zhi]] = data.bounds;
+        let row = |a: &Atom| {
+            let ([x, y, z], [u, v, w]) = (a.position, a.velocity);
+            let (id, kind, radius, spin) = (a.id, a.kind, 0.5 * a.diameter, a.angular_velocity[2]);
+            format!("{radius:?} {id} {kind} {x:?} {y:?} {z:?} {u:?} {v:?} {w:?} 0 0 {spin:?}\n")
+        };
+        let rows: String = data.atoms.iter().map(row).collect();
+        let head = |step: u32, count: usize| {
+            format!(
+                "ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n{count}\nITEM: BOX BOUNDS pp ff ff\n{xlo:?} {xhi:?}\n{ylo:?} {yhi:?}\n{zlo:?} {zhi:?}\nITEM: ATOMS radius id type x y z vx vy vz omegax omegay omegaz\n"
+            )
+        };
+        let first = format!("{}1.0 1 1 0 0 0 0 0 0 0 0 0\n", head(0, 1));
+        let dump = format!("ITEM: UNITS\nsi\n{first}{}{rows}", head(100, 120));
+        let without_lines = |mut data: DataFile| {
+            data.atoms
+                .iter_mut()
+                .for_each(|a| (a.line, a.density) = (0, 1.0));
+            data
+        };
+        let expected = without_lines(data.clone());
+        for frame in [None, Some(1)] {
+            let read = parsed("f", dump.as_bytes(), frame).unwrap();
+            assert_eq!(read.atoms[0].line, 22);
+            assert_eq!(without_lines(read), expected);
+        }
+        let one = parsed("f", dump.as_bytes(), Some(0)).unwrap();
+        assert_eq!(one.atoms.len(), 1);
+        assert_eq!(
+            message(parsed("f", dump.as_bytes(), Some(2))),
+            "f: has 2 frames; give @0 … of one that it has, or none for the last"
+        );
+
+        // Parts of the edges of a tilted box, as LAMMPS computes them.
+        let tilted = "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS xy xz yz pp pp pp\n-1.25 4.5 -0.25\n0 2.5 0.5\n0 1 0.5\nITEM: ATOMS id xs ys zs diameter\n3 0.5 0.25 0.5 0.1\n";
+        let read = parsed("f", tilted.as_bytes(), None).unwrap();
+        assert_eq!(read.bounds, [[-1.0, 4.0], [0.0, 2.0], [0.0, 1.0]]);
+        assert_eq!(read.tilt, [-0.25, 0.5, 0.5]);
+        assert_eq!(read.atoms[0].position, [1.6875, 0.75, 0.5]);
+        assert_eq!((read.atoms[0].id, read.atoms[0].diameter), (3, 0.1));
+        for (from, to, expected) in [
+            (
+                "diameter",
+                "mass",
+                "f:9: there is no column radius; write it by dump custom with id type x y z radius, and for moving grains vx vy vz omegax omegay omegaz",
+            ),
+            (
+                "id xs",
+                "id x",
+                "f:9: there is no column x, y or z; write it by dump custom with id type x y z radius, and for moving grains vx vy vz omegax omegay omegaz",
+            ),
+            (
+                "3 0.5",
+                "3 half",
+                "f:10: \"half\" is no number; a row has a number for every column",
+            ),
+            (
+                "3 0.5",
+                "3",
+                "f:10: 4 columns; a row has a number for every column",
+            ),
+            (
+                "ATOMS\n1",
+                "ATOMS\nall",
+                "f:4: \"all\" is no number of atoms",
+            ),
+            (
+                "-1.25 4.5 -0.25",
+                "-1.25 4.5 -0.25 1",
+                "f:6: a general triclinic box is not taken; dump one whose first edge is along x",
+            ),
+            (
+                "-0.25\n",
+                "9\n",
+                "f:5: the box is tilted by more than its bounds are apart",
+            ),
+            (
+                "BOX BOUNDS",
+                "CELL",
+                "f:5: ITEM: CELL xy xz yz pp pp pp is not expected here; a frame has ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS, ATOMS",
+            ),
+        ] {
+            let text = tilted.replacen(from, to, 1);
+            assert_ne!(text, tilted, "{from}");
+            assert_eq!(message(parsed("f", text.as_bytes(), None)), expected);
+        }
+
+        let list = "##PERIODIC:: 4 3 2\n# x y z r\n1 2 0.5 0.25\n3 2 1 0.125 7\n";
+        let read = parsed("f", list.as_bytes(), None).unwrap();
+        assert_eq!(read.bounds, [[0.0, 4.0], [0.0, 3.0], [0.0, 2.0]]);
+        let rows = read.atoms.iter().map(|a| (a.id, a.position, a.diameter));
+        let expected = [(1, [1.0, 2.0, 0.5], 0.5), (2, [3.0, 2.0, 1.0], 0.25)];
+        assert!(rows.eq(expected), "{:?}", read.atoms);
+        for (text, expected) in [
+            (
+                "1 2 3 4\n",
+                "f: a list of spheres x y z r lacks its box; begin it with the line ##PERIODIC:: L_x L_y L_z",
+            ),
+            (
+                "##PERIODIC:: 1 1 0\n1 2 3 4\n",
+                "f:1: a length of the box is 0.0; write: ##PERIODIC:: L_x L_y L_z",
+            ),
+            (
+                "##PERIODIC:: 1 1 1\n1 2 3 4\n1 2 3\n",
+                "f:3: 3 columns are too few; a row is x y z r",
+            ),
+            (
+                "\u{feff}1 2 3 4\n",
+                "f: the header lacks the line `N atoms`",
+            ),
+        ] {
+            assert_eq!(message(parsed("f", text.as_bytes(), None)), expected);
+        }
+        assert_eq!(
+            message(parsed("f", TEXT.as_bytes(), Some(3))),
+            "f: holds one state; leave out @3"
+        );
+        assert_eq!(
+            message(parsed("f", b"\xff\xfe1\0", None)),
+            "f: is text in UTF-16; save it as UTF-8"
+        );
     }
 
     #[test]

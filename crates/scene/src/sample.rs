@@ -159,7 +159,7 @@ table! {
             example: "30e-3",
             change: Change::Never,
         },
-        /// LAMMPS data file with the grains, instead of insertion
+        /// file with the grains, instead of insertion: LAMMPS data or dump, or a list (see below)
         packing: Text(&[]) {
             condition: "a path, from the folder of this file",
             otherwise: "none",

@@ -199,13 +199,30 @@ const MOST_BYTES: u64 = 16 << 20;
 /// Files that may extend each other in a row: each is read as long as all before it together.
 const MOST_FILES: usize = 16;
 
-/// The text of a file, which messages name as it was given; they ask for `format` instead of what
+/// The text of a file.
+///
+/// # Errors
+/// Those of [`read_bytes`], and if it is not UTF-8.
+fn read_text(path: &Path, format: &str, most: u64) -> Result<String, Failure> {
+    String::from_utf8(read_bytes(path, format, most)?).map_err(|e| {
+        let good = e.utf8_error().valid_up_to();
+        let bytes = e.as_bytes();
+        let line = 1 + bytes[..good].iter().filter(|&&b| b == b'\n').count();
+        Failure::input(format!(
+            "{}:{line}: byte 0x{:02x} is not UTF-8; give {format}",
+            path.display(),
+            bytes[good]
+        ))
+    })
+}
+
+/// The bytes of a file, which messages name as it was given; they ask for `format` instead of what
 /// is no such file. `most`: bytes that it may have.
 ///
 /// # Errors
-/// `Failure::Input` if there is no such file, it is a directory or a device, it is too large, it
-/// cannot be read, or is not UTF-8.
-pub(super) fn read_text(path: &Path, format: &str, most: u64) -> Result<String, Failure> {
+/// `Failure::Input` if there is no such file, it is a directory or a device, it is too large, or
+/// cannot be read.
+pub(super) fn read_bytes(path: &Path, format: &str, most: u64) -> Result<Vec<u8>, Failure> {
     let name = path.display();
     let refuse = |what: String| Failure::input(format!("{name}: {what}"));
     let unreadable = |e: std::io::Error| {
@@ -232,15 +249,7 @@ pub(super) fn read_text(path: &Path, format: &str, most: u64) -> Result<String, 
     if bytes.len() as u64 > most {
         return Err(refuse(format!("has more than {most} bytes; give {format}")));
     }
-    String::from_utf8(bytes).map_err(|e| {
-        let good = e.utf8_error().valid_up_to();
-        let bytes = e.as_bytes();
-        let line = 1 + bytes[..good].iter().filter(|&&b| b == b'\n').count();
-        Failure::input(format!(
-            "{name}:{line}: byte 0x{:02x} is not UTF-8; give {format}",
-            bytes[good]
-        ))
-    })
+    Ok(bytes)
 }
 
 /// The source and the `--set` overrides as one text: an offset beyond the source's end lies in an

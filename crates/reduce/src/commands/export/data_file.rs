@@ -205,6 +205,7 @@ fn data_file(
             (Dimensions::Two, [length, _]) => [[0.0, length], edges, [-largest, largest]],
             (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
         },
+        tilt: [0.0; 3],
         types: state.grains.iter().fold(3, |n, g| n.max(g.atom_type)),
         atoms: state.grains.iter().map(atom).collect(),
     };

@@ -1,0 +1,262 @@
+//! Frames of LAMMPS' text dumps (`dump custom`), and lists of spheres `x y z r`.
+
+use crate::lammps_data::{Atom, DataFile, Lines};
+use crate::words::{quoted, shortened};
+use gshear_dem::failure::Failure;
+
+/// What a dump must have, for messages.
+const CUSTOM: &str =
+    "dump custom with id type x y z radius, and for moving grains vx vy vz omegax omegay omegaz";
+
+/// Line with which a list of spheres says its periods, as YADE writes it.
+const PERIODIC: &str = "##PERIODIC::";
+
+/// Whether a text is a dump.
+pub fn is_dump(text: &str) -> bool {
+    text.trim_start().starts_with("ITEM:")
+}
+
+/// Whether a text is a list of spheres: its first row has four numbers, or YADE's five.
+pub fn is_list(text: &str) -> bool {
+    let mut rows = text.lines().map(str::trim);
+    let first = rows.find(|row| !row.is_empty() && !row.starts_with('#'));
+    let words = || first.unwrap_or("").split_whitespace();
+    (4..=5).contains(&words().count()) && words().all(|word| word.parse::<f64>().is_ok())
+}
+
+/// Reads a frame of a dump, counted from 0 on; by default the last one. `name` is what messages
+/// call the file.
+///
+/// # Errors
+/// `Failure::Input` with the line, what is wrong with it and what would be right.
+pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile, Failure> {
+    let numbered = text.lines().enumerate();
+    let starts: Vec<usize> = numbered
+        .filter(|(_, line)| line.trim_end() == "ITEM: TIMESTEP")
+        .map(|(k, _)| k)
+        .collect();
+    let Some(start) = frame.map_or(starts.last(), |frame| starts.get(frame)) else {
+        return Err(Failure::input(format!(
+            "{name}: has {} frames; give @0 … of one that it has, or none for the last",
+            starts.len()
+        )));
+    };
+    let mut lines = Lines::new(name, text);
+    if let Some(before) = start.checked_sub(1) {
+        lines.rest.nth(before);
+    }
+    let (mut count, mut cell) = (None, None);
+    loop {
+        let Some((at, line)) = lines.next() else {
+            return Err(Failure::input(format!(
+                "{name}: the frame ends before ITEM: ATOMS; dump it again"
+            )));
+        };
+        let item = line.strip_prefix("ITEM: ").unwrap_or_default();
+        if item == "NUMBER OF ATOMS" {
+            let row = lines.next().map_or("", |(_, row)| row);
+            let Ok(number) = row.parse::<u64>() else {
+                let what = format!("{} is no number of atoms", quoted(row));
+                return Err(lines.wrong(at + 1, &what));
+            };
+            count = Some(number);
+        } else if item.starts_with("BOX BOUNDS") {
+            cell = Some(bounds(&mut lines, at)?);
+        } else if let (Some(names), Some(count), Some((bounds, tilt))) =
+            (item.strip_prefix("ATOMS "), count, cell)
+        {
+            let columns = Columns::find(&lines, at, names)?;
+            let rows = (0..count).map(|_| columns.atom(&mut lines, count, (bounds, tilt)));
+            let atoms = rows.collect::<Result<Vec<Atom>, Failure>>()?;
+            return Ok(DataFile {
+                bounds,
+                tilt,
+                types: atoms.iter().map(|a| a.kind).max().unwrap_or(1),
+                atoms,
+            });
+        } else if ["TIMESTEP", "TIME", "UNITS"].contains(&item) {
+            lines.next();
+        } else {
+            let what = format!(
+                "{} is not expected here; a frame has ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS, ATOMS",
+                shortened(line)
+            );
+            return Err(lines.wrong(at, &what));
+        }
+    }
+}
+
+/// The lower and upper bounds of the box, and xy, xz, yz.
+type Bounds = ([[f64; 2]; 3], [f64; 3]);
+
+/// Reads them, below the heading on this line. A dump says those of a box at right angles around
+/// the tilted one.
+fn bounds(lines: &mut Lines<'_>, heading: usize) -> Result<Bounds, Failure> {
+    let (mut bounds, mut tilt) = ([[0.0; 2]; 3], [0.0; 3]);
+    let form = "lo hi, in a tilted box with xy, xz or yz";
+    for axis in 0..3 {
+        let (at, row) = lines.next().unwrap_or((heading, ""));
+        let words: Vec<&str> = row.split_whitespace().collect();
+        if words.len() > 3 {
+            return Err(lines.wrong(
+                at,
+                "a general triclinic box is not taken; dump one whose first edge is along x",
+            ));
+        }
+        bounds[axis] = lines.bounds(at, &words, form)?;
+        if words.len() > 2 {
+            [tilt[axis]] = lines.numbers(at, &words, 2, form)?;
+        }
+    }
+    let [xy, xz, yz] = tilt;
+    let along_x = [0.0, xy, xz, xy + xz];
+    for (axis, offsets) in [(0, &along_x[..]), (1, &[0.0, yz])] {
+        bounds[axis][0] -= offsets.iter().copied().fold(0.0, f64::min);
+        bounds[axis][1] -= offsets.iter().copied().fold(0.0, f64::max);
+        let [low, high] = bounds[axis];
+        if low >= high {
+            return Err(lines.wrong(
+                heading,
+                "the box is tilted by more than its bounds are apart",
+            ));
+        }
+    }
+    Ok((bounds, tilt))
+}
+
+/// Places of the columns of the atoms.
+struct Columns {
+    count: usize,
+    id: usize,
+    kind: Option<usize>,
+    position: [usize; 3],
+    /// Whether positions are parts of the edges of the box.
+    scaled: bool,
+    size: usize,
+    /// Diameter over the size.
+    times: f64,
+    velocity: [Option<usize>; 6],
+}
+
+impl Columns {
+    /// `names`: after ITEM: ATOMS, on line `at`.
+    fn find(lines: &Lines<'_>, at: usize, names: &str) -> Result<Self, Failure> {
+        let place = |name: &str| names.split_whitespace().position(|word| word == name);
+        let lacks = |name: &str| {
+            lines.wrong(
+                at,
+                &format!("there is no column {name}; write it by {CUSTOM}"),
+            )
+        };
+        let axes = |suffix: &str| ["x", "y", "z"].map(|axis| place(&format!("{axis}{suffix}")));
+        let found = ["", "u", "s", "su"]
+            .into_iter()
+            .find_map(|suffix| match axes(suffix) {
+                [Some(x), Some(y), Some(z)] => Some(([x, y, z], suffix.starts_with('s'))),
+                _ => None,
+            });
+        let (position, scaled) = found.ok_or_else(|| lacks("x, y or z"))?;
+        let sizes = [("radius", 2.0), ("diameter", 1.0)];
+        let size = sizes
+            .into_iter()
+            .find_map(|(name, times)| Some((place(name)?, times)));
+        let (size, times) = size.ok_or_else(|| lacks("radius"))?;
+        Ok(Self {
+            count: names.split_whitespace().count(),
+            id: place("id").ok_or_else(|| lacks("id"))?,
+            kind: place("type"),
+            position,
+            scaled,
+            size,
+            times,
+            velocity: ["vx", "vy", "vz", "omegax", "omegay", "omegaz"].map(place),
+        })
+    }
+
+    fn atom(&self, lines: &mut Lines<'_>, count: u64, cell: Bounds) -> Result<Atom, Failure> {
+        let (line, words) = lines.row(count, "ITEM: ATOMS")?;
+        let form = "a row has a number for every column";
+        if words.len() != self.count {
+            return Err(lines.wrong(line, &format!("{} columns; {form}", words.len())));
+        }
+        let number = |at: usize| lines.numbers(line, &words, at, form).map(|[x]: [f64; 1]| x);
+        let id = lines.id(line, &words[self.id..], form)?;
+        let mut position = [0.0; 3];
+        for (x, at) in position.iter_mut().zip(self.position) {
+            *x = number(at)?;
+        }
+        if self.scaled {
+            let (bounds, [xy, xz, yz]) = cell;
+            let [x, y, z] = position;
+            let [low, length] = [0, 1].map(|end| bounds.map(|[low, high]| [low, high - low][end]));
+            position = [
+                low[0] + x * length[0] + y * xy + z * xz,
+                low[1] + y * length[1] + z * yz,
+                low[2] + z * length[2],
+            ];
+        }
+        let diameter = self.times * number(self.size)?;
+        lines.check_sphere(line, id, [diameter, 1.0])?;
+        let kind = self.kind.map_or(Ok(1.0), number)?;
+        let mut velocity = [0.0; 6];
+        for (v, at) in velocity.iter_mut().zip(self.velocity) {
+            *v = at.map_or(Ok(0.0), number)?;
+        }
+        let [vx, vy, vz, wx, wy, wz] = velocity;
+        Ok(Atom {
+            id,
+            kind: kind as u32,
+            diameter,
+            density: 1.0,
+            position,
+            velocity: [vx, vy, vz],
+            angular_velocity: [wx, wy, wz],
+            line,
+        })
+    }
+}
+
+/// Reads a list of spheres `x y z r`, as YADE's `SpherePack` writes it.
+///
+/// # Errors
+/// As [`parse`].
+pub fn parse_list(name: &str, text: &str) -> Result<DataFile, Failure> {
+    let mut lines = Lines::new(name, text);
+    let said = (1..)
+        .zip(text.lines())
+        .find_map(|(at, line)| Some((at, line.trim().strip_prefix(PERIODIC)?)));
+    let Some((at, periods)) = said else {
+        return Err(Failure::input(format!(
+            "{name}: a list of spheres x y z r lacks its box; begin it with the line {PERIODIC} L_x L_y L_z"
+        )));
+    };
+    let words: Vec<&str> = periods.split_whitespace().collect();
+    let form = format!("write: {PERIODIC} L_x L_y L_z");
+    let periods: [f64; 3] = lines.numbers(at, &words, 0, &form)?;
+    if let Some(length) = periods.into_iter().find(|length| *length <= 0.0) {
+        return Err(lines.wrong(at, &format!("a length of the box is {length:?}; {form}")));
+    }
+    let mut atoms = Vec::new();
+    while let Some((line, row)) = lines.next() {
+        let words: Vec<&str> = row.split_whitespace().collect();
+        let [x, y, z, radius] = lines.numbers(line, &words, 0, "a row is x y z r")?;
+        let id = atoms.len() as u64 + 1;
+        lines.check_sphere(line, id, [2.0 * radius, 1.0])?;
+        atoms.push(Atom {
+            id,
+            kind: 1,
+            diameter: 2.0 * radius,
+            density: 1.0,
+            position: [x, y, z],
+            velocity: [0.0; 3],
+            angular_velocity: [0.0; 3],
+            line,
+        });
+    }
+    Ok(DataFile {
+        bounds: periods.map(|length| [0.0, length]),
+        tilt: [0.0; 3],
+        types: 1,
+        atoms,
+    })
+}
