@@ -64,7 +64,7 @@ fn an_exported_state_comes_back() {
         }
     }
 
-    // A dump has the same numbers.
+    // A dump has the same numbers, and so has the run itself.
     let dump = at("again.dump");
     let mut command = reducer();
     let command = command.args(["export", "--frames=0..1", "--format=lammps-dump", "--out"]);
@@ -73,7 +73,10 @@ fn an_exported_state_comes_back() {
         let set = format!("--set=sample.packing={}", at(&packing).display());
         gshear_mpi(1, &at("from"), &arguments(&[short, &set, "--overwrite"])).digest()
     };
-    assert_eq!(from("again.dump@0".into()), from("back.data".into()));
+    let digest = from("back.data".into());
+    for packing in ["again.dump@0", "again@0", "again/run.h5@0"] {
+        assert_eq!(from(packing.into()), digest, "{packing}");
+    }
 
     // The ranks do not matter, nor who reads the scene that was written; and a checkpoint does
     // without the file.
@@ -154,6 +157,96 @@ const OF_A_FILE: &str = "
     [sample]
     packing = 'is given below'
     ";
+
+/// A frame of a box without friction, as a file of any kind, is strained on as the run that it is
+/// of: its box is tilted. Copies have its stresses.
+#[test]
+fn a_packing_in_a_box_is_strained() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let scene = |sample: &str, steps: u32| {
+        format!(
+            "
+            seed = 3
+            dimension = 3
+            material.mass = 1.0
+            contact = {{ law = 'mindlin', normal_stiffness = 1.0, friction = 0.0 }}
+            relax = {{ tolerance = 1e-12, drag = 0.1 }}
+            aqs = {{ strain_step = 2e-3, steps = {steps}, frame_every = 1 }}
+            {sample}
+            "
+        )
+    };
+    let inserted = "
+        sample = { grains = 150, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5 }
+        box.solid_fraction = 0.72";
+    std::fs::write(at("first.toml"), scene(inserted, 4)).expect("written");
+    let run = |name: &str, ranks, out: &str, more: &[&str]| {
+        let mut arguments = vec![at(name).display().to_string()];
+        arguments.extend(more.iter().map(ToString::to_string));
+        gshear_mpi(ranks, &at(out), &arguments)
+    };
+    run("first.toml", 1, "first", &[]).digest();
+    let from = |packing: &str, more: &str| {
+        let packing = at(packing).display().to_string();
+        let sample =
+            format!("sample.packing = {packing:?}\n{more}\nbox.deformation = 'simple-shear'");
+        std::fs::write(at("from.toml"), scene(&sample, 2)).expect("written");
+        run("from.toml", 2, "from", &["--overwrite"]).digest()
+    };
+    let column = |out: &str, name: &str| {
+        let run = RunFile::open_any(&at(out)).expect("a run");
+        run.series().column(name).to_vec()
+    };
+    export(&at("first/aqs.h5"), &["--frame=2"], &at("box.data"));
+    let mut command = reducer();
+    let command = command.args(["export", "--frames=0..2", "--format=lammps-dump", "--out"]);
+    succeed(command.args([at("box.dump"), at("first")]));
+    let digest = from("box.data", "");
+    for packing in ["box.dump", "first@2", "first/aqs.h5@2"] {
+        assert_eq!(from(packing, ""), digest, "{packing}");
+    }
+    for name in ["shear_stress", "pressure", "solid_fraction"] {
+        let (first, from) = (column("first", name), column("from", name));
+        assert_eq!((first.len(), from.len()), (5, 3));
+        for (a, b) in first[2..].iter().zip(&from) {
+            assert!((a / b - 1.0).abs() < 1e-6, "{name}: {first:?} {from:?}");
+        }
+    }
+
+    let stopped = run("from.toml", 1, "stopped", &["--stop-at=1"]);
+    assert_eq!(stopped.code, 75, "{}", stopped.text);
+    std::fs::rename(at("first"), at("away")).expect("renamed");
+    let resume = format!("--resume={}", at("stopped").display());
+    assert_eq!(gshear_mpi(2, &at("stopped"), &[resume]).digest(), digest);
+    export(&at("stopped/checkpoint.h5"), &[], &at("end.data"));
+
+    from("box.data", "sample.replicate = [2, 1, 3]");
+    let copies = RunFile::open_any(&at("from")).expect("a run");
+    assert_eq!(copies.grains().count(), 6 * 150);
+    for name in ["shear_stress", "pressure", "solid_fraction"] {
+        let [of_copies, once] = ["from", "stopped"].map(|out| column(out, name)[0]);
+        assert!(
+            (of_copies / once - 1.0).abs() < 1e-9,
+            "{name}: {of_copies} {once}"
+        );
+    }
+    from("away/checkpoint.h5", "");
+    let [first, end] = ["from", "away"].map(|out| column(out, "pressure"));
+    assert!((first[0] / end[4] - 1.0).abs() < 1e-6, "{first:?} {end:?}");
+    let missing = run(
+        "from.toml",
+        1,
+        "missing",
+        &[&format!("--set=sample.packing={}@7", at("away").display())],
+    );
+    assert_eq!(missing.code, 2, "{}", missing.text);
+    let said = format!(
+        "{}: has 5 frames, counted from 0; there is no frame 7",
+        at("away").display()
+    );
+    assert!(missing.text.contains(&said), "{}", missing.text);
+}
 
 /// A grain is followed by the id of its file through all files of a run, also of one that began
 /// without the file.

@@ -145,7 +145,11 @@ impl Outcome {
     /// The digest of a run that ended well.
     pub fn digest(&self) -> String {
         assert_eq!(self.code, 0, "{}", self.text);
-        let line = self.text.lines().find_map(|l| l.strip_prefix("digest "));
+        let mut lines = self.text.lines();
+        let line = lines.find_map(|l| match l.strip_prefix("digest ") {
+            None => Some(l.rsplit_once("; digest ")?.1),
+            digest => digest,
+        });
         line.unwrap_or_else(|| panic!("no digest in\n{}", self.text))
             .to_string()
     }

@@ -70,11 +70,7 @@ fn silent<'a, D: LawSpace>(
     let scene = &task.scene;
     let record = task.record.clone();
     let run = Run::new(exchange, scene, record, options)?;
-    let cell = match &scene.boundary {
-        Boundary::Walls(_) => scene.sample.cell(),
-        Boundary::Periodic(_) => scene.sample.box_cell(scene.sample.length),
-    };
-    system::<D>(&run, scene, cell)?;
+    system::<D>(&run, scene, scene.cell())?;
     Ok(run)
 }
 

@@ -412,7 +412,7 @@ fn of_box(scene: &Scene, header: Option<&Header>, last: u64) -> Estimate {
         }
         _ => (None, 0, None),
     };
-    if strained.is_none() {
+    if strained.is_none() && periodic.packing.is_none() {
         estimate.stages.push(StageEstimate {
             name: PREPARE,
             steps: Some(prepare::steps(scene, periodic)),

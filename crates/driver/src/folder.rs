@@ -252,10 +252,7 @@ impl FileOwner {
     /// Whether a run from the first grain of this scene is the one of the file, but for where its
     /// stages end.
     fn is_continued_by(&self, scene: &Scene) -> bool {
-        let packing = match &scene.boundary {
-            Boundary::Walls(walls) => walls.origin.file().map(|file| &file.content),
-            Boundary::Periodic(_) => None,
-        };
+        let packing = scene.packing().map(|file| &file.content);
         // Only checkpoints know the bytes of the packing.
         let same_grains = packing.is_none() || self.packing.as_ref() == packing;
         !self.branch && !self.scene.is_empty() && same_grains && !self.differs(scene)

@@ -11,7 +11,7 @@ use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Snapshot};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Boundary, PackingFile, Sample, Scene, Source};
+use gshear_scene::{Boundary, PackingFile, PeriodicBox, Sample, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
@@ -39,6 +39,9 @@ pub enum Header {
         /// What goes on after the last strain step.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         unfinished: Option<Unfinished>,
+        /// The file that the grains came from; resuming does not read it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        packing: Option<PackingFile>,
     },
     /// Newton's equations in a periodic box.
     Newtonian {
@@ -50,6 +53,9 @@ pub enum Header {
         written: Written,
         /// Number of lines in the file of eigenvalues.
         lines: u64,
+        /// The file that the grains came from.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        packing: Option<PackingFile>,
     },
 }
 
@@ -149,12 +155,27 @@ impl Header {
         }
     }
 
+    /// The cell of its state.
+    pub fn cell<D: Dimension>(&self, sample: &Sample) -> Cell {
+        match self {
+            Header::Pack(_) | Header::Shear(_) => sample.cell(),
+            Header::Aqs {
+                unfinished: Some(of),
+                ..
+            } => of.shape.cell::<D>(sample),
+            Header::Aqs { progress, .. } | Header::Newtonian { progress, .. } => {
+                progress.cell::<D>(sample)
+            }
+        }
+    }
+
     /// The file that the grains came from.
     pub fn packing(&self) -> Option<&PackingFile> {
         match self {
             Header::Pack(PackHeader { packing, .. })
-            | Header::Shear(ShearHeader { packing, .. }) => packing.as_ref(),
-            Header::Aqs { .. } | Header::Newtonian { .. } => None,
+            | Header::Shear(ShearHeader { packing, .. })
+            | Header::Aqs { packing, .. }
+            | Header::Newtonian { packing, .. } => packing.as_ref(),
         }
     }
 }
@@ -198,8 +219,9 @@ impl Saved {
     pub fn scene(&self, set: &[String]) -> Result<Scene, Failure> {
         let name = format!("{} (its scene)", self.path.display());
         let source = Source::new(name, self.toml.clone());
-        let mut scene = gshear_scene::load_with(&source, set, &mut |path, copies| {
-            let same = |file: &&PackingFile| file.path == path && file.replicate == copies;
+        let mut scene = gshear_scene::load_with(&source, set, &mut |path, how| {
+            let same =
+                |file: &&PackingFile| file.path == path && how.copies.starts_with(&file.replicate);
             let known = self.header.packing().filter(same);
             known.cloned().ok_or_else(|| {
                 Failure::input("the grains are those of the checkpoint; leave it as it was")
@@ -207,7 +229,7 @@ impl Saved {
         })?;
         if let (
             Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
-            Boundary::Periodic(_),
+            Boundary::Periodic(PeriodicBox { packing: None, .. }),
         ) = (&self.header, &scene.boundary)
         {
             let length = progress.length.unwrap_or(scene.sample.length);
@@ -429,6 +451,18 @@ pub struct Stretched {
     pub lateral_modulus: Option<f64>,
     /// Change of the logarithm of the lateral lengths in the last strain step.
     pub lateral_strain: f64,
+}
+
+impl Stretched {
+    /// Before the first strain step.
+    pub fn new(lengths: [f64; 3]) -> Self {
+        Self {
+            lengths,
+            initial: lengths,
+            lateral_modulus: None,
+            lateral_strain: 0.0,
+        }
+    }
 }
 
 /// The birth of the first complex pair: the strains between which it appears.

@@ -8,13 +8,13 @@ use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
-use gshear_scene::packing::Packing;
 use gshear_scene::{Boundary, Change, Dimensions, Scene, Source, unlikely};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 
 use crate::ends;
+use crate::exported_state::read_packing;
 use crate::folder::{Claim, Contents, Entry, RunFolder};
 use crate::header::Saved;
 use crate::lock::Lock;
@@ -149,7 +149,7 @@ fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result
 /// An invalid configuration or packing.
 ///
 /// # Panics
-/// If the packing holds a number that is not finite, which [`Packing::read`] refuses.
+/// If the packing holds a number that is not finite, which [`read_packing`] refuses.
 pub fn from_the_start(
     exchange: &dyn Parallel,
     source: &Source,
@@ -157,9 +157,9 @@ pub fn from_the_start(
 ) -> Result<Task, Failure> {
     let mut packing = None;
     let limit = memory::limit(exchange);
-    let scene = gshear_scene::load_within(source, set, &limit, &mut |path, copies| {
+    let scene = gshear_scene::load_within(source, set, &limit, &mut |path, arrangement| {
         let read = match exchange.rank() {
-            0 => Packing::read_at_most(path, copies, &limit).map(Some),
+            0 => read_packing(path, arrangement, &limit).map(Some),
             _ => Ok(None),
         };
         packing = agree(exchange, read)?;

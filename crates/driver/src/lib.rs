@@ -27,6 +27,7 @@
 mod calibration;
 mod ends;
 pub mod estimate;
+pub mod exported_state;
 pub mod files;
 pub mod folder;
 mod frame_analysis;

@@ -181,7 +181,7 @@ pub fn sensible_ranks(scene: &Scene) -> usize {
     let diameter = sample.mean_diameter;
     let height = match &scene.boundary {
         Boundary::Walls(_) => dense_height(scene),
-        Boundary::Periodic(_) => sample.length,
+        Boundary::Periodic(periodic) => periodic.lengths(sample)[2],
     };
     let across = match scene.dimension {
         Dimensions::Two => 1.0,

@@ -191,13 +191,10 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
                 step + 1
             ));
         }
-        (
-            Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
-            Boundary::Periodic(_),
-        ) => {
+        (Header::Aqs { .. } | Header::Newtonian { .. }, Boundary::Periodic(_)) => {
             let cell = match scene.dimension {
-                Dimensions::Two => progress.cell::<Two>(&scene.sample),
-                Dimensions::Three => progress.cell::<Three>(&scene.sample),
+                Dimensions::Two => header.cell::<Two>(&scene.sample),
+                Dimensions::Three => header.cell::<Three>(&scene.sample),
             };
             (cell, format!("{} step {step} in {shown}", header.stage()))
         }

@@ -37,7 +37,7 @@ pub(crate) fn scene(
     let keep_checkpoints = c.flag_or_default(&OUTPUT.keep_checkpoints);
     let bookkeeping = check_bookkeeping(c);
     let (default_title, sample, mut boundary) = if boxed {
-        let (sample, periodic) = periodic::check(c, dimension, seed)?;
+        let (sample, periodic) = periodic::check(c, dimension, seed, packing)?;
         ("Periodic box", sample, Boundary::Periodic(periodic))
     } else {
         let (sample, walls) = walls::check(c, dimension, &law, packing)?;

@@ -34,9 +34,7 @@ pub fn identity(scene: &Scene) -> String {
     }
     // Derived steps follow from the physics, but their formula may change with a version.
     text += &format!("step {:016x}\n", scene.time_step.step.to_bits());
-    if let Boundary::Walls(walls) = &scene.boundary
-        && let Some(file) = walls.origin.file()
-    {
+    if let Some(file) = scene.packing() {
         text += &format!("packing {}\n", file.content);
     }
     hash(text.as_bytes())

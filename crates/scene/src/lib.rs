@@ -97,7 +97,7 @@ pub use materials::Materials;
 pub use output::{Analysis, Output};
 pub use periodic::{Aqs, Deformation, Method, Newtonian, PeriodicBox, Relax};
 pub use protocol::{Motion, Shear, WallSpeed};
-pub use sample::{Ids, Origin, PackingFile, Placement, ReadPacking, Walls};
+pub use sample::{Arrangement, Ids, Origin, PackingFile, Placement, ReadPacking, Walls};
 pub use scene::{Boundary, Scene};
 pub use source::Source;
 pub use time::TimeStep;
@@ -115,8 +115,8 @@ use source::Input;
 /// # Errors
 /// `Failure::Input` with the first problem: where it is, what is wrong, and what would be right.
 pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
-    load_with(source, overrides, &mut |path, copies| {
-        Packing::read(path, copies).map(|packing| packing.file)
+    load_with(source, overrides, &mut |path, arrangement| {
+        Packing::read(path, arrangement).map(|packing| packing.file)
     })
 }
 

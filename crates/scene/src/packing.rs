@@ -11,14 +11,14 @@ use crate::identity::hash;
 use crate::insertion::{finish_walls, freeze_walls};
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::lammps_dump;
-use crate::sample::{Ids, Origin, PackingFile, Walls};
+use crate::sample::{Arrangement, Ids, Origin, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
 use crate::source::read_bytes;
 use crate::walls::PlaneShear;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::neighbour::{self, Cutoff, LocalExtent};
-use gshear_dem::state::{GrainState, Grains, body, length};
+use gshear_dem::state::{GrainState, Grains, body, length, nearest_image};
 
 /// Type of the grains of the bottom and of the top wall, where types say what is wall.
 const BOTTOM_TYPE: u32 = 2;
@@ -39,7 +39,7 @@ const MOST_PERIODS: f64 = 1e6;
 const LAST_ID: u64 = 1 << 32;
 
 /// The formats, for messages.
-const FORMAT: &str = "a LAMMPS data file or dump, or a list x y z r";
+const FORMAT: &str = "a LAMMPS data file or dump, a list x y z r, or a run";
 
 /// Bytes of a packed file over its own: a file may not fill the memory with zeros.
 const MOST_UNPACKED: u64 = 100;
@@ -62,20 +62,23 @@ impl Default for GrainLimit {
     }
 }
 
-/// So many copies beside each other along x and y, in a box as many times as long and as wide.
+/// So many copies beside each other along the axes, in a box as many times as long.
 fn replicated(
     name: &str,
     mut data: DataFile,
-    copies: [u32; 2],
+    copies: [u32; 3],
     limit: &GrainLimit,
 ) -> Result<DataFile, Failure> {
     let refuse = |what: String| Err(Failure::input(format!("{name}: {what}")));
-    let [along, across] = copies.map(u128::from);
-    let grains = data.atoms.len() as u128 * along * across;
+    let number: u128 = copies.map(u128::from).iter().product();
+    let grains = data.atoms.len() as u128 * number;
     if grains > limit.most.into() {
-        let of_copies = match along * across {
+        let of_copies = match number {
             1 => String::new(),
-            _ => format!(" in {along} × {across} copies (sample.replicate)"),
+            _ => format!(
+                " in {} copies (sample.replicate)",
+                copies.map(|n| n.to_string()).join(" × ")
+            ),
         };
         let (atoms, GrainLimit { most, reason }) = (data.atoms.len(), limit);
         return refuse(format!(
@@ -86,30 +89,41 @@ fn replicated(
         let [low, high] = data.bounds[axis];
         !(low + (high - low) * f64::from(copies[axis])).is_finite()
     };
-    if let Some(axis) = (0..2).find(|axis| too_long(*axis)) {
+    if let Some(axis) = (0..3).find(|axis| too_long(*axis)) {
         return refuse(format!(
             "{} copies of the box along {} (sample.replicate) are longer than a number can say; give fewer",
             copies[axis],
-            ["x", "y"][axis]
+            ["x", "y", "z"][axis]
         ));
     }
     for (axis, copies) in copies.into_iter().enumerate() {
         let [low, high] = data.bounds[axis];
-        let period = high - low;
+        let [xy, xz, yz] = data.tilt;
+        let edge = [
+            [high - low, 0.0, 0.0],
+            [xy, high - low, 0.0],
+            [xz, yz, high - low],
+        ][axis];
         let once = data.atoms.clone();
         let last = once.iter().map(|atom| atom.id).max().unwrap_or(0);
         for copy in 1..copies {
-            let shift = period * f64::from(copy);
             data.atoms.extend(once.iter().map(|atom| {
                 let mut atom = *atom;
-                atom.position[axis] += shift;
+                for (x, edge) in atom.position.iter_mut().zip(edge) {
+                    *x += edge * f64::from(copy);
+                }
                 // As LAMMPS numbers copies.
                 let before = last.saturating_mul(u64::from(copy));
                 atom.id = atom.id.saturating_add(before);
                 atom
             }));
         }
-        data.bounds[axis][1] = low + period * f64::from(copies);
+        data.bounds[axis][1] = low + (high - low) * f64::from(copies);
+        for (k, to) in [(0, 1), (1, 2), (2, 2)] {
+            if to == axis {
+                data.tilt[k] *= f64::from(copies);
+            }
+        }
     }
     Ok(data)
 }
@@ -122,6 +136,28 @@ pub fn split_frame(path: &Path) -> (PathBuf, Option<usize>) {
         Some((file.into(), frame.parse().ok()?))
     });
     split.map_or_else(|| (path.into(), None), |(file, frame)| (file, Some(frame)))
+}
+
+/// The place of an atom in messages; line 0 is that of a state without lines.
+fn at(name: &str, line: usize) -> String {
+    match line {
+        0 => name.into(),
+        line => format!("{name}:{line}"),
+    }
+}
+
+/// What messages call a file, and its absolute path.
+fn named(path: &Path) -> Result<(String, PathBuf), Failure> {
+    let name = path.display().to_string();
+    let unreadable =
+        |e: &dyn std::fmt::Display| Failure::input(format!("{name}: cannot be read: {e}"));
+    let absolute = std::path::absolute(path).map_err(|e| unreadable(&e))?;
+    // The scene and the checkpoints hold the path as text.
+    if absolute.to_str().is_none() {
+        let what = format!("the path {} is not UTF-8; rename it", absolute.display());
+        return Err(Failure::input(format!("{name}: {what}")));
+    }
+    Ok((name, absolute))
 }
 
 /// What the bytes of a file say, in any of the formats.
@@ -165,8 +201,14 @@ fn unpacked(name: &str, bytes: Vec<u8>) -> Result<Vec<u8>, Failure> {
 }
 
 /// Refuses a grain that is out of the box or moves out of the plane of disks, and puts it into the
-/// periods: coordinates along them begin at 0.
-fn place(a: &mut Atom, planar: bool, bounds: &[[f64; 2]; 3]) -> Result<(), String> {
+/// periods: coordinates along them begin at 0. `offset`: of a box that is periodic along its last
+/// axis, too.
+fn place(
+    a: &mut Atom,
+    planar: bool,
+    bounds: &[[f64; 2]; 3],
+    offset: Option<f64>,
+) -> Result<(), String> {
     let up = if planar { 1 } else { 2 };
     let out_of_plane = [
         ("z", a.position[2]),
@@ -182,31 +224,40 @@ fn place(a: &mut Atom, planar: bool, bounds: &[[f64; 2]; 3]) -> Result<(), Strin
         ));
     }
     let (height, [bottom, top]) = (a.position[up], bounds[up]);
-    if !(bottom..=top).contains(&height) {
+    if offset.is_none() && !(bottom..=top).contains(&height) {
         let axis = ["x", "y", "z"][up];
         return Err(format!(
             "atom {} is out of the box: {axis} = {height:?}, the box has {bottom:?} {top:?} {axis}lo {axis}hi",
             a.id
         ));
     }
-    for axis in 0..up {
+    // The last axis first: its images are displaced along x.
+    for axis in (0..=up).rev().skip(usize::from(offset.is_none())) {
         let [low, high] = bounds[axis];
         let (inside, period) = (a.position[axis] - low, high - low);
         let is_near = inside.abs() <= MOST_PERIODS * period;
         if !is_near {
-            let name = ["x", "y"][axis];
+            let name = ["x", "y", "z"][axis];
             return Err(format!(
                 "{name} of atom {} is {:?}, more than {MOST_PERIODS:e} periods from the box, {low:?} {high:?} {name}lo {name}hi; give a place in the box",
                 a.id, a.position[axis]
             ));
         }
-        a.position[axis] = if (0.0..period).contains(&inside) {
-            inside
+        if (0.0..period).contains(&inside) {
+            a.position[axis] = inside;
+            continue;
+        }
+        let (wrapped, images) = (inside.rem_euclid(period), (inside / period).floor());
+        // A little below zero rounds to the period.
+        let (wrapped, images) = if wrapped < period {
+            (wrapped, images)
         } else {
-            let wrapped = inside.rem_euclid(period);
-            // A little below zero rounds to the period.
-            if wrapped < period { wrapped } else { 0.0 }
+            (0.0, images + 1.0)
         };
+        a.position[axis] = wrapped;
+        if axis == up {
+            a.position[0] -= images * offset.unwrap_or_default();
+        }
     }
     Ok(())
 }
@@ -241,8 +292,9 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
         *filled += (a.diameter / largest).powi(1 + up as i32);
         if *filled > room {
             return Err(Failure::input(format!(
-                "{name}:{}: atom {} lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters",
-                a.line, a.id
+                "{}: atom {} lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters",
+                at(name, a.line),
+                a.id
             )));
         }
     }
@@ -261,14 +313,13 @@ pub struct Packing {
 }
 
 impl Packing {
-    /// Reads a LAMMPS data file of spheres: disks where all are in the plane z = 0 or the box along
-    /// z is no longer than the largest of them, else spheres in a box that is periodic along x and
-    /// y; and sets so many `copies` beside each other along x and y.
+    /// Reads a file of spheres: disks where all are in the plane z = 0 or the box along z is no
+    /// longer than the largest of them.
     ///
     /// # Errors
     /// `Failure::Input` with the line, what is wrong with it and what would be right.
-    pub fn read(path: &Path, copies: [u32; 2]) -> Result<Self, Failure> {
-        Self::read_at_most(path, copies, &GrainLimit::default())
+    pub fn read(path: &Path, arrangement: Arrangement) -> Result<Self, Failure> {
+        Self::read_at_most(path, arrangement, &GrainLimit::default())
     }
 
     /// [`read`](Self::read), refusing more grains than the limit before memory is taken for them.
@@ -277,34 +328,56 @@ impl Packing {
     /// As [`read`](Self::read).
     pub fn read_at_most(
         path: &Path,
-        copies: [u32; 2],
+        arrangement: Arrangement,
         limit: &GrainLimit,
     ) -> Result<Self, Failure> {
-        let name = path.display().to_string();
-        let unreadable =
-            |e: &dyn std::fmt::Display| Failure::input(format!("{name}: cannot be read: {e}"));
-        let absolute = std::path::absolute(path).map_err(|e| unreadable(&e))?;
-        // The scene and the checkpoints hold the path as text.
-        if absolute.to_str().is_none() {
-            let what = format!("the path {} is not UTF-8; rename it", absolute.display());
-            return Err(Failure::input(format!("{name}: {what}")));
-        }
+        let (name, absolute) = named(path)?;
         let (file, frame) = split_frame(path);
         let bytes = unpacked(&name, read_bytes(&file, FORMAT, u64::MAX)?)?;
-        let content = hash(&bytes);
+        let mut content = hash(&bytes);
+        if let Some(frame) = frame {
+            content += &format!("@{frame}");
+        }
         let data = parsed(&name, &bytes, frame)?;
-        let data = replicated(&name, data, copies, limit)?;
-        let mut packing = Self::new(&name, &absolute, data, copies)?;
+        Self::arranged((&name, &absolute), data, content, arrangement, limit)
+    }
+
+    /// The state of a run or a checkpoint as a packing.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn of_state(
+        path: &Path,
+        data: DataFile,
+        arrangement: Arrangement,
+        limit: &GrainLimit,
+    ) -> Result<Self, Failure> {
+        let (name, absolute) = named(path)?;
+        let content = hash(lammps_data::write("", &[], &data).as_bytes());
+        Self::arranged((&name, &absolute), data, content, arrangement, limit)
+    }
+
+    fn arranged(
+        (name, path): (&str, &Path),
+        data: DataFile,
+        content: String,
+        arrangement: Arrangement,
+        limit: &GrainLimit,
+    ) -> Result<Self, Failure> {
+        let data = replicated(name, data, arrangement.copies, limit)?;
+        let mut packing = Self::new(name, path, data, arrangement)?;
         packing.file.content = content;
         Ok(packing)
     }
 
-    fn new(name: &str, path: &Path, data: DataFile, replicate: [u32; 2]) -> Result<Self, Failure> {
+    fn new(
+        name: &str,
+        path: &Path,
+        data: DataFile,
+        arrangement: Arrangement,
+    ) -> Result<Self, Failure> {
         let mut atoms = data.atoms;
         let whole = |what: &str| Err(Failure::input(format!("{name}: {what}")));
-        if data.tilt != [0.0; 3] {
-            return whole("the box is tilted; between walls it must be a rectangle");
-        }
         let Some(count) = u32::try_from(atoms.len()).ok().filter(|&n| n > 0) else {
             return whole("a packing has 1 to 4294967295 atoms");
         };
@@ -319,13 +392,23 @@ impl Packing {
             ));
         }
         let up = if planar { 1 } else { 2 };
+        let mut tilt = data.tilt;
+        // Images along the last axis may be displaced along x in a box.
+        let offset = arrangement.boxed.then(|| std::mem::take(&mut tilt[up - 1]));
+        if tilt != [0.0; 3] {
+            return whole(if arrangement.boxed {
+                "the box is tilted otherwise than by a shear along x (xy of disks, xz of spheres); give one that is not"
+            } else {
+                "the box is tilted; between walls it must be a rectangle"
+            });
+        }
         let of_atoms = atoms.iter().flat_map(|a| &a.position[..=up]);
         let coordinates = of_atoms.chain(data.bounds[..up].as_flattened());
         let farthest = coordinates.fold(0.0, |most: f64, x| most.max(x.abs()));
         for a in &mut atoms {
             let line = a.line;
-            let placed = place(a, planar, &data.bounds);
-            placed.map_err(|what| Failure::input(format!("{name}:{line}: {what}")))?;
+            let placed = place(a, planar, &data.bounds, offset);
+            placed.map_err(|what| Failure::input(format!("{}: {what}", at(name, line))))?;
         }
 
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
@@ -337,8 +420,10 @@ impl Packing {
         atoms.sort_by_key(|a| a.id);
         if let Some([first, again]) = atoms.array_windows().find(|[a, b]| a.id == b.id) {
             return Err(Failure::input(format!(
-                "{name}:{}: atom {} was on line {} already",
-                again.line, again.id, first.line
+                "{}: atom {} was on line {} already",
+                at(name, again.line),
+                again.id,
+                first.line
             )));
         }
         let last = atoms[atoms.len() - 1].id;
@@ -361,7 +446,7 @@ impl Packing {
         let has = |kind| atoms.iter().any(|a| a.kind == kind);
         let file = PackingFile {
             path: path.into(),
-            replicate,
+            replicate: arrangement.copies.to_vec(),
             grains: count,
             radius_min: radii().fold(f64::INFINITY, f64::min),
             radius_max,
@@ -369,6 +454,7 @@ impl Packing {
             mean_volume: radii().map(|r| dimension.volume(r)).sum::<f64>() / f64::from(count),
             length: periods[0],
             width: (!planar).then_some(periods[1]),
+            boxed: offset.map(|offset| [periods[up], nearest_image(offset, periods[0])]),
             edges: [
                 edges(-1.0).fold(f64::INFINITY, f64::min),
                 edges(1.0).fold(f64::NEG_INFINITY, f64::max),
@@ -386,14 +472,26 @@ impl Packing {
     }
 
     /// The grains as the first stage of the scene takes them: sheared as they are, with walls, or
-    /// to be compressed between planes, all free, at rest and with the lowest edge at y = 0.
+    /// to be compressed between planes, all free, at rest and with the lowest edge at y = 0; in a
+    /// box at rest.
     ///
     /// # Errors
     /// `Failure::Input` where types are no walls, no grain is free, or an overlap is outside the
     /// contact law.
     pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>, Failure> {
+        let up = scene.dimension.axes() - 1;
+        let at_rest = |(id, a): (usize, &Atom)| GrainState {
+            id: id as u32,
+            position: a.position,
+            radius: 0.5 * a.diameter,
+            material: scene.materials.of_type(a.kind.into()).unwrap_or(0),
+            ..GrainState::zeroed()
+        };
+        let all = self.atoms.iter().enumerate();
         let Boundary::Walls(plane_shear) = &scene.boundary else {
-            return Ok(Vec::new());
+            let grains: Vec<GrainState> = all.map(at_rest).collect();
+            self.check_all_overlaps(scene, &grains)?;
+            return Ok(grains);
         };
         let PlaneShear {
             origin: Origin::Packing { walls, .. },
@@ -403,16 +501,9 @@ impl Packing {
         else {
             return Ok(Vec::new());
         };
-        let up = scene.dimension.axes() - 1;
         let wall = scene.materials.wall;
         let grain = |(id, a): (usize, &Atom)| {
-            let mut grain = GrainState {
-                id: id as u32,
-                position: a.position,
-                radius: 0.5 * a.diameter,
-                material: scene.materials.of_type(a.kind.into()).unwrap_or(0),
-                ..GrainState::zeroed()
-            };
+            let mut grain = at_rest((id, a));
             if pack.skip {
                 GrainState {
                     velocity: a.velocity,
@@ -425,7 +516,7 @@ impl Packing {
                 grain
             }
         };
-        let mut grains: Vec<GrainState> = self.atoms.iter().enumerate().map(grain).collect();
+        let mut grains: Vec<GrainState> = all.map(grain).collect();
         if pack.skip {
             match walls {
                 Walls::Layers => {
@@ -444,11 +535,15 @@ impl Packing {
                 return Err(Failure::input(format!("{}: {what}", self.name)));
             }
         }
-        match scene.dimension {
-            Dimensions::Two => self.check_overlaps::<Two>(scene, &grains)?,
-            Dimensions::Three => self.check_overlaps::<Three>(scene, &grains)?,
-        }
+        self.check_all_overlaps(scene, &grains)?;
         Ok(grains)
+    }
+
+    fn check_all_overlaps(&self, scene: &Scene, grains: &[GrainState]) -> Result<(), Failure> {
+        match scene.dimension {
+            Dimensions::Two => self.check_overlaps::<Two>(scene, grains),
+            Dimensions::Three => self.check_overlaps::<Three>(scene, grains),
+        }
     }
 
     fn walls_by_type(
@@ -474,9 +569,12 @@ impl Packing {
         };
         if lowest.position[up] <= highest.position[up] {
             return Err(Failure::input(format!(
-                "{}:{}: atom {} of type {TOP_TYPE} is not above atom {} of type {BOTTOM_TYPE} (line {}): the types are taken as top and bottom wall; \
+                "{}: atom {} of type {TOP_TYPE} is not above atom {} of type {BOTTOM_TYPE} (line {}): the types are taken as top and bottom wall; \
                  give sample.walls = \"layers\" if they are not",
-                self.name, lowest.line, lowest.id, highest.id, highest.line,
+                at(&self.name, lowest.line),
+                lowest.id,
+                highest.id,
+                highest.line,
             )));
         }
         for (g, a) in grains.iter_mut().zip(&self.atoms) {
@@ -510,9 +608,8 @@ impl Packing {
         let (a, b) = (&self.atoms[i], &self.atoms[j]);
         let (first, second) = if a.line < b.line { (a, b) } else { (b, a) };
         Err(Failure::input(format!(
-            "{}:{}: atom {} overlaps atom {} (line {}) by {overlap:.3e} m, {:.1} % of the sum of their radii; the law {} takes {largest:.3e} m",
-            self.name,
-            first.line,
+            "{}: atom {} overlaps atom {} (line {}) by {overlap:.3e} m, {:.1} % of the sum of their radii; the law {} takes {largest:.3e} m",
+            at(&self.name, first.line),
             first.id,
             second.id,
             second.line,
@@ -530,7 +627,7 @@ fn each_touching<D: Dimension>(
     mut visit: impl FnMut([usize; 2], f64),
 ) {
     let sample = &scene.sample;
-    let cell = sample.cell();
+    let cell = scene.cell();
     let mut grains = Grains::<D>::default();
     grains.replace(states, &scene.materials.masses, scene.time_step.step);
     let extent = LocalExtent::whole(sample.length);
@@ -581,6 +678,7 @@ mod tests {
 
     use super::*;
     use crate::Source;
+    use gshear_dem::state::{Cell, Sheared};
 
     const FILE: &str = concat!(
         env!("CARGO_MANIFEST_DIR"),
@@ -594,14 +692,18 @@ mod tests {
         sets: &[&str],
     ) -> Result<(Packing, Scene), Failure> {
         let data = lammps_data::parse("f", &edit(TEXT.into()))?;
-        packing_of(data, [1, 1], sets)
+        packing_of(data, 1, sets)
     }
 
-    fn packing_of(
-        data: DataFile,
-        copies: [u32; 2],
-        sets: &[&str],
-    ) -> Result<(Packing, Scene), Failure> {
+    /// Copies along x.
+    fn along(copies: u32) -> Arrangement {
+        Arrangement {
+            copies: [copies, 1, 1],
+            ..Arrangement::BETWEEN_WALLS
+        }
+    }
+
+    fn packing_of(data: DataFile, copies: u32, sets: &[&str]) -> Result<(Packing, Scene), Failure> {
         let text = "
             material.density = 2500
             contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
@@ -609,8 +711,9 @@ mod tests {
             load.stiffness_number = 1e3
             shear = { inertial_number = 1e-3, strain = 0.01 }
         ";
-        let data = replicated("f", data, copies, &GrainLimit::default())?;
-        let packing = Packing::new("f", Path::new(FILE), data, copies)?;
+        let arrangement = along(copies);
+        let data = replicated("f", data, arrangement.copies, &GrainLimit::default())?;
+        let packing = Packing::new("f", Path::new(FILE), data, arrangement)?;
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         let scene = crate::load_with(&Source::new("s", text), &sets, &mut |_, _| {
             Ok(packing.file.clone())
@@ -643,8 +746,8 @@ mod tests {
 
     #[test]
     fn copies_stand_beside_each_other() {
-        let once = Packing::read(Path::new(FILE), [1, 1]).unwrap();
-        let thrice = Packing::read(Path::new(FILE), [3, 1]).unwrap();
+        let once = Packing::read(Path::new(FILE), along(1)).unwrap();
+        let thrice = Packing::read(Path::new(FILE), along(3)).unwrap();
         assert_eq!(thrice.file.grains, 3 * once.file.grains);
         assert_eq!(thrice.file.length, 3.0 * once.file.length);
         assert_eq!(thrice.file.edges, once.file.edges);
@@ -677,24 +780,35 @@ mod tests {
     /// Before memory is taken for them.
     #[test]
     fn too_many_copies_are_refused() {
-        let read = |copies| message(Packing::read(Path::new(FILE), copies));
+        let read = |n| {
+            let arrangement = Arrangement {
+                copies: [n, n, 1],
+                boxed: false,
+            };
+            message(Packing::read(Path::new(FILE), arrangement))
+        };
         assert_eq!(
-            read([1_000_000, 1_000_000]),
-            "f: has 120 atoms in 1000000 × 1000000 copies (sample.replicate): 120000000000000 grains are more than the 4294967295 that a run can have; give fewer"
+            read(1_000_000),
+            "f: has 120 atoms in 1000000 × 1000000 × 1 copies (sample.replicate): 120000000000000 grains are more than the 4294967295 that a run can have; give fewer"
         );
         let limit = GrainLimit {
             most: 119,
             reason: "fit".into(),
         };
         assert_eq!(
-            message(Packing::read_at_most(Path::new(FILE), [1, 1], &limit)),
+            message(Packing::read_at_most(Path::new(FILE), along(1), &limit)),
             "f: has 120 atoms: 120 grains are more than the 119 that fit; give fewer"
         );
         let data = |text: String| lammps_data::parse("f", &text).unwrap();
         let long = TEXT.replace("-0.002 0.00799 xlo", "-0.002 1e307 xlo");
         assert_ne!(long, TEXT);
         assert_eq!(
-            message(replicated("f", data(long), [100, 1], &limit_of(1_000_000))),
+            message(replicated(
+                "f",
+                data(long),
+                [100, 1, 1],
+                &limit_of(1_000_000)
+            )),
             "f: 100 copies of the box along x (sample.replicate) are longer than a number can say; give fewer"
         );
     }
@@ -711,7 +825,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let read = |path: &Path| {
             let name = format!("{}/", folder.path().display());
-            message(Packing::read(path, [1, 1])).replace(&name, "")
+            message(Packing::read(path, along(1))).replace(&name, "")
         };
         let path = folder.path().join("file");
         assert_eq!(
@@ -732,13 +846,13 @@ mod tests {
         };
         let good = packed(&TEXT.replace('\n', " # Gr\u{f6}\u{df}e\n").into_bytes());
         std::fs::write(&path, &good).unwrap();
-        assert_eq!(Packing::read(&path, [1, 1]).unwrap().file.grains, 120);
+        assert_eq!(Packing::read(&path, along(1)).unwrap().file.grains, 120);
         let latin1 = TEXT.replace('\n', " # Gr?e\n").into_bytes();
         let latin1 = latin1
             .into_iter()
             .map(|byte| if byte == b'?' { 0xf6 } else { byte });
         std::fs::write(&path, latin1.collect::<Vec<u8>>()).unwrap();
-        assert_eq!(Packing::read(&path, [1, 1]).unwrap().file.grains, 120);
+        assert_eq!(Packing::read(&path, along(1)).unwrap().file.grains, 120);
         std::fs::write(&path, &good[..good.len() / 2]).unwrap();
         assert!(
             read(&path).starts_with("file: cannot be unpacked: "),
@@ -944,7 +1058,7 @@ mod tests {
 
     #[test]
     fn what_the_scene_knows_of_it() {
-        let file = Packing::read(Path::new(FILE), [1, 1]).unwrap().file;
+        let file = Packing::read(Path::new(FILE), along(1)).unwrap().file;
         assert_eq!((file.grains, file.wall_types), (120, true));
         let size = (file.radius_min, file.radius_max, file.mean_volume);
         assert_eq!((size.0, size.1), (0.5e-3, 0.5e-3));
@@ -962,7 +1076,7 @@ mod tests {
         let once = lammps_data::parse("f", TEXT).unwrap();
         let [low, high] = once.bounds[0];
         for copies in [1, 2] {
-            let (packing, scene) = packing_of(once.clone(), [copies, 1], &[]).unwrap();
+            let (packing, scene) = packing_of(once.clone(), copies, &[]).unwrap();
             let all = packing.grains(&scene).unwrap();
             assert_eq!(all.len(), 120 * copies as usize);
             for (k, grain) in all.iter().enumerate() {
@@ -983,14 +1097,14 @@ mod tests {
         let of = |id: u64| 3 * id + 5 * u64::from(id > 40) + LAST_ID - 1000;
         let files: Vec<u64> = data.atoms.iter().map(|a| of(a.id)).collect();
         data.atoms.iter_mut().for_each(|a| a.id = of(a.id));
-        let (packing, _) = packing_of(data.clone(), [1, 1], &[]).unwrap();
+        let (packing, _) = packing_of(data.clone(), 1, &[]).unwrap();
         let mut ids: Vec<u64> = files.iter().map(|id| id - 1).collect();
         ids.sort_unstable();
         let of_rows = (0..120).map(|row| u64::from(packing.file.ids.of(row)));
         assert!(of_rows.eq(ids.iter().copied()), "{:?}", packing.file.ids);
         let last = ids[119] + 1;
         assert_eq!(
-            message(packing_of(data, [2, 1], &[])),
+            message(packing_of(data, 2, &[])),
             format!(
                 "f: the id of atom {} is greater than 4294967296; number the atoms of the file from 1 on",
                 2 * last
@@ -1001,6 +1115,86 @@ mod tests {
             let of_rows: Vec<u32> = (0..ids.len() as u32).map(|row| jumps.of(row)).collect();
             assert_eq!(of_rows, ids);
         }
+    }
+
+    /// Distances of near atoms in a tilted box, some of them written outside of it, and in copies.
+    #[test]
+    fn boxes_keep_distances() {
+        let (length, height, tilt) = (8.0, 6.0, 3.0);
+        let place = |k: u32| {
+            let part = |n: u32| f64::from(k * n % 97) / 97.0;
+            [20.0 * part(31) - 6.0, 15.0 * part(53) - 4.0, 0.0]
+        };
+        let atom = |k: u32| Atom {
+            id: k.into(),
+            kind: 1,
+            diameter: 0.5,
+            density: 1.0,
+            position: place(k),
+            velocity: [0.0; 3],
+            angular_velocity: [0.0; 3],
+            line: 0,
+        };
+        let data = DataFile {
+            bounds: [[1.0, 1.0 + length], [2.0, 2.0 + height], [-1.0, 1.0]],
+            tilt: [tilt, 0.0, 0.0],
+            types: 1,
+            atoms: (1..=30).map(atom).collect(),
+        };
+        let sorted = |mut all: Vec<f64>| {
+            all.retain(|apart| *apart < 2.0);
+            all.sort_by(f64::total_cmp);
+            all
+        };
+        let pairs = |n: usize| (0..n).flat_map(|j| (0..j).map(move |i| [i, j]));
+        let nearest = |[i, j]: [usize; 2]| {
+            let [a, b] = [i, j].map(|k| data.atoms[k].position);
+            let images = (-9..=9).flat_map(|n| (-9..=9).map(move |m| [n, m].map(f64::from)));
+            let apart = images.map(|[n, m]| {
+                let x = a[0] - b[0] + n * length + m * tilt;
+                x.hypot(a[1] - b[1] + m * height)
+            });
+            apart.fold(f64::INFINITY, f64::min)
+        };
+        let expected = sorted(pairs(30).map(nearest).collect());
+        assert!(expected.len() > 50);
+        for copies in [[1, 1, 1], [1, 2, 1], [3, 2, 1]] {
+            let arrangement = Arrangement {
+                copies,
+                boxed: true,
+            };
+            let data = replicated("f", data.clone(), copies, &GrainLimit::default()).unwrap();
+            let packing = Packing::new("f", Path::new(FILE), data, arrangement).unwrap();
+            let [height, offset] = packing.file.boxed.unwrap();
+            let length = packing.file.length;
+            assert!(offset.abs() <= 0.5 * length, "{offset}");
+            let cell = Cell {
+                periods: [length, f64::INFINITY],
+                sheared: Some(Sheared {
+                    offset,
+                    ..Sheared::upright(height)
+                }),
+            };
+            let inside = |a: &Atom| {
+                (0.0..length).contains(&a.position[0]) && (0.0..height).contains(&a.position[1])
+            };
+            assert!(packing.atoms.iter().all(inside));
+            let apart = |[i, j]: [usize; 2]| {
+                let [a, b] = [i, j].map(|k| &packing.atoms[k].position);
+                gshear_dem::state::length(cell.separation::<Two>(a, b))
+            };
+            let number = copies.iter().product::<u32>() as usize;
+            let found = sorted(pairs(30 * number).map(apart).collect());
+            assert_eq!(found.len(), number * expected.len());
+            for (found, expected) in found.chunks(number).zip(&expected) {
+                assert!(found.iter().all(|found| (found - expected).abs() < 1e-12));
+            }
+        }
+        let walls = Packing::new("f", Path::new(FILE), data, Arrangement::BETWEEN_WALLS);
+        assert_eq!(
+            message(walls),
+            "f: the box is tilted; between walls it must be a rectangle"
+        );
     }
 
     #[test]

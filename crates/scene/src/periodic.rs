@@ -11,7 +11,7 @@ use gshear_dem::laws::keys::{Bounds, Change, FROM_ONE, FROM_ZERO, NOT_NEGATIVE, 
 use crate::checker::Checker;
 use crate::grains::{Sample, Sizes};
 use crate::output;
-use crate::sample::{self, Placement, SAMPLE};
+use crate::sample::{self, Grains, PackingFile, Placement, ReadPacking, SAMPLE};
 use crate::table::{names, table};
 
 /// Names of [`Deformation`].
@@ -27,8 +27,8 @@ const METHOD_NAMES: [&str; 2] = names(&METHODS);
 table! {
     /// The periodic box.
     BOX: BoxKeys "box" Box {
-        /// φ, the grains' volume (area in 2D) over that of the box; with it the scene has no walls
-        /// (see below)
+        /// φ, the grains' volume (area in 2D) over that of the box; not with `sample.packing`,
+        /// whose box it is (see below)
         solid_fraction: Number(Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) }) {
             what: "phi, the grains' volume over that of the box",
             example: "0.7",
@@ -139,9 +139,11 @@ table! {
 /// Quasi-static deformation of a periodic box, and Newton's equations afterwards.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PeriodicBox {
-    /// How the radii are distributed.
+    /// How the radii of inserted grains are distributed.
     pub sizes: Sizes,
-    /// Where they begin.
+    /// The file that the grains and the box come from, if they are not inserted.
+    pub packing: Option<PackingFile>,
+    /// Where inserted grains begin.
     pub placement: Placement,
     /// φ: volume of the grains (area in 2D) over that of the box.
     pub solid_fraction: f64,
@@ -161,6 +163,19 @@ pub struct PeriodicBox {
 }
 
 impl PeriodicBox {
+    /// Its lengths before the first strain step: L_x, in three dimensions L_y, else 1, and that
+    /// along the last axis.
+    pub fn lengths(&self, sample: &Sample) -> [f64; 3] {
+        let boxed = self.packing.as_ref().and_then(|file| file.boxed);
+        let width = if sample.is_planar() {
+            1.0
+        } else {
+            sample.width
+        };
+        let height = boxed.map_or(sample.length, |[height, _]| height);
+        [sample.length, width, height]
+    }
+
     /// Whether the packing is brought to a pressure.
     pub fn has_pressures(&self) -> bool {
         self.least_pressure().is_some()
@@ -251,15 +266,24 @@ pub(crate) fn check(
     c: &mut Checker<'_>,
     dimension: Dimensions,
     seed: u64,
+    packing: ReadPacking<'_>,
 ) -> Result<(Sample, PeriodicBox), Failure> {
-    let sizes = sample::check_boxed(c, dimension);
+    let grains = sample::check_boxed(c, dimension);
     let deformation = check_deformation(c);
-    let periodic = PeriodicBox {
-        sizes,
+    let solid_fraction = match &grains {
+        Grains::Inserted(_) => c.required(&BOX.solid_fraction),
+        Grains::File(_) => {
+            c.useless(&BOX.solid_fraction, "follows from sample.packing");
+            0.0
+        }
+    };
+    let mut periodic = PeriodicBox {
+        sizes: Sizes::Uniform,
+        packing: None,
         placement: c
             .named(&SAMPLE.placement, &Placement::NAMES)
             .unwrap_or(Placement::Lattice),
-        solid_fraction: c.required(&BOX.solid_fraction),
+        solid_fraction,
         pressure: check_pressure(c, &deformation),
         pressure_tolerance: c.number_or_default(&BOX.pressure_tolerance),
         relax: Relax {
@@ -275,8 +299,20 @@ pub(crate) fn check(
     output::check_box(c);
     c.settle()?;
 
-    let solid_fraction = periodic.solid_fraction;
-    let sample = sample::derive_boxed(c, dimension, seed, &periodic.sizes, solid_fraction)?;
+    let sample = match grains {
+        Grains::Inserted(sizes) => {
+            let sample = sample::derive_boxed(c, dimension, seed, &sizes, solid_fraction)?;
+            periodic.sizes = sizes;
+            sample
+        }
+        Grains::File(arrangement) => {
+            let (sample, file) = sample::derive_filed(c, dimension, arrangement, packing)?;
+            periodic.packing = Some(file);
+            let volume: f64 = periodic.lengths(&sample).iter().product();
+            periodic.solid_fraction = f64::from(sample.grains) * sample.mean_volume / volume;
+            sample
+        }
+    };
     let per_grain = match dimension {
         Dimensions::Two => 3,
         Dimensions::Three => 6,
@@ -306,7 +342,8 @@ fn shortest(sample: &Sample, periodic: &PeriodicBox) -> f64 {
         Deformation::Biaxial => strain,
         Deformation::SimpleShear | Deformation::Compression(_) => 0.0,
     };
-    sample.length * portable_exp(-shrinks)
+    let [length, _, height] = periodic.lengths(sample);
+    length.min(height * portable_exp(-shrinks))
 }
 
 /// What a strain step does, with the pressures of a compression.

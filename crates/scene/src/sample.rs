@@ -159,14 +159,15 @@ table! {
             example: "30e-3",
             change: Change::Never,
         },
-        /// file with the grains, instead of insertion: LAMMPS data or dump, or a list (see below)
+        /// file with the grains, instead of insertion: LAMMPS data or dump, a list, or a run (see
+        /// below)
         packing: Text(&[]) {
             condition: "a path, from the folder of this file",
             otherwise: "none",
             change: Change::Never,
         },
         /// copies of the packing beside each other along its periodic axes: `[n_x]`, in 3D
-        /// `[n_x, n_y]`
+        /// `[n_x, n_y]`; in a box one more
         replicate: Numbers(COPIES) {
             condition: "whole numbers",
             otherwise: "once",
@@ -186,9 +187,26 @@ table! {
     }
 }
 
-/// Returns what a scene must know of the file of a packing with these copies along the periodic
-/// axes. The file may have been read before, or by another rank.
-pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, [u32; 2]) -> Result<PackingFile, Failure>;
+/// Returns what a scene must know of the file of a packing. The file may have been read before, or
+/// by another rank.
+pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, Arrangement) -> Result<PackingFile, Failure>;
+
+/// How a scene takes a packing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Arrangement {
+    /// Copies along the axes that are set beside each other.
+    pub copies: [u32; 3],
+    /// Whether the cell is periodic along its last axis, too.
+    pub boxed: bool,
+}
+
+impl Arrangement {
+    /// Once, between walls.
+    pub const BETWEEN_WALLS: Self = Self {
+        copies: [1; 3],
+        boxed: false,
+    };
+}
 
 /// Where the grains come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -221,9 +239,9 @@ impl Origin {
 pub struct PackingFile {
     /// The path, absolute.
     pub path: PathBuf,
-    /// Copies along x and y that are set beside each other; what follows is of all of them.
-    #[serde(default = "once")]
-    pub replicate: [u32; 2],
+    /// Copies along the axes that are set beside each other; what follows is of all of them.
+    #[serde(default)]
+    pub replicate: Vec<u32>,
     /// Number of grains.
     pub grains: u32,
     /// Least R (m).
@@ -238,6 +256,9 @@ pub struct PackingFile {
     pub length: f64,
     /// L_y (m); `None` in 2D.
     pub width: Option<f64>,
+    /// L (m) along the last axis of a periodic box, and its Lees–Edwards offset (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub boxed: Option<[f64; 2]>,
     /// Coordinates of the lowest and of the highest edge of a grain, along the last axis (m).
     pub edges: [f64; 2],
     /// Greatest coordinate of a grain or of its box in the file, in magnitude (m); 0 in checkpoints
@@ -277,11 +298,6 @@ impl Ids {
         let [first, id] = self.0[..begun].last().copied().unwrap_or_default();
         id + (row - first)
     }
-}
-
-/// Of files before there were copies.
-fn once() -> [u32; 2] {
-    [1, 1]
 }
 
 impl PackingFile {
@@ -329,17 +345,16 @@ const NARROWEST: f64 = 0.01;
 /// drawn anew.
 const LEAST_TAKEN: f64 = 1e-3;
 
-/// The grains of a scene between walls, as the keys say by themselves.
+/// The grains of a scene, as the keys say by themselves.
 pub(crate) enum Grains {
     Inserted(Sizes),
-    /// Copies of the packing along x and y.
-    File([u32; 2]),
+    File(Arrangement),
 }
 
 /// Checks each key of a scene between walls by itself.
 pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     let keys = &SAMPLE;
-    let replicate = copies(c, dimension);
+    let arrangement = arrangement(c, dimension, false);
     c.choice(&keys.walls);
     c.number(&keys.wall_thickness);
     if dimension == Dimensions::Two {
@@ -353,32 +368,8 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
         "applies to the grains of a [box]; between walls they fall from above",
     );
     if c.is_given(&keys.packing) {
-        c.whole(&keys.grains);
-        for key in [
-            &keys.radius_min,
-            &keys.radius_max,
-            &keys.length,
-            &keys.width,
-        ] {
-            c.number(key);
-        }
-        let why = "applies to inserted grains, but the grains come from sample.packing";
-        for key in [
-            &keys.sizes,
-            &keys.radii,
-            &keys.radius_mean,
-            &keys.radius_deviation,
-            &keys.radius_exponent,
-            &keys.sieves,
-            &keys.passing,
-            &keys.passing_by,
-            &keys.large_fraction,
-            &keys.large_fraction_by,
-            &keys.large_material,
-        ] {
-            c.useless(key, why);
-        }
-        return Grains::File(replicate);
+        check_filed(c);
+        return Grains::File(arrangement);
     }
     if c.is_given(&keys.walls) {
         c.refuse(
@@ -394,11 +385,42 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     Grains::Inserted(check_sizes(c, dimension))
 }
 
-/// Copies along x and, in three dimensions, y.
-fn copies(c: &mut Checker<'_>, dimension: Dimensions) -> [u32; 2] {
+/// The keys of inserted grains, where a file has them.
+fn check_filed(c: &mut Checker<'_>) {
+    let keys = &SAMPLE;
+    c.whole(&keys.grains);
+    for key in [
+        &keys.radius_min,
+        &keys.radius_max,
+        &keys.length,
+        &keys.width,
+    ] {
+        c.number(key);
+    }
+    let why = "applies to inserted grains, but the grains come from sample.packing";
+    for key in [
+        &keys.sizes,
+        &keys.radii,
+        &keys.radius_mean,
+        &keys.radius_deviation,
+        &keys.radius_exponent,
+        &keys.sieves,
+        &keys.passing,
+        &keys.passing_by,
+        &keys.large_fraction,
+        &keys.large_fraction_by,
+        &keys.large_material,
+    ] {
+        c.useless(key, why);
+    }
+}
+
+/// How the scene takes its packing.
+fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arrangement {
     let key = &SAMPLE.replicate;
+    let mut copies = [1; 3];
     let (Some(Value::Numbers(given)), Values::Numbers(range)) = (c.value(key), key.values) else {
-        return [1, 1];
+        return Arrangement { copies, boxed };
     };
     let given = given.clone();
     if !c.is_given(&SAMPLE.packing) {
@@ -408,20 +430,24 @@ fn copies(c: &mut Checker<'_>, dimension: Dimensions) -> [u32; 2] {
         );
     }
     let whole = |x: &f64| x.fract() == 0.0 && range.hold(*x);
-    match (dimension, &given[..]) {
-        (Dimensions::Two, [x]) if whole(x) => [*x as u32, 1],
-        (Dimensions::Three, [x, y]) if whole(x) && whole(y) => [*x as u32, *y as u32],
-        _ => {
-            let example = match dimension {
-                Dimensions::Two => "one whole number, the copies along x, such as replicate = [10]",
-                Dimensions::Three => {
-                    "two whole numbers, the copies along x and y, such as replicate = [10, 10]"
-                }
-            };
-            c.refuse(key, &format!("must be {example}"));
-            [1, 1]
+    let axes = periodic_axes(dimension, boxed);
+    if given.len() == axes && given.iter().all(whole) {
+        for (copies, given) in copies.iter_mut().zip(given) {
+            *copies = given as u32;
         }
+    } else {
+        let example = [
+            "one whole number, the copies along x, such as replicate = [10]",
+            "two whole numbers, the copies along x and y, such as replicate = [10, 10]",
+            "three whole numbers, the copies along x, y and z, such as replicate = [2, 2, 2]",
+        ][axes - 1];
+        c.refuse(key, &format!("must be {example}"));
     }
+    Arrangement { copies, boxed }
+}
+
+fn periodic_axes(dimension: Dimensions, boxed: bool) -> usize {
+    dimension.axes() - usize::from(!boxed)
 }
 
 /// How many grains are inserted, and between which radii.
@@ -439,25 +465,67 @@ fn check_inserted(c: &mut Checker<'_>) {
     }
 }
 
-/// The keys of grains in a box, whose size follows from its solid fraction. Returns the
-/// distribution of their radii.
-pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
+/// The keys of grains in a box, whose size follows from its solid fraction or from a file.
+pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     let keys = &SAMPLE;
+    let why = "applies to scenes with walls only";
+    for key in [&keys.walls, &keys.wall_thickness, &keys.wall_material] {
+        c.useless(key, why);
+    }
+    let arrangement = arrangement(c, dimension, true);
+    if c.is_given(&keys.packing) {
+        c.useless(
+            &keys.placement,
+            "applies to inserted grains, but the grains come from sample.packing",
+        );
+        check_filed(c);
+        return Grains::File(arrangement);
+    }
     let why = "follows from box.solid_fraction";
     c.useless(&keys.length, why);
     c.useless(&keys.width, why);
-    let why = "applies to scenes with walls only";
-    for key in [
-        &keys.packing,
-        &keys.walls,
-        &keys.wall_thickness,
-        &keys.wall_material,
-        &keys.replicate,
-    ] {
-        c.useless(key, why);
-    }
     check_inserted(c);
-    check_sizes(c, dimension)
+    Grains::Inserted(check_sizes(c, dimension))
+}
+
+/// The sample of a file in its box.
+pub(crate) fn derive_filed(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    arrangement: Arrangement,
+    packing: ReadPacking<'_>,
+) -> Result<(Sample, PackingFile), Failure> {
+    let file = read(c, arrangement, packing)?;
+    let sample = of_file(c, dimension, &file)?;
+    fill_from(c, dimension, &file);
+    let least = sample.least_box_length();
+    let [height, _] = file.boxed.unwrap_or_default();
+    let lengths = [sample.length, sample.width, height];
+    if let Some(length) = lengths.into_iter().find(|length| *length < least) {
+        c.refuse(
+            &SAMPLE.packing,
+            &format!(
+                "the box is {length:.3e} long, so that grains would touch their own images; give a packing at least {least:.3e} long, or copies of it (sample.replicate)"
+            ),
+        );
+    }
+    c.settle()?;
+    Ok((sample, file))
+}
+
+/// Reads the file that the scene names.
+fn read(
+    c: &mut Checker<'_>,
+    arrangement: Arrangement,
+    packing: ReadPacking<'_>,
+) -> Result<PackingFile, Failure> {
+    let key = &SAMPLE.packing;
+    let path = c.text(key).unwrap_or_default();
+    let file = packing(&c.resolve(key, path), arrangement);
+    file.map_err(|failure| match failure {
+        Failure::Input(what) => c.failure(key, &what),
+        other => other,
+    })
 }
 
 /// The sample in a cubic box (square in 2D) in which its grains have the solid fraction φ.
@@ -704,19 +772,16 @@ pub(crate) fn derive(
             let layers = check_size(c, &sample, height, &sized_by)?;
             (sample, Origin::Insertion(sizes), layers)
         }
-        Grains::File(copies) => {
-            let path = c.text(&keys.packing).unwrap_or_default();
-            let file = packing(&c.resolve(&keys.packing, path), copies);
-            let file = file.map_err(|failure| match failure {
-                Failure::Input(what) => c.failure(&keys.packing, &what),
-                other => other,
-            })?;
+        Grains::File(arrangement) => {
+            let file = read(c, arrangement, packing)?;
             let sample = of_file(c, dimension, &file)?;
             let layers = check_size(c, &sample, file.height(), &[&keys.packing])?;
             let by_type = skip && file.wall_types;
             let default = if by_type { Walls::Types } else { Walls::Layers };
             let walls = c.named(&keys.walls, &Walls::NAMES).unwrap_or(default);
-            fill_from(c, dimension, &file, walls);
+            fill_from(c, dimension, &file);
+            let name = Walls::NAMES.iter().find(|(_, known)| *known == walls);
+            c.fill(&keys.walls, name.map_or("", |(name, _)| name));
             (sample, Origin::Packing { file, walls }, layers)
         }
     };
@@ -775,13 +840,14 @@ fn of_file(
 }
 
 /// Fills in what follows from a file.
-fn fill_from(c: &mut Checker<'_>, dimension: Dimensions, file: &PackingFile, walls: Walls) {
+fn fill_from(c: &mut Checker<'_>, dimension: Dimensions, file: &PackingFile) {
     let keys = &SAMPLE;
     c.fill(&keys.packing, &*file.path.display().to_string());
-    let copies = &file.replicate[..dimension.axes() - 1];
-    c.fill(&keys.replicate, copies);
-    let name = Walls::NAMES.iter().find(|(_, known)| *known == walls);
-    c.fill(&keys.walls, name.map_or("", |(name, _)| name));
+    let axes = periodic_axes(dimension, file.boxed.is_some());
+    let copies: Vec<u32> = (0..axes)
+        .map(|axis| file.replicate.get(axis).copied().unwrap_or(1))
+        .collect();
+    c.fill(&keys.replicate, &copies[..]);
     c.fill(&keys.grains, u64::from(file.grains));
     c.fill(&keys.radius_min, file.radius_min);
     c.fill(&keys.radius_max, file.radius_max);

@@ -4,6 +4,7 @@
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::{Contact, Law};
+use gshear_dem::state::{Cell, Sheared};
 
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
@@ -86,11 +87,28 @@ impl Scene {
         }
     }
 
+    /// The cell in which the grains begin.
+    pub fn cell(&self) -> Cell {
+        let Boundary::Periodic(periodic) = &self.boundary else {
+            return self.sample.cell();
+        };
+        let boxed = periodic.packing.as_ref().and_then(|file| file.boxed);
+        let [height, offset] = boxed.unwrap_or([self.sample.length, 0.0]);
+        let sheared = Sheared {
+            offset,
+            ..Sheared::upright(height)
+        };
+        Cell {
+            sheared: Some(sheared),
+            ..self.sample.cell()
+        }
+    }
+
     /// The file that the grains come from, if they do.
     pub fn packing(&self) -> Option<&PackingFile> {
         match &self.boundary {
             Boundary::Walls(walls) => walls.origin.file(),
-            Boundary::Periodic(_) => None,
+            Boundary::Periodic(periodic) => periodic.packing.as_ref(),
         }
     }
 }

@@ -11,7 +11,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::GrainState;
 use gshear_scene::insertion::Lattice;
 use gshear_scene::packing::Packing;
-use gshear_scene::{Boundary, Origin, Scene, Source, lammps_data, load, sweep};
+use gshear_scene::{Arrangement, Boundary, Origin, Scene, Source, lammps_data, load, sweep};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use proptest::test_runner::{FileFailurePersistence, TestCaseResult, TestRng, TestRunner};
@@ -521,7 +521,7 @@ fn data_file(folder: &Path, dimension: u8, text: &[u8]) -> Result<(), String> {
     let begun = Instant::now();
     let read = Source::read(&config).and_then(|source| {
         let scene = load(&source, &[])?;
-        let grains = Packing::read(&packing, [1, 1])?.grains(&scene)?;
+        let grains = Packing::read(&packing, Arrangement::BETWEEN_WALLS)?.grains(&scene)?;
         Ok((scene, grains))
     });
     let elapsed = begun.elapsed();

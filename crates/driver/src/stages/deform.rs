@@ -23,8 +23,7 @@ const MOST_CORRECTIONS: usize = 60;
 impl<D: Dimension> Strain<'_, D> {
     /// Volume of the grains over that of the box.
     pub(super) fn solid_fraction(&self) -> f64 {
-        let length = self.scene.sample.length;
-        let at_start: f64 = (0..D::AXES).map(|_| length).product();
+        let at_start: f64 = self.periodic.lengths(&self.scene.sample).iter().product();
         self.periodic.solid_fraction * (at_start / volume(&self.system))
     }
 
@@ -33,12 +32,7 @@ impl<D: Dimension> Strain<'_, D> {
         let simple = self.periodic.deformation == Deformation::SimpleShear;
         let lengths = self.system.cell.lengths::<D>();
         if !simple || self.periodic.pressure.is_some() {
-            self.progress.stretched = Some(Stretched {
-                lengths,
-                initial: lengths,
-                lateral_modulus: None,
-                lateral_strain: 0.0,
-            });
+            self.progress.stretched = Some(Stretched::new(lengths));
         }
     }
 

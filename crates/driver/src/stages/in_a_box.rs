@@ -13,7 +13,7 @@ use super::prepare;
 use super::rest::RestState;
 use super::setup::system;
 use super::strain::Strain;
-use crate::header::{Header, Progress};
+use crate::header::{Header, Progress, Shape, Stretched};
 use crate::options::Outcome;
 use crate::run::{Run, Start};
 use crate::written::Written;
@@ -36,19 +36,10 @@ pub fn run<D: LawSpace>(
         run.terminal.unprepared();
         return Ok(Outcome::Stopped);
     };
-    let sample = &scene.sample;
-    let cell = match &header {
-        Header::Aqs {
-            unfinished: Some(of),
-            ..
-        } => of.shape.cell::<D>(sample),
-        Header::Aqs { progress, .. } | Header::Newtonian { progress, .. } => {
-            progress.cell::<D>(sample)
-        }
-        Header::Pack(_) | Header::Shear(_) => {
-            return Err(Failure::input("the checkpoint is not of a periodic box"));
-        }
-    };
+    if let Header::Pack(_) | Header::Shear(_) = header {
+        return Err(Failure::input("the checkpoint is not of a periodic box"));
+    }
+    let cell = header.cell::<D>(&scene.sample);
     let mut system = system::<D>(run, scene, cell)?;
     let Snapshot {
         grains,
@@ -96,27 +87,42 @@ pub fn run<D: LawSpace>(
 }
 
 /// The stage with which the run begins or goes on, and its state: those of the checkpoint, or a
-/// packing without friction, and `None` if the run was stopped before that was prepared.
+/// packing from a file or without friction, and `None` if the run was stopped before that was
+/// prepared.
 fn begin<D: LawSpace>(
     run: &mut Run<'_>,
     scene: &Scene,
     periodic: &PeriodicBox,
     start: Start,
 ) -> Result<Option<(Header, Snapshot)>, Failure> {
-    if let Start::Checkpoint(mut saved) = start {
-        checkpoint::to_both_holders(run.exchange, &mut saved.state);
-        return Ok(Some((saved.header, saved.state)));
-    }
-    let smooth = scene.force_with::<D>(|law, contact| (law.clone(), contact.smooth()));
-    let prepared = prepare::prepare(run, scene, periodic, smooth.as_ref())?;
-    let progress = Progress {
+    let mut progress = Progress {
         length: Some(scene.sample.length),
         ..Progress::default()
+    };
+    let prepared = match start {
+        Start::Checkpoint(mut saved) => {
+            checkpoint::to_both_holders(run.exchange, &mut saved.state);
+            return Ok(Some((saved.header, saved.state)));
+        }
+        Start::Grains(grains) => {
+            let Shape { lengths, offset } = Shape::of::<D>(&scene.cell());
+            progress.offset = offset;
+            progress.stretched = Some(Stretched::new(lengths));
+            Some(Snapshot {
+                grains,
+                ..Snapshot::default()
+            })
+        }
+        Start::Insertion => {
+            let smooth = scene.force_with::<D>(|law, contact| (law.clone(), contact.smooth()));
+            prepare::prepare(run, scene, periodic, smooth.as_ref())?
+        }
     };
     let header = Header::Aqs {
         progress,
         written: Written::default(),
         unfinished: None,
+        packing: scene.packing().cloned(),
     };
     Ok(prepared.map(|state| (header, state)))
 }

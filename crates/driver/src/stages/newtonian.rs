@@ -349,6 +349,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
                 progress: self.progress,
                 written,
                 lines,
+                packing: self.scene.packing().cloned(),
             },
             state: Snapshot {
                 grains: self.system.grain_states(),

@@ -79,6 +79,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             progress,
             written,
             unfinished,
+            ..
         } = header
         else {
             unreachable!("strain steps begin with their header")
@@ -433,6 +434,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 progress: self.progress,
                 written: self.files.flush(run.exchange)?,
                 unfinished,
+                packing: self.scene.packing().cloned(),
             },
             state: Snapshot {
                 grains: self.system.grain_states(),

@@ -169,6 +169,9 @@ impl Terminal {
                     "{grains} in a periodic box {:.4e} long, solid fraction {:.4}",
                     sample.length, periodic.solid_fraction
                 ));
+                if let Some(file) = &periodic.packing {
+                    self.say(format!("grains from {}", file.path.display()));
+                }
                 self.say(format!(
                     "law:   {law}; step:  dt = {step:.4e}, limit {limit:.4e}"
                 ));

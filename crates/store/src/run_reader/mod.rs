@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use hdf5::Dataset;
 
+pub use self::open_file::is_hdf5;
 pub(crate) use self::open_file::one_line;
 use self::open_file::{FOREIGN, OpenFile};
 pub use self::owner::{Owner, owner};

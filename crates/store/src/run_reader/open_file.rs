@@ -24,6 +24,13 @@ use gshear_dem::state::Disks;
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
+/// Whether a file begins as HDF5 files do.
+pub fn is_hdf5(path: &Path) -> bool {
+    let mut first = [0; SIGNATURE.len()];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut first));
+    read.is_ok() && first == SIGNATURE
+}
+
 pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 /// An open file and its path for messages.
 pub(super) struct OpenFile<'a> {

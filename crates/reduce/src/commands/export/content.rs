@@ -5,7 +5,6 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use super::data_file::atom_type;
 use crate::commands::dmin::{between, is_planar};
 use crate::contact_quantities::of_contacts;
 use gshear_analysis::dmin;
@@ -15,6 +14,7 @@ use gshear_analysis::stress;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{BoxEdges, ContactSample, Disks, Frame, FrameRecords, GrainSample};
+use gshear_driver::exported_state::atom_type;
 use gshear_scene::Dimensions;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_reader::{Mode, SpectrumFile};

@@ -1,0 +1,185 @@
+//! One state of a run or of a checkpoint as a data file, for other programs, and as the packing of
+//! another run.
+
+use std::path::Path;
+
+use gshear_analysis::moments::extent;
+use gshear_dem::dimension::{Three, Two};
+use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{Cell, GrainSample, GrainState};
+use gshear_scene::lammps_data::{Atom, DataFile};
+use gshear_scene::packing::{GrainLimit, Packing, split_frame};
+use gshear_scene::{Arrangement, Dimensions};
+use gshear_store::checkpoint;
+use gshear_store::run_reader::{RunFile, is_hdf5};
+
+use crate::header::Saved;
+
+/// State to export, in the units of its scene; grains by id.
+pub struct ExportedState {
+    /// Origin of the state, on one line.
+    pub title: String,
+    /// File name without extension.
+    pub name: String,
+    /// The cell.
+    pub cell: Cell,
+    /// Disks or spheres.
+    pub dimension: Dimensions,
+    grains: Vec<Grain>,
+}
+
+struct Grain {
+    id: u32,
+    /// Type of the atom.
+    atom_type: u32,
+    radius: f64,
+    /// kg; kg/m in 2D.
+    mass: f64,
+    position: [f64; 3],
+    velocity: [f64; 3],
+    angular_velocity: [f64; 3],
+}
+
+/// The type of the atom of a grain of this body and material, as a scene reads it again: 1 free, 2
+/// and 3 the walls, from 4 on free grains of the other materials.
+pub fn atom_type(body: u32, material: u64) -> u32 {
+    match (body, material) {
+        (0, 1..) => material as u32 + 3,
+        (body, _) => body + 1,
+    }
+}
+
+impl ExportedState {
+    /// Frame `t` of a run.
+    ///
+    /// # Errors
+    /// A damaged file.
+    pub fn of_run(run: &RunFile, t: usize) -> Result<Self, Failure> {
+        let grains = run.grains();
+        let frame = run.records(t..t + 1)?.swap_remove(0);
+        let grain = |(g, of): (usize, &GrainSample)| Grain {
+            id: run.ids()[g],
+            atom_type: atom_type(grains.body[g].into(), run.material()[g].into()),
+            radius: grains.radius[g],
+            mass: grains.mass[g],
+            position: of.position,
+            velocity: of.velocity,
+            angular_velocity: of.angular_velocity,
+        };
+        Ok(Self {
+            title: format!(
+                "frame {t} (step {}, strain {:.8}) of {}",
+                frame.step,
+                run.frame_strains()?[t],
+                run.path().display(),
+            ),
+            name: format!("frame-{t}"),
+            cell: run.cell(t),
+            dimension: run.dimension(),
+            grains: frame.grains.iter().enumerate().map(grain).collect(),
+        })
+    }
+
+    /// The state of a checkpoint.
+    ///
+    /// # Errors
+    /// A file that is damaged or of another version.
+    pub fn of_checkpoint(path: &Path) -> Result<Self, Failure> {
+        let saved = Saved::read(&Solo, path)?;
+        let (header, scene) = (&saved.header, saved.scene(&[])?);
+        let ids = scene.packing().map(|file| &file.ids);
+        let grain = |g: &GrainState| Grain {
+            id: ids.map_or(g.id, |ids| ids.of(g.id)),
+            atom_type: atom_type(g.body, g.material),
+            radius: g.radius,
+            mass: (scene.materials.masses).of(g.material, scene.dimension.volume(g.radius)),
+            position: g.position,
+            velocity: g.velocity,
+            angular_velocity: g.angular_velocity,
+        };
+        Ok(Self {
+            title: format!(
+                "step {} of the {} in {}",
+                header.step(),
+                header.stage(),
+                path.display()
+            ),
+            name: path
+                .file_stem()
+                .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),
+            cell: match scene.dimension {
+                Dimensions::Two => header.cell::<Two>(&scene.sample),
+                Dimensions::Three => header.cell::<Three>(&scene.sample),
+            },
+            dimension: scene.dimension,
+            grains: saved.state.grains.iter().map(grain).collect(),
+        })
+    }
+
+    /// As a data file of a program that computes a grain's mass as density times `volume` of its
+    /// radius (m).
+    pub fn data(&self, volume: impl Fn(f64) -> f64) -> DataFile {
+        let up = self.dimension.axes() - 1;
+        let ends = self.grains.iter().map(|g| (g.position[up], g.radius));
+        let edges = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
+        let sheared = self.cell.sheared;
+        let edges = sheared.map_or(edges, |sheared| [0.0, sheared.height]);
+        let largest = self.grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
+        let mut tilt = [0.0; 3];
+        tilt[up - 1] = sheared.map_or(0.0, |sheared| sheared.offset);
+        let atom = |grain: &Grain| Atom {
+            id: u64::from(grain.id) + 1,
+            kind: grain.atom_type,
+            diameter: 2.0 * grain.radius,
+            density: grain.mass / volume(grain.radius),
+            position: grain.position,
+            velocity: grain.velocity,
+            angular_velocity: grain.angular_velocity,
+            line: 0,
+        };
+        DataFile {
+            bounds: match (self.dimension, self.cell.periods) {
+                (Dimensions::Two, [length, _]) => [[0.0, length], edges, [-largest, largest]],
+                (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
+            },
+            tilt,
+            types: self.grains.iter().fold(3, |n, g| n.max(g.atom_type)),
+            atoms: self.grains.iter().map(atom).collect(),
+        }
+    }
+}
+
+/// Reads the packing of a scene: a frame of a run, by default the last, a checkpoint, or what
+/// [`Packing::read`] reads.
+///
+/// # Errors
+/// Those of [`Packing::read`]; a run without the frame, or a damaged file.
+pub fn read_packing(
+    path: &Path,
+    arrangement: Arrangement,
+    limit: &GrainLimit,
+) -> Result<Packing, Failure> {
+    let (file, frame) = split_frame(path);
+    if !(file.is_dir() || is_hdf5(&file)) {
+        return Packing::read_at_most(path, arrangement, limit);
+    }
+    let refuse = |what: String| Err(Failure::input(format!("{}: {what}", file.display())));
+    let state = if checkpoint::is_checkpoint(&file) {
+        if let Some(frame) = frame {
+            return refuse(format!("is a checkpoint of one state; leave out @{frame}"));
+        }
+        ExportedState::of_checkpoint(&file)?
+    } else {
+        let run = RunFile::open_any(&file)?;
+        let frames = run.frames();
+        let t = frame.unwrap_or(frames.saturating_sub(1));
+        if t >= frames {
+            return refuse(format!(
+                "has {frames} frames, counted from 0; there is no frame {t}"
+            ));
+        }
+        ExportedState::of_run(&run, t)?
+    };
+    Packing::of_state(path, state.data(|_| 1.0), arrangement, limit)
+}
