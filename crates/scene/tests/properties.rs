@@ -512,6 +512,22 @@ fn spheres() -> Vec<u8> {
     lammps_data::write("spheres", &[], &file).into_bytes()
 }
 
+/// The same as a dump and as a list.
+fn spheres_in_other_formats() -> [Vec<u8>; 2] {
+    let data = lammps_data::parse("spheres", &String::from_utf8(spheres()).expect("text"));
+    let rows = |row: &dyn Fn(&lammps_data::Atom, String) -> String| -> String {
+        let atoms = data.as_ref().expect("what was written").atoms.iter();
+        atoms
+            .map(|a| row(a, a.position.map(|x| format!("{x:?}")).join(" ")))
+            .collect()
+    };
+    let dump = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n200\nITEM: BOX BOUNDS xy xz yz pp pp ff\n0 5e-3 0\n0 5e-3 0\n0 10e-3 0\nITEM: ATOMS id x y z radius vx\n";
+    let dump = dump.to_owned() + &rows(&|a, place| format!("{} {place} 0.5e-3 1.0\n", a.id));
+    let list = "##PERIODIC:: 5e-3 5e-3 10e-3\n".to_owned();
+    let list = list + &rows(&|_, place| format!("{place} 0.5e-3\n"));
+    [dump, list].map(String::into_bytes)
+}
+
 /// What must be true of any data file.
 fn data_file(folder: &Path, dimension: u8, text: &[u8]) -> Result<(), String> {
     let packing = folder.join("packing.data");
@@ -549,7 +565,8 @@ fn data_file(folder: &Path, dimension: u8, text: &[u8]) -> Result<(), String> {
 fn data_files(cases: u32) {
     let folder = tempfile::tempdir().expect("a folder");
     let disks = std::fs::read(format!("{ROOT}/tests/scenes/triangular.data")).expect("a file");
-    for (dimension, base) in [(2, disks), (3, spheres())] {
+    let [dump, list] = spheres_in_other_formats();
+    for (dimension, base) in [(2, disks), (3, spheres()), (3, dump), (3, list)] {
         data_file(folder.path(), dimension, &base).expect("a good file");
         let counts = Counts::default();
         check(
