@@ -32,11 +32,13 @@ pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<(),
                     .or_insert(Spanned::new(span.clone(), DeValue::Table(DeTable::new())));
                 match entry.get_mut() {
                     DeValue::Table(inner) => inner,
-                    _ => {
-                        return refuse(&format!(
-                            "{name} is not a table in {}",
-                            input.source.name()
-                        ));
+                    found => {
+                        let what = match found {
+                            DeValue::Array(_) => "several tables, which no --set reaches, in",
+                            _ => "not a table in",
+                        };
+                        let file = input.source.name();
+                        return refuse(&format!("{name} is {what} {file}; change it there"));
                     }
                 }
             }
