@@ -58,7 +58,8 @@ fn a_stretch_of_newtons_equations_is_replayed() {
     let mut compared = 0;
     for (t, step) in again.frame_steps().iter().enumerate() {
         if let Ok(of) = stored.frame_steps().binary_search(step) {
-            let at = |run: &RunFile, t: usize| run.positions(t..t + 1).expect("positions");
+            let at =
+                |run: &RunFile, t: usize| run.records(t..t + 1).expect("a frame").remove(0).grains;
             assert_eq!(at(&again, t), at(&stored, of), "step {step}");
             compared += 1;
         }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use crate::common::crossing::{PACKED, resumed, stopped, whole};
 use crate::common::{Outcome, gshear_mpi, same_run};
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::state::GrainSample;
 use gshear_reduce::scalars::FrameSeries;
 use gshear_store::run_reader::RunFile;
 
@@ -100,9 +101,14 @@ fn scalars_follow_grains_over_the_edge() {
     let unbroken = temporary.path().join("unbroken");
     whole(&unbroken, 1, &scalars).digest();
     let run_of = open(&unbroken);
-    let [first, last] = [0, 1].map(|t| run_of.unwrapped(t..t + 1).expect("a frame").remove(0));
-    let moved = first.iter().zip(&last).map(|(a, b)| (b[0] - a[0]).abs());
-    assert!(moved.fold(0.0, f64::max) > 0.5 * run_of.grains().length);
+    let length = run_of.grains().length;
+    let [first, last] = [0, 1].map(|t| {
+        let frame = run_of.records(t..t + 1).expect("a frame").remove(0);
+        let of_grain = |g: &GrainSample| g.position[0] + g.image[0] as f64 * length;
+        frame.grains.iter().map(of_grain).collect::<Vec<_>>()
+    });
+    let moved = first.iter().zip(&last).map(|(a, b)| (b - a).abs());
+    assert!(moved.fold(0.0, f64::max) > 0.5 * length);
     let expected = bits(&FrameSeries::of_frames(&run_of).expect("frames"));
     assert_eq!(of(&unbroken), expected);
     let broken = temporary.path().join("broken");

@@ -23,7 +23,6 @@
 
 mod braille;
 mod commands;
-mod contact_quantities;
 mod frame_pairs;
 mod frame_selection;
 mod printer;

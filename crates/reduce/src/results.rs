@@ -51,7 +51,7 @@ impl Results {
         printer: &mut Printer,
     ) -> Result<(), Failure> {
         let path = self.place(name);
-        dictionary::write_table_in(axes, &path, csv)?;
+        dictionary::write_table(&path, csv, axes)?;
         printer.wrote(&path)
     }
 }

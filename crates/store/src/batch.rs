@@ -2,7 +2,8 @@
 
 use super::checksums::{self, ContactWeights};
 use super::collective::{IdBlocks, records_of};
-use super::layout::{Form, elements, flags, forces};
+use super::contact_quantities::{flags, numbers};
+use super::layout::{Form, elements};
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use std::ops::Range;
 
@@ -185,7 +186,7 @@ pub struct ShareColumns {
     pub counts: Vec<i64>,
     pub i: Vec<u32>,
     pub j: Vec<u32>,
-    /// One array per entry of [`forces`].
+    /// One array per entry of [`numbers`].
     pub forces: Vec<Vec<f64>>,
     /// One array per entry of [`flags`].
     pub flags: Vec<Vec<u8>>,
@@ -205,10 +206,10 @@ impl ShareColumns {
             counts: Vec::with_capacity(frames),
             i: Vec::with_capacity(contacts),
             j: Vec::with_capacity(contacts),
-            forces: (forces(form).iter())
-                .map(|(_, width)| Vec::with_capacity(contacts * width))
+            forces: numbers(form)
+                .map(|of| Vec::with_capacity(contacts * of.width(form)))
                 .collect(),
-            flags: vec![Vec::with_capacity(contacts); flags(form).len()],
+            flags: vec![Vec::with_capacity(contacts); flags(form).count()],
         };
         let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
         let mut seen = vec![false; block];
@@ -276,9 +277,10 @@ impl ShareColumns {
                 sums.push(checksums::of_numbers(weights, of_block));
             }
             sums.push(weights.pairs(contacts.clone()));
-            for ((_, width), values) in forces(form).iter().zip(&self.forces) {
+            for (of, values) in numbers(form).zip(&self.forces) {
+                let width = of.width(form);
                 let values = &values[contacts.start * width..contacts.end * width];
-                sums.push(weights.numbers(contacts.clone(), values, *width));
+                sums.push(weights.numbers(contacts.clone(), values, width));
             }
             let of_flags =
                 |flags: &Vec<u8>| weights.flags(contacts.clone(), &flags[contacts.clone()]);
@@ -294,28 +296,16 @@ impl ShareColumns {
     /// Appends the contacts of one frame, in order.
     fn push<'a>(&mut self, contacts: impl ExactSizeIterator<Item = &'a ContactSample>, form: Form) {
         self.counts.push(contacts.len() as i64);
+        let numbers: Vec<_> = numbers(form).collect();
+        let flags: Vec<_> = flags(form).collect();
         for c in contacts {
             self.i.push(c.i);
             self.j.push(c.j);
-            let one = std::slice::from_ref;
-            let tangents = if form.axes == 2 { 1 } else { 3 };
-            let (rolling, twisting) = c.torques.split_at(3);
-            let torques: [&[f64]; 2] = match (form.axes, form.torques) {
-                (2, _) => [one(&c.rolling_history), &[]],
-                (_, true) => [rolling, twisting],
-                (_, false) => [&[], &[]],
-            };
-            let force = &c.tangential_force[..tangents];
-            let history = &c.tangential_history[..tangents];
-            let forces = [one(&c.normal_force), force, history].into_iter();
-            let stored = forces.chain(torques).chain([one(&c.overlap)]);
-            let stored = stored.filter(|values| !values.is_empty());
-            for (column, values) in self.forces.iter_mut().zip(stored) {
-                column.extend_from_slice(values);
+            for (column, of) in self.forces.iter_mut().zip(&numbers) {
+                column.extend_from_slice(of.numbers(form, c));
             }
-            let flags = [c.sliding, c.rolling, c.twisting];
-            for (column, flag) in self.flags.iter_mut().zip(flags) {
-                column.push(flag as u8);
+            for (column, of) in self.flags.iter_mut().zip(&flags) {
+                column.push(of.flag(c));
             }
         }
     }

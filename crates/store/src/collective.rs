@@ -4,6 +4,8 @@
 use bytemuck::Pod;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::Failure;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::ops::Range;
 use std::path::Path;
 
@@ -43,14 +45,48 @@ pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T
 /// # Errors
 /// [`Failure::Other`] if the system does not tell.
 pub fn exists(exchange: &dyn Exchange, path: &Path) -> Result<bool, Failure> {
+    told_by_root(exchange, || {
+        path.try_exists()
+            .map_err(|e| Failure::other(format!("{}: cannot be looked up: {e}", path.display())))
+    })
+}
+
+/// Lets rank 0 alone compute a value, which the other ranks do not get. All ranks fail together.
+/// Collective.
+///
+/// # Errors
+/// The failure of rank 0.
+pub fn on_root<T: Default>(
+    exchange: &dyn Exchange,
+    compute: impl FnOnce() -> Result<T, Failure>,
+) -> Result<T, Failure> {
     let found = match exchange.rank() {
-        0 => path
-            .try_exists()
-            .map_err(|e| Failure::other(format!("{}: cannot be looked up: {e}", path.display()))),
-        _ => Ok(false),
+        0 => compute(),
+        _ => Ok(T::default()),
     };
-    let found = agree(exchange, found)?;
-    Ok(exchange.broadcast(vec![u8::from(found)])[0] == 1)
+    agree(exchange, found)
+}
+
+/// [`on_root`], and the value on every rank. Collective.
+///
+/// # Errors
+/// The failure of rank 0.
+pub fn told_by_root<T: Default + Serialize + DeserializeOwned>(
+    exchange: &dyn Exchange,
+    compute: impl FnOnce() -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    let found = on_root(exchange, compute)?;
+    Ok(of_root(exchange, &found))
+}
+
+/// Returns the value of rank 0. Collective.
+///
+/// # Panics
+/// If a number in it is not finite.
+pub fn of_root<T: Serialize + DeserializeOwned>(exchange: &dyn Exchange, value: &T) -> T {
+    const SOUND: &str = "texts and finite numbers";
+    let bytes = serde_json::to_vec(value).expect(SOUND);
+    serde_json::from_slice(&exchange.broadcast(bytes)).expect(SOUND)
 }
 
 /// The first failure in a sequence of collective calls. The other ranks would wait for a rank that
@@ -59,6 +95,11 @@ pub fn exists(exchange: &dyn Exchange, path: &Path) -> Result<bool, Failure> {
 pub struct CollectiveOutcome(Option<Failure>);
 
 impl CollectiveOutcome {
+    /// A sequence of one call.
+    pub fn of(result: Result<(), Failure>) -> Self {
+        Self(result.err())
+    }
+
     /// Stores the failure of a call, unless an earlier call has failed already.
     pub fn note(&mut self, result: Result<(), Failure>) {
         if let Err(failure) = result {

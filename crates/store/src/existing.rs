@@ -1,8 +1,9 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
+use super::contact_quantities::TWISTING_HISTORY;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
-use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, TWISTING_HISTORY, contact_dataset};
+use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, contact_dataset};
 use super::run_reader::owner;
 use super::scalar_columns::SCALARS;
 use super::sound;

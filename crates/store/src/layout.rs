@@ -2,6 +2,7 @@
 
 use super::checksums::{FRAMES, GROUP, ROWS};
 use super::collective::CollectiveOutcome;
+use super::contact_quantities::{TANGENTIAL_HISTORY, flags, numbers, of_contacts};
 use super::h5::{Attribute, Dataset, H5File, Slab};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -38,6 +39,16 @@ pub enum Kind {
     Flag,
 }
 
+impl Kind {
+    fn bytes(self) -> usize {
+        match self {
+            Kind::Number => 8,
+            Kind::Image | Kind::Id => 4,
+            Kind::Flag => 1,
+        }
+    }
+}
+
 /// A growing dataset of the grains or of the contacts: the quantity, the values of each grain or
 /// contact, and what they are. Writer and reader go by these.
 pub type Quantity = (Column, usize, Kind);
@@ -60,15 +71,6 @@ pub fn grain_dataset(of: &Column) -> String {
     format!("{PARTICLES}/{of}/value")
 }
 
-const NORMAL_FORCE: Column = Column::new("normal_force", "N", "F_n");
-const TANGENTIAL_FORCE: Column = Column::new("tangential_force", "N", "F_t");
-/// The unit is that of the law's history.
-const TANGENTIAL_HISTORY: Column = Column::new("tangential_history", "N", "history of F_t");
-const ROLLING_HISTORY: Column = Column::new("rolling_history", "N m", "M^k");
-/// Only files of spheres that resist rolling or twisting have it.
-pub const TWISTING_HISTORY: Column = Column::new("twisting_history", "N m", "T");
-const OVERLAP: Column = Column::new("overlap", "m", "δ");
-
 /// What the contacts of a file are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Form {
@@ -78,51 +80,12 @@ pub struct Form {
     pub torques: bool,
 }
 
-/// The numbers of a contact, and how many of each.
-pub fn forces(of: Form) -> &'static [(Column, usize)] {
-    match (of.axes, of.torques) {
-        (2, _) => &[
-            (NORMAL_FORCE, 1),
-            (TANGENTIAL_FORCE, 1),
-            (TANGENTIAL_HISTORY, 1),
-            (ROLLING_HISTORY, 1),
-            (OVERLAP, 1),
-        ],
-        (_, false) => &[
-            (NORMAL_FORCE, 1),
-            (TANGENTIAL_FORCE, 3),
-            (TANGENTIAL_HISTORY, 3),
-            (OVERLAP, 1),
-        ],
-        (_, true) => &[
-            (NORMAL_FORCE, 1),
-            (TANGENTIAL_FORCE, 3),
-            (TANGENTIAL_HISTORY, 3),
-            (ROLLING_HISTORY, 3),
-            (TWISTING_HISTORY, 1),
-            (OVERLAP, 1),
-        ],
-    }
-}
-
-/// The flags of a contact.
-pub fn flags(of: Form) -> &'static [&'static str] {
-    match (of.axes, of.torques) {
-        (2, _) => &["sliding", "rolling"],
-        (_, false) => &["sliding"],
-        (_, true) => &["sliding", "rolling", "twisting"],
-    }
-}
-
 /// The quantities of a contact.
 pub fn of_contact(of: Form) -> Vec<Quantity> {
-    let flag = |name: &&'static str| (Column::new(name, "1", "at its limit"), 1, Kind::Flag);
-    let numbers = forces(of).iter();
-    (["i", "j"].into_iter())
-        .map(|name| (Column::new(name, "1", "id"), 1, Kind::Id))
-        .chain(numbers.map(|&(column, width)| (column, width, Kind::Number)))
-        .chain(flags(of).iter().map(flag))
-        .collect()
+    let ids = ["i", "j"].map(|name| (Column::new(name, "1", "id"), 1, Kind::Id));
+    let others =
+        of_contacts(of).map(|quantity| (quantity.column, quantity.width(of), quantity.kind));
+    ids.into_iter().chain(others).collect()
 }
 
 /// The dataset of a quantity of the contacts.
@@ -134,14 +97,17 @@ pub fn contact_dataset(of: impl std::fmt::Display) -> String {
 /// `pairs` the ids of the contacts.
 pub fn frame_columns(of: Form) -> Vec<&'static str> {
     let grains = elements(of.axes).map(|(column, _)| column.name);
-    let contacts = forces(of).iter().map(|(column, _)| column.name);
+    let contacts = numbers(of).map(|quantity| quantity.column.name);
+    let mut flags = flags(of).map(|quantity| quantity.column.name);
+    let first_flag = flags.next();
     ["clock"]
         .into_iter()
         .chain(grains)
         .chain(["pairs"])
         .chain(contacts)
-        .chain(["sliding", "image"])
-        .chain(flags(of)[1..].iter().copied())
+        .chain(first_flag)
+        .chain(["image"])
+        .chain(flags)
         .collect()
 }
 
@@ -176,26 +142,22 @@ pub fn file_bytes(
         let blocks = chunks(grains as f64, block);
         chunks(frames as f64, in_chunk) * blocks * (width * bytes) as f64
     };
-    let numbers = elements(of.axes)
+    let numbers = of_grain(of.axes)
         .iter()
-        .map(|(_, width)| of_grains(*width, 8))
+        .map(|(_, width, kind)| of_grains(*width, kind.bytes()))
         .sum::<f64>();
     let all = chunks(frames as f64 * contacts, contact_chunk(grains));
     let [_, contact] = frame_bytes(of);
     // Radius, mass, id, body.
     let constant = 21.0 * grains as f64;
     let series = chunks(rows as f64, CHUNK_ROWS) * 8.0 * (columns + 3) as f64;
-    METADATA_BYTES + constant + numbers + of_grains(3, 4) + all * contact as f64 + series
+    METADATA_BYTES + constant + numbers + all * contact as f64 + series
 }
 
 /// Bytes of a grain and of a contact in a frame.
 pub fn frame_bytes(of: Form) -> [usize; 2] {
-    let numbers = |of: &[(Column, usize)]| of.iter().map(|(_, width)| 8 * width).sum::<usize>();
-    let image = 3 * size_of::<i32>();
-    [
-        numbers(&elements(of.axes)) + image,
-        numbers(forces(of)) + 2 * size_of::<u32>() + flags(of).len(),
-    ]
+    let bytes = |of: &[Quantity]| of.iter().map(|(_, width, kind)| width * kind.bytes()).sum();
+    [bytes(&of_grain(of.axes)), bytes(&of_contact(of))]
 }
 
 /// Most frames in a chunk.

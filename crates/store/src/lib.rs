@@ -43,6 +43,7 @@ mod checked;
 pub mod checkpoint;
 pub mod checksums;
 pub mod collective;
+pub mod contact_quantities;
 pub mod csv_table;
 pub mod dictionary;
 pub mod existing;

@@ -1,6 +1,6 @@
 //! `log.csv`: the time series as text.
 
-use super::collective::agree;
+use super::collective::on_root;
 use super::csv_table::{TableFile, rows_up_to};
 use super::h5;
 use super::run_reader::Series;
@@ -120,8 +120,7 @@ impl Log {
         exchange: &dyn Exchange,
         open: impl FnOnce() -> Result<TableFile, Failure>,
     ) -> Result<Self, Failure> {
-        let file = (exchange.rank() == 0).then(open).transpose();
-        agree(exchange, file.map(Log))
+        on_root(exchange, || open().map(Some)).map(Log)
     }
 
     /// Writes the next row. Not collective: only rank 0 can fail.

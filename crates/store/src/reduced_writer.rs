@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use hdf5::types::VarLenUnicode;
-use hdf5::{Dataset, File, H5Type};
+use hdf5::{Dataset, File};
 use ndarray::{ArrayView, ArrayView2, s};
 
 use gshear_dem::failure::Failure;
 
 use crate::checked;
+use crate::h5::{Attribute, set_attribute};
 use crate::text_writer::PartFile;
 
 /// Writer of `reduced.h5`.
@@ -37,28 +37,13 @@ impl ReducedWriter {
         Ok(ReducedWriter { part, file, dmin })
     }
 
-    /// Writes a text attribute of the file.
-    ///
-    /// # Errors
-    /// If the file cannot be written, or the text holds a zero character.
-    pub fn text(&self, name: &str, value: &str) -> Result<(), Failure> {
-        let text: VarLenUnicode = value
-            .parse()
-            .map_err(|_| Failure::other(format!("{name}: holds a zero character")))?;
-        self.attribute(name, &text)
-    }
-
-    /// Writes a numeric attribute of the file.
+    /// Writes an attribute of the file.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn number(&self, name: &str, value: f64) -> Result<(), Failure> {
-        self.attribute(name, &value)
-    }
-
-    fn attribute<T: H5Type>(&self, name: &str, value: &T) -> Result<(), Failure> {
-        let write = || self.file.new_attr::<T>().create(name)?.write_scalar(value);
-        self.part.checked(write())
+    pub fn attribute(&self, name: &str, value: impl Into<Attribute>) -> Result<(), Failure> {
+        let written = set_attribute(&self.file, name, &value.into());
+        self.part.checked(written)
     }
 
     /// Writes D²min `[frames][N]` (m²) from frame `first` on.

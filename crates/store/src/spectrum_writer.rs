@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use hdf5::types::VarLenUnicode;
 use ndarray::{Array3, ArrayView};
 
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{Eigenvalue, Problem};
 
 use crate::checked;
+use crate::h5::{Attribute, set_attribute};
 use crate::run_reader::RunStage;
 use crate::text_writer::PartFile;
 
@@ -79,33 +79,22 @@ pub fn write(
             checked::dataset(&file, "grain", ArrayView::from(&grain))?;
             checked::dataset(&file, "component", ArrayView::from(&component))?;
         }
-        let text = |name: &str, value: &str| {
-            let value: VarLenUnicode = value.parse().unwrap_or_default();
-            file.new_attr::<VarLenUnicode>()
-                .create(name)?
-                .write_scalar(&value)
-        };
-        text("matrix", &matrix.display().to_string())?;
-        text("version", env!("CARGO_PKG_VERSION"))?;
-        let count = |name: &str, value: usize| {
-            file.new_attr::<u64>()
-                .create(name)?
-                .write_scalar(&(value as u64))
-        };
+        let attribute = |name: &str, value: Attribute| set_attribute(&file, name, &value);
+        attribute("matrix", matrix.display().to_string().into())?;
+        attribute("version", env!("CARGO_PKG_VERSION").into())?;
         if let Some(origin) = &columns.origin {
-            text("stage", origin.stage.name())?;
+            attribute("stage", origin.stage.name().into())?;
             if let Some(id) = &origin.run_id {
-                text("run_id", id)?;
+                attribute("run_id", id.as_str().into())?;
             }
-            file.new_attr::<u64>()
-                .create("step")?
-                .write_scalar(&origin.step)?;
+            attribute("step", origin.step.into())?;
         }
-        count("rattling", problem.rattling())?;
-        count("null_vectors", problem.null().ncols())?;
-        file.new_attr::<f64>()
-            .create("norm")?
-            .write_scalar(&problem.norm())?;
+        attribute("rattling", Attribute::Count(problem.rattling() as u64))?;
+        attribute(
+            "null_vectors",
+            Attribute::Count(problem.null().ncols() as u64),
+        )?;
+        attribute("norm", problem.norm().into())?;
         file.close()
     };
     let saved = save();

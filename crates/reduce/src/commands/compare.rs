@@ -4,11 +4,11 @@ use std::cmp::Ordering;
 use std::fmt;
 use std::path::PathBuf;
 
-use crate::contact_quantities::of_contacts;
 use crate::printer::Printer;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, FrameRecords};
 use gshear_scene::Dimensions;
+use gshear_store::contact_quantities::of_contacts;
 use gshear_store::run_reader::RunFile;
 use gshear_store::trajectory::Form;
 
@@ -349,7 +349,7 @@ struct FrameComparison {
 impl FrameComparison {
     fn new(form: Form) -> Self {
         let contacts = of_contacts(form);
-        let contacts = contacts.map(|of| FieldComparison::new(format!("c. {}", of.name)));
+        let contacts = contacts.map(|of| FieldComparison::new(format!("c. {}", of.column)));
         let fields = FRAME_FIELDS.map(FieldComparison::new).into_iter();
         FrameComparison {
             form,
@@ -383,7 +383,6 @@ impl FrameComparison {
     fn see_contacts(&mut self, t: usize, mut a: &[ContactSample], mut b: &[ContactSample]) {
         let (frames, contacts) = self.fields.split_at_mut(FRAME_FIELDS.len());
         let pairs = &mut frames[FRAME_FIELDS.len() - 1];
-        let axes = self.form.axes;
         loop {
             let order = match (a.first(), b.first()) {
                 (Some(x), Some(y)) => (x.i, x.j).cmp(&(y.i, y.j)),
@@ -404,7 +403,8 @@ impl FrameComparison {
             );
             if order == Ordering::Equal {
                 for (field, of) in contacts.iter_mut().zip(of_contacts(self.form)) {
-                    let values = of.values(axes, &a[0]).zip(of.values(axes, &b[0]));
+                    let [x, y] = [&a[0], &b[0]].map(|contact| of.values(self.form, contact));
+                    let values = x.zip(y);
                     values.for_each(|(x, y)| field.see(x, y, at));
                 }
             }

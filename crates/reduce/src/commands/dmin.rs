@@ -46,11 +46,11 @@ impl Arguments {
         let (grains, n) = (run.grains(), run.grains().count());
         let path = results.place("reduced.h5");
         let writer = ReducedWriter::create(&path, &run.frame_strains()?, n)?;
-        writer.text("run", &run.path().display().to_string())?;
-        writer.text("run_id", run.text("run_id").unwrap_or_default())?;
-        writer.text("digest", run.digest().unwrap_or_default())?;
-        writer.text("version", env!("CARGO_PKG_VERSION"))?;
-        writer.number("radius_over_mean_radius", self.radius)?;
+        writer.attribute("run", run.path().display().to_string())?;
+        writer.attribute("run_id", run.text("run_id").unwrap_or_default())?;
+        writer.attribute("digest", run.digest().unwrap_or_default())?;
+        writer.attribute("version", env!("CARGO_PKG_VERSION"))?;
+        writer.attribute("radius_over_mean_radius", self.radius)?;
         let radius = self.radius * grains.mean_radius();
 
         if run.frames() > 0 {

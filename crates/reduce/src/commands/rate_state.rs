@@ -104,7 +104,7 @@ pub fn write(
     let reduction = reduce(runs, laws, direct_effect)?;
     let tables = tables::tables(&reduction);
     for (name, csv) in &tables {
-        dictionary::write_table(&folder.join(name), csv)?;
+        dictionary::write_table(&folder.join(name), csv, 3)?;
     }
     let drawn = figures::all(&reduction.views(), reduction.fitted[0].best());
     let page = figures::page(

@@ -2,7 +2,7 @@
 
 mod records;
 
-use super::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
+use super::collective::{CollectiveOutcome, IdBlocks, agree, on_root, records_of};
 use super::h5::{self, Attribute, H5File, Word};
 use super::sound;
 use super::text_writer::{self, unwritten};
@@ -124,18 +124,17 @@ fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> 
     };
     let state = |prefix, blocks, grains: &[GrainState], contacts: &[ContactState]| {
         let place = (exchange, prefix, blocks);
-        let grains = of_grains(place, grains, |g| g.id);
-        let contacts = of_contacts(place, contacts, |c| [c.i, c.j]);
-        [Box::new(grains) as Box<dyn List>, Box::new(contacts)]
+        let grains = Box::new(Stretch::new(place, grains)) as Box<dyn List>;
+        [grains, Box::new(Stretch::new(place, contacts))]
     };
     let mut lists = Vec::from(state("", blocks, &snapshot.grains, &snapshot.contacts));
     let place = (exchange, "", blocks);
     if let Some(part) = &snapshot.analysed {
-        lists.push(Box::new(of_grains(place, &part.grains, |g| g.id)));
-        lists.push(Box::new(of_contacts(place, &part.contacts, |c| [c.i, c.j])));
+        lists.push(Box::new(Stretch::new(place, &part.grains)));
+        lists.push(Box::new(Stretch::new(place, &part.contacts)));
     }
     if let Some(displacements) = &snapshot.displacements {
-        lists.push(Box::new(of_grains(place, displacements, |g| g.id)));
+        lists.push(Box::new(Stretch::new(place, displacements)));
     }
     if !snapshot.held.is_empty() {
         let HeldState { grains, contacts } = one_after_another(&snapshot.held, blocks.grains);
@@ -155,9 +154,8 @@ fn part_of(
     folder: &Path,
 ) -> Result<(Option<TempPath>, OsString), Failure> {
     let new = folder.join(NAME);
-    let made = (exchange.rank() == 0).then(|| text_writer::beside(&new));
-    let made = made.transpose().map_err(|e| unwritten(&new, &e));
-    let part = agree(exchange, made)?.map(NamedTempFile::into_temp_path);
+    let made = || text_writer::beside(&new).map_err(|e| unwritten(&new, &e));
+    let part = on_root(exchange, || made().map(Some))?.map(NamedTempFile::into_temp_path);
     let name = part.as_ref().and_then(|part| part.file_name());
     let name = exchange.broadcast(name.unwrap_or_default().as_bytes().to_vec());
     Ok((part, OsString::from_vec(name)))
@@ -179,11 +177,7 @@ fn verify(
     let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
     let pieces = agree(exchange, pieces)?;
     check(exchange, &pieces).map_err(bad)?;
-    let stored = match exchange.rank() {
-        0 => checksums_are(path, attributes).map_err(bad),
-        _ => Ok(()),
-    };
-    agree(exchange, stored)
+    on_root(exchange, || checksums_are(path, attributes).map_err(bad))
 }
 
 /// Compares the checksums of a file with those that were to be written.
@@ -240,33 +234,6 @@ fn apart(
         states[state as usize].contacts.push(c);
     }
     states
-}
-
-/// Returns this rank's block of the grains 0 … N-1, by id. Collective.
-fn of_grains<R: Record>(
-    (exchange, prefix, blocks): (&dyn Parallel, &'static str, IdBlocks),
-    grains: &[R],
-    id: impl Fn(&R) -> u32,
-) -> Stretch<R> {
-    let ids = blocks.range(exchange.rank());
-    let mut records = blocks.redistribute(exchange, grains, &id);
-    records.sort_unstable_by_key(&id);
-    let complete = records.iter().map(|g| u64::from(id(g))).eq(ids.clone());
-    assert!(complete, "a snapshot's grains are not 0 … N-1");
-    Stretch::new(exchange, prefix, (blocks.grains, ids.start), records)
-}
-
-/// Returns the contacts whose lower id is in this rank's block, sorted by their ids. Collective.
-fn of_contacts<R: Record>(
-    (exchange, prefix, blocks): (&dyn Parallel, &'static str, IdBlocks),
-    contacts: &[R],
-    ids: impl Fn(&R) -> [u32; 2],
-) -> Stretch<R> {
-    let mut records = blocks.redistribute(exchange, contacts, |c| ids(c)[0]);
-    records.sort_unstable_by_key(&ids);
-    let length = total(exchange, records.len() as u64);
-    let first = exchange.sum_below(records.len() as u64);
-    Stretch::new(exchange, prefix, (length, first), records)
 }
 
 /// Gives the new checkpoint its name. `checkpoint.h5` exists and is complete at every moment.
@@ -405,22 +372,22 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapsh
 fn check(exchange: &dyn Parallel, pieces: &Pieces) -> Result<(), String> {
     let blocks = pieces.grains.blocks;
     let checked = Checked { exchange, blocks };
-    checked.grains(&pieces.grains, |g| g.id)?;
-    checked.contacts(&pieces.contacts, |c| [c.i, c.j])?;
+    checked.list(&pieces.grains)?;
+    checked.list(&pieces.contacts)?;
     if let Some((grains, contacts)) = &pieces.analysed {
-        checked.grains(grains, |g| g.id)?;
-        checked.contacts(contacts, |c| [c.i, c.j])?;
+        checked.list(grains)?;
+        checked.list(contacts)?;
     }
     if let Some(displacements) = &pieces.displacements {
-        checked.grains(displacements, |g| g.id)?;
+        checked.list(displacements)?;
     }
     let Some((grains, contacts)) = &pieces.held else {
         return Ok(());
     };
     let blocks = grains.blocks;
     let checked = Checked { exchange, blocks };
-    checked.grains(grains, |g| g.id)?;
-    checked.contacts(contacts, |c| [c.i, c.j])
+    checked.list(grains)?;
+    checked.list(contacts)
 }
 
 /// Checks the pieces of all ranks, with the same result on every rank.
@@ -430,26 +397,15 @@ struct Checked<'a> {
 }
 
 impl Checked<'_> {
-    fn grains<R: Record>(&self, piece: &Piece<R>, id: impl Fn(&R) -> u32) -> Result<(), String> {
-        let ids = piece.records.iter().map(|g| u64::from(id(g)));
-        let whole = ids.eq(self.blocks.range(self.exchange.rank()));
-        self.all(piece, whole)
-    }
-
-    fn contacts<R: Record>(
-        &self,
-        piece: &Piece<R>,
-        ids: impl Fn(&R) -> [u32; 2],
-    ) -> Result<(), String> {
-        let records = &piece.records;
-        let pair = |c: &R| ids(c)[0] < ids(c)[1] && u64::from(ids(c)[1]) < self.blocks.grains;
-        self.all(
-            piece,
-            records.iter().all(pair) && records.is_sorted_by_key(ids),
-        )
-    }
-
-    fn all<R: Record>(&self, piece: &Piece<R>, ordered: bool) -> Result<(), String> {
+    fn list<R: Record>(&self, piece: &Piece<R>) -> Result<(), String> {
+        let ids = || piece.records.iter().map(R::ids);
+        let is_pair = |(i, j): (u32, u32)| i < j && u64::from(j) < self.blocks.grains;
+        let ordered = if R::IS_CONTACT {
+            ids().all(is_pair) && ids().is_sorted()
+        } else {
+            let block = self.blocks.range(self.exchange.rank());
+            ids().map(|(id, _)| u64::from(id)).eq(block)
+        };
         if hex(checksum(self.exchange, &piece.records)) != piece.sum {
             return Err(format!(
                 "damaged: the checksum of its {} differs from the stored one",
@@ -573,10 +529,7 @@ fn piece<R: Record>(
     (file, prefix, rank, ranks): (&hdf5::File, &str, usize, usize),
 ) -> Result<Piece<R>, String> {
     let blocks = IdBlocks {
-        grains: length(
-            file,
-            &format!("{prefix}{}/{}", R::GROUP, R::integers()[0].name),
-        )?,
+        grains: length(file, &format!("{prefix}{}/{}", R::GROUP, R::FIELDS[0].name))?,
         ranks: ranks as u64,
     };
     Ok(Piece {

@@ -1,64 +1,62 @@
 //! Records of a checkpoint and their fields, each of which is a dataset.
 
-use crate::collective::CollectiveOutcome;
+use crate::collective::{CollectiveOutcome, IdBlocks};
 use crate::h5::{H5File, Slab};
-use bytemuck::Pod;
+use bytemuck::{Pod, bytes_of, bytes_of_mut, cast_slice};
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactForce, ContactState, Displacement, GrainPosition, GrainState};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
+use std::mem::offset_of;
 use std::ops::Range;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// A field of a record: name, numbers per record, getter and setter.
-pub(super) struct Field<R, T> {
+/// What the values of a field are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Values {
+    /// u32
+    Id,
+    /// f64
+    Number,
+    /// i64
+    Signed,
+    /// f64 of a list in which one of them is not 0; else there is no dataset.
+    WhereNotZero,
+    /// u64 of such a list.
+    WholeWhereNotZero,
+}
+
+impl Values {
+    fn may_lack(self) -> bool {
+        matches!(self, Values::WhereNotZero | Values::WholeWhereNotZero)
+    }
+}
+
+/// A field of a record: name, what it holds and how many, and its first byte in the record.
+pub(super) struct Field {
     pub name: &'static str,
+    values: Values,
     width: usize,
-    get: fn(&R) -> &[T],
-    set: fn(&mut R) -> &mut [T],
+    at: usize,
 }
 
-/// A field that is stored only where it is needed.
-pub(super) enum Optional<R> {
-    Number(Field<R, f64>),
-    Whole(Field<R, u64>),
-}
-
-impl<R> Optional<R> {
-    /// Its name and its bytes per record.
-    fn size(&self) -> (&'static str, usize) {
-        match self {
-            Self::Number(field) => (field.name, 8 * field.width),
-            Self::Whole(field) => (field.name, 8 * field.width),
-        }
+impl Field {
+    /// The values of a record.
+    fn of<'r, R: Record, T: Pod>(&self, record: &'r R) -> &'r [T] {
+        cast_slice(&bytes_of(record)[self.at..][..self.width * size_of::<T>()])
     }
 
-    fn is_zero(&self, r: &R) -> bool {
-        match self {
-            Self::Number(field) => (field.get)(r).iter().all(|x| x.to_bits() == 0),
-            Self::Whole(field) => (field.get)(r).iter().all(|n| *n == 0),
-        }
+    fn set<R: Record, T: Pod>(&self, record: &mut R, values: &[T]) {
+        let bytes: &[u8] = cast_slice(values);
+        bytes_of_mut(record)[self.at..][..bytes.len()].copy_from_slice(bytes);
     }
-}
 
-macro_rules! field {
-    ($record:ty, $name:ident, number) => {
-        Field {
-            name: stringify!($name),
-            width: 1,
-            get: |r: &$record| std::slice::from_ref(&r.$name),
-            set: |r: &mut $record| std::slice::from_mut(&mut r.$name),
-        }
-    };
-    ($record:ty, $name:ident, $width:literal) => {
-        Field {
-            name: stringify!($name),
-            width: $width,
-            get: |r: &$record| &r.$name[..],
-            set: |r: &mut $record| &mut r.$name[..],
-        }
-    };
+    /// The shape of its dataset.
+    fn shape(&self, records: u64) -> Vec<usize> {
+        let shape = [records as usize, self.width];
+        shape[..if self.width == 1 { 1 } else { 2 }].to_vec()
+    }
 }
 
 /// A record of a checkpoint. Its fields are stored as the datasets of one group.
@@ -68,133 +66,95 @@ pub(super) trait Record: Pod {
     const NAME: &'static str;
     /// Attribute with the checksum of all records.
     const CHECKSUM: &'static str;
-    fn integers() -> Vec<Field<Self, u32>>;
-    fn numbers() -> Vec<Field<Self, f64>>;
-    fn signed() -> Vec<Field<Self, i64>> {
-        Vec::new()
-    }
-    /// What its checksum is of.
+    const FIELDS: &'static [Field];
+    /// Whether it is of a pair of grains.
+    const IS_CONTACT: bool;
+    /// The ids of the pair, or twice that of the grain.
+    fn ids(&self) -> (u32, u32);
+
+    /// What its checksum is of: a whole number at its end that is 0 adds nothing.
     fn hashed(&self) -> &[u8] {
-        bytemuck::bytes_of(self)
-    }
-    /// Fields that are stored where one of them is not 0.
-    fn where_not_zero() -> Vec<Optional<Self>> {
-        Vec::new()
+        let is_none = |f: &&Field| {
+            f.values == Values::WholeWhereNotZero && f.of::<Self, u64>(self).iter().all(|n| *n == 0)
+        };
+        let end = Self::FIELDS.iter().find(is_none).map(|field| field.at);
+        &bytes_of(self)[..end.unwrap_or(size_of::<Self>())]
     }
 }
 
-impl Record for GrainState {
-    const GROUP: &'static str = "grains";
-    const NAME: &'static str = "grains";
-    const CHECKSUM: &'static str = "checksum_grains";
+macro_rules! record {
+    (
+        $record:ty, $group:literal, $name:literal, $checksum:literal, $i:ident, $j:ident:
+        $($values:ident $field:ident $width:literal;)+
+    ) => {
+        impl Record for $record {
+            const GROUP: &'static str = $group;
+            const NAME: &'static str = $name;
+            const CHECKSUM: &'static str = $checksum;
+            const FIELDS: &'static [Field] = &[$(Field {
+                name: stringify!($field),
+                values: Values::$values,
+                width: $width,
+                at: offset_of!($record, $field),
+            }),+];
+            const IS_CONTACT: bool = offset_of!($record, $i) != offset_of!($record, $j);
 
-    fn integers() -> Vec<Field<Self, u32>> {
-        vec![field!(Self, id, number), field!(Self, body, number)]
-    }
-
-    fn numbers() -> Vec<Field<Self, f64>> {
-        vec![
-            field!(Self, position, 3),
-            field!(Self, velocity, 3),
-            field!(Self, angular_velocity, 3),
-            field!(Self, radius, number),
-            field!(Self, force, 3),
-            field!(Self, torque, 3),
-        ]
-    }
-
-    fn signed() -> Vec<Field<Self, i64>> {
-        vec![field!(Self, image, 3)]
-    }
-
-    fn where_not_zero() -> Vec<Optional<Self>> {
-        vec![Optional::Whole(field!(Self, material, number))]
-    }
-
-    /// The first material adds nothing.
-    fn hashed(&self) -> &[u8] {
-        let all = bytemuck::bytes_of(self);
-        match self.material {
-            0 => &all[..std::mem::offset_of!(Self, material)],
-            _ => all,
+            fn ids(&self) -> (u32, u32) {
+                (self.$i, self.$j)
+            }
         }
-    }
+    };
 }
 
-impl Record for ContactState {
-    const GROUP: &'static str = "contacts";
-    const NAME: &'static str = "contacts";
-    const CHECKSUM: &'static str = "checksum_contacts";
-
-    fn integers() -> Vec<Field<Self, u32>> {
-        vec![field!(Self, i, number), field!(Self, j, number)]
-    }
-
-    fn numbers() -> Vec<Field<Self, f64>> {
-        vec![field!(Self, history, 3)]
-    }
-
-    /// Of spheres that resist rolling or twisting.
-    fn where_not_zero() -> Vec<Optional<Self>> {
-        vec![Optional::Number(field!(Self, torques, 4))]
-    }
-
-    fn signed() -> Vec<Field<Self, i64>> {
-        vec![field!(Self, limits, number)]
-    }
+record! {
+    GrainState, "grains", "grains", "checksum_grains", id, id:
+    Id id 1;
+    Id body 1;
+    Number position 3;
+    Number velocity 3;
+    Number angular_velocity 3;
+    Number radius 1;
+    Number force 3;
+    Number torque 3;
+    Signed image 3;
+    WholeWhereNotZero material 1;
 }
 
-impl Record for GrainPosition {
-    const GROUP: &'static str = "analysed/grains";
-    const NAME: &'static str = "grains of the analysed frame";
-    const CHECKSUM: &'static str = "checksum_analysed_grains";
-
-    fn integers() -> Vec<Field<Self, u32>> {
-        vec![field!(Self, id, number), field!(Self, body, number)]
-    }
-
-    fn numbers() -> Vec<Field<Self, f64>> {
-        vec![field!(Self, position, 2)]
-    }
-
-    fn signed() -> Vec<Field<Self, i64>> {
-        vec![field!(Self, image, number)]
-    }
+record! {
+    ContactState, "contacts", "contacts", "checksum_contacts", i, j:
+    Id i 1;
+    Id j 1;
+    Number history 3;
+    Signed limits 1;
+    // Of spheres that resist rolling or twisting.
+    WhereNotZero torques 4;
 }
 
-impl Record for ContactForce {
-    const GROUP: &'static str = "analysed/contacts";
-    const NAME: &'static str = "contacts of the analysed frame";
-    const CHECKSUM: &'static str = "checksum_analysed_contacts";
-
-    fn integers() -> Vec<Field<Self, u32>> {
-        vec![field!(Self, i, number), field!(Self, j, number)]
-    }
-
-    fn numbers() -> Vec<Field<Self, f64>> {
-        vec![
-            field!(Self, normal_force, number),
-            field!(Self, tangential_force, number),
-        ]
-    }
+record! {
+    GrainPosition, "analysed/grains", "grains of the analysed frame",
+    "checksum_analysed_grains", id, id:
+    Id id 1;
+    Id body 1;
+    Number position 2;
+    Signed image 1;
 }
 
-impl Record for Displacement {
-    const GROUP: &'static str = "travels";
-    const NAME: &'static str = "displacements";
-    const CHECKSUM: &'static str = "checksum_travels";
+record! {
+    ContactForce, "analysed/contacts", "contacts of the analysed frame",
+    "checksum_analysed_contacts", i, j:
+    Id i 1;
+    Id j 1;
+    Number normal_force 1;
+    Number tangential_force 1;
+}
 
-    fn integers() -> Vec<Field<Self, u32>> {
-        vec![field!(Self, id, number), field!(Self, body, number)]
-    }
-
-    fn numbers() -> Vec<Field<Self, f64>> {
-        vec![field!(Self, start, 3), field!(Self, angle, 3)]
-    }
-
-    fn signed() -> Vec<Field<Self, i64>> {
-        vec![field!(Self, image, 3)]
-    }
+record! {
+    Displacement, "travels", "displacements", "checksum_travels", id, id:
+    Id id 1;
+    Id body 1;
+    Number start 3;
+    Number angle 3;
+    Signed image 3;
 }
 
 pub(super) fn write_one<T: H5Type + Copy>(
@@ -209,49 +169,54 @@ pub(super) fn write_one<T: H5Type + Copy>(
     file.dataset::<T>(name, shape, None)?.write(slab, local)
 }
 
-fn write_column<R: Record, T: H5Type + Copy>(
-    file: &H5File,
-    list: &Stretch<R>,
-    field: &Field<R, T>,
-) -> Result<(), Failure> {
-    let values: Vec<T> = list.records.iter().flat_map(field.get).copied().collect();
-    let name = format!("{}{}/{}", list.prefix, R::GROUP, field.name);
-    let shape = [list.length as usize, field.width];
-    let shape = &shape[..if field.width == 1 { 1 } else { 2 }];
-    write_one(file, &name, shape, list.first, &values)
-}
-
 /// One rank's part of a list of records.
 pub(super) struct Stretch<R> {
     /// Before the names of the list's group and checksum.
-    pub prefix: &'static str,
+    prefix: &'static str,
     /// Length of the whole list.
-    pub length: u64,
+    length: u64,
     /// Number of records before the stretch.
-    pub first: u64,
-    pub records: Vec<R>,
-    /// Whether a rank has one of [`Record::where_not_zero`].
+    first: u64,
+    records: Vec<R>,
+    /// Whether a rank has a value that may lack and is not 0.
     not_zero: bool,
 }
 
 impl<R: Record> Stretch<R> {
-    /// Collective.
+    /// Collects the records of this rank's block of `blocks`, in the order of their ids: grains,
+    /// which must be 0 … N-1, or contacts by their lower id. Collective.
     pub fn new(
-        exchange: &dyn Parallel,
-        prefix: &'static str,
-        (length, first): (u64, u64),
-        records: Vec<R>,
+        (exchange, prefix, blocks): (&dyn Parallel, &'static str, IdBlocks),
+        records: &[R],
     ) -> Self {
-        let fields = R::where_not_zero();
-        let of = |r: &R| !fields.iter().all(|field| field.is_zero(r));
-        let not_zero = u64::from(records.iter().any(of));
+        let ids = blocks.range(exchange.rank());
+        let mut records = blocks.redistribute(exchange, records, |r| r.ids().0);
+        records.sort_unstable_by_key(R::ids);
+        let (length, first) = if R::IS_CONTACT {
+            let here = records.len() as u64;
+            (total(exchange, here), exchange.sum_below(here))
+        } else {
+            let found = records.iter().map(|r| u64::from(r.ids().0));
+            assert!(found.eq(ids.clone()), "a snapshot's grains are not 0 … N-1");
+            (blocks.grains, ids.start)
+        };
+        let rare = || R::FIELDS.iter().filter(|f| f.values.may_lack());
+        let is_set = |r: &R| rare().any(|f| f.of::<R, u64>(r).iter().any(|bits| *bits != 0));
+        let is_set = u64::from(records.iter().any(is_set));
         Self {
             prefix,
             length,
             first,
-            not_zero: !fields.is_empty() && total(exchange, not_zero) > 0,
+            not_zero: rare().count() > 0 && total(exchange, is_set) > 0,
             records,
         }
+    }
+
+    fn write_field<T: H5Type + Pod>(&self, file: &H5File, field: &Field) -> Result<(), Failure> {
+        let values = self.records.iter().flat_map(|r| field.of::<R, T>(r));
+        let values: Vec<T> = values.copied().collect();
+        let name = format!("{}{}/{}", self.prefix, R::GROUP, field.name);
+        write_one(file, &name, &field.shape(self.length), self.first, &values)
     }
 }
 
@@ -279,20 +244,15 @@ impl<R: Record> List for Stretch<R> {
 
     fn write(&self, file: &H5File, outcome: &mut CollectiveOutcome) {
         outcome.note(file.group(&format!("{}{}", self.prefix, R::GROUP)));
-        for field in R::integers() {
-            outcome.note(write_column(file, self, &field));
-        }
-        for field in R::numbers() {
-            outcome.note(write_column(file, self, &field));
-        }
-        for field in R::signed() {
-            outcome.note(write_column(file, self, &field));
-        }
-        for field in R::where_not_zero().iter().filter(|_| self.not_zero) {
-            outcome.note(match field {
-                Optional::Number(field) => write_column(file, self, field),
-                Optional::Whole(field) => write_column(file, self, field),
-            });
+        for field in R::FIELDS {
+            match field.values {
+                Values::Id => outcome.note(self.write_field::<u32>(file, field)),
+                Values::Number => outcome.note(self.write_field::<f64>(file, field)),
+                Values::Signed => outcome.note(self.write_field::<i64>(file, field)),
+                _ if !self.not_zero => {}
+                Values::WhereNotZero => outcome.note(self.write_field::<f64>(file, field)),
+                Values::WholeWhereNotZero => outcome.note(self.write_field::<u64>(file, field)),
+            }
         }
     }
 }
@@ -319,9 +279,9 @@ pub(super) fn read_records<R: Record>(
     all: u64,
     local: Range<u64>,
 ) -> Result<Vec<R>, String> {
-    fn fill<R: Record, T: H5Type + Copy>(
+    fn fill<R: Record, T: H5Type + Pod>(
         (file, prefix): (&hdf5::File, &str),
-        field: &Field<R, T>,
+        field: &Field,
         all: u64,
         local: &Range<u64>,
         records: &mut [R],
@@ -329,8 +289,7 @@ pub(super) fn read_records<R: Record>(
         let name = format!("{prefix}{}/{}", R::GROUP, field.name);
         let damaged = |why: &dyn std::fmt::Display| format!("damaged: {name} ({why})");
         let dataset = file.dataset(&name).map_err(|e| damaged(&e))?;
-        let shape = [all as usize, field.width];
-        if dataset.shape() != shape[..if field.width == 1 { 1 } else { 2 }] {
+        if dataset.shape() != field.shape(all) {
             return Err(damaged(&format!("its shape is {:?}", dataset.shape())));
         }
         let rows = local.start as usize..local.end as usize;
@@ -345,11 +304,12 @@ pub(super) fn read_records<R: Record>(
         }
         .map_err(|e| damaged(&e))?;
         for (record, values) in records.iter_mut().zip(values.chunks_exact(field.width)) {
-            (field.set)(record).copy_from_slice(values);
+            field.set(record, values);
         }
         Ok(())
     }
-    let optional: usize = R::where_not_zero().iter().map(|field| field.size().1).sum();
+    let rare = R::FIELDS.iter().filter(|f| f.values.may_lack());
+    let optional: usize = rare.map(|field| 8 * field.width).sum();
     if all.saturating_mul((size_of::<R>() - optional) as u64) > file.size() {
         return Err(format!(
             "damaged: {} has more rows than the file can hold",
@@ -357,24 +317,17 @@ pub(super) fn read_records<R: Record>(
         ));
     }
     let mut records = vec![R::zeroed(); (local.end - local.start) as usize];
-    let file = (file, prefix);
-    for field in R::integers() {
-        fill(file, &field, all, &local, &mut records)?;
-    }
-    for field in R::numbers() {
-        fill(file, &field, all, &local, &mut records)?;
-    }
-    for field in R::signed() {
-        fill(file, &field, all, &local, &mut records)?;
-    }
-    for field in R::where_not_zero() {
-        let (file, prefix) = file;
-        if !file.link_exists(&format!("{prefix}{}/{}", R::GROUP, field.size().0)) {
-            continue;
-        }
-        match field {
-            Optional::Number(field) => fill((file, prefix), &field, all, &local, &mut records)?,
-            Optional::Whole(field) => fill((file, prefix), &field, all, &local, &mut records)?,
+    let from = (file, prefix);
+    for field in R::FIELDS {
+        let name = format!("{prefix}{}/{}", R::GROUP, field.name);
+        match field.values {
+            Values::Id => fill::<R, u32>(from, field, all, &local, &mut records)?,
+            Values::Signed => fill::<R, i64>(from, field, all, &local, &mut records)?,
+            of if of.may_lack() && !file.link_exists(&name) => {}
+            Values::WholeWhereNotZero => fill::<R, u64>(from, field, all, &local, &mut records)?,
+            Values::Number | Values::WhereNotZero => {
+                fill::<R, f64>(from, field, all, &local, &mut records)?;
+            }
         }
     }
     Ok(records)

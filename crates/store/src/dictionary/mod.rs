@@ -73,34 +73,27 @@ pub fn write_metadata(
     }
 }
 
-/// Writes a table of the reducer and its metadata.
+/// Writes a table of the reducer of a run in `axes` dimensions, and its metadata.
 ///
 /// # Errors
-/// [`Failure::Other`] if a file cannot be written.
-pub fn write_table(path: &Path, csv: &str) -> Result<(), Failure> {
-    // None of its columns is a force or an energy, so the dimension does not matter.
-    write_table_in(3, path, csv)
-}
-
-/// [`write_table`] of a run in `axes` dimensions.
-///
-/// # Errors
-/// [`Failure::Other`] if a file cannot be written.
-pub fn write_table_in(axes: usize, path: &Path, csv: &str) -> Result<(), Failure> {
-    text_writer::write(path, csv)?;
-    let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
+/// If a file cannot be written.
+pub fn write_table(path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
     let kind = path.file_name().unwrap_or_default().to_string_lossy();
-    write_metadata(&kind, path, &names, axes)
+    write_described(&kind, path, csv, axes)
 }
 
 /// Writes the data of a figure of a run in `axes` dimensions, and its metadata.
 ///
 /// # Errors
-/// [`Failure::Other`] if a file cannot be written.
+/// If a file cannot be written.
 pub fn write_figure_data(path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
+    write_described(OF_FIGURES, path, csv, axes)
+}
+
+fn write_described(kind: &str, path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
     text_writer::write(path, csv)?;
     let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
-    write_metadata(OF_FIGURES, path, &names, axes)
+    write_metadata(kind, path, &names, axes)
 }
 
 /// Of the name of metadata, after that of its table.

@@ -1,7 +1,7 @@
 //! HDF5 files written by all ranks together. The `hdf5` crate has no collective transfers, so this
 //! module calls the C library for them; it holds the only unsafe code of this crate.
 
-use super::collective::{CollectiveOutcome, agree};
+use super::collective::{CollectiveOutcome, agree, on_root};
 use super::parameter::{Parameter, attributes};
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::{LoneFailure, Parallel};
@@ -146,15 +146,14 @@ impl H5File {
     pub fn create(path: &Path, exchange: &dyn Parallel) -> Result<Self, Failure> {
         // One rank makes an empty file: where ranks create one together and a call of one of them
         // fails, MPI-IO leaves them waiting for each other.
-        let made = match exchange.rank() {
-            0 => (hdf5::File::with_options().with_fapl(|access| access.libver_v18()))
+        let made = on_root(exchange, || {
+            (hdf5::File::with_options().with_fapl(|access| access.libver_v18()))
                 .create(path)
                 .and_then(hdf5::File::close)
-                .map_err(|e| Failure::other(format!("{}: cannot create: {e}", path.display()))),
-            _ => Ok(()),
-        };
+                .map_err(|e| Failure::other(format!("{}: cannot create: {e}", path.display())))
+        });
         // It may be the close that failed.
-        agree(exchange, made).inspect_err(|_| LEFT_OPEN.store(true, Ordering::Relaxed))?;
+        made.inspect_err(|_| LEFT_OPEN.store(true, Ordering::Relaxed))?;
         Self::open(path, exchange)
     }
 
@@ -394,9 +393,7 @@ impl H5File {
             0 => room::reserve(&self.context.path, from, to),
             _ => Ok(()),
         };
-        let mut outcome = CollectiveOutcome::default();
-        outcome.note(reserved);
-        self.agree(exchange, outcome)
+        self.agree(exchange, CollectiveOutcome::of(reserved))
     }
 
     /// Agrees on the failures of the calls so far. After a failure on any rank, no rank closes the
@@ -489,9 +486,8 @@ pub fn probe(folder: &Path, exchange: &dyn Parallel) -> Result<(), Failure> {
     };
     let tried = (|| {
         let file = H5File::create(&path, exchange).map_err(|why| unfit(&why))?;
-        let mut outcome = CollectiveOutcome::default();
-        outcome.note(file.attribute("/", "probe", &Attribute::Count(1)));
-        file.agree(exchange, outcome)?;
+        let probed = file.attribute("/", "probe", &Attribute::Count(1));
+        file.agree(exchange, CollectiveOutcome::of(probed))?;
         file.close(exchange)?;
         // Each rank with the serial driver, as checkpoints are read.
         let read = hdf5::File::open(&path).and_then(|file| file.attr("probe"));
@@ -546,7 +542,12 @@ pub fn walk(file: &hdf5::File) -> hdf5::Result<()> {
     below(file, DEEPEST)
 }
 
-fn set_attribute(location: &Location, name: &str, value: &Attribute) -> hdf5::Result<()> {
+/// Writes an attribute, replacing one of the same name.
+pub(crate) fn set_attribute(
+    location: &Location,
+    name: &str,
+    value: &Attribute,
+) -> hdf5::Result<()> {
     if location.attr_names()?.iter().any(|n| n == name) {
         location.delete_attr(name)?;
     }

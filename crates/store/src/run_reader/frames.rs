@@ -1,15 +1,16 @@
 //! Frames of a run, read on demand.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
-use hdf5::{Dataset, H5Type};
-use ndarray::{Ix1, Ix2, Ix3, s};
+use bytemuck::Zeroable;
+use hdf5::{Dataset, H5Type, Hyperslab, SliceOrIndex};
+use ndarray::IxDyn;
 
 use super::open_file::one_line;
-use super::verify::Pairs;
 use super::{FrameFields, RunFile};
-use crate::checksums;
+use crate::checksums::{self, ContactWeights};
+use crate::contact_quantities::{ContactQuantity, of_contacts};
+use crate::layout::Kind;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample, Image};
 use gshear_scene::Dimensions;
@@ -20,73 +21,38 @@ pub(super) struct ContactValues {
     first: usize,
     i: Vec<u32>,
     j: Vec<u32>,
-    normal_force: Vec<f64>,
-    tangential_force: Vec<[f64; 3]>,
-    tangential_history: Vec<[f64; 3]>,
-    /// Of disks.
-    rolling_history: Vec<f64>,
-    /// Of spheres.
-    rolling_torque: Vec<[f64; 3]>,
-    twisting_history: Vec<f64>,
-    overlap: Vec<f64>,
-    sliding: Vec<u8>,
-    rolling: Vec<u8>,
-    twisting: Vec<u8>,
+    /// Each with the number of values of a contact.
+    numbers: Vec<(&'static ContactQuantity, usize, Vec<f64>)>,
+    flags: Vec<(&'static ContactQuantity, Vec<u8>)>,
 }
 
 impl ContactValues {
     pub(super) fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
-        let of = |values: &[f64], k: usize| values.get(k).copied().unwrap_or(0.0);
-        let flag = |flags: &[u8], k: usize| flags.get(k).map_or(0, |flag| u64::from(*flag));
-        let contact = |k: usize| ContactSample {
-            i: self.i[k],
-            j: self.j[k],
-            normal_force: of(&self.normal_force, k),
-            tangential_force: self.tangential_force.get(k).copied().unwrap_or_default(),
-            tangential_history: self.tangential_history.get(k).copied().unwrap_or_default(),
-            rolling_history: of(&self.rolling_history, k),
-            overlap: of(&self.overlap, k),
-            sliding: flag(&self.sliding, k),
-            rolling: flag(&self.rolling, k),
-            torques: {
-                let [x, y, z] = self.rolling_torque.get(k).copied().unwrap_or_default();
-                [x, y, z, of(&self.twisting_history, k)]
-            },
-            twisting: flag(&self.twisting, k),
+        let contact = |k: usize| {
+            let mut contact = ContactSample {
+                i: self.i[k],
+                j: self.j[k],
+                ..ContactSample::zeroed()
+            };
+            for (of, width, values) in &self.numbers {
+                of.set_numbers(&mut contact, &values[k * width..][..*width]);
+            }
+            for (of, flags) in &self.flags {
+                of.set_flag(&mut contact, flags[k]);
+            }
+            contact
         };
         (rows.start - self.first..rows.end - self.first)
             .map(contact)
             .collect()
     }
+}
 
-    /// The columns of numbers: name, values, numbers per contact, and with which fields they are
-    /// read.
-    fn numbers(&self, planar: bool) -> [(&'static str, Cow<'_, [f64]>, usize, FrameFields); 6] {
-        let spins = if planar { 1 } else { 3 };
-        let flat = |vectors: &[[f64; 3]]| -> Cow<'_, [f64]> {
-            let of_each = vectors.iter().flat_map(|v| v[..spins].iter().copied());
-            Cow::Owned(of_each.collect())
-        };
-        let rolling = if planar {
-            Cow::Borrowed(&self.rolling_history[..])
-        } else {
-            flat(&self.rolling_torque)
-        };
-        let (force, history) = (flat(&self.tangential_force), flat(&self.tangential_history));
-        let (forces, all) = (FrameFields::Forces, FrameFields::All);
-        [
-            ("normal_force", Cow::Borrowed(&self.normal_force), 1, forces),
-            ("tangential_force", force, spins, forces),
-            ("tangential_history", history, spins, all),
-            ("rolling_history", rolling, spins, all),
-            (
-                "twisting_history",
-                Cow::Borrowed(&self.twisting_history),
-                1,
-                all,
-            ),
-            ("overlap", Cow::Borrowed(&self.overlap), 1, all),
-        ]
+/// The fields with which a quantity is read.
+fn least_fields(of: &ContactQuantity) -> FrameFields {
+    match of.column.name {
+        "normal_force" | "tangential_force" => FrameFields::Forces,
+        _ => FrameFields::All,
     }
 }
 
@@ -98,15 +64,14 @@ impl RunFile {
     pub fn records(&self, range: Range<usize>) -> Result<Vec<FrameRecords>, Failure> {
         let mut position = self.vectors(&self.position, &range)?.into_iter();
         let mut velocity = self.vectors(&self.velocity, &range)?.into_iter();
-        let mut angular_velocity = match self.dimension {
+        let spins = match self.dimension {
             Dimensions::Two => {
-                let spins = self.spins(&range)?.into_iter().flatten();
-                let about_z = spins.map(|w| [0.0, 0.0, w]);
-                about_z.collect()
+                let spins = self.numbers(&self.angular_velocity, &range)?;
+                spins.into_iter().map(|w| [0.0, 0.0, w]).collect()
             }
             Dimensions::Three => self.vectors(&self.angular_velocity, &range)?,
-        }
-        .into_iter();
+        };
+        let mut angular_velocity = spins.into_iter();
         let mut image = self.images(&range)?.into_iter();
         let contacts = self.contacts(&range, FrameFields::All)?;
         let frame = |t: usize| FrameRecords {
@@ -132,42 +97,8 @@ impl RunFile {
         dataset: &Dataset,
         range: &Range<usize>,
     ) -> Result<Vec<[f64; 3]>, Failure> {
-        let values = dataset
-            .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
-            .map_err(|e| self.damaged(dataset, &e))?;
-        let (values, _) = values.into_raw_vec_and_offset();
-        self.verify_grains(dataset, range, &values)?;
+        let values = self.numbers(dataset, range)?;
         Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
-    }
-
-    /// Reads the positions of a range of frames within 0 … T, `[frames][N]` (m).
-    ///
-    /// # Errors
-    /// [`Failure::Input`] if the file is damaged.
-    pub fn positions(&self, range: Range<usize>) -> Result<Vec<Vec<[f64; 3]>>, Failure> {
-        let all = self.vectors(&self.position, &range)?;
-        let of_frame = self.grains.count().max(1);
-        let mut frames: Vec<_> = all.chunks(of_frame).map(<[_]>::to_vec).collect();
-        frames.resize(range.len(), Vec::new());
-        Ok(frames)
-    }
-
-    /// Reads [`RunFile::positions`] with the images added, so that nothing jumps at the seams.
-    ///
-    /// # Errors
-    /// [`Failure::Input`] if the file is damaged.
-    pub fn unwrapped(&self, range: Range<usize>) -> Result<Vec<Vec<[f64; 3]>>, Failure> {
-        let mut frames = self.positions(range.clone())?;
-        let images = self.images(&range)?;
-        let places = frames.iter_mut().flatten().zip(images);
-        let of_frame = self.grains.count().max(1);
-        for (k, (place, image)) in places.enumerate() {
-            let edges = self.box_edges(range.start + k / of_frame);
-            for (edge, many) in edges.iter().zip(image) {
-                (place.iter_mut().zip(edge)).for_each(|(x, side)| *x += many as f64 * side);
-            }
-        }
-        Ok(frames)
     }
 
     /// Returns whether the file has the flags of rolling at its limit: files of disks, and of
@@ -183,11 +114,7 @@ impl RunFile {
 
     /// Reads the images of some frames, all grains of a frame after the other.
     fn images(&self, range: &Range<usize>) -> Result<Vec<Image>, Failure> {
-        let dataset = &self.image;
-        let values = dataset
-            .read_slice::<i32, _, Ix3>(s![range.start..range.end, .., ..])
-            .map_err(|e| self.damaged(dataset, &e))?;
-        let (values, _) = values.into_raw_vec_and_offset();
+        let values: Vec<i32> = self.read(&self.image, range)?;
         let weights = checksums::weights(0, 3 * self.grains.count());
         for (t, of_frame) in (range.clone()).zip(values.chunks(3 * self.grains.count())) {
             self.verify(t, "image", checksums::of_images(&weights, of_frame))?;
@@ -196,37 +123,29 @@ impl RunFile {
         Ok(images.map(|v| [v[0], v[1], v[2]].map(i64::from)).collect())
     }
 
-    /// Reads ω of disks, `[frames][N]`.
-    fn spins(&self, range: &Range<usize>) -> Result<Vec<Vec<f64>>, Failure> {
-        let values = self
-            .angular_velocity
-            .read_slice::<f64, _, Ix2>(s![range.start..range.end, ..])
-            .map_err(|e| self.damaged(&self.angular_velocity, &e))?;
-        let (values, _) = values.into_raw_vec_and_offset();
-        self.verify_grains(&self.angular_velocity, range, &values)?;
-        let of_frame = self.grains.count();
-        Ok(values.chunks(of_frame).map(<[f64]>::to_vec).collect())
-    }
-
-    /// Compares what has been read of grains, frame by frame, with its checksums.
-    fn verify_grains(
-        &self,
-        dataset: &Dataset,
-        range: &Range<usize>,
-        values: &[f64],
-    ) -> Result<(), Failure> {
+    /// Reads the values of a dataset of grains for some frames, in order, and compares them, frame
+    /// by frame, with their checksums.
+    fn numbers(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<f64>, Failure> {
+        let values: Vec<f64> = self.read(dataset, range)?;
         let name = dataset.name();
         let column = name.trim_end_matches("/value").rsplit('/').next();
         let of_frame = (values.len() / range.len().max(1)).max(1);
         let weights = checksums::weights(0, of_frame);
         for (t, values) in range.clone().zip(values.chunks(of_frame)) {
-            self.verify(
-                t,
-                column.unwrap_or_default(),
-                checksums::of_numbers(&weights, values),
-            )?;
+            let found = checksums::of_numbers(&weights, values);
+            self.verify(t, column.unwrap_or_default(), found)?;
         }
-        Ok(())
+        Ok(values)
+    }
+
+    /// Reads some frames of a dataset of grains, or some rows of one of contacts, all values in
+    /// order.
+    fn read<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
+        let mut slab = vec![SliceOrIndex::from(rows.clone())];
+        slab.resize(dataset.ndim(), SliceOrIndex::from(..));
+        let values = dataset.read_slice::<T, _, IxDyn>(Hyperslab::from(slab));
+        let values = values.map_err(|e| self.damaged(dataset, &e))?;
+        Ok(values.into_raw_vec_and_offset().0)
     }
 
     /// Reads frame t < T of disks.
@@ -261,15 +180,16 @@ impl RunFile {
             )));
         }
         let mut position = self.planar(&self.position, &range)?.into_iter();
+        let of_frame = self.grains.count().max(1);
         let images = self.images(&range)?;
-        let mut images = images.chunks(self.grains.count().max(1));
-        let (mut velocity, mut angular_velocity) = (Vec::new(), Vec::new());
+        let mut images = images.chunks(of_frame);
+        let (mut velocity, mut spins) = (Vec::new(), Vec::new());
         if fields == FrameFields::All {
             velocity = self.planar(&self.velocity, &range)?;
-            angular_velocity = self.spins(&range)?;
+            spins = self.numbers(&self.angular_velocity, &range)?;
         }
-        let (mut velocity, mut angular_velocity) =
-            (velocity.into_iter(), angular_velocity.into_iter());
+        let mut velocity = velocity.into_iter();
+        let mut spins = spins.chunks(of_frame).map(<[f64]>::to_vec);
         let contacts = self.contacts(&range, fields)?;
         let frame = |t: usize| Frame {
             step: self.step[t],
@@ -277,12 +197,9 @@ impl RunFile {
             position: position.next().unwrap_or_default(),
             image: images
                 .next()
-                .unwrap_or_default()
-                .iter()
-                .map(|i| i[0])
-                .collect(),
+                .map_or_else(Vec::new, |of| of.iter().map(|i| i[0]).collect()),
             velocity: velocity.next().unwrap_or_default(),
-            angular_velocity: angular_velocity.next().unwrap_or_default(),
+            angular_velocity: spins.next().unwrap_or_default(),
             contacts: contacts.of_rows(self.rows(t..t + 1)),
         };
         Ok(range.map(frame).collect())
@@ -294,23 +211,8 @@ impl RunFile {
         dataset: &Dataset,
         range: &Range<usize>,
     ) -> Result<Vec<Vec<[f64; 2]>>, Failure> {
-        let values = dataset
-            .read_slice::<f64, _, Ix3>(s![range.start..range.end, .., ..])
-            .map_err(|e| self.damaged(dataset, &e))?;
-        let (values, _) = values.into_raw_vec_and_offset();
-        self.verify_grains(dataset, range, &values)?;
-        let mut planar = true;
-        let frame = |t: usize| {
-            let of_frame = 3 * self.grains.count();
-            let rows = values[t * of_frame..(t + 1) * of_frame].chunks_exact(3);
-            let of_row = |row: &[f64]| {
-                planar &= row[2] == 0.0;
-                [row[0], row[1]]
-            };
-            rows.map(of_row).collect()
-        };
-        let frames = (0..range.len()).map(frame).collect();
-        if !planar {
+        let values = self.vectors(dataset, range)?;
+        if values.iter().any(|[.., z]| *z != 0.0) {
             let name = dataset.name();
             return Err(Failure::input(format!(
                 "{}: {}: z is not 0: only 2D runs can be reduced",
@@ -318,7 +220,11 @@ impl RunFile {
                 &name[1..]
             )));
         }
-        Ok(frames)
+        let planar = |frame: &[[f64; 3]]| frame.iter().map(|[x, y, _]| [*x, *y]).collect();
+        Ok(values
+            .chunks(self.grains.count().max(1))
+            .map(planar)
+            .collect())
     }
 
     /// Returns how many frames to read at a time so that a block stays near 16 MiB. The allocator
@@ -341,58 +247,35 @@ impl RunFile {
         frames: &Range<usize>,
         fields: FrameFields,
     ) -> Result<ContactValues, Failure> {
-        let rows = self.rows(frames.clone());
-        // No rows of fields that are not wanted.
-        let rows_from = |least: FrameFields| if fields >= least { rows.clone() } else { 0..0 };
-        let (forces, others) = (rows_from(FrameFields::Forces), rows_from(FrameFields::All));
-        let planar = self.dimension == Dimensions::Two;
-        let contacts = ContactValues {
+        let (rows, form) = (self.rows(frames.clone()), self.form());
+        let mut contacts = ContactValues {
             first: rows.start,
             i: self.column("i", &rows)?,
             j: self.column("j", &rows)?,
-            normal_force: self.column("normal_force", &forces)?,
-            tangential_force: self.tangential("tangential_force", &forces)?,
-            tangential_history: self.tangential("tangential_history", &others)?,
-            rolling_history: if planar {
-                self.column("rolling_history", &others)?
-            } else {
-                Vec::new()
-            },
-            rolling_torque: if self.has_rolling() && !planar {
-                self.tangential("rolling_history", &others)?
-            } else {
-                Vec::new()
-            },
-            twisting_history: self.column("twisting_history", &others)?,
-            overlap: self.column("overlap", &others)?,
-            sliding: self.column("sliding", &others)?,
-            rolling: self.column("rolling", &others)?,
-            twisting: self.column("twisting", &others)?,
+            numbers: Vec::new(),
+            flags: Vec::new(),
         };
+        for of in of_contacts(form).filter(|of| fields >= least_fields(of)) {
+            let (name, width) = (of.column.name, of.width(form));
+            match of.kind {
+                Kind::Flag => contacts.flags.push((of, self.column(name, &rows)?)),
+                _ => (contacts.numbers).push((of, width, self.column(name, &rows)?)),
+            }
+        }
         self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
-        let pairs = Pairs::new(&contacts.i, &contacts.j, rows.start, self.dimension.axes());
-        let numbers = contacts.numbers(planar);
+        let weights = ContactWeights::new(&contacts.i, &contacts.j, form.axes);
         for t in frames.clone() {
             let rows = self.rows(t..t + 1);
-            self.verify(t, "pairs", pairs.ids(&rows))?;
-            for (name, values, width, least) in &numbers {
-                let (width, least) = (*width, *least);
-                if fields >= least && self.contacts.contains_key(name) {
-                    self.verify(t, name, pairs.numbers(&rows, values, width))?;
-                }
+            let rows = rows.start - contacts.first..rows.end - contacts.first;
+            self.verify(t, "pairs", weights.pairs(rows.clone()))?;
+            for (of, width, values) in &contacts.numbers {
+                let values = &values[rows.start * width..rows.end * width];
+                let found = weights.numbers(rows.clone(), values, *width);
+                self.verify(t, of.column.name, found)?;
             }
-            if fields == FrameFields::All {
-                let flags = [
-                    ("sliding", &contacts.sliding),
-                    ("rolling", &contacts.rolling),
-                    ("twisting", &contacts.twisting),
-                ];
-                let stored = flags
-                    .iter()
-                    .filter(|(name, _)| self.contacts.contains_key(name));
-                for (name, flags) in stored {
-                    self.verify(t, name, pairs.flags(&rows, flags))?;
-                }
+            for (of, flags) in &contacts.flags {
+                let found = weights.flags(rows.clone(), &flags[rows.clone()]);
+                self.verify(t, of.column.name, found)?;
             }
         }
         Ok(contacts)
@@ -413,31 +296,12 @@ impl RunFile {
         }
     }
 
-    /// Reads a column of tangential vectors: `[M]` for disks, `[M][3]` for spheres.
-    fn tangential(&self, name: &str, rows: &Range<usize>) -> Result<Vec<[f64; 3]>, Failure> {
-        if self.dimension == Dimensions::Two {
-            let along = self.column::<f64>(name, rows)?;
-            return Ok(along.into_iter().map(|f| [f, 0.0, 0.0]).collect());
-        }
+    /// Reads the values of a quantity of the contacts, one contact after the other.
+    fn column<T: H5Type>(&self, name: &str, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
         if rows.is_empty() {
             return Ok(Vec::new());
         }
-        let dataset = &self.contacts[name];
-        let values = dataset
-            .read_slice::<f64, _, Ix2>(s![rows.start..rows.end, ..])
-            .map_err(|e| self.damaged(dataset, &e))?;
-        Ok(values.outer_iter().map(|v| [v[0], v[1], v[2]]).collect())
-    }
-
-    /// Reads a column of the contacts; nothing if the file has none.
-    fn column<T: H5Type>(&self, name: &str, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
-        let Some(dataset) = self.contacts.get(name).filter(|_| !rows.is_empty()) else {
-            return Ok(Vec::new());
-        };
-        let values = dataset
-            .read_slice::<T, _, Ix1>(s![rows.start..rows.end])
-            .map_err(|e| self.damaged(dataset, &e))?;
-        Ok(values.into_raw_vec_and_offset().0)
+        self.read(&self.contacts[name], rows)
     }
 
     fn damaged(&self, dataset: &Dataset, error: &hdf5::Error) -> Failure {

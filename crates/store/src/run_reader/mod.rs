@@ -19,10 +19,10 @@ pub use self::owner::{Owner, owner};
 use self::verify::FrameSums;
 use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::checksums;
+use crate::contact_quantities::TWISTING_HISTORY;
 use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 use crate::layout::{
-    CONTACTS, Form, OBSERVABLES, PARTICLES, TWISTING_HISTORY, contact_dataset, grain_dataset,
-    of_grain,
+    CONTACTS, Form, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain,
 };
 pub use crate::parameter::Parameter;
 use gshear_analysis::event::Interval;

@@ -1,10 +1,8 @@
 //! Compares what is read with the checksums of the file.
 
-use std::ops::Range;
-
 use super::StoredScalars;
 use super::open_file::OpenFile;
-use crate::checksums::{self, CONSTANTS, ContactWeights, FRAMES, ROWS, SCALARS};
+use crate::checksums::{self, CONSTANTS, FRAMES, ROWS, SCALARS};
 use crate::layout::{Form, frame_columns};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -84,9 +82,7 @@ impl OpenFile<'_> {
             None => Ok(()),
         }
     }
-}
 
-impl OpenFile<'_> {
     /// Compares the rows of the scalars of frames with their checksums.
     pub(super) fn verify_scalars(&self, found: &StoredScalars) -> Result<(), Failure> {
         let stored: Vec<u64> = self.all(SCALARS)?;
@@ -99,43 +95,5 @@ impl OpenFile<'_> {
             Some(k) => Err(self.damage(&format!("observables/gshear: row {k}"))),
             None => Ok(()),
         }
-    }
-}
-
-/// The contacts of frames that have been read.
-pub struct Pairs {
-    weights: ContactWeights,
-    first: usize,
-}
-
-impl Pairs {
-    /// `first`: row of the first contact; `axes`: number of dimensions.
-    pub fn new(i: &[u32], j: &[u32], first: usize, axes: usize) -> Self {
-        Self {
-            weights: ContactWeights::new(i, j, axes),
-            first,
-        }
-    }
-
-    fn local(&self, rows: &Range<usize>) -> Range<usize> {
-        rows.start - self.first..rows.end - self.first
-    }
-
-    /// Checksum of the ids.
-    pub fn ids(&self, rows: &Range<usize>) -> u64 {
-        self.weights.pairs(self.local(rows))
-    }
-
-    /// Checksum of a column of `width` numbers a contact.
-    pub fn numbers(&self, rows: &Range<usize>, values: &[f64], width: usize) -> u64 {
-        let rows = self.local(rows);
-        let values = &values[rows.start * width..rows.end * width];
-        self.weights.numbers(rows, values, width)
-    }
-
-    /// Checksum of a column of flags.
-    pub fn flags(&self, rows: &Range<usize>, flags: &[u8]) -> u64 {
-        let rows = self.local(rows);
-        self.weights.flags(rows.clone(), &flags[rows])
     }
 }

@@ -4,8 +4,9 @@ use super::TrajectoryWriter;
 use crate::batch::{Frames, Share, ShareColumns, Shares, length};
 use crate::checksums::{of_clock, of_row};
 use crate::collective::CollectiveOutcome;
+use crate::contact_quantities::numbers;
 use crate::h5::Slab;
-use crate::layout::{Form, by_root, forces, frame_columns};
+use crate::layout::{Form, by_root, frame_columns};
 use crate::scalar_columns::ScalarColumns;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
@@ -98,9 +99,9 @@ impl TrajectoryWriter {
         for (ids, column) in [&part.i, &part.j].into_iter().zip(contacts.by_ref()) {
             outcome.note(column.append(end, of_width(1), ids));
         }
-        let numbers = part.forces.iter().zip(forces(columns.form));
-        for ((values, (_, width)), column) in numbers.zip(contacts.by_ref()) {
-            outcome.note(column.append(end, of_width(*width), values));
+        let numbers = part.forces.iter().zip(numbers(form));
+        for ((values, of), column) in numbers.zip(contacts.by_ref()) {
+            outcome.note(column.append(end, of_width(of.width(form)), values));
         }
         for (flags, column) in part.flags.iter().zip(contacts) {
             outcome.note(column.append(end, of_width(1), flags));

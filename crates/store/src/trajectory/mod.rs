@@ -5,7 +5,7 @@ mod resume;
 
 use crate::batch::{Frames, length};
 use crate::checksums::{self, OF_PARAMETERS, of_parameters};
-use crate::collective::{CollectiveOutcome, IdBlocks, agree};
+use crate::collective::{CollectiveOutcome, IdBlocks, agree, of_root, on_root};
 use crate::existing::unlink_foreign;
 use crate::h5::{Attribute, H5File, Slab};
 use crate::journal::{self, Journal};
@@ -135,26 +135,21 @@ impl TrajectoryWriter {
     ) -> Result<Self, Failure> {
         let _waiting = exchange.waiting();
         let grains = total(exchange, header.grains.len() as u64);
-        let mut attributes = Vec::new();
-        for (name, value) in header.attributes {
-            attributes.push((name.to_string(), value.clone()));
-        }
+        let mut attributes = named(header.attributes);
         attributes.push(("edges".into(), Attribute::Numbers(header.edges.to_vec())));
-        let attributes = shared(exchange, attributes);
-        let author = exchange.broadcast(header.author.into());
-        let author = String::from_utf8_lossy(&author);
+        // HDF5 requires equal arguments.
+        let attributes = of_root(exchange, &attributes);
+        let author = of_root(exchange, &header.author.to_string());
         let blocks = IdBlocks {
             grains,
             ranks: exchange.size() as u64,
         };
         let id = header.attributes.iter().find(|(name, _)| *name == "run_id");
         // In place of a journal of another run, which would bring that run's metadata back.
-        let begun = match exchange.rank() {
-            0 => unlink_foreign(path, id.map(|(_, id)| id))
-                .and_then(|()| Journal::of_nothing().write(path)),
-            _ => Ok(()),
-        };
-        agree(exchange, begun)?;
+        on_root(exchange, || {
+            unlink_foreign(path, id.map(|(_, id)| id))?;
+            Journal::of_nothing().write(path)
+        })?;
         let file = H5File::create(path, exchange)?;
         let created = (|| {
             let layout = Layout {
@@ -188,11 +183,8 @@ impl TrajectoryWriter {
         exchange: &dyn Parallel,
         attributes: &[(&str, Attribute)],
     ) -> Result<(), Failure> {
-        let attributes = attributes
-            .iter()
-            .map(|(name, value)| (name.to_string(), value.clone()));
         let mut outcome = CollectiveOutcome::default();
-        for (name, value) in shared(exchange, attributes.collect()) {
+        for (name, value) in of_root(exchange, &named(attributes)) {
             outcome.note(self.file.attribute(PARAMETERS, &name, &value));
         }
         outcome.note(seal(&self.file));
@@ -409,11 +401,7 @@ impl TrajectoryWriter {
         self.attributes(exchange, attributes)?;
         drop((self.columns, self.scalars));
         self.file.close(exchange)?;
-        let removed = match exchange.rank() {
-            0 => journal::remove(&self.path),
-            _ => Ok(()),
-        };
-        agree(exchange, removed)
+        on_root(exchange, || journal::remove(&self.path))
     }
 
     /// Flushes if the last flush was long ago. A flush after every batch would double the cost of
@@ -432,8 +420,7 @@ impl TrajectoryWriter {
     }
 
     fn flush_file(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        let mut outcome = CollectiveOutcome::default();
-        outcome.note(self.file.flush());
+        let outcome = CollectiveOutcome::of(self.file.flush());
         self.flushed = Instant::now();
         self.file.agree(exchange, outcome)
     }
@@ -445,20 +432,14 @@ impl TrajectoryWriter {
             0 => Journal::of(&self.path, raw).and_then(|journal| journal.write(&self.path)),
             _ => Ok(()),
         };
-        let mut outcome = CollectiveOutcome::default();
-        outcome.note(written);
-        self.file.agree(exchange, outcome)
+        self.file.agree(exchange, CollectiveOutcome::of(written))
     }
 }
 
-/// Returns rank 0's attributes on every rank, because HDF5 requires equal arguments.
-fn shared(
-    exchange: &dyn Parallel,
-    attributes: Vec<(String, Attribute)>,
-) -> Vec<(String, Attribute)> {
-    let bytes = serde_json::to_vec(&attributes).expect("attributes are texts and finite numbers");
-    serde_json::from_slice(&exchange.broadcast(bytes))
-        .expect("attributes are texts and finite numbers")
+/// Attributes with names of their own.
+fn named(attributes: &[(&str, Attribute)]) -> Vec<(String, Attribute)> {
+    let own = attributes.iter().cloned();
+    own.map(|(name, value)| (name.to_string(), value)).collect()
 }
 
 /// Writes the checksum of the attributes of `parameters`, whose texts HDF5 does not protect.

@@ -1,7 +1,7 @@
 //! A `run.h5` that is continued.
 
 use super::{AT_THE_END, TrajectoryWriter, seal};
-use crate::collective::{CollectiveOutcome, IdBlocks, agree, records_of};
+use crate::collective::{CollectiveOutcome, IdBlocks, agree, told_by_root};
 use crate::existing::inspect;
 use crate::h5::H5File;
 use crate::layout::{Datasets, Form, Layout, Mode, PARAMETERS};
@@ -26,17 +26,8 @@ impl TrajectoryWriter {
         let _waiting = exchange.waiting();
         // Only one rank inspects the file: after a failure in a collective call the others could
         // wait for ever.
-        let mut extent = Vec::new();
-        let looked = match exchange.rank() {
-            0 => inspect(path, series, frames, rows).map(|e| extent = e.to_vec()),
-            _ => Ok(()),
-        };
-        agree(exchange, looked)?;
-        let extent = exchange.broadcast(bytemuck::cast_slice(&extent).to_vec());
-        let extent: Vec<u64> = records_of(&extent).collect();
-        let [grains, contacts, axes, torques] = extent[..] else {
-            unreachable!("four numbers were sent")
-        };
+        let inspected = told_by_root(exchange, || inspect(path, series, frames, rows))?;
+        let [grains, contacts, axes, torques] = inspected;
 
         let blocks = IdBlocks {
             grains,

@@ -6,7 +6,6 @@ use std::path::Path;
 use clap::ValueEnum;
 
 use crate::commands::dmin::{between, is_planar};
-use crate::contact_quantities::of_contacts;
 use gshear_analysis::dmin;
 use gshear_analysis::moments::extent;
 use gshear_analysis::regions::{GrReading, Regions};
@@ -16,6 +15,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{BoxEdges, ContactSample, Disks, Frame, FrameRecords, GrainSample};
 use gshear_driver::exported_state::atom_type;
 use gshear_scene::Dimensions;
+use gshear_store::contact_quantities::of_contacts;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_reader::{Mode, SpectrumFile};
 use gshear_store::trajectory::Form;
@@ -463,12 +463,12 @@ fn planar(frame: &FrameRecords) -> Frame {
 
 /// Names of the components of all quantities of contacts.
 pub fn contact_names(form: Form) -> impl Iterator<Item = String> {
-    of_contacts(form).flat_map(move |of| component_names(of.name, of.components(form.axes)))
+    of_contacts(form).flat_map(move |of| component_names(of.column.name, of.width(form)))
 }
 
 /// Their values.
 pub fn contact_values(form: Form, contact: &ContactSample) -> impl Iterator<Item = f64> {
-    of_contacts(form).flat_map(move |of| of.values(form.axes, contact))
+    of_contacts(form).flat_map(move |of| of.values(form, contact))
 }
 
 /// Name and value of a number of a grain's state.

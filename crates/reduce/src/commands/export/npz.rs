@@ -10,11 +10,11 @@ use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, GrainSample};
+use gshear_store::contact_quantities::of_contacts;
 use gshear_store::text_writer::PartFile;
 
 use super::FrameWriter;
 use super::content::{ExportedFrame, ExportedRun};
-use crate::contact_quantities::of_contacts;
 
 /// Collects the frames, and writes them at the end: an archive needs whole arrays.
 pub struct NpzWriter {
@@ -171,22 +171,13 @@ impl FrameWriter for NpzWriter {
         self.append("contact_offset", 1, &[], &[offset]);
         let pairs: Vec<u32> = contacts.iter().flat_map(|c| [c.i, c.j]).collect();
         self.append("contact_pair", contacts.len(), &[2], &pairs);
-        let axes = run.axes();
-        for of in of_contacts(run.form()) {
-            let components = of.components(axes);
-            let shape = if components == 1 {
-                vec![]
-            } else {
-                vec![components]
-            };
-            let values = contacts.iter().flat_map(|c| of.values(axes, c));
-            let values: Vec<f64> = values.collect();
-            self.append(
-                &format!("contact_{}", of.name),
-                contacts.len(),
-                &shape,
-                &values,
-            );
+        let form = run.form();
+        for of in of_contacts(form) {
+            let width = of.width(form);
+            let shape = if width == 1 { &[][..] } else { &[width] };
+            let values: Vec<f64> = contacts.iter().flat_map(|c| of.values(form, c)).collect();
+            let name = format!("contact_{}", of.column);
+            self.append(&name, contacts.len(), shape, &values);
         }
         Ok(())
     }

@@ -13,11 +13,11 @@ use ndarray::{ArrayView1, ArrayView2, s};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::state::GrainSample;
+use gshear_store::contact_quantities::{ContactQuantity, of_contacts};
 use gshear_store::text_writer::{PartFile, unwritten};
 
 use super::FrameWriter;
 use super::content::{ExportedFrame, ExportedRun};
-use crate::contact_quantities::{ContactQuantity, of_contacts};
 
 /// The kinds of cells of PolyData, in the order of the columns of `CellOffsets`.
 const KINDS: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
@@ -51,15 +51,21 @@ struct CellColumns {
 struct StepColumns {
     group: Group,
     values: Column<f64>,
-    parts: Column<i64>,
-    counts: Column<i64>,
-    points: Column<i64>,
     number_of_points: Column<i64>,
-    cells: Column<i64>,
-    connectivity: Column<i64>,
+    /// [`OF_STEPS`].
+    places: Vec<Column<i64>>,
     point_data: Vec<Column<i64>>,
     cell_data: Vec<Column<i64>>,
 }
+
+/// Places of a step in the datasets, and their widths.
+const OF_STEPS: [(&str, usize); 5] = [
+    ("PartOffsets", 1),
+    ("NumberOfParts", 1),
+    ("PointOffsets", 1),
+    ("CellOffsets", KINDS.len()),
+    ("ConnectivityIdOffsets", KINDS.len()),
+];
 
 /// A dataset that grows along its first axis; `width` numbers an entry.
 struct Column<T> {
@@ -70,7 +76,7 @@ struct Column<T> {
 }
 
 impl<T: H5Type> Column<T> {
-    /// A dataset of one number an entry if `width` is 0.
+    /// A dataset of one axis if `width` is 1.
     fn create(group: &Group, name: &str, width: usize) -> hdf5::Result<Self> {
         Self::chunked(group, name, width, CHUNK)
     }
@@ -82,9 +88,9 @@ impl<T: H5Type> Column<T> {
 
     fn chunked(group: &Group, name: &str, width: usize, chunk: usize) -> hdf5::Result<Self> {
         let builder = group.new_dataset::<T>();
-        let entries = (chunk / width.max(1)).max(1);
+        let entries = (chunk / width).max(1);
         let dataset = match width {
-            0 => builder.chunk((entries,)).shape((0..,)).create(name)?,
+            1 => builder.chunk((entries,)).shape((0..,)).create(name)?,
             _ => builder
                 .chunk((entries, width))
                 .shape((0.., width))
@@ -99,14 +105,14 @@ impl<T: H5Type> Column<T> {
     }
 
     fn append(&mut self, values: &[T]) -> hdf5::Result<()> {
-        let rows = values.len() / self.width.max(1);
+        let rows = values.len() / self.width;
         if rows == 0 {
             return Ok(());
         }
         let (first, end) = (self.rows, self.rows + rows);
         self.rows = end;
         match self.width {
-            0 => {
+            1 => {
                 self.dataset.resize((end,))?;
                 self.dataset
                     .write_slice(ArrayView1::from(values), s![first..end])
@@ -125,10 +131,10 @@ impl CellColumns {
     fn create(root: &Group, kind: &str) -> hdf5::Result<Self> {
         let group = root.create_group(kind)?;
         Ok(Self {
-            cells: Column::of_steps(&group, "NumberOfCells", 0)?,
-            ids: Column::of_steps(&group, "NumberOfConnectivityIds", 0)?,
-            offsets: Column::create(&group, "Offsets", 0)?,
-            connectivity: Column::create(&group, "Connectivity", 0)?,
+            cells: Column::of_steps(&group, "NumberOfCells", 1)?,
+            ids: Column::of_steps(&group, "NumberOfConnectivityIds", 1)?,
+            offsets: Column::create(&group, "Offsets", 1)?,
+            connectivity: Column::create(&group, "Connectivity", 1)?,
         })
     }
 
@@ -143,12 +149,12 @@ impl CellColumns {
     }
 }
 
-/// A vector of every point, or a number if `width` is 0, from the state of its grain.
-type PointColumn = (&'static str, usize, fn(&GrainSample) -> [f64; 3]);
+/// A vector of every point from the state of its grain.
+type PointVector = (&'static str, fn(&GrainSample) -> [f64; 3]);
 
-const STATE: [PointColumn; 2] = [
-    ("velocity", 3, |g| g.velocity),
-    ("angular_velocity", 3, |g| g.angular_velocity),
+const STATE: [PointVector; 2] = [
+    ("velocity", |g| g.velocity),
+    ("angular_velocity", |g| g.angular_velocity),
 ];
 const CONSTANTS: [&str; 3] = ["radius", "mass", "body"];
 
@@ -181,30 +187,26 @@ impl VtkWriter {
         let of_points = steps.create_group("PointDataOffsets")?;
         let of_cells = steps.create_group("CellDataOffsets")?;
         let shapes = run.shapes();
-        let fields = shapes.iter().map(|shape| match shape.components {
-            1 => (&*shape.name, 0),
-            width => (&*shape.name, width),
-        });
-        let names = (STATE.iter().map(|(name, width, _)| (*name, *width)))
-            .chain(CONSTANTS.map(|name| (name, 0)))
+        let fields = shapes.iter().map(|shape| (&*shape.name, shape.components));
+        let names = (STATE.map(|(name, _)| (name, 3)).into_iter())
+            .chain(CONSTANTS.map(|name| (name, 1)))
             .chain(fields);
         let (mut point_data, mut point_offsets) = (Vec::new(), Vec::new());
         for (name, width) in names {
             point_data.push(Column::create(&point_group, name, width)?);
-            point_offsets.push(Column::of_steps(&of_points, name, 0)?);
+            point_offsets.push(Column::of_steps(&of_points, name, 1)?);
         }
-        let ids = Column::create(&point_group, "id", 0)?;
-        point_offsets.push(Column::of_steps(&of_points, "id", 0)?);
+        let ids = Column::create(&point_group, "id", 1)?;
+        point_offsets.push(Column::of_steps(&of_points, "id", 1)?);
         let (mut cell_data, mut cell_offsets) = (Vec::new(), Vec::new());
         for quantity in of_contacts(run.form()) {
-            let width = match quantity.components(run.axes()) {
-                1 => 0,
-                width => width,
-            };
-            let column = Column::create(&cell_group, quantity.name, width)?;
-            cell_offsets.push(Column::of_steps(&of_cells, quantity.name, 0)?);
+            let name = quantity.column.name;
+            let column = Column::create(&cell_group, name, quantity.width(run.form()))?;
+            cell_offsets.push(Column::of_steps(&of_cells, name, 1)?);
             cell_data.push((quantity, column));
         }
+        let places = OF_STEPS.map(|(name, width)| Column::of_steps(&steps, name, width));
+        let places = places.into_iter();
         let [vertices, lines, polygons, strips] =
             KINDS.map(|kind| CellColumns::create(&root, kind));
         Ok(Self {
@@ -215,13 +217,9 @@ impl VtkWriter {
             cells: [vertices?, lines?, polygons?, strips?],
             cell_data,
             steps: StepColumns {
-                values: Column::of_steps(&steps, "Values", 0)?,
-                parts: Column::of_steps(&steps, "PartOffsets", 0)?,
-                counts: Column::of_steps(&steps, "NumberOfParts", 0)?,
-                points: Column::of_steps(&steps, "PointOffsets", 0)?,
-                number_of_points: Column::of_steps(&root, "NumberOfPoints", 0)?,
-                cells: Column::of_steps(&steps, "CellOffsets", KINDS.len())?,
-                connectivity: Column::of_steps(&steps, "ConnectivityIdOffsets", KINDS.len())?,
+                values: Column::of_steps(&steps, "Values", 1)?,
+                number_of_points: Column::of_steps(&root, "NumberOfPoints", 1)?,
+                places: places.collect::<Result<_, _>>()?,
                 point_data: point_offsets,
                 cell_data: cell_offsets,
                 group: steps,
@@ -235,12 +233,12 @@ impl VtkWriter {
         self.append_step(frame.records.time)?;
         let of_point = self.append_geometry(run, frame)?;
         self.append_point_data(run, frame, &of_point)?;
-        let (axes, grains) = (run.axes(), frame.records.grains.len());
+        let (form, grains) = (run.form(), frame.records.grains.len());
         for (quantity, column) in &mut self.cell_data {
             // Of vertices nothing is known.
-            let none = std::iter::repeat_n(f64::NAN, grains * quantity.components(axes));
+            let none = std::iter::repeat_n(f64::NAN, grains * quantity.width(form));
             let contacts = frame.records.contacts.iter();
-            let values = none.chain(contacts.flat_map(|contact| quantity.values(axes, contact)));
+            let values = none.chain(contacts.flat_map(|contact| quantity.values(form, contact)));
             column.append(&values.collect::<Vec<_>>())?;
         }
         Ok(())
@@ -250,22 +248,22 @@ impl VtkWriter {
     fn append_step(&mut self, time: f64) -> hdf5::Result<()> {
         let cells_before: i64 = self.cell_data.first().map_or(0, |(_, c)| c.rows as i64);
         let points_before = self.points.rows as i64;
+        let kinds = self.cells.each_ref();
+        // Offsets have one number more than cells in every step; readers count without it.
+        let cells = kinds.map(|kind| kind.offsets.rows as i64 - self.frames);
+        let connectivity = kinds.map(|kind| kind.connectivity.rows as i64);
+        let places: [&[i64]; OF_STEPS.len()] = [
+            &[self.frames],
+            &[1],
+            &[points_before],
+            &cells,
+            &connectivity,
+        ];
         let steps = &mut self.steps;
         steps.values.append(&[time])?;
-        steps.parts.append(&[self.frames])?;
-        steps.counts.append(&[1])?;
-        steps.points.append(&[points_before])?;
-        // Offsets have one number more than cells in every step; readers count without it.
-        let cells = self
-            .cells
-            .each_ref()
-            .map(|kind| kind.offsets.rows as i64 - self.frames);
-        steps.cells.append(&cells)?;
-        let connectivity = self
-            .cells
-            .each_ref()
-            .map(|kind| kind.connectivity.rows as i64);
-        steps.connectivity.append(&connectivity)?;
+        for (column, place) in steps.places.iter_mut().zip(places) {
+            column.append(place)?;
+        }
         for column in &mut steps.point_data {
             column.append(&[points_before])?;
         }
@@ -318,14 +316,14 @@ impl VtkWriter {
     ) -> hdf5::Result<()> {
         let (grains, constants) = (&frame.records.grains, run.grains());
         let mut columns = self.point_data.iter_mut();
-        for ((_, _, value), column) in STATE.iter().zip(columns.by_ref()) {
+        for ((_, value), column) in STATE.iter().zip(columns.by_ref()) {
             let values: Vec<f64> = of_point.iter().flat_map(|&g| value(&grains[g])).collect();
             column.append(&values)?;
         }
         let body: Vec<f64> = constants.body.iter().map(|&body| body.into()).collect();
         let of_grains = [&constants.radius, &constants.mass, &body];
         for (values, column) in of_grains.into_iter().chain(&frame.fields).zip(columns) {
-            let width = column.width.max(1);
+            let width = column.width;
             let of_grain = |&g: &usize| values[g * width..][..width].iter().copied();
             let values: Vec<f64> = of_point.iter().flat_map(of_grain).collect();
             column.append(&values)?;

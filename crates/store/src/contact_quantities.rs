@@ -1,0 +1,116 @@
+//! What a contact has apart from its grains, declared once: name, unit and order of the datasets
+//! and of the columns of exports, and where the values are in a [`ContactSample`].
+
+use std::mem::offset_of;
+use std::slice::{from_mut, from_ref};
+
+use bytemuck::{cast_slice, cast_slice_mut};
+use gshear_dem::columns::Column;
+use gshear_dem::state::ContactSample;
+
+use crate::layout::{Form, Kind};
+
+const NORMAL_FORCE: Column = Column::new("normal_force", "N", "F_n");
+const TANGENTIAL_FORCE: Column = Column::new("tangential_force", "N", "F_t");
+/// The unit is that of the law's history.
+pub(crate) const TANGENTIAL_HISTORY: Column =
+    Column::new("tangential_history", "N", "history of F_t");
+const ROLLING_HISTORY: Column = Column::new("rolling_history", "N m", "M^k");
+/// Only files of spheres that resist rolling or twisting have it.
+pub(crate) const TWISTING_HISTORY: Column = Column::new("twisting_history", "N m", "T");
+const OVERLAP: Column = Column::new("overlap", "m", "δ");
+const SLIDING: Column = Column::new("sliding", "1", "at its limit");
+const ROLLING: Column = Column::new("rolling", "1", "at its limit");
+const TWISTING: Column = Column::new("twisting", "1", "at its limit");
+
+/// A number, a flag, or the components of a vector, of a contact.
+pub struct ContactQuantity {
+    /// Name, unit and meaning.
+    pub column: Column,
+    /// Number or flag.
+    pub(crate) kind: Kind,
+    /// The first of its values in a record, counted in words of eight bytes.
+    at: usize,
+    /// Number of values of disks, of spheres, and of spheres that resist rolling or twisting; 0
+    /// where there is none.
+    widths: [usize; 3],
+}
+
+macro_rules! quantities {
+    ($($kind:ident $column:ident: $field:ident[$first:literal], $widths:expr;)*) => {
+        [$(ContactQuantity {
+            column: $column,
+            kind: Kind::$kind,
+            at: offset_of!(ContactSample, $field) / size_of::<f64>() + $first,
+            widths: $widths,
+        }),*]
+    };
+}
+
+/// In the order of the file.
+static ALL: [ContactQuantity; 10] = quantities! {
+    Number NORMAL_FORCE: normal_force[0], [1, 1, 1];
+    Number TANGENTIAL_FORCE: tangential_force[0], [1, 3, 3];
+    Number TANGENTIAL_HISTORY: tangential_history[0], [1, 3, 3];
+    Number ROLLING_HISTORY: rolling_history[0], [1, 0, 0];
+    Number ROLLING_HISTORY: torques[0], [0, 0, 3];
+    Number TWISTING_HISTORY: torques[3], [0, 0, 1];
+    Number OVERLAP: overlap[0], [1, 1, 1];
+    Flag SLIDING: sliding[0], [1, 1, 1];
+    Flag ROLLING: rolling[0], [1, 0, 1];
+    Flag TWISTING: twisting[0], [0, 0, 1];
+};
+
+/// All quantities of a contact apart from its grains.
+pub fn of_contacts(form: Form) -> impl Iterator<Item = &'static ContactQuantity> {
+    ALL.iter().filter(move |of| of.width(form) > 0)
+}
+
+/// Its numbers.
+pub(crate) fn numbers(form: Form) -> impl Iterator<Item = &'static ContactQuantity> {
+    of_contacts(form).filter(|of| of.kind == Kind::Number)
+}
+
+/// Its flags.
+pub(crate) fn flags(form: Form) -> impl Iterator<Item = &'static ContactQuantity> {
+    of_contacts(form).filter(|of| of.kind == Kind::Flag)
+}
+
+impl ContactQuantity {
+    /// Number of its values.
+    pub fn width(&self, form: Form) -> usize {
+        match (form.axes, form.torques) {
+            (2, _) => self.widths[0],
+            (_, false) => self.widths[1],
+            (_, true) => self.widths[2],
+        }
+    }
+
+    /// Its values; a flag is 0 or 1.
+    pub fn values(&self, form: Form, contact: &ContactSample) -> impl Iterator<Item = f64> {
+        let (numbers, is_flag) = (self.numbers(form, contact), self.kind == Kind::Flag);
+        let flag = is_flag.then(|| self.flag(contact).into());
+        let numbers = numbers.iter().copied().filter(move |_| !is_flag);
+        numbers.chain(flag)
+    }
+
+    /// The values of numbers.
+    pub(crate) fn numbers<'c>(&self, form: Form, contact: &'c ContactSample) -> &'c [f64] {
+        &cast_slice(from_ref(contact))[self.at..][..self.width(form)]
+    }
+
+    /// The value of a flag.
+    pub(crate) fn flag(&self, contact: &ContactSample) -> u8 {
+        cast_slice::<_, u64>(from_ref(contact))[self.at] as u8
+    }
+
+    /// Sets numbers.
+    pub(crate) fn set_numbers(&self, contact: &mut ContactSample, values: &[f64]) {
+        cast_slice_mut(from_mut(contact))[self.at..][..values.len()].copy_from_slice(values);
+    }
+
+    /// Sets a flag.
+    pub(crate) fn set_flag(&self, contact: &mut ContactSample, flag: u8) {
+        cast_slice_mut(from_mut(contact))[self.at] = u64::from(flag);
+    }
+}
