@@ -5,6 +5,7 @@ use gshear_store::run_reader::{RunFile, Series};
 
 use super::ReportFigure;
 use super::curves::lines;
+use super::panels::{PANELS, Panel, Shown};
 use super::plot::Layout;
 use super::summary::{is_driven, is_imposed};
 use super::ticks;
@@ -79,105 +80,20 @@ impl Axis {
     }
 }
 
-/// How the values of a figure are drawn.
-pub enum Shown {
-    AsTheyAre,
-    /// In percent above the first value.
-    Growth,
-    /// As powers of ten.
-    Logarithm,
-    /// With an SI prefix before the unit.
-    Prefixed,
-}
-
-/// Quantities on one pair of axes.
-pub struct Panel {
-    pub name: &'static str,
-    pub caption: &'static str,
-    /// `J` stands for the unit of energies, J or J/m.
-    pub label: &'static str,
-    pub shown: Shown,
-    /// Columns of the time series, and their names in the legend.
-    pub lines: &'static [(&'static str, &'static str)],
-}
-
-pub const SLIDING_FRACTION: Panel = Panel {
-    name: "sliding-fraction",
-    caption: "Share of the contacts that slide.",
-    label: "sliding fraction",
-    shown: Shown::AsTheyAre,
-    lines: &[("sliding_fraction", "sliding fraction")],
-};
-
-const PANELS: [Panel; 7] = [
-    Panel {
-        name: "slip-rate",
-        caption: "Velocity of the top wall and of the drive.",
-        label: "log_{10} velocity (m/s)",
-        shown: Shown::Logarithm,
-        lines: &[("slip_rate", "top wall"), ("drive_velocity", "drive")],
-    },
-    Panel {
-        name: "dilation",
-        caption: "Dilation: height of the sheared layer over its height in the first row, less one.",
-        label: "dilation (%)",
-        shown: Shown::Growth,
-        lines: &[("wall_height", "height")],
-    },
-    Panel {
-        name: "solid-fraction",
-        caption: "Solid fraction between the walls.",
-        label: "solid fraction",
-        shown: Shown::AsTheyAre,
-        lines: &[("solid_fraction", "solid fraction")],
-    },
-    Panel {
-        name: "coordination",
-        caption: "Coordination: mean number of contacts of a free grain.",
-        label: "coordination",
-        shown: Shown::AsTheyAre,
-        lines: &[("coordination", "coordination")],
-    },
-    SLIDING_FRACTION,
-    Panel {
-        name: "energies",
-        caption: "Kinetic energy of the free grains, and elastic energy of the contacts by parts.",
-        label: "log_{10} energy (J)",
-        shown: Shown::Logarithm,
-        lines: &[
-            ("kinetic_energy", "kinetic"),
-            ("elastic_normal", "normal"),
-            ("elastic_tangential", "tangential"),
-            ("elastic_rolling", "rolling"),
-        ],
-    },
-    Panel {
-        name: "dissipation",
-        caption: "Work of drive and load since the start, and where it went.",
-        label: "energy (J)",
-        shown: Shown::Prefixed,
-        lines: &[
-            ("work_drive", "work of the drive"),
-            ("work_load", "work of the load"),
-            ("dissipated_damping", "dampers"),
-            ("dissipated_friction", "friction"),
-            ("dissipated_rolling", "rolling"),
-            ("dissipated_stiffness", "stiffness"),
-        ],
-    },
-];
-
 /// Draws the quantities that the run has recorded.
 pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
     let driven = is_driven(run);
-    let panels = PANELS.iter().filter(|of| driven || of.name != "slip-rate");
+    let panels = PANELS
+        .walls
+        .iter()
+        .filter(|of| driven || of.name != "slip-rate");
     panels.filter_map(|panel| drawn(run, axis, panel)).collect()
 }
 
 /// `None` if nothing has been recorded.
-pub fn drawn(run: &RunFile, axis: &Axis, panel: &Panel) -> Option<ReportFigure> {
+pub fn drawn(run: &RunFile, axis: &Axis, panel: &'static Panel) -> Option<ReportFigure> {
     let series = run.series();
-    let of_panel = panel.lines.iter().flat_map(|(name, _)| series.column(name));
+    let of_panel = panel.lines.iter().flat_map(|[name, _]| series.column(name));
     let greatest = of_panel.map(|x| x.abs()).filter(|x| x.is_finite());
     let (factor, prefix) = match panel.shown {
         Shown::Prefixed => ticks::prefix(greatest.fold(0.0, f64::max)),
@@ -205,12 +121,12 @@ pub fn drawn(run: &RunFile, axis: &Axis, panel: &Panel) -> Option<ReportFigure> 
         finite.clone().count() > 1 && (finite.clone().any(|x| *x != 0.0))
     };
     let known: Vec<(&str, Vec<f64>)> = (panel.lines.iter())
-        .map(|(column, name)| (*name, shown(column)))
+        .map(|[column, name]| (&**name, shown(column)))
         .filter(|(_, values)| is_known(values))
         .collect();
     let known: Vec<_> = known.iter().map(|(name, of)| (*name, &of[..])).collect();
     let svg = lines(LAYOUT, (axis.label, &axis.values), &label, &known)?;
-    let columns: Vec<&str> = panel.lines.iter().map(|(column, _)| *column).collect();
+    let columns: Vec<&str> = panel.lines.iter().map(|[column, _]| &**column).collect();
     let data = axis.table(series, &columns);
-    Some(ReportFigure::new(panel.name, panel.caption, svg, data))
+    Some(ReportFigure::new(&panel.name, &panel.caption, svg, data))
 }

@@ -26,6 +26,7 @@ mod history;
 mod imposed;
 mod map;
 mod page;
+mod panels;
 mod picture;
 pub mod plot;
 pub mod rate_state;

@@ -1,0 +1,65 @@
+//! The figures of time series, which `panels.toml` declares.
+
+use std::sync::LazyLock;
+
+use serde::Deserialize;
+
+/// # Panics
+/// If `panels.toml` is wrong, which is a bug.
+pub static PANELS: LazyLock<Panels> =
+    LazyLock::new(|| toml::from_str(include_str!("panels.toml")).expect("panels.toml"));
+
+/// All figures, and what decides on those of a box.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Panels {
+    /// Of a run between walls.
+    pub walls: Vec<Panel>,
+    /// Over the strain of a box.
+    pub strain: Vec<Panel>,
+    /// Over the time of Newton's equations.
+    pub newtonian: Vec<Panel>,
+    pub deformations: Vec<Deformation>,
+}
+
+/// How the values of a figure are drawn.
+#[derive(Deserialize, Default)]
+#[serde(rename_all = "kebab-case")]
+pub enum Shown {
+    #[default]
+    AsTheyAre,
+    /// In percent above the first value.
+    Growth,
+    /// As powers of ten.
+    Logarithm,
+    /// With an SI prefix before the unit.
+    Prefixed,
+}
+
+/// Quantities on one pair of axes.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Panel {
+    pub name: String,
+    pub caption: String,
+    /// `J` stands for the unit of energies, J or J/m.
+    pub label: String,
+    #[serde(default)]
+    pub shown: Shown,
+    /// Columns of the time series, and their names in the legend.
+    pub lines: Vec<[String; 2]>,
+}
+
+/// A deformation of a box.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Deformation {
+    /// Value of `box.deformation`.
+    pub key: String,
+    pub name: String,
+    /// Column, label and factor of what the figures are drawn over.
+    pub axis: (String, String, f64),
+    /// The stress that works on the strain, in the caption and on the axis.
+    pub stress: [String; 2],
+    pub modulus: String,
+}
