@@ -11,15 +11,14 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Deformation, Dimensions, Method, PeriodicBox, Sample, Scene};
 
 use crate::estimate::index;
 use crate::launch::Task;
-use crate::options::Options;
+use crate::options::{Options, Verbosity};
 use crate::run::Run;
+use crate::stages::assembly::Assembly;
 use crate::stages::relax;
 use crate::stages::setup::system;
 
@@ -33,10 +32,11 @@ pub fn speed(
     task: &Task,
     options: &Options,
 ) -> Result<Option<f64>, Failure> {
-    match task.scene.dimension {
-        Dimensions::Two => speed_of::<Two>(exchange, task, options),
-        Dimensions::Three => speed_of::<Three>(exchange, task, options),
-    }
+    let of = [
+        &speed_on_a_lattice::<Two> as &Measurement<'_>,
+        &speed_on_a_lattice::<Three>,
+    ];
+    measured(exchange, task, options, of)
 }
 
 /// Time of a strain step of a box (s), roughly, measured within seconds; `None` for other
@@ -49,9 +49,16 @@ pub fn strain_step(
     task: &Task,
     options: &Options,
 ) -> Result<Option<f64>, Failure> {
-    match task.scene.dimension {
-        Dimensions::Two => strain_step_of::<Two>(exchange, task, options),
-        Dimensions::Three => strain_step_of::<Three>(exchange, task, options),
+    match &task.scene.boundary {
+        Boundary::Periodic(periodic) if periodic.relax.method == Method::Newton => {
+            let of_disks =
+                |run: &Run<'_>, scene: &Scene| strain_step_on_lattices::<Two>(run, scene, periodic);
+            let of_spheres = |run: &Run<'_>, scene: &Scene| {
+                strain_step_on_lattices::<Three>(run, scene, periodic)
+            };
+            measured(exchange, task, options, [&of_disks, &of_spheres])
+        }
+        _ => Ok(None),
     }
 }
 
@@ -60,45 +67,30 @@ const MOST_GRAINS: u32 = 100_000;
 /// Time of the measurement (s), about.
 const MEASURED: f64 = 0.4;
 
-/// A run that says nothing and writes nothing, for a measurement with the grains of a scene.
-/// Refuses more ranks than the sample has room for.
-fn silent<'a, D: LawSpace>(
-    exchange: &'a dyn Parallel,
-    task: &'a Task,
-    options: &'a Options,
-) -> Result<Run<'a>, Failure> {
-    let scene = &task.scene;
-    let record = task.record.clone();
-    let run = Run::new(exchange, scene, record, options)?;
-    system::<D>(&run, scene, scene.cell())?;
-    Ok(run)
-}
+type Measurement<'a> = dyn Fn(&Run<'_>, &Scene) -> Result<f64, Failure> + 'a;
 
-/// No terminal, no files.
-fn quiet(options: &Options) -> Options {
-    Options {
-        verbosity: crate::options::Verbosity::Quiet,
-        ..options.clone()
-    }
-}
-
-/// What all ranks have measured; `None` if it failed on one, as where the law does not hold on the
-/// lattice.
-fn of_all(exchange: &dyn Parallel, measured: Result<f64, Failure>) -> Option<f64> {
-    let failed = exchange.maximum(f64::from(u8::from(measured.is_err()))) > 0.0;
-    measured.ok().filter(|_| !failed)
-}
-
-/// Speed of all ranks together (grain-steps/s). `None` if the law does not hold on the lattice.
-/// Collective.
-fn speed_of<D: LawSpace>(
+/// What a measurement of disks or spheres finds, in a run that says nothing and writes nothing, on
+/// all ranks; `None` if it failed on one, as where the law does not hold on the lattice. Refuses
+/// more ranks than the sample has room for. Collective.
+fn measured(
     exchange: &dyn Parallel,
     task: &Task,
     options: &Options,
+    [of_disks, of_spheres]: [&Measurement<'_>; 2],
 ) -> Result<Option<f64>, Failure> {
-    let options = quiet(options);
-    let run = silent::<D>(exchange, task, &options)?;
-    Ok(of_all(exchange, measured::<D>(&run, &task.scene)))
+    let scene = &task.scene;
+    let options = Options {
+        verbosity: Verbosity::Quiet,
+        ..options.clone()
+    };
+    let run = Run::new(exchange, scene, task.record.clone(), &options)?;
+    let cell = scene.cell();
+    let found = match scene.dimension {
+        Dimensions::Two => system::<Two>(&run, scene, cell).map(|_| of_disks(&run, scene))?,
+        Dimensions::Three => system::<Three>(&run, scene, cell).map(|_| of_spheres(&run, scene))?,
+    };
+    let failed = exchange.maximum(f64::from(u8::from(found.is_err()))) > 0.0;
+    Ok(found.ok().filter(|_| !failed))
 }
 
 /// A lattice of equal grains at rest.
@@ -116,12 +108,12 @@ impl Lattice {
     }
 
     /// The lattice in a periodic cell, with its forces.
-    fn system<D: LawSpace>(
+    fn assembly<'a, D: LawSpace>(
         &self,
-        run: &Run<'_>,
+        run: &Run<'a>,
         scene: &Scene,
-        law: &dyn PairForce<D>,
-    ) -> Result<System<D>, Failure> {
+        law: &'a dyn PairForce<D>,
+    ) -> Result<Assembly<'a, D>, Failure> {
         let exchange = run.exchange;
         let diameter = scene.sample.mean_diameter;
         let [along, across, up] = self.grains;
@@ -159,12 +151,12 @@ impl Lattice {
             }
         };
         let grains = (part(rank)..part(rank + 1)).map(grain).collect();
-        let mut system: System<D> = system(run, &equal, cell)?;
+        let mut assembly = Assembly::new(run, &equal, cell, law)?;
         // Nothing holds a periodic lattice: it would fall.
-        system.gravity = 0.0;
-        system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
-        initial_forces(exchange, &mut system, law, &mut NoWalls, None)?;
-        Ok(system)
+        assembly.system.gravity = 0.0;
+        assembly.replace(&mut NoWalls, grains, Vec::new())?;
+        assembly.initial_forces(&mut NoWalls, false)?;
+        Ok(assembly)
     }
 }
 
@@ -176,9 +168,9 @@ fn overlap(scene: &Scene) -> f64 {
     }
 }
 
-/// Steps on a lattice of equal grains, two or three of whose neighbours each touch, as in a
-/// packing.
-fn measured<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, Failure> {
+/// Speed of all ranks together (grain-steps/s) on a lattice of equal grains, two or three of whose
+/// neighbours each touch, as in a packing. Collective.
+fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, Failure> {
     let exchange = run.exchange;
     let sample = &scene.sample;
     let diameter = sample.mean_diameter;
@@ -197,14 +189,12 @@ fn measured<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, Failure> {
         spacing: [touching, near, touching],
     };
     let law = scene.force::<D>();
-    let law = law.as_ref();
-    let mut system = lattice.system(run, scene, law)?;
+    let mut assembly = lattice.assembly(run, scene, law.as_ref())?;
     let mut steps = |steps: u64| -> Result<f64, Failure> {
         exchange.barrier();
         let begun = Instant::now();
         for _ in 0..steps {
-            let request = StepRequest::default();
-            advance(exchange, &mut system, law, &mut NoWalls, request)?;
+            assembly.advance(&mut NoWalls, false, false)?;
         }
         Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
     };
@@ -231,26 +221,6 @@ const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
 /// Time of a strain step (s): that of its factorisations of K and, if the scene asks for them, of
 /// all eigenvalues, of lattices in which every grain touches as many others as in a packing.
 /// Collective.
-fn strain_step_of<D: LawSpace>(
-    exchange: &dyn Parallel,
-    task: &Task,
-    options: &Options,
-) -> Result<Option<f64>, Failure> {
-    let scene = &task.scene;
-    let Boundary::Periodic(periodic) = &scene.boundary else {
-        return Ok(None);
-    };
-    if periodic.relax.method != Method::Newton {
-        return Ok(None);
-    }
-    let options = quiet(options);
-    let run = silent::<D>(exchange, task, &options)?;
-    Ok(of_all(
-        exchange,
-        strain_step_on_lattices::<D>(&run, scene, periodic),
-    ))
-}
-
 fn strain_step_on_lattices<D: LawSpace>(
     run: &Run<'_>,
     scene: &Scene,
@@ -284,8 +254,8 @@ fn strain_step_on_lattices<D: LawSpace>(
     let mut grains = all.min(FEW);
     let relaxation = loop {
         let lattice = lattice(grains);
-        let mut system = lattice.system(run, scene, law)?;
-        let seconds = timed(&mut || relax::factor_once(exchange, &mut system, law))?;
+        let mut assembly = lattice.assembly(run, scene, law)?;
+        let seconds = timed(&mut || relax::factor_once(&mut assembly))?;
         let larger = f64::from(all) / f64::from(lattice.count());
         if grains == all || seconds > LONG {
             let power = FACTORISATION_POWER[index(scene)];
@@ -301,8 +271,8 @@ fn strain_step_on_lattices<D: LawSpace>(
     let mut seconds = relaxations * FACTORISATIONS * relaxation;
     if periodic.aqs.spectrum {
         let lattice = lattice(all.min(FEW));
-        let mut system = lattice.system(run, scene, law)?;
-        let one = timed(&mut || relax::eigenvalues_once(exchange, &mut system, law))?;
+        let mut assembly = lattice.assembly(run, scene, law)?;
+        let one = timed(&mut || relax::eigenvalues_once(&mut assembly))?;
         let larger = f64::from(all) / f64::from(lattice.count());
         seconds += one * larger.powi(3);
     }

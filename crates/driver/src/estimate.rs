@@ -4,11 +4,11 @@
 use std::fmt::Write;
 
 use gshear_dem::contact::TORQUES;
-use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, packing_steps};
-use gshear_scene::{Boundary, Motion, Origin, PlaneShear, Scene, WallSpeed};
+use gshear_scene::{Boundary, Motion, Origin, PeriodicBox, PlaneShear, Scene, WallSpeed};
+use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::run_reader::RunStage;
 use gshear_store::trajectory::{self, Form, file_bytes, waiting_bytes};
 
@@ -54,8 +54,8 @@ pub struct Estimate {
 pub struct StageEstimate {
     /// Name.
     pub name: &'static str,
-    /// Steps; `None` if they are not known in advance.
-    pub steps: Option<u64>,
+    /// Steps, at least as a guess.
+    pub steps: u64,
     /// Whether the steps are exactly these.
     pub exact: bool,
     /// Whether they are steps of the equations of motion.
@@ -77,21 +77,27 @@ pub struct FileEstimate {
 
 impl Estimate {
     /// Of a task on these ranks up to the step at which it is to stop, without a speed. Collective.
-    ///
-    /// # Errors
-    /// A checkpoint of another version.
-    pub fn of(exchange: &dyn Parallel, task: &Task, stop_at: Option<u64>) -> Result<Self, Failure> {
-        let scene = &task.scene;
+    pub fn of(exchange: &dyn Parallel, task: &Task, stop_at: Option<u64>) -> Self {
+        let (scene, ranks) = (&task.scene, exchange.size());
         let header = task.saved().map(|saved| &saved.header);
         let last = stop_at.unwrap_or(u64::MAX);
-        let mut estimate = match &scene.boundary {
+        let (stages, files) = match &scene.boundary {
             Boundary::Walls(walls) => of_walls(scene, walls, header, last),
-            Boundary::Periodic(_) => of_box(scene, header, last),
+            Boundary::Periodic(periodic) => of_box(scene, periodic, header, last),
         };
-        estimate.ranks = exchange.size();
-        estimate.hosts = memory::hosts(exchange);
-        estimate.memory = memory_of(scene, exchange.size(), estimate.frame_bytes(scene));
-        Ok(estimate)
+        let writes = stages.iter().any(|stage| stage.output.0 > 0.0);
+        let frame = if writes { frame_bytes(scene) } else { 0.0 };
+        Self {
+            stages,
+            ranks,
+            hosts: memory::hosts(exchange),
+            grains: scene.sample.grains,
+            memory: memory_of(scene, ranks, frame),
+            files,
+            speed: None,
+            strain_step: None,
+            energy: matches!(&scene.boundary, Boundary::Walls(walls) if walls.output.energy),
+        }
     }
 
     /// Whether strain steps are left.
@@ -99,39 +105,18 @@ impl Estimate {
         self.stages.iter().any(|stage| !stage.moves)
     }
 
-    fn new(scene: &Scene, energy: bool) -> Self {
-        Self {
-            stages: Vec::new(),
-            ranks: 1,
-            hosts: 1,
-            grains: scene.sample.grains,
-            memory: 0.0,
-            files: Vec::new(),
-            speed: None,
-            strain_step: None,
-            energy,
-        }
-    }
-
-    /// Bytes of a frame, if any are written.
-    fn frame_bytes(&self, scene: &Scene) -> f64 {
-        let writes = self.stages.iter().any(|stage| stage.output.0 > 0.0);
-        if writes { frame_bytes(scene) } else { 0.0 }
-    }
-
-    /// Grain-steps of the stages whose steps are known, at least as a guess.
+    /// Grain-steps of the stages.
     pub fn grain_steps(&self) -> f64 {
         self.stages.iter().map(|stage| self.work(stage)).sum()
     }
 
     fn work(&self, stage: &StageEstimate) -> f64 {
-        let steps = stage.steps.filter(|_| stage.moves).unwrap_or(0);
+        let steps = if stage.moves { stage.steps } else { 0 };
         f64::from(self.grains) * steps as f64
     }
 
     /// Time of a stage (s).
     fn seconds(&self, stage: &StageEstimate) -> Option<f64> {
-        let steps = stage.steps?;
         let budget = if self.energy { BUDGET } else { 1.0 };
         let (bytes, rows) = stage.output;
         let output = bytes / FRAMES_PER_SECOND + ROW * f64::from(self.grains) * rows as f64;
@@ -139,7 +124,7 @@ impl Estimate {
         let computed = if stage.moves {
             budget * self.work(stage) / self.speed?
         } else {
-            steps as f64 * self.strain_step?
+            stage.steps as f64 * self.strain_step?
         };
         Some(computed + output)
     }
@@ -162,12 +147,11 @@ impl Estimate {
             writeln!(text, "{name:<12}{content}").expect("a string grows");
         };
         let steps = self.stages.iter().map(|stage| {
-            let name = stage.name;
-            match stage.steps {
-                Some(steps) if stage.exact => format!("{name} {steps}"),
-                Some(steps) if !stage.moves => format!("{name} at most {steps}"),
-                Some(steps) => format!("{name} about {} (a guess)", rounded(steps as f64)),
-                None => format!("{name} unknown"),
+            let (name, steps) = (stage.name, stage.steps);
+            match (stage.exact, stage.moves) {
+                (true, _) => format!("{name} {steps}"),
+                (false, false) => format!("{name} at most {steps}"),
+                (false, true) => format!("{name} about {} (a guess)", rounded(steps as f64)),
             }
         });
         line("steps", steps.collect::<Vec<_>>().join(", "));
@@ -310,9 +294,12 @@ fn file_of(
 /// Bytes of a number in a log.
 const NUMBER: f64 = 19.0;
 
+/// What is estimated of the stages and files of a scene.
+type Parts = (Vec<StageEstimate>, Vec<FileEstimate>);
+
 /// Up to the step `last` of the shear.
-fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u64) -> Estimate {
-    let mut estimate = Estimate::new(scene, walls.output.energy);
+fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u64) -> Parts {
+    let mut stages = Vec::new();
     let sample = &scene.sample;
     let packs = match header {
         None => !walls.pack.skip,
@@ -337,9 +324,9 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
     };
     if packs {
         let guess = packing_steps(scene, &walls.load).min(walls.pack.max_steps as f64) as u64;
-        estimate.stages.push(StageEstimate {
+        stages.push(StageEstimate {
             name: PACK,
-            steps: Some(guess.saturating_sub(done).max(guess / 10)),
+            steps: guess.saturating_sub(done).max(guess / 10),
             exact: false,
             moves: true,
             output: (0.0, 0),
@@ -358,38 +345,34 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
             ..
         }
     );
-    estimate.stages.push(StageEstimate {
+    stages.push(StageEstimate {
         name: RunStage::Shear.name(),
-        steps: Some(left),
+        steps: left,
         exact: !by_velocity || known.is_some() || last < schedule.total,
         moves: true,
         output: (frames * share, (counts.rows as f64 * share) as u64),
     });
     let columns = series_columns(schedule.protocol.is_more_than_velocities()).len();
     let run = file_of(scene, "run.h5", counts.frames, (counts.rows, columns));
-    estimate.files.push(run);
-    estimate.files.push(FileEstimate {
+    let log = FileEstimate {
         name: "log.csv",
         bytes: NUMBER * (columns + 1) as f64 * counts.rows as f64,
         content: format!("{} rows", counts.rows),
-    });
+    };
     let kept = if scene.keep_checkpoints {
         counts.checkpoints + 1
     } else {
         2.min(counts.checkpoints)
     };
-    estimate.checkpoints(scene, kept);
-    estimate
+    (stages, vec![run, log, checkpoints(scene, kept)])
 }
 
-impl Estimate {
-    fn checkpoints(&mut self, scene: &Scene, count: u64) {
-        let one = checkpoint_bytes(scene);
-        self.files.push(FileEstimate {
-            name: "checkpoints",
-            bytes: one * count as f64,
-            content: format!("{count} of {}", bytes(one)),
-        });
+fn checkpoints(scene: &Scene, count: u64) -> FileEstimate {
+    let one = checkpoint_bytes(scene);
+    FileEstimate {
+        name: "checkpoints",
+        bytes: one * count as f64,
+        content: format!("{count} of {}", bytes(one)),
     }
 }
 
@@ -400,11 +383,8 @@ pub fn dense_height(scene: &Scene) -> f64 {
 }
 
 /// Up to the step `last`, which counts strain steps, then steps of Newton's equations.
-fn of_box(scene: &Scene, header: Option<&Header>, last: u64) -> Estimate {
-    let mut estimate = Estimate::new(scene, false);
-    let Boundary::Periodic(periodic) = &scene.boundary else {
-        unreachable!("a box")
-    };
+fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: u64) -> Parts {
+    let (mut stages, mut files) = (Vec::new(), Vec::new());
     let (strained, moved, pair) = match header {
         Some(Header::Aqs { progress, .. }) => (Some(progress.steps), 0, progress.pair),
         Some(Header::Newtonian { step, progress, .. }) => {
@@ -413,9 +393,9 @@ fn of_box(scene: &Scene, header: Option<&Header>, last: u64) -> Estimate {
         _ => (None, 0, None),
     };
     if strained.is_none() && periodic.packing.is_none() {
-        estimate.stages.push(StageEstimate {
+        stages.push(StageEstimate {
             name: PREPARE,
-            steps: Some(prepare::steps(scene, periodic)),
+            steps: prepare::steps(scene, periodic),
             exact: false,
             moves: true,
             output: (0.0, 0),
@@ -427,19 +407,17 @@ fn of_box(scene: &Scene, header: Option<&Header>, last: u64) -> Estimate {
     let frames = frames.map_or(0, |frames| frames + 1);
     let strains = steps.saturating_sub(strained.unwrap_or(0));
     if strains > 0 {
-        estimate.stages.push(StageEstimate {
+        stages.push(StageEstimate {
             name: RunStage::Strain.name(),
-            steps: Some(strains),
+            steps: strains,
             // Ends earlier with the growth of a pair.
             exact: aqs.until_imaginary == 0.0,
             moves: false,
             output: (frames as f64 * frame_bytes(scene), steps),
         });
     }
-    let columns = gshear_store::box_columns::AqsRow::COLUMNS.len();
-    estimate
-        .files
-        .push(file_of(scene, "aqs.h5", frames, (steps + 1, columns)));
+    let rows = (steps + 1, AqsRow::COLUMNS.len());
+    files.push(file_of(scene, "aqs.h5", frames, rows));
     let moves = periodic.newtonian.as_ref().filter(|_| last > aqs.steps);
     if let Some(of) = moves {
         // A complex pair, which the strain steps may find, decides how many.
@@ -448,19 +426,18 @@ fn of_box(scene: &Scene, header: Option<&Header>, last: u64) -> Estimate {
         let steps = all.min(last - aqs.steps);
         let share = steps as f64 / all.max(1) as f64;
         let [frames, rows] = [of.frames, of.rows].map(|count| (count as f64 * share) as u64);
-        estimate.stages.push(StageEstimate {
+        stages.push(StageEstimate {
             name: RunStage::Newtonian.name(),
-            steps: Some(steps.saturating_sub(moved)),
+            steps: steps.saturating_sub(moved),
             exact: !may_differ,
             moves: true,
             output: (frames as f64 * frame_bytes(scene), rows),
         });
-        let columns = gshear_store::box_columns::NewtonianRow::COLUMNS.len();
-        let file = file_of(scene, "newtonian.h5", frames + 1, (rows + 1, columns));
-        estimate.files.push(file);
+        let rows = (rows + 1, NewtonianRow::COLUMNS.len());
+        files.push(file_of(scene, "newtonian.h5", frames + 1, rows));
     }
-    estimate.checkpoints(scene, 2);
-    estimate
+    files.push(checkpoints(scene, 2));
+    (stages, files)
 }
 
 #[cfg(test)]

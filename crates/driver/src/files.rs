@@ -2,17 +2,15 @@
 
 use std::path::Path;
 
-use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_scene::schedule::ReplayWindow;
-use gshear_store::collective::{agree, exists};
+use gshear_store::collective::{agree, exists, on_root, told_by_root};
 use gshear_store::dictionary;
 use gshear_store::existing;
 use gshear_store::file_names::{LOG_FILE, SCENE_FILE};
@@ -28,7 +26,8 @@ use crate::written::{UpToCheckpoint, Written};
 
 /// The files of a stage. Every call is collective.
 pub struct Files {
-    trajectory: TrajectoryWriter,
+    /// Frames, time series and scalars.
+    pub trajectory: TrajectoryWriter,
     log: Option<Log>,
     /// The first failure of the log since the last flush.
     log_state: Result<(), Failure>,
@@ -70,14 +69,11 @@ impl Destination<'_> {
 
     /// Writes `scene.toml`; collective.
     fn write_scene(&self) -> Result<(), Failure> {
-        let wrote = if self.exchange.rank() == 0 {
+        on_root(self.exchange, || {
             let path = self.folder.join(SCENE_FILE);
             text_writer::replace(&path, self.record.comments() + self.toml)
                 .map_err(|e| unwritten(&path, &e))
-        } else {
-            Ok(())
-        };
-        agree(self.exchange, wrote)
+        })
     }
 }
 
@@ -87,20 +83,51 @@ pub struct Format<'a> {
     pub name: &'a str,
     /// Columns of the time series.
     pub columns: &'a [Column],
-    /// Whether the box is bounded along its last axis.
-    pub walls: bool,
-    /// Height of the box (m).
-    pub height: f64,
     /// Says who made the run, and the ids of the grains.
     pub scene: &'a Scene,
     /// The law between the grains.
     pub law: &'a dyn PairModel,
     /// Attributes in addition to those of every run.
     pub attributes: Vec<(&'static str, Attribute)>,
-    /// Whether `log.csv` is written.
-    pub log: bool,
+    /// What a run between walls has besides; `None` of a periodic box.
+    pub walls: Option<WallFormat>,
+}
+
+/// The content of the files of a run between walls, which have a `log.csv`.
+#[derive(Debug, Clone, Copy)]
+pub struct WallFormat {
+    /// Height between the walls (m).
+    pub height: f64,
     /// Whether the run computes scalars of frames.
     pub scalars: bool,
+}
+
+impl Format<'_> {
+    /// Creates the log, or opens it to continue after the step `last` and at least so many `rows`;
+    /// collective.
+    fn open_log(
+        &self,
+        place: Destination<'_>,
+        axes: usize,
+        last: Option<u64>,
+        rows: u64,
+    ) -> Result<Option<Log>, Failure> {
+        if self.walls.is_none() {
+            return Ok(None);
+        }
+        let (exchange, path) = (place.exchange, place.folder.join(LOG_FILE));
+        let log = match last {
+            Some(last) => Log::open_to_append(exchange, &path, self.columns, last, rows)?,
+            None => {
+                on_root(exchange, || {
+                    let names = Log::names(self.columns);
+                    dictionary::write_metadata(LOG_FILE, &path, &names, axes)
+                })?;
+                Log::create(exchange, &path, self.columns)?
+            }
+        };
+        Ok(Some(log))
+    }
 }
 
 impl Files {
@@ -120,170 +147,53 @@ impl Files {
             Some(owned) => owned.clear(exchange)?,
             None => folder(exchange, out)?,
         }
-        let (path, log) = (out.join(format.name), out.join(LOG_FILE));
-        let (run_there, log_there) = (exists(exchange, &path)?, exists(exchange, &log)?);
-        let mut files = match before.and_then(|before| before.last) {
-            Some(last) if run_there => {
+        let path = out.join(format.name);
+        let is_there = exists(exchange, &path)?;
+        let resumed = before.and_then(|before| before.last).filter(|_| is_there);
+        let (trajectory, log, scalars_before) = match resumed {
+            Some(last) => {
                 // Counted by steps: a file that was begun anew at a later step holds fewer frames
                 // and rows than the checkpoint says.
-                let counts = match exchange.rank() {
-                    0 => existing::up_to(&path, format.columns, last),
-                    _ => Ok([0; 3]),
-                };
-                // Zero on the other ranks.
-                let mut counts = agree(exchange, counts)?.map(|count| count as i64);
-                exchange.sum(&mut counts);
-                let [frames, rows, scalars] = counts.map(|count| count as u64);
+                let counts = || existing::up_to(&path, format.columns, last);
+                let [frames, rows, scalars] = told_by_root(exchange, counts)?;
                 // The log first: if it does not fit, the other file is left as it is.
-                let log = if format.log {
-                    Some(Log::open_to_append(
-                        exchange,
-                        &log,
-                        format.columns,
-                        last,
-                        rows,
-                    )?)
-                } else {
-                    None
-                };
-                let mut trajectory = TrajectoryWriter::open_to_append(
-                    exchange,
-                    &path,
-                    format.columns,
-                    frames,
-                    rows,
-                )?;
+                let log = format.open_log(place, D::AXES, Some(last), rows)?;
+                let (series, path) = (format.columns, &path);
+                let mut trajectory =
+                    TrajectoryWriter::open_to_append(exchange, path, series, frames, rows)?;
                 trajectory.attributes(exchange, &place.attributes())?;
                 place.write_scene()?;
-                Self {
-                    trajectory,
-                    log,
-                    log_state: Ok(()),
-                    scalars_before: scalars,
-                    resumed: true,
-                    watched: Vec::new(),
-                }
+                (trajectory, log, scalars)
             }
-            _ => Self::create(place, system, format, before, log_there)?,
+            None => {
+                let log_there = exists(exchange, &out.join(LOG_FILE))?;
+                let trajectory = create(place, system, format, before)?;
+                // Rows of before a lost run.h5 stay.
+                let last = before.filter(|_| log_there).and_then(|before| before.last);
+                let log = format.open_log(place, D::AXES, last, 0)?;
+                (trajectory, log, 0)
+            }
         };
-        if exchange.rank() == 0 {
-            let log = format.log.then_some(log);
-            files.watched = std::iter::once(path).chain(log).map(Watched::new).collect();
-        }
-        if format.scalars {
+        let open = [Some(path), format.walls.map(|_| out.join(LOG_FILE))];
+        let open = open.into_iter().flatten().filter(|_| exchange.rank() == 0);
+        let mut files = Self {
+            trajectory,
+            log,
+            log_state: Ok(()),
+            scalars_before,
+            resumed: resumed.is_some(),
+            watched: open.map(Watched::new).collect(),
+        };
+        if format.walls.is_some_and(|walls| walls.scalars) {
             let before = std::mem::take(&mut files.scalars_before);
             files.trajectory.begin_scalars(exchange, before)?;
         }
         Ok(files)
     }
 
-    fn create<D: Dimension>(
-        place: Destination<'_>,
-        system: &mut System<D>,
-        format: &Format<'_>,
-        before: Option<UpToCheckpoint>,
-        log_there: bool,
-    ) -> Result<Self, Failure> {
-        let (exchange, out) = (place.exchange, place.folder);
-        place.write_scene()?;
-        let log_up_to = before.filter(|_| log_there).and_then(|before| before.last);
-        let mut attributes = place.attributes();
-        if let Some(UpToCheckpoint { step, .. }) = before.filter(|before| before.step > 0) {
-            attributes.push(("begun_at_step", Attribute::Count(step)));
-        }
-        attributes.extend([
-            ("version", Attribute::Text(provenance::VERSION.into())),
-            (
-                "git_commit",
-                Attribute::Text(provenance::git_commit().into()),
-            ),
-            ("ranks", Attribute::Count(exchange.size() as u64)),
-            ("processor", Attribute::Text(provenance::processor())),
-            ("started", Attribute::Text(provenance::now())),
-            ("time_step", Attribute::Number(system.step)),
-            ("dimension", Attribute::Count(D::AXES as u64)),
-        ]);
-        attributes.extend(format.attributes.iter().cloned());
-        // L_x, height, 0; in three dimensions L_x, L_y, height.
-        let mut edges = [0.0; 3];
-        edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
-        edges[D::UP] = format.height;
-        let user = match (exchange.rank(), &format.scene.author) {
-            (0, None) => provenance::user(),
-            _ => String::new(),
-        };
-        let header = RunHeader {
-            author: format.scene.author.as_ref().unwrap_or(&user),
-            history_unit: format.law.history_unit(),
-            form: Form {
-                axes: D::AXES,
-                torques: format.law.has_torques(),
-            },
-            walls: format.walls,
-            series: format.columns,
-            edges,
-            grains: &GrainShape::owned(system),
-            ids: format.scene.packing().map(|file| &file.ids),
-            attributes: &attributes,
-        };
-        Ok(Self {
-            trajectory: TrajectoryWriter::create(exchange, &out.join(format.name), &header)?,
-            log: match (format.log, log_up_to) {
-                (false, _) => None,
-                (true, None) => {
-                    let log = out.join(LOG_FILE);
-                    let described = match exchange.rank() {
-                        0 => {
-                            let names = Log::names(format.columns);
-                            dictionary::write_metadata(LOG_FILE, &log, &names, D::AXES)
-                        }
-                        _ => Ok(()),
-                    };
-                    agree(exchange, described)?;
-                    Some(Log::create(exchange, &log, format.columns)?)
-                }
-                // Rows of before a lost run.h5 stay.
-                (true, Some(last)) => Some(Log::open_to_append(
-                    exchange,
-                    &out.join(LOG_FILE),
-                    format.columns,
-                    last,
-                    0,
-                )?),
-            },
-            log_state: Ok(()),
-            scalars_before: 0,
-            resumed: false,
-            watched: Vec::new(),
-        })
-    }
-
     /// Whether the files of a resumed run were opened.
     pub fn resumed(&self) -> bool {
         self.resumed
-    }
-
-    /// Writes the next row of the time series, which is the same on every rank.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn series(
-        &mut self,
-        exchange: &dyn Parallel,
-        step: u64,
-        time: f64,
-        row: &impl AsRef<[f64]>,
-    ) -> Result<(), Failure> {
-        self.trajectory.series(exchange, step, time, row)
-    }
-
-    /// Writes the rows of the time series so far to disk every two seconds, for those who watch the
-    /// run.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn publish_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        self.trajectory.publish_rows(exchange)
     }
 
     /// Writes a row to the log.
@@ -299,34 +209,6 @@ impl Files {
         if let (Some(log), Ok(())) = (&mut self.log, &self.log_state) {
             self.log_state = log.flush();
         }
-    }
-
-    /// Writes the next frame: the box, the grains of this rank, and the contacts whose first grain
-    /// it owns.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn frame(
-        &mut self,
-        exchange: &dyn Parallel,
-        clock: (u64, f64),
-        edges: &BoxEdges,
-        (grains, contacts): (&[GrainSample], &[ContactSample]),
-    ) -> Result<(), Failure> {
-        self.trajectory
-            .frame(exchange, clock, edges, grains, contacts)
-    }
-
-    /// Writes the next rows of scalars of frames, which are the same on every rank.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    pub fn scalars(
-        &mut self,
-        exchange: &dyn Parallel,
-        rows: &[(u64, FrameScalars)],
-    ) -> Result<(), Failure> {
-        self.trajectory.scalars(exchange, rows)
     }
 
     /// Writes everything to disk. Returns the number of frames and rows in the files.
@@ -374,16 +256,63 @@ impl Files {
     }
 }
 
+/// Writes `scene.toml`, and creates the file of frames and time series.
+fn create<D: Dimension>(
+    place: Destination<'_>,
+    system: &mut System<D>,
+    format: &Format<'_>,
+    before: Option<UpToCheckpoint>,
+) -> Result<TrajectoryWriter, Failure> {
+    let (exchange, out) = (place.exchange, place.folder);
+    place.write_scene()?;
+    let mut attributes = place.attributes();
+    if let Some(UpToCheckpoint { step, .. }) = before.filter(|before| before.step > 0) {
+        attributes.push(("begun_at_step", Attribute::Count(step)));
+    }
+    attributes.extend([
+        ("version", provenance::VERSION.into()),
+        ("git_commit", provenance::git_commit().into()),
+        ("ranks", (exchange.size() as u64).into()),
+        ("processor", provenance::processor().into()),
+        ("started", provenance::now().into()),
+        ("time_step", system.step.into()),
+        ("dimension", (D::AXES as u64).into()),
+    ]);
+    attributes.extend(format.attributes.iter().cloned());
+    // L_x, height, 0; in three dimensions L_x, L_y, height.
+    let mut edges = [0.0; 3];
+    edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
+    let of_box = || system.cell.sheared.map_or(0.0, |sheared| sheared.height);
+    edges[D::UP] = format.walls.map_or_else(of_box, |walls| walls.height);
+    let author = format.scene.author.as_deref();
+    let user = match (exchange.rank(), author) {
+        (0, None) => provenance::user(),
+        _ => String::new(),
+    };
+    let header = RunHeader {
+        author: author.unwrap_or(&user),
+        history_unit: format.law.history_unit(),
+        form: Form {
+            axes: D::AXES,
+            torques: format.law.has_torques(),
+        },
+        walls: format.walls.is_some(),
+        series: format.columns,
+        edges,
+        grains: &GrainShape::owned(system),
+        ids: format.scene.packing().map(|file| &file.ids),
+        attributes: &attributes,
+    };
+    TrajectoryWriter::create(exchange, &out.join(format.name), &header)
+}
+
 /// Creates the folder of the results, if it is missing; collective.
 ///
 /// # Errors
 /// A folder that cannot be created.
 pub fn folder(exchange: &dyn Parallel, out: &Path) -> Result<(), Failure> {
-    let made = if exchange.rank() == 0 {
+    on_root(exchange, || {
         std::fs::create_dir_all(out)
             .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
-    } else {
-        Ok(())
-    };
-    agree(exchange, made)
+    })
 }

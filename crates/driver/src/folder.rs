@@ -17,7 +17,7 @@ use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Scene};
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::checkpoint;
-use gshear_store::collective::agree;
+use gshear_store::collective::{agree, on_root};
 use gshear_store::csv_table::rows_up_to;
 use gshear_store::existing;
 use gshear_store::file_names::{
@@ -325,11 +325,7 @@ impl RunFolder {
             made: Vec::new(),
         };
         let mut notes = Vec::new();
-        let taken = match exchange.rank() {
-            0 => folder.take_on_root(claim, options, &mut notes),
-            _ => Ok(()),
-        };
-        agree(exchange, taken)?;
+        on_root(exchange, || folder.take_on_root(claim, options, &mut notes))?;
         h5::probe(&folder.path, exchange)?;
         for note in notes {
             say_error(&format!("note: {note}"));

@@ -10,7 +10,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
 use gshear_scene::{Boundary, Change, Dimensions, Scene, Source, unlikely};
 use gshear_store::checkpoint;
-use gshear_store::collective::{agree, exists};
+use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
 use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
 
 use crate::ends;
@@ -158,14 +158,10 @@ pub fn from_the_start(
     let mut packing = None;
     let limit = memory::limit(exchange);
     let scene = gshear_scene::load_within(source, set, &limit, &mut |path, arrangement| {
-        let read = match exchange.rank() {
-            0 => read_packing(path, arrangement, &limit).map(Some),
-            _ => Ok(None),
-        };
-        packing = agree(exchange, read)?;
-        let file = packing.as_ref().map(|packing| &packing.file);
-        let text = exchange.broadcast(serde_json::to_vec(&file).expect("a file of finite numbers"));
-        Ok(serde_json::from_slice(&text).expect("what rank 0 wrote"))
+        let read = || read_packing(path, arrangement, &limit).map(Some);
+        packing = on_root(exchange, read)?;
+        let file = packing.as_ref().map(|packing| packing.file.clone());
+        Ok(of_root(exchange, &file).expect("rank 0 has read it"))
     })?;
     let start = match scene.packing() {
         Some(_) => {
@@ -212,8 +208,7 @@ pub fn resume(
     path: &Path,
     changes: Changes<'_>,
 ) -> Result<Resumable, Failure> {
-    let is_folder = exchange.broadcast(vec![u8::from(path.is_dir())])[0] == 1;
-    if !is_folder {
+    if !of_root(exchange, &path.is_dir()) {
         let task = from_checkpoint(Saved::read(exchange, path)?, changes)?;
         return Ok(Resumable::Task(Box::new(task)));
     }
@@ -257,16 +252,12 @@ pub fn resume_if_begun(
     folder: &Path,
     task: Task,
 ) -> Result<Resumable, Failure> {
-    let mut empty = false;
-    let looked = match exchange.rank() {
-        0 => Contents::of(folder).and_then(|found| {
-            empty = found.is_empty();
-            found.is_of(folder, &task.record, &task.scene, true)
-        }),
-        _ => Ok(()),
-    };
-    agree(exchange, looked)?;
-    if exchange.broadcast(vec![u8::from(empty)])[0] == 1 {
+    let empty = told_by_root(exchange, || {
+        let found = Contents::of(folder)?;
+        found.is_of(folder, &task.record, &task.scene, true)?;
+        Ok(found.is_empty())
+    })?;
+    if empty {
         return Ok(Resumable::Task(Box::new(task)));
     }
     if is_finished(exchange, folder, &task)? {
@@ -288,12 +279,9 @@ pub fn resume_if_begun(
 
 /// Whether the run in the folder has come to the end that the task asks for. Collective.
 fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> Result<bool, Failure> {
-    let finished = match exchange.rank() {
-        0 => Contents::of(folder).map(|of| of.is_finished(task.last_file(), &task.scene)),
-        _ => Ok(false),
-    };
-    let finished = agree(exchange, finished)?;
-    Ok(exchange.broadcast(vec![u8::from(finished)])[0] == 1)
+    told_by_root(exchange, || {
+        Ok(Contents::of(folder)?.is_finished(task.last_file(), &task.scene))
+    })
 }
 
 /// The newest good checkpoint of a folder; `None` if there is none. Collective.

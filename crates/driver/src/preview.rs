@@ -73,7 +73,7 @@ fn prospects(
     if options.verbosity == Verbosity::Quiet {
         return Ok(());
     }
-    let mut estimate = Estimate::of(exchange, task, options.stop_at)?;
+    let mut estimate = Estimate::of(exchange, task, options.stop_at);
     estimate.speed = calibration::speed(exchange, task, options)?;
     if estimate.strains() {
         estimate.strain_step = calibration::strain_step(exchange, task, options)?;

@@ -8,7 +8,7 @@ use gshear_dem::state::{GrainState, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_store::checkpoint;
-use gshear_store::collective::agree;
+use gshear_store::collective::on_root;
 
 use crate::files::Destination;
 use crate::folder::RunFolder;
@@ -266,11 +266,13 @@ impl<'a> Run<'a> {
         checkpoint::write(exchange, out, texts, &state)?;
         self.terminal
             .saved(header.stage(), header.step(), self.saved.elapsed());
-        let kept = match (keep, exchange.rank()) {
-            (true, 0) => checkpoint::keep(out, header.stage(), header.step()),
-            _ => Ok(()),
-        };
-        agree(exchange, kept)
+        on_root(exchange, || {
+            if keep {
+                checkpoint::keep(out, header.stage(), header.step())
+            } else {
+                Ok(())
+            }
+        })
     }
 }
 

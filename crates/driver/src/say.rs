@@ -6,7 +6,7 @@ use std::io::{ErrorKind, Write};
 use console::Term;
 use gshear_dem::failure::{Failure, printable};
 use gshear_mpi_exchange::Parallel;
-use gshear_store::collective::agree;
+use gshear_store::collective::on_root;
 use rustix::fs::{Mode, OFlags};
 
 /// Prints a line, if standard output is neither closed nor full; on a terminal folded to its width.
@@ -28,14 +28,7 @@ pub fn say_error(line: &str) {
 /// # Errors
 /// Standard output that cannot be written, such as a file on a full disk, on every rank.
 pub fn print(exchange: &dyn Parallel, text: &str) -> Result<(), Failure> {
-    agree(
-        exchange,
-        if exchange.rank() == 0 {
-            write_out(text)
-        } else {
-            Ok(())
-        },
-    )
+    on_root(exchange, || write_out(text))
 }
 
 fn write_out(text: &str) -> Result<(), Failure> {

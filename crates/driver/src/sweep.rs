@@ -79,7 +79,7 @@ impl<'a> Sweep<'a> {
                 Resumable::Task(_) => "new",
             };
             if let (Resumable::Task(task), false) = (&found, quiet) {
-                let mut estimate = Estimate::of(exchange, task, None)?;
+                let mut estimate = Estimate::of(exchange, task, None);
                 if speed.is_none() {
                     speed = Some(calibration::speed(exchange, task, options)?);
                 }

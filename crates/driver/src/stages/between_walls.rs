@@ -48,7 +48,7 @@ pub fn run<D: LawSpace>(
     };
     let law = scene.force::<D>();
     let begins = from.step == 0;
-    let mut shear = ShearStage::new(run, scene, plane_shear, law, from, state)?;
+    let mut shear = ShearStage::new(run, scene, plane_shear, law.as_ref(), from, state)?;
     let outcome = run.drive(&mut shear, begins);
     shear.finish(run, outcome)
 }
@@ -64,7 +64,8 @@ fn packed<D: LawSpace>(
 ) -> Result<Option<(ShearHeader, Snapshot)>, Failure> {
     loop {
         let begins = header.step == 0;
-        let laws = packing_laws::<D>(scene, plane_shear);
+        let [law, plane] = packing_laws::<D>(scene, plane_shear);
+        let laws = (law.as_ref(), plane);
         let mut pack = PackStage::new(run, scene, plane_shear, laws, header, state)?;
         let failure = match run.drive(&mut pack, begins) {
             Ok(Outcome::Done) => {

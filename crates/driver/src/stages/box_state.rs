@@ -3,15 +3,14 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use super::assembly::Assembly;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::ContactForces;
-use gshear_dem::kernel::PairForce;
+use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::simd::Lanes16;
 use gshear_dem::state::length;
 use gshear_dem::step::forces;
 use gshear_dem::system::System;
-use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::gathered;
 
 /// Sums over the contacts of a packing.
@@ -46,52 +45,44 @@ struct ContactTerms {
     sliding: f64,
 }
 
-/// Measures the system, which need not be at rest. Collective.
-pub(super) fn observe<D: Dimension>(
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
-    samples: &mut ContactForces,
-    grains: u32,
-) -> Observed {
-    // Forces and histories are restored afterwards, because a pass with Δt = 0 also rotates
-    // histories into the tangent planes, which changes their last bits, and does not find limits.
-    let felt = system.grains().force.clone();
-    let remembered = system.contacts.history.clone();
-    let limits = (
-        system.contacts.limits.clone(),
-        system.contacts.limits_are_known,
-    );
-    let outside = forces(
-        exchange,
-        system,
-        law,
-        &mut NoWalls,
-        0.0,
-        Some(&mut *samples),
-    );
-    debug_assert!(outside.is_none());
-    system.grains_mut().force = felt;
-    system.contacts.history = remembered;
-    (system.contacts.limits, system.contacts.limits_are_known) = limits;
-    let shares = shares(system, law, samples);
-    let all = gathered(exchange, &shares, |c| (c.i, c.j));
-    let sum = |of: fn(&ContactTerms) -> f64| all.iter().map(of).sum::<f64>();
-    let volume = volume(system);
-    let normal = |axis: usize| all.iter().map(|c| c.normal[axis]).sum::<f64>() / volume;
-    let count = all.len() as f64;
-    Observed {
-        shear_stress: -sum(|c| c.shear) / volume,
-        pressure: sum(|c| c.pressure) / (D::AXES as f64 * volume),
-        normal_stress: std::array::from_fn(normal),
-        elastic_energy: sum(|c| c.energy),
-        contacts: all.len() as u64,
-        coordination: 2.0 * count / f64::from(grains),
-        sliding_fraction: if all.is_empty() {
-            0.0
-        } else {
-            sum(|c| c.sliding) / count
-        },
+impl<D: Dimension> Assembly<'_, D> {
+    /// Measures the grains, of which there are so many on all ranks, and which need not be at rest.
+    pub(super) fn observe(&mut self, grains: u32) -> Observed {
+        let system = &mut self.system;
+        // Forces and histories are restored afterwards, because a pass with Δt = 0 also rotates
+        // histories into the tangent planes, which changes their last bits, and does not find
+        // limits.
+        let felt = system.grains().force.clone();
+        let remembered = system.contacts.history.clone();
+        let limits = (
+            system.contacts.limits.clone(),
+            system.contacts.limits_are_known,
+        );
+        let (samples, rest) = (Some(&mut self.samples), &mut NoWalls);
+        let outside = forces(self.exchange, system, self.law, rest, 0.0, samples);
+        debug_assert!(outside.is_none());
+        system.grains_mut().force = felt;
+        system.contacts.history = remembered;
+        (system.contacts.limits, system.contacts.limits_are_known) = limits;
+        let shares = shares(system, self.law, &self.samples);
+        let all = gathered(self.exchange, &shares, |c| (c.i, c.j));
+        let sum = |of: fn(&ContactTerms) -> f64| all.iter().map(of).sum::<f64>();
+        let volume = volume(system);
+        let normal = |axis: usize| all.iter().map(|c| c.normal[axis]).sum::<f64>() / volume;
+        let count = all.len() as f64;
+        Observed {
+            shear_stress: -sum(|c| c.shear) / volume,
+            pressure: sum(|c| c.pressure) / (D::AXES as f64 * volume),
+            normal_stress: std::array::from_fn(normal),
+            elastic_energy: sum(|c| c.energy),
+            contacts: all.len() as u64,
+            coordination: 2.0 * count / f64::from(grains),
+            sliding_fraction: if all.is_empty() {
+                0.0
+            } else {
+                sum(|c| c.sliding) / count
+            },
+        }
     }
 }
 

@@ -5,12 +5,11 @@ use gshear_dem::contact::portable_exp;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 
-use super::box_state::{Observed, observe, volume};
-use super::relax::{Followed, LONGEST, stretch};
+use super::box_state::{Observed, volume};
+use super::relax::{Followed, LONGEST};
 use super::rest::RestState;
 use super::strain::Strain;
 use crate::header::{Beyond, Correction, Pressing, Search, Stretched};
-use crate::run::Run;
 use gshear_scene::Deformation;
 
 /// A packing with less than this part of the wanted pressure says nothing of where it is reached.
@@ -24,31 +23,24 @@ impl<D: Dimension> Strain<'_, D> {
     /// Volume of the grains over that of the box.
     pub(super) fn solid_fraction(&self) -> f64 {
         let at_start: f64 = self.periodic.lengths(&self.scene.sample).iter().product();
-        self.periodic.solid_fraction * (at_start / volume(&self.system))
+        self.periodic.solid_fraction * (at_start / volume(&self.assembly.system))
     }
 
     /// Notes the lengths before the first strain step, if they change in this scene.
     pub(super) fn begin_stretching(&mut self) {
         let simple = self.periodic.deformation == Deformation::SimpleShear;
-        let lengths = self.system.cell.lengths::<D>();
+        let lengths = self.assembly.system.cell.lengths::<D>();
         if !simple || self.periodic.pressure.is_some() {
             self.progress.stretched = Some(Stretched::new(lengths));
         }
     }
 
-    fn observed(&mut self, run: &Run<'_>) -> Observed {
-        let grains = self.scene.sample.grains;
-        observe(
-            run.exchange,
-            &mut self.system,
-            self.law,
-            &mut self.samples,
-            grains,
-        )
+    fn observed(&mut self) -> Observed {
+        self.assembly.observe(self.scene.sample.grains)
     }
 
     /// Gives the box these lengths.
-    fn stretch(&mut self, run: &Run<'_>, to: [f64; 3]) -> Result<Followed, Failure> {
+    fn stretch(&mut self, to: [f64; 3]) -> Result<Followed, Failure> {
         let least = self.scene.sample.least_box_length();
         let shortest = to[..D::AXES].iter().copied().fold(f64::INFINITY, f64::min);
         if shortest < least {
@@ -58,7 +50,7 @@ impl<D: Dimension> Strain<'_, D> {
                 self.progress.steps + 1
             )));
         }
-        let from = self.system.cell.lengths::<D>();
+        let from = self.assembly.system.cell.lengths::<D>();
         let change = |axis: usize| (to[axis] / from[axis] - 1.0).abs();
         let greatest = (0..D::AXES).map(change).fold(0.0, f64::max);
         // The histories follow an affine step to second order.
@@ -67,7 +59,7 @@ impl<D: Dimension> Strain<'_, D> {
             let part = k as f64 / parts as f64;
             let between = std::array::from_fn(|axis| from[axis] + part * (to[axis] - from[axis]));
             let lengths = if k == parts { to } else { between };
-            let followed = stretch(run.exchange, &mut self.system, self.law, lengths)?;
+            let followed = self.assembly.stretch(lengths)?;
             if followed.is_err() {
                 return Ok(followed);
             }
@@ -76,15 +68,18 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// [`Strain::stretch`], which must succeed.
-    fn stretch_within(&mut self, run: &Run<'_>, lengths: [f64; 3]) -> Result<(), Failure> {
-        let followed = self.stretch(run, lengths)?;
-        self.within_law(run, followed)
+    fn stretch_within(&mut self, lengths: [f64; 3]) -> Result<(), Failure> {
+        let followed = self.stretch(lengths)?;
+        self.within_law(followed)
     }
 
     /// Fails if a strain step has led outside the law.
-    pub(super) fn within_law(&mut self, run: &Run<'_>, followed: Followed) -> Result<(), Failure> {
+    pub(super) fn within_law(&mut self, followed: Followed) -> Result<(), Failure> {
         followed.map_err(|outside| {
-            let failure = self.system.explain(run.exchange, outside);
+            let failure = self
+                .assembly
+                .system
+                .explain(self.assembly.exchange, outside);
             self.of_strain_step(failure)
         })
     }
@@ -103,17 +98,13 @@ impl<D: Dimension> Strain<'_, D> {
     /// Strain step number `step` of pure shear: ε = γ/2 along x, -γ/2 along the last axis. The
     /// lengths are those of the whole strain, so that their product stays the same but for
     /// rounding.
-    pub(super) fn pure_shear(
-        &mut self,
-        run: &Run<'_>,
-        step: u64,
-    ) -> Result<Option<Search>, Failure> {
+    pub(super) fn pure_shear(&mut self, step: u64) -> Result<Option<Search>, Failure> {
         let mut lengths = self.stretched().initial;
         let area = lengths[0] * lengths[D::UP];
         let strain = self.periodic.aqs.strain_step * step as f64;
         lengths[0] /= portable_exp(-0.5 * strain);
         lengths[D::UP] = area / lengths[0];
-        self.stretch_within(run, lengths)?;
+        self.stretch_within(lengths)?;
         Ok(Some(Search::Rest))
     }
 
@@ -124,10 +115,10 @@ impl<D: Dimension> Strain<'_, D> {
 
     /// Strain step number `step` of a biaxial box: the last axis shrinks, then the other lengths
     /// change by one factor until the mean stress along them is the wanted one.
-    pub(super) fn biaxial(&mut self, run: &Run<'_>, step: u64) -> Result<Option<Search>, Failure> {
+    pub(super) fn biaxial(&mut self, step: u64) -> Result<Option<Search>, Failure> {
         let before = self.stretched();
         let strain = self.periodic.aqs.strain_step * step as f64;
-        let mut lengths = self.system.cell.lengths::<D>();
+        let mut lengths = self.assembly.system.cell.lengths::<D>();
         lengths[D::UP] = before.initial[D::UP] * portable_exp(-strain);
         let of = Correction {
             count: 0,
@@ -136,19 +127,15 @@ impl<D: Dimension> Strain<'_, D> {
             modulus: before.lateral_modulus.unwrap_or_else(|| self.stiff()),
             excess: None,
         };
-        self.stretch_within(run, widened::<D>(lengths, of.total))?;
+        self.stretch_within(widened::<D>(lengths, of.total))?;
         Ok(Some(Search::Lateral(of)))
     }
 
     /// Begins the next correction of the lateral stress; `None` if it is the wanted one.
-    pub(super) fn correct(
-        &mut self,
-        run: &Run<'_>,
-        mut of: Correction,
-    ) -> Result<Option<Search>, Failure> {
+    pub(super) fn correct(&mut self, mut of: Correction) -> Result<Option<Search>, Failure> {
         let wanted = self.periodic.pressure.unwrap_or(f64::NAN);
         let most = self.periodic.aqs.strain_step;
-        let excess = self.lateral_excess(run, wanted);
+        let excess = self.lateral_excess(wanted);
         if let Some(before) = of.excess {
             // A rearrangement may make the packing look soft, or softer than nothing.
             let measured = (before - excess) / of.by;
@@ -177,14 +164,14 @@ impl<D: Dimension> Strain<'_, D> {
         of.excess = Some(excess);
         of.by = (excess / of.modulus).clamp(-most, most);
         of.total += of.by;
-        let lengths = self.system.cell.lengths::<D>();
-        self.stretch_within(run, widened::<D>(lengths, of.by))?;
+        let lengths = self.assembly.system.cell.lengths::<D>();
+        self.stretch_within(widened::<D>(lengths, of.by))?;
         Ok(Some(Search::Lateral(of)))
     }
 
     /// The mean normal stress along all axes but the last, less the wanted one.
-    fn lateral_excess(&mut self, run: &Run<'_>, wanted: f64) -> f64 {
-        let stress = self.observed(run).normal_stress;
+    fn lateral_excess(&mut self, wanted: f64) -> f64 {
+        let stress = self.observed().normal_stress;
         stress[..D::UP].iter().sum::<f64>() / D::UP as f64 - wanted
     }
 
@@ -204,13 +191,9 @@ impl<D: Dimension> Strain<'_, D> {
     /// beyond it and back, which would leave its mark on the histories: a packing beyond it is
     /// given up for the one before, which is held. Returns `None` if the pressure is the wanted
     /// one.
-    pub(super) fn begin_to_press(
-        &mut self,
-        run: &Run<'_>,
-        wanted: f64,
-    ) -> Result<Option<Search>, Failure> {
-        let pressure = self.observed(run).pressure;
-        self.held.push(RestState::of(&mut self.system, self.law));
+    pub(super) fn begin_to_press(&mut self, wanted: f64) -> Result<Option<Search>, Failure> {
+        let pressure = self.observed().pressure;
+        self.held.push(RestState::of(&mut self.assembly));
         let of = Pressing {
             wanted,
             toward: if pressure < wanted { 1.0 } else { -1.0 },
@@ -219,11 +202,11 @@ impl<D: Dimension> Strain<'_, D> {
             slope: None,
             beyond: None,
         };
-        self.press(run, of)
+        self.press(of)
     }
 
     /// Begins the next trial, or ends the search.
-    fn press(&mut self, run: &Run<'_>, mut of: Pressing) -> Result<Option<Search>, Failure> {
+    fn press(&mut self, mut of: Pressing) -> Result<Option<Search>, Failure> {
         while (of.pressure - of.wanted).abs() > self.periodic.pressure_tolerance * of.wanted {
             let Pressing {
                 wanted,
@@ -240,7 +223,7 @@ impl<D: Dimension> Strain<'_, D> {
                     self.progress.steps + 1
                 )));
             }
-            let lengths = self.system.cell.lengths::<D>();
+            let lengths = self.assembly.system.cell.lengths::<D>();
             let lengths: [f64; 3] = std::array::from_fn(|axis| {
                 if axis < D::AXES {
                     lengths[axis] * (1.0 - of.toward * change)
@@ -248,29 +231,25 @@ impl<D: Dimension> Strain<'_, D> {
                     lengths[axis]
                 }
             });
-            if self.stretch(run, lengths)?.is_ok() {
+            if self.stretch(lengths)?.is_ok() {
                 return Ok(Some(Search::Pressure(of)));
             }
-            self.judge(run, &mut of, None)?;
+            self.judge(&mut of, None)?;
         }
         self.held.pop();
         Ok(None)
     }
 
     /// Goes on after the relaxation of a trial.
-    pub(super) fn press_on(
-        &mut self,
-        run: &Run<'_>,
-        mut of: Pressing,
-    ) -> Result<Option<Search>, Failure> {
-        let now = self.observed(run).pressure;
-        self.judge(run, &mut of, Some(now))?;
-        self.press(run, of)
+    pub(super) fn press_on(&mut self, mut of: Pressing) -> Result<Option<Search>, Failure> {
+        let now = self.observed().pressure;
+        self.judge(&mut of, Some(now))?;
+        self.press(of)
     }
 
     /// Keeps the packing of a trial with the pressure `now`, or gives it up; `None`: it is outside
     /// the law. Chooses how far to change the lengths next.
-    fn judge(&mut self, run: &Run<'_>, of: &mut Pressing, now: Option<f64>) -> Result<(), Failure> {
+    fn judge(&mut self, of: &mut Pressing, now: Option<f64>) -> Result<(), Failure> {
         let allowed = self.periodic.pressure_tolerance * of.wanted;
         match now {
             Some(now) if of.toward * (now - of.wanted) <= allowed => {
@@ -278,7 +257,7 @@ impl<D: Dimension> Strain<'_, D> {
                 of.slope = Some(slope).filter(|slope| *slope > 0.0);
                 of.pressure = now;
                 self.held.pop();
-                self.held.push(RestState::of(&mut self.system, self.law));
+                self.held.push(RestState::of(&mut self.assembly));
                 let change = of.change;
                 of.beyond = of.beyond.and_then(|of| {
                     let left = of.change - change;
@@ -287,7 +266,7 @@ impl<D: Dimension> Strain<'_, D> {
             }
             _ => {
                 let state = self.held.last().expect("the packing before").clone();
-                state.put_back(run.exchange, &mut self.system, self.law)?;
+                state.put_back(&mut self.assembly)?;
                 of.beyond = Some(Beyond {
                     change: of.change,
                     pressure: now,

@@ -4,16 +4,14 @@ use bytemuck::allocation::pod_collect_to_vec;
 use bytemuck::cast_slice;
 use faer::c64;
 
+use super::assembly::Assembly;
 use crate::header::Pair;
 use gshear_analysis::jacobian::{self, History, Jacobian};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{ContactState, GrainState};
-use gshear_dem::system::System;
-use gshear_mpi_exchange::Parallel;
 use gshear_spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
-use gshear_store::collective::{agree, gathered};
+use gshear_store::collective::{gathered, on_root};
 
 /// dr and dθ of a grain; unused components are 0 in two dimensions.
 pub(super) type Move = [[f64; 3]; 2];
@@ -28,27 +26,19 @@ pub(super) struct GlobalState {
 
 impl GlobalState {
     /// Gathers those of a state at rest on every rank; collective.
-    pub fn at_rest<D: Dimension>(
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
-    ) -> Self {
+    pub fn at_rest<D: Dimension>(of: &mut Assembly<'_, D>) -> Self {
         Self {
             at_rest: true,
-            ..Self::moving(exchange, system, law)
+            ..Self::moving(of)
         }
     }
 
     /// Gathers those of a moving state on every rank; collective.
-    pub fn moving<D: Dimension>(
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
-    ) -> Self {
-        let contacts = system.owned_contact_states(law);
+    pub fn moving<D: Dimension>(of: &mut Assembly<'_, D>) -> Self {
+        let contacts = of.system.owned_contact_states(of.law);
         Self {
-            grains: gathered(exchange, &system.grain_states(), |g| g.id),
-            contacts: gathered(exchange, &contacts, |c| (c.i, c.j)),
+            grains: gathered(of.exchange, &of.system.grain_states(), |g| g.id),
+            contacts: gathered(of.exchange, &contacts, |c| (c.i, c.j)),
             at_rest: false,
         }
     }
@@ -57,31 +47,24 @@ impl GlobalState {
         let found = self.contacts.binary_search_by_key(&(i, j), |c| (c.i, c.j));
         found.is_ok()
     }
-}
 
-impl GlobalState {
-    fn jacobian<D: Dimension>(&self, system: &mut System<D>, law: &dyn PairForce<D>) -> Jacobian {
+    fn jacobian<D: Dimension>(&self, of: &Assembly<'_, D>) -> Jacobian {
         let state = jacobian::NetworkState {
             grains: &self.grains,
             contacts: &self.contacts,
-            cell: system.cell,
-            masses: &system.masses,
+            cell: of.system.cell,
+            masses: &of.system.masses,
             at_rest: self.at_rest,
         };
-        jacobian::assemble::<D>(state, law, History::Turned)
+        jacobian::assemble::<D>(state, of.law, History::Turned)
     }
 
     /// K on rank 0; `None` on other ranks, and if an element is not finite.
-    pub fn tangent<D: Dimension>(
-        &self,
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
-    ) -> Option<Tangent> {
-        if exchange.rank() != 0 {
+    pub fn tangent<D: Dimension>(&self, of: &Assembly<'_, D>) -> Option<Tangent> {
+        if of.exchange.rank() != 0 {
             return None;
         }
-        let jacobian = self.jacobian(system, law);
+        let jacobian = self.jacobian(of);
         let problem = jacobian.problem().ok()?;
         Some(Tangent { jacobian, problem })
     }
@@ -90,18 +73,9 @@ impl GlobalState {
     ///
     /// # Errors
     /// If an element of K is not finite.
-    pub fn eigenvalues<D: Dimension>(
-        &self,
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
-    ) -> Result<Eigenvalues, Failure> {
-        let found = match exchange.rank() {
-            0 => self.spectrum(system, law),
-            _ => Ok(Vec::new()),
-        };
-        let found = agree(exchange, found)?;
-        let bytes = exchange.broadcast(cast_slice(&found).to_vec());
+    pub fn eigenvalues<D: Dimension>(&self, of: &Assembly<'_, D>) -> Result<Eigenvalues, Failure> {
+        let found = on_root(of.exchange, || self.spectrum(of))?;
+        let bytes = of.exchange.broadcast(cast_slice(&found).to_vec());
         let read = |[re, im, verdict]: [f64; 3]| (c64::new(re, im), Verdict::ALL[verdict as usize]);
         let all = pod_collect_to_vec::<u8, [f64; 3]>(&bytes);
         Ok(Eigenvalues {
@@ -110,12 +84,8 @@ impl GlobalState {
     }
 
     /// Real and imaginary part, and the index of the verdict in the list of verdicts.
-    fn spectrum<D: Dimension>(
-        &self,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
-    ) -> Result<Vec<[f64; 3]>, Failure> {
-        let jacobian = self.jacobian(system, law);
+    fn spectrum<D: Dimension>(&self, of: &Assembly<'_, D>) -> Result<Vec<[f64; 3]>, Failure> {
+        let jacobian = self.jacobian(of);
         let unfit = |why| Failure::numbers(format!("the stiffness matrix: {why}"));
         let problem = jacobian.problem().map_err(unfit)?;
         let row = |value: c64| {
@@ -157,15 +127,14 @@ impl Tangent {
 /// The step of Newton's method for the owned grains; `None` without factors. Only rank 0 has the
 /// factors and solves, so that the bits do not depend on the ranks; collective.
 pub(super) fn newton_step<D: Dimension>(
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
+    of: &mut Assembly<'_, D>,
     tangent: Option<(&Tangent, &Factors<'_>)>,
 ) -> Option<Vec<Move>> {
-    let grains = gathered(exchange, &system.grain_states(), |g| g.id);
-    let solved = tangent.map_or_else(Vec::new, |(of, factors)| of.solve(factors, &grains));
-    let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
+    let grains = gathered(of.exchange, &of.system.grain_states(), |g| g.id);
+    let solved = tangent.map_or_else(Vec::new, |(k, factors)| k.solve(factors, &grains));
+    let bytes = of.exchange.broadcast(cast_slice(&solved).to_vec());
     let moves: Vec<Move> = pod_collect_to_vec(&bytes);
-    let grains = system.grains();
+    let grains = of.system.grains();
     let owned = &grains.id[..grains.owned];
     (!moves.is_empty()).then(|| owned.iter().map(|&id| moves[id as usize]).collect())
 }

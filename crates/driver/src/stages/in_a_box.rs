@@ -8,10 +8,10 @@ use gshear_scene::{PeriodicBox, Scene};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
+use super::assembly::Assembly;
 use super::newtonian::{NewtonianStage, Resumed};
 use super::prepare;
 use super::rest::RestState;
-use super::setup::system;
 use super::strain::Strain;
 use crate::header::{Header, Progress, Shape, Stretched};
 use crate::options::Outcome;
@@ -40,7 +40,7 @@ pub fn run<D: LawSpace>(
         return Err(Failure::input("the checkpoint is not of a periodic box"));
     }
     let cell = header.cell::<D>(&scene.sample);
-    let mut system = system::<D>(run, scene, cell)?;
+    let mut assembly = Assembly::new(run, scene, cell, law)?;
     let Snapshot {
         grains,
         contacts,
@@ -50,18 +50,19 @@ pub fn run<D: LawSpace>(
     } = state;
     // Keeps the forces of the state, because a run without a stop does not compute them again here.
     let state = HeldState { grains, contacts };
-    RestState { cell, state }.put_back(run.exchange, &mut system, law)?;
+    RestState { cell, state }.put_back(&mut assembly)?;
 
-    let (mut system, progress, resumed) = if let Header::Newtonian { step, progress, .. } = header {
+    let (mut assembly, progress, resumed) = if let Header::Newtonian { step, progress, .. } = header
+    {
         let resumed = Resumed {
             step,
             displacements: displacements.unwrap_or_default(),
         };
-        (system, progress, Some(resumed))
+        (assembly, progress, Some(resumed))
     } else {
-        let mut strain = Strain::new(run, scene, periodic, law, system, (header, held))?;
+        let mut strain = Strain::new(run, scene, periodic, assembly, (header, held))?;
         let outcome = run.drive(&mut strain, begins);
-        let (system, progress, outcome) = strain.finish(run, outcome)?;
+        let (assembly, progress, outcome) = strain.finish(run, outcome)?;
         if outcome == Outcome::Stopped {
             return Ok(outcome);
         }
@@ -72,16 +73,16 @@ pub fn run<D: LawSpace>(
                 .stopped(&run.options.out, stage, progress.steps);
             return Ok(Outcome::Stopped);
         }
-        (system, progress, None)
+        (assembly, progress, None)
     };
     let Some(newtonian) = &periodic.newtonian else {
         run.terminal.go_on(&run.options.out);
         return Ok(Outcome::Done);
     };
     let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
-    system.clock = Clock::default();
+    assembly.system.clock = Clock::default();
     let of = (periodic, newtonian);
-    let mut stage = NewtonianStage::new(run, scene, of, law, system, progress, resumed)?;
+    let mut stage = NewtonianStage::new(run, scene, of, assembly, progress, resumed)?;
     let outcome = run.drive(&mut stage, begins);
     stage.finish(run, outcome)
 }

@@ -1,5 +1,6 @@
 //! The stages of runs, and the sequences of stages of each kind of scene.
 
+pub(crate) mod assembly;
 pub mod between_walls;
 mod box_state;
 mod deform;

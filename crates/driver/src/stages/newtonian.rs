@@ -6,10 +6,7 @@ use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::observe::{digest, frame};
 use gshear_dem::state::{Displacement, Snapshot};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
@@ -22,7 +19,7 @@ use gshear_store::file_names::{NEWTONIAN_FILE, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
-use super::box_state::observe;
+use super::assembly::Assembly;
 use super::eigenvalues::GlobalState;
 use super::spectra_file::SpectraFile;
 use super::strain;
@@ -36,14 +33,12 @@ use gshear_store::status::Standing;
 /// The stage that integrates Newton's equations of a box.
 pub(super) struct NewtonianStage<'a, D: Dimension> {
     scene: &'a Scene,
-    law: &'a dyn PairForce<D>,
-    system: System<D>,
+    assembly: Assembly<'a, D>,
     motion: GrainMotion,
     files: Files,
     spectra: Option<SpectraFile>,
     /// The progress of the strain steps before.
     progress: Progress,
-    samples: ContactForces,
     step: u64,
     due: Due,
     /// Shear stress of the last row.
@@ -134,14 +129,13 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         run: &Run<'_>,
         scene: &'a Scene,
         (periodic, of): (&PeriodicBox, &gshear_scene::Newtonian),
-        law: &'a dyn PairForce<D>,
-        mut system: System<D>,
+        mut assembly: Assembly<'a, D>,
         progress: Progress,
         resumed: Option<Resumed>,
     ) -> Result<Self, Failure> {
-        let exchange = run.exchange;
+        let (exchange, step) = (run.exchange, assembly.system.step);
         let strain = strain::reached::<D>(periodic, &progress);
-        let mut due = Due::new(of, progress.pair.as_ref(), system.step);
+        let mut due = Due::new(of, progress.pair.as_ref(), step);
         if due.steps > MOST_STEPS {
             let rate = progress.pair.map_or(0.0, |pair| pair.omega_i);
             return Err(Failure::numbers(format!(
@@ -152,50 +146,43 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         if let Some(window) = run.options.replay {
             due = due.of_window(window);
         }
-        run.terminal.newtonian(due.steps, system.step);
+        run.terminal.newtonian(due.steps, step);
         if let Some(warning) = intervals_of_newtonian(of, due.steps) {
             run.terminal.warn(warning);
         }
         let format = Format {
             name: NEWTONIAN_FILE,
             columns: &NewtonianRow::COLUMNS,
-            walls: false,
-            height: system.cell.sheared.map_or(0.0, |s| s.height),
             scene,
-            law,
+            law: assembly.law,
             attributes: attributes(scene, strain, &progress),
-            log: false,
-            scalars: false,
+            walls: None,
         };
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
         let before = goes_on.map(|r| UpToCheckpoint::new(r.step));
-        let files = Files::open(run.place(), &mut system, &format, before)?;
+        let files = Files::open(run.place(), &mut assembly.system, &format, before)?;
         let spectra = if due.spectra == u64::MAX {
             None
         } else {
             let path = run.options.out.join(SPECTRA_FILE);
             // In another folder than the checkpoint's the file begins anew.
             let there = exists(exchange, &path)?;
-            let last = goes_on
-                .filter(|_| there)
-                .map(|r| r.step as f64 * system.step);
+            let last = goes_on.filter(|_| there).map(|r| r.step as f64 * step);
             Some(SpectraFile::open(exchange, &path, last)?)
         };
         let motion = if let Some(resumed) = &resumed {
-            GrainMotion::resume(exchange, &mut system, &resumed.displacements)
+            GrainMotion::resume(exchange, &mut assembly.system, &resumed.displacements)
         } else {
-            system.rebuild(exchange, law, &mut NoWalls)?;
-            GrainMotion::begin(&mut system)
+            assembly.rebuild()?;
+            GrainMotion::begin(&mut assembly.system)
         };
         Ok(Self {
             scene,
-            law,
-            system,
+            assembly,
             motion,
             files,
             spectra,
             progress,
-            samples: ContactForces::default(),
             step: resumed.map_or(0, |r| r.step),
             due,
             latest: None,
@@ -216,13 +203,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             }
             Err(failure) => return Err(self.files.fail(run.exchange, failure)),
         }
-        let digest = digest(
-            run.exchange,
-            &mut self.system,
-            self.law,
-            &self.progress.box_bytes(),
-            self.step,
-        );
+        let digest = (self.assembly).digest(&self.progress.box_bytes(), self.step);
         if let Some(spectra) = &mut self.spectra {
             spectra.flush(run.exchange)?;
         }
@@ -257,36 +238,25 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
             let checkpoint = self.checkpoint(run)?;
             run.save_as(checkpoint)?;
         }
-        initial_forces(run.exchange, &mut self.system, self.law, &mut NoWalls, None)?;
-        Ok(())
+        self.assembly.initial_forces(&mut NoWalls, false)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
-        let request = StepRequest {
-            samples: None,
-            stop: stop || run.asked_to_stop(),
-        };
-        let (exchange, system) = (run.exchange, &mut self.system);
-        let stop = advance(exchange, system, self.law, &mut NoWalls, request)?;
-        self.motion.turn(exchange, system);
+        let stop = stop || run.asked_to_stop();
+        let stop = self.assembly.advance(&mut NoWalls, false, stop)?;
+        self.motion.turn(run.exchange, &mut self.assembly.system);
         self.step += 1;
         Ok(stop)
     }
 
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         let (exchange, step) = (run.exchange, self.step);
-        let time = step as f64 * self.system.step;
+        let time = step as f64 * self.assembly.system.step;
         let (row, frame_due) = (self.due.row(step), self.due.frame(step));
         if row || frame_due {
-            let observed = observe(
-                exchange,
-                &mut self.system,
-                self.law,
-                &mut self.samples,
-                self.scene.sample.grains,
-            );
+            let observed = self.assembly.observe(self.scene.sample.grains);
             if row {
-                let moved = self.motion.measure(exchange, &mut self.system);
+                let moved = (self.motion).measure(exchange, &mut self.assembly.system);
                 let row = NewtonianRow {
                     msd: moved.msd,
                     kinetic_energy: moved.kinetic_energy,
@@ -297,23 +267,22 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
                     sliding_fraction: observed.sliding_fraction,
                 };
                 self.latest = Some(row.shear_stress);
-                self.files.series(exchange, step, time, &row)?;
+                (self.files.trajectory).series(exchange, step, time, &row)?;
             }
             if frame_due {
-                let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
-                let edges = self.system.cell.edges::<D>(0.0);
-                self.files
-                    .frame(exchange, (step, time), &edges, (&grains, &contacts))?;
+                let (grains, contacts) = self.assembly.frame();
+                let edges = self.assembly.system.cell.edges::<D>(0.0);
+                let clock = (step, time);
+                (self.files.trajectory).frame(exchange, clock, &edges, &grains, &contacts)?;
             }
         }
         if self.due.spectrum(step) {
-            let whole = GlobalState::moving(exchange, &mut self.system, self.law);
-            let found = whole.eigenvalues::<D>(exchange, &mut self.system, self.law)?;
+            let found = GlobalState::moving(&mut self.assembly).eigenvalues(&self.assembly)?;
             if let Some(spectra) = &mut self.spectra {
                 spectra.write(exchange, time, &found)?;
             }
         }
-        self.system.clock.end(StepPhase::Output);
+        self.assembly.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -352,10 +321,8 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
                 packing: self.scene.packing().cloned(),
             },
             state: Snapshot {
-                grains: self.system.grain_states(),
-                contacts: self.system.owned_contact_states(self.law),
                 displacements: Some(self.motion.displacements.clone()),
-                ..Snapshot::default()
+                ..self.assembly.owned()
             },
             keep: self.scene.keep_checkpoints,
         })
@@ -364,21 +331,23 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
 
 /// Attributes of `newtonian.h5`.
 fn attributes(scene: &Scene, strain: f64, progress: &Progress) -> Vec<(&'static str, Attribute)> {
-    let number = Attribute::Number;
     let mut attributes = vec![
-        ("mean_diameter", number(scene.sample.mean_diameter)),
-        ("strain", number(strain)),
-        ("image_offset", number(progress.offset)),
+        ("mean_diameter", scene.sample.mean_diameter),
+        ("strain", strain),
+        ("image_offset", progress.offset),
     ];
     if let Some(pair) = &progress.pair {
         attributes.extend([
-            ("lambda_r", number(pair.lambda_r)),
-            ("lambda_i", number(pair.lambda_i)),
-            ("omega_r", number(pair.omega_r)),
-            ("omega_i", number(pair.omega_i)),
+            ("lambda_r", pair.lambda_r),
+            ("lambda_i", pair.lambda_i),
+            ("omega_r", pair.omega_r),
+            ("omega_i", pair.omega_i),
         ]);
     }
-    attributes
+    let numbers = attributes.into_iter();
+    numbers
+        .map(|(name, number)| (name, number.into()))
+        .collect()
 }
 
 /// Steps between frames: about `wanted`, adjusted to whole periods of the pair plus 1/24 of a
@@ -556,7 +525,8 @@ mod tests {
             typical_force: 1.0,
             threads: 1,
         };
-        let mut system = System::<Two>::new(&Solo, setup).expect("one rank");
+        let system = System::<Two>::new(&Solo, setup).expect("one rank");
+        let mut assembly = Assembly::of(&Solo, &law, system);
         let grain = |id: u32| GrainState {
             id,
             radius: 1e-3,
@@ -565,20 +535,19 @@ mod tests {
             ..GrainState::zeroed()
         };
         let grains = (0..3).map(grain).collect();
-        (system.replace(&Solo, &law, &mut NoWalls, grains, Vec::new())).expect("a list");
-        initial_forces(&Solo, &mut system, &law, &mut NoWalls, None).expect("sound forces");
-        let mut motion = GrainMotion::begin(&mut system);
+        (assembly.replace(&mut NoWalls, grains, Vec::new())).expect("a list");
+        (assembly.initial_forces(&mut NoWalls, false)).expect("sound forces");
+        let mut motion = GrainMotion::begin(&mut assembly.system);
         let mut edges_crossed = 0;
         for k in 1..=10_000 {
-            let request = StepRequest::default();
-            advance(&Solo, &mut system, &law, &mut NoWalls, request).expect("sound");
-            motion.turn(&Solo, &mut system);
+            assembly.advance(&mut NoWalls, false, false).expect("sound");
+            motion.turn(&Solo, &mut assembly.system);
             if k % 1000 == 0 {
                 let time = step * f64::from(k);
                 let expected = (velocity[0] * time).hypot(velocity[1] * time).powi(2);
-                let found = motion.measure(&Solo, &mut system).msd;
+                let found = motion.measure(&Solo, &mut assembly.system).msd;
                 assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
-                edges_crossed += system.grain_states()[0].image[0].abs();
+                edges_crossed += assembly.system.grain_states()[0].image[0].abs();
             }
         }
         assert!(edges_crossed > 1);

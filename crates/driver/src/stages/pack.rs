@@ -7,14 +7,12 @@ use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{Snapshot, body};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::System;
+use gshear_dem::state::{HeldState, Snapshot, body};
 use gshear_scene::insertion::freeze_walls;
 use gshear_scene::schedule::packing_time;
 use gshear_scene::{Load, PlaneShear, Scene};
 
-use super::setup::system;
+use super::assembly::Assembly;
 use super::top_wall::{height_between, mass_of, mass_of_top};
 use crate::header::{Header, PackHeader};
 use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
@@ -29,8 +27,7 @@ const MOST_STARTS: u32 = 6;
 pub(super) struct PackStage<'a, D: Dimension> {
     scene: &'a Scene,
     plane_shear: &'a PlaneShear,
-    law: Box<dyn PairForce<D>>,
-    system: System<D>,
+    assembly: Assembly<'a, D>,
     drive: Planes<D>,
     /// Weight of the grains (N; N/m in 2D), which the bottom carries besides the load.
     weight: f64,
@@ -97,11 +94,11 @@ pub(super) fn falling_drag(scene: &Scene, load: &Load, part: f64) -> f64 {
 
 impl<'a, D: Dimension> PackStage<'a, D> {
     /// The sample as its packing begins or goes on; `plane` is the law of the planes.
-    pub fn new(
-        run: &Run<'_>,
+    pub fn new<'r: 'a>(
+        run: &Run<'r>,
         scene: &'a Scene,
         plane_shear: &'a PlaneShear,
-        [law, plane]: [Box<dyn PairForce<D>>; 2],
+        (law, plane): (&'a dyn PairForce<D>, Box<dyn PairForce<D>>),
         header: PackHeader,
         state: Snapshot,
     ) -> Result<Self, Failure> {
@@ -112,26 +109,19 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             starts,
             ..
         } = header;
-        let mut system = system(run, scene, scene.sample.cell())?;
-        system.steps = step;
+        let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
+        assembly.system.steps = step;
         let mut drive = Planes::new(plane, piston, drag);
         let weight = plane_shear.load.gravity * mass_of(run, scene, &state.grains, body::FREE);
-        system.replace(
-            run.exchange,
-            law.as_ref(),
-            &mut drive,
-            state.grains,
-            state.contacts,
-        )?;
+        assembly.replace(&mut drive, state.grains, state.contacts)?;
         let (load, sample) = (&plane_shear.load, &scene.sample);
         let mean_force = load.pressure * sample.mean_section();
         let unit = mean_force * load.mean_overlap(sample);
         Ok(Self {
-            energy: SampleConstants::measure(run.exchange, &mut system, 0.0, unit),
+            energy: SampleConstants::measure(run.exchange, &mut assembly.system, 0.0, unit),
             scene,
             plane_shear,
-            law,
-            system,
+            assembly,
             drive,
             weight,
             step,
@@ -157,8 +147,10 @@ impl<'a, D: Dimension> PackStage<'a, D> {
     /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
     /// shear.
     pub fn finish(mut self, run: &Run<'_>) -> (Piston, Snapshot) {
-        let contacts = self.system.contact_states(self.law.as_ref());
-        let mut grains = self.system.grain_states();
+        let HeldState {
+            mut grains,
+            contacts,
+        } = self.assembly.held();
         let planes = [0.0, self.drive.piston.height];
         freeze_walls(
             &mut grains,
@@ -203,25 +195,13 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         self.at_rest
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
-        let law = self.law.as_ref();
-        initial_forces(run.exchange, &mut self.system, law, &mut self.drive, None)?;
-        Ok(())
+    fn begin(&mut self, _: &mut Run<'_>) -> Result<(), Failure> {
+        self.assembly.initial_forces(&mut self.drive, false)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
-        let request = StepRequest {
-            samples: None,
-            stop: stop || run.asked_to_stop(),
-        };
-        let law = self.law.as_ref();
-        let moved = advance(
-            run.exchange,
-            &mut self.system,
-            law,
-            &mut self.drive,
-            request,
-        );
+        let stop = stop || run.asked_to_stop();
+        let moved = self.assembly.advance(&mut self.drive, false, stop);
         self.step += 1;
         moved.map_err(|failure| match failure {
             Failure::Numbers(what) => {
@@ -246,10 +226,12 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         let PlaneShear { load, pack, .. } = self.plane_shear;
         let tolerance = pack.tolerance;
         let grains = f64::from(scene.sample.grains);
-        let kinetic = observe::kinetic_energy(exchange, &mut self.system, &self.energy.energy);
+        let kinetic =
+            observe::kinetic_energy(exchange, &mut self.assembly.system, &self.energy.energy);
         let mut carried = Accumulator::default();
-        self.drive.load_on(false, &self.system.fixed, &mut carried);
-        let [carried] = self.system.fixed.total(exchange, [carried]);
+        let fixed = &self.assembly.system.fixed;
+        self.drive.load_on(false, fixed, &mut carried);
+        let [carried] = fixed.total(exchange, [carried]);
         let pressing = self.drive.piston.load;
         let carried = (carried - self.weight) / pressing;
         let per_grain = kinetic / (self.unit * grains);
@@ -276,7 +258,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
                 self.step,
             )));
         }
-        self.system.clock.end(StepPhase::Output);
+        self.assembly.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -307,11 +289,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
                 starts: self.starts,
                 packing: self.plane_shear.origin.file().cloned(),
             }),
-            state: Snapshot {
-                grains: self.system.grain_states(),
-                contacts: self.system.owned_contact_states(self.law.as_ref()),
-                ..Snapshot::default()
-            },
+            state: self.assembly.owned(),
             keep: false,
         })
     }

@@ -9,17 +9,15 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 
-use super::relax::{NOT_AT_REST, begin_overdamped, overdamped};
+use super::assembly::Assembly;
+use super::relax::NOT_AT_REST;
 use super::scatter::{Placed, move_apart};
-use super::setup::system;
 use crate::run::Run;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::state::{GrainState, Snapshot};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::System;
+use gshear_dem::state::{GrainState, HeldState, Snapshot};
 use gshear_scene::insertion::{self, radius, stream};
 use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
 use gshear_store::status::Standing;
@@ -121,11 +119,11 @@ fn part<D: Dimension>(
             ..GrainState::zeroed()
         }
     });
-    let mut system = system::<D>(run, scene, cell)?;
-    system.replace(exchange, law, &mut NoWalls, grains.collect(), Vec::new())?;
-    let found = match settle(run, &mut system, law, 10 * SETTLING) {
+    let mut assembly = Assembly::new(run, scene, cell, law)?;
+    assembly.replace(&mut NoWalls, grains.collect(), Vec::new())?;
+    let found = match settle(run, &mut assembly, 10 * SETTLING) {
         Ok(true) => return Ok(None),
-        Ok(false) => rest(run, periodic, &mut system, law),
+        Ok(false) => rest(run, periodic, &mut assembly),
         Err(failure) => Err(failure),
     };
     found.map_err(|failure| match failure {
@@ -139,20 +137,20 @@ fn part<D: Dimension>(
 fn rest<D: Dimension>(
     run: &Run<'_>,
     periodic: &PeriodicBox,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
+    assembly: &mut Assembly<'_, D>,
 ) -> Result<Option<Snapshot>, Failure> {
     let mut steps = 0;
-    begin_overdamped(&periodic.relax, run.exchange, system, law)?;
-    while !overdamped(&periodic.relax, run.exchange, system, law, &mut steps)? {
+    assembly.begin_overdamped(&periodic.relax)?;
+    while !assembly.overdamped(&periodic.relax, &mut steps)? {
         if run.is_to_stop() {
             return Ok(None);
         }
     }
     run.terminal.prepared(steps);
+    let HeldState { grains, contacts } = assembly.held();
     Ok(Some(Snapshot {
-        grains: system.grain_states(),
-        contacts: system.contact_states(law),
+        grains,
+        contacts,
         ..Snapshot::default()
     }))
 }
@@ -184,8 +182,8 @@ fn compress<D: Dimension>(
     loop {
         boxes += 1;
         run.terminal.progress(&standing(boxes, length));
-        let mut system = system::<D>(run, scene, scene.sample.box_cell(length))?;
-        system.replace(exchange, law, &mut NoWalls, grains, Vec::new())?;
+        let mut assembly = Assembly::new(run, scene, scene.sample.box_cell(length), law)?;
+        assembly.replace(&mut NoWalls, grains, Vec::new())?;
         // At the end the waves of the last steps must decay before the relaxation: with a weak drag
         // of the scene they might lead to overlaps outside the law.
         let settling = if length == target {
@@ -193,12 +191,12 @@ fn compress<D: Dimension>(
         } else {
             SETTLING << halvings
         };
-        let mut moved = settle(run, &mut system, law, settling);
+        let mut moved = settle(run, &mut assembly, settling);
         if moved == Ok(true) {
             return Ok(None);
         }
         if moved.is_ok() && length == target {
-            match rest(run, periodic, &mut system, law) {
+            match rest(run, periodic, &mut assembly) {
                 Ok(state) => return Ok(state),
                 Err(Failure::Numbers(m)) if m.starts_with(NOT_AT_REST) => {
                     return Err(in_preparation(scene, length, &m));
@@ -208,7 +206,7 @@ fn compress<D: Dimension>(
         }
         match (moved, &settled) {
             (Ok(_), _) => {
-                settled = Some((length, system.grain_states()));
+                settled = Some((length, assembly.system.grain_states()));
                 halvings = 0.max(halvings - 1);
             }
             (Err(Failure::Numbers(_)), Some(_)) if halvings < MOST_HALVINGS => halvings += 1,
@@ -254,21 +252,15 @@ fn shrunk<D: Dimension>(settled: &[GrainState], from: f64, to: f64) -> Vec<Grain
 /// stop. Collective.
 fn settle<D: Dimension>(
     run: &Run<'_>,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
+    assembly: &mut Assembly<'_, D>,
     steps: u64,
 ) -> Result<bool, Failure> {
-    let exchange = run.exchange;
     let mut drive = Overdamped {
-        drag: DRAG / system.step,
+        drag: DRAG / assembly.system.step,
     };
-    initial_forces(exchange, system, law, &mut drive, None)?;
+    assembly.initial_forces(&mut drive, false)?;
     for _ in 0..steps {
-        let request = StepRequest {
-            stop: run.asked_to_stop(),
-            ..StepRequest::default()
-        };
-        if advance(exchange, system, law, &mut drive, request)? {
+        if assembly.advance(&mut drive, false, run.asked_to_stop())? {
             return Ok(true);
         }
     }

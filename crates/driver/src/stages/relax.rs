@@ -1,16 +1,15 @@
 //! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
 
+use super::assembly::Assembly;
 use super::eigenvalues::{GlobalState, Move, newton_step};
 use super::rest::RestState;
 use crate::header::Relaxing;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
-use gshear_dem::state::{Cell, body};
-use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
+use gshear_dem::state::{Cell, HeldState, body};
+use gshear_dem::step::forces;
 use gshear_dem::system::{Outside, System};
-use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Method, Relax, Sample};
 use gshear_spectrum::Solver;
 use gshear_store::collective::gathered;
@@ -52,17 +51,15 @@ impl Relaxation {
     /// holds the state before it. Collective.
     pub fn begin<D: Dimension>(
         &self,
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
+        assembly: &mut Assembly<'_, D>,
         held: &mut Vec<RestState>,
     ) -> Result<Relaxing, Failure> {
         let mut relaxing = Relaxing::default();
         if self.relax.method == Method::Newton {
-            held.push(RestState::of(system, law));
+            held.push(RestState::of(assembly));
             relaxing.opened = Some(Vec::new());
         } else {
-            begin_overdamped(&self.relax, exchange, system, law)?;
+            assembly.begin_overdamped(&self.relax)?;
         }
         Ok(relaxing)
     }
@@ -71,30 +68,28 @@ impl Relaxation {
     /// whether the system is at equilibrium. Collective.
     pub fn go_on<D: Dimension>(
         &mut self,
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
+        assembly: &mut Assembly<'_, D>,
         (relaxing, held): (&mut Relaxing, &mut Vec<RestState>),
     ) -> Result<bool, Failure> {
         let Relaxing { found, opened } = relaxing;
         let Some(of_newton) = opened else {
-            self.residual = residual(exchange, system, self.relax.drag);
-            return overdamped(&self.relax, exchange, system, law, &mut found.steps);
+            self.residual = assembly.residual(self.relax.drag);
+            return assembly.overdamped(&self.relax, &mut found.steps);
         };
         let before = held.last().expect("the state before Newton's method");
         let before: Vec<[u32; 2]> = before.state.contacts.iter().map(|c| [c.i, c.j]).collect();
-        let before = gathered(exchange, &before, |pair| *pair);
+        let before = gathered(assembly.exchange, &before, |pair| *pair);
         let factorisations = &mut found.factorisations;
-        let converged = self.newton(exchange, system, law, (&before, of_newton), factorisations)?;
+        let converged = self.newton(assembly, (&before, of_newton), factorisations)?;
         let state = match converged {
             None => return Ok(false),
             Some(_) => held.pop().expect("the state before Newton's method"),
         };
         if converged == Some(false) {
-            state.put_back(exchange, system, law)?;
+            state.put_back(assembly)?;
             *opened = None;
             found.fell_back = true;
-            begin_overdamped(&self.relax, exchange, system, law)?;
+            assembly.begin_overdamped(&self.relax)?;
         }
         Ok(converged == Some(true))
     }
@@ -106,41 +101,42 @@ impl Relaxation {
     /// contact would have lost its history; `None` if it goes on.
     fn newton<D: Dimension>(
         &mut self,
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
+        assembly: &mut Assembly<'_, D>,
         (before, opened): (&[[u32; 2]], &mut Vec<[u32; 2]>),
         factorisations: &mut u64,
     ) -> Result<Option<bool>, Failure> {
         let tolerance = self.relax.tolerance;
         let longest = LONGEST * self.mean_diameter;
-        let mut left = residual(exchange, system, 0.0);
+        let mut left = assembly.residual(0.0);
         self.residual = left;
         if left > tolerance {
             if *factorisations == MOST_FACTORISATIONS {
                 return Ok(Some(false));
             }
             *factorisations += 1;
-            let whole = GlobalState::at_rest(exchange, system, law);
-            let tangent = whole.tangent(exchange, system, law);
+            let whole = GlobalState::at_rest(assembly);
+            let tangent = whole.tangent(assembly);
             let factors = tangent.as_ref().and_then(|t| t.factor(&mut self.solver));
             loop {
-                system.list.widen(2.5 * longest);
-                system.rebuild(exchange, law, &mut NoWalls)?;
+                assembly.system.list.widen(2.5 * longest);
+                assembly.rebuild()?;
                 let tangent = tangent.as_ref().zip(factors.as_ref());
-                let Some(moves) = newton_step(exchange, system, tangent) else {
+                let Some(moves) = newton_step(assembly, tangent) else {
                     return Ok(Some(false));
                 };
                 let furthest = moves
                     .iter()
                     .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
-                let furthest = exchange.maximum(furthest.fold(0.0, f64::max)).sqrt();
+                let furthest = assembly
+                    .exchange
+                    .maximum(furthest.fold(0.0, f64::max))
+                    .sqrt();
                 let smooth = furthest < longest;
-                if !smooth || displace(exchange, system, law, &moves, 0.0).is_err() {
+                if !smooth || assembly.displace(&moves, 0.0).is_err() {
                     return Ok(Some(false));
                 }
-                let now = residual(exchange, system, 0.0);
-                let state = GlobalState::at_rest(exchange, system, law);
+                let now = assembly.residual(0.0);
+                let state = GlobalState::at_rest(assembly);
                 opened.extend(before.iter().filter(|pair| !state.has(**pair)));
                 // NaN counts as no progress.
                 let falls = now < left;
@@ -160,24 +156,20 @@ impl Relaxation {
         if left > tolerance {
             return Ok(None);
         }
-        let after = GlobalState::at_rest(exchange, system, law);
+        let after = GlobalState::at_rest(assembly);
         Ok(Some(!opened.iter().any(|pair| after.has(*pair))))
     }
 }
 
 /// What a step of Newton's method computes, with the factors of K: for measurements of its time.
 /// Collective.
-pub(crate) fn factor_once<D: Dimension>(
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
-) -> Result<(), Failure> {
-    let whole = GlobalState::at_rest(exchange, system, law);
-    let tangent = whole.tangent(exchange, system, law);
+pub(crate) fn factor_once<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Result<(), Failure> {
+    let whole = GlobalState::at_rest(assembly);
+    let tangent = whole.tangent(assembly);
     let mut solver = Solver::default();
     let factors = tangent.as_ref().and_then(|t| t.factor(&mut solver));
     let tangent = tangent.as_ref().zip(factors.as_ref());
-    match newton_step(exchange, system, tangent) {
+    match newton_step(assembly, tangent) {
         Some(_) => Ok(()),
         None => Err(Failure::numbers("the stiffness matrix has no factors")),
     }
@@ -185,88 +177,152 @@ pub(crate) fn factor_once<D: Dimension>(
 
 /// All eigenvalues of K: for measurements of their time. Collective.
 pub(crate) fn eigenvalues_once<D: Dimension>(
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
+    assembly: &mut Assembly<'_, D>,
 ) -> Result<(), Failure> {
-    let whole = GlobalState::at_rest(exchange, system, law);
-    whole.eigenvalues::<D>(exchange, system, law).map(drop)
+    let whole = GlobalState::at_rest(assembly);
+    whole.eigenvalues(assembly).map(drop)
 }
 
-/// Begins [`overdamped`] dynamics. Collective.
-pub(super) fn begin_overdamped<D: Dimension>(
-    relax: &Relax,
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
-) -> Result<(), Failure> {
-    let mut drive = Overdamped { drag: relax.drag };
-    system.rebuild(exchange, law, &mut drive)?;
-    initial_forces(exchange, system, law, &mut drive, None)
-}
+/// Whether all overlaps are within the law, and what is outside it on this rank.
+pub(super) type Followed = Result<(), Option<Outside>>;
 
-/// Some steps of BO's overdamped dynamics, which are added to `steps`, if a force is greater than
-/// the tolerance. Otherwise brings the system to rest, and returns true. Collective.
-pub(super) fn overdamped<D: Dimension>(
-    relax: &Relax,
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
-    steps: &mut u64,
-) -> Result<bool, Failure> {
-    let left = residual(exchange, system, relax.drag);
-    if left.is_nan() {
-        return Err(Failure::numbers("a force is no number"));
-    }
-    if left > relax.tolerance {
-        if *steps >= relax.max_steps {
-            return Err(Failure::numbers(format!(
-                "{NOT_AT_REST} = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
-                 relax.tolerance is {:.2e}",
-                relax.tolerance
-            )));
-        }
+impl<D: Dimension> Assembly<'_, D> {
+    /// Begins [`Self::overdamped`] dynamics.
+    pub(super) fn begin_overdamped(&mut self, relax: &Relax) -> Result<(), Failure> {
         let mut drive = Overdamped { drag: relax.drag };
-        for _ in 0..LOOK {
-            advance(exchange, system, law, &mut drive, StepRequest::default())?;
-        }
-        *steps += LOOK;
-        return Ok(false);
+        (self.system).rebuild(self.exchange, self.law, &mut drive)?;
+        self.initial_forces(&mut drive, false)
     }
-    stop(system);
-    system.rebuild(exchange, law, &mut NoWalls)?;
-    initial_forces(exchange, system, law, &mut NoWalls, None)?;
-    Ok(true)
-}
 
-/// The greatest |F| or |T|/R on a grain, without the `drag` (1/time) that the forces contain.
-/// Collective.
-pub(super) fn residual<D: Dimension>(
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    drag: f64,
-) -> f64 {
-    let grains = system.grains();
-    let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let mut greatest = 0.0f64;
-    for g in (0..grains.owned).filter(|&g| grains.body[g] == body::FREE) {
-        let (force, fields) = (&grains.force[g][..], grains.fields(g));
-        let mut contacts = [0.0; 3];
-        let mut slowing = [0.0; 3];
-        for axis in 0..D::AXES {
-            slowing[axis] = drag * grains.mass[g] * fields[D::VELOCITY + axis];
-            contacts[axis] = force[axis] + slowing[axis];
+    /// Some steps of BO's overdamped dynamics, which are added to `steps`, if a force is greater
+    /// than the tolerance. Otherwise brings the grains to rest, and returns true.
+    pub(super) fn overdamped(&mut self, relax: &Relax, steps: &mut u64) -> Result<bool, Failure> {
+        let left = self.residual(relax.drag);
+        if left.is_nan() {
+            return Err(Failure::numbers("a force is no number"));
         }
-        let torque = length(&force[D::TORQUE..D::TORQUE + D::SPINS]) / grains.radius[g];
-        for x in [length(&contacts), length(&slowing), torque] {
-            greatest = if x > greatest || x.is_nan() {
-                x
-            } else {
-                greatest
-            };
+        if left > relax.tolerance {
+            if *steps >= relax.max_steps {
+                return Err(Failure::numbers(format!(
+                    "{NOT_AT_REST} = {steps} steps of overdamped dynamics: the greatest force is {left:.2e}, \
+                     relax.tolerance is {:.2e}",
+                    relax.tolerance
+                )));
+            }
+            let mut drive = Overdamped { drag: relax.drag };
+            for _ in 0..LOOK {
+                self.advance(&mut drive, false, false)?;
+            }
+            *steps += LOOK;
+            return Ok(false);
+        }
+        stop(&mut self.system);
+        self.rebuild()?;
+        self.initial_forces(&mut NoWalls, false)?;
+        Ok(true)
+    }
+
+    /// The greatest |F| or |T|/R on a grain, without the `drag` (1/time) that the forces contain.
+    pub(super) fn residual(&mut self, drag: f64) -> f64 {
+        let grains = self.system.grains();
+        let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let mut greatest = 0.0f64;
+        for g in (0..grains.owned).filter(|&g| grains.body[g] == body::FREE) {
+            let (force, fields) = (&grains.force[g][..], grains.fields(g));
+            let mut contacts = [0.0; 3];
+            let mut slowing = [0.0; 3];
+            for axis in 0..D::AXES {
+                slowing[axis] = drag * grains.mass[g] * fields[D::VELOCITY + axis];
+                contacts[axis] = force[axis] + slowing[axis];
+            }
+            let torque = length(&force[D::TORQUE..D::TORQUE + D::SPINS]) / grains.radius[g];
+            for x in [length(&contacts), length(&slowing), torque] {
+                greatest = if x > greatest || x.is_nan() {
+                    x
+                } else {
+                    greatest
+                };
+            }
+        }
+        self.exchange.maximum(greatest)
+    }
+
+    /// Displaces the owned grains, and the images above by `shear` along x, in one step of the
+    /// dynamics, which advances the histories, and sets all velocities to zero. The list must be
+    /// new, with a sufficient skin.
+    pub(super) fn displace(&mut self, moves: &[Move], shear: f64) -> Followed {
+        let system = &mut self.system;
+        let (axes, spins) = (D::AXES, D::SPINS);
+        let step = system.step;
+        if let Some(sheared) = &mut system.cell.sheared {
+            sheared.velocity = shear / step;
+        }
+        system.shear(shear);
+        let cell = system.cell;
+        for (g, [way, turn]) in moves.iter().enumerate() {
+            let (fields, image) = system.grains_mut().place_mut(g);
+            for axis in 0..axes {
+                fields[D::HALF_VELOCITY + axis] = way[axis] / step;
+                fields[axis] += way[axis];
+            }
+            for axis in 0..D::UP {
+                let period = cell.periods[axis];
+                if !(0.0..period).contains(&fields[axis]) {
+                    image[axis] += Cell::wrap(&mut fields[axis], period);
+                }
+            }
+            for k in 0..spins {
+                fields[D::HALF_SPIN + k] = turn[3 - spins + k] / step;
+            }
+            cell.wrap_last_axis::<D>(fields, image);
+        }
+        self.follow()
+    }
+
+    /// Gives the cell these lengths (m) and moves the grains affinely with it, in one step of the
+    /// dynamics, which advances the histories. All grains must be at rest, and stay so.
+    pub(super) fn stretch(&mut self, lengths: [f64; 3]) -> Result<Followed, Failure> {
+        let HeldState {
+            mut grains,
+            contacts,
+        } = self.held();
+        let before = self.system.cell.lengths::<D>();
+        let factors: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / before[axis]);
+        for g in &mut grains {
+            for axis in 0..D::AXES {
+                // Rounding must not move a grain out of the cell.
+                let moved = g.position[axis] * factors[axis];
+                g.position[axis] = moved.min(lengths[axis].next_down());
+            }
+        }
+        let cell = self.system.cell.with_lengths::<D>(lengths);
+        self.system.set_cell(self.exchange, cell)?;
+        self.replace(&mut NoWalls, grains, contacts)?;
+        let system = &mut self.system;
+        let rates = factors.map(|factor| (1.0 - 1.0 / factor) / system.step);
+        if let Some(sheared) = &mut system.cell.sheared {
+            sheared.stretching = Some(rates);
+        }
+        Ok(self.follow())
+    }
+
+    /// Advances the histories by the step in which the grains have moved, sets all velocities to
+    /// zero and computes the forces at rest.
+    fn follow(&mut self) -> Followed {
+        let (exchange, law, system) = (self.exchange, self.law, &mut self.system);
+        let step = system.step;
+        let outside = forces(exchange, system, law, &mut NoWalls, step, None);
+        stop(system);
+        if let Some(sheared) = &mut system.cell.sheared {
+            (sheared.velocity, sheared.stretching) = (0.0, None);
+        }
+        // The forces at rest, without dampers.
+        let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
+        match exchange.maximum(f64::from(u8::from(outside.is_some()))) {
+            0.0 => Ok(()),
+            _ => Err(outside),
         }
     }
-    exchange.maximum(greatest)
 }
 
 /// Sets all velocities to zero.
@@ -276,103 +332,13 @@ pub(super) fn stop<D: Dimension>(system: &mut System<D>) {
     }
 }
 
-/// Whether all overlaps are within the law, and what is outside it on this rank.
-pub(super) type Followed = Result<(), Option<Outside>>;
-
-/// Displaces the owned grains, and the images above by `shear` along x, in one step of the
-/// dynamics, which advances the histories, and sets all velocities to zero. The list must be new,
-/// with a sufficient skin.
-pub(super) fn displace<D: Dimension>(
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
-    moves: &[Move],
-    shear: f64,
-) -> Followed {
-    let (axes, spins) = (D::AXES, D::SPINS);
-    let step = system.step;
-    if let Some(sheared) = &mut system.cell.sheared {
-        sheared.velocity = shear / step;
-    }
-    system.shear(shear);
-    let cell = system.cell;
-    for (g, [way, turn]) in moves.iter().enumerate() {
-        let (fields, image) = system.grains_mut().place_mut(g);
-        for axis in 0..axes {
-            fields[D::HALF_VELOCITY + axis] = way[axis] / step;
-            fields[axis] += way[axis];
-        }
-        for axis in 0..D::UP {
-            let period = cell.periods[axis];
-            if !(0.0..period).contains(&fields[axis]) {
-                image[axis] += Cell::wrap(&mut fields[axis], period);
-            }
-        }
-        for k in 0..spins {
-            fields[D::HALF_SPIN + k] = turn[3 - spins + k] / step;
-        }
-        cell.wrap_last_axis::<D>(fields, image);
-    }
-    follow(exchange, system, law)
-}
-
-/// Gives the cell these lengths (m) and moves the grains affinely with it, in one step of the
-/// dynamics, which advances the histories. All grains must be at rest, and stay so.
-pub(super) fn stretch<D: Dimension>(
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
-    lengths: [f64; 3],
-) -> Result<Followed, Failure> {
-    let (mut grains, contacts) = (system.grain_states(), system.contact_states(law));
-    let before = system.cell.lengths::<D>();
-    let factors: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / before[axis]);
-    for g in &mut grains {
-        for axis in 0..D::AXES {
-            // Rounding must not move a grain out of the cell.
-            let moved = g.position[axis] * factors[axis];
-            g.position[axis] = moved.min(lengths[axis].next_down());
-        }
-    }
-    let cell = system.cell.with_lengths::<D>(lengths);
-    system.set_cell(exchange, cell)?;
-    system.replace(exchange, law, &mut NoWalls, grains, contacts)?;
-    let rates = factors.map(|factor| (1.0 - 1.0 / factor) / system.step);
-    if let Some(sheared) = &mut system.cell.sheared {
-        sheared.stretching = Some(rates);
-    }
-    Ok(follow(exchange, system, law))
-}
-
-/// Advances the histories by the step in which the grains have moved, sets all velocities to zero
-/// and computes the forces at rest.
-fn follow<D: Dimension>(
-    exchange: &dyn Parallel,
-    system: &mut System<D>,
-    law: &dyn PairForce<D>,
-) -> Followed {
-    let step = system.step;
-    let outside = forces(exchange, system, law, &mut NoWalls, step, None);
-    stop(system);
-    if let Some(sheared) = &mut system.cell.sheared {
-        (sheared.velocity, sheared.stretching) = (0.0, None);
-    }
-    // The forces at rest, without dampers.
-    let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
-    match exchange.maximum(f64::from(u8::from(outside.is_some()))) {
-        0.0 => Ok(()),
-        _ => Err(outside),
-    }
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::box_state::{Observed, observe};
     use super::*;
     use bytemuck::Zeroable;
     use gshear_dem::dimension::Two;
     use gshear_dem::domain::Solo;
-    use gshear_dem::kernel::ContactForces;
+    use gshear_dem::kernel::PairForce;
     use gshear_dem::laws::Contact;
     use gshear_dem::laws::hooke::{Hooke, Springs};
     use gshear_dem::simd::Isa;
@@ -398,7 +364,7 @@ mod tests {
     }
 
     /// A triangular lattice of equal disks of diameter 1, all of which touch six others.
-    fn lattice(law: &dyn PairForce<Two>) -> System<Two> {
+    fn lattice(law: &dyn PairForce<Two>) -> Assembly<'_, Two> {
         let rise = 0.75f64.sqrt() * SPACING;
         let lengths = [SIDE as f64 * SPACING, SIDE as f64 * rise, 1.0];
         let cell = Cell {
@@ -428,38 +394,33 @@ mod tests {
             }
         };
         let grains = (0..SIDE * SIDE).map(grain).collect();
-        let mut system = System::new(&Solo, setup).expect("one rank");
-        let made = system.replace(&Solo, law, &mut NoWalls, grains, Vec::new());
-        made.expect("a list");
-        initial_forces(&Solo, &mut system, law, &mut NoWalls, None).expect("sound forces");
-        system
-    }
-
-    fn observed(system: &mut System<Two>, law: &dyn PairForce<Two>) -> Observed {
-        let samples = &mut ContactForces::default();
-        observe(&Solo, system, law, samples, (SIDE * SIDE) as u32)
+        let system = System::new(&Solo, setup).expect("one rank");
+        let mut lattice = Assembly::of(&Solo, law, system);
+        (lattice.replace(&mut NoWalls, grains, Vec::new())).expect("a list");
+        (lattice.initial_forces(&mut NoWalls, false)).expect("sound forces");
+        lattice
     }
 
     /// Three contacts a disk of k δ each, over the area of a disk: P = √3 k δ/ℓ.
     #[test]
     fn the_pressure_of_a_lattice_follows_from_its_length() {
         let law = law(0.0);
-        let mut system = lattice(&law);
-        let lengths = system.cell.lengths::<Two>();
+        let mut lattice = lattice(&law);
+        let lengths = lattice.system.cell.lengths::<Two>();
         let mut energies = Vec::new();
         for factor in [1.0, 0.999, 0.99, 0.995, 1.01] {
             let to = [lengths[0] * factor, lengths[1] * factor, 1.0];
-            let followed = stretch(&Solo, &mut system, &law, to).expect("one rank");
+            let followed = lattice.stretch(to).expect("one rank");
             followed.expect("within the law");
             let spacing = SPACING * factor;
             let expected = 3.0f64.sqrt() * SPRINGS.normal_stiffness * (1.0 - spacing) / spacing;
-            let found = observed(&mut system, &law);
+            let found = lattice.observe((SIDE * SIDE) as u32);
             assert!((found.pressure / expected - 1.0).abs() < 1e-11, "{factor}");
             for axis in 0..2 {
                 let stress = found.normal_stress[axis];
                 assert!((stress / expected - 1.0).abs() < 1e-11, "{factor} {axis}");
             }
-            assert!(residual(&Solo, &mut system, 0.0) < 1e-14);
+            assert!(lattice.residual(0.0) < 1e-14);
             energies.push(found.elastic_energy);
         }
         let overlap = 1.0 - 0.99 * SPACING;
@@ -472,19 +433,19 @@ mod tests {
     #[test]
     fn histories_follow_the_lengths() {
         let law = law(1e3);
-        let mut system = lattice(&law);
-        let lengths = system.cell.lengths::<Two>();
+        let mut lattice = lattice(&law);
+        let lengths = lattice.system.cell.lengths::<Two>();
         let strain = 1e-5;
         let to = [
             lengths[0] * (1.0 + strain),
             lengths[1] / (1.0 + strain),
             1.0,
         ];
-        let followed = stretch(&Solo, &mut system, &law, to).expect("one rank");
+        let followed = lattice.stretch(to).expect("one rank");
         followed.expect("within the law");
         let expected = SPRINGS.tangential_stiffness * strain * 0.75f64.sqrt() * SPACING;
         let mut inclined = 0;
-        let contacts = system.contact_states(&law);
+        let contacts = lattice.held().contacts;
         assert_eq!(contacts.len(), 3 * SIDE * SIDE);
         for contact in contacts {
             let force = contact.history[0].abs();

@@ -2,13 +2,11 @@
 
 use std::collections::HashSet;
 
+use super::assembly::Assembly;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{Cell, HeldState};
-use gshear_dem::system::System;
-use gshear_mpi_exchange::Parallel;
 
 /// This rank's part of a state at rest, to return to.
 #[derive(Debug, Clone)]
@@ -20,13 +18,10 @@ pub(super) struct RestState {
 }
 
 impl RestState {
-    pub fn of<D: Dimension>(system: &mut System<D>, law: &dyn PairForce<D>) -> Self {
+    pub fn of<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Self {
         Self {
-            cell: system.cell,
-            state: HeldState {
-                grains: system.grain_states(),
-                contacts: system.contact_states(law),
-            },
+            cell: assembly.system.cell,
+            state: assembly.held(),
         }
     }
 
@@ -38,14 +33,8 @@ impl RestState {
         state
     }
 
-    pub fn put_back<D: Dimension>(
-        self,
-        exchange: &dyn Parallel,
-        system: &mut System<D>,
-        law: &dyn PairForce<D>,
-    ) -> Result<(), Failure> {
-        system.set_cell(exchange, self.cell)?;
-        let HeldState { grains, contacts } = self.state;
-        system.replace(exchange, law, &mut NoWalls, grains, contacts)
+    pub fn put_back<D: Dimension>(self, into: &mut Assembly<'_, D>) -> Result<(), Failure> {
+        into.system.set_cell(into.exchange, self.cell)?;
+        into.replace(&mut NoWalls, self.state.grains, self.state.contacts)
     }
 }

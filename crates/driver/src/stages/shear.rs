@@ -9,19 +9,17 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Exchange;
 use gshear_dem::drive::{GrainWalls, Piston, Slider};
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body, series_columns};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{Origin, PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
-use super::setup::system;
-use crate::files::{Files, Format};
+use super::assembly::Assembly;
+use crate::files::{Files, Format, WallFormat};
 use crate::frame_analysis::FrameAnalysis;
 use crate::header::{Header, ShearHeader};
 use crate::options::Outcome;
@@ -35,9 +33,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     scene: &'a Scene,
     /// The file that the grains came from.
     packing: Option<&'a PackingFile>,
-    law: Box<dyn PairForce<D>>,
     schedule: Schedule,
-    system: System<D>,
+    assembly: Assembly<'a, D>,
     walls: GrainWalls,
     /// Height of the plane under the bottom wall at the start (m); the piston's counts from there.
     floor: f64,
@@ -45,7 +42,6 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     frame: SampleConstants,
     files: Files,
     analysis: Option<FrameAnalysis>,
-    samples: ContactForces,
     step: u64,
     first: u64,
     started: Instant,
@@ -55,11 +51,11 @@ pub(super) struct ShearStage<'a, D: Dimension> {
 
 impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Takes the sample and opens its files.
-    pub fn new(
-        run: &mut Run<'_>,
+    pub fn new<'r: 'a>(
+        run: &mut Run<'r>,
         scene: &'a Scene,
         plane_shear: &'a PlaneShear,
-        law: Box<dyn PairForce<D>>,
+        law: &'a dyn PairForce<D>,
         from: ShearHeader,
         mut state: Snapshot,
     ) -> Result<Self, Failure> {
@@ -68,29 +64,24 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         if let Some(window) = run.options.replay {
             schedule = schedule.of_window(window);
         }
-        let mut system = system(run, scene, scene.sample.cell())?;
-        system.steps = from.step;
+        let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
+        assembly.system.steps = from.step;
         let spring = plane_shear.shear.spring;
         if spring.is_none() {
             // A wall that begins to move at its full speed is not to leave the list in a step.
             let way = schedule.protocol.fastest() * schedule.step;
-            system.list.at_least(4.0 * way);
+            assembly.system.list.at_least(4.0 * way);
         }
         let mut walls = walls(scene, plane_shear, &schedule, &from);
         if from.step == 0 {
             set_moving(&mut state.grains, &mut walls, &schedule, D::UP);
         }
-        system.replace(
-            exchange,
-            law.as_ref(),
-            &mut walls,
-            state.grains,
-            state.contacts,
-        )?;
+        assembly.replace(&mut walls, state.grains, state.contacts)?;
+        let system = &mut assembly.system;
         let thickness = plane_shear.wall_thickness(&scene.sample);
         let (load, sample) = (&plane_shear.load, &scene.sample);
         let energy = load.pressure * sample.mean_section() * load.mean_overlap(sample);
-        let frame = SampleConstants::measure(exchange, &mut system, 2.0 * thickness, energy);
+        let frame = SampleConstants::measure(exchange, system, 2.0 * thickness, energy);
         if plane_shear.output.energy {
             let new = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             let saved = from.energy_budget.map(|saved| (saved, &from.piston));
@@ -100,21 +91,20 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             .shearing(scene, plane_shear, &schedule, from.step);
         let goes_on = run.options.replay.is_none();
         let before = goes_on.then(|| UpToCheckpoint::new(from.step));
-        let format = format(scene, plane_shear, &schedule, law.as_ref());
-        let files = Files::open(run.place(), &mut system, &format, before)?;
+        let format = format(scene, plane_shear, &schedule, law);
+        let files = Files::open(run.place(), system, &format, before)?;
         // The first row of new scalars is of a frame without a frame before it.
         let before = state.analysed.filter(|_| files.resumed());
         let analysis = if plane_shear.analysis.scalars {
-            Some(FrameAnalysis::new(exchange, &mut system, before))
+            Some(FrameAnalysis::new(exchange, system, before))
         } else {
             None
         };
         Ok(Self {
             scene,
             packing: plane_shear.origin.file(),
-            law,
             schedule,
-            system,
+            assembly,
             walls,
             floor: match &plane_shear.origin {
                 Origin::Packing { file, .. } if plane_shear.pack.skip => file.edges[0],
@@ -123,7 +113,6 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             frame,
             files,
             analysis,
-            samples: ContactForces::default(),
             step: from.step,
             first: from.step,
             started: Instant::now(),
@@ -152,27 +141,18 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let done = f64::from(self.scene.sample.grains) * (self.step - self.first) as f64;
         let rate = done / seconds / exchange.size() as f64;
         let walls = self.walls.state();
-        let digest = observe::digest(
-            exchange,
-            &mut self.system,
-            self.law.as_ref(),
-            bytemuck::cast_slice(&walls),
-            self.step,
-        );
+        let digest = (self.assembly).digest(bytemuck::cast_slice(&walls), self.step);
         let attributes = [
-            ("digest", Attribute::Text(digest.clone())),
-            ("speed", Attribute::Number(rate)),
-            (
-                "rank_map",
-                Attribute::Numbers(self.system.slabs.cuts.clone()),
-            ),
+            ("digest", Attribute::from(digest.clone())),
+            ("speed", rate.into()),
+            ("rank_map", self.assembly.system.slabs.cuts.clone().into()),
         ];
         let known = if complete { &attributes[..] } else { &[] };
         self.files.finish(exchange, known)?;
-        let phases = self.system.clock.table(exchange);
+        let phases = self.assembly.system.clock.table(exchange);
         run.terminal.end(
             exchange,
-            &mut self.system,
+            &mut self.assembly.system,
             &phases,
             done / seconds,
             &digest,
@@ -184,7 +164,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Hands the scalars computed so far to the files.
     fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
         match &mut self.analysis {
-            Some(analysis) => self.files.scalars(exchange, &analysis.flush(exchange)),
+            Some(analysis) => {
+                let rows = analysis.flush(exchange);
+                self.files.trajectory.scalars(exchange, &rows)
+            }
             None => Ok(()),
         }
     }
@@ -202,7 +185,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     fn check_between(&self, exchange: &dyn Exchange) -> Result<(), Failure> {
         let bottom = self.floor + self.walls.bottom_displacement();
         let top = self.floor + self.walls.piston.height;
-        observe::check_between(exchange, &self.system, [bottom, top])
+        observe::check_between(exchange, &self.assembly.system, [bottom, top])
     }
 
     /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
@@ -237,21 +220,15 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             slider: (self.step > 0).then_some(self.walls.slider.state),
             height: self.schedule.height,
             written,
-            energy_budget: self.system.budget.as_ref().map(|b| b.save(run.exchange)),
+            energy_budget: (self.assembly.system.budget.as_ref()).map(|b| b.save(run.exchange)),
             packing: self.packing.cloned(),
         })
     }
 
     fn state(&mut self) -> Snapshot {
         Snapshot {
-            grains: self.system.grain_states(),
-            contacts: self.system.owned_contact_states(self.law.as_ref()),
-            analysed: self
-                .analysis
-                .as_ref()
-                .and_then(FrameAnalysis::last)
-                .cloned(),
-            ..Snapshot::default()
+            analysed: (self.analysis.as_ref().and_then(FrameAnalysis::last)).cloned(),
+            ..self.assembly.owned()
         }
     }
 }
@@ -283,32 +260,13 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
                 keep: true,
             })?;
         }
-        let samples = Some(&mut self.samples);
-        let law = self.law.as_ref();
-        initial_forces(
-            run.exchange,
-            &mut self.system,
-            law,
-            &mut self.walls,
-            samples,
-        )?;
-        Ok(())
+        self.assembly.initial_forces(&mut self.walls, true)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
         let sampled = self.due(self.step + 1).contains(&true);
-        let request = StepRequest {
-            samples: sampled.then_some(&mut self.samples),
-            stop: stop || run.asked_to_stop(),
-        };
-        let law = self.law.as_ref();
-        let stop = advance(
-            run.exchange,
-            &mut self.system,
-            law,
-            &mut self.walls,
-            request,
-        )?;
+        let stop = stop || run.asked_to_stop();
+        let stop = self.assembly.advance(&mut self.walls, sampled, stop)?;
         self.step += 1;
         self.check_top()?;
         Ok(stop)
@@ -325,9 +283,9 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         if series {
             let row = observe::series(
                 exchange,
-                self.law.as_ref(),
-                &mut self.system,
-                &self.samples,
+                self.assembly.law,
+                &mut self.assembly.system,
+                &self.assembly.samples,
                 &self.walls,
                 &self.frame,
                 self.schedule.height,
@@ -336,27 +294,25 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             if self.schedule.protocol.is_more_than_velocities() {
                 values.extend(observe::imposed(&self.walls).columns());
             }
-            self.files.series(exchange, step, time, &values)?;
-            self.files.log(step, time, &values);
+            let files = &mut self.files;
+            files.trajectory.series(exchange, step, time, &values)?;
+            files.log(step, time, &values);
             self.latest = Some(row);
         }
         if frames || analysed {
-            let (grains, contacts) =
-                observe::frame(&mut self.system, self.law.as_ref(), &self.samples);
+            let (grains, contacts) = self.assembly.frame();
             if frames {
-                let edges = self
-                    .system
-                    .cell
-                    .edges::<D>(self.walls.piston.height - self.frame.walls);
-                self.files
-                    .frame(exchange, (step, time), &edges, (&grains, &contacts))?;
+                let height = self.walls.piston.height - self.frame.walls;
+                let edges = self.assembly.system.cell.edges::<D>(height);
+                let clock = (step, time);
+                (self.files.trajectory).frame(exchange, clock, &edges, &grains, &contacts)?;
             }
             if let (Some(analysis), true) = (&mut self.analysis, analysed) {
                 let rows = analysis.frame(exchange, step, &grains, &contacts);
-                self.files.scalars(exchange, &rows)?;
+                self.files.trajectory.scalars(exchange, &rows)?;
             }
         }
-        self.system.clock.end(StepPhase::Output);
+        self.assembly.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
@@ -402,7 +358,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     fn log(&mut self, run: &Run<'_>) {
-        self.system.clock.end(StepPhase::Output);
+        self.assembly.system.clock.end(StepPhase::Output);
         if self.schedule.progress_due(self.step) {
             let done = (self.step - self.first, self.started.elapsed());
             run.terminal
@@ -483,13 +439,13 @@ fn format<'a>(
     Format {
         name: RUN_FILE,
         columns: series_columns(schedule.protocol.is_more_than_velocities()),
-        walls: true,
-        height: schedule.height,
         scene,
         law,
         attributes: attributes(scene, plane_shear, schedule),
-        log: true,
-        scalars: plane_shear.analysis.scalars,
+        walls: Some(WallFormat {
+            height: schedule.height,
+            scalars: plane_shear.analysis.scalars,
+        }),
     }
 }
 
@@ -503,26 +459,21 @@ fn attributes(
     let velocity = schedule.protocol.segment(0).velocity().unwrap_or(0.0);
     let frames = schedule.intervals[0].frames;
     let frame_strain = velocity * (frames as f64 * schedule.step) / schedule.height;
-    let number = Attribute::Number;
+    let definition = definition_of_inertial_number(scene.dimension);
+    let inertial_number = schedule.inertial_number(velocity);
     let mut attributes = vec![
-        ("frame_strain", number(frame_strain)),
-        ("steps_per_frame", Attribute::Count(frames)),
-        (
-            "inertial_number",
-            number(schedule.inertial_number(velocity)),
-        ),
-        (
-            "inertial_number_definition",
-            Attribute::Text(definition_of_inertial_number(scene.dimension).into()),
-        ),
-        ("stiffness_number", number(load.stiffness_number)),
-        ("wall_speed", number(velocity)),
-        ("normal_force", number(load.normal_force)),
-        ("pressure", number(load.pressure)),
-        ("height_start", number(schedule.height)),
+        ("frame_strain", frame_strain.into()),
+        ("steps_per_frame", frames.into()),
+        ("inertial_number", inertial_number.into()),
+        ("inertial_number_definition", definition.into()),
+        ("stiffness_number", load.stiffness_number.into()),
+        ("wall_speed", velocity.into()),
+        ("normal_force", load.normal_force.into()),
+        ("pressure", load.pressure.into()),
+        ("height_start", schedule.height.into()),
     ];
     if let Some(spring) = plane_shear.shear.spring {
-        attributes.push(("spring_stiffness", number(spring)));
+        attributes.push(("spring_stiffness", spring.into()));
     }
     attributes
 }

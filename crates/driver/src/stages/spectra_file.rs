@@ -5,7 +5,7 @@ use std::path::Path;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
-use gshear_store::collective::agree;
+use gshear_store::collective::{agree, on_root};
 use gshear_store::csv_table::{TableCell, TableFile, rows_up_to};
 
 use super::eigenvalues::Eigenvalues;
@@ -33,11 +33,7 @@ impl SpectraFile {
             };
             Ok((Some(file), rows.unwrap_or(0)))
         };
-        let opened = match exchange.rank() {
-            0 => open(),
-            _ => Ok((None, 0)),
-        };
-        let (file, rows) = agree(exchange, opened)?;
+        let (file, rows) = on_root(exchange, open)?;
         let rows = total(exchange, rows);
         Ok(Self { file, rows })
     }

@@ -4,21 +4,18 @@
 use std::fmt;
 
 use gshear_dem::dimension::Dimension;
-use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
-use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::observe::{digest, frame};
 use gshear_dem::state::{HeldState, Snapshot};
-use gshear_dem::system::System;
 use gshear_scene::{Deformation, PeriodicBox, Scene};
 use gshear_store::box_columns::AqsRow;
 use gshear_store::file_names::AQS_FILE;
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
-use super::box_state::{Observed, observe};
+use super::assembly::Assembly;
+use super::box_state::Observed;
 use super::eigenvalues::{Eigenvalues, GlobalState};
-use super::relax::{LONGEST, Relaxation, displace, residual};
+use super::relax::{LONGEST, Relaxation};
 use super::rest::RestState;
 use crate::files::{Files, Format};
 use crate::header::{
@@ -49,12 +46,10 @@ pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &Progress)
 pub(super) struct Strain<'a, D: Dimension> {
     pub(super) scene: &'a Scene,
     pub(super) periodic: &'a PeriodicBox,
-    pub(super) law: &'a dyn PairForce<D>,
-    pub(super) system: System<D>,
+    pub(super) assembly: Assembly<'a, D>,
     relaxation: Relaxation,
     files: Files,
     pub(super) progress: Progress,
-    pub(super) samples: ContactForces,
     /// What goes on after the last strain step.
     work: Option<Work>,
     /// States to return to, the last one first: that before the strain step if the birth of a pair
@@ -71,8 +66,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         run: &Run<'_>,
         scene: &'a Scene,
         periodic: &'a PeriodicBox,
-        law: &'a dyn PairForce<D>,
-        mut system: System<D>,
+        mut assembly: Assembly<'a, D>,
         (header, held): (Header, Vec<HeldState>),
     ) -> Result<Self, Failure> {
         let Header::Aqs {
@@ -93,30 +87,22 @@ impl<'a, D: Dimension> Strain<'a, D> {
         let format = Format {
             name: AQS_FILE,
             columns: &AqsRow::COLUMNS,
-            walls: false,
-            height: system.cell.sheared.map_or(0.0, |s| s.height),
             scene,
-            law,
-            attributes: vec![(
-                "mean_diameter",
-                Attribute::Number(scene.sample.mean_diameter),
-            )],
-            log: false,
-            scalars: false,
+            law: assembly.law,
+            attributes: vec![("mean_diameter", scene.sample.mean_diameter.into())],
+            walls: None,
         };
         let before = UpToCheckpoint {
             step: progress.steps,
             last: (written.rows > 0).then_some(progress.steps),
         };
         Ok(Self {
-            files: Files::open(run.place(), &mut system, &format, Some(before))?,
+            files: Files::open(run.place(), &mut assembly.system, &format, Some(before))?,
             relaxation: Relaxation::new(periodic.relax, &scene.sample),
             scene,
             periodic,
-            law,
-            system,
+            assembly,
             progress,
-            samples: ContactForces::default(),
             work,
             held: held.collect(),
             unrecorded: None,
@@ -129,34 +115,28 @@ impl<'a, D: Dimension> Strain<'a, D> {
         mut self,
         run: &Run<'_>,
         outcome: Result<Outcome, Failure>,
-    ) -> Result<(System<D>, Progress, Outcome), Failure> {
+    ) -> Result<(Assembly<'a, D>, Progress, Outcome), Failure> {
         let (exchange, progress) = (run.exchange, self.progress);
         let outcome = match outcome {
             Ok(outcome) => outcome,
             Err(failure) => return Err(self.files.fail(exchange, failure)),
         };
         let complete = outcome == Outcome::Done;
-        let digest = digest(
-            exchange,
-            &mut self.system,
-            self.law,
-            &progress.box_bytes(),
-            progress.steps,
-        );
+        let digest = (self.assembly).digest(&progress.box_bytes(), progress.steps);
         let mut attributes = vec![
-            ("digest", Attribute::Text(digest.clone())),
-            ("fell_back", Attribute::Count(progress.fell_back)),
+            ("digest", Attribute::from(digest.clone())),
+            ("fell_back", progress.fell_back.into()),
         ];
         if let Some(birth) = &progress.birth {
-            attributes.push(("birth_before", Attribute::Number(birth.before)));
-            attributes.push(("birth_after", Attribute::Number(birth.after)));
+            attributes.push(("birth_before", birth.before.into()));
+            attributes.push(("birth_after", birth.after.into()));
         }
         let known = if complete { &attributes[..] } else { &[] };
         self.files.finish(exchange, known)?;
         if complete {
             run.terminal.strained(&progress, &digest);
         }
-        Ok((self.system, progress, outcome))
+        Ok((self.assembly, progress, outcome))
     }
 
     /// Whether the pair ends the strain steps.
@@ -167,37 +147,35 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 
     /// Begins a strain step. Returns what follows the relaxation; `None` if there is none.
-    fn deform(&mut self, run: &Run<'_>) -> Result<Option<Search>, Failure> {
+    fn deform(&mut self) -> Result<Option<Search>, Failure> {
         let step = self.progress.steps + 1;
         match &self.periodic.deformation {
             Deformation::SimpleShear => {
-                self.shear(run, self.periodic.aqs.strain_step)?;
+                self.shear(self.periodic.aqs.strain_step)?;
                 Ok(Some(Search::Rest))
             }
-            Deformation::PureShear => self.pure_shear(run, step),
-            Deformation::Biaxial => self.biaxial(run, step),
+            Deformation::PureShear => self.pure_shear(step),
+            Deformation::Biaxial => self.biaxial(step),
             Deformation::Compression(pressures) => {
-                self.begin_to_press(run, pressures[step as usize - 1])
+                self.begin_to_press(pressures[step as usize - 1])
             }
         }
     }
 
     /// Shears by `by`.
-    fn shear(&mut self, run: &Run<'_>, by: f64) -> Result<(), Failure> {
-        let exchange = run.exchange;
-        let height = self.system.cell.sheared.map_or(0.0, |s| s.height);
+    fn shear(&mut self, by: f64) -> Result<(), Failure> {
+        let height = self.assembly.system.cell.sheared.map_or(0.0, |s| s.height);
         let longest = LONGEST * self.scene.sample.mean_diameter;
         let parts = (by * height / longest).ceil().max(1.0);
         for _ in 0..parts as u64 {
-            let system = &mut self.system;
-            system.list.widen(4.0 * longest);
-            system.rebuild(exchange, self.law, &mut NoWalls)?;
+            self.assembly.system.list.widen(4.0 * longest);
+            self.assembly.rebuild()?;
             let part = by / parts;
-            let grains = system.grains();
+            let grains = self.assembly.system.grains();
             let affine = |g: usize| [[part * grains.fields(g)[D::UP], 0.0, 0.0], [0.0; 3]];
             let moves: Vec<_> = (0..grains.owned).map(affine).collect();
-            let followed = displace(exchange, system, self.law, &moves, part * height);
-            self.within_law(run, followed)?;
+            let followed = self.assembly.displace(&moves, part * height);
+            self.within_law(followed)?;
         }
         Ok(())
     }
@@ -205,16 +183,16 @@ impl<'a, D: Dimension> Strain<'a, D> {
     /// What follows a relaxation that is done, if not another one: `None`.
     fn search(&mut self, run: &Run<'_>, work: &Work) -> Result<Option<Search>, Failure> {
         match (work.search, self.periodic.pressure) {
-            (Search::Rest, Some(pressure)) if work.prepares => self.begin_to_press(run, pressure),
+            (Search::Rest, Some(pressure)) if work.prepares => self.begin_to_press(pressure),
             (Search::Rest, _) => Ok(None),
-            (Search::Pressure(of), _) => self.press_on(run, of),
-            (Search::Lateral(of), _) => self.correct(run, of),
+            (Search::Pressure(of), _) => self.press_on(of),
+            (Search::Lateral(of), _) => self.correct(of),
             (Search::Birth { low, high }, _) => {
                 let middle = 0.5 * (low + high);
-                if self.eigenvalues(run)?.pairs() > 0 {
+                if self.eigenvalues()?.pairs() > 0 {
                     return self.bisect(run, low, middle);
                 }
-                self.held[0] = RestState::of(&mut self.system, self.law);
+                self.held[0] = RestState::of(&mut self.assembly);
                 self.bisect(run, middle, high)
             }
         }
@@ -224,13 +202,12 @@ impl<'a, D: Dimension> Strain<'a, D> {
     /// far.
     fn relax(
         &mut self,
-        run: &Run<'_>,
         (prepares, found): (bool, Equilibrium),
         search: Option<Search>,
     ) -> Result<(), Failure> {
         if let Some(search) = search {
-            let (system, held) = (&mut self.system, &mut self.held);
-            let relaxing = self.relaxation.begin(run.exchange, system, self.law, held);
+            let (assembly, held) = (&mut self.assembly, &mut self.held);
+            let relaxing = self.relaxation.begin(assembly, held);
             let relaxing = relaxing.map_err(|failure| self.of_strain_step(failure))?;
             self.work = Some(Work {
                 prepares,
@@ -247,17 +224,16 @@ impl<'a, D: Dimension> Strain<'a, D> {
         }
         let progress = &mut self.progress;
         progress.steps += 1;
-        progress.offset = self.system.cell.sheared.map_or(0.0, |s| s.offset);
+        progress.offset = self.assembly.system.cell.sheared.map_or(0.0, |s| s.offset);
         if let Some(stretched) = &mut progress.stretched {
-            stretched.lengths = self.system.cell.lengths::<D>();
+            stretched.lengths = self.assembly.system.cell.lengths::<D>();
         }
         progress.fell_back += u64::from(found.fell_back);
         Ok(())
     }
 
-    fn eigenvalues(&mut self, run: &Run<'_>) -> Result<Eigenvalues, Failure> {
-        let whole = GlobalState::at_rest(run.exchange, &mut self.system, self.law);
-        whole.eigenvalues::<D>(run.exchange, &mut self.system, self.law)
+    fn eigenvalues(&mut self) -> Result<Eigenvalues, Failure> {
+        GlobalState::at_rest(&mut self.assembly).eigenvalues(&self.assembly)
     }
 
     /// Begins the next step of the bisection of the strain of the birth, between these strains from
@@ -266,8 +242,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
         let aqs = self.periodic.aqs;
         if high - low > aqs.birth_precision {
             let before = self.held[0].clone();
-            before.put_back(run.exchange, &mut self.system, self.law)?;
-            self.shear(run, 0.5 * (low + high) - low)?;
+            before.put_back(&mut self.assembly)?;
+            self.shear(0.5 * (low + high) - low)?;
             return Ok(Some(Search::Birth { low, high }));
         }
         let start = aqs.strain_step * (self.progress.steps - 1) as f64;
@@ -278,7 +254,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         self.progress.birth = Some(birth);
         run.terminal.born(&birth);
         if let Some(after) = self.held.pop() {
-            after.put_back(run.exchange, &mut self.system, self.law)?;
+            after.put_back(&mut self.assembly)?;
         }
         self.held.clear();
         Ok(None)
@@ -307,34 +283,32 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         self.work.is_some()
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, _: &mut Run<'_>) -> Result<(), Failure> {
         let none = Equilibrium::default();
-        self.relax(run, (true, none), Some(Search::Rest))
+        self.relax((true, none), Some(Search::Rest))
     }
 
     /// A part of a strain step.
     fn step(&mut self, run: &mut Run<'_>, _: bool) -> Result<bool, Failure> {
         if let Some(mut work) = self.work.take() {
             let parts = (&mut work.relaxing, &mut self.held);
-            let at_rest = self
-                .relaxation
-                .go_on(run.exchange, &mut self.system, self.law, parts);
+            let at_rest = self.relaxation.go_on(&mut self.assembly, parts);
             if at_rest.map_err(|failure| self.of_strain_step(failure))? {
                 let mut found = work.found;
                 found += work.relaxing.found;
                 let next = self.search(run, &work)?;
                 if next.is_some() || !matches!(work.search, Search::Birth { .. }) {
-                    self.relax(run, (work.prepares, found), next)?;
+                    self.relax((work.prepares, found), next)?;
                 }
             } else {
                 self.work = Some(work);
             }
         } else {
             if self.periodic.aqs.spectrum && self.progress.birth.is_none() {
-                self.held.push(RestState::of(&mut self.system, self.law));
+                self.held.push(RestState::of(&mut self.assembly));
             }
-            let next = self.deform(run)?;
-            self.relax(run, (false, Equilibrium::default()), next)?;
+            let next = self.deform()?;
+            self.relax((false, Equilibrium::default()), next)?;
         }
         let last = self.work.is_none() && run.options.stop_at == Some(self.progress.steps);
         Ok(run.is_to_stop() || last)
@@ -347,15 +321,9 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             return Ok(());
         };
         let (exchange, aqs) = (run.exchange, &self.periodic.aqs);
-        let observed = observe(
-            exchange,
-            &mut self.system,
-            self.law,
-            &mut self.samples,
-            self.scene.sample.grains,
-        );
+        let observed = self.assembly.observe(self.scene.sample.grains);
         let eigenvalues = if aqs.spectrum {
-            Some(self.eigenvalues(run)?)
+            Some(self.eigenvalues()?)
         } else {
             None
         };
@@ -367,31 +335,30 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             step,
             strain: reached::<D>(self.periodic, &self.progress),
             solid_fraction: self.solid_fraction(),
-            lengths: self.system.cell.lengths::<D>(),
+            lengths: self.assembly.system.cell.lengths::<D>(),
             offset: self.progress.offset,
             observed,
             found,
-            residual: residual(exchange, &mut self.system, 0.0),
+            residual: self.assembly.residual(0.0),
             eigenvalues,
         };
-        self.files
-            .series(exchange, step, row.strain, &row.columns::<D>())?;
-        self.files.publish_rows(exchange)?;
+        let trajectory = &mut self.files.trajectory;
+        trajectory.series(exchange, step, row.strain, &row.columns::<D>())?;
+        trajectory.publish_rows(exchange)?;
         self.latest = Some([row.strain, row.observed.shear_stress]);
         run.terminal.strain_step(&row);
         let every = aqs.frame_every;
         if every > 0 && step.is_multiple_of(every) {
-            let (grains, contacts) = frame(&mut self.system, self.law, &self.samples);
-            let edges = self.system.cell.edges::<D>(0.0);
+            let (grains, contacts) = self.assembly.frame();
+            let edges = self.assembly.system.cell.edges::<D>(0.0);
             let clock = (step, row.strain);
-            self.files
-                .frame(exchange, clock, &edges, (&grains, &contacts))?;
+            (self.files.trajectory).frame(exchange, clock, &edges, &grains, &contacts)?;
         }
         if self.progress.birth.is_none() && self.progress.pairs > 0 && !self.held.is_empty() {
-            self.held.push(RestState::of(&mut self.system, self.law));
+            self.held.push(RestState::of(&mut self.assembly));
             let first = self.bisect(run, 0.0, aqs.strain_step)?;
             if first.is_some() {
-                self.relax(run, (false, Equilibrium::default()), first)?;
+                self.relax((false, Equilibrium::default()), first)?;
             }
         }
         if self.work.is_none() {
@@ -425,7 +392,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
         let shape = |state: &RestState| Shape::of::<D>(&state.cell);
         let unfinished = self.work.as_ref().map(|work| Unfinished {
-            shape: Shape::of::<D>(&self.system.cell),
+            shape: Shape::of::<D>(&self.assembly.system.cell),
             held: self.held.iter().map(shape).collect(),
             work: work.clone(),
         });
@@ -437,10 +404,8 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 packing: self.scene.packing().cloned(),
             },
             state: Snapshot {
-                grains: self.system.grain_states(),
-                contacts: self.system.owned_contact_states(self.law),
                 held: self.held.iter().map(RestState::owned).collect(),
-                ..Snapshot::default()
+                ..self.assembly.owned()
             },
             keep: self.scene.keep_checkpoints && self.work.is_none(),
         })

@@ -1,0 +1,117 @@
+//! The grains of a stage, and the law between them.
+
+use gshear_dem::dimension::Dimension;
+use gshear_dem::drive::{Drive, NoWalls};
+use gshear_dem::failure::Failure;
+use gshear_dem::kernel::{ContactForces, PairForce};
+use gshear_dem::observe;
+use gshear_dem::state::{
+    Cell, ContactSample, ContactState, GrainSample, GrainState, HeldState, Snapshot,
+};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::System;
+use gshear_mpi_exchange::Parallel;
+use gshear_scene::Scene;
+
+use super::setup::system;
+use crate::run::Run;
+
+/// The grains of a stage on all ranks, and the law between them. All methods are collective.
+pub(crate) struct Assembly<'a, D: Dimension> {
+    /// The ranks.
+    pub exchange: &'a dyn Parallel,
+    /// The law.
+    pub law: &'a dyn PairForce<D>,
+    /// This rank's grains.
+    pub system: System<D>,
+    /// Forces of the contacts when they were last measured.
+    pub samples: ContactForces,
+}
+
+impl<'a, D: Dimension> Assembly<'a, D> {
+    /// Without its grains yet.
+    pub fn new(
+        run: &Run<'a>,
+        scene: &Scene,
+        cell: Cell,
+        law: &'a dyn PairForce<D>,
+    ) -> Result<Self, Failure> {
+        Ok(Self::of(run.exchange, law, system(run, scene, cell)?))
+    }
+
+    pub fn of(exchange: &'a dyn Parallel, law: &'a dyn PairForce<D>, system: System<D>) -> Self {
+        Self {
+            exchange,
+            law,
+            system,
+            samples: ContactForces::default(),
+        }
+    }
+
+    /// Takes these grains and contacts in place of its own.
+    pub fn replace(
+        &mut self,
+        drive: &mut dyn Drive<D>,
+        grains: Vec<GrainState>,
+        contacts: Vec<ContactState>,
+    ) -> Result<(), Failure> {
+        (self.system).replace(self.exchange, self.law, drive, grains, contacts)
+    }
+
+    /// Makes the list of pairs anew, without walls.
+    pub fn rebuild(&mut self) -> Result<(), Failure> {
+        (self.system).rebuild(self.exchange, self.law, &mut NoWalls)
+    }
+
+    /// Computes the forces before the first step; `sampled`: and measures those of the contacts.
+    pub fn initial_forces(
+        &mut self,
+        drive: &mut dyn Drive<D>,
+        sampled: bool,
+    ) -> Result<(), Failure> {
+        let samples = sampled.then_some(&mut self.samples);
+        initial_forces(self.exchange, &mut self.system, self.law, drive, samples)
+    }
+
+    /// Takes a step of the equations of motion, and measures the forces of the contacts if
+    /// `sampled`; returns whether a stop is requested.
+    pub fn advance(
+        &mut self,
+        drive: &mut dyn Drive<D>,
+        sampled: bool,
+        stop: bool,
+    ) -> Result<bool, Failure> {
+        let request = StepRequest {
+            samples: sampled.then_some(&mut self.samples),
+            stop,
+        };
+        advance(self.exchange, &mut self.system, self.law, drive, request)
+    }
+
+    /// This rank's grains, and their contacts, which other ranks may have as well.
+    pub fn held(&mut self) -> HeldState {
+        HeldState {
+            grains: self.system.grain_states(),
+            contacts: self.system.contact_states(self.law),
+        }
+    }
+
+    /// This rank's part of a checkpoint, each contact on the rank that has its first grain.
+    pub fn owned(&mut self) -> Snapshot {
+        Snapshot {
+            grains: self.system.grain_states(),
+            contacts: self.system.owned_contact_states(self.law),
+            ..Snapshot::default()
+        }
+    }
+
+    /// This rank's part of a frame of the last measurement.
+    pub fn frame(&mut self) -> (Vec<GrainSample>, Vec<ContactSample>) {
+        observe::frame(&mut self.system, self.law, &self.samples)
+    }
+
+    /// The digest of the state; `more`: what else belongs to it.
+    pub fn digest(&mut self, more: &[u8], step: u64) -> String {
+        observe::digest(self.exchange, &mut self.system, self.law, more, step)
+    }
+}
