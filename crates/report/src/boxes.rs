@@ -14,7 +14,6 @@ use super::eigenvalue_figures::{self, SpectrumRow};
 use super::history::{Axis, LAYOUT, drawn};
 use super::page::Facts;
 use super::panels::{Deformation, PANELS};
-use super::summary::parameters;
 
 /// What the strain steps of a run measure.
 struct Measured {
@@ -243,7 +242,7 @@ pub fn json(files: &[&RunFile]) -> Value {
             "frames": run.frames(),
             "series_rows": series.rows(),
             "last_row": last.collect::<serde_json::Map<_, _>>(),
-            "parameters": parameters(run),
+            "parameters": run.parameters(),
         })
     };
     let stages = files

@@ -7,7 +7,7 @@ use gshear_analysis::moments::Moments;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, Frame};
-use gshear_store::run_reader::{Parameter, RunFile};
+use gshear_store::run_reader::RunFile;
 
 /// Moments of the finite values.
 fn finite_moments(values: &[f64]) -> Moments {
@@ -258,23 +258,9 @@ impl Summary {
             "phases": { "stick": count(PhaseKind::Stick), "slip": count(PhaseKind::Slip) },
             "largest_drop": self.drop.as_ref().map(phase),
             "maps": event,
-            "parameters": parameters(run),
+            "parameters": run.parameters(),
         })
     }
-}
-
-/// The attributes of `parameters`.
-pub fn parameters(run: &RunFile) -> Value {
-    let parameters = run.parameters().iter().map(|(name, value)| {
-        let value = match value {
-            Parameter::Text(text) => json!(text),
-            Parameter::Integer(value) => json!(value),
-            Parameter::Number(value) => json!(value),
-            Parameter::Numbers(values) => json!(values),
-        };
-        (name.clone(), value)
-    });
-    parameters.collect::<serde_json::Map<_, _>>().into()
 }
 
 #[cfg(test)]

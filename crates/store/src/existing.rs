@@ -3,9 +3,8 @@
 use super::contact_quantities::TWISTING_HISTORY;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
-use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, contact_dataset};
+use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, SCALARS, contact_dataset};
 use super::run_reader::owner;
-use super::scalar_columns::SCALARS;
 use super::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;

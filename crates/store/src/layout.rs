@@ -1,9 +1,11 @@
 //! Layout of `run.h5`: creates its datasets, or opens them to continue.
 
-use super::checksums::{FRAMES, GROUP, ROWS};
+use super::checksums::{self, FRAMES, GROUP, ROWS};
 use super::collective::CollectiveOutcome;
 use super::contact_quantities::{TANGENTIAL_HISTORY, flags, numbers, of_contacts};
 use super::h5::{Attribute, Dataset, H5File, Slab};
+use super::row_table::RowTable;
+use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use hdf5::H5Type;
@@ -12,6 +14,8 @@ pub const PARAMETERS: &str = "parameters";
 pub const PARTICLES: &str = "particles/trajectory";
 pub const BOX: &str = "particles/trajectory/box";
 pub const OBSERVABLES: &str = "observables";
+/// Group of the scalars of frames.
+pub const SCALARS: &str = "observables/gshear";
 pub const CONTACTS: &str = "connectivity/contacts";
 /// The edges of the box at the frames.
 pub const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
@@ -205,21 +209,20 @@ pub struct Datasets {
     pub offset: Dataset,
     /// Of [`of_contact`].
     pub contacts: Vec<Dataset>,
-    pub row_step: Dataset,
-    pub row_time: Dataset,
-    /// Of the time series, in the order of its columns.
-    pub observables: Vec<Dataset>,
-    /// Their names.
-    pub names: Vec<&'static str>,
-    /// Checksums of the frames and of the rows.
+    /// The time series.
+    pub rows: RowTable,
+    /// Checksums of the frames.
     pub frame_sums: Dataset,
-    pub row_sums: Dataset,
 }
 
 impl Datasets {
     /// Creates or opens the datasets. Collective.
     pub fn new(file: &H5File, mode: Mode, layout: &Layout<'_>) -> Result<Self, Failure> {
-        let place = Place { file, mode, layout };
+        let place = Place {
+            file,
+            mode,
+            units: layout.units.then_some(layout.form.axes),
+        };
         let Layout { form, series, .. } = *layout;
         let first = format!("{PARTICLES}/{POSITION}");
         let mut grains = Vec::new();
@@ -233,12 +236,12 @@ impl Datasets {
             let dataset = place.of(kind, &name, &shape[..dimensions], &chunk[..dimensions])?;
             grains.push(place.in_units(dataset, &column)?);
         }
-        let (step, time) = place.clock(&first)?;
+        let (step, time) = (place.step(&first)?, place.time(&first)?);
         for (column, ..) in &of_grain(form.axes)[1..] {
-            place.link_clock(&first, &format!("{PARTICLES}/{column}"))?;
+            place.link_clock(&first, &format!("{PARTICLES}/{column}"), true)?;
         }
         place.group(&format!("{BOX}/edges"))?;
-        place.link_clock(&first, &format!("{BOX}/edges"))?;
+        place.link_clock(&first, &format!("{BOX}/edges"), true)?;
         let (shape, chunk): (&[usize], &[usize]) = if layout.walls {
             (&[0, 3], &[CHUNK_ROWS / 8, 3])
         } else {
@@ -247,7 +250,7 @@ impl Datasets {
         let edges = place.growing::<f64>(EDGES_VALUE, shape, chunk)?;
 
         place.group(CONTACTS)?;
-        place.link_clock(&first, CONTACTS)?;
+        place.link_clock(&first, CONTACTS, true)?;
         let mut contacts = Vec::new();
         for (mut column, width, kind) in of_contact(form) {
             let chunk = [contact_chunk(layout.grains).div_ceil(width), width];
@@ -264,18 +267,6 @@ impl Datasets {
             file.attribute(CONTACTS, "particles_group", &grains)?;
         }
 
-        let first = format!("{OBSERVABLES}/{}", series[0]);
-        let mut observables = Vec::new();
-        for column in series {
-            let name = format!("{OBSERVABLES}/{column}");
-            place.group(&name)?;
-            let dataset = place.list::<f64>(&format!("{name}/value"))?;
-            observables.push(place.in_units(dataset, column)?);
-        }
-        let (row_step, row_time) = place.clock(&first)?;
-        for column in &series[1..] {
-            place.link_clock(&first, &format!("{OBSERVABLES}/{column}"))?;
-        }
         place.group(GROUP)?;
         let sums = frame_columns(form).len();
         Ok(Datasets {
@@ -286,12 +277,8 @@ impl Datasets {
             grains,
             offset: place.list::<u64>(&contact_dataset("offset"))?,
             contacts,
-            row_step,
-            row_time,
-            observables,
-            names: series.iter().map(|column| column.name).collect(),
+            rows: place.table(OBSERVABLES, series, true, ROWS)?,
             frame_sums: place.growing::<u64>(FRAMES, &[0, sums], &[CHUNK_ROWS / 8, sums])?,
-            row_sums: place.list::<u64>(ROWS)?,
         })
     }
 
@@ -305,12 +292,8 @@ impl Datasets {
         for dataset in &mut self.contacts {
             outcome.note(dataset.resize(contacts));
         }
-        let of_rows = [&mut self.row_step, &mut self.row_time];
-        for dataset in of_rows.into_iter().chain(&mut self.observables) {
-            outcome.note(dataset.resize(rows));
-        }
         outcome.note(self.frame_sums.resize(frames));
-        outcome.note(self.row_sums.resize(rows));
+        self.rows.cut(rows, outcome);
     }
 }
 
@@ -318,7 +301,8 @@ impl Datasets {
 struct Place<'a> {
     file: &'a H5File,
     mode: Mode,
-    layout: &'a Layout<'a>,
+    /// The dimensions in which units are written; `None`: they are not.
+    units: Option<usize>,
 }
 
 impl Place<'_> {
@@ -362,35 +346,77 @@ impl Place<'_> {
         self.growing::<T>(name, &[0], &[CHUNK_ROWS])
     }
 
-    fn clock(&self, folder: &str) -> Result<(Dataset, Dataset), Failure> {
-        let step = self.list::<u64>(&format!("{folder}/step"))?;
-        let time = self.list::<f64>(&format!("{folder}/time"))?;
-        Ok((step, self.in_units(time, &TIME)?))
+    fn step(&self, folder: &str) -> Result<Dataset, Failure> {
+        self.list::<u64>(&format!("{folder}/step"))
     }
 
-    fn link_clock(&self, from: &str, to: &str) -> Result<(), Failure> {
+    fn time(&self, folder: &str) -> Result<Dataset, Failure> {
+        let time = self.list::<f64>(&format!("{folder}/time"))?;
+        self.in_units(time, &TIME)
+    }
+
+    fn link_clock(&self, from: &str, to: &str, has_time: bool) -> Result<(), Failure> {
         if self.mode == Mode::Open {
             return Ok(());
         }
-        ["step", "time"].into_iter().try_for_each(|part| {
+        let mut parts = ["step", "time"].into_iter().take(1 + usize::from(has_time));
+        parts.try_for_each(|part| {
             self.file
                 .link(&format!("/{from}/{part}"), &format!("/{to}/{part}"))
         })
     }
 
+    /// A table with a group per column, and its checksums.
+    fn table(
+        &self,
+        folder: &str,
+        columns: &[Column],
+        has_time: bool,
+        sums: &str,
+    ) -> Result<RowTable, Failure> {
+        let first = format!("{folder}/{}", columns[0]);
+        let mut values = Vec::new();
+        for column in columns {
+            let name = format!("{folder}/{column}");
+            self.group(&name)?;
+            let dataset = self.list::<f64>(&format!("{name}/value"))?;
+            values.push(self.in_units(dataset, column)?);
+        }
+        let step = self.step(&first)?;
+        let time = has_time.then(|| self.time(&first)).transpose()?;
+        for column in &columns[1..] {
+            self.link_clock(&first, &format!("{folder}/{column}"), has_time)?;
+        }
+        let sums = self.list::<u64>(sums)?;
+        Ok(RowTable::new((step, time), values, columns, sums))
+    }
+
+    /// Writes the unit of a column as H5MD's units module has it; pure numbers have none.
     fn in_units(&self, dataset: Dataset, column: &Column) -> Result<Dataset, Failure> {
-        if self.layout.units && self.mode == Mode::Create {
-            set_unit(&dataset, column, self.layout.form.axes)?;
+        let axes = self.units.filter(|_| self.mode == Mode::Create);
+        if let Some(unit) = axes.and_then(|axes| column.unit_in(axes)) {
+            dataset.attribute("unit", &Attribute::Word(unit))?;
         }
         Ok(dataset)
     }
 }
 
-/// Writes the unit of a column as H5MD's units module has it; pure numbers have none. Collective.
-pub fn set_unit(dataset: &Dataset, column: &Column, axes: usize) -> Result<(), Failure> {
-    match column.unit_in(axes) {
-        Some(unit) => dataset.attribute("unit", &Attribute::Word(unit)),
-        None => Ok(()),
+/// Opens the scalars of frames to continue after their first `rows` rows; creates them if the file
+/// has none. Collective.
+pub fn scalars(file: &H5File, rows: u64) -> Result<RowTable, Failure> {
+    let mode = match file.has(SCALARS) {
+        true => Mode::Open,
+        false if rows > 0 => return Err(file.lacks(SCALARS, rows)),
+        false => Mode::Create,
+    };
+    // Scalars of frames exist for disks alone.
+    let units = Some(2);
+    let place = Place { file, mode, units };
+    let mut table = place.table(SCALARS, &FrameScalars::COLUMNS, false, checksums::SCALARS)?;
+    if table.has(rows) {
+        Ok(table)
+    } else {
+        Err(file.lacks(SCALARS, rows))
     }
 }
 

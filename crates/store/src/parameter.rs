@@ -13,7 +13,8 @@ const TEXT: usize = 65_536;
 const MOST_TEXTS: usize = 64;
 
 /// An attribute of `parameters`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[serde(untagged)]
 pub enum Parameter {
     /// Text.
     Text(String),

@@ -1,8 +1,6 @@
 //! Athermal quasi-static deformation: strain steps, each brought to mechanical equilibrium, and the
 //! birth of the first complex pair.
 
-use std::fmt;
-
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{HeldState, Snapshot};
@@ -232,6 +230,45 @@ impl<'a, D: Dimension> Strain<'a, D> {
         Ok(())
     }
 
+    fn row(
+        &mut self,
+        observed: &Observed,
+        found: &Equilibrium,
+        eigenvalues: Option<&Eigenvalues>,
+    ) -> AqsRow {
+        let third = |value| if D::AXES == 3 { value } else { f64::NAN };
+        let of = |value: fn(&Eigenvalues) -> f64| eigenvalues.map_or(f64::NAN, value);
+        let imaginary = of(|e| e.greatest_imaginary().map_or(0.0, |value| value.im));
+        let lengths = self.assembly.system.cell.lengths::<D>();
+        AqsRow {
+            strain: reached::<D>(self.periodic, &self.progress),
+            image_offset: self.progress.offset,
+            shear_stress: observed.shear_stress,
+            pressure: observed.pressure,
+            elastic_energy: observed.elastic_energy,
+            contacts: observed.contacts as f64,
+            coordination: observed.coordination,
+            sliding_fraction: observed.sliding_fraction,
+            residual: self.assembly.residual(0.0),
+            factorisations: found.factorisations as f64,
+            overdamped_steps: found.steps as f64,
+            fell_back: f64::from(u8::from(found.fell_back)),
+            pairs: of(|e| e.pairs() as f64),
+            imaginary_least: -imaginary,
+            imaginary_greatest: imaginary,
+            pair_real: of(|e| e.greatest_imaginary().map_or(f64::NAN, |value| value.re)),
+            least_real: of(Eigenvalues::least_real),
+            zero_modes: of(|e| e.zeros() as f64),
+            solid_fraction: self.solid_fraction(),
+            length_x: lengths[0],
+            length_y: lengths[1],
+            length_z: third(lengths[2]),
+            stress_xx: observed.normal_stress[0],
+            stress_yy: observed.normal_stress[1],
+            stress_zz: third(observed.normal_stress[2]),
+        }
+    }
+
     fn eigenvalues(&mut self) -> Result<Eigenvalues, Failure> {
         GlobalState::at_rest(&mut self.assembly).eigenvalues(&self.assembly)
     }
@@ -331,22 +368,12 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             (self.progress.pairs, self.progress.pair) = (found.pairs(), found.fastest_pair());
         }
         let step = self.progress.steps;
-        let row = StrainRow {
-            step,
-            strain: reached::<D>(self.periodic, &self.progress),
-            solid_fraction: self.solid_fraction(),
-            lengths: self.assembly.system.cell.lengths::<D>(),
-            offset: self.progress.offset,
-            observed,
-            found,
-            residual: self.assembly.residual(0.0),
-            eigenvalues,
-        };
+        let row = self.row(&observed, &found, eigenvalues.as_ref());
         let trajectory = &mut self.files.trajectory;
-        trajectory.series(exchange, step, row.strain, &row.columns::<D>())?;
+        trajectory.series(exchange, step, row.strain, &row)?;
         trajectory.publish_rows(exchange)?;
-        self.latest = Some([row.strain, row.observed.shear_stress]);
-        run.terminal.strain_step(&row);
+        self.latest = Some([row.strain, row.shear_stress]);
+        run.terminal.strain_step(step, &row);
         let every = aqs.frame_every;
         if every > 0 && step.is_multiple_of(every) {
             let (grains, contacts) = self.assembly.frame();
@@ -409,84 +436,5 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             },
             keep: self.scene.keep_checkpoints && self.work.is_none(),
         })
-    }
-}
-
-/// The results of a strain step.
-pub(crate) struct StrainRow {
-    pub step: u64,
-    pub strain: f64,
-    pub solid_fraction: f64,
-    pub lengths: [f64; 3],
-    pub offset: f64,
-    pub observed: Observed,
-    pub found: Equilibrium,
-    pub residual: f64,
-    pub eigenvalues: Option<Eigenvalues>,
-}
-
-impl StrainRow {
-    fn columns<D: Dimension>(&self) -> AqsRow {
-        let third = |value| if D::AXES == 3 { value } else { f64::NAN };
-        let of = |value: fn(&Eigenvalues) -> f64| self.eigenvalues.as_ref().map_or(f64::NAN, value);
-        let imaginary = of(|e| e.greatest_imaginary().map_or(0.0, |value| value.im));
-        let observed = &self.observed;
-        AqsRow {
-            strain: self.strain,
-            image_offset: self.offset,
-            shear_stress: observed.shear_stress,
-            pressure: observed.pressure,
-            elastic_energy: observed.elastic_energy,
-            contacts: observed.contacts as f64,
-            coordination: observed.coordination,
-            sliding_fraction: observed.sliding_fraction,
-            residual: self.residual,
-            factorisations: self.found.factorisations as f64,
-            overdamped_steps: self.found.steps as f64,
-            fell_back: f64::from(u8::from(self.found.fell_back)),
-            pairs: of(|e| e.pairs() as f64),
-            imaginary_least: -imaginary,
-            imaginary_greatest: imaginary,
-            pair_real: of(|e| e.greatest_imaginary().map_or(f64::NAN, |value| value.re)),
-            least_real: of(Eigenvalues::least_real),
-            zero_modes: of(|e| e.zeros() as f64),
-            solid_fraction: self.solid_fraction,
-            length_x: self.lengths[0],
-            length_y: self.lengths[1],
-            length_z: third(self.lengths[2]),
-            stress_xx: observed.normal_stress[0],
-            stress_yy: observed.normal_stress[1],
-            stress_zz: third(observed.normal_stress[2]),
-        }
-    }
-}
-
-/// The line of progress on the terminal.
-impl fmt::Display for StrainRow {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let observed = &self.observed;
-        let pairs = match &self.eigenvalues {
-            None => String::new(),
-            Some(eigenvalues) => match eigenvalues.greatest_imaginary() {
-                None => ", no complex pair".into(),
-                Some(value) => format!(
-                    ", complex pairs: {}, greatest |Im| {:.3e}",
-                    eigenvalues.pairs(),
-                    value.im
-                ),
-            },
-        };
-        write!(
-            f,
-            "aqs:   step {} strain {:.6e} stress {:.5e} pressure {:.5e} z {:.3} residual {:.1e} | {} factorisations, {} steps{pairs}",
-            self.step,
-            self.strain,
-            observed.shear_stress,
-            observed.pressure,
-            observed.coordination,
-            self.residual,
-            self.found.factorisations,
-            self.found.steps,
-        )
     }
 }

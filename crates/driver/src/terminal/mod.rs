@@ -27,6 +27,7 @@ use gshear_scene::unlikely;
 use gshear_scene::{
     Boundary, Control, Dimensions, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls,
 };
+use gshear_store::box_columns::AqsRow;
 use gshear_store::provenance;
 use gshear_store::status::Standing;
 use progress::{duration, line};
@@ -511,8 +512,24 @@ impl Terminal {
         ));
     }
 
-    pub fn strain_step(&self, row: &dyn std::fmt::Display) {
-        self.log(row.to_string());
+    pub fn strain_step(&self, step: u64, row: &AqsRow) {
+        let greatest = row.imaginary_greatest;
+        let pairs = match row.pairs {
+            // Eigenvalues are not computed.
+            pairs if pairs.is_nan() => String::new(),
+            0.0 => ", no complex pair".into(),
+            pairs => format!(", complex pairs: {pairs}, greatest |Im| {greatest:.3e}"),
+        };
+        self.log(format!(
+            "aqs:   step {step} strain {:.6e} stress {:.5e} pressure {:.5e} z {:.3} residual {:.1e} | {} factorisations, {} steps{pairs}",
+            row.strain,
+            row.shear_stress,
+            row.pressure,
+            row.coordination,
+            row.residual,
+            row.factorisations,
+            row.overdamped_steps,
+        ));
     }
 
     pub fn born(&self, birth: &Birth) {

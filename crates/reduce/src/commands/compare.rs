@@ -52,9 +52,10 @@ const PROVENANCE: [&str; 7] = [
 const PARTS: [&str; 3] = [" x", " y", " z"];
 
 /// Where two values differ.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Location {
     /// No place, as for a number of the whole run.
+    #[default]
     Nowhere,
     /// Grain.
     Grain(usize),
@@ -82,7 +83,7 @@ impl fmt::Display for Location {
 }
 
 /// Comparison of one field. A difference with NaN on one side only is infinite.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct FieldComparison {
     /// Name of the field.
     pub name: String,
@@ -104,17 +105,9 @@ pub struct FieldComparison {
 
 impl FieldComparison {
     fn new(name: impl Into<String>) -> Self {
-        let name = name.into();
-        let at = Location::Nowhere;
         FieldComparison {
-            name,
-            compared: 0,
-            differing: 0,
-            first: at,
-            absolute: 0.0,
-            absolute_at: at,
-            relative: 0.0,
-            relative_at: at,
+            name: name.into(),
+            ..Self::default()
         }
     }
 

@@ -249,6 +249,7 @@ fn returns(strain: &[f64]) -> bool {
 
 /// The strain steps of a box, each with its number, the strain and the shear stress: those in its
 /// file, which the run writes every few seconds, and then those that were seen since.
+#[derive(Default)]
 struct StrainSteps {
     path: PathBuf,
     /// What changes when the file does.
@@ -261,9 +262,7 @@ impl StrainSteps {
     fn new(path: PathBuf) -> Self {
         Self {
             path,
-            signature: None,
-            stored: Vec::new(),
-            seen: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -317,6 +316,7 @@ impl StrainSteps {
 
 /// A table that grows: reads its new lines. A table that is cut or replaced, as at a resume, is
 /// read again.
+#[derive(Default)]
 struct Tail {
     path: PathBuf,
     file: (u64, u64),
@@ -329,10 +329,7 @@ impl Tail {
     fn new(path: PathBuf) -> Self {
         Self {
             path,
-            file: (0, 0),
-            read: 0,
-            names: Vec::new(),
-            columns: Vec::new(),
+            ..Self::default()
         }
     }
 

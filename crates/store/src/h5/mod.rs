@@ -53,35 +53,17 @@ pub enum Attribute {
     Integers(Vec<i32>),
 }
 
-impl From<&str> for Attribute {
-    fn from(text: &str) -> Self {
-        Attribute::Text(text.into())
-    }
+macro_rules! attributes_from {
+    ($($kind:ty => $variant:ident),*) => {$(
+        impl From<$kind> for Attribute {
+            fn from(value: $kind) -> Self {
+                Attribute::$variant(value.into())
+            }
+        }
+    )*};
 }
 
-impl From<String> for Attribute {
-    fn from(text: String) -> Self {
-        Attribute::Text(text)
-    }
-}
-
-impl From<f64> for Attribute {
-    fn from(number: f64) -> Self {
-        Attribute::Number(number)
-    }
-}
-
-impl From<u64> for Attribute {
-    fn from(count: u64) -> Self {
-        Attribute::Count(count)
-    }
-}
-
-impl From<Vec<f64>> for Attribute {
-    fn from(numbers: Vec<f64>) -> Self {
-        Attribute::Numbers(numbers)
-    }
-}
+attributes_from!(&str => Text, String => Text, f64 => Number, u64 => Count, Vec<f64> => Numbers);
 
 /// Fixed-length text of an attribute.
 pub type Word = FixedAscii<32>;

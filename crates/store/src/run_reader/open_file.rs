@@ -11,11 +11,10 @@ use super::{Parameter, Series, StoredScalars};
 use crate::checksums::{OF_PARAMETERS, of_parameters};
 use crate::h5;
 use crate::layout::{
-    EDGES_VALUE, Form, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, contact_dataset,
+    EDGES_VALUE, Form, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, SCALARS, contact_dataset,
     grain_dataset, of_contact,
 };
 use crate::parameter::attributes;
-use crate::scalar_columns::SCALARS;
 use crate::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;

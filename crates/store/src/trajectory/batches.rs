@@ -2,13 +2,12 @@
 
 use super::TrajectoryWriter;
 use crate::batch::{Frames, Share, ShareColumns, Shares, length};
-use crate::checksums::{of_clock, of_row};
+use crate::checksums::of_clock;
 use crate::collective::CollectiveOutcome;
 use crate::contact_quantities::numbers;
 use crate::h5::Slab;
 use crate::layout::{Form, by_root, frame_columns};
-use crate::scalar_columns::ScalarColumns;
-use gshear_analysis::frame_scalars::FrameScalars;
+use crate::row_table::RowTable;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, GrainSample};
 use gshear_mpi_exchange::Parallel;
@@ -61,10 +60,9 @@ impl TrajectoryWriter {
         };
         let messages = exchange.all_to_all(self.frames.messages(&shares));
         let share = shares.of(exchange.rank());
-        let part = ShareColumns::assemble(&messages, &share, self.columns.form);
-        drop(messages);
-
         let form = self.columns.form;
+        let part = ShareColumns::assemble(&messages, &share, form);
+        drop(messages);
         let width = frame_columns(form).len();
         let sums = sums_of(exchange, (&part, &share), (count as usize, form));
         // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
@@ -131,39 +129,21 @@ impl TrajectoryWriter {
     }
 
     pub(super) fn write_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        let scalars = self.scalars.as_ref().map_or(0, ScalarColumns::waiting);
-        if self.rows.is_empty() && scalars == 0 {
+        let scalars = self.scalars.as_ref().map_or(0, RowTable::bytes);
+        let bytes = self.columns.rows.bytes() + scalars;
+        if bytes == 0 {
             return Ok(());
         }
         let _waiting = exchange.waiting();
-        let rows = std::mem::take(&mut self.rows);
-        let numbers = rows.iter().map(|(_, _, row)| 2 + row.len()).sum::<usize>();
-        let of_scalars = scalars * size_of::<FrameScalars>();
-        self.file.reserve(exchange, 8 * numbers + of_scalars)?;
-        let root = exchange.rank() == 0;
-        let before = self.rows_written;
-        let columns = &mut self.columns;
+        self.file.reserve(exchange, bytes)?;
         let mut outcome = CollectiveOutcome::default();
-        let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
-        outcome.note(by_root(root, &mut columns.row_step, before, &step));
-        let time: Vec<f64> = rows.iter().map(|r| r.1).collect();
-        outcome.note(by_root(root, &mut columns.row_time, before, &time));
-        for (n, column) in columns.observables.iter_mut().enumerate() {
-            let values: Vec<f64> = rows.iter().map(|r| r.2[n]).collect();
-            outcome.note(by_root(root, column, before, &values));
-        }
-        let sum = |(step, time, row): &(u64, f64, Vec<f64>)| {
-            let names = columns.names.iter().copied();
-            of_row(*step, *time, names.zip(row.iter().copied()))
-        };
-        let sums: Vec<u64> = rows.iter().map(sum).collect();
-        let to = &mut columns.row_sums;
-        outcome.note(by_root(root, to, before, &sums));
-        if let Some(scalars) = &mut self.scalars {
-            scalars.write(root, &mut outcome);
+        for table in [&mut self.columns.rows]
+            .into_iter()
+            .chain(&mut self.scalars)
+        {
+            table.write(exchange.rank() == 0, &mut outcome);
         }
         self.file.agree(exchange, outcome)?;
-        self.rows_written += rows.len() as u64;
         self.flush_now_and_then(exchange)
     }
 }

@@ -10,10 +10,11 @@ use crate::existing::unlink_foreign;
 use crate::h5::{Attribute, H5File, Slab};
 use crate::journal::{self, Journal};
 use crate::layout::{
-    CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, by_root, describe,
+    self, CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, by_root,
+    describe,
 };
 pub use crate::layout::{Form, file_bytes, frame_bytes};
-use crate::scalar_columns::ScalarColumns;
+use crate::row_table::RowTable;
 use bytemuck::{Pod, Zeroable};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -110,16 +111,14 @@ pub struct TrajectoryWriter {
     file: H5File,
     columns: Datasets,
     /// Where the run computes scalars of frames.
-    scalars: Option<ScalarColumns>,
+    scalars: Option<RowTable>,
     path: PathBuf,
     blocks: IdBlocks,
     /// Number of frames in a batch.
     batch: usize,
     frames: Frames,
-    rows: Vec<(u64, f64, Vec<f64>)>,
     frames_written: u64,
     contacts_written: u64,
-    rows_written: u64,
     flushed: Instant,
 }
 
@@ -202,10 +201,8 @@ impl TrajectoryWriter {
             blocks,
             batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
             frames: Frames::default(),
-            rows: Vec::new(),
             frames_written: 0,
             contacts_written: 0,
-            rows_written: 0,
             flushed: Instant::now(),
         }
     }
@@ -280,7 +277,7 @@ impl TrajectoryWriter {
 
     /// Returns the number of rows of the time series so far, buffered ones included.
     pub fn rows(&self) -> u64 {
-        self.rows_written + self.rows.len() as u64
+        self.columns.rows.rows()
     }
 
     /// Adds the next frame: `edges` of the box (between walls, the diagonal is written), which are
@@ -316,8 +313,9 @@ impl TrajectoryWriter {
         time: f64,
         row: &impl AsRef<[f64]>,
     ) -> Result<(), Failure> {
-        self.rows.push((step, time, row.as_ref().to_vec()));
-        if self.rows.len() < BATCH_ROWS {
+        let rows = &mut self.columns.rows;
+        rows.push(step, time, row.as_ref());
+        if rows.waiting() < BATCH_ROWS {
             return Ok(());
         }
         self.write_rows(exchange)
@@ -341,14 +339,16 @@ impl TrajectoryWriter {
     /// # Errors
     /// [`Failure::Input`] if the file holds fewer rows; [`Failure::Other`] if it cannot be written.
     pub fn begin_scalars(&mut self, exchange: &dyn Parallel, rows: u64) -> Result<(), Failure> {
-        let scalars = ScalarColumns::new(&self.file, rows);
-        self.scalars = Some(agree(exchange, scalars)?);
-        Ok(())
+        let mut scalars = agree(exchange, layout::scalars(&self.file, rows))?;
+        let mut outcome = CollectiveOutcome::default();
+        scalars.cut(rows, &mut outcome);
+        self.scalars = Some(scalars);
+        self.file.agree(exchange, outcome)
     }
 
     /// Returns the number of rows of scalars so far, buffered ones included; 0 without scalars.
     pub fn scalar_rows(&self) -> u64 {
-        self.scalars.as_ref().map_or(0, ScalarColumns::rows)
+        self.scalars.as_ref().map_or(0, RowTable::rows)
     }
 
     /// Adds rows of scalars, which must be the same on every rank. The rows of the time series of
@@ -365,7 +365,9 @@ impl TrajectoryWriter {
         rows: &[(u64, FrameScalars)],
     ) -> Result<(), Failure> {
         let scalars = self.scalars.as_mut().expect("scalars were begun");
-        scalars.push(rows);
+        for (step, row) in rows {
+            scalars.push(*step, 0.0, &row.columns());
+        }
         if scalars.waiting() < BATCH_ROWS {
             return Ok(());
         }

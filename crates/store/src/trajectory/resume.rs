@@ -48,11 +48,7 @@ impl TrajectoryWriter {
         };
         let columns = agree(exchange, Datasets::new(&file, Mode::Open, &layout))?;
         let mut writer = Self::new(file, path, columns, blocks);
-        (
-            writer.frames_written,
-            writer.contacts_written,
-            writer.rows_written,
-        ) = (frames, contacts, rows);
+        (writer.frames_written, writer.contacts_written) = (frames, contacts);
         // A file that was closed has no journal, and a kill while it is cut would damage it.
         writer.write_journal(exchange)?;
         let mut outcome = CollectiveOutcome::default();
