@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::common::{beyond_the_digest, gshear_mpi, same_run};
+use crate::common::{beyond_the_digest, gshear_mpi, reducer, same_run};
 use gshear_dem::domain::Solo;
 use gshear_store::checkpoint::{PREVIOUS, read};
 
@@ -241,6 +241,36 @@ fn mixtures_keep_the_contracts() {
             .zip(&body)
             .all(|(k, body)| (*k == 2) == (*body > 0))
     );
+
+    // Exports have them: as a column, and as the types of atoms, of which 2 and 3 are walls.
+    let one = folder.path().join("one").display().to_string();
+    let exported = |how: &[&str], file: &str| {
+        let out = folder.path().join(file);
+        let command = &mut reducer();
+        command.args(["export", &one, "--out"]).arg(&out).args(how);
+        assert!(command.status().expect("the reducer").success());
+        std::fs::read_to_string(out).expect(file)
+    };
+    let table = exported(&["--format=csv", "--frames=0..1"], "frames.csv");
+    let [head, rows @ ..] = &table.lines().collect::<Vec<_>>()[..] else {
+        panic!("an empty table");
+    };
+    let at = |name: &str| head.split(',').position(|of| of == name).expect(name);
+    let (id, of) = (at("id"), at("material"));
+    for row in rows.iter().take(material.len()) {
+        let cells: Vec<&str> = row.split(',').collect();
+        let k = material[cells[id].parse::<usize>().expect("an id")];
+        assert_eq!(cells[of].parse(), Ok(k));
+    }
+    let data = exported(&["--format=lammps-data"], "end.data");
+    let types = data.lines().filter_map(|line| {
+        let words: Vec<&str> = line.split(' ').collect();
+        (words.len() == 7 && words[1].len() == 1).then(|| words[1].to_string())
+    });
+    let types: Vec<String> = types.collect();
+    for (of, kind) in [(0, "1"), (1, "4")] {
+        assert_eq!(types.iter().filter(|t| *t == kind).count(), count(of));
+    }
 
     assert_eq!(run("begun", 2, &["--stop-at=3100"]).code, 75);
     let resume = format!(

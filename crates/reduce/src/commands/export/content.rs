@@ -31,6 +31,8 @@ pub enum GrainField {
     Regions,
     /// Number of contacts
     Contacts,
+    /// Number of the material; always where there are several
+    Material,
 }
 
 impl GrainField {
@@ -49,6 +51,7 @@ impl GrainField {
             ],
             (GrainField::Regions, _) => &["region"],
             (GrainField::Contacts, _) => &["contacts"],
+            (GrainField::Material, _) => &["material"],
         }
     }
 
@@ -168,8 +171,12 @@ impl<'a> ExportedRun<'a> {
                 run.path().display()
             )));
         }
+        let several = run.material().iter().any(|material| *material > 0);
         let mut once = Vec::new();
-        for field in fields {
+        for field in fields
+            .iter()
+            .chain(several.then_some(&GrainField::Material))
+        {
             if !once.contains(field) {
                 once.push(*field);
             }
@@ -381,6 +388,9 @@ impl<'a> ExportedRun<'a> {
             GrainField::Stress => self.stress(number, now),
             GrainField::Regions => vec![self.regions(before, now)],
             GrainField::Contacts => vec![self.contacts(now)],
+            GrainField::Material => {
+                vec![self.run.material().iter().copied().map(f64::from).collect()]
+            }
         });
         let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
         let flat = modes.map(|(_, values)| values.as_flattened().to_vec());
