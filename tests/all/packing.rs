@@ -248,6 +248,14 @@ fn a_packing_in_a_box_is_strained() {
     assert!(missing.text.contains(&said), "{}", missing.text);
 }
 
+/// A line of a data file with another id, if it is of an atom.
+fn renumbered(line: &str, of: impl Fn(u64) -> u64) -> String {
+    match line.split_once(' ').map(|(id, row)| (id.parse(), row)) {
+        Some((Ok(id), row)) if row.split(' ').count() > 5 => format!("{} {row}", of(id)),
+        _ => line.into(),
+    }
+}
+
 /// A grain is followed by the id of its file through all files of a run, also of one that began
 /// without the file.
 #[test]
@@ -255,12 +263,9 @@ fn ids_of_a_file_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     let of_file = |id: u64| 10 * id + 7 * (id / 50);
-    let renumbered = |line: &str| match line.split_once(' ').map(|(id, row)| (id.parse(), row)) {
-        Some((Ok(id), row)) if row.split(' ').count() > 5 => format!("{} {row}\n", of_file(id)),
-        _ => format!("{line}\n"),
-    };
-    let text: String = TRIANGULAR_TEXT.lines().map(renumbered).collect();
-    std::fs::write(at("gaps.data"), &text).expect("written");
+    let lines = TRIANGULAR_TEXT.lines();
+    let lines: Vec<String> = lines.map(|line| renumbered(line, of_file)).collect();
+    std::fs::write(at("gaps.data"), lines.join("\n")).expect("written");
     std::fs::write(
         at("scene.toml"),
         OF_A_FILE.replace("pack.tolerance = 1e-4", ""),
@@ -473,7 +478,8 @@ fn a_grain_that_leaves_through_a_wall_ends_the_run() {
     let text = std::fs::read_to_string(TRIANGULAR).expect("the packing");
     let is_of_hole = |line: &&str| ["4 ", "5 "].iter().any(|id| line.starts_with(id));
     let lines = text.replace("120 atoms", "118 atoms");
-    let lines: Vec<&str> = lines.lines().filter(|line| !is_of_hole(line)).collect();
+    let lines = lines.lines().filter(|line| !is_of_hole(line));
+    let lines: Vec<String> = lines.map(|line| renumbered(line, |id| 1000 * id)).collect();
     let path = folder.path().join("hole.data");
     std::fs::write(&path, lines.join("\n")).expect("written");
     let scene = folder.path().join("hole.toml");
@@ -500,6 +506,14 @@ fn a_grain_that_leaves_through_a_wall_ends_the_run() {
     let expected = "has left the space between the walls through the bottom wall";
     assert!(said[0].contains(expected), "{}", said[0]);
     assert_eq!(said[0], said[1]);
+    // The id of the file, less one.
+    let id = said[0].split_once("grain ").expect("a grain").1;
+    let id: u32 = id
+        .split(' ')
+        .next()
+        .and_then(|id| id.parse().ok())
+        .expect("an id");
+    assert_eq!(id % 1000, 999, "{}", said[0]);
 }
 
 /// A sample that weighs 20 times its load comes to rest: the bottom wall carries load and weight.

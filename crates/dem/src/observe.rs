@@ -88,7 +88,8 @@ pub fn check_between<D: Dimension>(
             n => format!(", and {n} more have"),
         };
         format!(
-            "grain {id} of radius {:.4e} m at {} has left the space between the walls through the {wall} wall{others}: the wall has a hole; give a greater sample.wall_thickness, or a packing whose walls have none",
+            "grain {} of radius {:.4e} m at {} has left the space between the walls through the {wall} wall{others}: the wall has a hole; give a greater sample.wall_thickness, or a packing whose walls have none",
+            system.id(g),
             grains.radius[g],
             system.place(g),
         )

@@ -11,7 +11,7 @@ use crate::kernel::PairForce;
 use crate::neighbour::{self, LocalExtent};
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
-    CandidatePair, Cell, ContactState, Contacts, GrainState, Grains, LocalGrains, Masses,
+    CandidatePair, Cell, ContactState, Contacts, GrainState, Grains, Ids, LocalGrains, Masses,
     Remembered, Units, body, length,
 };
 use crate::threads::{OwnedPart, ThreadPool};
@@ -42,6 +42,8 @@ pub struct System<D: Dimension> {
     /// Fixed-point numbers for sums of forces on walls.
     pub fixed: FixedPoint,
     pub(crate) grains: Grains<D>,
+    /// What messages call the grains.
+    pub ids: Ids,
     /// The candidate pairs and their histories.
     pub contacts: Contacts,
     /// The slabs of the ranks.
@@ -324,6 +326,7 @@ impl<D: Dimension> System<D> {
             clock: Clock::default(),
             pool: ThreadPool::new(of.threads)?,
             budget: None,
+            ids: Ids::default(),
         })
     }
 
@@ -541,6 +544,11 @@ impl<D: Dimension> System<D> {
         format!("({}) m", x.join(", "))
     }
 
+    /// The id of a grain, for messages.
+    pub(crate) fn id(&self, g: usize) -> u32 {
+        self.ids.of(self.grains.id[g])
+    }
+
     /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
         let place = |g: usize| self.place(g);
@@ -554,9 +562,9 @@ impl<D: Dimension> System<D> {
                 let sum = self.contacts.geometry[block][0].0[lane];
                 let grains = format!(
                     "grains {} at {} and {} at {}",
-                    self.grains.id[i],
+                    self.id(i),
                     place(i),
-                    self.grains.id[j],
+                    self.id(j),
                     place(j),
                 );
                 if let Outside::Pair(..) = why {
@@ -577,7 +585,7 @@ impl<D: Dimension> System<D> {
             }
             Some(Outside::Plane(g)) => format!(
                 "grain {} of radius {:.4e} m at {} overlaps a wall too much: outside the contact law",
-                self.grains.id[g],
+                self.id(g),
                 self.grains.radius[g],
                 place(g),
             ),
@@ -587,7 +595,7 @@ impl<D: Dimension> System<D> {
                 if let Some(g) = bad {
                     format!(
                         "the position or velocity of grain {} at {} is no number",
-                        self.grains.id[g],
+                        self.id(g),
                         place(g)
                     )
                 } else {
@@ -602,7 +610,7 @@ impl<D: Dimension> System<D> {
                     };
                     format!(
                         "grain {}{whose} at {} moved further than half the skin of the neighbour list ({:.3e} m) before the list could be rebuilt, at {:.3e} m/s; {remedy}",
-                        self.grains.id[g],
+                        self.id(g),
                         place(g),
                         0.5 * self.list.skin,
                         length(std::array::from_fn(|axis| if axis < D::AXES {

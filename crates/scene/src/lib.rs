@@ -97,7 +97,7 @@ pub use materials::Materials;
 pub use output::{Analysis, Output};
 pub use periodic::{Aqs, Deformation, Method, Newtonian, PeriodicBox, Relax};
 pub use protocol::{Motion, Shear, WallSpeed};
-pub use sample::{Arrangement, Ids, Origin, PackingFile, Placement, ReadPacking, Walls};
+pub use sample::{Arrangement, Origin, PackingFile, Placement, ReadPacking, Walls};
 pub use scene::{Boundary, Scene};
 pub use source::Source;
 pub use time::TimeStep;

@@ -11,14 +11,14 @@ use crate::identity::hash;
 use crate::insertion::{finish_walls, freeze_walls};
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::lammps_dump;
-use crate::sample::{Arrangement, Ids, Origin, PackingFile, Walls};
+use crate::sample::{Arrangement, Origin, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
 use crate::source::read_bytes;
 use crate::walls::PlaneShear;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::neighbour::{self, Cutoff, LocalExtent};
-use gshear_dem::state::{GrainState, Grains, body, length, nearest_image};
+use gshear_dem::state::{GrainState, Grains, Ids, body, length, nearest_image};
 
 /// Type of the grains of the bottom and of the top wall, where types say what is wall.
 const BOTTOM_TYPE: u32 = 2;

@@ -20,6 +20,7 @@ mod cell;
 mod contacts;
 mod frame;
 mod grains;
+mod ids;
 mod records;
 mod snapshot;
 
@@ -29,6 +30,7 @@ pub use contacts::{
 };
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
+pub use ids::Ids;
 pub use records::{
     ContactSample, GrainSample, ImposedRow, SERIES_COLUMNS, SeriesRow, series_columns,
 };

@@ -39,5 +39,9 @@ pub(crate) fn system<D: Dimension>(
         typical_force,
         threads: run.options.threads,
     };
-    System::new(run.exchange, setup)
+    let mut system = System::new(run.exchange, setup)?;
+    if let Some(file) = scene.packing() {
+        system.ids = file.ids.clone();
+    }
+    Ok(system)
 }
