@@ -180,12 +180,12 @@ fn mixtures_keep_the_contracts() {
     let folder = tempfile::tempdir().expect("a folder");
     let packing = std::fs::read_to_string(format!("{SCENES}/crossing-3d.data")).expect("a file");
     let row = |line: &str| match line.split_once(" 1 ") {
-        Some((id, rest)) if id.parse().is_ok_and(|id: u32| id % 3 == 0) => {
-            format!("{id} 4 {rest}\n")
+        Some((id, rest)) if id.parse().is_ok_and(|id: u32| id.is_multiple_of(3)) => {
+            format!("{id} 4 {rest}")
         }
-        _ => format!("{line}\n"),
+        _ => line.into(),
     };
-    let mixed: String = packing.lines().map(row).collect();
+    let mixed = packing.lines().map(row).collect::<Vec<_>>().join("\n");
     std::fs::write(
         folder.path().join("mixed.data"),
         mixed.replace("3 atom", "4 atom"),
@@ -260,7 +260,7 @@ fn mixtures_keep_the_contracts() {
     for row in rows.iter().take(material.len()) {
         let cells: Vec<&str> = row.split(',').collect();
         let k = material[cells[id].parse::<usize>().expect("an id")];
-        assert_eq!(cells[of].parse(), Ok(k));
+        assert_eq!(cells[of].parse(), Ok(f64::from(k)));
     }
     let data = exported(&["--format=lammps-data"], "end.data");
     let types = data.lines().filter_map(|line| {

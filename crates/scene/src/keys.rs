@@ -138,7 +138,7 @@ pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
             (Some(known), DeValue::Array(tables))
                 if known.name == MaterialKeys::TABLE.name && !tables.is_empty() =>
             {
-                for table in tables.iter() {
+                for table in tables {
                     match table.get_ref() {
                         DeValue::Table(table) => unknown_of(known, table, &mut problems),
                         other => {

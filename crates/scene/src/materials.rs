@@ -195,7 +195,7 @@ impl KeyReader for PairReader<'_, '_> {
     fn number(&mut self, key: &Key) -> Option<f64> {
         let [i, j] = self.of;
         if key.table() != MaterialKeys::TABLE.name {
-            let mixed = || geometric_mean(self.of_like(i, key)?, self.of_like(j, key)?);
+            let mixed = || Some(geometric_mean(self.of_like(i, key)?, self.of_like(j, key)?));
             return self.given([i, j], key).or_else(mixed);
         }
         if i == j || ![YOUNG_MODULUS.path, POISSON_RATIO.path].contains(&key.path) {
@@ -236,8 +236,8 @@ impl KeyReader for PairReader<'_, '_> {
     }
 }
 
-fn geometric_mean(a: f64, b: f64) -> Option<f64> {
-    Some(if a == b { a } else { (a * b).sqrt() })
+fn geometric_mean(a: f64, b: f64) -> f64 {
+    if a == b { a } else { (a * b).sqrt() }
 }
 
 /// E and ν of the material whose like pairs have the stiffnesses of an unlike pair: 1/E* and 1/G*
