@@ -65,6 +65,7 @@
 //!     force: [0.0; 3],
 //!     torque: [0.0; 3],
 //!     image: [0; 3],
+//!     material: 0,
 //! };
 //! let grains = vec![grain(0, 4e-3, 0.1), grain(1, 6.1e-3, 0.0), grain(2, 8.2e-3, -0.1)];
 //! let mut system = System::<Two>::new(&Solo, Setup {

@@ -301,6 +301,39 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
     Ok(())
 }
 
+/// Whether the grains are disks: in the plane z = 0, or in a box that is no longer along z than the
+/// largest of them.
+fn is_planar(name: &str, atoms: &[Atom], z: [f64; 2], largest: f64) -> Result<bool, Failure> {
+    let flat = atoms.iter().all(|a| a.position[2] == 0.0);
+    let planar = flat || z[1] - z[0] <= (1.0 + 1e-9) * largest;
+    if planar && (z[0] > 0.0 || z[1] < 0.0) {
+        return Err(Failure::input(format!(
+            "{name}: the box is beside the plane z = 0, in which the disks are: {:?} {:?} zlo zhi",
+            z[0], z[1]
+        )));
+    }
+    Ok(planar)
+}
+
+/// Refuses ids of sorted atoms that occur twice or are too great.
+fn check_ids(name: &str, atoms: &[Atom]) -> Result<(), Failure> {
+    if let Some([first, again]) = atoms.array_windows().find(|[a, b]| a.id == b.id) {
+        return Err(Failure::input(format!(
+            "{}: atom {} was on line {} already",
+            at(name, again.line),
+            again.id,
+            first.line
+        )));
+    }
+    let last = atoms[atoms.len() - 1].id;
+    if last > LAST_ID {
+        return Err(Failure::input(format!(
+            "{name}: the id of atom {last} is greater than {LAST_ID}; number the atoms of the file from 1 on"
+        )));
+    }
+    Ok(())
+}
+
 /// The grains of a file.
 #[derive(Debug, Clone)]
 pub struct Packing {
@@ -382,15 +415,7 @@ impl Packing {
             return whole("a packing has 1 to 4294967295 atoms");
         };
         let largest = atoms.iter().fold(0.0, |d: f64, a| d.max(a.diameter));
-        let flat = atoms.iter().all(|a| a.position[2] == 0.0);
-        let [_, _, z_bounds] = data.bounds;
-        let planar = flat || z_bounds[1] - z_bounds[0] <= (1.0 + 1e-9) * largest;
-        if planar && (z_bounds[0] > 0.0 || z_bounds[1] < 0.0) {
-            return whole(&format!(
-                "the box is beside the plane z = 0, in which the disks are: {:?} {:?} zlo zhi",
-                z_bounds[0], z_bounds[1]
-            ));
-        }
+        let planar = is_planar(name, &atoms, data.bounds[2], largest)?;
         let up = if planar { 1 } else { 2 };
         let mut tilt = data.tilt;
         // Images along the last axis may be displaced along x in a box.
@@ -418,20 +443,7 @@ impl Packing {
             .map_err(|what| Failure::input(format!("{name}: {what}")))?;
         check_crowding(name, &atoms, up, largest)?;
         atoms.sort_by_key(|a| a.id);
-        if let Some([first, again]) = atoms.array_windows().find(|[a, b]| a.id == b.id) {
-            return Err(Failure::input(format!(
-                "{}: atom {} was on line {} already",
-                at(name, again.line),
-                again.id,
-                first.line
-            )));
-        }
-        let last = atoms[atoms.len() - 1].id;
-        if last > LAST_ID {
-            return whole(&format!(
-                "the id of atom {last} is greater than {LAST_ID}; number the atoms of the file from 1 on"
-            ));
-        }
+        check_ids(name, &atoms)?;
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
         let edges = |sign: f64| {
             atoms
