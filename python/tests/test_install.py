@@ -217,7 +217,7 @@ def folder(tmp_path: Path) -> Path:
             "gshear-reduce export out/run.h5 --format l",
             ["lammps-data", "liggghts-data", "lammps-dump"],
         ),
-        ("gshear-reduce export --fields ", ["dmin", "stress", "regions", "contacts"]),
+        ("gshear-reduce export --fields ", ["dmin", "stress", "regions", "contacts", "material"]),
         ("gshear-reduce stages out/run.h5 --reduction n", ["net"]),
         ("gshear-reduce rate-state --law b", ["both"]),
         ("gshear-reduce report out/", ["out/run.h5"]),

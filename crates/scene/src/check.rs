@@ -5,6 +5,7 @@ use gshear_dem::failure::Failure;
 
 use crate::checker::Checker;
 use crate::general::{SCENE, check_bookkeeping};
+use crate::materials::OTHERS;
 use crate::output::OUTPUT;
 use crate::packing::GrainLimit;
 use crate::sample::{ReadPacking, SAMPLE};
@@ -29,7 +30,7 @@ pub(crate) fn scene(
         3 => Dimensions::Three,
         _ => Dimensions::Two,
     };
-    let (law, contact) = law::check(c, dimension)?;
+    let (law, contact) = law::check(c, dimension, c.is_given(&OTHERS))?;
     let materials = materials::check(c, &law, &contact)?;
     time::check(c, &law, boxed);
     check_limit(c, limit);

@@ -8,7 +8,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use crate::grains::{Sample, Sizes};
-use crate::materials::Materials;
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::state::{GrainState, body};
 
@@ -27,7 +26,6 @@ pub fn columns(length: f64, radius_max: f64) -> u32 {
 pub struct Lattice<'a> {
     sample: &'a Sample,
     sizes: &'a Sizes,
-    materials: &'a Materials,
     /// Columns along x and along y; in two dimensions one.
     columns: [u32; 2],
     /// Of a column (m), along x and along y; none in two dimensions.
@@ -36,7 +34,7 @@ pub struct Lattice<'a> {
 
 impl<'a> Lattice<'a> {
     /// The lattice on which the grains of a sample are inserted.
-    pub fn new(sample: &'a Sample, sizes: &'a Sizes, materials: &'a Materials) -> Self {
+    pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
         let planar = sample.is_planar();
         let along = columns(sample.length, sample.radius_max);
         let across = if planar {
@@ -48,7 +46,6 @@ impl<'a> Lattice<'a> {
         Self {
             sample,
             sizes,
-            materials,
             columns: [along, across],
             width: [
                 width(sample.length, along),
@@ -100,7 +97,6 @@ impl<'a> Lattice<'a> {
                 id,
                 position,
                 radius,
-                material: (self.materials).of_inserted(seed, id, radius, self.sample.radius_max),
                 ..GrainState::zeroed()
             }
         };
@@ -169,7 +165,7 @@ fn stream_of(seed: u64, number: u64) -> impl FnMut() -> f64 {
 }
 
 /// Random numbers in [0, 1) for the material of one grain.
-pub(crate) fn material_stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
+pub fn material_stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
     stream_of(seed, u64::from(id) + (1 << 32))
 }
 
@@ -245,10 +241,6 @@ mod tests {
         ..SAMPLE
     };
 
-    fn one() -> Materials {
-        load(&Source::embedded(), &[]).expect("a scene").materials
-    }
-
     fn distance(sample: &Sample, a: &GrainState, b: &GrainState) -> f64 {
         let r = match sample.width {
             f64::INFINITY => sample.cell().separation::<Two>(&a.position, &b.position),
@@ -260,7 +252,7 @@ mod tests {
     #[test]
     fn grains_do_not_overlap_and_their_sizes_are_uniform() {
         for (sample, up) in [(&SAMPLE, 1), (&SPHERES, 2)] {
-            let grains = Lattice::new(sample, &Sizes::Uniform, &one()).insert(3, 0, 1);
+            let grains = Lattice::new(sample, &Sizes::Uniform).insert(3, 0, 1);
             assert_eq!(grains.len(), sample.grains as usize);
             for (k, a) in grains.iter().enumerate() {
                 assert_eq!(a.id, k as u32);
@@ -318,7 +310,7 @@ mod tests {
             binary,
             list,
         ] {
-            let grains = Lattice::new(&SAMPLE, &sizes, &one()).insert(5, 0, 1);
+            let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
             let of = |f: fn(f64) -> f64| {
                 let n = grains.len() as f64;
                 let mean = grains.iter().map(|g| f(g.radius / 1e-6)).sum::<f64>() / n;
@@ -367,7 +359,7 @@ mod tests {
             let Origin::Insertion(sizes) = &scene.plane_shear("s").expect("walls").origin else {
                 panic!("not inserted");
             };
-            let grains = Lattice::new(&scene.sample, sizes, &one()).insert(9, 0, 1);
+            let grains = Lattice::new(&scene.sample, sizes).insert(9, 0, 1);
             let volume = |g: &GrainState| (g.radius / 1e-3).powi(power);
             let all: f64 = grains.iter().map(volume).sum();
             // Half way along the logarithm between the last two, too.
@@ -430,9 +422,8 @@ mod tests {
 
     #[test]
     fn any_share_is_the_same_as_the_whole() {
-        let one = one();
         for sample in [&SAMPLE, &SPHERES] {
-            let lattice = Lattice::new(sample, &Sizes::Uniform, &one);
+            let lattice = Lattice::new(sample, &Sizes::Uniform);
             let whole = lattice.insert(3, 0, 1);
             let shares: Vec<_> = (0..5).flat_map(|r| lattice.insert(3, r, 5)).collect();
             assert_eq!(whole, shares);

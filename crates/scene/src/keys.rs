@@ -17,7 +17,7 @@ use crate::sample::SampleKeys;
 use crate::source::Input;
 use crate::table::{Scenes, Table};
 use crate::time::TimeKeys;
-use crate::value::{Value, of_entry};
+use crate::value::Value;
 use crate::walls::PackKeys;
 use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, known_names, nearest};
 
@@ -182,14 +182,15 @@ fn unknown_of(known: &Table, table: &DeTable<'_>, problems: &mut Vec<(usize, Str
             problems.push((key.span().start, format!("{}.{name}", known.name), what));
             continue;
         };
-        let (Values::Tables(of), DeValue::Array(tables)) = (declared.values, value.get_ref())
+        let (Values::Tables(known), DeValue::Array(tables)) = (declared.values, value.get_ref())
         else {
             continue;
         };
+        let known = known();
         let keys = tables.iter().filter_map(|table| table.get_ref().as_table());
         for (key, _) in keys.flatten() {
-            if of_entry(of, key.get_ref()).is_none() {
-                let what = unknown_key(of, key.get_ref());
+            if known.iter().all(|of| of.name() != key.get_ref()) {
+                let what = unknown_key(declared.table(), key.get_ref());
                 problems.push((
                     key.span().start,
                     format!("{}.{}", declared.path, key.get_ref()),

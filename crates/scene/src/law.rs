@@ -5,13 +5,12 @@ use std::f64::consts::PI;
 use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, NOT_NEGATIVE, POSITIVE, Values};
 use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, hertz, lee_hurley};
 
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
-use crate::materials::OTHERS;
 use crate::table::{law_keys, laws_with, table};
 use crate::words::list;
 
@@ -56,12 +55,34 @@ table! {
         /// surface energy γ: an attraction of 4πγR* (DMT); 3D only
         surface_energy: Number(NOT_NEGATIVE) { unit: "J/m²", default: "0.0" },
         /// pairs of materials with other values of these keys, see below
-        pair: Tables("contact") { condition: "with several materials", otherwise: "none" },
+        pair: Tables(pair_keys) { condition: "with several materials", otherwise: "none" },
     }
 }
 
+/// The two materials of an entry of `contact.pair`.
+pub(crate) static PAIR: Key = Key {
+    path: "materials",
+    doc: "names of the two materials, which may be the same",
+    values: Values::Names,
+    ..Key::PLAIN
+};
+
+/// The keys of an entry of `contact.pair`.
+pub(crate) fn pair_keys() -> Vec<&'static Key> {
+    let mut keys = ContactKeys::TABLE.keys();
+    keys.push(&PAIR);
+    keys
+}
+
 /// The law with its constants, and what all contacts have.
-pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, Contact), Failure> {
+///
+/// With `several` materials, what follows from other keys differs from pair to pair, and is not
+/// filled in.
+pub(crate) fn check(
+    c: &mut Checker<'_>,
+    dimension: Dimensions,
+    several: bool,
+) -> Result<(Law, Contact), Failure> {
     let kind = choose(c, dimension)?;
     let rolling = [
         &CONTACT.rolling_friction,
@@ -87,8 +108,6 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Result<(Law, 
         );
     }
     let law = Law::read(kind, c);
-    // What follows from other keys differs from pair to pair of several materials.
-    let several = c.is_given(&OTHERS);
     for (key, value) in law.given() {
         if !several || c.is_given(key) || !key.default.is_empty() {
             c.fill(key, *value);

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{
-    BELOW_ONE, Change, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, YOUNG_MODULUS,
+    BELOW_ONE, Change, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, Values, YOUNG_MODULUS,
 };
 use gshear_dem::laws::{Contact, Law};
-use gshear_dem::state::Masses;
+use gshear_dem::state::{GrainState, Masses};
 
 use crate::checker::Checker;
 use crate::insertion::material_stream;
-use crate::law::{CONTACT, contact_of, lacks_stiffness};
+use crate::law::{CONTACT, ContactKeys, PAIR, contact_of, lacks_stiffness};
 use crate::sample::SAMPLE;
 use crate::table::table;
 use crate::value::{Entries, Value};
@@ -41,15 +41,7 @@ table! {
 pub(crate) static OTHERS: Key = Key {
     path: "material",
     doc: "all materials but the first",
-    values: gshear_dem::laws::keys::Values::Tables("material"),
-    ..Key::PLAIN
-};
-
-/// The two materials of an entry of `contact.pair`.
-pub(crate) static PAIR: Key = Key {
-    path: "materials",
-    doc: "names of the two materials, which may be the same",
-    values: gshear_dem::laws::keys::Values::Names,
+    values: Values::Tables(|| MaterialKeys::TABLE.keys()),
     ..Key::PLAIN
 };
 
@@ -73,10 +65,16 @@ pub struct Materials {
 }
 
 impl Materials {
-    /// The material of an inserted grain of this radius (m); `largest`: the greatest (m).
-    pub fn of_inserted(&self, seed: u64, id: u32, radius: f64, largest: f64) -> u64 {
+    /// Gives inserted grains their materials. `largest`: the greatest radius (m).
+    pub fn give(&self, seed: u64, largest: f64, grains: &mut [GrainState]) {
+        for g in grains {
+            g.material = self.of_inserted(seed, g.id, g.radius == largest);
+        }
+    }
+
+    fn of_inserted(&self, seed: u64, id: u32, is_largest: bool) -> u64 {
         if let Some(large) = self.large {
-            return if radius == largest { large } else { 0 };
+            return if is_largest { large } else { 0 };
         }
         if self.fractions.iter().all(|part| *part == 0.0) {
             return 0;
@@ -284,9 +282,7 @@ pub(crate) fn check(
         }
         return Ok(all);
     }
-    check_bounds(c, &OTHERS, &others, |name| {
-        crate::keys::table("material")?.key(name)
-    });
+    check_bounds(c, &OTHERS, &others, |name| MaterialKeys::TABLE.key(name));
     check_others(c, &others, &mut all);
     let pairs = check_pairs(c, law, &all.names);
     c.settle()?;
@@ -389,7 +385,7 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
 fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<([usize; 2], Listed)> {
     let pairs = tables(c, &CONTACT.pair, "pair", 1);
     check_bounds(c, &CONTACT.pair, &pairs, |name| {
-        crate::keys::table("contact")?.key(name)
+        ContactKeys::TABLE.key(name)
     });
     let mut found = Vec::new();
     for table in pairs {
@@ -400,7 +396,7 @@ fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<([usize;
                 .any(|key| key.path == format!("contact.{name}"))
         };
         for (name, _) in &table.entries {
-            let key = crate::keys::table("contact").and_then(|table| table.key(name));
+            let key = ContactKeys::TABLE.key(name);
             let Some(key) = key else { continue };
             let what = if [CONTACT.law.path, CONTACT.pair.path].contains(&key.path) {
                 "is the same for all pairs"
@@ -518,8 +514,8 @@ mod tests {
         assert!((glass.abs() - 0.4).abs() < 1e-12 && (steel.abs() - 0.1).abs() < 1e-12);
     }
 
-    /// As many grains of each material as their fractions say, within four standard errors, whatever
-    /// their size; and all larger grains of a binary mixture by volume.
+    /// As many grains of each material as their fractions say, within four standard errors,
+    /// whatever their size; and all larger grains of a binary mixture by volume.
     #[test]
     fn grains_have_the_materials_that_are_asked_for() {
         let made = |scene: &Scene| {
@@ -527,11 +523,15 @@ mod tests {
             let Origin::Insertion(sizes) = &walls.origin else {
                 panic!("inserted");
             };
-            let lattice = Lattice::new(&scene.sample, sizes, &scene.materials);
-            let whole = lattice.insert(scene.seed, 0, 1);
-            let parts: Vec<_> = (0..3)
-                .flat_map(|r| lattice.insert(scene.seed, r, 3))
-                .collect();
+            let lattice = Lattice::new(&scene.sample, sizes);
+            let made = |rank, ranks| {
+                let mut grains = lattice.insert(scene.seed, rank, ranks);
+                let largest = scene.sample.radius_max;
+                scene.materials.give(scene.seed, largest, &mut grains);
+                grains
+            };
+            let whole = made(0, 1);
+            let parts: Vec<_> = (0..3).flat_map(|r| made(r, 3)).collect();
             assert_eq!(whole, parts);
             whole
         };

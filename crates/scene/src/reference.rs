@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 
 use crate::keys::{TABLES, TOP, tables};
 use crate::law::CONTACT;
-use crate::materials::{MaterialKeys, PAIR};
+use crate::materials::MaterialKeys;
 use crate::protocol::PartKeys;
 use crate::table::{Table, laws_with, unit};
 use crate::units;
@@ -301,7 +301,9 @@ fn schema(key: &Key) -> Value {
         }
         Values::Names => json!({ "type": "array", "items": { "type": "string" } }),
         Values::Parts(keys) => json!({ "type": "array", "items": part(keys), "minItems": 1 }),
-        Values::Tables(name) => json!({ "type": "array", "items": entries(name), "minItems": 1 }),
+        Values::Tables(keys) => {
+            json!({ "type": "array", "items": entries(&keys()), "minItems": 1 })
+        }
     };
     match key.values {
         Values::Text(_) => {}
@@ -320,12 +322,10 @@ fn schema(key: &Key) -> Value {
     schema
 }
 
-/// The schema of the tables of a list with the keys of a table.
-fn entries(name: &str) -> Value {
-    let table = crate::keys::table(name).expect("a table");
-    let numbers = table.keys().into_iter();
-    let numbers = numbers.filter(|key| !matches!(key.values, Values::Tables(_)));
-    let keys: Vec<&Key> = numbers.chain([&PAIR]).collect();
+/// The schema of the tables of a list with these keys.
+fn entries(keys: &[&Key]) -> Value {
+    let single = |key: &&&Key| !matches!(key.values, Values::Tables(_));
+    let keys: Vec<&Key> = keys.iter().filter(single).copied().collect();
     json!({ "type": "object", "properties": object(&keys), "additionalProperties": unknown() })
 }
 

@@ -436,8 +436,9 @@ fn each_of<'a>(
                     }
                 }
             }
-            (Values::Tables(name), DeValue::Array(tables)) => {
-                each_of_list(table(name).unwrap_or(known), tables, of_law, visit)?;
+            // Pairs have keys of the table itself.
+            (Values::Tables(_), DeValue::Array(tables)) => {
+                each_of_list(known, tables, of_law, visit)?;
             }
             _ => {}
         }

@@ -5,8 +5,6 @@ use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeValue, ValueDeserializer};
 
-use crate::materials::PAIR;
-use crate::table::Table;
 use crate::words::show;
 
 /// The value of a key, of the kind that its declaration names.
@@ -37,8 +35,8 @@ impl Value {
         let found = toml::Value::deserialize(ValueDeserializer::from(found))
             .map_err(|_| format!("expected {}, found a number out of range", expected(values)))?;
         match (values, &found) {
-            (Values::Tables(name), toml::Value::Array(tables)) => {
-                let tables = tables.iter().map(|table| entries(name, table));
+            (Values::Tables(keys), toml::Value::Array(tables)) => {
+                let tables = tables.iter().map(|table| entries(&keys(), table));
                 tables.collect::<Result<_, _>>().map(Self::Tables)
             }
             _ => Self::of(values, &found)
@@ -190,16 +188,13 @@ fn expected(values: Values) -> &'static str {
 }
 
 /// The entries of a table of a list, in the order of their declarations.
-fn entries(name: &str, found: &toml::Value) -> Result<Entries, String> {
+fn entries(keys: &[&'static Key], found: &toml::Value) -> Result<Entries, String> {
     let table = found.as_table();
     let table = table.ok_or_else(|| format!("expected a table, found {}", kind(found)))?;
-    let keys = crate::keys::table(name)
-        .map(Table::keys)
-        .unwrap_or_default();
     let mut entries = Entries::new();
     for (key, found) in table {
         // An unknown one has been refused.
-        let Some(declared) = of_entry(name, key) else {
+        let Some(declared) = keys.iter().find(|declared| declared.name() == key) else {
             continue;
         };
         let value = Value::of(declared.values, found).ok_or_else(|| {
@@ -210,14 +205,6 @@ fn entries(name: &str, found: &toml::Value) -> Result<Entries, String> {
     }
     entries.sort_by_key(|(name, _)| keys.iter().position(|key| key.name() == name));
     Ok(entries)
-}
-
-/// The declaration of a key of a table of a list.
-pub(crate) fn of_entry(table: &str, name: &str) -> Option<&'static Key> {
-    if table == "contact" && name == PAIR.path {
-        return Some(&PAIR);
-    }
-    crate::keys::table(table)?.key(name)
 }
 
 fn number(value: &toml::Value) -> Option<f64> {

@@ -8,10 +8,41 @@ use bytemuck::{cast_slice, cast_slice_mut};
 use gshear_dem::columns::Column;
 use gshear_dem::state::ContactSample;
 
-use crate::layout::{Form, Kind};
-
 const NORMAL_FORCE: Column = Column::new("normal_force", "N", "F_n");
 const TANGENTIAL_FORCE: Column = Column::new("tangential_force", "N", "F_t");
+/// What the values of a dataset are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Kind {
+    /// f64
+    Number,
+    /// i32
+    Image,
+    /// u32
+    Id,
+    /// u8
+    Flag,
+}
+
+impl Kind {
+    /// Bytes of a value.
+    pub fn bytes(self) -> usize {
+        match self {
+            Kind::Number => 8,
+            Kind::Image | Kind::Id => 4,
+            Kind::Flag => 1,
+        }
+    }
+}
+
+/// What the contacts of a file are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Form {
+    /// Dimensions.
+    pub axes: usize,
+    /// Whether they have the torques of spheres that resist rolling or twisting.
+    pub torques: bool,
+}
+
 /// The unit is that of the law's history.
 pub(crate) const TANGENTIAL_HISTORY: Column =
     Column::new("tangential_history", "N", "history of F_t");

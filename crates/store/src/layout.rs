@@ -2,8 +2,9 @@
 
 use super::checksums::{self, FRAMES, GROUP, ROWS};
 use super::collective::CollectiveOutcome;
+pub use super::contact_quantities::{Form, Kind};
 use super::contact_quantities::{TANGENTIAL_HISTORY, flags, numbers, of_contacts};
-use super::h5::{Attribute, Dataset, H5File, Slab};
+use super::h5::{Attribute, Dataset, H5File};
 use super::row_table::RowTable;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -30,29 +31,6 @@ const SPIN: Column = Column::new("angular_velocity", "rad s-1", "about z; sphere
 const EDGES: Column = Column::new("edges", "m", "edges of the box");
 const TIME: Column = Column::new("time", "s", "time");
 
-/// What the values of a dataset are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Kind {
-    /// f64
-    Number,
-    /// i32
-    Image,
-    /// u32
-    Id,
-    /// u8
-    Flag,
-}
-
-impl Kind {
-    fn bytes(self) -> usize {
-        match self {
-            Kind::Number => 8,
-            Kind::Image | Kind::Id => 4,
-            Kind::Flag => 1,
-        }
-    }
-}
-
 /// A growing dataset of the grains or of the contacts: the quantity, the values of each grain or
 /// contact, and what they are. Writer and reader go by these.
 pub type Quantity = (Column, usize, Kind);
@@ -73,15 +51,6 @@ pub fn of_grain(axes: usize) -> [Quantity; 4] {
 /// The dataset of a quantity of the grains.
 pub fn grain_dataset(of: &Column) -> String {
     format!("{PARTICLES}/{of}/value")
-}
-
-/// What the contacts of a file are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Form {
-    /// Dimensions.
-    pub axes: usize,
-    /// Whether they have the torques of spheres that resist rolling or twisting.
-    pub torques: bool,
 }
 
 /// The quantities of a contact.
@@ -418,18 +387,6 @@ pub fn scalars(file: &H5File, rows: u64) -> Result<RowTable, Failure> {
     } else {
         Err(file.lacks(SCALARS, rows))
     }
-}
-
-/// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.
-pub fn by_root<T: H5Type + Copy>(
-    root: bool,
-    column: &mut Dataset,
-    before: u64,
-    data: &[T],
-) -> Result<(), Failure> {
-    let after = before + data.len() as u64;
-    let local = if root { data } else { &[] };
-    column.append(after, Slab::rows(before, local.len() as u64, 1), local)
 }
 
 /// Writes the groups and attributes that H5MD 1.1 requires. Collective.

@@ -2,8 +2,7 @@
 
 use super::checksums::of_row;
 use super::collective::CollectiveOutcome;
-use super::h5::Dataset;
-use super::layout::by_root;
+use super::h5::{Dataset, by_root};
 use gshear_dem::columns::Column;
 
 /// Datasets of a table, and the buffered rows.

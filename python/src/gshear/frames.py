@@ -110,9 +110,10 @@ class Frame(Columns):
 class Contacts(Columns):
     """Contacts of a frame, ordered by (i, j).
 
-    Columns, for K contacts: `i`, `j` (rows of the grains, i < j), `normal_force` (F_n, on i along n, never
-    negative), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K]; `tangential_force` (F_t on
-    i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3] for spheres;
+    Columns, for K contacts: `i`, `j` (rows of the grains, i < j), `normal_force` (F_n, on i along
+    n, never negative), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K];
+    `tangential_force` (F_t on i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3]
+    for spheres;
     `rolling_history` and `rolling` (1 at the limit of rolling), [K] for disks; for spheres that
     resist rolling or twisting [K, 3] and [K], with `twisting_history` and `twisting`, [K]. Forces
     are in N, for disks in N/m. `docs/glossary.md` defines the quantities.
@@ -173,8 +174,8 @@ class Contacts(Columns):
     def to_networkx(self) -> nx.Graph:
         """Returns the contact network as a `networkx.Graph`.
 
-        Nodes are the rows of all grains, with `radius` and `body`; edges are contacts, with the columns
-        that have one number per contact. Needs networkx (`pip install gshear[networkx]`).
+        Nodes are the rows of all grains, with `radius` and `body`; edges are contacts, with the
+        columns that have one number per contact. Needs networkx (`pip install gshear[networkx]`).
         """
         import networkx as nx
 

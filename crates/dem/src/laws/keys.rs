@@ -153,8 +153,8 @@ pub enum Values {
     Names,
     /// A list of tables of numbers with these keys: the parts of a protocol.
     Parts(&'static [&'static Key]),
-    /// A list of tables with the keys of the table of this name.
-    Tables(&'static str),
+    /// A list of tables with these keys.
+    Tables(fn() -> Vec<&'static Key>),
 }
 
 /// When the value of a key may change after a run has begun.

@@ -14,9 +14,9 @@ use super::ContactState;
 /// each thread those between two grains of its [share](LocalGrains::shares), then those between
 /// grains of two threads. Then come pairs of which this rank owns i, then pairs of which it owns j.
 /// In a group the pairs are in the order of the cells. Within every run of 1,024 of them, those of
-/// the same two materials follow each other, in blocks of their own. Of these, contacts come first, those that slide before the others, followed by the other pairs in order of
-/// their gaps, so that blocks in which nothing touches follow each other, and in most blocks
-/// nothing slides.
+/// the same two materials follow each other, in blocks of their own. Of these, contacts come
+/// first, those that slide before the others, followed by the other pairs in order of their gaps,
+/// so that blocks in which nothing touches follow each other, and in most blocks nothing slides.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
 /// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs

@@ -115,12 +115,13 @@ fn part<D: Dimension>(
             id,
             position,
             radius,
-            material: material(scene, id, radius),
             ..GrainState::zeroed()
         }
     });
     let mut assembly = Assembly::new(run, scene, cell, law)?;
-    assembly.replace(&mut NoWalls, grains.collect(), Vec::new())?;
+    let mut grains: Vec<_> = grains.collect();
+    (scene.materials).give(scene.seed, scene.sample.radius_max, &mut grains);
+    assembly.replace(&mut NoWalls, grains, Vec::new())?;
     let found = match settle(run, &mut assembly, 10 * SETTLING) {
         Ok(true) => return Ok(None),
         Ok(false) => rest(run, periodic, &mut assembly),
@@ -310,18 +311,12 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
             id,
             position,
             radius,
-            material: material(scene, id, radius),
             ..GrainState::zeroed()
         }
     };
-    let grains = share_of(count, rank, ranks).map(grain).collect();
+    let mut grains: Vec<_> = share_of(count, rank, ranks).map(grain).collect();
+    (scene.materials).give(scene.seed, scene.sample.radius_max, &mut grains);
     (room * f64::from(side), grains)
-}
-
-/// The material of a grain of this radius (m).
-fn material(scene: &Scene, id: u32, radius: f64) -> u64 {
-    let largest = scene.sample.radius_max;
-    scene.materials.of_inserted(scene.seed, id, radius, largest)
 }
 
 /// The ids that a rank inserts.

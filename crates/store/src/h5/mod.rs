@@ -727,3 +727,15 @@ fn select(space: hid_t, slab: Slab, dimensions: usize) -> hdf5::Result<()> {
     let selected = unsafe { h5s::H5Sselect_hyperslab(space, set, start, one, count, one) };
     hdf5::h5check(selected).map(drop)
 }
+
+/// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.
+pub fn by_root<T: H5Type + Copy>(
+    root: bool,
+    column: &mut Dataset,
+    before: u64,
+    data: &[T],
+) -> Result<(), Failure> {
+    let after = before + data.len() as u64;
+    let local = if root { data } else { &[] };
+    column.append(after, Slab::rows(before, local.len() as u64, 1), local)
+}

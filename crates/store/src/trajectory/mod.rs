@@ -7,11 +7,10 @@ use crate::batch::{Frames, length};
 use crate::checksums::{self, OF_PARAMETERS, of_parameters};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, of_root, on_root};
 use crate::existing::unlink_foreign;
-use crate::h5::{Attribute, H5File, Slab};
+use crate::h5::{Attribute, H5File, Slab, by_root};
 use crate::journal::{self, Journal};
 use crate::layout::{
-    self, CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, by_root,
-    describe,
+    self, CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, describe,
 };
 pub use crate::layout::{Form, file_bytes, frame_bytes};
 use crate::row_table::RowTable;
