@@ -729,6 +729,9 @@ fn select(space: hid_t, slab: Slab, dimensions: usize) -> hdf5::Result<()> {
 }
 
 /// Appends data that are the same on every rank after the first `before` rows; rank 0 writes them.
+///
+/// # Errors
+/// If the file cannot be written.
 pub fn by_root<T: H5Type + Copy>(
     root: bool,
     column: &mut Dataset,
