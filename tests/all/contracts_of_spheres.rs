@@ -242,6 +242,25 @@ fn mixtures_keep_the_contracts() {
             .all(|(k, body)| (*k == 2) == (*body > 0))
     );
 
+    let quiet = [
+        "--set=output.energy=false",
+        "--set=output.series_rows=0",
+        "--set=bookkeeping.skin=0.3",
+    ];
+    assert_eq!(run("quiet", 2, &quiet).digest(), expected);
+    // A type of no material is not taken for the first.
+    let other = mixed.replace(" 4 ", " 6 ").replace("3 atom", "6 atom");
+    let path = folder.path().join("other.data");
+    std::fs::write(&path, other).expect("a packing");
+    let refused = run(
+        "refused",
+        2,
+        &[&format!("--set=sample.packing={}", path.display())],
+    );
+    assert_eq!(refused.code, 2);
+    let what = "atom 3 is of type 6, which is that of no material; give a material atom_type = 6";
+    assert!(refused.text.contains(what), "{}", refused.text);
+
     // Exports have them: as a column, and as the types of atoms, of which 2 and 3 are walls.
     let one = folder.path().join("one").display().to_string();
     let exported = |how: &[&str], file: &str| {

@@ -10,7 +10,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, GrainSample, GrainState};
 use gshear_scene::lammps_data::{Atom, DataFile};
 use gshear_scene::packing::{GrainLimit, Packing, split_frame};
-use gshear_scene::{Arrangement, Dimensions};
+use gshear_scene::{Arrangement, Dimensions, atom_type};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, is_hdf5};
 
@@ -26,28 +26,8 @@ pub struct ExportedState {
     pub cell: Cell,
     /// Disks or spheres.
     pub dimension: Dimensions,
-    grains: Vec<Grain>,
-}
-
-struct Grain {
-    id: u32,
-    /// Type of the atom.
-    atom_type: u32,
-    radius: f64,
-    /// kg; kg/m in 2D.
-    mass: f64,
-    position: [f64; 3],
-    velocity: [f64; 3],
-    angular_velocity: [f64; 3],
-}
-
-/// The type of the atom of a grain of this body and material, as a scene reads it again: 1 free, 2
-/// and 3 the walls, from 4 on free grains of the other materials.
-pub fn atom_type(body: u32, material: u64) -> u32 {
-    match (body, material) {
-        (0, 1..) => material as u32 + 3,
-        (body, _) => body + 1,
-    }
+    /// The grains, but for their density, and their masses (kg; kg/m in 2D).
+    grains: Vec<(Atom, f64)>,
 }
 
 impl ExportedState {
@@ -58,14 +38,18 @@ impl ExportedState {
     pub fn of_run(run: &RunFile, t: usize) -> Result<Self, Failure> {
         let grains = run.grains();
         let frame = run.records(t..t + 1)?.swap_remove(0);
-        let grain = |(g, of): (usize, &GrainSample)| Grain {
-            id: run.ids()[g],
-            atom_type: atom_type(grains.body[g].into(), run.material()[g].into()),
-            radius: grains.radius[g],
-            mass: grains.mass[g],
-            position: of.position,
-            velocity: of.velocity,
-            angular_velocity: of.angular_velocity,
+        let grain = |(g, of): (usize, &GrainSample)| {
+            let atom = Atom {
+                id: u64::from(run.ids()[g]) + 1,
+                kind: atom_type(grains.body[g].into(), run.material()[g].into()),
+                diameter: 2.0 * grains.radius[g],
+                density: 0.0,
+                position: of.position,
+                velocity: of.velocity,
+                angular_velocity: of.angular_velocity,
+                line: 0,
+            };
+            (atom, grains.mass[g])
         };
         Ok(Self {
             title: format!(
@@ -89,14 +73,19 @@ impl ExportedState {
         let saved = Saved::read(&Solo, path)?;
         let (header, scene) = (&saved.header, saved.scene(&[])?);
         let ids = scene.packing().map(|file| &file.ids);
-        let grain = |g: &GrainState| Grain {
-            id: ids.map_or(g.id, |ids| ids.of(g.id)),
-            atom_type: atom_type(g.body, g.material),
-            radius: g.radius,
-            mass: (scene.materials.masses).of(g.material, scene.dimension.volume(g.radius)),
-            position: g.position,
-            velocity: g.velocity,
-            angular_velocity: g.angular_velocity,
+        let grain = |g: &GrainState| {
+            let atom = Atom {
+                id: u64::from(ids.map_or(g.id, |ids| ids.of(g.id))) + 1,
+                kind: atom_type(g.body, g.material),
+                diameter: 2.0 * g.radius,
+                density: 0.0,
+                position: g.position,
+                velocity: g.velocity,
+                angular_velocity: g.angular_velocity,
+                line: 0,
+            };
+            let volume = scene.dimension.volume(g.radius);
+            (atom, scene.materials.masses.of(g.material, volume))
         };
         Ok(Self {
             title: format!(
@@ -121,22 +110,17 @@ impl ExportedState {
     /// radius (m).
     pub fn data(&self, volume: impl Fn(f64) -> f64) -> DataFile {
         let up = self.dimension.axes() - 1;
-        let ends = self.grains.iter().map(|g| (g.position[up], g.radius));
+        let atoms = || self.grains.iter().map(|(atom, _)| atom);
+        let ends = atoms().map(|a| (a.position[up], 0.5 * a.diameter));
         let edges = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
         let sheared = self.cell.sheared;
         let edges = sheared.map_or(edges, |sheared| [0.0, sheared.height]);
-        let largest = self.grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
+        let largest = atoms().fold(0.0, |r: f64, a| r.max(0.5 * a.diameter));
         let mut tilt = [0.0; 3];
         tilt[up - 1] = sheared.map_or(0.0, |sheared| sheared.offset);
-        let atom = |grain: &Grain| Atom {
-            id: u64::from(grain.id) + 1,
-            kind: grain.atom_type,
-            diameter: 2.0 * grain.radius,
-            density: grain.mass / volume(grain.radius),
-            position: grain.position,
-            velocity: grain.velocity,
-            angular_velocity: grain.angular_velocity,
-            line: 0,
+        let atom = |(atom, mass): &(Atom, f64)| Atom {
+            density: mass / volume(0.5 * atom.diameter),
+            ..*atom
         };
         DataFile {
             bounds: match (self.dimension, self.cell.periods) {
@@ -144,7 +128,7 @@ impl ExportedState {
                 (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
             },
             tilt,
-            types: self.grains.iter().fold(3, |n, g| n.max(g.atom_type)),
+            types: atoms().fold(3, |n, a| n.max(a.kind)),
             atoms: self.grains.iter().map(atom).collect(),
         }
     }

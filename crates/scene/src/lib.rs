@@ -93,7 +93,7 @@ pub use gshear_dem::laws::keys::Change;
 pub use gshear_dem::laws::{Contact, Law};
 pub use gshear_dem::protocol::Part;
 pub use load::{Control, Load};
-pub use materials::Materials;
+pub use materials::{Materials, atom_type};
 pub use output::{Analysis, Output};
 pub use periodic::{Aqs, Deformation, Method, Newtonian, PeriodicBox, Relax};
 pub use protocol::{Motion, Shear, WallSpeed};

@@ -7,13 +7,13 @@ use gshear_dem::laws::keys::{
     BELOW_ONE, Change, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, Values, YOUNG_MODULUS,
 };
 use gshear_dem::laws::{Contact, Law};
-use gshear_dem::state::{GrainState, Masses};
+use gshear_dem::state::{GrainState, Masses, body};
 
 use crate::checker::Checker;
 use crate::insertion::material_stream;
 use crate::law::{CONTACT, ContactKeys, PAIR, contact_of, lacks_stiffness};
 use crate::sample::SAMPLE;
-use crate::table::table;
+use crate::table::{Table, laws_with, table};
 use crate::value::{Entries, Value};
 use crate::words::list;
 
@@ -29,7 +29,7 @@ table! {
             otherwise: "0",
             change: Change::Never,
         },
-        /// type of its atoms in `sample.packing`, of which they are free
+        /// type of its free atoms in `sample.packing`
         atom_type: Whole(FROM_ONE) {
             otherwise: "1 of the first, 4 of the second, 5 of the third, …",
             change: Change::Never,
@@ -94,14 +94,14 @@ impl Materials {
         let found = self.atom_types.iter().position(|of| *of == atom_type)?;
         Some(found as u64)
     }
+}
 
-    /// The same with each pair's law and contacts changed.
-    pub fn changed(
-        &self,
-        change: impl Fn(&Law, &Contact) -> (Law, Contact),
-    ) -> Vec<(Law, Contact)> {
-        let laws = self.laws.iter();
-        laws.map(|(law, contact)| change(law, contact)).collect()
+/// The type of the atoms of grains of this body and material, in packings and exports: 1 free, 2
+/// and 3 the walls, from 4 on free grains of the other materials.
+pub fn atom_type(body: u32, material: u64) -> u32 {
+    match (body, material) {
+        (body::FREE, 1..) => material as u32 + 3,
+        (body, _) => body + 1,
     }
 }
 
@@ -140,19 +140,26 @@ fn tables(c: &Checker<'_>, key: &Key, called: &str, first: usize) -> Vec<Listed>
         .collect()
 }
 
-/// Refuses numbers out of their bounds.
-fn check_bounds(
-    c: &mut Checker<'_>,
-    of: &Key,
-    tables: &[Listed],
-    known: fn(&str) -> Option<&'static Key>,
-) {
-    for table in tables {
-        for (name, value) in &table.entries {
-            let Some(key) = known(name) else { continue };
-            if let Some(what) = value.out_of_bounds(key) {
-                c.refuse(of, &format!("{}: {name} {what}", table.place));
-            }
+/// Refuses numbers out of their bounds, and keys that the law does not take or that differ from
+/// table to table.
+fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), given: &[Listed]) {
+    for listed in given {
+        for (name, value) in &listed.entries {
+            let Some(key) = table.key(name) else { continue };
+            let of_law = law.kind().keys.iter().any(|own| own.path == key.path);
+            let what = if let Some(what) = value.out_of_bounds(key) {
+                what
+            } else if [CONTACT.law.path, CONTACT.pair.path].contains(&key.path) {
+                "is the same for all pairs".into()
+            } else if of_law || laws_with(key).is_empty() {
+                continue;
+            } else {
+                format!(
+                    "does not apply to the law {:?}; leave it out",
+                    law.kind().name
+                )
+            };
+            c.refuse(of, &format!("{}: {name} {what}", listed.place));
         }
     }
 }
@@ -175,12 +182,10 @@ impl PairReader<'_, '_> {
     }
 
     /// The value that `contact.pair` gives for two materials, in either order.
-    fn given(&self, [i, j]: [usize; 2], key: &Key) -> Option<f64> {
-        let given = self
-            .pairs
-            .iter()
-            .filter(|(of, _)| [[i, j], [j, i]].contains(of));
-        given.filter_map(|(_, table)| table.number(key)).next_back()
+    fn given(&self, pair: [usize; 2], key: &Key) -> Option<f64> {
+        let mut pairs = self.pairs.iter();
+        let (_, table) = pairs.find(|(of, _)| is_pair(*of, pair))?;
+        table.number(key)
     }
 
     fn of_like(&self, k: usize, key: &Key) -> Option<f64> {
@@ -234,6 +239,11 @@ impl KeyReader for PairReader<'_, '_> {
     }
 }
 
+/// Whether two pairs are the same, in either order.
+fn is_pair(of: [usize; 2], [i, j]: [usize; 2]) -> bool {
+    of == [i, j] || of == [j, i]
+}
+
 fn geometric_mean(a: f64, b: f64) -> f64 {
     if a == b { a } else { (a * b).sqrt() }
 }
@@ -282,7 +292,8 @@ pub(crate) fn check(
         }
         return Ok(all);
     }
-    check_bounds(c, &OTHERS, &others, |name| MaterialKeys::TABLE.key(name));
+    let of = (&OTHERS, &MaterialKeys::TABLE);
+    check_entries(c, law, of, &others);
     check_others(c, &others, &mut all);
     let pairs = check_pairs(c, law, &all.names);
     c.settle()?;
@@ -348,8 +359,7 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
             .push(table.number(&MATERIAL.fraction).unwrap_or(0.0));
         let of_type = match table.value(&MATERIAL.atom_type) {
             Some(Value::Whole(n)) => *n,
-            // 2 and 3 are walls.
-            _ => k as i64 + 4,
+            _ => atom_type(body::FREE, k as u64 + 1).into(),
         };
         if all.atom_types.contains(&of_type) {
             c.refuse(
@@ -384,32 +394,18 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
 /// The entries of `contact.pair` with the numbers of their materials.
 fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<([usize; 2], Listed)> {
     let pairs = tables(c, &CONTACT.pair, "pair", 1);
-    check_bounds(c, &CONTACT.pair, &pairs, |name| {
-        ContactKeys::TABLE.key(name)
-    });
-    let mut found = Vec::new();
+    let of = (&CONTACT.pair, &ContactKeys::TABLE);
+    check_entries(c, law, of, &pairs);
+    let mut found: Vec<([usize; 2], Listed)> = Vec::new();
     for table in pairs {
-        let of_law = |name: &str| {
-            law.kind()
-                .keys
-                .iter()
-                .any(|key| key.path == format!("contact.{name}"))
-        };
-        for (name, _) in &table.entries {
-            let key = ContactKeys::TABLE.key(name);
-            let Some(key) = key else { continue };
-            let what = if [CONTACT.law.path, CONTACT.pair.path].contains(&key.path) {
-                "is the same for all pairs"
-            } else if crate::table::laws_with(key).is_empty() {
-                continue;
-            } else if !of_law(name) {
-                "does not apply to the law of [contact]"
-            } else if !c.is_given(key) && law.default_of(key).is_none() && key.default.is_empty() {
-                "must be given in [contact] as well, for the other pairs"
-            } else {
-                continue;
-            };
-            c.refuse(&CONTACT.pair, &format!("{}: {name} {what}", table.place));
+        for key in law.kind().keys {
+            let of_pair = table.number(key).filter(|_| key.table() == "contact");
+            let has_default = law.default_of(key).is_some() || !key.default.is_empty();
+            if of_pair.is_some() && !c.is_given(key) && !has_default {
+                let name = key.name();
+                let what = "must be given in [contact] as well, for the other pairs";
+                c.refuse(&CONTACT.pair, &format!("{}: {name} {what}", table.place));
+            }
         }
         let of = match table.value(&PAIR) {
             Some(Value::Names(of)) => of
@@ -419,7 +415,15 @@ fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<([usize;
             _ => Vec::new(),
         };
         match of[..] {
-            [Some(i), Some(j)] => found.push(([i, j], table)),
+            [Some(i), Some(j)] => {
+                if found.iter().any(|(of, _)| is_pair(*of, [i, j])) {
+                    let place = &table.place;
+                    let what =
+                        format!("{place}: these two materials have an entry already; give one");
+                    c.refuse(&CONTACT.pair, &what);
+                }
+                found.push(([i, j], table));
+            }
             _ => {
                 let known: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
                 let what = format!(

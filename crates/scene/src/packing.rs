@@ -492,11 +492,12 @@ impl Packing {
     /// contact law.
     pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>, Failure> {
         let up = scene.dimension.axes() - 1;
+        let materials = self.materials(scene)?;
         let at_rest = |(id, a): (usize, &Atom)| GrainState {
             id: id as u32,
             position: a.position,
             radius: 0.5 * a.diameter,
-            material: scene.materials.of_type(a.kind.into()).unwrap_or(0),
+            material: materials[id],
             ..GrainState::zeroed()
         };
         let all = self.atoms.iter().enumerate();
@@ -549,6 +550,27 @@ impl Packing {
         }
         self.check_all_overlaps(scene, &grains)?;
         Ok(grains)
+    }
+
+    /// The materials of the atoms by their types. Types 2 and 3, if there are both, may be those of
+    /// walls, which have no type of their material.
+    fn materials(&self, scene: &Scene) -> Result<Vec<u64>, Failure> {
+        let all = &scene.materials;
+        let walls = [BOTTOM_TYPE, TOP_TYPE];
+        let has_walls = (walls.iter()).all(|kind| self.atoms.iter().any(|a| a.kind == *kind));
+        let material = |a: &Atom| match all.of_type(a.kind.into()) {
+            Some(material) => Ok(material),
+            None if all.names.len() == 1 => Ok(0),
+            None if has_walls && walls.contains(&a.kind) => Ok(all.wall.unwrap_or(0)),
+            None => Err(Failure::input(format!(
+                "{}: atom {} is of type {}, which is that of no material; give a material atom_type = {}",
+                at(&self.name, a.line),
+                a.id,
+                a.kind,
+                a.kind
+            ))),
+        };
+        self.atoms.iter().map(material).collect()
     }
 
     fn check_all_overlaps(&self, scene: &Scene, grains: &[GrainState]) -> Result<(), Failure> {

@@ -70,8 +70,9 @@ impl Scene {
         &self,
         change: impl Fn(&Law, &Contact) -> (Law, Contact),
     ) -> Box<dyn PairForce<D>> {
-        pair_force(&self.materials.changed(change))
-            .expect("a law of this dimension, as the scene was checked")
+        let laws = self.materials.laws.iter();
+        let laws: Vec<_> = laws.map(|(law, contact)| change(law, contact)).collect();
+        pair_force(&laws).expect("a law of this dimension, as the scene was checked")
     }
 
     /// The part of a scene between walls; messages call the scene `name`.

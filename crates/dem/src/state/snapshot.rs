@@ -29,7 +29,7 @@ pub struct GrainState {
     /// Image in which it is: the position plus these multiples of the edges of the box moves
     /// without jumps.
     pub image: Image,
-    /// Number of its material, of which the law tells pairs apart.
+    /// Number of its material.
     pub material: u64,
 }
 

@@ -48,7 +48,7 @@ impl<'a, D: Dimension> Assembly<'a, D> {
         }
     }
 
-    /// Takes these grains and contacts in place of its own.
+    /// Replaces the grains and contacts.
     pub fn replace(
         &mut self,
         drive: &mut dyn Drive<D>,

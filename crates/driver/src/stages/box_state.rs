@@ -46,7 +46,7 @@ struct ContactTerms {
 }
 
 impl<D: Dimension> Assembly<'_, D> {
-    /// Measures the grains, of which there are so many on all ranks, and which need not be at rest.
+    /// Measures the state, at rest or not; `grains`: their number on all ranks.
     pub(super) fn observe(&mut self, grains: u32) -> Observed {
         let system = &mut self.system;
         // Forces and histories are restored afterwards, because a pass with Δt = 0 also rotates
