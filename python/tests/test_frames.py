@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 import networkx as nx
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gshear import Box, Frame, Run
+from gshear import Box, Frame, Run, RunError
 from gshear.programs import find
 
 # Sums of some hundred contacts in another order than that of the program, which rounds forces.
@@ -68,6 +69,48 @@ def test_indices_and_slices(disks: Run) -> None:
     for index in (count, -count - 1):
         with pytest.raises(IndexError, match=rf"no frame {index}: the run has 50 frames"):
             disks.frame(index)
+
+
+@pytest.mark.parametrize("name", ["disks", "spheres", "box/aqs.h5", "box/newtonian.h5"])
+def test_arrays_of_many_frames_are_those_of_each(name: str, reduced: Callable[[str], Path]) -> None:
+    with Run(reduced(name.split("/")[0]) / name.partition("/")[2]) as run:
+        count = len(run.frames)
+        mask = np.arange(count) % 2 == 1
+        some: list[Any] = [slice(None), slice(None, 1, -1), range(0, count, 2), [-1, 0, 0, 1], mask]
+        for which in some:
+            frames = [run.frame(int(k)) for k in np.arange(count)[which]]
+            for column in (*frames[0], "unwrapped"):
+                own = np.array([getattr(frame, column) for frame in frames])
+                if column in ("id", "radius", "mass", "body", "species"):
+                    own = own[0]
+                np.testing.assert_array_equal(run.array(column, which), own)
+            vectors = run.array("edges", which)
+            for frame, edges in zip(frames, vectors, strict=True):
+                own = edges if edges.ndim == 2 else np.diag(edges)
+                np.testing.assert_array_equal(frame.box.vectors, own)
+            for column in frames[0].contacts:
+                of_frames = run.array(column, which)
+                for frame, values in zip(frames, of_frames, strict=True):
+                    np.testing.assert_array_equal(values, frame.contacts[column])
+        # One number gives no axis of frames, an empty list an empty one.
+        assert run.array("position", np.uint8(1)).shape == run.frame(1).position.shape
+        assert run.array("overlap", -1).shape == (run.contacts(-1).count,)
+        assert run.array("radius", 1).shape == run.array("radius", []).shape
+        assert run.array("position", []).shape == (0, *run.frame(1).position.shape)
+        assert run.array("overlap", []) == []
+
+
+def test_frames_and_quantities_that_are_not_there_are_named(disks: Run) -> None:
+    for frames in (50, -51, [0, 50], range(49, 52)):
+        with pytest.raises(IndexError, match=r"run.h5: no frame (50|-51): the run has 50 frames"):
+            disks.array("position", frames)
+    with pytest.raises(IndexError, match=r"a mask of \(49,\) booleans for 50 frames"):
+        disks.array("position", np.ones(49, dtype=bool))
+    for wrong in ([0.0, 1.0], [[0, 1]], "first", 1.5):
+        with pytest.raises(TypeError, match="give integers or a slice"):
+            disks.array("position", wrong)
+    with pytest.raises(RunError, match=r"no 'speed': give .*position.*normal_force.*unwrapped"):
+        disks.array("speed")
 
 
 def test_strains_of_frames(walls: Run) -> None:

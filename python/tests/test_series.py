@@ -161,13 +161,15 @@ def test_a_stopped_run_grows_when_it_is_resumed(tmp_path: Path) -> None:
         before, phases = run.frames, run.phases()
         assert not run.finished
         assert 10 < len(before) < 51
-        first = run.frame(-1).position
+        first, some = run.frame(-1).position, run.array("position")
         assert phases["end_step"].max() <= 2000
         simulate(SCENES / "crossing.toml", out, ranks=2, quiet=True)
         assert run.finished
         assert len(run.frames) == 51
         np.testing.assert_array_equal(run.frames.strain[: len(before)], before.strain)
         np.testing.assert_array_equal(run.frame(len(before) - 1).position, first)
+        assert len(run.array("position")) == 51
+        np.testing.assert_array_equal(run.array("position", slice(len(some))), some)
         # The table of the first part is out of date.
         assert run.phases()["end_step"].max() > 5000
         assert_equals_log(run, out / "log.csv")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 Array = NDArray[Any]
-Reader = Callable[[], Array]
+Reader = Callable[[str], Array]
 
 
 class Columns(Mapping[str, Array]):
@@ -28,30 +28,33 @@ class Columns(Mapping[str, Array]):
             neither have files in reduced units.
     """
 
-    def __init__(self, readers: Mapping[str, Reader], units: Mapping[str, str]) -> None:
-        self._readers = dict(readers)
+    def __init__(self, names: Collection[str], read: Reader, units: Mapping[str, str]) -> None:
+        self._names = names
+        self._reader = read
         self._read: dict[str, Array] = {}
-        self.units = dict(units)
+        self.units = {name: units[name] for name in names if name in units}
 
     def __getitem__(self, name: str) -> Array:
         if name not in self._read:
-            self._read[name] = self._readers[name]()
+            if name not in self._names:
+                raise KeyError(name)
+            self._read[name] = self._reader(name)
         return self._read[name]
 
     def __getattr__(self, name: str) -> Array:
-        # Names with an underscore are never columns; during unpickling `_readers` is not yet there.
-        if name.startswith("_") or name not in self._readers:
+        # Names with an underscore are never columns; during unpickling `_names` is not yet there.
+        if name.startswith("_") or name not in self._names:
             raise AttributeError(f"{type(self).__name__} has no column {name!r}")
         return self[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._readers)
+        return iter(self._names)
 
     def __len__(self) -> int:
-        return len(self._readers)
+        return len(self._names)
 
     def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self._readers]
+        return [*super().__dir__(), *self._names]
 
 
 class Frame(Columns):
@@ -74,7 +77,8 @@ class Frame(Columns):
 
     def __init__(
         self,
-        readers: Mapping[str, Reader],
+        names: Collection[str],
+        read: Reader,
         units: Mapping[str, str],
         *,
         index: int,
@@ -85,7 +89,7 @@ class Frame(Columns):
         box: Box,
         contacts: Callable[[Frame], Contacts],
     ) -> None:
-        super().__init__(readers, units)
+        super().__init__(names, read, units)
         self.index = index
         self.step = step
         self.time = time
@@ -124,9 +128,14 @@ class Contacts(Columns):
     """
 
     def __init__(
-        self, readers: Mapping[str, Reader], units: Mapping[str, str], frame: Frame, count: int
+        self,
+        names: Collection[str],
+        read: Reader,
+        units: Mapping[str, str],
+        frame: Frame,
+        count: int,
     ) -> None:
-        super().__init__(readers, units)
+        super().__init__(names, read, units)
         self.frame = frame
         self.count = count
 

@@ -8,18 +8,18 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, SupportsIndex, TypeVar, overload
+from typing import Any, NamedTuple, SupportsIndex, TypeVar, overload
 
 import h5py
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _hdf5, programs
 from ._hdf5 import SharedFile
 from .box import Box
 from .errors import RunError
-from .frames import Contacts, Frame, Reader
+from .frames import Contacts, Frame
 from .scene import Scene
 
 T = TypeVar("T")
@@ -34,6 +34,20 @@ EXACT: dict[str, Any] = (
 )
 GRAINS = "particles/trajectory"
 CONTACTS = "connectivity/contacts"
+
+
+class _Stored(NamedTuple):
+    """The frames of a file: datasets, which stay open until the file changes, and small arrays."""
+
+    constants: dict[str, h5py.Dataset]  # [N], the same in every frame
+    grains: dict[str, h5py.Dataset]  # [T, N, …]
+    contacts: dict[str, h5py.Dataset]  # [K, …] over all frames
+    units: dict[str, str]  # by column
+    step: NDArray[np.uint64]  # [T]
+    time: NDArray[np.float64]  # [T]
+    offset: NDArray[np.int64]  # [T + 1], of the contacts
+    edges: NDArray[np.float64]  # [T, 3] or [T, 3, 3]
+    periodic: tuple[bool, bool, bool]
 
 
 class Run:
@@ -205,80 +219,120 @@ class Run:
             return (frame.contacts for frame in self.frames[index])
         return self.frames[index].contacts
 
-    def _frame(self, index: int) -> Frame:
-        file = self._file.open()
-        offset = file[CONTACTS]["offset"]
-        first, last = int(offset[index]), int(offset[index + 1])
-        readers, units = self._grain_columns(file, index)
-        contact_readers, contact_units = self._contact_columns(file, first, last)
-        times = self._frame_times
-        return Frame(
-            readers,
-            units,
-            index=index,
-            step=int(times["step"][index]),
-            time=float(times["time"][index]),
-            strain=float(times["strain"][index]),
-            dimension=self.dimension,
-            box=self._box(index),
-            contacts=lambda frame: Contacts(contact_readers, contact_units, frame, last - first),
-        )
+    def array(self, name: str, frames: slice | ArrayLike = slice(None)) -> Any:  # noqa: ANN401
+        """Returns a quantity of many frames at once, read in as few pieces as possible.
 
-    def _grain_columns(
-        self, file: h5py.File, index: int
-    ) -> tuple[dict[str, Reader], dict[str, str]]:
-        readers, units = {}, {}
-        for name, item in file[GRAINS].items():
-            if isinstance(item, h5py.Dataset):
-                readers[name] = self._reader(f"{GRAINS}/{name}", slice(None))
-            elif "value" in item:
-                readers[name] = self._reader(f"{GRAINS}/{name}/value", index)
-            else:
-                continue
-            if unit := _hdf5.unit(item):
-                units[name] = unit
-        return readers, units
+            x = run.array("position")                        # [T, N, 3]
+            force = run.array("normal_force", range(0, 1000, 10))
+            np.concatenate(force).mean()
 
-    def _contact_columns(
-        self, file: h5py.File, first: int, last: int
-    ) -> tuple[dict[str, Reader], dict[str, str]]:
-        readers, units = {}, {}
-        for name, item in file[CONTACTS].items():
-            if name in ("step", "time", "offset"):
-                continue
-            readers[name] = self._reader(f"{CONTACTS}/{name}", slice(first, last))
-            if unit := _hdf5.unit(item):
-                units[name] = unit
-        return readers, units
+        Args:
+            name: A column of `Frame` or `Contacts`; `unwrapped`, positions that move without jumps
+                (m); or `edges` of the box, as in the file.
+            frames: A slice, or the numbers of frames: one, a range, a list, an array, or a mask
+                [T] of booleans. They may be negative and in any order. Default: all frames.
 
-    def _reader(self, name: str, rows: int | slice) -> Reader:
-        def read() -> NDArray[Any]:
-            values: NDArray[Any] = self._file.open()[name][rows]
+        Returns:
+            Of grains [frames, N, …]; of `edges` [frames, 3] between walls, [frames, 3, 3] in a
+            periodic box, an edge vector in each row. Of contacts, whose number varies, a list with
+            an array [K, …] for each frame. Without the first axis, or the list, for one number. A
+            column that is the same in every frame, such as `radius`, is [N].
+
+        Raises:
+            RunError: There is no such quantity.
+            IndexError: There is no such frame.
+            TypeError: `frames` are not numbers of frames.
+        """
+        stored = self._stored
+        if not isinstance(frames, slice) and np.ndim(frames) == 0:
+            found = self.array(name, np.asarray(frames)[None])
+            return found if name in stored.constants else found[0]
+        rows = _selected(frames, len(stored.step), self.path)
+        if name in stored.constants:
+            return stored.constants[name][:]
+        if name in stored.grains:
+            return _read(stored.grains[name], rows, rows + 1)
+        if name in stored.contacts:
+            first, last = stored.offset[rows], stored.offset[rows + 1]
+            values = _read(stored.contacts[name], first, last)
+            ends = np.cumsum(last - first)
+            return [values[a:b] for a, b in zip(ends - (last - first), ends, strict=True)]
+        if name == "edges":
+            return stored.edges[rows]
+        if name == "unwrapped":
+            edges = stored.edges[rows]
+            vectors = edges if edges.ndim == 3 else edges[:, None, :] * np.eye(3)
+            return self.array("position", rows) + self.array("image", rows) @ vectors
+        known = ", ".join([*stored.constants, *stored.grains, *stored.contacts])
+        raise RunError(f"{self.path}: frames have no {name!r}: give {known}, unwrapped or edges")
+
+    def _frame(self, index: int, frames: Frames) -> Frame:
+        stored = self._stored
+        first, last = int(stored.offset[index]), int(stored.offset[index + 1])
+
+        def read_grains(name: str) -> NDArray[Any]:
+            now = self._stored
+            constant = name in now.constants
+            values: NDArray[Any] = now.constants[name][:] if constant else now.grains[name][index]
             return values
 
-        return read
+        def read_contacts(name: str) -> NDArray[Any]:
+            values: NDArray[Any] = self._stored.contacts[name][first:last]
+            return values
+
+        names, units = tuple(stored.contacts), stored.units
+        return Frame(
+            (*stored.constants, *stored.grains),
+            read_grains,
+            units,
+            index=index,
+            step=int(frames.step[index]),
+            time=float(frames.time[index]),
+            strain=float(frames.strain[index]),
+            dimension=self.dimension,
+            box=self._box(stored, index),
+            contacts=lambda frame: Contacts(names, read_contacts, units, frame, last - first),
+        )
 
     @property
-    def _frame_times(self) -> dict[str, NDArray[Any]]:
-        """`step`, `time` and `strain` of the complete frames, each [T]."""
+    def _stored(self) -> _Stored:
+        """The complete frames of the present state of the file."""
 
-        def read(file: h5py.File) -> dict[str, NDArray[Any]]:
-            elements = [item for item in file[GRAINS].values() if "value" in item]
-            count = min([len(item["value"]) for item in elements] + [len(elements[0]["step"])])
-            contacts = file[CONTACTS]
-            # The program may be writing a frame: its contacts must be there as well.
-            stored = min(
-                len(item)
-                for name, item in contacts.items()
-                if name not in ("step", "time", "offset")
+        def read(file: h5py.File) -> _Stored:
+            group, contacts = file[GRAINS], file[CONTACTS]
+            constants = {n: item for n, item in group.items() if isinstance(item, h5py.Dataset)}
+            elements = {n: item for n, item in group.items() if n not in constants}
+            grains = {n: item["value"] for n, item in elements.items() if "value" in item}
+            columns = {n: i for n, i in contacts.items() if n not in ("step", "time", "offset")}
+            box = group["box"]
+            clock, edges, offset = group["position"], box["edges/value"], contacts["offset"][:]
+            # The program may be writing a frame: all of it must be there.
+            count = min(len(item) for item in (*grains.values(), clock["step"], edges))
+            rows = min(len(column) for column in columns.values())
+            count = max(0, min(count, int(np.searchsorted(offset, rows, side="right")) - 1))
+            named = (constants | grains | columns).items()
+            units = {name: unit for name, item in named if (unit := _hdf5.unit(item))}
+            x, y, z = (_hdf5.text(value) == "periodic" for value in box.attrs["boundary"])
+            return _Stored(
+                constants,
+                grains,
+                columns,
+                units,
+                clock["step"][:count],
+                clock["time"][:count],
+                # Numbers that may be subtracted.
+                offset[: count + 1].astype(np.int64),
+                edges[:count],
+                (x, y, z),
             )
-            complete = int(np.searchsorted(contacts["offset"][:], stored, side="right")) - 1
-            count = max(0, min(count, complete))
-            step, time = elements[0]["step"][:count], elements[0]["time"][:count]
-            return {"step": step, "time": time, "strain": self._strain_at(file, step)}
 
-        times: dict[str, NDArray[Any]] = self._once("frame times", read)
-        return times
+        stored: _Stored = self._once("frames", read)
+        return stored
+
+    def _strains(self, step: NDArray[Any]) -> NDArray[np.float64]:
+        """Returns γ of the first frames, whose steps are given, [T]."""
+        name = f"strains of {len(step)} frames"
+        return self._once(name, lambda file: self._strain_at(file, step))
 
     def _strain_at(self, file: h5py.File, step: NDArray[Any]) -> NDArray[np.float64]:
         """Returns γ at steps: that of a row of the series, or linear between and beyond rows."""
@@ -298,31 +352,12 @@ class Run:
         between: NDArray[np.float64] = np.interp(step, rows, strains)
         return np.where(step < rows[0], before, np.where(step > rows[-1], after, between))
 
-    def _box(self, index: int) -> Box:
-        file = self._file.open()
-        box = file[GRAINS]["box"]
-        item = box["edges"]
-        edges = np.asarray(item["value"][index] if isinstance(item, h5py.Group) else item[:])
-        boundary = [_hdf5.text(value) for value in box.attrs["boundary"]]
-        gradient = self.dimension - 1
-        offset = 0.0
+    def _box(self, stored: _Stored, index: int) -> Box:
+        edges, gradient, offset = stored.edges[index], self.dimension - 1, 0.0
         if edges.ndim == 2:
             # A tilted cell: the edge along the gradient leans along x.
-            offset, edges = float(edges[gradient, 0]), np.diagonal(edges).copy()
-        elif boundary[gradient] == "periodic":
-            offset = self._image_offset(file, index)
-        x, y, z = (value == "periodic" for value in boundary)
-        return Box(edges, (x, y, z), gradient, offset)
-
-    def _image_offset(self, file: h5py.File, index: int) -> float:
-        if "image_offset" not in file["observables"]:
-            return float(file["parameters"].attrs.get("image_offset", 0.0))
-        element = file["observables"]["image_offset"]
-        step = self._frame_times["step"][index]
-        row = np.flatnonzero(element["step"][:] == step)
-        if len(row) == 0:
-            raise RunError(f"{self.path}: no row of observables/image_offset at strain step {step}")
-        return float(element["value"][row[0]])
+            offset, edges = float(edges[gradient, 0]), np.diagonal(edges)
+        return Box(edges.copy(), stored.periodic, gradient, offset)
 
     # Results of gshear-reduce
 
@@ -560,11 +595,11 @@ class Frames:
     """
 
     def __init__(self, run: Run) -> None:
-        times = run._frame_times
+        stored = run._stored
         self._run = run
-        self.step: NDArray[np.uint64] = times["step"]
-        self.time: NDArray[np.float64] = times["time"]
-        self.strain: NDArray[np.float64] = times["strain"]
+        self.step: NDArray[np.uint64] = stored.step
+        self.time: NDArray[np.float64] = stored.time
+        self.strain: NDArray[np.float64] = run._strains(stored.step)
 
     def __len__(self) -> int:
         return len(self.step)
@@ -578,8 +613,8 @@ class Frames:
     def __getitem__(self, index: slice) -> Iterator[Frame]: ...
     def __getitem__(self, index: SupportsIndex | slice) -> Frame | Iterator[Frame]:
         if isinstance(index, slice):
-            return (self._run._frame(k) for k in range(*index.indices(len(self))))
-        return self._run._frame(_position(index, len(self), self._run.path))
+            return (self._run._frame(k, self) for k in range(*index.indices(len(self))))
+        return self._run._frame(_position(index, len(self), self._run.path), self)
 
     def __repr__(self) -> str:
         return f"<Frames of {self._run._name}: {len(self)}>"
@@ -602,6 +637,36 @@ def _position(index: SupportsIndex, count: int, path: Path) -> int:
     if not -count <= index < count:
         raise IndexError(f"{path}: no frame {index}: the run has {count} frames")
     return index % count
+
+
+def _selected(frames: slice | ArrayLike, count: int, path: Path) -> NDArray[np.int64]:
+    """Returns the numbers of frames from 0 on, in the order that is asked for."""
+    if isinstance(frames, slice):
+        return np.arange(count)[frames]
+    rows = np.asarray(frames)
+    if rows.dtype == bool:
+        if rows.shape != (count,):
+            raise IndexError(f"{path}: a mask of {rows.shape} booleans for {count} frames")
+        return np.flatnonzero(rows)
+    if rows.ndim != 1 or (rows.dtype.kind not in "iu" and len(rows)):
+        raise TypeError(f"{path}: {frames!r} are no numbers of frames: give integers or a slice")
+    rows = rows.astype(np.int64)
+    for row in rows[(rows < -count) | (rows >= count)][:1]:
+        raise IndexError(f"{path}: no frame {row}: the run has {count} frames")
+    return rows % count if count else rows
+
+
+def _read(dataset: h5py.Dataset, first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[Any]:
+    """Returns rows first[k] … last[k] - 1 for every k, one after the other.
+
+    What is adjacent is read at once.
+    """
+    if not len(first):
+        return np.empty((0, *dataset.shape[1:]), dataset.dtype)
+    begins = np.flatnonzero(np.append(True, first[1:] != last[:-1]))
+    ends = np.append(begins[1:], len(first)) - 1
+    parts = [dataset[a:b] for a, b in zip(first[begins], last[ends], strict=True)]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _python(value: Any) -> Any:  # noqa: ANN401 - attributes have any type
