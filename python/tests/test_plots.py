@@ -59,6 +59,65 @@ def test_dmin_map(disks: Run, ax: Axes) -> None:
         plots.dmin_map(ax, disks, 0)
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["disks", "spheres", "box/aqs.h5", "disks in a box/aqs.h5", "disks in a box/newtonian.h5"],
+)
+def test_maps_fit_together_across_the_boundaries(
+    name: str, reduced: Callable[[str], Path], ax: Axes
+) -> None:
+    """Grains that a map shows overlap if they touch: images are where they belong."""
+    folder, _, file = name.partition("/")
+    with Run(reduced(folder) / file, quiet=True) as run:
+        frame = run.frame(-1)
+        own = np.arange(len(frame.radius))
+        grains = plots.grain_map(ax, run, frame, own, colorbar=False)
+        grain = np.asarray(grains.get_array()).astype(int)
+        centre, radius = np.asarray(grains.get_offsets()), np.asarray(grains.get_widths()) / 2
+        apart = np.asarray(np.linalg.norm(centre[:, None] - centre[None], axis=2))
+        i, j = np.nonzero(np.triu(radius[:, None] + radius - apart > 1e-12 * apart.max(), 1))
+        pairs = np.sort(np.stack([grain[i], grain[j]], axis=1), axis=1)
+        # Grains of a wall are not in contact with each other.
+        pairs = pairs[(frame.body[pairs] == 0).any(axis=1)]
+        assert len(pairs) > 10
+        assert set(map(tuple, pairs.tolist())) <= set(map(tuple, frame.contacts.pairs.tolist()))
+        up = frame.box.gradient
+        assert ax.get_ylabel().startswith("xyz"[up])
+        images = np.bincount(grain) - 1
+        if run.dimension == 3:
+            cut = np.abs(frame.position[:, 1] - frame.box.edges[1] / 2) < frame.radius
+            assert set(grain) == set(np.flatnonzero(cut))
+        else:
+            assert set(grain) == set(own)
+        if frame.box.periodic[up]:
+            assert frame.box.image_offset > 0.1 * frame.radius.min()
+            low = frame.position[grain, up] < radius
+            assert (images[grain[low]] > 0).all()
+        # Lines of the forces join the centres of grains that the map shows.
+        ends = np.array(plots.force_network(ax, run, frame).get_segments()).reshape(-1, 2)
+        nearest = np.linalg.norm(ends[:, None] - centre[None], axis=2).min(axis=1)
+        low, high = ax.get_xlim(), ax.get_ylim()
+        inside = (ends > [low[0], high[0]]).all(axis=1) & (ends < [low[1], high[1]]).all(axis=1)
+        assert inside.sum() > 10
+        assert nearest[inside].max() < 1e-9 * apart.max()
+
+
+def test_spheres_are_cut(spheres: Run, ax: Axes) -> None:
+    frame = spheres.frame(-1)
+    grain = int(frame.contacts.i[0])
+    own, y = np.arange(len(frame.radius)), float(frame.position[grain, 1])
+    drawn = plots.grain_map(ax, spheres, frame, own, y=y)
+    row = np.flatnonzero(np.asarray(drawn.get_array()) == grain)[0]
+    widths = np.asarray(drawn.get_widths())
+    assert widths[row] == 2 * frame.radius[grain]
+    centre = np.asarray(drawn.get_offsets())[row]
+    np.testing.assert_array_equal(centre, frame.position[grain, [0, 2]])
+    # The box is periodic along y.
+    again = plots.grain_map(ax, spheres, frame, own, y=y + frame.box.edges[1])
+    np.testing.assert_allclose(np.asarray(again.get_widths()), widths, rtol=1e-6)
+    plots.dmin_map(ax, spheres, -1)
+
+
 def test_stress_ratio(walls: Run, ax: Axes) -> None:
     lines = plots.stress_ratio(ax, walls, drops=2)
     np.testing.assert_array_equal(lines[0].get_ydata(), walls.series["stress_ratio"])
@@ -119,5 +178,3 @@ def test_reduced_units_are_not_named(reduced: Callable[[str], Path], ax: Axes) -
     with Run(reduced("box"), quiet=True) as run:
         plots.series(ax, run, "shear_stress")
         assert ax.get_ylabel() == "shear stress"
-        with pytest.raises(RunError, match="the run has spheres"):
-            plots.force_network(ax, run)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -99,3 +100,33 @@ def test_figures_of_a_sweep(folder: Path) -> None:
         shortest = sweep[0].series
         np.testing.assert_array_equal(right.lines[0].get_ydata(), shortest.stress_ratio)
         plt.close("all")
+
+
+def test_a_map_of_a_sweep(folder: Path) -> None:
+    """A field for each pair of values; pairs without a run are empty."""
+    with Sweep(folder, quiet=True) as sweep:
+        means = sweep.means(["stress_ratio"], start=0.5, over=())
+        _, ax = plt.subplots()
+        fields: Any = plots.sweep_map(ax, means, "stress_ratio").get_array()
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ("seed", "contact.friction")
+        assert [text.get_text() for text in ax.get_xticklabels()] == ["1", "2", "3"]
+        assert fields.shape == (2, 3)
+        assert fields[1, 0] == means.loc[(1, 0.6), "stress_ratio"]
+        assert np.ma.getmaskarray(fields).tolist() == [[False] * 3, [False, False, True]]
+        with pytest.raises(ValueError, match=r"a map needs two keys, these means have contact.f"):
+            plots.sweep_map(ax, sweep.means(["stress_ratio"]), "stress_ratio")
+        plt.close("all")
+    with Sweep([folder / "friction-0.6_seed-1"], quiet=True) as sweep:
+        one = sweep.means(["stress_ratio"])
+    with pytest.raises(ValueError, match="differ in no key"):
+        plots.against(ax, one, "stress_ratio")
+
+
+def test_runs_without_a_key_and_lists_are_groups(copy: Callable[[str], Path]) -> None:
+    """Scenes that lack a key are not left out of means; lists are values as others."""
+    with Sweep([copy("disks"), copy("spheres")], quiet=True) as sweep:
+        assert {"contact.rolling_friction", "shear.protocol"} <= set(sweep.keys)
+        means = sweep.means(["stress_ratio"])
+        assert means["runs"].tolist() == [1, 1]
+        names = means.index.get_level_values("shear.protocol")
+        assert any("velocity = 3.0" in str(name) for name in names)

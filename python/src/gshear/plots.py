@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import EllipseCollection, LineCollection, QuadMesh
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MaxNLocator
@@ -38,32 +38,33 @@ def force_network(
     *,
     width: float = 1.5,
     colorbar: bool = True,
+    y: float | None = None,
 ) -> LineCollection:
-    """Draws the contacts of disks as lines between centres, as wide as their normal force.
+    """Draws contacts as lines between centres, as wide as their normal force.
 
     Args:
         ax: Axes to draw into.
-        run: Run of disks.
+        run: Run of disks or spheres, between walls or in a box.
         frame: Its frame, or the number of one.
         width: Width of a contact with the mean force (points). Widths are proportional to F_n.
         colorbar: Add a colour bar with F_n over its mean.
+        y: Of spheres, the plane of `draw_grains`; contacts between spheres that it cuts are drawn.
 
     Returns:
-        The lines; a contact across the periodic boundary has one at each side.
+        The lines; a contact across a periodic boundary has one at each side.
     """
-    frame = _frame_of_disks(run, frame)
-    draw_disks(ax, run, frame)
+    frame = _frame(run, frame)
+    draw_grains(ax, run, frame, y=y)
     contacts = frame.contacts
+    seen = _radii(frame, y) > 0
     bears = contacts.normal_force > 0
-    force = contacts.normal_force[bears]
-    relative = force / force.mean() if len(force) else force
-    r = contacts.separation[bears, :2]
-    x = frame.position[:, :2]
-    from_i = np.stack([x[contacts.i[bears]], x[contacts.i[bears]] - r], axis=1)
-    from_j = np.stack([x[contacts.j[bears]] + r, x[contacts.j[bears]]], axis=1)
-    seam = np.abs(from_i - from_j).max(axis=(1, 2)) > 0.5 * frame.radius.min()
-    segments = np.concatenate([from_i, from_j[seam]])
-    relative = np.concatenate([relative, relative[seam]])
+    mean = contacts.normal_force[bears].mean() if bears.any() else 1.0
+    bears &= seen[contacts.i] & seen[contacts.j]
+    relative = contacts.normal_force[bears] / mean
+    end = frame.position[contacts.i[bears]]
+    ends = np.stack([end, end - contacts.separation[bears]], axis=1)[..., _axes(frame)]
+    rows, shifts = _images(frame, ends.min(axis=1), ends.max(axis=1))
+    segments, relative = ends[rows] + shifts[:, None, :], relative[rows]
     # Strong contacts above weak ones.
     order = np.argsort(relative)
     lines = LineCollection(
@@ -77,49 +78,85 @@ def force_network(
     lines.set_array(relative[order])
     ax.add_collection(lines)
     if colorbar:
-        bar = _figure(ax).colorbar(lines, ax=ax, extend="max", shrink=0.85, pad=0.02)
-        bar.set_label("normal force / mean")
+        _bar(ax, lines, "normal force / mean", extend="max")
     return lines
 
 
-def dmin_map(
-    ax: Axes, run: Run, frame: SupportsIndex, *, colorbar: bool = True, decades: float = 4.0
+def grain_map(
+    ax: Axes,
+    run: Run,
+    frame: SupportsIndex | Frame,
+    values: ArrayLike,
+    *,
+    label: str = "",
+    colorbar: bool = True,
+    y: float | None = None,
+    **style: Any,  # noqa: ANN401
 ) -> EllipseCollection:
-    """Draws disks coloured by D²min between the frame before and this one, over r̄².
-
-    Disks without D²min (rattlers of the earlier frame) are grey, which the colours leave out.
+    """Draws grains coloured by a value of each.
 
     Args:
         ax: Axes to draw into.
-        run: Run of disks.
+        run: Run of disks or spheres, between walls or in a box.
+        frame: Its frame, or the number of one.
+        values: [N], one of each grain, such as `frame.velocity[:, 0]`. Grains with NaN are grey.
+        label: What the colour bar says.
+        colorbar: Add a colour bar.
+        y: Of spheres, the plane of `draw_grains`.
+        **style: Of matplotlib's collection, such as `cmap` and `norm`.
+
+    Returns:
+        The coloured grains, then their images across periodic boundaries.
+    """
+    frame = _frame(run, frame)
+    values = np.asarray(values, dtype=np.float64)
+    draw_grains(ax, run, frame, y=y)
+    grains, rows = _grains(ax, frame, np.isfinite(values), y)
+    grains.set(**{"cmap": "viridis", "edgecolors": "none", "zorder": 2} | style)
+    grains.set_array(values[rows])
+    if colorbar:
+        _bar(ax, grains, label)
+    return grains
+
+
+def dmin_map(
+    ax: Axes,
+    run: Run,
+    frame: SupportsIndex,
+    *,
+    colorbar: bool = True,
+    decades: float = 4.0,
+    y: float | None = None,
+) -> EllipseCollection:
+    """Draws grains coloured by D²min between the frame before and this one, over r̄².
+
+    Grains without D²min (rattlers of the earlier frame) are grey, which the colours leave out.
+
+    Args:
+        ax: Axes to draw into.
+        run: Run of disks or spheres, between walls or in a box.
         frame: Number of the frame.
         colorbar: Add a colour bar.
         decades: Decades below the greatest value that the colours span.
+        y: Of spheres, the plane of `draw_grains`.
 
     Returns:
-        The coloured disks.
+        The coloured grains.
     """
-    drawn = _frame_of_disks(run, frame)
+    drawn = run.frame(frame)
     values = run.dmin(frame) / np.mean(drawn.radius) ** 2
     defined = np.isfinite(values) & (values > 0)
     if not defined.any():
         raise RunError(
             f"{run.path}: frame {frame} has no D²min: frame 0 has none, nor have rattlers"
         )
-    draw_disks(ax, run, drawn)
     greatest = float(values[defined].max())
-    disks = _disks(ax, drawn, defined)
-    disks.set(
-        cmap="viridis",
-        norm=LogNorm(greatest * 10**-decades, greatest),
-        edgecolors="none",
-        zorder=2,
-    )
-    disks.set_array(_with_images(drawn, values)[_with_images(drawn, defined)])
+    norm = LogNorm(greatest * 10**-decades, greatest)
+    values = np.where(defined, values, np.nan)
+    grains = grain_map(ax, run, drawn, values, colorbar=False, y=y, norm=norm)
     if colorbar:
-        bar = _figure(ax).colorbar(disks, ax=ax, extend="min", shrink=0.85, pad=0.02)
-        bar.set_label(DMIN_LABEL)
-    return disks
+        _bar(ax, grains, DMIN_LABEL, extend="min")
+    return grains
 
 
 def stress_ratio(ax: Axes, run: Run, *, drops: int = 3) -> list[Line2D]:
@@ -198,9 +235,14 @@ def against(ax: Axes, means: pd.DataFrame, column: str) -> list[Line2D]:
     """Draws a column of `Sweep.means` with its errors against the first of its keys.
 
     Runs that differ in further keys have lines of their own.
+
+    Raises:
+        ValueError: There is no key.
     """
     first, *others = means.index.names
-    groups = means.groupby(others, sort=True) if others else [((), means)]
+    if first is None:
+        raise ValueError("these means are of one group: the runs differ in no key to draw against")
+    groups = means.groupby(others, sort=True, dropna=False) if others else [((), means)]
     lines = []
     for values, group in groups:
         label = ", ".join(f"{k} = {v}" for k, v in zip(others, values, strict=True))
@@ -219,6 +261,30 @@ def against(ax: Axes, means: pd.DataFrame, column: str) -> list[Line2D]:
     if others:
         ax.legend(fontsize="x-small")
     return lines
+
+
+def sweep_map(ax: Axes, means: pd.DataFrame, column: str, *, colorbar: bool = True) -> QuadMesh:
+    """Draws a column of `Sweep.means` as a map of coloured fields, the first key along x.
+
+    Fields have one size, whatever the spacing of the keys; those without a run are empty.
+
+    Raises:
+        ValueError: The means differ in fewer or more keys than two.
+    """
+    if means.index.nlevels != 2:
+        keys = ", ".join(str(name) for name in means.index.names)
+        raise ValueError(
+            f"a map needs two keys, these means have {keys}: average over further keys with `over` "
+            "of Sweep.means, draw one key with `against`"
+        )
+    table = means[column].unstack(0)  # noqa: PD010 - the index has both keys
+    fields = ax.pcolormesh(np.ma.masked_invalid(table.to_numpy(dtype=np.float64)), cmap="viridis")
+    for axis, labels in ((ax.xaxis, table.columns), (ax.yaxis, table.index)):
+        axis.set_ticks(np.arange(len(labels)) + 0.5, [str(value) for value in labels])
+        axis.set_label_text(str(labels.name))
+    if colorbar:
+        _bar(ax, fields, column.replace("_", " "))
+    return fields
 
 
 def dmin_distribution(
@@ -314,29 +380,32 @@ def rate_state(ax: Axes, run: Run, *, experiment: int = 0) -> list[Line2D]:
     return lines
 
 
-def draw_disks(ax: Axes, run: Run, frame: Frame) -> EllipseCollection:
-    """Draws disks in light grey, those of the walls darker, and labels the axes.
+def draw_grains(ax: Axes, run: Run, frame: Frame, *, y: float | None = None) -> EllipseCollection:
+    """Draws grains in light grey, those of the walls darker, and labels the axes.
+
+    Spheres are shown where the plane y = `y` cuts them, by default the middle of the box, as the
+    circles that it cuts out.
 
     Returns:
-        The disks; those that cross the periodic boundary are drawn at both sides.
+        The grains; those that cross a periodic boundary are drawn at both sides. In a sheared box
+        those above and below are moved by the Lees–Edwards offset.
     """
-    disks = _disks(ax, frame, np.ones(len(frame.radius), dtype=bool))
-    wall = _with_images(frame, frame.body) > 0
-    disks.set(
-        facecolors=np.where(wall, WALL, GRAIN).tolist(),
+    grains, rows = _grains(ax, frame, np.ones(len(frame.radius), dtype=bool), y)
+    grains.set(
+        facecolors=np.where(frame.body[rows] > 0, WALL, GRAIN).tolist(),
         edgecolors=EDGE,
         linewidths=0.2,
         zorder=1,
     )
-    x, radius = frame.position, frame.radius
-    ax.set_xlim(0, frame.box.edges[0])
-    ax.set_ylim((x[:, 1] - radius).min(), (x[:, 1] + radius).max())
+    low, high = _window(frame)
+    ax.set_xlim(low[0], high[0])
+    ax.set_ylim(low[1], high[1])
     ax.set_aspect("equal")
     unit = frame.units.get("position", run.units.get("length"))
-    for axis, name in ((ax.xaxis, "x"), (ax.yaxis, "y")):
-        label_axis(axis, name, unit, frame.box.edges[:1])
+    for axis, name in ((ax.xaxis, "x"), (ax.yaxis, "xyz"[frame.box.gradient])):
+        label_axis(axis, name, unit, high[:1])
         axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
-    return disks
+    return grains
 
 
 def label_axis(axis: Axis, name: str, unit: str | None, values: ArrayLike) -> None:
@@ -375,37 +444,83 @@ def _readable(unit: str) -> str:
     )
 
 
-def _frame_of_disks(run: Run, frame: SupportsIndex | Frame) -> Frame:
-    if run.dimension != 2:
-        raise RunError(f"{run.path}: this figure shows disks; the run has spheres")
+def _frame(run: Run, frame: SupportsIndex | Frame) -> Frame:
     return frame if isinstance(frame, Frame) else run.frame(frame)
 
 
-def _with_images(frame: Frame, values: NDArray[Any]) -> NDArray[Any]:
-    """Returns values of the grains, then those of the images at the right and at the left side."""
-    x, radius, length = frame.position[:, 0], frame.radius, frame.box.edges[0]
-    return np.concatenate([values, values[x < radius], values[x > length - radius]])
+def _axes(frame: Frame) -> list[int]:
+    """Returns the axes of a map: along the shear and along its gradient."""
+    return [0, frame.box.gradient]
 
 
-def _disks(ax: Axes, frame: Frame, which: NDArray[np.bool_]) -> EllipseCollection:
-    """Adds some of the disks of a frame, with their images, to `ax`."""
-    x, length = frame.position[:, :2], np.array([frame.box.edges[0], 0.0])
-    count, right = len(x), int(np.sum(x[:, 0] < frame.radius))
-    centres = _with_images(frame, x)
-    centres[count : count + right] += length
-    centres[count + right :] -= length
-    shown = _with_images(frame, which)
-    diameters = 2 * _with_images(frame, frame.radius)[shown]
-    disks = EllipseCollection(
+def _window(frame: Frame) -> NDArray[np.float64]:
+    """Returns the least and the greatest coordinates that a map shows, [2, 2]."""
+    box, axes = frame.box, _axes(frame)
+    window = np.stack([np.zeros(2), box.edges[axes]])
+    for k, axis in enumerate(axes):
+        if not box.periodic[axis]:
+            x, radius = frame.position[:, axis], frame.radius
+            window[:, k] = (x - radius).min(), (x + radius).max()
+    return window
+
+
+def _radii(frame: Frame, y: float | None) -> NDArray[np.float64]:
+    """Returns the radii of the circles that a map shows, [N], 0 of spheres off the plane."""
+    if frame.dimension == 2:
+        return np.asarray(frame.radius)
+    off = np.zeros((len(frame.radius), 3))
+    off[:, 1] = frame.position[:, 1] - (frame.box.edges[1] / 2 if y is None else y)
+    off = frame.box.minimum_image(off)
+    return np.sqrt(np.maximum(frame.radius**2 - off[:, 1] ** 2, 0.0))
+
+
+def _images(
+    frame: Frame, low: NDArray[np.float64], high: NDArray[np.float64]
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Finds the periodic images that a map shows of things that reach from `low` to `high`, [n, 2].
+
+    Returns:
+        The numbers of the things, those in their own place first, and their shifts, [m, 2].
+    """
+    box, axes, window = frame.box, _axes(frame), _window(frame)
+    vectors = box.vectors[np.ix_(axes, axes)]
+    across, above = (range(-2, 3) if box.periodic[axis] else [0] for axis in axes)
+    steps = sorted(((i, j) for i in across for j in above), key=lambda step: step != (0, 0))
+    rows, shifts = [], []
+    for step in steps:
+        shift = step @ vectors
+        seen = ((high + shift > window[0]) & (low + shift < window[1])).all(axis=1)
+        if step == (0, 0):
+            seen[:] = True
+        rows.append(np.flatnonzero(seen))
+        shifts.append(np.broadcast_to(shift, (len(rows[-1]), 2)))
+    return np.concatenate(rows), np.concatenate(shifts)
+
+
+def _grains(
+    ax: Axes, frame: Frame, which: NDArray[np.bool_], y: float | None
+) -> tuple[EllipseCollection, NDArray[np.intp]]:
+    """Adds some of the grains of a frame, with their images, to `ax`; returns their rows, too."""
+    radius = _radii(frame, y)
+    shown = np.flatnonzero(which & (radius > 0))
+    x, reach = frame.position[shown][:, _axes(frame)], radius[shown, None]
+    rows, shifts = _images(frame, x - reach, x + reach)
+    diameters = 2 * radius[shown[rows]]
+    grains = EllipseCollection(
         diameters,
         diameters,
         np.zeros(len(diameters)),
         units="xy",
-        offsets=centres[shown],
-        transOffset=ax.transData,
+        offsets=x[rows] + shifts,
+        offset_transform=ax.transData,
     )
-    ax.add_collection(disks)
-    return disks
+    ax.add_collection(grains)
+    return grains, shown[rows]
+
+
+def _bar(ax: Axes, drawn: Any, label: str, **style: Any) -> None:  # noqa: ANN401
+    bar = _figure(ax).colorbar(drawn, ax=ax, shrink=0.85, pad=0.02, **style)
+    bar.set_label(label)
 
 
 def _exceedance(ax: Axes, values: NDArray[np.float64], **style: Any) -> list[Line2D]:  # noqa: ANN401

@@ -9,6 +9,7 @@ from typing import Any
 
 import pandas as pd
 
+from ._toml import toml
 from .errors import RunError
 from .run import FILES, Run
 from .scene import Scene
@@ -130,8 +131,9 @@ class Sweep(Sequence[Run]):
         table = self.table(columns, start=start, measures=measures)
         by = [name for name in self.keys if name not in over]
         numbers = [name for name in table.columns if name not in self.keys]
-        # Without other keys all runs are one group.
-        groups = table.groupby(by if by else [0] * len(table), sort=True)[numbers]
+        # Without other keys all runs are one group. Scenes without a key are a group, too.
+        keys = by if by else [0] * len(table)
+        groups = table.groupby(keys, sort=True, dropna=False)[numbers]
         means = groups.mean()
         errors = groups.sem()
         for name in numbers:
@@ -141,7 +143,7 @@ class Sweep(Sequence[Run]):
 
 
 def _values(scene: Scene) -> dict[str, Any]:
-    """The values of a scene by their paths. Names of the run are not among them."""
+    """The values of a scene by their paths; lists are TOML. Names of the run are not among them."""
     values: dict[str, Any] = {}
     for name in scene:
         inner = scene[name]
@@ -149,4 +151,4 @@ def _values(scene: Scene) -> dict[str, Any]:
             values |= {f"{name}.{key}": value for key, value in inner.items()}
         elif name not in ("title", "author"):
             values[name] = inner
-    return values
+    return {n: toml(v) if isinstance(v, list | dict) else v for n, v in values.items()}
