@@ -82,12 +82,12 @@ python: build
 docs:
 	cargo test --release --locked -p gshear-scene --lib -- --ignored --exact reference::tests::write_the_reference
 	cargo test --release --locked -p gshear-store --lib -- --ignored write_columns_to_docs
-	scripts/book.py laws
+	scripts/book.py pages
 
 # mdBook comes as a package, or is built (scripts/book-deps).
 book: deps
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
-	scripts/book.py laws --check
+	scripts/book.py pages --check
 	scripts/book.py build --mdbook "$$(scripts/book-deps)" --api target/doc
 
 mpich: deps

@@ -2,7 +2,8 @@
 """Builds the book of docs/ with mdBook, with the API of the crates beside it, and checks its links.
 
     scripts/book.py build --mdbook PROGRAM --api target/doc    writes target/book
-    scripts/book.py laws [--check]                             writes docs/laws.md
+    scripts/book.py pages [--check]                            writes docs/laws.md and
+                                                               docs/python-api.md
 
 The lists of docs/README.md are the table of contents. Pages outside docs/ that it names are pages
 of the book, too; other files of the repository that a page links are copied beside it. A link with
@@ -14,6 +15,8 @@ code-hosting site shows them.
 from __future__ import annotations
 
 import argparse
+import ast
+import inspect
 import os
 import re
 import shutil
@@ -28,6 +31,9 @@ from urllib.parse import unquote, urlsplit
 CONTENTS = "docs/README.md"
 API_PAGE = "api.md"
 LAWS = "docs/laws.md"
+PYTHON = "docs/python-api.md"
+# Modules of the Python package whose names users import.
+MODULES = ("__init__", "analysis", "plots", "mdanalysis")
 # What laws have beside them: file and title.
 BESIDE_LAWS = {
     "rolling_spheres": "rolling and twisting of spheres",
@@ -337,13 +343,105 @@ def laws(root: Path) -> str:
     return f"{before}{begin}{text}\n{end}{rest.partition(end)[2]}"
 
 
-def write_laws(root: Path, check: bool) -> None:
-    """Writes docs/laws.md, or only looks whether it is due."""
-    page, text = root / LAWS, laws(root)
-    if not check:
-        page.write_text(text)
-    elif not page.is_file() or page.read_text() != text:
-        raise BookError(f"{LAWS} is not what the sources say: run make docs")
+Definition = ast.ClassDef | ast.FunctionDef
+
+
+def python_api(root: Path) -> str:
+    """The page of the Python package, from the docstrings of its public names."""
+    folder = root / "python/src/gshear"
+    text = (
+        "# Python API\n\nFrom the docstrings of `gshear`; the [Python package](../python/README.md)"
+    )
+    text += " has an overview.\n"
+    for module in MODULES:
+        tree = ast.parse((folder / f"{module}.py").read_text())
+        name = "gshear" if module == "__init__" else f"gshear.{module}"
+        text += f"\n## {name}\n\n{markdown(tree)}"
+        found = public(tree.body)
+        for line in tree.body if module == "__init__" else []:
+            if isinstance(line, ast.ImportFrom) and line.level:
+                inner = public(ast.parse((folder / f"{line.module}.py").read_text()).body)
+                names = {alias.name for alias in line.names}
+                # What a class has from another one belongs to it.
+                classes = [i for i in inner if isinstance(i, ast.ClassDef) and i.name in names]
+                names |= {ast.unparse(base) for item in classes for base in item.bases}
+                found += [item for item in inner if item.name in names]
+        text += "".join(described(item, "") for item in found)
+    return text
+
+
+def public(body: list[ast.stmt]) -> list[Definition]:
+    """Classes, functions, methods and properties, not those of overloads."""
+    items = [item for item in body if isinstance(item, ast.ClassDef | ast.FunctionDef)]
+    return [item for item in items if item.name[0] != "_" and "overload" not in decorators(item)]
+
+
+def decorators(item: Definition) -> list[str]:
+    """The names of what stands above a definition."""
+    return [ast.unparse(line) for line in item.decorator_list]
+
+
+def described(item: Definition, owner: str) -> str:
+    """The heading, signature and docstring of a definition, then those of its methods."""
+    name = f"{owner}{item.name}"
+    text = f"\n{'####' if owner else '###'} {name}\n\n"
+    function: Definition | None = item
+    if isinstance(item, ast.ClassDef):
+        methods = [line for line in item.body if isinstance(line, ast.FunctionDef)]
+        function = next((line for line in methods if line.name == "__init__"), None)
+        # Objects of other classes are made by the package alone.
+        function = function if "Args:" in (ast.get_docstring(item) or "") else None
+    if isinstance(function, ast.FunctionDef):
+        text += f"```python\n{signature(name, function, 'property' in decorators(item))}\n```\n\n"
+    text += markdown(item)
+    if isinstance(item, ast.ClassDef):
+        text += "".join(described(method, f"{item.name}.") for method in public(item.body))
+    return text
+
+
+def signature(name: str, function: ast.FunctionDef, is_property: bool) -> str:
+    """Name, arguments and result; an argument in each line if they are too long for one."""
+    result = f" -> {ast.unparse(function.returns)}" if function.returns else ""
+    if function.name == "__init__":
+        result = ""
+    if is_property:
+        return name + result
+    arguments = function.args
+    if [first.arg for first in arguments.args[:1]] == ["self"]:
+        arguments.args = arguments.args[1:]
+    given = ast.unparse(arguments)
+    line = f"{name}({given}){result}"
+    if len(line) <= 88:
+        return line
+    parts = re.split(r", (?=\*{0,2}\w+[:=]|\*,)", given)
+    return f"{name}(\n" + "".join(f"    {part},\n" for part in parts) + f"){result}"
+
+
+def markdown(item: ast.Module | Definition) -> str:
+    """A docstring, whose sections become lists and paragraphs."""
+    text = ""
+    section = ""
+    for line in inspect.cleandoc(ast.get_docstring(item) or "").split("\n"):
+        if found := re.fullmatch(r"(Args|Attributes|Raises|Returns):", line):
+            section = found[1]
+            text += f"**{section}**\n\n"
+        elif not section:
+            text += f"{line}\n"
+        elif entry := re.match(r"    (\*{0,2}\w+): (.*)", line):
+            text += f"- `{entry[1]}`: {entry[2]}\n" if section != "Returns" else f"{line[4:]}\n"
+        else:
+            text += f"{line[6:] if section != 'Returns' and line else line[4:]}\n"
+    return text
+
+
+def write_pages(root: Path, check: bool) -> None:
+    """Writes the pages that are made of the sources, or only looks whether they are due."""
+    for name, make in ((LAWS, laws), (PYTHON, python_api)):
+        page, text = root / name, make(root)
+        if not check:
+            page.write_text(text)
+        elif not page.is_file() or page.read_text() != text:
+            raise BookError(f"{name} is not what the sources say: run make docs")
 
 
 def main() -> int:
@@ -355,12 +453,12 @@ def main() -> int:
     builds.add_argument("--mdbook", default="mdbook")
     builds.add_argument("--api", type=Path, help="rustdoc's pages, which are copied into the book")
     builds.add_argument("--out", type=Path, help="folder of the book [target/book]")
-    writes = commands.add_parser("laws", help="write docs/laws.md")
+    writes = commands.add_parser("pages", help=f"write {LAWS} and {PYTHON}")
     writes.add_argument("--check", action="store_true", help="only compare")
     arguments = parser.parse_args()
     try:
-        if arguments.command == "laws":
-            write_laws(arguments.root, arguments.check)
+        if arguments.command == "pages":
+            write_pages(arguments.root, arguments.check)
         else:
             out = arguments.out or arguments.root / "target/book"
             build(arguments.root, arguments.mdbook, arguments.api, out)

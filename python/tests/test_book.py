@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
+import inspect
 import re
 import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
+
+import gshear
+from gshear import analysis, mdanalysis, plots
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 MDBOOK = """#!/bin/sh
@@ -144,3 +149,56 @@ def test_the_page_of_laws_is_that_of_the_sources(book: ModuleType) -> None:
     text = book.laws(CHECKOUT)
     assert (CHECKOUT / "docs" / "laws.md").read_text() == text
     assert text.count("\n## ") >= 5
+
+
+def test_the_page_of_the_python_package_has_all_that_is_public(book: ModuleType) -> None:
+    text = (CHECKOUT / "docs" / "python-api.md").read_text()
+    assert text == book.python_api(CHECKOUT), "run make docs"
+    headings = set(re.findall(r"^###+ (.*)$", text, re.M))
+    named = {name: getattr(gshear, name) for name in gshear.__all__}
+    for module in (analysis, plots, mdanalysis):
+        own = {n: item for n, item in vars(module).items() if callable(item) and n[0] != "_"}
+        named |= {n: i for n, i in own.items() if getattr(i, "__module__", "") == module.__name__}
+    members = {
+        f"{name}.{member}"
+        for name, item in named.items()
+        if isinstance(item, type) and not issubclass(item, tuple)
+        for member, value in vars(item).items()
+        if member[0] != "_" and (inspect.isfunction(value) or isinstance(value, property))
+    }
+    assert {"Run.array", "Box.wrap", "Contacts.force"} <= members
+    assert sorted((named.keys() | members) - headings) == []
+
+
+def test_docstrings_become_markdown(book: ModuleType) -> None:
+    text = '''
+def f(x: int, *, y: dict[str, int] | None = None, **style: float) -> list[int]:
+    """Does f.
+
+        f(1)
+
+    Args:
+        x: The first,
+            on two lines.
+        **style: More.
+
+    Returns:
+        A list: of one.
+
+    Raises:
+        ValueError: Never.
+    """
+'''
+    (item,) = book.public(ast.parse(text).body)
+    assert book.described(item, "") == (
+        "\n### f\n\n```python\n"
+        "f(x: int, *, y: dict[str, int] | None=None, **style: float) -> list[int]\n```\n\n"
+        "Does f.\n\n    f(1)\n\n**Args**\n\n- `x`: The first,\n  on two lines.\n"
+        "- `**style`: More.\n\n**Returns**\n\nA list: of one.\n\n**Raises**\n\n"
+        "- `ValueError`: Never.\n"
+    )
+    long = "name: int, " * 9 + "*, last: dict[str, int]"
+    (item,) = book.public(ast.parse(f"def f({long}): ...").body)
+    said = book.described(item, "")
+    assert said.count("    name: int,\n") == 9
+    assert "    *,\n    last: dict[str, int],\n)\n" in said

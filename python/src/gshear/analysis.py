@@ -200,16 +200,20 @@ def profiles(frames: Iterable[Frame], layers: int = 20) -> pd.DataFrame:
 
 
 class Fields(NamedTuple):
-    """Coarse-grained fields at points of shape […]."""
+    """Coarse-grained fields at points of shape […].
+
+    Attributes:
+        density: […], mass per volume (kg/m³).
+        velocity: […, 3], momentum over density (m/s); NaN far from every grain.
+        temperature: […], granular temperature ⟨|v - V|²⟩/d in d dimensions (m²/s²); NaN far from
+            every grain.
+        stress: […, 3, 3], of the contacts, Σ r ⊗ F per volume (Pa); compression is positive.
+    """
 
     density: Array
-    """[…], mass per volume (kg/m³)."""
     velocity: Array
-    """[…, 3], momentum over density (m/s); NaN far from every grain."""
     temperature: Array
-    """[…], granular temperature ⟨|v - V|²⟩/d in d dimensions (m²/s²); NaN far from every grain."""
     stress: Array
-    """[…, 3, 3], of the contacts, Σ r ⊗ F per volume (Pa); compression is positive."""
 
 
 def coarse_grained(frame: Frame, points: ArrayLike, width: float) -> Fields:
