@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from gshear.analysis import (
     fabric,
     power_spectrum,
     profiles,
+    rattlers,
 )
 
 
@@ -30,15 +31,15 @@ def planted(
     grains: dict[str, Any],
     *,
     walls: bool,
-    force: float | None = None,
+    pairs: Sequence[tuple[int, int]] = (),
 ) -> Frame:
-    """A frame of planted grains; with a normal force the first touches the second."""
+    """A frame of planted grains, of which these touch with the normal force 7."""
     box = Box(np.array(edges), (True, dimension == 3, False), dimension - 1)
     if not walls:
         box = Box(np.array(edges), (True, True, dimension == 3), dimension - 1)
-    count = 0 if force is None else 1
-    columns: dict[str, NDArray[Any]] = {"i": np.zeros(count, int), "j": np.ones(count, int)}
-    columns |= {"normal_force": np.full(count, force), "tangential_force": np.zeros(count)}
+    i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
+    columns: dict[str, NDArray[Any]] = {"i": i, "j": j, "normal_force": np.full(len(i), 7.0)}
+    columns["tangential_force"] = np.zeros(len(i))
     return Frame(
         tuple(grains),
         grains.__getitem__,
@@ -49,7 +50,7 @@ def planted(
         strain=0.0,
         dimension=dimension,
         box=box,
-        contacts=lambda frame: Contacts(tuple(columns), columns.__getitem__, {}, frame, count),
+        contacts=lambda frame: Contacts(tuple(columns), columns.__getitem__, {}, frame, len(i)),
     )
 
 
@@ -158,6 +159,20 @@ def test_fabric_in_closed_form() -> None:
     np.testing.assert_allclose(fabric(every), np.eye(3) / 3, atol=3e-3)
 
 
+def test_rattlers_are_removed_one_after_another() -> None:
+    """Four disks that all touch hold each other; the chain beside them falls from its end on."""
+    pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3), (3, 4), (4, 5), (4, 6), (5, 6), (6, 7)]
+    grains = {"position": np.zeros((8, 3)), "radius": np.ones(8), "body": np.zeros(8, dtype=int)}
+    contacts = planted(2, [9.0, 9.0, 1.0], grains, walls=True, pairs=pairs).contacts
+    assert np.flatnonzero(rattlers(contacts)).tolist() == [4, 5, 6, 7]
+    assert np.flatnonzero(rattlers(contacts, 2)).tolist() == [7]
+    assert rattlers(contacts, 4).all()
+    # Grains of walls are held without contacts.
+    grains["body"][7] = 1
+    grains["body"][5] = 2
+    assert np.flatnonzero(rattlers(contacts)).tolist() == []
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_profiles_of_planted_grains(dimension: int) -> None:
     """Rows of grains in a linear flow, with fluctuations of ± 0.3 along every axis."""
@@ -255,7 +270,7 @@ def test_temperature_and_stress_of_two_grains() -> None:
     """Between them the stress is that of a line under a Gaussian."""
     grains = {"position": np.array([[9.5, 5.0, 0.0], [1.5, 5.0, 0.0]]), "radius": np.ones(2)}
     grains |= {"velocity": np.array([[1.0, 0.0, 0.0], [3.0, 0.0, 0.0]]), "mass": np.ones(2)}
-    frame = planted(2, [10.0, 10.0, 1.0], grains, walls=False, force=7.0)
+    frame = planted(2, [10.0, 10.0, 1.0], grains, walls=False, pairs=[(0, 1)])
     width, length = 0.5, 2.0
     fields = coarse_grained(frame, [[0.5, 5.0], [0.5, 5.5], [9.5, 5.0]], width)
     np.testing.assert_allclose(fields.velocity[0], [2, 0, 0])

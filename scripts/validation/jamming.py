@@ -15,21 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from gshear import Run
+from gshear.analysis import rattlers
 
 
 def coordination(run: Run, number: int) -> tuple[float, float]:
     """Contacts of a grain that is no rattler, and the share of rattlers."""
     contacts = run.contacts(number)
-    grains = len(run.frame(number).radius)
-    pairs = np.stack([contacts.i, contacts.j], axis=1)
-    held = np.ones(grains, dtype=bool)
-    while True:
-        of_held = held[pairs].all(axis=1)
-        count = np.bincount(pairs[of_held].ravel(), minlength=grains)
-        still = held & (count > run.dimension)
-        if (still == held).all():
-            return 2.0 * of_held.sum() / held.sum(), 1.0 - held.mean()
-        held = still
+    held = ~rattlers(contacts)
+    return 2.0 * held[contacts.pairs].all(axis=1).sum() / held.sum(), 1.0 - held.mean()
 
 
 def jammed(folder: Path) -> list[float]:

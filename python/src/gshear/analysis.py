@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from .frames import Frame
+from .frames import Contacts, Frame
 
 Array = NDArray[np.float64]
 
@@ -140,6 +140,27 @@ def fabric(normals: ArrayLike, weights: ArrayLike | None = None) -> Array:
     w = np.ones(len(n)) if weights is None else np.asarray(weights, dtype=np.float64)
     tensor: Array = (n * w[:, None]).T @ n / w.sum()
     return tensor
+
+
+def rattlers(contacts: Contacts, least: int | None = None) -> NDArray[np.bool_]:
+    """Finds the free grains that nothing holds, [N].
+
+    Grains with too few contacts are left out, with their contacts, until there are none.
+
+    Args:
+        contacts: Contacts of a frame.
+        least: Number of contacts that hold a grain; by default one more than the dimension, which
+            grains without friction need.
+    """
+    frame, pairs = contacts.frame, contacts.pairs
+    needed = np.where(frame.body == 0, frame.dimension + 1 if least is None else least, 0)
+    held = np.ones(len(needed), dtype=bool)
+    while True:
+        ends = pairs[held[pairs].all(axis=1)].ravel()
+        still = held & (np.bincount(ends, minlength=len(held)) >= needed)
+        if (still == held).all():
+            return ~held
+        held = still
 
 
 def profiles(frames: Iterable[Frame], layers: int = 20) -> pd.DataFrame:
