@@ -50,6 +50,25 @@ def test_gouge_reads_a_run(copy: Callable[[str], Path], monkeypatch: pytest.Monk
     assert (folder / "run.h5").stat().st_mtime_ns == written
 
 
+@pytest.mark.parametrize(
+    ("name", "run", "words"),
+    [
+        ("rheology", "flow", ["mu_error", "anisotropy"]),
+        ("jamming", "jamming", ["phi_J", "rattlers"]),
+    ],
+)
+def test_notebooks_of_other_fields_read_a_run(
+    name: str,
+    run: str,
+    words: list[str],
+    copy: Callable[[str], Path],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    folder = copy(run)
+    said = execute(f"{name}.ipynb", folder / "scene.toml", folder, monkeypatch)
+    assert [word for word in words if word not in said] == []
+
+
 @pytest.mark.parametrize("path", sorted(NOTEBOOKS.glob("*.ipynb")), ids=lambda path: path.stem)
 def test_notebooks_are_stored_executed(path: Path) -> None:
     notebook = nbformat.read(path, as_version=4)
