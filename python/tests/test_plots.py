@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
@@ -174,7 +175,18 @@ def test_ticks_have_the_prefix_of_the_label(ax: Axes) -> None:
     assert text == ["43.26", "43.30"]
 
 
-def test_reduced_units_are_not_named(reduced: Callable[[str], Path], ax: Axes) -> None:
-    with Run(reduced("box"), quiet=True) as run:
-        plots.series(ax, run, "shear_stress")
-        assert ax.get_ylabel() == "shear stress"
+def test_series_of_a_box(box: Run, ax: Axes) -> None:
+    """Reduced units are not named; runs without a strain are drawn against the time."""
+    line = plots.series(ax, box, "shear_stress")
+    assert ax.get_ylabel() == "shear stress"
+    column = "strain" if box.path.name == "aqs.h5" else "time"
+    assert ax.get_xlabel() == column
+    np.testing.assert_array_equal(line.get_xdata(), box.series[column])
+    with pytest.raises(RunError, match="a box has no stress ratio"):
+        plots.stress_ratio(ax, box)
+
+
+def test_colours_of_many_runs_differ() -> None:
+    for count in (1, 7, 8, 30):
+        colours = plots._colours(count)
+        assert len({to_hex(colour) for colour in colours}) == len(colours) == count

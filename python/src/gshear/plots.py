@@ -11,6 +11,7 @@ from typing import Any, SupportsIndex
 
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import EllipseCollection, LineCollection, QuadMesh
@@ -171,6 +172,8 @@ def stress_ratio(ax: Axes, run: Run, *, drops: int = 3) -> list[Line2D]:
         The line of τ, then one for each drop, largest first.
     """
     series = run.series
+    if "stress_ratio" not in series:
+        raise RunError(f"{run.path}: a box has no stress ratio: draw `shear_stress` with `series`")
     lines = ax.plot(series["strain"], series["stress_ratio"], color="#333333", linewidth=0.8)
     if drops:
         ends = run.drops(drops)[["start_row", "end_row"]].to_numpy()
@@ -208,9 +211,13 @@ def stress_ratio(ax: Axes, run: Run, *, drops: int = 3) -> list[Line2D]:
     return lines
 
 
-def series(ax: Axes, run: Run, column: str, *, against: str = "strain") -> Line2D:
-    """Draws a column of the time series against another one, with units on the axes."""
+def series(ax: Axes, run: Run, column: str, *, against: str | None = None) -> Line2D:
+    """Draws a column of the time series against another one, with units on the axes.
+
+    By default that is the strain, or the time in `newtonian.h5`, which has no strain.
+    """
     table = run.series
+    against = against or ("strain" if "strain" in table else "time")
     (line,) = ax.plot(table[against], table[column], color=STICK, linewidth=1.0)
     units = table.attrs["units"]
     for axis, name in ((ax.xaxis, against), (ax.yaxis, column)):
@@ -218,7 +225,7 @@ def series(ax: Axes, run: Run, column: str, *, against: str = "strain") -> Line2
     return line
 
 
-def courses(ax: Axes, sweep: Sweep, column: str, *, against: str = "strain") -> list[Line2D]:
+def courses(ax: Axes, sweep: Sweep, column: str, *, against: str | None = None) -> list[Line2D]:
     """Draws a column of the time series of every run of a sweep, named by the keys that differ."""
     lines = []
     for run, colour in zip(sweep, _colours(len(sweep)), strict=True):
@@ -477,10 +484,10 @@ def _radii(frame: Frame, y: float | None) -> NDArray[np.float64]:
 def _images(
     frame: Frame, low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Finds the periodic images that a map shows of things that reach from `low` to `high`, [n, 2].
+    """Finds the periodic images, within a map, of shapes from `low` to `high`, [n, 2] each.
 
     Returns:
-        The numbers of the things, those in their own place first, and their shifts, [m, 2].
+        The numbers of the shapes, those in their own place first, and their shifts, [m, 2].
     """
     box, axes, window = frame.box, _axes(frame), _window(frame)
     vectors = box.vectors[np.ix_(axes, axes)]
@@ -538,9 +545,11 @@ def _exceedance(ax: Axes, values: NDArray[np.float64], **style: Any) -> list[Lin
     return ax.plot(values, fraction, linewidth=1.2, **style)
 
 
-def _colours(count: int) -> list[str]:
+def _colours(count: int) -> list[Any]:
     colours = [STICK, SLIP, THIRD, "#CC79A7", "#E69F00", "#56B4E9", "#000000"]
-    return [colours[k % len(colours)] for k in range(count)]
+    if count > len(colours):
+        return list(colormaps["viridis"](np.linspace(0, 0.95, count)))
+    return colours[:count]
 
 
 def _figure(ax: Axes) -> Any:  # noqa: ANN401 - a Figure or a SubFigure
