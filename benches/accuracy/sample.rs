@@ -7,7 +7,7 @@ use gshear_dem::contact::ContactLaw;
 use gshear_dem::contact::stiffness::Stiffness;
 use gshear_dem::dimension::Two;
 use gshear_dem::domain::Solo;
-use gshear_dem::drive::{GrainWalls, Piston, Slider};
+use gshear_dem::drive::{GrainWalls, Piston, Slider, Top};
 use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::lee_hurley::{self, Material};
 use gshear_dem::protocol::Protocol;
@@ -127,7 +127,7 @@ impl Sample {
         let mut system = System::new(&Solo, setup).expect("one rank is not too many");
         // At another Δt the same drive.
         let slider = Slider::new(Protocol::new(step, [(self.speed, u64::MAX >> 12)]), None);
-        let walls = GrainWalls::new(self.piston, slider, None, false);
+        let walls = GrainWalls::new(Top::new(self.piston, slider, None, false));
         let mut drive = Damped { walls, dampers };
         let (grains, contacts) = (self.snapshot.grains.clone(), self.snapshot.contacts.clone());
         system

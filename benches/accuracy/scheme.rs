@@ -1,8 +1,8 @@
 //! What the dampers are given: the scheme of this program, and that of LAMMPS, for comparison.
 
 use gshear_dem::dimension::{Dimension, Two};
-use gshear_dem::domain::{Accumulator, FixedPoint};
-use gshear_dem::drive::{Drive, WallForces, WallSteps};
+use gshear_dem::domain::Accumulator;
+use gshear_dem::drive::{Drive, Felt, WallForces, WallSteps};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
 
@@ -46,12 +46,12 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.start(load);
     }
 
-    fn drift(&mut self, step: f64, grains: &mut Grains<Two>) {
-        self.walls.drift(step, grains);
+    fn drift(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<Two>) {
+        self.walls.drift(step, cell, grains);
     }
 
-    fn predict(&mut self, step: f64, grains: &mut Grains<Two>) {
-        self.walls.predict(step, grains);
+    fn predict(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<Two>) {
+        self.walls.predict(step, cell, grains);
         if self.dampers == Dampers::HalfStep {
             for record in &mut grains.record {
                 let r = Two::fields_mut(record);
@@ -74,8 +74,8 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.forces(isa, cell, step, grains)
     }
 
-    fn load(&self, grains: &Grains<Two>, fixed: &FixedPoint, to: &mut [Accumulator; 3]) {
-        self.walls.load(grains, fixed, to);
+    fn load(&self, felt: &Felt<'_, Two>, to: &mut [Accumulator; 3]) {
+        self.walls.load(felt, to);
     }
 
     fn kick(&mut self, step: f64, load: WallForces, grains: &mut Grains<Two>) {

@@ -2,7 +2,8 @@
 //! spring: bits compared, never approximately.
 
 use crate::common::protocols::{
-    Case, DISKS, DISKS_UNDER_A_SERVO, SPHERES, SPHERES_UNDER_A_SERVO, SPHERES_UNDER_A_SPRING,
+    Case, DISKS, DISKS_UNDER_A_SERVO, DISKS_WITHOUT_WALLS, SPHERES, SPHERES_UNDER_A_SERVO,
+    SPHERES_UNDER_A_SPRING, SPHERES_WITHOUT_WALLS, SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
 };
 use crate::common::{self, copy_folder, gshear_mpi, reducer, same_run};
 use gshear_store::run_reader::RunFile;
@@ -59,6 +60,16 @@ fn of_spheres() {
 #[test]
 fn of_spheres_under_a_spring() {
     keeps_the_contracts(&SPHERES_UNDER_A_SPRING);
+}
+
+#[test]
+fn of_disks_without_walls() {
+    keeps_the_contracts(&DISKS_WITHOUT_WALLS);
+}
+
+#[test]
+fn of_spheres_without_walls() {
+    keeps_the_contracts(&SPHERES_WITHOUT_WALLS);
 }
 
 /// Besides the contracts: the budget is closed, the wall moves by v = gain (F - N), and a window is
@@ -125,6 +136,11 @@ fn of_a_servo(case: &Case, varies: bool) {
 #[test]
 fn of_disks_under_a_servo() {
     of_a_servo(&DISKS_UNDER_A_SERVO, true);
+}
+
+#[test]
+fn of_spheres_without_walls_under_a_servo() {
+    of_a_servo(&SPHERES_WITHOUT_WALLS_UNDER_A_SERVO, false);
 }
 
 #[test]

@@ -116,6 +116,61 @@ pub const SPHERES_UNDER_A_SERVO: Case = Case {
     ..SPHERES
 };
 
+/// All that a cell without walls allows.
+pub const DISKS_WITHOUT_WALLS: Case = Case {
+    sample: &["sample.boundary=periodic"],
+    parts: &[
+        "velocity = 3, time = 4e-6",
+        "velocity = -3, time = 1e-7, pressure = 7e5",
+        "velocity = 0.3, time = 1e-7, pressure = 5e5, pressure_end = 8e5",
+        "velocity = 0.3, time = 1e-7, pressure = 6e5, pressure_amplitude = 2e5, pressure_frequency = 2e7",
+        "velocity = 0.3, time = 1e-7, wall_velocity = 0",
+        "velocity = 0.3, time = 1e-7, wall_velocity = -0.02",
+        "strain_amplitude = 0.002, frequency = 1e7, cycles = 1.25, pressure = 6e5",
+        "strain_amplitude = 0.002, frequency = 1e7, cycles = 1.25, wall_velocity = 0",
+        "shear_stress = 2e5, time = 1e-7, pressure = 6e5",
+        "shear_stress = 2e5, shear_stress_end = -1e5, time = 1e-7",
+        "shear_stress = 0, shear_stress_amplitude = 2e5, frequency = 1e7, cycles = 1.25",
+        "velocity = 0, time = 5e-8",
+    ],
+    ..DISKS
+};
+
+/// Spheres in it, under a spring.
+pub const SPHERES_WITHOUT_WALLS: Case = Case {
+    sample: &[
+        "sample.boundary=periodic",
+        "load.gravity=none",
+        "sample.packing=none",
+        "sample.grains=300",
+        "sample.radius_min=0.8e-3",
+        "sample.radius_max=1.2e-3",
+        "sample.length=12e-3",
+        "sample.width=10e-3",
+        "pack.skip=none",
+    ],
+    parts: &[
+        "velocity = 8, time = 1e-3",
+        "velocity = 3, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
+        "velocity = -3, time = 1e-4, pressure = 1e5, pressure_amplitude = 3e4, pressure_frequency = 2e4",
+        "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, pressure = 1e5",
+        "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, wall_velocity = 0",
+    ],
+    ..SPHERES_UNDER_A_SPRING
+};
+
+/// The same under the servo.
+pub const SPHERES_WITHOUT_WALLS_UNDER_A_SERVO: Case = Case {
+    sample: SPHERES_WITHOUT_WALLS.sample,
+    further: &[
+        "output.series_rows=10",
+        "output.frame_rows=1",
+        "load.control=servo",
+        "time.step=2.5e-7",
+    ],
+    ..SPHERES_UNDER_A_SERVO
+};
+
 impl Case {
     /// What `--set` takes.
     pub fn sets(&self) -> Vec<String> {

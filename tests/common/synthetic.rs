@@ -42,6 +42,7 @@ pub fn shapes(grains: u64) -> Vec<GrainShape> {
 pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
     RunHeader {
         walls: true,
+        units: true,
         series: &SeriesRow::COLUMNS,
         form: Form {
             axes: 2,

@@ -8,10 +8,10 @@ use crate::contact::model::PairModel;
 use crate::contact::{TORQUES, dissipation};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
-use crate::drive::GrainWalls;
+use crate::drive::{Top, WallForces};
 use crate::failure::Failure;
 use crate::kernel::ContactForces;
-use crate::state::{Cell, ContactSample, GrainSample, ImposedRow, SeriesRow, body};
+use crate::state::{Cell, ContactSample, GrainSample, ImposedRow, SeriesRow, StressRow, body};
 use crate::system::System;
 
 /// Numbers of the four sums of a row in its message.
@@ -118,14 +118,16 @@ pub fn kinetic_energy<D: Dimension>(
 }
 
 fn owned_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Accumulator {
+    let cell = system.cell;
     let grains = system.grains();
     let mut sum = Accumulator::default();
     for g in 0..grains.owned {
         if grains.body[g] == body::FREE {
             let (r, m, radius) = (grains.fields(g), grains.mass[g], grains.radius[g]);
-            let square = |at: usize, n: usize| r[at..at + n].iter().map(|v| v * v).sum::<f64>();
-            let spin = D::INERTIA * radius * radius * square(D::SPIN, D::SPINS);
-            let energy_of = 0.5 * m * (square(D::VELOCITY, D::AXES) + spin);
+            let square = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>();
+            let spin = D::INERTIA * radius * radius * square(&r[D::SPIN..D::SPIN + D::SPINS]);
+            let velocity = cell.peculiar_velocity::<D>(r);
+            let energy_of = 0.5 * m * (square(&velocity[..D::AXES]) + spin);
             energy.add(&mut sum, energy_of);
         }
     }
@@ -196,25 +198,29 @@ fn sums<D: Dimension>(
     }
 }
 
-/// A row of the time series, from the forces of the last step; collective.
+/// A row of the time series, from the forces of the last step; collective. `felt`: what a cell
+/// without walls feels in place of the forces on the grains of the top.
 pub fn series<D: Dimension>(
     exchange: &dyn Exchange,
     law: &dyn PairModel,
     system: &mut System<D>,
     samples: &ContactForces,
-    walls: &GrainWalls,
+    (top, felt): (&Top, Option<WallForces>),
     constants: &SampleConstants,
     height: f64,
 ) -> SeriesRow {
-    let (piston, slider) = (&walls.piston, &walls.slider.state);
+    let (piston, slider) = (&top.piston, &top.slider.state);
     let Sums {
-        shear_force,
-        normal_force,
+        mut shear_force,
+        mut normal_force,
         kinetic_energy,
         potential_energy,
         counts: [contacts, sliding, ends],
     } = sums(exchange, system, constants);
-    let wall_height = piston.height - constants.walls - walls.bottom_displacement();
+    if let Some(felt) = felt {
+        (shear_force, normal_force) = (-felt.along, felt.up);
+    }
+    let wall_height = piston.height - constants.walls - top.bottom_displacement();
     let of_wall = 0.5 * piston.mass * piston.velocity * piston.velocity;
     let has_wall = |budget: &EnergyBudget| budget.has_wall();
     let of_grains = kinetic_energy + potential_energy;
@@ -257,8 +263,8 @@ pub fn series<D: Dimension>(
         wall_velocity: piston.velocity,
         slip: slider.displacement,
         slip_rate: slider.velocity,
-        drive_displacement: walls.slider.drive_position(),
-        drive_velocity: walls.slider.drive_velocity(),
+        drive_displacement: top.slider.drive_position(),
+        drive_velocity: top.slider.drive_velocity(),
         elastic_normal: energy.elastic[0],
         elastic_tangential: energy.elastic[1],
         elastic_rolling: energy.elastic[2],
@@ -273,12 +279,60 @@ pub fn series<D: Dimension>(
 }
 
 /// What a protocol of more than velocities imposes on the walls at the end of a step.
-pub fn imposed(walls: &GrainWalls) -> ImposedRow {
-    let [normal, shear] = walls.imposed();
+pub fn imposed(top: &Top) -> ImposedRow {
+    let [normal, shear] = top.imposed();
     ImposedRow {
         imposed_normal_force: normal,
         imposed_shear_force: shear,
-        bottom_displacement: walls.bottom_displacement(),
+        bottom_displacement: top.bottom_displacement(),
+    }
+}
+
+/// The stress of a cell without walls, from the forces of the last step. `mass`: of all grains (kg;
+/// kg/m in 2D). Collective.
+pub fn stress<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    samples: &ContactForces,
+    mass: f64,
+) -> StressRow {
+    system.finish_step();
+    let (cell, grains, fixed) = (&system.cell, &system.grains, &system.fixed);
+    let lengths = cell.lengths::<D>();
+    // Sums of forces, as the fixed-point numbers are for them.
+    let per_length = 1.0 / lengths[D::UP];
+    let mut sums = [Accumulator::default(); 6];
+    let (contacts, velocities) = sums.split_at_mut(3);
+    for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
+        let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));
+        let force = samples.vector::<D>((at.block, at.lane), &r);
+        for axis in 0..D::AXES {
+            fixed.add(&mut contacts[axis], r[axis] * force[axis] * per_length);
+        }
+    }
+    for g in 0..grains.owned {
+        let u = cell.peculiar_velocity::<D>(grains.fields(g));
+        for axis in 0..D::AXES {
+            let flow = grains.mass[g] * u[axis] * u[axis] * per_length;
+            fixed.add(&mut velocities[axis], flow);
+        }
+    }
+    let sums = fixed.total(exchange, sums);
+    let per_base = 1.0 / base::<D>(*cell);
+    let stress = |axis: usize| {
+        if axis < D::AXES {
+            (sums[axis] + sums[3 + axis]) * per_base
+        } else {
+            f64::NAN
+        }
+    };
+    let flows = sums[3..].iter().sum::<f64>() / D::AXES as f64;
+    StressRow {
+        stress_xx: stress(0),
+        stress_yy: stress(1),
+        stress_zz: stress(2),
+        kinetic_pressure: flows * per_base,
+        granular_temperature: flows * lengths[D::UP] / mass,
     }
 }
 

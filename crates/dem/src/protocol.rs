@@ -72,7 +72,7 @@ impl Part {
     /// The greatest speed (m/s) of the drive of a layer of this height (m); 0 under a stress.
     pub fn speed(&self, height: f64) -> f64 {
         match self.imposed.along {
-            Along::Velocity(velocity) => velocity,
+            Along::Velocity(velocity) => velocity.abs(),
             Along::Oscillation(of) => TAU * of.frequency * of.amplitude * height,
             Along::Force(_) => 0.0,
         }

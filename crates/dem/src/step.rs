@@ -9,7 +9,7 @@ use bytemuck::Zeroable;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{Drive, WallForces, WallSteps};
+use crate::drive::{Drive, Felt, WallForces, WallSteps};
 use crate::failure::Failure;
 use crate::kernel::{ContactForces, Counting, PairForce, PassOutcome};
 use crate::simd::{Lanes, Work};
@@ -48,7 +48,7 @@ pub fn advance<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
-    request: StepRequest<'_>,
+    mut request: StepRequest<'_>,
 ) -> Result<bool, Failure> {
     let step = system.step;
     system.steps += 1;
@@ -60,11 +60,14 @@ pub fn advance<D: Dimension>(
         system.rebuild(exchange, law, drive)?;
         system.clock.end(StepPhase::Rebuild);
     }
-    drive.drift(step, &mut system.grains);
-    if let Some(Sheared { velocity, .. }) = system.cell.sheared
-        && velocity != 0.0
+    if drive.changes_velocities(step, &system.cell) {
+        system.finish_step();
+    }
+    drive.drift(step, &mut system.cell, &mut system.grains);
+    if let Some(Sheared { half_velocity, .. }) = system.cell.sheared
+        && half_velocity != 0.0
     {
-        system.shear(step * velocity);
+        system.shear(step * half_velocity);
     }
     let (isa, cell) = (system.isa, system.cell);
     let mut fastest = drive.speed();
@@ -80,7 +83,7 @@ pub fn advance<D: Dimension>(
         },
         |speed| fastest = greater_or_nan(fastest, speed),
     );
-    drive.predict(step, &mut system.grains);
+    drive.predict(step, &mut system.cell, &mut system.grains);
     let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
     system.clock.end(StepPhase::Motion);
 
@@ -91,11 +94,12 @@ pub fn advance<D: Dimension>(
         law,
         drive,
         (step, travelled),
-        request.samples,
+        request.samples.as_deref_mut(),
     );
 
     let rebuild = rebuild || system.list.forced(system.steps);
-    let mut message = Message::new(system, drive, outside, [rebuild, request.stop]);
+    let samples = request.samples.as_deref();
+    let mut message = Message::new(system, drive, samples, (outside, [rebuild, request.stop]));
     let drag = drive.drag();
     message.sum(exchange, &mut || {
         if let Some(drag) = drag {
@@ -127,12 +131,12 @@ pub fn initial_forces<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
-    samples: Option<&mut ContactForces>,
+    mut samples: Option<&mut ContactForces>,
 ) -> Result<(), Failure> {
     // The time until now belongs to the first list.
     system.clock.end(StepPhase::Rebuild);
-    let outside = forces(exchange, system, law, drive, 0.0, samples);
-    let mut message = Message::new(system, drive, outside, []);
+    let outside = forces(exchange, system, law, drive, 0.0, samples.as_deref_mut());
+    let mut message = Message::new(system, drive, samples.as_deref(), (outside, []));
     message.sum(exchange, &mut || ());
     let (load, []) = message.read(exchange, system, outside)?;
     if let Some(budget) = &mut system.budget {
@@ -168,11 +172,19 @@ impl<const K: usize> Message<K> {
     fn new<D: Dimension>(
         system: &System<D>,
         drive: &dyn Drive<D>,
-        outside: Option<Outside>,
-        questions: [bool; K],
+        samples: Option<&ContactForces>,
+        (outside, questions): (Option<Outside>, [bool; K]),
     ) -> Self {
         let mut load = [Accumulator::default(); 3];
-        drive.load(&system.grains, &system.fixed, &mut load);
+        let felt = Felt {
+            isa: system.isa,
+            cell: &system.cell,
+            grains: &system.grains,
+            contacts: &system.contacts,
+            samples,
+            fixed: &system.fixed,
+        };
+        drive.load(&felt, &mut load);
         let mut numbers = [0i64; MESSAGE];
         for (load, limbs) in load.iter().zip(numbers[FORCES_AT..].chunks_mut(FORCE)) {
             load.write(limbs);

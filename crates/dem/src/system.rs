@@ -93,7 +93,7 @@ pub struct List {
     reach_when_sorted: f64,
     /// By how much rounding may move a grain in a step (m).
     rounding: f64,
-    /// Change of the Lees–Edwards offset since then (m).
+    /// How far the images have moved since then (m).
     offset_change: f64,
     /// Positions of the owned grains at the last rebuild.
     origin: Vec<[f64; 3]>,
@@ -173,7 +173,7 @@ impl List {
         grains: &Grains<D>,
         cell: &Cell,
     ) -> bool {
-        let offset_step = step * cell.sheared.map_or(0.0, |s| s.velocity.abs());
+        let offset_step = cell.images_move(step);
         self.offset_change += offset_step;
         // Half of it for a pair across the top, and all of it for a grain that was wrapped there,
         // whose displacement is measured with this error.
@@ -183,7 +183,7 @@ impl List {
         self.bound += way;
         self.travelled += way + self.rounding;
         // The next step may be up to twice as fast.
-        let margin = 2.0 * step * fastest + 1.5 * offset_step;
+        let margin = 2.0 * step * fastest + 3.0 * offset_step;
         if self.bound + margin > half {
             let exact = self.displacement(grains, cell) + more;
             self.bound = exact;

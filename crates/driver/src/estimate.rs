@@ -18,7 +18,6 @@ use crate::memory;
 use crate::stages::{PACK, PREPARE, newtonian, prepare};
 use crate::terminal::progress::duration;
 use crate::terminal::ranks;
-use gshear_dem::state::series_columns;
 
 /// Contacts per grain, of disks and of spheres, as sheared packings with friction have them; the
 /// densest have 2 and 3.
@@ -352,7 +351,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
         moves: true,
         output: (frames * share, (counts.rows as f64 * share) as u64),
     });
-    let columns = series_columns(schedule.protocol.is_more_than_velocities()).len();
+    let columns = schedule.columns.len();
     let run = file_of(scene, "run.h5", counts.frames, (counts.rows, columns));
     let log = FileEstimate {
         name: "log.csv",

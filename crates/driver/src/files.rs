@@ -89,17 +89,19 @@ pub struct Format<'a> {
     pub law: &'a dyn PairModel,
     /// Attributes in addition to those of every run.
     pub attributes: Vec<(&'static str, Attribute)>,
-    /// What a run between walls has besides; `None` of a periodic box.
-    pub walls: Option<WallFormat>,
+    /// What a shear has besides; `None` of strain steps and Newton's equations of a box.
+    pub shear: Option<ShearFormat>,
 }
 
-/// The content of the files of a run between walls, which have a `log.csv`.
+/// The content of the files of a shear, which have a `log.csv`.
 #[derive(Debug, Clone, Copy)]
-pub struct WallFormat {
-    /// Height between the walls (m).
+pub struct ShearFormat {
+    /// Height between the walls, or of the cell (m).
     pub height: f64,
     /// Whether the run computes scalars of frames.
     pub scalars: bool,
+    /// Whether there are no walls.
+    pub images: bool,
 }
 
 impl Format<'_> {
@@ -112,7 +114,7 @@ impl Format<'_> {
         last: Option<u64>,
         rows: u64,
     ) -> Result<Option<Log>, Failure> {
-        if self.walls.is_none() {
+        if self.shear.is_none() {
             return Ok(None);
         }
         let (exchange, path) = (place.exchange, place.folder.join(LOG_FILE));
@@ -174,7 +176,7 @@ impl Files {
                 (trajectory, log, 0)
             }
         };
-        let open = [Some(path), format.walls.map(|_| out.join(LOG_FILE))];
+        let open = [Some(path), format.shear.map(|_| out.join(LOG_FILE))];
         let open = open.into_iter().flatten().filter(|_| exchange.rank() == 0);
         let mut files = Self {
             trajectory,
@@ -184,7 +186,7 @@ impl Files {
             resumed: resumed.is_some(),
             watched: open.map(Watched::new).collect(),
         };
-        if format.walls.is_some_and(|walls| walls.scalars) {
+        if format.shear.is_some_and(|shear| shear.scalars) {
             let before = std::mem::take(&mut files.scalars_before);
             files.trajectory.begin_scalars(exchange, before)?;
         }
@@ -283,7 +285,7 @@ fn create<D: Dimension>(
     let mut edges = [0.0; 3];
     edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
     let of_box = || system.cell.sheared.map_or(0.0, |sheared| sheared.height);
-    edges[D::UP] = format.walls.map_or_else(of_box, |walls| walls.height);
+    edges[D::UP] = format.shear.map_or_else(of_box, |shear| shear.height);
     let author = format.scene.author.as_deref();
     let user = match (exchange.rank(), author) {
         (0, None) => provenance::user(),
@@ -296,7 +298,8 @@ fn create<D: Dimension>(
             axes: D::AXES,
             torques: format.law.has_torques(),
         },
-        walls: format.walls.is_some(),
+        walls: format.shear.is_some_and(|shear| !shear.images),
+        units: format.shear.is_some(),
         series: format.columns,
         edges,
         grains: &GrainShape::owned(system),

@@ -36,7 +36,6 @@ use crate::options::Options;
 use crate::run_record::{RunRecord, id_in_scene};
 use crate::say::say_error;
 use crate::written::{UpToCheckpoint, Written};
-use gshear_dem::state::series_columns;
 
 /// Files of frames and time series.
 const TRAJECTORIES: [&str; 3] = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE];
@@ -418,8 +417,7 @@ impl RunFolder {
             return Ok(());
         };
         if let (Header::Shear(shear), Boundary::Walls(walls)) = (header, &scene.boundary) {
-            let protocol = Schedule::new(scene, walls, shear.height).protocol;
-            columns = series_columns(protocol.is_more_than_velocities());
+            columns = Schedule::new(scene, walls, shear.height).columns;
         }
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
         let (counted, step) = (

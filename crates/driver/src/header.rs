@@ -9,7 +9,7 @@ use gshear_dem::budget::SavedBudget;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, Snapshot};
+use gshear_dem::state::{Cell, Sheared, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, PackingFile, PeriodicBox, Sample, Scene, Source};
 use gshear_store::checkpoint;
@@ -90,6 +90,9 @@ pub struct ShearHeader {
     pub slider: Option<SliderState>,
     /// H (m).
     pub height: f64,
+    /// Of a cell without walls: the Lees–Edwards offset (m) and the velocity of the images (m/s).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub images: Option<[f64; 2]>,
     /// Number of frames and rows in the files.
     pub written: Written,
     /// The energy budget, if the scene has one.
@@ -98,6 +101,22 @@ pub struct ShearHeader {
     /// The file that the grains came from; resuming does not read it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub packing: Option<PackingFile>,
+}
+
+impl ShearHeader {
+    /// The cell of this sample.
+    pub fn cell(&self, sample: &Sample) -> Cell {
+        let sheared = self.images.map(|[offset, velocity]| Sheared {
+            offset,
+            velocity,
+            half_velocity: velocity,
+            ..Sheared::upright(self.piston.height)
+        });
+        Cell {
+            sheared,
+            ..sample.cell()
+        }
+    }
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it")]
@@ -158,7 +177,8 @@ impl Header {
     /// The cell of its state.
     pub fn cell<D: Dimension>(&self, sample: &Sample) -> Cell {
         match self {
-            Header::Pack(_) | Header::Shear(_) => sample.cell(),
+            Header::Pack(_) => sample.cell(),
+            Header::Shear(shear) => shear.cell(sample),
             Header::Aqs {
                 unfinished: Some(of),
                 ..

@@ -198,13 +198,11 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
             };
             (cell, format!("{} step {step} in {shown}", header.stage()))
         }
-        (_, Boundary::Walls(_)) => (
-            scene.sample.cell(),
+        (Header::Shear(shear), Boundary::Walls(_)) => (
+            shear.cell(&scene.sample),
             format!("step {step} of the shear in {shown}"),
         ),
-        (_, Boundary::Periodic(_)) => {
-            return unfit("the checkpoint is of a stage between walls, but its scene has a [box]");
-        }
+        _ => return unfit("the checkpoint is of a stage that its scene does not have"),
     };
     Ok(StoredState {
         scene,

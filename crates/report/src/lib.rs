@@ -88,7 +88,12 @@ pub fn write(
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(picture::figures(run)?);
     let note = page::note_on_maps(run, &summary);
-    let page = page::html(run, "Shear between walls", facts, &figures, note);
+    let what = if run.has_walls() {
+        "Shear between walls"
+    } else {
+        "Shear without walls"
+    };
+    let page = page::html(run, what, facts, &figures, note);
     write_files(run, &figures, &summary.json(run), &page, folder)
 }
 

@@ -58,7 +58,7 @@ fn view(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
 pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
     let (frames, stage) = (run.frames(), run.stage());
     let planar = run.dimension() == Dimensions::Two;
-    if planar && stage == RunStage::Shear || frames == 0 {
+    if planar && run.has_walls() || frames == 0 {
         return Ok(Vec::new());
     }
     let last = run.records(frames - 1..frames)?.swap_remove(0);
@@ -157,10 +157,12 @@ impl<'a> Packing<'a> {
         } else {
             String::new()
         };
-        part + match self.run.stage() {
-            RunStage::Shear => "Grey: grains of the walls, and those without a value.",
-            _ => "Grey: grains without a value.",
-        }
+        let grey = if self.run.has_walls() {
+            "Grey: grains of the walls, and those without a value."
+        } else {
+            "Grey: grains without a value."
+        };
+        part + grey
     }
 
     fn table(&self, name: &'static str, values: &[f64]) -> String {

@@ -8,7 +8,7 @@ use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, FrameRecords, body};
 use gshear_store::csv_table::Table;
-use gshear_store::run_reader::{RunFile, RunStage};
+use gshear_store::run_reader::RunFile;
 
 use super::ReportFigure;
 use super::curves;
@@ -75,7 +75,7 @@ pub fn figures(
     };
     let ends = [-reach(-1.0), reach(1.0)];
     let mean_diameter = 2.0 * run.grains().mean_radius();
-    let walls = run.stage() == RunStage::Shear;
+    let walls = run.has_walls();
     let across = if walls {
         0.25 * (ends[1] - ends[0])
     } else {

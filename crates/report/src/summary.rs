@@ -86,6 +86,11 @@ fn largest_drop(run: &RunFile, tau: &[f64], phases: &[Phase]) -> Option<Phase> {
     phases::largest_drop(&phases.iter().filter(after).copied().collect::<Vec<_>>()).copied()
 }
 
+/// Whether frames are drawn around the largest drop: of disks between walls.
+fn shows_drops(run: &RunFile) -> bool {
+    run.dimension().axes() == 2 && run.has_walls()
+}
+
 /// Time (s) from before the start to after the end of the largest drop, if it is one of disks that
 /// no frames show from its start to its end.
 ///
@@ -94,8 +99,7 @@ fn largest_drop(run: &RunFile, tau: &[f64], phases: &[Phase]) -> Option<Phase> {
 pub fn window_without_frames(run: &RunFile) -> Result<Option<[f64; 2]>, Failure> {
     let series = run.series();
     let tau = stress_ratio(run);
-    let Some(drop) =
-        largest_drop(run, &tau, &phases_of(run, &tau)).filter(|_| run.dimension().axes() == 2)
+    let Some(drop) = largest_drop(run, &tau, &phases_of(run, &tau)).filter(|_| shows_drops(run))
     else {
         return Ok(None);
     };
@@ -123,7 +127,7 @@ pub struct DropFrames {
 
 impl DropFrames {
     /// Returns the largest drop that lies between two of the frames of `shown`; `None` if no slip
-    /// does, or the grains are spheres.
+    /// does, or the grains are spheres or have no walls.
     ///
     /// # Errors
     /// If a frame cannot be read.
@@ -133,7 +137,7 @@ impl DropFrames {
         tau: &[f64],
         phases: &[Phase],
     ) -> Result<Option<Self>, Failure> {
-        if run.dimension().axes() == 3 {
+        if !shows_drops(run) {
             return Ok(None);
         }
         let (steps, rows) = (shown.frame_steps(), &run.series().step);

@@ -60,7 +60,9 @@ pub(crate) fn scene(
             walls.greatest_overlap(&law, &contact, &sample),
             time_step.step,
         );
-        walls.load.control = load::derive_servo(c, (&law, &sample), &walls.load, greatest);
+        let layers = walls.layers(&sample);
+        walls.load.control =
+            load::derive_servo(c, (&law, &sample), (&walls.load, layers), greatest);
         c.settle()?;
     }
     let mut scene = Scene {

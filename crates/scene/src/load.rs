@@ -13,7 +13,7 @@ use crate::table::table;
 use crate::words::show;
 
 /// Names of [`Control`].
-const CONTROL_NAMES: [&str; 2] = ["mass", "servo"];
+const CONTROL_NAMES: [&str; 3] = ["mass", "servo", "volume"];
 
 table! {
     /// The load on the top wall.
@@ -30,7 +30,8 @@ table! {
         /// gravity g on the free grains, towards the bottom; see below for τ, P and κ
         gravity: Number(NOT_NEGATIVE) { unit: "m/s²", default: "0.0" },
         /// what moves the top wall along its normal: `"mass"`, the load on the mass of its grains;
-        /// `"servo"`, in every step a velocity from the error of the pressure
+        /// `"servo"`, in every step a velocity from the error of the pressure; `"volume"`, nothing:
+        /// the packed sample is sheared at constant volume
         control: Text(&CONTROL_NAMES) { default: CONTROL_NAMES[0] },
         /// of a servo: velocity over error of the pressure
         servo_gain: Number(POSITIVE) {
@@ -70,6 +71,8 @@ pub struct Load {
 pub enum Control {
     /// The mass of its grains.
     Mass,
+    /// Nothing: the volume is constant.
+    Volume,
     /// In every step a velocity from the error of the pressure.
     Servo {
         /// Velocity over error of the pressure (m/(s Pa)).
@@ -96,7 +99,7 @@ pub(crate) fn check(c: &mut Checker<'_>) {
         c.number(key);
     }
     c.number_or_default(&LOAD.gravity);
-    if c.choice(&LOAD.control) == Some("mass") {
+    if c.choice(&LOAD.control) != Some("servo") {
         let why = "applies to load.control = \"servo\"";
         c.useless(&LOAD.servo_gain, why);
         c.useless(&LOAD.servo_speed_max, why);
@@ -107,12 +110,16 @@ pub(crate) fn check(c: &mut Checker<'_>) {
 pub(crate) fn derive(c: &mut Checker<'_>, law: &Law, sample: &Sample) -> Result<Load, Failure> {
     let base = sample.base();
     let gravity = c.number_or_default(&LOAD.gravity);
+    let control = match c.choice(&LOAD.control) {
+        Some("volume") => Control::Volume,
+        _ => Control::Mass,
+    };
     let load = |pressure, normal_force, stiffness_number| Load {
         pressure,
         normal_force,
         stiffness_number,
         gravity,
-        control: Control::Mass,
+        control,
     };
     let [kappa, pressure, normal_force] = WAYS.map(|key| c.number(key));
     let (key, pressure, normal_force) = match (kappa, pressure, normal_force) {
@@ -177,18 +184,19 @@ pub(crate) fn check_packable(c: &mut Checker<'_>, law: &Law, sample: &Sample, lo
 }
 
 /// What moves the top wall: the numbers of a servo, if there is one, for the greatest mean overlap
-/// (m) and the time step (s).
+/// (m) and the time step (s). `layers`: of grains that give way to it together.
 pub(crate) fn derive_servo(
     c: &mut Checker<'_>,
     (law, sample): (&Law, &Sample),
-    load: &Load,
+    (load, layers): (&Load, f64),
     (greatest_overlap, step): (f64, f64),
 ) -> Control {
     if c.choice(&LOAD.control) != Some("servo") {
-        return Control::Mass;
+        return load.control;
     }
-    let limit = derived::servo_gain_limit(law, sample, greatest_overlap, step);
-    let default = derived::servo_gain(law, sample, load.mean_overlap(sample)).min(limit);
+    let limit = layers * derived::servo_gain_limit(law, sample, greatest_overlap, step);
+    let default = layers * derived::servo_gain(law, sample, load.mean_overlap(sample));
+    let default = default.min(limit);
     let gain = c.number(&LOAD.servo_gain).unwrap_or(default);
     if gain > limit {
         let what = format!(

@@ -514,7 +514,7 @@ impl Packing {
         else {
             return Ok(Vec::new());
         };
-        let wall = scene.materials.wall;
+        let wall = scene.materials.wall.filter(|_| !plane_shear.has_images());
         let grain = |(id, a): (usize, &Atom)| {
             let mut grain = at_rest((id, a));
             if pack.skip {
@@ -530,7 +530,7 @@ impl Packing {
             }
         };
         let mut grains: Vec<GrainState> = all.map(grain).collect();
-        if pack.skip {
+        if pack.skip && !plane_shear.has_images() {
             match walls {
                 Walls::Layers => {
                     freeze_walls(

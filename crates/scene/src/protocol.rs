@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{ANY, Change, Key, NOT_NEGATIVE, POSITIVE, Values};
+use gshear_dem::laws::keys::{ANY, Change, Key, POSITIVE, Values};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part};
 use gshear_dem::wave::Wave;
 
@@ -10,6 +10,7 @@ use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
 use crate::load::Load;
+use crate::sample::has_images;
 use crate::table::table;
 use crate::value::Value;
 use crate::words::{known_names, meant, show};
@@ -43,8 +44,8 @@ table! {
 table! {
     /// The keys of a part of the protocol.
     PART: PartKeys {
-        /// velocity of the drive; 0 is a hold
-        velocity: Number(NOT_NEGATIVE) { unit: "m/s" },
+        /// velocity of the drive; 0 is a hold, less reverses it
+        velocity: Number(ANY) { unit: "m/s" },
         /// how far the drive moves, with `velocity`
         distance: Number(POSITIVE) { unit: "m" },
         /// duration
@@ -172,6 +173,10 @@ pub(crate) fn derive(
     let spring = c.number(&keys.spring_stiffness).or(of_number);
     let motion = if let Some(Value::Parts(given)) = c.value(&keys.protocol) {
         match parts(given, load.pressure, spring.is_some()) {
+            Ok(parts) if has_images(c) && parts.iter().any(|of| of.imposed.bottom.is_some()) => {
+                let what = "bottom_amplitude moves a wall, but sample.boundary = \"periodic\"; leave it out";
+                return Err(c.refused(&keys.protocol, what));
+            }
             Ok(parts) => Motion::Protocol(parts),
             Err(what) => return Err(c.refused(&keys.protocol, &what)),
         }
@@ -361,7 +366,7 @@ impl PartValues<'_> {
             (Some(_), Along::Velocity(0.0)) => {
                 return Err("a hold (velocity = 0) covers no distance; give its time (s)".into());
             }
-            (Some(distance), Along::Velocity(velocity)) => return Ok(distance / velocity),
+            (Some(distance), Along::Velocity(velocity)) => return Ok(distance / velocity.abs()),
             _ => {}
         }
         let of_cycles = || Some(self.of(&PART.cycles)? / self.of(&PART.frequency)?);

@@ -19,6 +19,8 @@ use crate::value::Value;
 use crate::words::{list, show};
 
 const PLACEMENT_NAMES: [&str; Placement::NAMES.len()] = names(&Placement::NAMES);
+/// What bounds the sample: walls, or its images.
+const BOUNDARY_NAMES: [&str; 2] = ["walls", "periodic"];
 const WALLS_NAMES: [&str; Walls::NAMES.len()] = names(&Walls::NAMES);
 
 /// Whether a grading curve is of the mass or of the number of grains.
@@ -174,6 +176,9 @@ table! {
             otherwise: "once",
             change: Change::Never,
         },
+        /// what bounds the sample below and above: walls of its grains, or its own images, which
+        /// move as a top wall does (Lees and Edwards)
+        boundary: Text(&BOUNDARY_NAMES) { default: BOUNDARY_NAMES[0], change: Change::Never },
         /// which of its grains are walls, see below
         walls: Text(&WALLS_NAMES) { otherwise: "see below", change: Change::Never },
         /// material of the walls
@@ -277,9 +282,10 @@ pub struct PackingFile {
 }
 
 impl PackingFile {
-    /// H (m) with its walls.
+    /// H (m) with its walls; of a box its length along the last axis.
     pub fn height(&self) -> f64 {
-        self.edges[1] - self.edges[0]
+        let between = self.edges[1] - self.edges[0];
+        self.boxed.map_or(between, |[height, _]| height)
     }
 }
 
@@ -330,7 +336,14 @@ pub(crate) enum Grains {
 /// Checks each key of a scene between walls by itself.
 pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     let keys = &SAMPLE;
-    let arrangement = arrangement(c, dimension, false);
+    let periodic = has_images(c);
+    let arrangement = arrangement(c, dimension, periodic);
+    if periodic {
+        let why = "applies to sample.boundary = \"walls\"";
+        for key in [&keys.walls, &keys.wall_thickness, &keys.wall_material] {
+            c.useless(key, why);
+        }
+    }
     c.choice(&keys.walls);
     c.number(&keys.wall_thickness);
     if dimension == Dimensions::Two {
@@ -347,7 +360,7 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
         check_filed(c);
         return Grains::File(arrangement);
     }
-    if c.is_given(&keys.walls) {
+    if c.is_given(&keys.walls) && !periodic {
         c.refuse(
             &keys.walls,
             "there is no packing to find walls in; give sample.packing, or leave it out",
@@ -359,6 +372,11 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
         c.required(&keys.width);
     }
     Grains::Inserted(check_sizes(c, dimension))
+}
+
+/// Whether the images of the sample bound it below and above.
+pub(crate) fn has_images(c: &mut Checker<'_>) -> bool {
+    c.choice(&SAMPLE.boundary) == Some(BOUNDARY_NAMES[1])
 }
 
 /// The keys of inserted grains, where a file has them.
@@ -445,7 +463,12 @@ fn check_inserted(c: &mut Checker<'_>) {
 pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     let keys = &SAMPLE;
     let why = "applies to scenes with walls only";
-    for key in [&keys.walls, &keys.wall_thickness, &keys.wall_material] {
+    for key in [
+        &keys.boundary,
+        &keys.walls,
+        &keys.wall_thickness,
+        &keys.wall_material,
+    ] {
         c.useless(key, why);
     }
     let arrangement = arrangement(c, dimension, true);
@@ -752,7 +775,7 @@ pub(crate) fn derive(
             let file = read(c, arrangement, packing)?;
             let sample = of_file(c, dimension, &file)?;
             let layers = check_size(c, &sample, file.height(), &[&keys.packing])?;
-            let by_type = skip && file.wall_types;
+            let by_type = skip && file.wall_types && layers > 0.0;
             let default = if by_type { Walls::Types } else { Walls::Layers };
             let walls = c.named(&keys.walls, &Walls::NAMES).unwrap_or(default);
             fill_from(c, dimension, &file);
@@ -843,7 +866,10 @@ fn check_size(
 ) -> Result<f64, Failure> {
     let keys = &SAMPLE;
     let given = c.number(&keys.wall_thickness);
-    let layers = given.unwrap_or_else(|| derived::wall_layers(sample));
+    let layers = match has_images(c) {
+        true => 0.0,
+        false => given.unwrap_or_else(|| derived::wall_layers(sample)),
+    };
     let least = 8.0 * sample.radius_max;
     let narrow = |name: &str, length: f64| {
         format!(
@@ -871,15 +897,22 @@ fn check_size(
         if layers > 1.0 {
             remedy += ", or thinner walls (sample.wall_thickness)";
         }
-        let of_wall = if layers == 1.0 {
-            "one mean diameter".into()
+        let what = if layers == 0.0 {
+            format!(
+                "the cell is too low: {} grains fill about {height:.2e} m of height, less than {needed:.2e} m, five mean diameters; {remedy}",
+                sample.grains
+            )
         } else {
-            format!("{} mean diameters", (1e3 * layers).round() / 1e3)
+            let of_wall = if layers == 1.0 {
+                "one mean diameter".into()
+            } else {
+                format!("{} mean diameters", (1e3 * layers).round() / 1e3)
+            };
+            format!(
+                "the cell is too low for its walls: {} grains fill about {height:.2e} m of height, but two walls of {of_wall} and five between them take {needed:.2e} m; {remedy}",
+                sample.grains
+            )
         };
-        let what = format!(
-            "the cell is too low for its walls: {} grains fill about {height:.2e} m of height, but two walls of {of_wall} and five between them take {needed:.2e} m; {remedy}",
-            sample.grains
-        );
         c.refuse_among(&[sized_by, &[&keys.wall_thickness]].concat(), &what);
     }
     c.settle()?;

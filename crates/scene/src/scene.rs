@@ -90,11 +90,11 @@ impl Scene {
 
     /// The cell in which the grains begin.
     pub fn cell(&self) -> Cell {
-        let Boundary::Periodic(periodic) = &self.boundary else {
+        let boxed = self.packing().and_then(|file| file.boxed);
+        let is_box = matches!(self.boundary, Boundary::Periodic(_));
+        let Some([height, offset]) = boxed.or(is_box.then_some([self.sample.length, 0.0])) else {
             return self.sample.cell();
         };
-        let boxed = periodic.packing.as_ref().and_then(|file| file.boxed);
-        let [height, offset] = boxed.unwrap_or([self.sample.length, 0.0]);
         let sheared = Sheared {
             offset,
             ..Sheared::upright(height)

@@ -2,12 +2,14 @@
 //! trajectory.
 
 use crate::derived::packed_height;
-use crate::load::Load;
+use crate::load::{Control, Load};
 use crate::protocol::{Motion, WallSpeed};
 use crate::scene::Scene;
 use crate::walls::PlaneShear;
+use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::protocol::{Part, Protocol, Segment};
+use gshear_dem::protocol::{Along, Imposed, Normal, Part, Protocol, Segment};
+use gshear_dem::state::series_columns;
 
 /// Steps of a stage that are counted: 2^53, up to which f64 has every whole number.
 pub const MOST_STEPS: u64 = 1 << 53;
@@ -36,6 +38,8 @@ pub struct Schedule {
     pub first_analysis: u64,
     /// Every so many steps; 0 is never.
     pub progress: u64,
+    /// Columns of the time series.
+    pub columns: &'static [Column],
     /// Frames of a stretch that is computed again, instead of the segments'.
     window: Option<ReplayWindow>,
 }
@@ -135,7 +139,12 @@ impl Schedule {
                 };
                 let per_step = speed / height * step;
                 let steps = |strain: f64| whole(strain / per_step);
-                protocol = Protocol::new(step, [(speed, steps(*strain))]);
+                let constant = walls.load.control == Control::Volume;
+                let imposed = Imposed {
+                    normal: constant.then_some(Normal::Velocity(0.0)),
+                    ..Along::Velocity(speed).into()
+                };
+                protocol = Protocol::of(step, [(imposed, steps(*strain))]);
                 intervals = vec![Intervals::default()];
                 let all = &mut intervals[0];
                 all.series = steps(output.series_strain);
@@ -184,6 +193,7 @@ impl Schedule {
                 0 => 0,
                 lines => (total / lines).max(1),
             },
+            columns: series_columns(protocol.is_more_than_velocities(), walls.has_images()),
             protocol,
             intervals,
             window: None,

@@ -4,6 +4,7 @@ use toml::{Table, Value};
 
 use gshear_dem::state::GrainState;
 
+use crate::load::Control;
 use crate::packing::force_on_top;
 use crate::periodic::{Newtonian, PeriodicBox};
 use crate::protocol::{Motion, WallSpeed};
@@ -126,8 +127,10 @@ const AT_LOAD: f64 = 2.0;
 /// A sentence if the grains of a packing that is sheared as it is press on the top wall with
 /// another force than it is loaded with at the start. `grains`: all of them.
 pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
-    let walls = scene.plane_shear("").ok().filter(|of| of.pack.skip)?;
+    let loaded = |of: &&PlaneShear| of.pack.skip && !of.has_images();
+    let walls = scene.plane_shear("").ok().filter(loaded)?;
     let first = match &walls.shear.motion {
+        Motion::Strain { .. } if walls.load.control == Control::Volume => return None,
         Motion::Strain { .. } => None,
         Motion::Protocol(parts) => parts[0].imposed.normal,
     };

@@ -9,8 +9,8 @@ use gshear_dem::laws::{Contact, Law};
 use crate::checker::Checker;
 use crate::derived;
 use crate::grains::Sample;
-use crate::load::{self, Control, Load};
-use crate::output::{self, Analysis, Output};
+use crate::load::{self, Control, LOAD, Load};
+use crate::output::{self, ANALYSIS, Analysis, Output};
 use crate::protocol::{self, SHEAR, Shear};
 use crate::sample::{self, Origin, ReadPacking, SAMPLE};
 use crate::table::table;
@@ -43,7 +43,7 @@ table! {
 pub struct PlaneShear {
     /// Where the grains come from.
     pub origin: Origin,
-    /// Thickness of each wall over d̄.
+    /// Thickness of each wall over d̄; 0 without walls.
     pub wall_layers: f64,
     /// The load on the top wall, and gravity.
     pub load: Load,
@@ -78,10 +78,25 @@ impl PlaneShear {
         self.wall_layers * sample.mean_diameter
     }
 
+    /// Whether its images bound the sample, and no walls.
+    pub fn has_images(&self) -> bool {
+        self.wall_layers == 0.0
+    }
+
+    /// Layers of grains that give way together where the top of this sample moves along its normal.
+    pub(crate) fn layers(&self, sample: &Sample) -> f64 {
+        let height = match &self.origin {
+            _ if !self.has_images() => return 1.0,
+            Origin::Insertion(_) => derived::packed_height(sample),
+            Origin::Packing { file, .. } => file.height(),
+        };
+        height / sample.mean_diameter
+    }
+
     /// The servo that moves the top wall of this sample, if one does.
     pub fn servo(&self, sample: &Sample) -> Option<Servo> {
         match self.load.control {
-            Control::Mass => None,
+            Control::Mass | Control::Volume => None,
             Control::Servo { gain, speed_max } => Some(Servo {
                 gain: gain / sample.base(),
                 fastest: speed_max,
@@ -111,7 +126,14 @@ pub(crate) fn check(
     load::check(c);
     let pack = check_pack(c);
     protocol::check(c);
+    if sample::has_images(c) {
+        check_images(c);
+    }
     let has_protocol = c.is_given(&SHEAR.protocol);
+    if has_protocol && c.choice(&LOAD.control) == Some("volume") {
+        let what = "says what the top wall does, and so do the parts of shear.protocol; leave it out, and give them wall_velocity = 0";
+        c.refuse(&LOAD.control, what);
+    }
     let output = output::check(c, has_protocol);
     let analysis = output::check_analysis(c, dimension, has_protocol, &output);
     c.settle()?;
@@ -147,6 +169,21 @@ pub(crate) fn check(
         analysis,
     };
     Ok((sample, walls))
+}
+
+/// Refuses what needs walls.
+fn check_images(c: &mut Checker<'_>) {
+    let without = "needs walls, but sample.boundary = \"periodic\"";
+    if c.number(&LOAD.gravity).is_some_and(|g| g > 0.0) {
+        c.refuse(&LOAD.gravity, &format!("{without}; leave it out"));
+    }
+    if c.flag(&ANALYSIS.scalars) == Some(true) {
+        c.refuse(&ANALYSIS.scalars, &format!("{without}; leave it out"));
+    }
+    if c.is_given(&SAMPLE.packing) && c.flag(&PACK.skip) == Some(false) {
+        let what = "a packing in a periodic cell is sheared as it is; leave it out";
+        c.refuse(&PACK.skip, what);
+    }
 }
 
 fn check_pack(c: &mut Checker<'_>) -> Pack {

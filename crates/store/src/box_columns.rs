@@ -81,12 +81,13 @@ mod tests {
     use super::*;
     use gshear_analysis::frame_scalars::FrameScalars;
     use gshear_dem::columns::Column;
-    use gshear_dem::state::{ImposedRow, SeriesRow};
+    use gshear_dem::state::{ImposedRow, SeriesRow, StressRow};
     use std::fmt::Write as _;
 
-    const TABLES: [(&str, &[Column]); 5] = [
+    const TABLES: [(&str, &[Column]); 6] = [
         ("SeriesRow", &SeriesRow::COLUMNS),
         ("ImposedRow", &ImposedRow::COLUMNS),
+        ("StressRow", &StressRow::COLUMNS),
         ("FrameScalars", &FrameScalars::COLUMNS),
         ("AqsRow", &AqsRow::COLUMNS),
         ("NewtonianRow", &NewtonianRow::COLUMNS),

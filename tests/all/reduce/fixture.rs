@@ -196,6 +196,7 @@ impl Fixture {
                 torques: false,
             },
             walls: true,
+            units: true,
             series: &SeriesRow::COLUMNS,
             edges,
             author: "gshear-mpi",

@@ -1,7 +1,7 @@
 //! The first touch, the greatest overlap of the law, a grain without contacts, and crushed grains.
 
 use gshear_dem::dimension::Two;
-use gshear_dem::drive::{Drive, GrainWalls, Piston, Planes, Slider};
+use gshear_dem::drive::{Drive, GrainWalls, Piston, Planes, Slider, Top};
 use gshear_dem::failure::Failure;
 use gshear_dem::protocol::Protocol;
 use gshear_dem::state::{GrainState, body};
@@ -227,7 +227,7 @@ fn between_walls(times: f64, step: f64) -> Rig<Full, GrainWalls> {
         at(2, body::TOP, height),
     ];
     let slider = Slider::new(Protocol::new(step, [(0.5, 1_000_000)]), None);
-    let walls = GrainWalls::new(pressed_piston(times, height), slider, None, false);
+    let walls = GrainWalls::new(Top::new(pressed_piston(times, height), slider, None, false));
     let law = program_law::<true, true>(&LAW);
     Rig::new(law, walls, setting(step), grains, Vec::new()).expect("not yet pressed")
 }
@@ -241,7 +241,7 @@ pub fn wall_velocity() -> Vec<Line> {
     let mut last = 0.0;
     for _ in 0..STEPS {
         rig.advance().expect("within the law");
-        let now = rig.drive.piston.velocity;
+        let now = rig.drive.motion.piston.velocity;
         wrong += usize::from(rig.grains()[2].velocity != [0.5, now, 0.0]);
         turns += usize::from(now * last < 0.0);
         last = now;

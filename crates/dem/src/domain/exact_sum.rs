@@ -35,9 +35,11 @@ impl FixedPoint {
 
     /// Adds a term.
     pub fn add(&self, to: &mut Accumulator, term: f64) {
-        let scaled = (term * self.per_unit).round_ties_even();
-        if scaled.abs() < 2f64.powi(120) {
-            to.sum += scaled as i128;
+        let scaled = term * self.per_unit;
+        if scaled.abs() < 2f64.powi(62) {
+            to.sum += i128::from(scaled.round_ties_even() as i64);
+        } else if scaled.abs() < 2f64.powi(120) {
+            to.sum += whole(scaled);
         } else {
             to.outside += 1;
         }
@@ -66,6 +68,15 @@ impl FixedPoint {
         let mut sums = message.chunks(LIMBS + 1).map(Accumulator::read);
         std::array::from_fn(|_| self.value(sums.next().unwrap_or_default()))
     }
+}
+
+/// A number from 2^53 to 2^120 in magnitude, which is whole. The conversion by `as` calls a function
+/// of several times the length.
+fn whole(x: f64) -> i128 {
+    let bits = x.to_bits();
+    let mantissa = bits & (1 << 52) - 1 | 1 << 52;
+    let magnitude = i128::from(mantissa) << ((bits >> 52 & 0x7ff) - 1075);
+    if x < 0.0 { -magnitude } else { magnitude }
 }
 
 impl From<i128> for Accumulator {
@@ -131,6 +142,21 @@ mod tests {
             limbs.iter_mut().zip(part).for_each(|(a, b)| *a += b);
         }
         assert_eq!(whole, Accumulator::read(&limbs));
+    }
+
+    #[test]
+    fn terms_are_rounded_as_by_a_cast() {
+        let fixed = FixedPoint::new(1.0);
+        for exponent in -90..40 {
+            for digits in [1.0, 1.5, 1.999_999_999_999, std::f64::consts::PI / 3.0] {
+                for term in [1.0, -1.0].map(|sign| sign * digits * 2f64.powi(exponent)) {
+                    let mut sum = Accumulator::default();
+                    fixed.add(&mut sum, term);
+                    let scaled = (term * 2f64.powi(80)).round_ties_even();
+                    assert_eq!(i128::from(sum), scaled as i128, "{term}");
+                }
+            }
+        }
     }
 
     /// Terms with few digits have a sum without rounding.

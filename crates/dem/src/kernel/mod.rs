@@ -10,10 +10,12 @@
 )]
 
 mod motion;
+mod stress;
 
 use std::ops::Range;
 
 use self::motion::relative_motion;
+pub(crate) use self::stress::PlaneStress;
 use crate::contact::attraction::Attraction;
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
@@ -22,7 +24,7 @@ use crate::contact::{
 };
 use crate::dimension::Dimension;
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, prefetch, prefetch_all};
-use crate::state::{BlockRange, Cell, Units};
+use crate::state::{BlockRange, Cell, Units, length};
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
 #[derive(Debug, Default)]
@@ -44,6 +46,25 @@ impl ContactForces {
         }
         self.tangential.clear();
         self.tangential.resize(blocks, [Lanes16::ZERO; 3]);
+    }
+
+    /// The force of a pair (block, lane) on its grain i, whose separation from j is r (m).
+    pub fn vector<D: Dimension>(&self, (block, lane): (usize, usize), r: &[f64; 3]) -> [f64; 3] {
+        let tangential = self.tangential[block].map(|lanes| lanes.0[lane]);
+        let per_length = 1.0 / length(*r);
+        let normal = self.normal[block].0[lane] * per_length;
+        match D::AXES {
+            // Along t̂ = ẑ × n.
+            2 => {
+                let along = tangential[0] * per_length;
+                [
+                    normal * r[0] - along * r[1],
+                    normal * r[1] + along * r[0],
+                    0.0,
+                ]
+            }
+            _ => std::array::from_fn(|axis| normal * r[axis] + tangential[axis]),
+        }
     }
 
     /// Borrows the room for some blocks.

@@ -7,7 +7,7 @@ use super::{Jump, Pass, Scratch};
 use crate::contact::{ContactLaw, PairMotion, TORQUES, Turning, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Lanes16, Mask, inverse_sqrt};
-use crate::state::{Cell, Units, way_to_touch};
+use crate::state::{Cell, Stretching, Units, way_to_touch};
 
 /// Computes the relative motion of the pairs; in three dimensions also rotates the tangential part
 /// of their histories with n. Returns the number of blocks up to the last in which a pair touches
@@ -158,25 +158,24 @@ fn asleep_until(motion: &PairMotion, travelled: Option<f64>) -> f64 {
 }
 
 /// How sixteen pairs lie to each other.
-struct Separation<L> {
+pub(super) struct Separation<L> {
     /// From j to i (m).
-    r: [L; 3],
-    n: [L; 3],
+    pub r: [L; 3],
+    pub n: [L; 3],
     /// 1/|r|.
     per_distance: L,
     /// δ (m).
     overlap: L,
     /// Velocity along x of the second grain's image relative to the grain, subtracted from
-    /// differences of velocities.
-    image_velocity: Option<L>,
-    /// Rates of the lengths of the cell (1/s).
-    stretching: Option<[f64; 3]>,
+    /// differences of velocities, of the full and of the half step.
+    image_velocity: Option<[L; 2]>,
+    stretching: Option<Stretching>,
 }
 
 impl<L: Lanes> Separation<L> {
     /// From differences of the records, by the nearest images; `sum` is R_i + R_j.
     #[inline(always)]
-    fn new<D: Dimension>(token: L::Token, cell: &Cell, difference: &[Lanes16], sum: L) -> Self {
+    pub fn new<D: Dimension>(token: L::Token, cell: &Cell, difference: &[Lanes16], sum: L) -> Self {
         let c = |v| L::splat(token, v);
         let mut r = vector::<L>(token, &difference[D::POSITION..], D::AXES);
         let (mut image_velocity, mut stretching) = (None, None);
@@ -184,7 +183,10 @@ impl<L: Lanes> Separation<L> {
             let images = -(r[D::UP] * c(1.0 / sheared.height)).round();
             r[D::UP] = images.mul_add(c(sheared.height), r[D::UP]);
             r[0] = images.mul_add(c(sheared.offset), r[0]);
-            image_velocity = Some(images * c(sheared.velocity));
+            image_velocity = Some([
+                images * c(sheared.velocity),
+                images * c(sheared.half_velocity),
+            ]);
             stretching = sheared.stretching;
         }
         for axis in 0..D::UP {
@@ -230,13 +232,14 @@ impl<L: Lanes> Velocity<L> {
     ) -> [Self; 2] {
         let mut v = vector::<L>(token, &difference[D::VELOCITY..], D::AXES);
         let mut half_v = vector::<L>(token, &difference[D::HALF_VELOCITY..], D::AXES);
-        if let Some(more) = pair.image_velocity {
-            v[0] = v[0] + more;
-            half_v[0] = half_v[0] + more;
+        if let Some([full, half]) = pair.image_velocity {
+            v[0] = v[0] + full;
+            half_v[0] = half_v[0] + half;
         }
-        if let Some(rates) = pair.stretching {
+        if let Some(Stretching { half, full }) = pair.stretching {
             for axis in 0..D::AXES {
-                half_v[axis] = pair.r[axis].mul_add(L::splat(token, rates[axis]), half_v[axis]);
+                v[axis] = pair.r[axis].mul_add(L::splat(token, full[axis]), v[axis]);
+                half_v[axis] = pair.r[axis].mul_add(L::splat(token, half[axis]), half_v[axis]);
             }
         }
         [

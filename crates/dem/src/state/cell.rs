@@ -37,9 +37,20 @@ pub struct Sheared {
     pub offset: f64,
     /// Its velocity along x (m/s): γ̇ times the height.
     pub velocity: f64,
-    /// The affine motion of a step that changes the lengths of the cell: relative velocity over
-    /// separation along each axis (1/s). `None` in all other steps.
-    pub stretching: Option<[f64; 3]>,
+    /// That of the half step.
+    pub half_velocity: f64,
+    /// The affine motion of a step that changes the lengths of the cell. `None` in all other steps.
+    pub stretching: Option<Stretching>,
+}
+
+/// The affine motion of a step that changes the lengths of a cell: relative velocity over separation
+/// along each axis (1/s).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Stretching {
+    /// In the half step: of a step from one separation to the next, over the next.
+    pub half: [f64; 3],
+    /// At the full step.
+    pub full: [f64; 3],
 }
 
 impl Sheared {
@@ -49,6 +60,7 @@ impl Sheared {
             height,
             offset: 0.0,
             velocity: 0.0,
+            half_velocity: 0.0,
             stretching: None,
         }
     }
@@ -135,8 +147,28 @@ impl Cell {
         if !(0.0..self.periods[0]).contains(&fields[0]) {
             image[0] += Self::wrap(&mut fields[0], self.periods[0]);
         }
-        fields[D::VELOCITY] += images * sheared.velocity;
-        fields[D::HALF_VELOCITY] += images * sheared.velocity;
+        fields[D::VELOCITY] += images * sheared.half_velocity;
+        fields[D::HALF_VELOCITY] += images * sheared.half_velocity;
+    }
+
+    /// The velocity of a grain (m/s) less that with which it streams in a sheared cell.
+    pub fn peculiar_velocity<D: Dimension>(&self, fields: &[f64]) -> [f64; 3] {
+        let mut u = [0.0; 3];
+        u[..D::AXES].copy_from_slice(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
+        if let Some(sheared) = &self.sheared {
+            u[0] -= sheared.velocity / sheared.height * fields[D::UP];
+        }
+        u
+    }
+
+    /// By how much (m) the images move in a step (s).
+    pub fn images_move(&self, step: f64) -> f64 {
+        self.sheared.map_or(0.0, |sheared| {
+            let along = step * sheared.half_velocity.abs();
+            let rates = sheared.stretching.map_or([0.0; 3], |of| of.half);
+            let up = rates.iter().fold(0.0, |a: f64, rate| a.max(rate.abs()));
+            along + step * up * sheared.height
+        })
     }
 
     /// The coordinate of a grain by which slabs are cut (m), in [0, L_x): x, or in a sheared cell x
@@ -344,7 +376,7 @@ mod tests {
     fn a_grain_and_its_image_are_in_one_place() {
         let sheared = Sheared {
             offset: -1.5,
-            velocity: 0.25,
+            half_velocity: 0.25,
             ..Sheared::upright(6.0)
         };
         let cell = Cell {

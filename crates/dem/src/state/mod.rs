@@ -24,16 +24,14 @@ mod ids;
 mod records;
 mod snapshot;
 
-pub use cell::{BoxEdges, Cell, Image, Sheared, length, nearest_image};
+pub use cell::{BoxEdges, Cell, Image, Sheared, Stretching, length, nearest_image};
 pub use contacts::{
     BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Touching, way_to_touch,
 };
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
 pub use ids::Ids;
-pub use records::{
-    ContactSample, GrainSample, ImposedRow, SERIES_COLUMNS, SeriesRow, series_columns,
-};
+pub use records::{ContactSample, GrainSample, ImposedRow, SeriesRow, StressRow, series_columns};
 pub use snapshot::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
     Snapshot,

@@ -120,27 +120,55 @@ crate::columns! {
     }
 }
 
-/// Columns of the time series with a protocol of more than velocities along x: those of
-/// [`SeriesRow`], then those of [`ImposedRow`].
-pub const SERIES_COLUMNS: [Column; SeriesRow::COLUMNS.len() + ImposedRow::COLUMNS.len()] = {
-    let mut all = [SeriesRow::COLUMNS[0]; SeriesRow::COLUMNS.len() + ImposedRow::COLUMNS.len()];
-    let mut k = 0;
-    while k < all.len() {
-        all[k] = if k < SeriesRow::COLUMNS.len() {
-            SeriesRow::COLUMNS[k]
-        } else {
-            ImposedRow::COLUMNS[k - SeriesRow::COLUMNS.len()]
-        };
-        k += 1;
+crate::columns! {
+    /// Further columns of a row of the time series of a cell without walls: its stress, of the
+    /// contacts and of the peculiar velocities u, and those.
+    pub struct StressRow {
+        /// (Σ F_x r_x + Σ m u_x²)/V, compression positive
+        stress_xx: "Pa",
+        /// the same along y
+        stress_yy: "Pa",
+        /// the same along z; NaN in 2D
+        stress_zz: "Pa",
+        /// part of the velocities in the mean of these
+        kinetic_pressure: "Pa",
+        /// mean of u² along an axis, by mass: twice the kinetic energy of the translations over mass and dimension
+        granular_temperature: "m2 s-2",
+    }
+}
+
+const fn joined<const N: usize>(parts: &[&[Column]]) -> [Column; N] {
+    let mut all = [SeriesRow::COLUMNS[0]; N];
+    let (mut k, mut part, mut at) = (0, 0, 0);
+    while k < N {
+        if at == parts[part].len() {
+            (part, at) = (part + 1, 0);
+        }
+        all[k] = parts[part][at];
+        (k, at) = (k + 1, at + 1);
     }
     all
-};
+}
 
-/// Columns of the time series; `imposed`: with those of what a protocol imposes.
-pub fn series_columns(imposed: bool) -> &'static [Column] {
-    if imposed {
-        &SERIES_COLUMNS
-    } else {
-        &SeriesRow::COLUMNS
+const SERIES: usize = SeriesRow::COLUMNS.len();
+const IMPOSED: usize = ImposedRow::COLUMNS.len();
+const STRESS: usize = StressRow::COLUMNS.len();
+static WITH_IMPOSED: [Column; SERIES + IMPOSED] =
+    joined(&[&SeriesRow::COLUMNS, &ImposedRow::COLUMNS]);
+static WITH_STRESS: [Column; SERIES + STRESS] = joined(&[&SeriesRow::COLUMNS, &StressRow::COLUMNS]);
+static WITH_BOTH: [Column; SERIES + IMPOSED + STRESS] = joined(&[
+    &SeriesRow::COLUMNS,
+    &ImposedRow::COLUMNS,
+    &StressRow::COLUMNS,
+]);
+
+/// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if a protocol imposes more
+/// than velocities along x, and of [`StressRow`] if there are no walls.
+pub fn series_columns(imposed: bool, images: bool) -> &'static [Column] {
+    match (imposed, images) {
+        (false, false) => &SeriesRow::COLUMNS,
+        (true, false) => &WITH_IMPOSED,
+        (false, true) => &WITH_STRESS,
+        (true, true) => &WITH_BOTH,
     }
 }

@@ -48,6 +48,7 @@ pub fn setup<D: Dimension>(side: usize, velocity: f64, list: ListSettings) -> Se
             sheared: Some(Sheared {
                 offset: 0.3 * RADIUS,
                 velocity,
+                half_velocity: velocity,
                 ..Sheared::upright(length)
             }),
         },

@@ -4,7 +4,7 @@
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
-use gshear_dem::drive::{GrainWalls, Piston, Slider};
+use gshear_dem::drive::{GrainWalls, Piston, Slider, Top};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hertz::{Hertz, Spheres};
@@ -65,7 +65,7 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Acce
         Protocol::new(step, [(0.5, STEPS)]),
         Some(1e-3 * per_layer as f64 * mass / (step * step)),
     );
-    let mut walls = GrainWalls::new(piston, slider, None, true);
+    let mut walls = GrainWalls::new(Top::new(piston, slider, None, true));
     let mut system = System::new(&Solo, setup).expect("one rank");
     system
         .replace(&Solo, law, &mut walls, grains::<D>(), Vec::new())
@@ -78,8 +78,8 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Acce
         }
     }
     assert!(system.list.rebuilds > STEPS / 8);
-    assert!(walls.slider.state.displacement > 0.0 && walls.piston.velocity != 0.0);
-    let state = walls.state();
+    assert!(walls.motion.slider.state.displacement > 0.0 && walls.motion.piston.velocity != 0.0);
+    let state = walls.motion.state();
     observe::digest(&Solo, &mut system, law, bytemuck::cast_slice(&state), STEPS)
 }
 
@@ -132,8 +132,8 @@ fn at_the_full_step<D: Dimension>(system: &mut System<D>, walls: &GrainWalls) {
         };
         let mut velocity = kicked(D::HALF_VELOCITY, 0, D::AXES, linear);
         if grains.body[g] == body::TOP {
-            velocity[0] = walls.slider.state.velocity;
-            velocity[D::UP] = walls.piston.velocity;
+            velocity[0] = walls.motion.slider.state.velocity;
+            velocity[D::UP] = walls.motion.piston.velocity;
         }
         let spin = kicked(D::HALF_SPIN, D::TORQUE, D::SPINS, angular);
         assert_eq!(bits(&r[D::VELOCITY..][..D::AXES]), bits(&velocity));

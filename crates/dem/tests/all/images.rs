@@ -32,6 +32,7 @@ fn straight<D: Dimension>(law: &dyn PairForce<D>, sheared: bool) {
         sheared: sheared.then_some(Sheared {
             offset: 0.3e-3,
             velocity: 0.37,
+            half_velocity: 0.37,
             ..Sheared::upright(height)
         }),
     };

@@ -14,3 +14,4 @@ mod shares;
 mod sleeping_blocks;
 mod sliding;
 mod tsuji;
+mod without_walls;

@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
-use gshear_dem::drive::{GrainWalls, Piston, Servo, Slider};
+use gshear_dem::drive::{GrainWalls, Piston, Servo, Slider, Top};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::{Hooke, Springs};
@@ -90,8 +90,8 @@ where
             load: rest_load::<D>(),
         };
         let slider = Slider::new(protocol, None);
-        let mut walls = GrainWalls::new(piston, slider, servo, true);
-        let [along, top, bottom] = walls.begin();
+        let mut walls = GrainWalls::new(Top::new(piston, slider, servo, true));
+        let [along, top, bottom] = walls.motion.begin();
         let grain = |id: usize| {
             let layer = id / per_layer;
             let mut state = GrainState {
@@ -151,10 +151,10 @@ where
     let protocol = Protocol::of(step, parts.iter().map(at_its_height));
     let steps = protocol.steps();
     let mut rig = Rig::<D>::new(0, 100.0 * RADIUS, step, protocol);
-    let mut path = vec![[0.0, rig.walls.slider.state.velocity]];
+    let mut path = vec![[0.0, rig.walls.motion.slider.state.velocity]];
     for _ in 0..steps {
         rig.advance();
-        let state = rig.walls.slider.state;
+        let state = rig.walls.motion.slider.state;
         path.push([state.displacement, state.velocity]);
     }
     path
@@ -212,14 +212,14 @@ where
         STEP,
         Protocol::of(STEP, [(falling, STEPS)]),
     );
-    let start = rig.walls.piston.height;
+    let start = rig.walls.motion.piston.height;
     for k in 1..=STEPS {
         rig.advance();
         let t = k as f64 * STEP;
         let height = start - 0.5 * load / mass * t * t;
-        same(rig.walls.piston.height, height, start);
+        same(rig.walls.motion.piston.height, height, start);
     }
-    assert!(start - rig.walls.piston.height > RADIUS);
+    assert!(start - rig.walls.motion.piston.height > RADIUS);
 }
 
 #[test]
@@ -311,7 +311,10 @@ where
         rig.advance();
     }
     let time = duration::<D>() / TAU;
-    let mut state = vec![rig.walls.piston.height, rig.walls.slider.state.displacement];
+    let mut state = vec![
+        rig.walls.motion.piston.height,
+        rig.walls.motion.slider.state.displacement,
+    ];
     for grain in rig.system.grain_states() {
         assert_eq!(grain.image, [0; 3]);
         state.extend(grain.position);
@@ -445,12 +448,12 @@ where
     ] {
         let servo = Servo { gain, fastest };
         let mut rig = Rig::<D>::under(Some(servo), (0, RADIUS), STEP, hold());
-        let start = rig.walls.piston.height;
+        let start = rig.walls.motion.piston.height;
         for k in 1..=STEPS {
             rig.advance();
             let height = start - speed * (k as f64 * STEP);
-            same(rig.walls.piston.height, height, start);
-            same(rig.walls.piston.velocity, -speed, speed);
+            same(rig.walls.motion.piston.height, height, start);
+            same(rig.walls.motion.piston.velocity, -speed, speed);
         }
     }
 }
@@ -487,11 +490,11 @@ where
     };
     let protocol = Protocol::of(step, [(imposed, steps)]);
     let mut rig = Rig::<D>::under(Some(servo), (1, 0.0), step, protocol);
-    let start = rig.walls.piston.height;
+    let start = rig.walls.motion.piston.height;
     let mut fallen = vec![0.0];
     for _ in 0..steps {
         rig.advance();
-        fallen.push((start - rig.walls.piston.height) / (2.0 * RADIUS - SPACING));
+        fallen.push((start - rig.walls.motion.piston.height) / (2.0 * RADIUS - SPACING));
     }
     fallen
 }

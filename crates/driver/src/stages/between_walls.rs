@@ -114,7 +114,7 @@ fn begin(
     };
     let mut header = falling(scene, plane_shear, height, 0);
     let header = if plane_shear.pack.skip {
-        header.piston.mass = mass_of_top(run, scene, &grains);
+        header.piston.mass = mass_of_top(run, scene, plane_shear, (&grains, height));
         header.piston.load = plane_shear.load.normal_force;
         Header::Shear(sheared(scene, plane_shear, header.piston))
     } else {
@@ -152,8 +152,10 @@ fn falling(scene: &Scene, plane_shear: &PlaneShear, height: f64, starts: u32) ->
 
 /// The shear of a sample with this top, from its first step.
 fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHeader {
+    let offset = scene.cell().sheared.map_or(0.0, |of| of.offset);
     ShearHeader {
         step: 0,
+        images: plane_shear.has_images().then_some([offset, 0.0]),
         height: height_between(scene, plane_shear, &piston),
         piston,
         slider: None,

@@ -8,7 +8,6 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::simd::Lanes16;
-use gshear_dem::state::length;
 use gshear_dem::step::forces;
 use gshear_dem::system::System;
 use gshear_store::collective::gathered;
@@ -105,25 +104,7 @@ fn shares<D: Dimension>(
     let iter = contacts.touching().filter(|at| at.i < grains.owned);
     iter.map(|at| {
         let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));
-        let per_length = 1.0 / length(r);
-        let normal = samples.normal[at.block].0[at.lane];
-        let tangential = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
-        let tangential_vector = match axes {
-            // The component along t̂ = ẑ × n.
-            2 => [
-                -r[1] * per_length * tangential[0],
-                r[0] * per_length * tangential[0],
-                0.0,
-            ],
-            _ => tangential,
-        };
-        let mut force = [0.0; 3];
-        for axis in 0..axes {
-            force[axis] = normal * r[axis] * per_length;
-            if law.has_friction() {
-                force[axis] += tangential_vector[axis];
-            }
-        }
+        let force = samples.vector::<D>((at.block, at.lane), &r);
         let energy = |k: usize| energies[at.block][k].0[at.lane];
         ContactTerms {
             i: grains.id[at.i],

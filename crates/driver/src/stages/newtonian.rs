@@ -156,7 +156,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             scene,
             law: assembly.law,
             attributes: attributes(scene, strain, &progress),
-            walls: None,
+            shear: None,
         };
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
         let before = goes_on.map(|r| UpToCheckpoint::new(r.step));

@@ -152,17 +152,19 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             contacts,
         } = self.assembly.held();
         let planes = [0.0, self.drive.piston.height];
-        freeze_walls(
-            &mut grains,
-            D::UP,
-            planes,
-            self.plane_shear.wall_thickness(&self.scene.sample),
-            self.scene.materials.wall,
-        );
+        if !self.plane_shear.has_images() {
+            freeze_walls(
+                &mut grains,
+                D::UP,
+                planes,
+                self.plane_shear.wall_thickness(&self.scene.sample),
+                self.scene.materials.wall,
+            );
+        }
         let piston = Piston {
             velocity: 0.0,
             acceleration: 0.0,
-            mass: mass_of_top(run, self.scene, &grains),
+            mass: mass_of_top(run, self.scene, self.plane_shear, (&grains, planes[1])),
             ..self.drive.piston
         };
         run.terminal.packed(

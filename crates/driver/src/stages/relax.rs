@@ -7,7 +7,7 @@ use crate::header::Relaxing;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, HeldState, body};
+use gshear_dem::state::{Cell, HeldState, Sheared, Stretching, body};
 use gshear_dem::step::forces;
 use gshear_dem::system::{Outside, System};
 use gshear_scene::{Method, Relax, Sample};
@@ -256,6 +256,7 @@ impl<D: Dimension> Assembly<'_, D> {
         let step = system.step;
         if let Some(sheared) = &mut system.cell.sheared {
             sheared.velocity = shear / step;
+            sheared.half_velocity = sheared.velocity;
         }
         system.shear(shear);
         let cell = system.cell;
@@ -301,7 +302,11 @@ impl<D: Dimension> Assembly<'_, D> {
         let system = &mut self.system;
         let rates = factors.map(|factor| (1.0 - 1.0 / factor) / system.step);
         if let Some(sheared) = &mut system.cell.sheared {
-            sheared.stretching = Some(rates);
+            // Velocities of the full step are 0.
+            sheared.stretching = Some(Stretching {
+                half: rates,
+                full: [0.0; 3],
+            });
         }
         Ok(self.follow())
     }
@@ -314,7 +319,12 @@ impl<D: Dimension> Assembly<'_, D> {
         let outside = forces(exchange, system, law, &mut NoWalls, step, None);
         stop(system);
         if let Some(sheared) = &mut system.cell.sheared {
-            (sheared.velocity, sheared.stretching) = (0.0, None);
+            *sheared = Sheared {
+                velocity: 0.0,
+                half_velocity: 0.0,
+                stretching: None,
+                ..*sheared
+            };
         }
         // The forces at rest, without dampers.
         let outside = outside.or(forces(exchange, system, law, &mut NoWalls, 0.0, None));
@@ -342,7 +352,7 @@ mod tests {
     use gshear_dem::laws::Contact;
     use gshear_dem::laws::hooke::{Hooke, Springs};
     use gshear_dem::simd::Isa;
-    use gshear_dem::state::{GrainState, Masses, Sheared};
+    use gshear_dem::state::{GrainState, Masses};
     use gshear_dem::system::{ListSettings, Setup};
 
     const SIDE: usize = 8;

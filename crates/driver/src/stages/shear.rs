@@ -1,4 +1,4 @@
-//! Shear of the sample between walls made of its grains.
+//! Shear of the sample between walls made of its grains, or of a cell without walls.
 
 use std::time::Instant;
 
@@ -7,11 +7,11 @@ use gshear_dem::clock::StepPhase;
 use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Exchange;
-use gshear_dem::drive::{GrainWalls, Piston, Slider};
+use gshear_dem::drive::{Drive, GrainWalls, Images, Piston, Slider, Top, WallForces};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body, series_columns};
+use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{Origin, PackingFile, PlaneShear, Scene};
@@ -19,7 +19,8 @@ use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
 use super::assembly::Assembly;
-use crate::files::{Files, Format, WallFormat};
+use super::top_wall::mass_of;
+use crate::files::{Files, Format, ShearFormat};
 use crate::frame_analysis::FrameAnalysis;
 use crate::header::{Header, ShearHeader};
 use crate::options::Outcome;
@@ -28,6 +29,53 @@ use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::status::Standing;
 
+/// What is above the sample, and moves.
+enum Above {
+    /// A wall, and one below.
+    Wall(GrainWalls),
+    /// The images of the sample.
+    Images(Images),
+}
+
+impl Above {
+    fn top(&self) -> &Top {
+        match self {
+            Self::Wall(walls) => &walls.motion,
+            Self::Images(images) => &images.motion,
+        }
+    }
+
+    fn top_mut(&mut self) -> &mut Top {
+        match self {
+            Self::Wall(walls) => &mut walls.motion,
+            Self::Images(images) => &mut images.motion,
+        }
+    }
+
+    fn drive<D: Dimension>(&mut self) -> &mut dyn Drive<D> {
+        match self {
+            Self::Wall(walls) => walls,
+            Self::Images(images) => images,
+        }
+    }
+
+    /// Whether the forces of the contacts are needed in every step.
+    fn needs_contact_forces<D: Dimension>(&self) -> bool {
+        match self {
+            Self::Wall(_) => false,
+            Self::Images(images) => Drive::<D>::needs_contact_forces(images),
+        }
+    }
+
+    /// What images feel.
+    fn felt(&self) -> Option<WallForces> {
+        match self {
+            Self::Wall(_) => None,
+            Self::Images(images) => Some(images.felt),
+        }
+    }
+}
+
 /// The stage that shears the sample.
 pub(super) struct ShearStage<'a, D: Dimension> {
     scene: &'a Scene,
@@ -35,11 +83,13 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     packing: Option<&'a PackingFile>,
     schedule: Schedule,
     assembly: Assembly<'a, D>,
-    walls: GrainWalls,
+    above: Above,
     /// Height of the plane under the bottom wall at the start (m); the piston's counts from there.
     floor: f64,
     /// Constants of the sample for the time series.
     frame: SampleConstants,
+    /// Mass of the free grains (kg; kg/m in 2D).
+    mass: f64,
     files: Files,
     analysis: Option<FrameAnalysis>,
     step: u64,
@@ -64,7 +114,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         if let Some(window) = run.options.replay {
             schedule = schedule.of_window(window);
         }
-        let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
+        let mut assembly = Assembly::new(run, scene, from.cell(&scene.sample), law)?;
         assembly.system.steps = from.step;
         let spring = plane_shear.shear.spring;
         if spring.is_none() {
@@ -72,11 +122,16 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             let way = schedule.protocol.fastest() * schedule.step;
             assembly.system.list.at_least(4.0 * way);
         }
-        let mut walls = walls(scene, plane_shear, &schedule, &from);
+        let top = top(scene, plane_shear, &schedule, &from);
+        let mut above = match from.images {
+            None => Above::Wall(GrainWalls::new(top)),
+            Some(_) => Above::Images(Images::new(top)),
+        };
         if from.step == 0 {
-            set_moving(&mut state.grains, &mut walls, &schedule, D::UP);
+            set_moving(&mut state.grains, above.top_mut(), &schedule, D::UP);
         }
-        assembly.replace(&mut walls, state.grains, state.contacts)?;
+        let mass = mass_of(run, scene, &state.grains, body::FREE);
+        assembly.replace(above.drive(), state.grains, state.contacts)?;
         let system = &mut assembly.system;
         let thickness = plane_shear.wall_thickness(&scene.sample);
         let (load, sample) = (&plane_shear.load, &scene.sample);
@@ -85,7 +140,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         if plane_shear.output.energy {
             let new = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             let saved = from.energy_budget.map(|saved| (saved, &from.piston));
-            system.budget = Some(resumed(new, exchange.rank(), &mut walls, saved));
+            system.budget = Some(resumed(new, exchange.rank(), above.top_mut(), saved));
         }
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
@@ -105,12 +160,13 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             packing: plane_shear.origin.file(),
             schedule,
             assembly,
-            walls,
+            above,
             floor: match &plane_shear.origin {
                 Origin::Packing { file, .. } if plane_shear.pack.skip => file.edges[0],
                 _ => 0.0,
             },
             frame,
+            mass,
             files,
             analysis,
             step: from.step,
@@ -140,8 +196,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let seconds = exchange.maximum(self.started.elapsed().as_secs_f64());
         let done = f64::from(self.scene.sample.grains) * (self.step - self.first) as f64;
         let rate = done / seconds / exchange.size() as f64;
-        let walls = self.walls.state();
-        let digest = (self.assembly).digest(bytemuck::cast_slice(&walls), self.step);
+        let mut more = self.above.top().state().to_vec();
+        more.extend(self.images().into_iter().flatten());
+        let digest = (self.assembly).digest(bytemuck::cast_slice(&more), self.step);
         let attributes = [
             ("digest", Attribute::from(digest.clone())),
             ("speed", rate.into()),
@@ -183,8 +240,12 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
 
     /// Ends the run if a free grain has passed a wall. Collective.
     fn check_between(&self, exchange: &dyn Exchange) -> Result<(), Failure> {
-        let bottom = self.floor + self.walls.bottom_displacement();
-        let top = self.floor + self.walls.piston.height;
+        if let Above::Images(_) = self.above {
+            return Ok(());
+        }
+        let top = self.above.top();
+        let bottom = self.floor + top.bottom_displacement();
+        let top = self.floor + top.piston.height;
         observe::check_between(exchange, &self.assembly.system, [bottom, top])
     }
 
@@ -192,13 +253,16 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     /// more than half a mean diameter. A top that moves at an imposed velocity or by a servo does
     /// not fly, and a vibrating bottom may throw it on purpose.
     fn check_top(&self) -> Result<(), Failure> {
-        let now = self.walls.slider.state.step;
+        let Above::Wall(GrainWalls { motion, .. }) = &self.above else {
+            return Ok(());
+        };
+        let now = motion.slider.state.step;
         let protocol = &self.schedule.protocol;
         let is_driven = protocol.segment_before(now).normal_velocity().is_some();
-        let piston = &self.walls.piston;
+        let piston = &motion.piston;
         let flight = piston.flight();
         if is_driven
-            || self.walls.servo.is_some()
+            || motion.servo.is_some()
             || protocol.has_bottom()
             || flight <= 0.5 * self.scene.sample.mean_diameter
         {
@@ -213,11 +277,18 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         )))
     }
 
+    /// The Lees–Edwards offset (m) and the velocity (m/s) of images.
+    fn images(&self) -> Option<[f64; 2]> {
+        let sheared = self.assembly.system.cell.sheared;
+        sheared.map(|sheared| [sheared.offset, sheared.velocity])
+    }
+
     fn header(&self, run: &Run<'_>, written: Written) -> Header {
         Header::Shear(ShearHeader {
             step: self.step,
-            piston: self.walls.piston,
-            slider: (self.step > 0).then_some(self.walls.slider.state),
+            piston: self.above.top().piston,
+            images: self.images(),
+            slider: (self.step > 0).then_some(self.above.top().slider.state),
             height: self.schedule.height,
             written,
             energy_budget: (self.assembly.system.budget.as_ref()).map(|b| b.save(run.exchange)),
@@ -260,13 +331,14 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
                 keep: true,
             })?;
         }
-        self.assembly.initial_forces(&mut self.walls, true)
+        self.assembly.initial_forces(self.above.drive(), true)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
-        let sampled = self.due(self.step + 1).contains(&true);
+        let sampled =
+            self.due(self.step + 1).contains(&true) || self.above.needs_contact_forces::<D>();
         let stop = stop || run.asked_to_stop();
-        let stop = self.assembly.advance(&mut self.walls, sampled, stop)?;
+        let stop = self.assembly.advance(self.above.drive(), sampled, stop)?;
         self.step += 1;
         self.check_top()?;
         Ok(stop)
@@ -286,13 +358,18 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
                 self.assembly.law,
                 &mut self.assembly.system,
                 &self.assembly.samples,
-                &self.walls,
+                (self.above.top(), self.above.felt()),
                 &self.frame,
                 self.schedule.height,
             );
             let mut values = row.columns().to_vec();
             if self.schedule.protocol.is_more_than_velocities() {
-                values.extend(observe::imposed(&self.walls).columns());
+                values.extend(observe::imposed(self.above.top()).columns());
+            }
+            if let Above::Images(_) = &self.above {
+                let (system, samples) = (&mut self.assembly.system, &self.assembly.samples);
+                let row = observe::stress(exchange, system, samples, self.mass);
+                values.extend(row.columns());
             }
             let files = &mut self.files;
             files.trajectory.series(exchange, step, time, &values)?;
@@ -302,7 +379,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         if frames || analysed {
             let (grains, contacts) = self.assembly.frame();
             if frames {
-                let height = self.walls.piston.height - self.frame.walls;
+                let height = self.above.top().piston.height - self.frame.walls;
                 let edges = self.assembly.system.cell.edges::<D>(height);
                 let clock = (step, time);
                 (self.files.trajectory).frame(exchange, clock, &edges, &grains, &contacts)?;
@@ -371,13 +448,8 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 }
 
-/// The walls of a shear as it begins or goes on.
-fn walls(
-    scene: &Scene,
-    plane_shear: &PlaneShear,
-    schedule: &Schedule,
-    from: &ShearHeader,
-) -> GrainWalls {
+/// The top of a shear as it begins or goes on.
+fn top(scene: &Scene, plane_shear: &PlaneShear, schedule: &Schedule, from: &ShearHeader) -> Top {
     let slider = Slider::new(schedule.protocol.clone(), plane_shear.shear.spring);
     let servo = plane_shear.servo(&scene.sample);
     let mut piston = from.piston;
@@ -388,25 +460,25 @@ fn walls(
         piston.acceleration += (piston.load - load) / piston.mass;
         piston.load = load;
     }
-    let mut walls = GrainWalls::new(piston, slider, servo, plane_shear.output.energy);
-    walls.normal_work |= is_loaded_anew;
+    let mut top = Top::new(piston, slider, servo, plane_shear.output.energy);
+    top.normal_work |= is_loaded_anew;
     if let Some(slider) = from.slider {
-        walls.slider.state = slider;
+        top.slider.state = slider;
     }
-    walls
+    top
 }
 
 /// The energy budget, which goes on as `saved` with the top of then.
 fn resumed(
     mut budget: EnergyBudget,
     rank: usize,
-    walls: &mut GrainWalls,
+    top: &mut Top,
     saved: Option<(SavedBudget, &Piston)>,
 ) -> EnergyBudget {
     if let Some((mut saved, piston)) = saved {
         // Once it is summed, it stays so.
-        walls.normal_work |= saved.has_normal_work();
-        if walls.normal_work {
+        top.normal_work |= saved.has_normal_work();
+        if top.normal_work {
             saved = saved.with_varying_load(piston);
         }
         budget.resume(&saved, rank);
@@ -415,8 +487,8 @@ fn resumed(
 }
 
 /// Gives the grains of the walls the velocities with which these begin.
-fn set_moving(grains: &mut [GrainState], walls: &mut GrainWalls, schedule: &Schedule, up: usize) {
-    let [along, top, bottom] = walls.begin();
+fn set_moving(grains: &mut [GrainState], top: &mut Top, schedule: &Schedule, up: usize) {
+    let [along, top, bottom] = top.begin();
     for g in grains {
         match g.body {
             body::TOP => {
@@ -438,13 +510,14 @@ fn format<'a>(
 ) -> Format<'a> {
     Format {
         name: RUN_FILE,
-        columns: series_columns(schedule.protocol.is_more_than_velocities()),
+        columns: schedule.columns,
         scene,
         law,
         attributes: attributes(scene, plane_shear, schedule),
-        walls: Some(WallFormat {
+        shear: Some(ShearFormat {
             height: schedule.height,
             scalars: plane_shear.analysis.scalars,
+            images: plane_shear.has_images(),
         }),
     }
 }

@@ -88,7 +88,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             scene,
             law: assembly.law,
             attributes: vec![("mean_diameter", scene.sample.mean_diameter.into())],
-            walls: None,
+            shear: None,
         };
         let before = UpToCheckpoint {
             step: progress.steps,

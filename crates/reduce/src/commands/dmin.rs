@@ -13,7 +13,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{Frame, FrameRecords};
 use gshear_scene::Dimensions;
 use gshear_store::reduced_writer::ReducedWriter;
-use gshear_store::run_reader::{FrameFields, RunFile, RunStage};
+use gshear_store::run_reader::{FrameFields, RunFile};
 
 /// Write D²min between consecutive frames into reduced.h5 (Lee & Hurley, appendix B)
 ///
@@ -81,7 +81,7 @@ impl Arguments {
 
 /// Whether [`NonAffine`] computes D²min, which is faster: of disks between walls.
 pub fn is_planar(run: &RunFile) -> bool {
-    run.stage() == RunStage::Shear && run.dimension() == Dimensions::Two
+    run.has_walls() && run.dimension() == Dimensions::Two
 }
 
 /// Returns D²min of every grain between two frames of these numbers, `[N]` (m²), with the

@@ -44,7 +44,7 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     let grains = run.grains();
     let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();
     let (all, free, bottom, top) = (grains.count(), of_body(0), of_body(1), of_body(2));
-    let walls = run.stage() == RunStage::Shear;
+    let walls = run.has_walls();
     let count = if walls {
         format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall")
     } else {
@@ -119,7 +119,7 @@ fn lengths_at_the_end(run: &RunFile) -> Option<Vec<f64>> {
         }
     }
     let last = run.frames().checked_sub(1)?;
-    let walls = run.stage() == RunStage::Shear;
+    let walls = run.has_walls();
     let edges = run.box_edges(last);
     (!walls).then(|| (0..axes).map(|axis| edges[axis][axis]).collect())
 }

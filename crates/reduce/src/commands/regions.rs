@@ -30,7 +30,7 @@ impl Arguments {
     /// # Errors
     /// An unfit or damaged run, a file that cannot be written.
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
-        let run = RunFile::open(&self.run)?;
+        let run = RunFile::open_between_walls(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
         results.table("regions.csv", &table(&FrameSeries::of(&run)?), printer)
     }

@@ -76,7 +76,7 @@ impl Arguments {
     /// An unfit or damaged run, a run without a slip, a replay that differs, a file that cannot be
     /// written.
     pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<(), Failure> {
-        let run = &RunFile::open(&self.run)?;
+        let run = &RunFile::open_between_walls(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
         let series = FrameSeries::of(run)?;
         let first = series.strain.partition_point(|gamma| *gamma < self.from);

@@ -30,7 +30,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
-    BoxEdges, Cell, Disks, FrameRecords, ImposedRow, SERIES_COLUMNS, SeriesRow, Sheared,
+    BoxEdges, Cell, Disks, FrameRecords, ImposedRow, SeriesRow, Sheared, StressRow, series_columns,
 };
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Dimensions, ReadPacking, Source};
@@ -50,7 +50,7 @@ impl RunStage {
     /// In the order in which a file is tried.
     const ALL: [Self; 3] = [Self::Newtonian, Self::Strain, Self::Shear];
 
-    /// Columns of the time series, without those of what a protocol imposes.
+    /// Columns of the time series, of a shear those that all have.
     pub fn columns(self) -> &'static [Column] {
         match self {
             Self::Shear => &SeriesRow::COLUMNS,
@@ -142,6 +142,8 @@ pub struct RunFile {
     /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
     edges: [f64; 3],
     dimension: Dimensions,
+    /// Whether the cell is periodic along its last axis, too.
+    is_box: bool,
     parameters: BTreeMap<String, Parameter>,
     series: Series,
     scalars: Option<StoredScalars>,
@@ -160,22 +162,37 @@ pub struct RunFile {
 }
 
 impl RunFile {
-    /// Opens a run between walls: a `run.h5`, or the folder that holds one.
+    /// Opens the shear of a run: a `run.h5`, or the folder that holds one.
     ///
     /// A run that was stopped early is read as far as all of its datasets go.
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
-    /// wrong shape; a file of a run in a periodic box.
+    /// wrong shape; a file of another stage.
     pub fn open(run: &Path) -> Result<Self, Failure> {
         let file = Self::open_any(run)?;
         match file.stage {
             RunStage::Shear => Ok(file),
             _ => Err(Failure::input(format!(
-                "{}: is of a run in a periodic box; this command needs a run between walls",
+                "{}: is of a scene with [box]; this command needs the shear of a run, run.h5",
                 file.path.display()
             ))),
         }
+    }
+
+    /// Opens the shear of a run between walls.
+    ///
+    /// # Errors
+    /// As of [`RunFile::open`], and a cell without walls.
+    pub fn open_between_walls(run: &Path) -> Result<Self, Failure> {
+        let file = Self::open(run)?;
+        if file.has_walls() {
+            return Ok(file);
+        }
+        Err(Failure::input(format!(
+            "{}: has no walls (sample.boundary = \"periodic\"); this command needs a run between walls",
+            file.path.display()
+        )))
     }
 
     /// Opens the file of any stage. Of a folder, `run.h5`, or of a run in a periodic box the strain
@@ -205,11 +222,10 @@ impl RunFile {
         };
         let (grains, ids, material) = source.grains(&edges)?;
         let finished = parameters.contains_key("digest");
-        let imposed = ImposedRow::COLUMNS[0].name;
-        let columns = if source.exists(&format!("{OBSERVABLES}/{imposed}")) {
-            &SERIES_COLUMNS
-        } else {
-            stage.columns()
+        let has = |row: &[Column]| source.exists(&format!("{OBSERVABLES}/{}", row[0]));
+        let columns = match stage {
+            RunStage::Shear => series_columns(has(&ImposedRow::COLUMNS), has(&StressRow::COLUMNS)),
+            _ => stage.columns(),
         };
         let series = source.series(columns, finished)?;
         let scalars = source.scalars(finished)?;
@@ -224,6 +240,7 @@ impl RunFile {
             material,
             edges,
             dimension,
+            is_box: source.frame_edges(0)?.1 == 9,
             parameters,
             series,
             scalars,
@@ -320,6 +337,11 @@ impl RunFile {
         self.stage
     }
 
+    /// Returns whether walls bound the sample.
+    pub fn has_walls(&self) -> bool {
+        !self.is_box
+    }
+
     /// Returns the path of the file.
     pub fn path(&self) -> &Path {
         &self.path
@@ -370,7 +392,7 @@ impl RunFile {
     /// Returns the periodic cell at frame t < T.
     pub fn cell(&self, t: usize) -> Cell {
         let mut periods = self.periods();
-        if self.stage == RunStage::Shear {
+        if self.has_walls() {
             return Cell::between_walls(periods);
         }
         let mut height = self.height();
@@ -417,6 +439,13 @@ impl RunFile {
     /// The periods that were taken from the Lees–Edwards offset between two frames. Each strain
     /// step has a row, and adds less than half a period.
     fn periods_of_shear(&self, numbers: [usize; 2]) -> i64 {
+        if self.stage == RunStage::Shear && self.is_box {
+            let period = self.cell(numbers[0]).periods[0];
+            let strains = self.frame_strains().unwrap_or_default();
+            let moved = |t: usize| strains.get(t).map_or(0.0, |strain| strain * self.height());
+            let beyond = |t: usize| moved(t) - self.offset_of_image(t);
+            return ((beyond(numbers[1]) - beyond(numbers[0])) / period).round() as i64;
+        }
         if self.stage != RunStage::Strain {
             return 0;
         }

@@ -70,6 +70,9 @@ pub struct RunHeader<'a> {
     pub form: Form,
     /// Whether the box is bounded along its last axis.
     pub walls: bool,
+    /// Whether quantities are in SI units, and say so: scenes with `[box]` may use any consistent
+    /// ones.
+    pub units: bool,
     /// Columns of the time series.
     pub series: &'a [Column],
     /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
@@ -154,8 +157,7 @@ impl TrajectoryWriter {
                 form: header.form,
                 walls: header.walls,
                 series: header.series,
-                // Scenes of a periodic box may use any consistent set of units.
-                units: header.walls,
+                units: header.units,
                 history_unit: header.history_unit,
             };
             describe(&file, &layout, &author)?;
@@ -252,7 +254,7 @@ impl TrajectoryWriter {
             of_root,
         ));
         let numbers = |column: &Column, values: &[f64]| {
-            let unit = column.unit_in(header.form.axes).filter(|_| header.walls);
+            let unit = column.unit_in(header.form.axes).filter(|_| header.units);
             fixed_in_units(file, &name(column.name), grains, local, values, unit)
         };
         outcome.note(fixed(file, &name("id"), grains, local, &id));

@@ -23,6 +23,7 @@ fn create(path: &Path, rows: u64) {
             torques: false,
         },
         walls: true,
+        units: true,
         series: &SeriesRow::COLUMNS,
         edges: [2.0, 3.0, 0.0],
         author: "the test",

@@ -163,7 +163,7 @@ impl<'a> ExportedRun<'a> {
         modes: Option<ExportedModes>,
     ) -> Result<Self, Failure> {
         let is_planar = run.dimension() == Dimensions::Two;
-        let has_regions = is_planar && run.stage() == RunStage::Shear;
+        let has_regions = is_planar && run.has_walls();
         if fields.contains(&GrainField::Regions) && !has_regions {
             return Err(Failure::input(format!(
                 "--fields regions: {}: needs disks between walls",
@@ -272,7 +272,7 @@ impl<'a> ExportedRun<'a> {
 
     /// Which axes are periodic.
     pub fn periodic(&self) -> [bool; 3] {
-        let is_box = self.run.stage() != RunStage::Shear;
+        let is_box = !self.run.has_walls();
         match self.run.dimension() {
             Dimensions::Two => [true, is_box, false],
             Dimensions::Three => [true, true, is_box],

@@ -1,0 +1,125 @@
+//! Walls of frozen grains.
+
+use super::{Drive, Felt, Top, WallForces, WallSteps};
+use crate::dimension::Dimension;
+use crate::domain::Accumulator;
+use crate::protocol::Protocol;
+use crate::simd::Isa;
+use crate::state::{Cell, Grains, body};
+
+/// Walls of frozen grains. The bottom is fixed, or vibrates along its normal. The top is rigid and
+/// moves as `motion` says.
+#[derive(Debug)]
+pub struct GrainWalls {
+    /// The motion of the top, and what is imposed on the walls.
+    pub motion: Top,
+    /// Owned grains of the top wall.
+    pub top: Vec<u32>,
+    /// Owned grains of the bottom wall, if it vibrates.
+    pub bottom: Vec<u32>,
+}
+
+impl GrainWalls {
+    /// Walls without their grains.
+    pub fn new(motion: Top) -> Self {
+        Self {
+            motion,
+            top: Vec::new(),
+            bottom: Vec::new(),
+        }
+    }
+
+    /// Gives the grains of the top these velocities, in the fields that begin at `at`.
+    fn impose<D: Dimension>(&self, at: &[usize], [along, up]: [f64; 2], grains: &mut Grains<D>) {
+        for &g in &self.top {
+            let r = grains.fields_mut(g as usize);
+            for at in at {
+                r[*at] = along;
+                r[at + D::UP] = up;
+            }
+        }
+    }
+
+    /// Gives the grains of a bottom that vibrates this velocity upwards.
+    fn impose_bottom<D: Dimension>(&self, at: &[usize], up: f64, grains: &mut Grains<D>) {
+        for &g in &self.bottom {
+            let r = grains.fields_mut(g as usize);
+            for at in at {
+                r[at + D::UP] = up;
+            }
+        }
+    }
+
+    /// Gives the wall grains the velocities of the walls, also as those of the half step, from
+    /// which the deferred second kick starts. `bottom` (m/s) is asked for only if it vibrates.
+    fn impose_velocities<D: Dimension>(
+        &self,
+        bottom: impl FnOnce(&Protocol) -> f64,
+        grains: &mut Grains<D>,
+    ) {
+        let Top { slider, piston, .. } = &self.motion;
+        let velocity = [slider.state.velocity, piston.velocity];
+        let fields = [D::VELOCITY, D::HALF_VELOCITY];
+        self.impose(&fields, velocity, grains);
+        if slider.protocol.has_bottom() {
+            self.impose_bottom(&fields, bottom(&slider.protocol), grains);
+        }
+    }
+}
+
+impl<D: Dimension> Drive<D> for GrainWalls {
+    fn start(&mut self, load: WallForces) {
+        self.motion.start(load);
+    }
+
+    fn drift(&mut self, step: f64, _: &mut Cell, grains: &mut Grains<D>) {
+        let now = self.motion.slider.state.step;
+        self.motion.drift(step);
+        self.impose_velocities(|protocol| protocol.bottom_velocity(now), grains);
+    }
+
+    fn predict(&mut self, step: f64, _: &mut Cell, grains: &mut Grains<D>) {
+        let slider = &self.motion.slider;
+        self.impose(&[D::VELOCITY], self.motion.predicted(step), grains);
+        if slider.protocol.has_bottom() {
+            let up = slider.protocol.full_bottom_velocity(slider.state.step);
+            self.impose_bottom(&[D::VELOCITY], up, grains);
+        }
+    }
+
+    fn has_bottom_force(&self) -> bool {
+        self.motion.slider.protocol.has_bottom()
+    }
+
+    fn load(&self, felt: &Felt<'_, D>, [up, along, bottom]: &mut [Accumulator; 3]) {
+        let Felt { grains, fixed, .. } = felt;
+        for &g in &self.top {
+            fixed.add(up, grains.force[g as usize][D::UP]);
+        }
+        if self.motion.along {
+            for &g in &self.top {
+                fixed.add(along, grains.force[g as usize][0]);
+            }
+        }
+        for &g in &self.bottom {
+            fixed.add(bottom, grains.force[g as usize][D::UP]);
+        }
+    }
+
+    fn kick(&mut self, step: f64, forces: WallForces, grains: &mut Grains<D>) {
+        let now = self.motion.slider.state.step;
+        self.motion.kick(step, forces);
+        self.impose_velocities(|protocol| protocol.full_bottom_velocity(now), grains);
+    }
+
+    fn moved(&self) -> WallSteps {
+        self.motion.moved()
+    }
+
+    fn renumber(&mut self, _: Isa, grains: &Grains<D>, _: f64) {
+        self.top = grains.of_body(body::TOP);
+        if self.motion.slider.protocol.has_bottom() {
+            self.bottom = grains.of_body(body::BOTTOM);
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! A cell without walls: its images above move.
+
+use super::{Drive, Felt, Top, WallForces, WallSteps};
+use crate::dimension::Dimension;
+use crate::domain::Accumulator;
+use crate::kernel::PlaneStress;
+use crate::state::{Cell, Grains, Sheared, Stretching};
+
+/// The images above a cell that is periodic along its last axis, too (Lees and Edwards, J. Phys. C
+/// 5, 1921, 1972). They move as a top wall would that feels the stress of the sample, times the base
+/// of the cell.
+///
+/// Along x the images have the velocity V, and the grains at height y of a cell of height h stream
+/// with V y/h. Where V changes, the grains get the change of that at once, so that the shear stays
+/// homogeneous (the SLLOD equations; Evans and Morriss, Phys. Rev. A 30, 1528, 1984). Along the last
+/// axis the cell is stretched affinely: with y = h s, the grains have the velocity u = h ds/dt, and m
+/// du/dt = F - m u (dh/dt)/h (Andersen, J. Chem. Phys. 72, 2384, 1980). In a step y becomes y h'/h +
+/// Δt u and then u becomes u h/h', which is of second order and the same backwards.
+#[derive(Debug)]
+pub struct Images {
+    /// The motion of the images.
+    pub motion: Top,
+    /// The stress in the last step at which it was measured, times the base.
+    pub felt: WallForces,
+    /// Whether the stress is needed in every step.
+    needs_stress: bool,
+    /// h/h' of the last step.
+    shrinks: f64,
+}
+
+impl Images {
+    /// Images that move like this.
+    pub fn new(motion: Top) -> Self {
+        let mut segments = motion.slider.protocol.segments().iter();
+        let is_loaded = segments.any(|segment| segment.normal_velocity().is_none());
+        Self {
+            needs_stress: is_loaded || motion.along,
+            motion,
+            felt: WallForces::default(),
+            shrinks: 1.0,
+        }
+    }
+
+    /// Gives the grains the change of their streaming velocities if the images get this velocity
+    /// (m/s).
+    pub fn stream<D: Dimension>(velocity: f64, sheared: &mut Sheared, grains: &mut Grains<D>) {
+        let change = (velocity - sheared.velocity) / sheared.height;
+        sheared.velocity = velocity;
+        if change == 0.0 {
+            return;
+        }
+        for g in 0..grains.owned {
+            let r = grains.fields_mut(g);
+            let more = change * r[D::UP];
+            for at in [D::VELOCITY, D::HALF_VELOCITY] {
+                r[at] += more;
+            }
+        }
+    }
+}
+
+impl<D: Dimension> Drive<D> for Images {
+    fn start(&mut self, load: WallForces) {
+        self.felt = load;
+        self.motion.start(load);
+    }
+
+    fn changes_velocities(&self, step: f64, cell: &Cell) -> bool {
+        let next = self.motion.slider.next_velocity(step);
+        cell.sheared.is_some_and(|sheared| sheared.velocity != next)
+    }
+
+    fn drift(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<D>) {
+        self.motion.drift(step);
+        let Some(sheared) = &mut cell.sheared else {
+            return;
+        };
+        let velocity = self.motion.slider.state.velocity;
+        Self::stream(velocity, sheared, grains);
+        sheared.half_velocity = velocity;
+        let (before, height) = (sheared.height, self.motion.piston.height);
+        sheared.stretching = None;
+        if height == before {
+            return;
+        }
+        let grows = height / before;
+        for g in 0..grains.owned {
+            grains.fields_mut(g)[D::UP] *= grows;
+        }
+        self.shrinks = before / height;
+        sheared.height = height;
+        let mut stretching = Stretching::default();
+        stretching.half[D::UP] = (1.0 - self.shrinks) / step;
+        sheared.stretching = Some(stretching);
+    }
+
+    fn predict(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<D>) {
+        let Some(sheared) = &mut cell.sheared else {
+            return;
+        };
+        let [along, up] = self.motion.predicted(step);
+        if let Some(stretching) = &mut sheared.stretching {
+            stretching.full[D::UP] = up / sheared.height;
+            for g in 0..grains.owned {
+                let r = grains.fields_mut(g);
+                for at in [D::VELOCITY, D::HALF_VELOCITY] {
+                    r[at + D::UP] *= self.shrinks;
+                }
+            }
+        }
+        Self::stream(along, sheared, grains);
+    }
+
+    fn needs_contact_forces(&self) -> bool {
+        self.needs_stress
+    }
+
+    fn load(&self, felt: &Felt<'_, D>, [up, along, _]: &mut [Accumulator; 3]) {
+        let Felt {
+            cell,
+            grains,
+            fixed,
+            ..
+        } = felt;
+        let (Some(samples), Some(sheared)) = (felt.samples, cell.sheared) else {
+            return;
+        };
+        felt.isa.run(PlaneStress::<D> {
+            record: &grains.record,
+            contacts: felt.contacts,
+            samples,
+            cell,
+            fixed,
+            to: [up, along],
+        });
+        let per_height = 1.0 / sheared.height;
+        for g in 0..grains.owned {
+            let momentum = grains.mass[g] * per_height;
+            let u = cell.peculiar_velocity::<D>(grains.fields(g));
+            let flow = momentum * u[D::UP];
+            fixed.add(up, flow * u[D::UP]);
+            fixed.add(along, flow * u[0]);
+        }
+    }
+
+    fn kick(&mut self, step: f64, forces: WallForces, _: &mut Grains<D>) {
+        self.felt = forces;
+        self.motion.kick(step, forces);
+    }
+
+    fn moved(&self) -> WallSteps {
+        self.motion.moved()
+    }
+}
