@@ -6,6 +6,7 @@
 
 use bytemuck::Zeroable;
 
+use crate::budget::EnergyBudget;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
@@ -48,7 +49,7 @@ pub fn advance<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
-    mut request: StepRequest<'_>,
+    request: StepRequest<'_>,
 ) -> Result<bool, Failure> {
     let step = system.step;
     system.steps += 1;
@@ -94,12 +95,11 @@ pub fn advance<D: Dimension>(
         law,
         drive,
         (step, travelled),
-        request.samples.as_deref_mut(),
+        request.samples,
     );
 
     let rebuild = rebuild || system.list.forced(system.steps);
-    let samples = request.samples.as_deref();
-    let mut message = Message::new(system, drive, samples, (outside, [rebuild, request.stop]));
+    let mut message = Message::new(system, drive, outside, [rebuild, request.stop]);
     let drag = drive.drag();
     message.sum(exchange, &mut || {
         if let Some(drag) = drag {
@@ -131,12 +131,12 @@ pub fn initial_forces<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
-    mut samples: Option<&mut ContactForces>,
+    samples: Option<&mut ContactForces>,
 ) -> Result<(), Failure> {
     // The time until now belongs to the first list.
     system.clock.end(StepPhase::Rebuild);
-    let outside = forces(exchange, system, law, drive, 0.0, samples.as_deref_mut());
-    let mut message = Message::new(system, drive, samples.as_deref(), (outside, []));
+    let outside = forces(exchange, system, law, drive, 0.0, samples);
+    let mut message = Message::new(system, drive, outside, []);
     message.sum(exchange, &mut || ());
     let (load, []) = message.read(exchange, system, outside)?;
     if let Some(budget) = &mut system.budget {
@@ -172,16 +172,14 @@ impl<const K: usize> Message<K> {
     fn new<D: Dimension>(
         system: &System<D>,
         drive: &dyn Drive<D>,
-        samples: Option<&ContactForces>,
-        (outside, questions): (Option<Outside>, [bool; K]),
+        outside: Option<Outside>,
+        questions: [bool; K],
     ) -> Self {
         let mut load = [Accumulator::default(); 3];
         let felt = Felt {
-            isa: system.isa,
             cell: &system.cell,
             grains: &system.grains,
-            contacts: &system.contacts,
-            samples,
+            stress: system.stress,
             fixed: &system.fixed,
         };
         drive.load(&felt, &mut load);
@@ -269,6 +267,7 @@ fn add_forces<D: Dimension>(
         pool,
         budget,
         gravity,
+        stress,
         step: full_step,
         ..
     } = system;
@@ -281,6 +280,7 @@ fn add_forces<D: Dimension>(
         weigh(grains, *gravity);
     }
     let at_plane = drive.forces(*isa, *cell, step, grains);
+    let is_stressed = drive.needs_stress(samples.is_some());
     if let Some(samples) = &mut samples {
         samples.prepare(contacts.blocks());
     }
@@ -291,9 +291,10 @@ fn add_forces<D: Dimension>(
         cell: *cell,
         step,
         travelled,
-        counting: budget.as_ref().map(|budget| Counting {
-            unit: budget.unit(),
+        counting: (is_stressed || budget.is_some()).then(|| Counting {
+            unit: budget.as_ref().map_or(1.0, EnergyBudget::unit),
             step: *full_step,
+            height: cell.sheared.map(|of| of.height).filter(|_| is_stressed),
         }),
     };
     let (record, force) = (&mut grains.record, &mut grains.force);
@@ -308,6 +309,7 @@ fn add_forces<D: Dimension>(
     pool.gather(&mut grains.force);
     clock.end(StepPhase::Contacts);
 
+    *stress = is_stressed.then_some(outcome.stress);
     if let Some(budget) = budget {
         budget.step(outcome.dissipated, outcome.uncounted);
     }

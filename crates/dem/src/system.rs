@@ -60,6 +60,9 @@ pub struct System<D: Dimension> {
     pub pool: ThreadPool<D>,
     /// The energy budget, if it is kept.
     pub budget: Option<EnergyBudget>,
+    /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of the last step, if it was
+    /// counted.
+    pub(crate) stress: Option<[i128; 2]>,
 }
 
 /// How long the list of pairs remains complete.
@@ -326,6 +329,7 @@ impl<D: Dimension> System<D> {
             clock: Clock::default(),
             pool: ThreadPool::new(of.threads)?,
             budget: None,
+            stress: None,
             ids: Ids::default(),
         })
     }

@@ -45,6 +45,18 @@ impl FixedPoint {
         }
     }
 
+    /// Adds a whole number of units that are a power of two.
+    pub fn add_whole(&self, to: &mut Accumulator, count: i128, unit: f64) {
+        let exponent = ((unit * self.per_unit).to_bits() >> 52) as i64 - 1023;
+        // That of NaN is 1024.
+        let bits = count.unsigned_abs().checked_ilog2().unwrap_or(0);
+        if exponent >= 0 && exponent + i64::from(bits) < 120 {
+            to.sum += count << exponent;
+        } else if count != 0 {
+            to.outside += 1;
+        }
+    }
+
     /// The sum, correctly rounded; NaN if a term was out of range.
     pub fn value(&self, of: Accumulator) -> f64 {
         if of.outside == 0 {
@@ -68,6 +80,16 @@ impl FixedPoint {
         let mut sums = message.chunks(LIMBS + 1).map(Accumulator::read);
         std::array::from_fn(|_| self.value(sums.next().unwrap_or_default()))
     }
+}
+
+/// Greatest magnitude that [`nearest_whole`] takes.
+pub const MOST_COUNTED: f64 = (1u64 << 51) as f64;
+
+/// The nearest whole number, of one up to [`MOST_COUNTED`]: `round_ties_even` calls a function
+/// where the instruction set lacks it.
+pub fn nearest_whole(x: f64) -> i64 {
+    let shift = (3u64 << 51) as f64;
+    (x + shift).to_bits().wrapping_sub(shift.to_bits()) as i64
 }
 
 /// A number from 2^53 to 2^120 in magnitude, which is whole. The conversion by `as` calls a function
@@ -142,6 +164,26 @@ mod tests {
             limbs.iter_mut().zip(part).for_each(|(a, b)| *a += b);
         }
         assert_eq!(whole, Accumulator::read(&limbs));
+    }
+
+    #[test]
+    fn whole_counts_are_added_in_their_unit() {
+        let fixed = FixedPoint::new(3.0);
+        for count in [0, 1, -7, 1_234_567_890_123_457] {
+            for exponent in [-60, -30, 0] {
+                let unit = 2f64.powi(exponent);
+                let [mut one, mut other] = [Accumulator::default(); 2];
+                fixed.add_whole(&mut one, count, unit);
+                fixed.add(&mut other, count as f64 * unit);
+                assert_eq!(one, other, "{count} {exponent}");
+            }
+        }
+        let mut outside = Accumulator::default();
+        fixed.add_whole(&mut outside, 5, f64::NAN);
+        assert!(fixed.value(outside).is_nan());
+        for x in [0.0, 0.5, 1.5, -2.5, 3.7, -1e15, 2.2e15] {
+            assert_eq!(nearest_whole(x), x.round_ties_even() as i64, "{x}");
+        }
     }
 
     #[test]

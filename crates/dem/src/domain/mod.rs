@@ -5,7 +5,7 @@ mod exact_sum;
 mod slabs;
 mod solo;
 
-pub use exact_sum::{Accumulator, FixedPoint, LIMBS};
+pub use exact_sum::{Accumulator, FixedPoint, LIMBS, MOST_COUNTED, nearest_whole};
 pub use slabs::{Slabs, most_ranks};
 pub use solo::Solo;
 

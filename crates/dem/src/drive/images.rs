@@ -2,8 +2,7 @@
 
 use super::{Drive, Felt, Top, WallForces, WallSteps};
 use crate::dimension::Dimension;
-use crate::domain::Accumulator;
-use crate::kernel::PlaneStress;
+use crate::domain::{Accumulator, MOST_COUNTED, nearest_whole};
 use crate::state::{Cell, Grains, Sheared, Stretching};
 
 /// The images above a cell that is periodic along its last axis, too (Lees and Edwards, J. Phys. C
@@ -111,8 +110,8 @@ impl<D: Dimension> Drive<D> for Images {
         Self::stream(along, sheared, grains);
     }
 
-    fn needs_contact_forces(&self) -> bool {
-        self.needs_stress
+    fn needs_stress(&self, sampled: bool) -> bool {
+        self.needs_stress || sampled
     }
 
     fn load(&self, felt: &Felt<'_, D>, [up, along, _]: &mut [Accumulator; 3]) {
@@ -120,27 +119,31 @@ impl<D: Dimension> Drive<D> for Images {
             cell,
             grains,
             fixed,
-            ..
+            stress,
         } = felt;
-        let (Some(samples), Some(sheared)) = (felt.samples, cell.sheared) else {
+        let (Some(stress), Some(sheared)) = (stress, cell.sheared) else {
             return;
         };
-        felt.isa.run(PlaneStress::<D> {
-            record: &grains.record,
-            contacts: felt.contacts,
-            samples,
-            cell,
-            fixed,
-            to: [up, along],
-        });
-        let per_height = 1.0 / sheared.height;
-        for g in 0..grains.owned {
-            let momentum = grains.mass[g] * per_height;
-            let u = cell.peculiar_velocity::<D>(grains.fields(g));
-            let flow = momentum * u[D::UP];
-            fixed.add(up, flow * u[D::UP]);
-            fixed.add(along, flow * u[0]);
+        let unit = grains.units.force;
+        let per_unit = 1.0 / (sheared.height * unit);
+        let mut counts = *stress;
+        let mut greatest = 0.0_f64;
+        for (record, mass) in grains.record[..grains.owned].iter().zip(&grains.mass) {
+            let u = cell.peculiar_velocity::<D>(D::fields(record));
+            let flow = mass * per_unit * u[D::UP];
+            let [of_up, of_along] = [flow * u[D::UP], flow * u[0]];
+            greatest = greatest.max(of_up).max(of_along.abs());
+            counts[0] += i128::from(nearest_whole(of_up));
+            counts[1] += i128::from(nearest_whole(of_along));
         }
+        // Faster than that grains are lost: what is outside ends the run.
+        let unit = if greatest < MOST_COUNTED {
+            unit
+        } else {
+            f64::NAN
+        };
+        fixed.add_whole(up, counts[0], unit);
+        fixed.add_whole(along, counts[1], unit);
     }
 
     fn kick(&mut self, step: f64, forces: WallForces, _: &mut Grains<D>) {

@@ -8,9 +8,8 @@ mod top;
 
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
-use crate::kernel::ContactForces;
 use crate::simd::Isa;
-use crate::state::{Cell, Contacts, Grains};
+use crate::state::{Cell, Grains};
 
 pub use grain_walls::GrainWalls;
 pub use images::Images;
@@ -40,16 +39,13 @@ pub struct WallSteps {
 /// From what a drive takes the forces on the walls: what the grains of a rank feel.
 #[derive(Debug, Clone, Copy)]
 pub struct Felt<'a, D: Dimension> {
-    /// The instruction set.
-    pub isa: Isa,
     /// The cell.
     pub cell: &'a Cell,
     /// The grains.
     pub grains: &'a Grains<D>,
-    /// Their contacts, with the forces of those if they were measured.
-    pub contacts: &'a Contacts,
-    /// Likewise.
-    pub samples: Option<&'a ContactForces>,
+    /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of their contacts, if it was
+    /// counted.
+    pub stress: Option<[i128; 2]>,
     /// How forces are summed.
     pub fixed: &'a FixedPoint,
 }
@@ -88,8 +84,9 @@ pub trait Drive<D: Dimension> {
     /// Adds this rank's part of the forces on the walls: on the top upwards and along x, on the
     /// bottom upwards.
     fn load(&self, _: &Felt<'_, D>, _to: &mut [Accumulator; 3]) {}
-    /// Whether it needs the forces of the contacts in every step.
-    fn needs_contact_forces(&self) -> bool {
+    /// Whether it needs the stress of the contacts; `sampled`: their forces are measured in this
+    /// step.
+    fn needs_stress(&self, _sampled: bool) -> bool {
         false
     }
     /// Second half kick, by the forces on the walls.

@@ -10,12 +10,10 @@
 )]
 
 mod motion;
-mod stress;
 
 use std::ops::Range;
 
 use self::motion::relative_motion;
-pub(crate) use self::stress::PlaneStress;
 use crate::contact::attraction::Attraction;
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
@@ -126,17 +124,19 @@ pub struct Pass<'a, D: Dimension> {
     pub attraction: Option<Attraction>,
     /// Receives the contact forces.
     pub samples: Option<Samples<'a>>,
-    /// Makes the pass count the dissipation for the energy budget.
+    /// Makes the pass count the dissipation for the energy budget, and the stress.
     pub counting: Option<Counting>,
 }
 
-/// How the energy budget counts the dissipation of the contacts.
+/// How the dissipation of the contacts is counted for the energy budget, and their stress.
 #[derive(Debug, Clone, Copy)]
 pub struct Counting {
     /// Energies are counted in whole multiples of this (J/m).
     pub unit: f64,
     /// Δt (s), by which powers are multiplied, also if [`Pass::step`] is 0.
     pub step: f64,
+    /// The height of the cell (m) if the stress is counted.
+    pub height: Option<f64>,
 }
 
 /// The result of a pass.
@@ -150,6 +150,9 @@ pub struct PassOutcome {
     pub dissipated: [i128; dissipation::KINDS],
     /// Whether an energy was too great to be counted.
     pub uncounted: bool,
+    /// Σ F r_z/h along the last axis and along x of these contacts, in units of the forces, if it is
+    /// counted; h is the height of the cell.
+    pub stress: [i128; 2],
 }
 
 impl PassOutcome {
@@ -159,6 +162,9 @@ impl PassOutcome {
         self.too_strong = self.too_strong.or(other.too_strong);
         self.uncounted |= other.uncounted;
         for (sum, more) in self.dissipated.iter_mut().zip(other.dissipated) {
+            *sum += more;
+        }
+        for (sum, more) in self.stress.iter_mut().zip(other.stress) {
             *sum += more;
         }
         self
@@ -282,6 +288,10 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             outcome.outside = outcome.outside.or(outside);
             if BUDGET {
                 count_dissipation::<C, L>(token, pass, chunk.clone(), scratch, &mut outcome);
+                if let Some(height) = pass.counting.and_then(|of| of.height) {
+                    let scale = (height, &mut outcome);
+                    count_stress::<C, L>(token, pass, chunk.clone(), scratch, scale);
+                }
             }
             let too_strong = add_forces::<C, L>(token, pass, chunk.clone(), scratch);
             outcome.too_strong = outcome.too_strong.or(too_strong);
@@ -424,6 +434,56 @@ fn count_many(units: &Lanes16, few: u16, outcome: &mut PassOutcome, kind: usize)
             outcome.uncounted = true;
         }
     }
+}
+
+/// Adds up the stress of the contacts in a cell of this height (m).
+#[inline(always)]
+fn count_stress<C: ContactLaw, L: Lanes>(
+    token: L::Token,
+    pass: &Pass<'_, C::Space>,
+    chunk: Range<usize>,
+    scratch: &Scratch<C::Space>,
+    (height, outcome): (f64, &mut PassOutcome),
+) {
+    let load = |lanes: &Lanes16| L::load(token, lanes);
+    let zero = L::splat(token, 0.0);
+    let part = &pass.part;
+    let owned = chunk.end.min(part.owned_blocks.saturating_sub(part.first));
+    let per_unit = L::splat(token, 1.0 / (height * pass.units.force));
+    let mut up = L::no_counts(token);
+    let mut along = L::no_counts(token);
+    for (k, block) in (chunk.start..owned).enumerate() {
+        let response = &scratch.response[k];
+        let n = vector::<L>(token, &scratch.direction[k], C::Space::AXES);
+        let [sum, r_i] = [
+            load(&part.geometry[block][0]),
+            load(&part.geometry[block][1]),
+        ];
+        let mut normal = load(&response.normal);
+        if let Some(attraction) = pass.attraction {
+            normal = normal - attraction.force(token, [sum, r_i]);
+        }
+        let mut force = n;
+        if C::FRICTION {
+            let mut tangential = [zero; 3];
+            for k in 0..C::Space::SPINS {
+                tangential[k] = load(&response.tangential[k]);
+            }
+            force = C::Space::force(&n, normal, &tangential);
+        } else {
+            for axis in 0..C::Space::AXES {
+                force[axis] = normal * n[axis];
+            }
+        }
+        // A force has up to 2^51 units, and the grains are less than the height apart.
+        let distance = (sum - load(&scratch.motion[k].overlap)) * per_unit;
+        let touches = L::mask(token, part.touching[block]);
+        let way = (n[C::Space::UP] * distance).select(touches, zero);
+        up = (way * force[C::Space::UP]).count(up);
+        along = (way * force[0]).count(along);
+    }
+    outcome.stress[0] += L::total(up);
+    outcome.stress[1] += L::total(along);
 }
 
 /// Adds forces and torques to the grains; pairs that do not touch add zeros. Returns a pair whose

@@ -158,10 +158,10 @@ fn asleep_until(motion: &PairMotion, travelled: Option<f64>) -> f64 {
 }
 
 /// How sixteen pairs lie to each other.
-pub(super) struct Separation<L> {
+struct Separation<L> {
     /// From j to i (m).
-    pub r: [L; 3],
-    pub n: [L; 3],
+    r: [L; 3],
+    n: [L; 3],
     /// 1/|r|.
     per_distance: L,
     /// δ (m).
@@ -175,7 +175,7 @@ pub(super) struct Separation<L> {
 impl<L: Lanes> Separation<L> {
     /// From differences of the records, by the nearest images; `sum` is R_i + R_j.
     #[inline(always)]
-    pub fn new<D: Dimension>(token: L::Token, cell: &Cell, difference: &[Lanes16], sum: L) -> Self {
+    fn new<D: Dimension>(token: L::Token, cell: &Cell, difference: &[Lanes16], sum: L) -> Self {
         let c = |v| L::splat(token, v);
         let mut r = vector::<L>(token, &difference[D::POSITION..], D::AXES);
         let (mut image_velocity, mut stretching) = (None, None);

@@ -59,14 +59,6 @@ impl Above {
         }
     }
 
-    /// Whether the forces of the contacts are needed in every step.
-    fn needs_contact_forces<D: Dimension>(&self) -> bool {
-        match self {
-            Self::Wall(_) => false,
-            Self::Images(images) => Drive::<D>::needs_contact_forces(images),
-        }
-    }
-
     /// What images feel.
     fn felt(&self) -> Option<WallForces> {
         match self {
@@ -335,8 +327,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
-        let sampled =
-            self.due(self.step + 1).contains(&true) || self.above.needs_contact_forces::<D>();
+        let sampled = self.due(self.step + 1).contains(&true);
         let stop = stop || run.asked_to_stop();
         let stop = self.assembly.advance(self.above.drive(), sampled, stop)?;
         self.step += 1;
