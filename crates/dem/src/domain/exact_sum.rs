@@ -92,8 +92,8 @@ pub fn nearest_whole(x: f64) -> i64 {
     (x + shift).to_bits().wrapping_sub(shift.to_bits()) as i64
 }
 
-/// A number from 2^53 to 2^120 in magnitude, which is whole. The conversion by `as` calls a function
-/// of several times the length.
+/// A number from 2^53 to 2^120 in magnitude, which is whole. The conversion by `as` calls a
+/// function of several times the length.
 fn whole(x: f64) -> i128 {
     let bits = x.to_bits();
     let mantissa = bits & (1 << 52) - 1 | 1 << 52;

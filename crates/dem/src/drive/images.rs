@@ -6,15 +6,16 @@ use crate::domain::{Accumulator, MOST_COUNTED, nearest_whole};
 use crate::state::{Cell, Grains, Sheared, Stretching};
 
 /// The images above a cell that is periodic along its last axis, too (Lees and Edwards, J. Phys. C
-/// 5, 1921, 1972). They move as a top wall would that feels the stress of the sample, times the base
-/// of the cell.
+/// 5, 1921, 1972). They move as a top wall would that feels the stress of the sample, times the
+/// base of the cell.
 ///
 /// Along x the images have the velocity V, and the grains at height y of a cell of height h stream
 /// with V y/h. Where V changes, the grains get the change of that at once, so that the shear stays
-/// homogeneous (the SLLOD equations; Evans and Morriss, Phys. Rev. A 30, 1528, 1984). Along the last
-/// axis the cell is stretched affinely: with y = h s, the grains have the velocity u = h ds/dt, and m
-/// du/dt = F - m u (dh/dt)/h (Andersen, J. Chem. Phys. 72, 2384, 1980). In a step y becomes y h'/h +
-/// Δt u and then u becomes u h/h', which is of second order and the same backwards.
+/// homogeneous (the SLLOD equations; Evans and Morriss, Phys. Rev. A 30, 1528, 1984). Along the
+/// last axis the cell is stretched affinely: with y = h s, the grains have the velocity u = h
+/// ds/dt, and m du/dt = F - m u (dh/dt)/h (Andersen, J. Chem. Phys. 72, 2384, 1980). In a step y
+/// becomes y h'/h + Δt u and then u becomes u h/h', which is of second order and the same
+/// backwards.
 #[derive(Debug)]
 pub struct Images {
     /// The motion of the images.

@@ -1,5 +1,5 @@
-//! The walls and their drive: smooth planes during packing, frozen grains during shear, or none: the
-//! images of a cell that is periodic along its last axis, too.
+//! The walls and their drive: smooth planes during packing, frozen grains during shear, or none:
+//! the images of a cell that is periodic along its last axis, too.
 
 mod grain_walls;
 mod images;

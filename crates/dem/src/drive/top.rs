@@ -235,8 +235,8 @@ impl Slider {
 }
 
 /// How the top moves, which is the upper wall or, in a cell without walls, the images above: along
-/// its normal with a load N or an imposed velocity, along x by a slider. A load acts on its mass, or
-/// a servo moves it.
+/// its normal with a load N or an imposed velocity, along x by a slider. A load acts on its mass,
+/// or a servo moves it.
 #[derive(Debug)]
 pub struct Top {
     /// The motion upwards.

@@ -150,8 +150,8 @@ pub struct PassOutcome {
     pub dissipated: [i128; dissipation::KINDS],
     /// Whether an energy was too great to be counted.
     pub uncounted: bool,
-    /// Σ F r_z/h along the last axis and along x of these contacts, in units of the forces, if it is
-    /// counted; h is the height of the cell.
+    /// Σ F r_z/h along the last axis and along x of these contacts, in units of the forces, if it
+    /// is counted; h is the height of the cell.
     pub stress: [i128; 2],
 }
 

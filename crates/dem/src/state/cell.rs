@@ -43,8 +43,8 @@ pub struct Sheared {
     pub stretching: Option<Stretching>,
 }
 
-/// The affine motion of a step that changes the lengths of a cell: relative velocity over separation
-/// along each axis (1/s).
+/// The affine motion of a step that changes the lengths of a cell: relative velocity over
+/// separation along each axis (1/s).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Stretching {
     /// In the half step: of a step from one separation to the next, over the next.

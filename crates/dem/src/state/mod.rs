@@ -10,8 +10,8 @@
 //! | [`GrainSample`] | [`GrainState`] | a grain's row of a frame |
 //! | [`GrainPosition`] | [`GrainSample`] | scalars of a frame |
 //! | [`Displacement`] | [`GrainState`] | mean square displacement since the start of a stage |
-//! | `GrainShape` of `gshear-store` | [`GrainState`] and mass | constants of the grains in `run.h5` |
-//! | [`Disks`], [`Frame`] | `run.h5` | analysis: constants and frames of all grains, by id |
+//! | `GrainShape` of `gshear-store` | [`GrainState`] and mass | constants of the grains in `run.h5`
+//! | | [`Disks`], [`Frame`] | `run.h5` | analysis: constants and frames of all grains, by id |
 //!
 //! In the same way [`ContactState`] is the state of a contact, [`Contacts`] stores the contacts of
 //! one rank, and [`ContactSample`] and [`ContactForce`] are views.

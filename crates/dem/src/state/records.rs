@@ -132,7 +132,8 @@ crate::columns! {
         stress_zz: "Pa",
         /// part of the velocities in the mean of these
         kinetic_pressure: "Pa",
-        /// mean of u² along an axis, by mass: twice the kinetic energy of the translations over mass and dimension
+        /// mean of u² along an axis, by mass: twice the kinetic energy of the translations over
+        /// mass and dimension
         granular_temperature: "m2 s-2",
     }
 }

@@ -266,7 +266,8 @@ fn the_stress_is_that_of_the_lattice() {
 }
 
 /// Under a load that changes, the rows of a lattice stay equally far apart, and the height moves by
-/// m d²h/dt² = F(h) - N: against Runge and Kutta with steps a hundred times shorter, to second order.
+/// m d²h/dt² = F(h) - N: against Runge and Kutta with steps a hundred times shorter, to second
+/// order.
 #[test]
 fn a_lattice_swings_under_its_load() {
     let law = smooth_disks();

@@ -170,6 +170,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         run.terminal.packed(
             self.step,
             height_between(self.scene, self.plane_shear, &piston),
+            !self.plane_shear.has_images(),
         );
         let state = Snapshot {
             grains,

@@ -190,6 +190,7 @@ impl Terminal {
                 file.path.display(),
                 match (plane_shear.pack.skip, walls) {
                     (false, _) => "to be packed",
+                    _ if plane_shear.has_images() => "without walls",
                     (true, Walls::Layers) => "walls are its lowest and highest layer",
                     (true, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
                 }
@@ -223,10 +224,14 @@ impl Terminal {
         ));
     }
 
-    pub fn packed(&self, step: u64, height: f64) {
-        self.say(format!(
-            "pack:  at rest after {step} steps; walls frozen, {height:.6e} m between them"
-        ));
+    /// `walls`: whether walls were made of the sample, whose `height` (m) is without them.
+    pub fn packed(&self, step: u64, height: f64, walls: bool) {
+        let made = if walls {
+            format!("walls frozen, {height:.6e} m between them")
+        } else {
+            format!("{height:.6e} m high, without walls")
+        };
+        self.say(format!("pack:  at rest after {step} steps; {made}"));
     }
 
     pub fn shearing(
