@@ -9,13 +9,14 @@ The lists of docs/README.md are the table of contents. Pages outside docs/ that 
 of the book, too; other files of the repository that a page links are copied beside it. A link with
 the name of a page's file as its text gets the title of the page. Warnings of
 mdBook and links that lead nowhere are errors, both in the book and in the Markdown files as a
-code-hosting site shows them.
+code-hosting site shows them. Formulas in LaTeX become MathML (formulas.py).
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import importlib.util
 import inspect
 import os
 import re
@@ -27,6 +28,10 @@ from dataclasses import dataclass
 from html.parser import HTMLParser
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
+
+import formulas
+from environment import run_in
+from formulas import CODE
 
 CONTENTS = "docs/README.md"
 API_PAGE = "api.md"
@@ -43,9 +48,6 @@ BESIDE_LAWS = {
 
 ITEM = re.compile(r"^(?P<indent> *)- \[(?P<title>[^]]+)\]\((?P<path>[^)#\s]+\.md)\)")
 LINK = re.compile(r"(?P<before>!?\[(?:[^][]|\[[^]]*\])*\]\()(?P<target>[^)\s]+)(?P<after>\))")
-CODE = re.compile(
-    r"(?P<code>^(?P<fence>```+|~~~+).*?^(?P=fence)`*\s*$|(?P<ticks>`+).+?(?P=ticks))", re.M | re.S
-)
 
 
 Replacement = Callable[[re.Match[str]], str]
@@ -155,6 +157,10 @@ class Source:
             return f"{before}{path}{mark}{anchor}{found['after']}"
 
         text = outside_code((self.root / name).read_text(), LINK, moved)
+        try:
+            text = formulas.typeset(text)
+        except formulas.FormulaError as error:
+            self.faults += [f"{name}: {line}" for line in str(error).splitlines()]
         target = self.folder / self.place(name)
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_text(text)
@@ -339,8 +345,19 @@ def laws(root: Path) -> str:
         front = [
             line[3:].removeprefix(" ") for line in source.splitlines() if line.startswith("//!")
         ]
-        text += f"\n## {title}\n\n" + "\n".join(front) + "\n"
+        text += f"\n## {title}\n\n" + typeset_comment("\n".join(front)) + "\n"
     return f"{before}{begin}{text}\n{end}{rest.partition(end)[2]}"
+
+
+def typeset_comment(text: str) -> str:
+    """A comment whose formulas, in blocks of text and in sentences, are LaTeX."""
+    text = formulas.wrapped(formulas.marked(text))
+    return re.sub(
+        r"^```text\n(.*?)^```$",
+        lambda found: formulas.block(found[1].splitlines()),
+        text,
+        flags=re.M | re.S,
+    )
 
 
 Definition = ast.ClassDef | ast.FunctionDef
@@ -460,6 +477,8 @@ def main() -> int:
         if arguments.command == "pages":
             write_pages(arguments.root, arguments.check)
         else:
+            if importlib.util.find_spec("latex2mathml") is None:
+                run_in(arguments.root.resolve() / "target/book-formulas", formulas.PACKAGES)
             out = arguments.out or arguments.root / "target/book"
             build(arguments.root, arguments.mdbook, arguments.api, out)
     except BookError as error:

@@ -37,7 +37,15 @@ def book() -> ModuleType:
     assert spec.loader
     module = importlib.util.module_from_spec(spec)
     sys.modules["book"] = module
+    # The modules beside it.
+    sys.path.append(str(path.parent))
     spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def formulas(book: ModuleType) -> ModuleType:
+    module: ModuleType = book.formulas
     return module
 
 
@@ -143,6 +151,93 @@ def test_links_of_the_built_pages_are_followed(book: ModuleType, tmp_path: Path)
         "a.html: b.html#x: no such anchor",
         "a.html: c.png: no such file",
     ]
+
+
+def test_formulas_of_all_pages_convert(formulas: ModuleType) -> None:
+    pages = [*(CHECKOUT / "docs").rglob("*.md"), *CHECKOUT.glob("*.md")]
+    texts = [page.read_text() for page in pages]
+    converted = [formulas.typeset(text) for text in texts]
+    before, after = ("".join(all_of).count for all_of in (texts, converted))
+    assert after("<math ") == before("$`") + before("```math\n")
+    assert after("<math ") > 300
+
+
+def test_formulas_become_mathml(formulas: ModuleType) -> None:
+    text = "| $`\\lvert x\\rvert`$ | `$` |\n\n- a\n  ```math\n  a^* =\n  \\ln b\n  ```\n"
+    assert formulas.typeset(text) == (
+        '| <math display="inline"><mrow><mo form="prefix" stretchy="false">&#124;</mo><mi>x</mi>'
+        '<mo form="postfix" stretchy="false">&#124;</mo></mrow></math> | `$` |\n\n'
+        '- a\n  <div class="formula"><math display="block"><mrow><msup><mi>a</mi><mo>&#42;</mo>'
+        '</msup><mo>=</mo><mi>ln</mi><mspace width="0.17em"></mspace><mi>b</mi></mrow></math></div>'
+        "\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("$`\\foo x`$", r"\foo is not understood: \foo x"),
+        ("$`\\frac{1}{2`$", r"braces do not match: \frac{1}{2"),
+        ("$`a}b{`$", "braces do not match: a}b{"),
+        ("$`a & b`$", "& is not understood: a & b"),
+        ("$`x^`$", "MissingSuperScriptOrSubscriptError: x^"),
+        ("$`√x`$", "write √ as a command of LaTeX: √x"),
+        ("```math\n\\left( x\n```\n", r"ExtraLeftOrMissingRightError: \left( x"),
+        ("the $`x`$th", "no space or bracket beside it: $`x`$"),
+        ("the ($`x` and", "a formula without an end: '$`x` and"),
+    ],
+)
+def test_a_formula_that_does_not_convert_is_a_fault(
+    book: ModuleType, root: Path, text: str, fault: str
+) -> None:
+    (root / "docs" / "a.md").write_text(f"# a\n{text}\n")
+    assert f"docs/a.md: {fault}" in faults(book, root)
+
+
+@pytest.mark.parametrize(
+    ("plain", "latex"),
+    [
+        ("k_t' + ½(a² - t*)", r"k_t' + \tfrac12(a^2 - t^*)"),
+        ("√(δR*) k_n δ^(3/2)", r"\sqrt{δR^*} k_n δ^{3/2}"),
+        ("√δ ≤ √(2 m* k_n √(δR*))", r"\sqrt{δ} \le \sqrt{2 m^* k_n \sqrt{δR^*}}"),
+        (
+            "|F_t| ← max(0, x_drive - ẍ)",
+            r"\lvert F_t\rvert \leftarrow \max(0, x_\mathrm{drive} - \ddot{x})",
+        ),
+        (
+            "(2/3) 1e-9 d̄,   10⁻⁹ (ω_i-ω_j)_r",
+            r"\tfrac{2}{3} 10^{-9} \bar{d}, \qquad 10^{-9} (ω_i-ω_j)_r",
+        ),
+    ],
+)
+def test_formulas_of_comments_are_translated(formulas: ModuleType, plain: str, latex: str) -> None:
+    assert formulas.latex(plain) == latex
+    assert formulas.mathml(latex)
+
+
+@pytest.mark.parametrize(
+    ("text", "marked"),
+    [
+        ("a grain at t+½Δt, 2 m of `k_t`", "a grain at $`t+\\tfrac12 Δt`$, 2 m of `k_t`"),
+        ("A5: a γ_n (m), 3D D_max²", "A5: a $`γ_n`$ (m), 3D $`D_\\mathrm{max}^2`$"),
+        ("J. Doe, LH's D²min, of i in n", "J. Doe, LH's D²min, of $`i`$ in $`n`$"),
+        ("# α\n[a](b_c.md) λ\n", "# α\n[a](b_c.md) $`λ`$\n"),
+    ],
+)
+def test_formulas_in_sentences_are_marked(formulas: ModuleType, text: str, marked: str) -> None:
+    assert formulas.marked(text) == marked
+
+
+def test_paragraphs_are_wrapped_but_formulas_are_whole(formulas: ModuleType) -> None:
+    long = f"- {'word ' * 18}$`{'a + ' * 8}b`$ end\n"
+    assert formulas.wrapped(long) == f"- {'word ' * 18}".rstrip() + f"\n  $`{'a + ' * 8}b`$ end\n"
+    block = f"```math\n{'a ' * 60}\n```\n"
+    assert formulas.wrapped(block) == block
+
+
+def test_the_package_is_that_of_the_tests(formulas: ModuleType) -> None:
+    packages = (CHECKOUT / "python" / "pyproject.toml").read_text()
+    assert all(f'"{package}"' in packages for package in formulas.PACKAGES)
 
 
 def test_the_page_of_laws_is_that_of_the_sources(book: ModuleType) -> None:
