@@ -4,7 +4,8 @@ Markdown has formulas as code-hosting sites show them: between a dollar with a b
 backtick with a dollar in a line, and in blocks fenced as `math`. They may have Greek letters as
 such. MathML is drawn by the browser, without scripts, fonts or other files.
 
-Comments of the sources have plain text, as `F_n = √(δR*) k_n δ`. `latex` translates it.
+Comments of the sources have plain text, as `F_n = √(δR*) k_n δ`. `latex` translates a formula,
+`marked` finds those in sentences.
 """
 
 from __future__ import annotations
@@ -184,7 +185,9 @@ TOKEN = re.compile(
     r"|\((?P<over>\d+)/(?P<under>\d+)\)"
     rf"|{SYMBOL}"
     rf"|(?P<close>\))(?:_(?P<close_below>\w))?(?P<close_above>{RAISING})?"
-    r"|(?P<root>√)|(?P<number>\d+(?:\.\d+)?)(?:e(?P<power>-?\d+))?(?P<number_above>\^-?\d+|[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?|(?P<bar>\|)|(?P<space>\s+)|(?P<sign>.)"
+    r"|(?P<number>\d+(?:\.\d+)?)(?:e(?P<power>-?\d+))?"
+    r"(?P<number_above>\^-?\d+|[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?"
+    r"|(?P<root>√)|(?P<bar>\|)|(?P<space>\s+)|(?P<sign>.)"
 )
 
 
@@ -228,8 +231,7 @@ def latex(plain: str) -> str:
     rooted = False
     open_bar = True
     for found in TOKEN.finditer(normalize("NFD", plain.strip())):
-        kind = found.lastgroup
-        if kind == "root" or found["root"]:
+        if found["root"]:
             rooted = True
             continue
         if found["letter"]:
@@ -263,7 +265,7 @@ def latex(plain: str) -> str:
             text = " " if len(found["space"]) == 1 else r" \qquad "
         else:
             text = SIGNS.get(found["sign"], found["sign"])
-            # A command ends where no letter follows.
+            # A space ends a command before a letter.
             text += " " if text[0] == "\\" else ""
         rooted = False
         out.append(text)
