@@ -41,6 +41,7 @@ mod terminal;
 mod trajectory;
 mod version;
 mod watchdog;
+mod without_walls;
 
 #[test]
 fn this_process_takes_no_locks_of_hdf5() {

@@ -332,7 +332,7 @@ pub fn stress<D: Dimension>(
         stress_yy: stress(1),
         stress_zz: stress(2),
         kinetic_pressure: flows * per_base,
-        granular_temperature: flows * lengths[D::UP] / mass,
+        velocity_variance: flows * lengths[D::UP] / mass,
     }
 }
 

@@ -132,9 +132,8 @@ crate::columns! {
         stress_zz: "Pa",
         /// part of the velocities in the mean of these
         kinetic_pressure: "Pa",
-        /// mean of u² along an axis, by mass: twice the kinetic energy of the translations over
-        /// mass and dimension
-        granular_temperature: "m2 s-2",
+        /// mean of u² along an axis, weighed by mass
+        velocity_variance: "m2 s-2",
     }
 }
 

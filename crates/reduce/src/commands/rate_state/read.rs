@@ -112,7 +112,8 @@ fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
 
 /// The granular temperature of every row: (E/n - m̄ V²/6)/(P d̄³), in 2D over P d̄², with the
 /// kinetic energy E and the mean mass m̄ of the n free grains, and the velocity V of the top wall.
-/// m̄ V²/6 is the energy of a linear velocity profile. NaN without a pressure or free grains.
+/// m̄ V²/6 is the energy of a linear velocity profile, which that of a cell without walls does not
+/// contain. NaN without a pressure or free grains.
 fn temperature(run: &RunFile, rate: &[f64], kinetic: &[f64]) -> Vec<f64> {
     let grains = run.grains();
     let of_free = grains.mass.iter().zip(&grains.body);
@@ -125,7 +126,8 @@ fn temperature(run: &RunFile, rate: &[f64], kinetic: &[f64]) -> Vec<f64> {
     let diameter = 2.0 * grains.mean_radius();
     let unit =
         run.number("pressure").unwrap_or(f64::NAN) * diameter.powi(run.dimension().axes() as i32);
-    let of_row = |(v, energy): (&f64, &f64)| (energy / count - mass * v * v / 6.0) / unit;
+    let streaming = if run.has_walls() { mass / 6.0 } else { 0.0 };
+    let of_row = |(v, energy): (&f64, &f64)| (energy / count - streaming * v * v) / unit;
     rate.iter().zip(kinetic).map(of_row).collect()
 }
 

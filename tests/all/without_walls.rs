@@ -1,0 +1,160 @@
+//! Shear without walls, through the real program: load and volume, the energy budget, displacements
+//! over the edges of the cell, and packings of boxes.
+
+use std::path::Path;
+
+use crate::common::gshear_mpi;
+use gshear_dem::dimension::Two;
+use gshear_store::run_reader::RunFile;
+
+/// Disks of friction 0.4 at I = 0.02.
+const FLOW: &str = "
+    material.density = 2500
+    contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.4, restitution = 0.3 }
+    sample = { grains = 150, radius_min = 0.4e-3, radius_max = 0.6e-3, length = 11e-3, boundary = 'periodic' }
+    load.pressure = 1e3
+    pack.tolerance = 1e-4
+    shear = { inertial_number = 0.02, strain = 1.0 }
+    output = { series_strain = 1e-3, frame_strain = 0.05 }
+";
+
+/// Runs a scene in a folder of this name, with keys of `--set`.
+fn run(folder: &Path, name: &str, scene: &str, set: &[&str]) -> RunFile {
+    let (file, out) = (folder.join(format!("{name}.toml")), folder.join(name));
+    std::fs::write(&file, scene).expect("a scene");
+    let mut arguments = vec![file.display().to_string()];
+    arguments.extend(set.iter().map(|set| format!("--set={set}")));
+    gshear_mpi(1, &out, &arguments).digest();
+    RunFile::open_any(&out).expect("a run")
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// The mass of the height is pressed by N and does not leave: so the mean of the stress is N. Its
+/// columns are the stress tensor's.
+#[test]
+fn the_stress_is_that_of_the_load() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let flow = run(folder.path(), "flow", FLOW, &[]);
+    let series = flow.series();
+    let latter = |name: &str| &series.column(name)[series.rows() / 2..];
+    let load = 1e3 * 11e-3;
+    let found = mean(latter("normal_force")) / load;
+    assert!((found - 1.0).abs() < 0.01, "{found}");
+    for (force, stress) in latter("normal_force").iter().zip(latter("stress_yy")) {
+        assert!(
+            (stress * 11e-3 / force - 1.0).abs() < 0.02,
+            "{stress} {force}"
+        );
+    }
+    assert!(
+        latter("kinetic_pressure")
+            .iter()
+            .all(|p| *p > 0.0 && *p < 100.0)
+    );
+    assert!(latter("stress_zz").iter().all(|p| p.is_nan()));
+    assert!(!flow.has_walls() && flow.grains().body.iter().all(|body| *body == 0));
+}
+
+#[test]
+fn the_volume_is_constant() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = ["load.control=volume", "shear.strain=0.2"];
+    let flow = run(folder.path(), "volume", FLOW, &set);
+    let heights = flow.series().column("wall_height");
+    assert!(heights.iter().all(|height| *height == heights[0]));
+    let edges = (0..flow.frames()).map(|t| flow.box_edges(t)[1][1]);
+    assert!(edges.into_iter().all(|height| height == heights[0]));
+    assert!(
+        flow.series()
+            .column("work_load")
+            .iter()
+            .all(|work| *work == 0.0)
+    );
+}
+
+/// The residual falls by more than Δt: contacts that open within a step leave a part of first order.
+#[test]
+fn the_energy_budget_closes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for control in ["mass", "volume"] {
+        let residual = |step: &str| {
+            let set = [
+                &format!("load.control={control}")[..],
+                "shear.strain=0.03",
+                &format!("time.step={step}"),
+            ];
+            let flow = run(folder.path(), &format!("{control}-{step}"), FLOW, &set);
+            let series = flow.series();
+            let latter = &series.column("energy_residual")[series.rows() / 2..];
+            latter.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
+        };
+        let [coarse, fine] = ["1.6e-6", "4e-7"].map(residual);
+        println!("{control}: {coarse:e} {fine:e}");
+        assert!(
+            fine < 5e-4 && coarse > 4.0 * fine,
+            "{control}: {coarse} {fine}"
+        );
+    }
+}
+
+/// Between two frames each grain moves with the stream, but for some diameters: whatever edges it
+/// crosses, and however often the offset returns.
+#[test]
+fn displacements_follow_images_and_offset() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = ["shear.strain=2.5", "output.frame_strain=0.1"];
+    let flow = run(folder.path(), "far", FLOW, &set);
+    let records = flow.records(0..flow.frames()).expect("frames");
+    let (length, height) = (11e-3, flow.height());
+    let strains = flow.frame_strains().expect("strains");
+    let mut farthest = 0.0_f64;
+    for (from, to) in [(0, 1), (3, 5), (8, 11), (20, 21), (12, 16)] {
+        let interval = flow.interval([from, to], [&records[from], &records[to]]);
+        let shear = (strains[to] - strains[from]) * height;
+        for (n, grain) in records[from].grains.iter().enumerate() {
+            let moved = interval.displacement::<Two>(n);
+            let expected = shear * grain.position[1] / height;
+            farthest = farthest.max((moved[0] - expected).abs());
+        }
+        assert!(shear > 0.09 * height);
+    }
+    assert!(strains.last() > Some(&2.4) && 2.4 * height > 2.0 * length);
+    assert!(farthest < 0.5 * length, "{farthest}");
+}
+
+/// Sheared in place of strained: a jammed packing of a box has the same stress at the start.
+#[test]
+fn a_jammed_packing_of_a_box_is_sheared() {
+    let boxed = "
+        material.density = 1
+        contact = { law = 'hooke', normal_stiffness = 1, friction = 0, damping_ratio = 0.1 }
+        sample = { grains = 80, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5 }
+        box = { solid_fraction = 0.86 }
+        relax = { tolerance = 1e-12, drag = 0.05 }
+        aqs = { strain_step = 1e-3, steps = 3, frame_every = 1 }
+    ";
+    let sheared = "
+        material.density = 1
+        contact = { law = 'hooke', normal_stiffness = 1, friction = 0, damping_ratio = 0.1 }
+        sample = { packing = 'boxed/aqs.h5', boundary = 'periodic' }
+        load = { pressure = 1e-3, control = 'volume' }
+        shear = { velocity = 1e-3, strain = 1e-3 }
+        output = { series_strain = 1e-4, frame_strain = 1e-3 }
+    ";
+    let folder = tempfile::tempdir().expect("a folder");
+    let strained = run(folder.path(), "boxed", boxed, &[]);
+    let flow = run(folder.path(), "flow", sheared, &[]);
+    for name in ["stress_xx", "stress_yy", "solid_fraction", "coordination"] {
+        let before = *strained.series().column(name).last().expect("a row");
+        let after = flow.series().column(name)[0];
+        assert!(
+            (after / before - 1.0).abs() < 1e-9,
+            "{name}: {before} {after}"
+        );
+    }
+    let offset = |run: &RunFile, t: usize| run.box_edges(t)[1][0];
+    assert_eq!(offset(&flow, 0), offset(&strained, strained.frames() - 1));
+}
