@@ -866,9 +866,10 @@ fn check_size(
 ) -> Result<f64, Failure> {
     let keys = &SAMPLE;
     let given = c.number(&keys.wall_thickness);
-    let layers = match has_images(c) {
-        true => 0.0,
-        false => given.unwrap_or_else(|| derived::wall_layers(sample)),
+    let layers = if has_images(c) {
+        0.0
+    } else {
+        given.unwrap_or_else(|| derived::wall_layers(sample))
     };
     let least = 8.0 * sample.radius_max;
     let narrow = |name: &str, length: f64| {

@@ -96,7 +96,7 @@ pub fn nearest_whole(x: f64) -> i64 {
 /// function of several times the length.
 fn whole(x: f64) -> i128 {
     let bits = x.to_bits();
-    let mantissa = bits & (1 << 52) - 1 | 1 << 52;
+    let mantissa = bits & ((1 << 52) - 1) | 1 << 52;
     let magnitude = i128::from(mantissa) << ((bits >> 52 & 0x7ff) - 1075);
     if x < 0.0 { -magnitude } else { magnitude }
 }
