@@ -29,12 +29,20 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     flow: dict[str, object] = {"sample.grains": 120, "sample.length": "10 mm"}
     flow |= {"output.series_rows": 60, "output.frame_rows": 4}
     flow |= {"shear.protocol": [{"velocity": 0.5, "time": 0.03, "pressure": p} for p in (1e3, 4e3)]}
+    periodic: dict[str, object] = {"shear.strain": 0.3, "sample.grains": 250}
+    thick: dict[str, object] = {"sample.length": "5 mm", "sample.width": "5 mm"}
     scenes: dict[str, tuple[str, int, dict[str, object]]] = {
         "disks": ("crossing.toml", 2, slow),
         "other disks": ("crossing.toml", 1, slow | {"seed": 6}),
         "spheres": ("crossing-3d.toml", 1, {"shear.protocol": protocol}),
         "box": ("periodic.toml", 1, {}),
         "flow": ("../../configs/mu-of-i-2d.toml", 1, flow),
+        "disks without walls": (
+            "../../configs/flow-2d.toml",
+            2,
+            periodic | {"sample.length": "12 mm"},
+        ),
+        "spheres without walls": ("../../configs/flow-volume-3d.toml", 1, periodic | thick),
         "jamming": ("../../configs/jamming-2d.toml", 1, {"sample.grains": 60}),
         "disks in a box": ("periodic.toml", 1, {"dimension": 2, "box.solid_fraction": 0.9}),
     }

@@ -220,6 +220,34 @@ def test_stress_of_the_contacts_is_that_of_the_box(box: Run) -> None:
         assert np.trace(stress) / 3 == pytest.approx(row["pressure"], rel=ROUNDING)
 
 
+@pytest.mark.parametrize("kind", ["disks", "spheres"])
+def test_stress_without_walls_is_of_contacts_and_velocities(
+    kind: str, reduced: Callable[[str], Path]
+) -> None:
+    with Run(reduced(f"{kind} without walls"), quiet=True) as run:
+        series, up = run.series.set_index("step"), run.dimension - 1
+        assert len(run.frames) > 10
+        for frame in run.frames[1:]:
+            row, volume = series.loc[frame.step], frame.box.volume
+            height = frame.box.edges[up]
+            assert height == row["wall_height"]
+            u = frame.velocity.copy()
+            u[:, 0] -= row["slip_rate"] * frame.position[:, up] / height
+            moving = np.einsum("n,na,nb->ab", frame.mass, u, u) / volume
+            contacts = frame.contacts
+            stress = np.einsum("ka,kb->ab", contacts.separation, contacts.force) / volume + moving
+            # Rounded to the units of forces, and velocities are those predicted for the step.
+            for axis, name in enumerate(["stress_xx", "stress_yy", "stress_zz"][: up + 1]):
+                assert stress[axis, axis] == pytest.approx(row[name], rel=1e-9)
+            assert np.trace(moving) / (up + 1) == pytest.approx(row["kinetic_pressure"], rel=1e-9)
+            base = volume / height
+            assert stress[up, up] * base == pytest.approx(row["normal_force"], rel=1e-3)
+            assert -stress[up, 0] * base == pytest.approx(
+                row["shear_force"], abs=1e-3 * row["normal_force"]
+            )
+        assert len(np.unique([frame.box.image_offset for frame in run.frames])) > 10
+
+
 def test_grains_at_rest_feel_no_more_than_the_residual(reduced: Callable[[str], Path]) -> None:
     with Run(reduced("box")) as run:
         assert run.path.name == "aqs.h5"
