@@ -75,6 +75,36 @@ fn the_volume_is_constant() {
     );
 }
 
+/// Stretched before the shear to a solid fraction at which nothing touches, and no further than the
+/// sample allows.
+#[test]
+fn the_solid_fraction_is_that_of_the_scene() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = [
+        "load.control=volume",
+        "shear.strain=0.1",
+        "load.solid_fraction=0.7",
+    ];
+    let flow = run(folder.path(), "loose", FLOW, &set);
+    let series = flow.series();
+    let fractions = series.column("solid_fraction");
+    assert!(
+        fractions.iter().all(|phi| (phi - 0.7).abs() < 1e-12),
+        "{fractions:?}"
+    );
+    assert_eq!(series.column("coordination")[0], 0.0);
+    assert!(series.column("coordination").last() > Some(&0.0));
+
+    let file = folder.path().join("loose.toml");
+    let set = ["--set=load.control=volume", "--set=load.solid_fraction=0.9"];
+    let mut arguments = vec![file.display().to_string()];
+    arguments.extend(set.map(String::from));
+    let outcome = gshear_mpi(1, &folder.path().join("dense"), &arguments);
+    assert_eq!(outcome.code, 3, "{}", outcome.text);
+    let said = "less than load.solid_fraction = 0.9";
+    assert!(outcome.text.contains(said), "{}", outcome.text);
+}
+
 /// The residual falls by more than Δt: contacts that open within a step leave a part of first order.
 #[test]
 fn the_energy_budget_closes() {

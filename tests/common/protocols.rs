@@ -32,7 +32,7 @@ pub const DISKS: Case = Case {
     further: &["output.series_rows=10", "output.frame_rows=1"],
     parts: &[
         "velocity = 0.3, time = 1e-7",
-        "velocity = 0.3, time = 1e-7, pressure = 7e5",
+        "velocity = -0.3, time = 1e-7, pressure = 7e5",
         "velocity = 0.3, time = 1e-7, pressure = 5e5, pressure_end = 8e5",
         "velocity = 0.3, time = 1e-7, pressure = 6e5, pressure_amplitude = 2e5, pressure_frequency = 2e7",
         "velocity = 0.3, time = 1e-7, wall_velocity = 0",

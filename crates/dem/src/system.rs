@@ -96,8 +96,9 @@ pub struct List {
     reach_when_sorted: f64,
     /// By how much rounding may move a grain in a step (m).
     rounding: f64,
-    /// How far the images have moved since then (m).
-    offset_change: f64,
+    /// How far the images have moved since then along x (m), and the height of the cell then (m).
+    images_moved: f64,
+    height: f64,
     /// Positions of the owned grains at the last rebuild.
     origin: Vec<[f64; 3]>,
     /// Whether a coordinate is NaN or a grain moved further than half a skin before a rebuild.
@@ -136,7 +137,8 @@ impl List {
             reach: 0.0,
             reach_when_sorted: 0.0,
             rounding: 0.0,
-            offset_change: 0.0,
+            images_moved: 0.0,
+            height: f64::INFINITY,
             origin: Vec::new(),
             unsound: false,
         })
@@ -176,19 +178,19 @@ impl List {
         grains: &Grains<D>,
         cell: &Cell,
     ) -> bool {
-        let offset_step = cell.images_move(step);
-        self.offset_change += offset_step;
-        // Half of it for a pair across the top, and all of it for a grain that was wrapped there,
-        // whose displacement is measured with this error.
-        let more = 1.5 * self.offset_change;
+        let images_step = step * cell.sheared.map_or(0.0, |s| s.half_velocity);
+        self.images_moved += images_step;
         let half = 0.5 * self.skin;
-        let way = step * fastest + 1.5 * offset_step;
+        // Half of it for a pair across the top, and all of it for a grain that was wrapped there.
+        // Pairs near the cutoff are stretched by as much as the cell.
+        let more = 1.5 * images_step.abs() + 0.5 * self.cutoff() * cell.stretched_by(step);
+        let way = step * fastest + more;
         self.bound += way;
         self.travelled += way + self.rounding;
         // The next step may be up to twice as fast.
-        let margin = 2.0 * step * fastest + 3.0 * offset_step;
+        let margin = 2.0 * (step * fastest + more);
         if self.bound + margin > half {
-            let exact = self.displacement(grains, cell) + more;
+            let exact = self.displacement(grains, cell) + 0.5 * self.cutoff() * self.strain(cell);
             self.bound = exact;
             self.unsound = exact.is_nan() || exact > half;
         }
@@ -197,7 +199,16 @@ impl List {
         self.bound + margin > 0.9 * half
     }
 
-    /// The greatest displacement of an owned grain (m).
+    /// The strain of the cell since the last rebuild, at most: by this part a pair may have
+    /// approached besides the displacements.
+    fn strain(&self, cell: &Cell) -> f64 {
+        cell.sheared.map_or(0.0, |sheared| {
+            let sheared_by = self.images_moved / sheared.height;
+            sheared_by.abs() + (sheared.height / self.height - 1.0).abs()
+        })
+    }
+
+    /// The greatest displacement of an owned grain besides that of the cell (m).
     fn displacement<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> f64 {
         self.squares(grains, cell)
             .fold(0.0, |a: f64, b| if b > a { b } else { a })
@@ -212,10 +223,18 @@ impl List {
             .0
     }
 
-    /// Squared displacements of the owned grains (m²).
+    /// Squared displacements of the owned grains besides that of the cell (m²).
     fn squares<D: Dimension>(&self, grains: &Grains<D>, cell: &Cell) -> impl Iterator<Item = f64> {
+        let height = cell.sheared.map_or(f64::INFINITY, |sheared| sheared.height);
+        let moves = height != self.height || self.images_moved != 0.0;
+        let (grows, shears) = (height / self.height, self.images_moved / height);
         self.origin.iter().zip(&grains.record).map(move |(o, r)| {
-            let moved = cell.separation::<D>(D::fields(r), o);
+            let mut carried = *o;
+            if moves {
+                carried[D::UP] *= grows;
+                carried[0] += shears * carried[D::UP];
+            }
+            let moved = cell.separation::<D>(D::fields(r), &carried);
             moved.iter().map(|x| x * x).sum()
         })
     }
@@ -529,7 +548,9 @@ impl<D: Dimension> System<D> {
         self.list.due = false;
         self.list.bound = 0.0;
         self.list.travelled = 0.0;
-        self.list.offset_change = 0.0;
+        self.list.images_moved = 0.0;
+        let sheared = self.cell.sheared;
+        self.list.height = sheared.map_or(f64::INFINITY, |sheared| sheared.height);
         self.list.built = self.steps;
         self.list.rebuilds += 1;
         self.list.origin.clear();

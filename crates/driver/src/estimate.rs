@@ -44,8 +44,8 @@ pub struct Estimate {
     pub speed: Option<f64>,
     /// Time of a strain step of a box (s), roughly; `None` if it was not measured.
     pub strain_step: Option<f64>,
-    /// Whether the energy budget is recorded.
-    energy: bool,
+    /// Time of a step over that of the measured speed.
+    slower: f64,
 }
 
 /// The steps of a stage that are left.
@@ -95,7 +95,11 @@ impl Estimate {
             files,
             speed: None,
             strain_step: None,
-            energy: matches!(&scene.boundary, Boundary::Walls(walls) if walls.output.energy),
+            slower: match &scene.boundary {
+                Boundary::Walls(walls) if walls.has_images() => WITHOUT_WALLS,
+                Boundary::Walls(walls) if walls.output.energy => BUDGET,
+                _ => 1.0,
+            },
         }
     }
 
@@ -116,12 +120,11 @@ impl Estimate {
 
     /// Time of a stage (s).
     fn seconds(&self, stage: &StageEstimate) -> Option<f64> {
-        let budget = if self.energy { BUDGET } else { 1.0 };
         let (bytes, rows) = stage.output;
         let output = bytes / FRAMES_PER_SECOND + ROW * f64::from(self.grains) * rows as f64;
         let output = output / self.ranks.min(cores()) as f64;
         let computed = if stage.moves {
-            budget * self.work(stage) / self.speed?
+            self.slower * self.work(stage) / self.speed?
         } else {
             stage.steps as f64 * self.strain_step?
         };
@@ -192,6 +195,8 @@ impl Estimate {
 
 /// Time of a step with the energy budget over that without (docs/speed.md).
 const BUDGET: f64 = 1.17;
+/// The same of a cell without walls, whose stress is counted.
+const WITHOUT_WALLS: f64 = 1.5;
 /// Bytes of frames that one rank gathers and writes in a second, and the time of a row for a grain
 /// (s): as measured on the default scene.
 const FRAMES_PER_SECOND: f64 = 6e7;

@@ -8,7 +8,7 @@ use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, FrameRecords, body};
 use gshear_store::csv_table::Table;
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 
 use super::ReportFigure;
 use super::curves;
@@ -75,7 +75,8 @@ pub fn figures(
     };
     let ends = [-reach(-1.0), reach(1.0)];
     let mean_diameter = 2.0 * run.grains().mean_radius();
-    let walls = run.has_walls();
+    let (walls, shears) = (run.has_walls(), run.stage() == RunStage::Shear);
+    let ends = if walls { ends } else { [0.0, run.height()] };
     let across = if walls {
         0.25 * (ends[1] - ends[0])
     } else {
@@ -100,8 +101,8 @@ pub fn figures(
     };
     for &t in &frames {
         let frame = run.records(t..t + 1)?.swap_remove(0);
-        if walls {
-            sums.profile(&frame);
+        if shears {
+            sums.profile(t, &frame);
         }
         sums.contacts(run.cell(t), &frame);
         sums.pairs_of(t, &frame);
@@ -125,7 +126,7 @@ pub fn figures(
             format!("{difference:.4}, {angle:.1}° from x"),
         ));
     }
-    let profiles = walls.then(|| [sums.velocities(&of), sums.fractions(&of)]);
+    let profiles = shears.then(|| [sums.velocities(&of), sums.fractions(&of)]);
     let others = [
         sums.distribution(&of),
         sums.fabric(&of),
@@ -156,8 +157,14 @@ impl Sums<'_> {
         (self.ends[1] - self.ends[0]) / LAYERS as f64
     }
 
-    fn profile(&mut self, frame: &FrameRecords) {
-        let (height, bottom, axes) = (self.layer_height(), self.ends[0], self.axes);
+    /// Adds a frame to the layers, those of a cell without walls by the height that it has. What of a
+    /// grain is beyond an edge of this is that of its image, whose velocity differs.
+    fn profile(&mut self, t: usize, frame: &FrameRecords) {
+        let (mut height, bottom, axes) = (self.layer_height(), self.ends[0], self.axes);
+        let edge = self.run.box_edges(t)[axes - 1][axes - 1];
+        if !self.walls {
+            height = edge / LAYERS as f64;
+        }
         for (grain, &r) in frame.grains.iter().zip(&self.run.grains().radius) {
             let z = grain.position[axes - 1] - bottom;
             let layer = |z: f64| ((z / height).floor().max(0.0) as usize).min(LAYERS - 1);
@@ -278,7 +285,12 @@ impl Sums<'_> {
     fn fractions(&self, of: &str) -> Option<ReportFigure> {
         let layer = self.base() * self.layer_height() * self.frames as f64;
         let caption = format!(
-            "{of}: solid fraction across the height, in layers; the outermost belong to the walls."
+            "{of}: solid fraction across the height, in layers; the outermost {}.",
+            if self.walls {
+                "belong to the walls"
+            } else {
+                "lack what crosses an edge of the cell"
+            }
         );
         self.profile_of(
             ("fraction-profile", caption),

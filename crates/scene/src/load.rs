@@ -4,7 +4,7 @@ use std::ops::Bound;
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{Bounds, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{Bounds, Change, Key, NOT_NEGATIVE, POSITIVE};
 
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
@@ -33,6 +33,13 @@ table! {
         /// `"servo"`, in every step a velocity from the error of the pressure; `"volume"`, nothing:
         /// the packed sample is sheared at constant volume
         control: Text(&CONTROL_NAMES) { default: CONTROL_NAMES[0] },
+        /// φ to which the packed sample is brought before the shear, by stretching its cell: less than
+        /// it was packed to
+        solid_fraction: Number(Bounds { from: Bound::Excluded(0.1), to: Bound::Excluded(1.0) }) {
+            condition: "with `\"volume\"` and `sample.boundary = \"periodic\"`",
+            otherwise: "that of the packed sample",
+            change: Change::Never,
+        },
         /// of a servo: velocity over error of the pressure
         servo_gain: Number(POSITIVE) {
             unit: "m/(s Pa)",
@@ -64,6 +71,8 @@ pub struct Load {
     pub gravity: f64,
     /// What moves the top wall along its normal.
     pub control: Control,
+    /// φ to which the packed sample is brought before the shear.
+    pub solid_fraction: Option<f64>,
 }
 
 /// What moves the top wall along its normal under a load.
@@ -99,6 +108,10 @@ pub(crate) fn check(c: &mut Checker<'_>) {
         c.number(key);
     }
     c.number_or_default(&LOAD.gravity);
+    if c.choice(&LOAD.control) != Some("volume") {
+        let why = "applies to load.control = \"volume\"";
+        c.useless(&LOAD.solid_fraction, why);
+    }
     if c.choice(&LOAD.control) != Some("servo") {
         let why = "applies to load.control = \"servo\"";
         c.useless(&LOAD.servo_gain, why);
@@ -114,12 +127,14 @@ pub(crate) fn derive(c: &mut Checker<'_>, law: &Law, sample: &Sample) -> Result<
         Some("volume") => Control::Volume,
         _ => Control::Mass,
     };
+    let solid_fraction = c.number(&LOAD.solid_fraction);
     let load = |pressure, normal_force, stiffness_number| Load {
         pressure,
         normal_force,
         stiffness_number,
         gravity,
         control,
+        solid_fraction,
     };
     let [kappa, pressure, normal_force] = WAYS.map(|key| c.number(key));
     let (key, pressure, normal_force) = match (kappa, pressure, normal_force) {

@@ -128,6 +128,9 @@ pub(crate) fn check(
     protocol::check(c);
     if sample::has_images(c) {
         check_images(c);
+    } else {
+        let why = "applies to sample.boundary = \"periodic\"";
+        c.useless(&LOAD.solid_fraction, why);
     }
     let has_protocol = c.is_given(&SHEAR.protocol);
     if has_protocol && c.choice(&LOAD.control) == Some("volume") {

@@ -161,14 +161,13 @@ impl Cell {
         u
     }
 
-    /// By how much (m) the images move in a step (s).
-    pub fn images_move(&self, step: f64) -> f64 {
-        self.sheared.map_or(0.0, |sheared| {
-            let along = step * sheared.half_velocity.abs();
-            let rates = sheared.stretching.map_or([0.0; 3], |of| of.half);
-            let up = rates.iter().fold(0.0, |a: f64, rate| a.max(rate.abs()));
-            along + step * up * sheared.height
-        })
+    /// The strain of the last step (s) along the edges, at most.
+    pub fn stretched_by(&self, step: f64) -> f64 {
+        let stretching = self.sheared.and_then(|sheared| sheared.stretching);
+        let rates = stretching.map_or([0.0; 3], |of| of.half);
+        rates
+            .iter()
+            .fold(0.0, |a: f64, rate| a.max((step * rate).abs()))
     }
 
     /// The coordinate of a grain by which slabs are cut (m), in [0, L_x): x, or in a sheared cell x

@@ -12,7 +12,7 @@ use gshear_store::checkpoint;
 
 use super::pack::{PackStage, falling_drag};
 use super::shear::ShearStage;
-use super::top_wall::{height_between, mass_of_top};
+use super::top_wall::{height_between, mass_of_top, stretch};
 use crate::header::{Header, PackHeader, ShearHeader};
 use crate::options::Outcome;
 use crate::run::{Run, Stage, Start};
@@ -33,7 +33,7 @@ pub fn run<D: LawSpace>(
     plane_shear: &PlaneShear,
     start: Start,
 ) -> Result<Outcome, Failure> {
-    let (header, state) = begin(run, scene, plane_shear, start);
+    let (header, state) = begin(run, scene, plane_shear, start)?;
     let (from, state) = match header {
         Header::Pack(header) => match packed::<D>(run, scene, plane_shear, header, state)? {
             Some(packed) => packed,
@@ -69,7 +69,8 @@ fn packed<D: LawSpace>(
         let mut pack = PackStage::new(run, scene, plane_shear, laws, header, state)?;
         let failure = match run.drive(&mut pack, begins) {
             Ok(Outcome::Done) => {
-                let (piston, state) = pack.finish(run);
+                let (mut piston, mut state) = pack.finish(run);
+                stretch(run, scene, plane_shear, &mut piston, &mut state)?;
                 let header = sheared(scene, plane_shear, piston);
                 return Ok(Some((header, state)));
             }
@@ -102,25 +103,27 @@ fn begin(
     scene: &Scene,
     plane_shear: &PlaneShear,
     start: Start,
-) -> (Header, Snapshot) {
+) -> Result<(Header, Snapshot), Failure> {
     let (height, grains) = match (start, &plane_shear.origin) {
         (Start::Checkpoint(mut saved), _) => {
             checkpoint::to_both_holders(run.exchange, &mut saved.state);
-            return (saved.header, saved.state);
+            return Ok((saved.header, saved.state));
         }
         (Start::Grains(grains), Origin::Packing { file, .. }) => (file.height(), grains),
         (_, Origin::Packing { .. }) => unreachable!("a packing that was not read"),
         (_, Origin::Insertion(sizes)) => inserted(run, scene, sizes),
     };
     let mut header = falling(scene, plane_shear, height, 0);
+    let mut state = of_grains(grains);
     let header = if plane_shear.pack.skip {
-        header.piston.mass = mass_of_top(run, scene, plane_shear, (&grains, height));
+        header.piston.mass = mass_of_top(run, scene, plane_shear, (&state.grains, height));
         header.piston.load = plane_shear.load.normal_force;
+        stretch(run, scene, plane_shear, &mut header.piston, &mut state)?;
         Header::Shear(sheared(scene, plane_shear, header.piston))
     } else {
         Header::Pack(header)
     };
-    (header, of_grains(grains))
+    Ok((header, state))
 }
 
 fn of_grains(grains: Vec<GrainState>) -> Snapshot {

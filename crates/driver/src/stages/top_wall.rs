@@ -2,7 +2,8 @@
 
 use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
-use gshear_dem::state::{GrainState, body};
+use gshear_dem::failure::Failure;
+use gshear_dem::state::{GrainState, Snapshot, body};
 use gshear_scene::schedule::mean_mass;
 use gshear_scene::{PlaneShear, Scene};
 
@@ -29,14 +30,55 @@ pub(super) fn mass_of_top(
 
 /// Mass of all grains of a body (kg; kg/m in 2D), summed over the ranks; collective.
 pub(super) fn mass_of(run: &Run<'_>, scene: &Scene, grains: &[GrainState], body: u32) -> f64 {
-    let masses = FixedPoint::new(mean_mass(scene));
-    let mut mass = Accumulator::default();
-    for g in grains.iter().filter(|g| g.body == body) {
+    let of_body = grains.iter().filter(|g| g.body == body);
+    let mass = |g: &GrainState| {
         let volume = scene.dimension.volume(g.radius);
-        masses.add(&mut mass, scene.materials.masses.of(g.material, volume));
+        scene.materials.masses.of(g.material, volume)
+    };
+    total(run, mean_mass(scene), of_body.map(mass))
+}
+
+/// The sum over the ranks of terms of this magnitude, in any order; collective.
+fn total(run: &Run<'_>, magnitude: f64, terms: impl Iterator<Item = f64>) -> f64 {
+    let fixed = FixedPoint::new(magnitude);
+    let mut sum = Accumulator::default();
+    terms.for_each(|term| fixed.add(&mut sum, term));
+    let [sum] = fixed.total(run.exchange, [sum]);
+    sum
+}
+
+/// Stretches the cell of a packed sample to the solid fraction that the scene asks for, if it does,
+/// and the grains with it. Collective.
+pub(super) fn stretch(
+    run: &Run<'_>,
+    scene: &Scene,
+    plane_shear: &PlaneShear,
+    piston: &mut Piston,
+    state: &mut Snapshot,
+) -> Result<(), Failure> {
+    let Some(wanted) = plane_shear.load.solid_fraction else {
+        return Ok(());
+    };
+    let volumes = state
+        .grains
+        .iter()
+        .map(|g| scene.dimension.volume(g.radius));
+    let volume = total(run, scene.sample.mean_volume, volumes);
+    let height = volume / (scene.sample.base() * wanted);
+    if height < piston.height {
+        return Err(Failure::numbers(format!(
+            "the packed sample has a solid fraction of {:.6}, less than load.solid_fraction = {wanted}; give at most that, or pack it under a greater load",
+            volume / (scene.sample.base() * piston.height)
+        )));
     }
-    let [mass] = masses.total(run.exchange, [mass]);
-    mass
+    let up = scene.dimension.axes() - 1;
+    for g in &mut state.grains {
+        // Rounding must not move a grain out of the cell.
+        g.position[up] = (g.position[up] * (height / piston.height)).min(height.next_down());
+    }
+    state.contacts.clear();
+    piston.height = height;
+    Ok(())
 }
 
 /// H (m): distance between the planes at which the walls were cut.
