@@ -49,7 +49,6 @@ const FOOTNOTES: [Footnote; 4] = [
             "contact.restitution",
             "contact.normal_damping",
             "load.stiffness_number",
-            "load.solid_fraction",
             "load.pressure",
             "load.normal_force",
             "shear.inertial_number",
