@@ -75,8 +75,8 @@ fn the_volume_is_constant() {
     );
 }
 
-/// Stretched before the shear to a solid fraction at which nothing touches, and no further than the
-/// sample allows.
+/// Stretched before the shear to a solid fraction at which only contacts along x are left, and no
+/// further than the sample allows.
 #[test]
 fn the_solid_fraction_is_that_of_the_scene() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -92,8 +92,9 @@ fn the_solid_fraction_is_that_of_the_scene() {
         fractions.iter().all(|phi| (phi - 0.7).abs() < 1e-12),
         "{fractions:?}"
     );
-    assert_eq!(series.column("coordination")[0], 0.0);
-    assert!(series.column("coordination").last() > Some(&0.0));
+    // Of four in the packing.
+    assert!(series.column("coordination")[0] < 0.5);
+    assert!(series.column("work_drive").last() > Some(&0.0));
 
     let file = folder.path().join("loose.toml");
     let set = ["--set=load.control=volume", "--set=load.solid_fraction=0.9"];
