@@ -39,7 +39,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
         "flow": ("../../configs/mu-of-i-2d.toml", 1, flow),
         "disks without walls": (
             "../../configs/flow-2d.toml",
-            2,
+            1,
             periodic | {"sample.length": "12 mm"},
         ),
         "spheres without walls": ("../../configs/flow-volume-3d.toml", 1, periodic | thick),

@@ -228,7 +228,7 @@ def test_stress_without_walls_is_of_contacts_and_velocities(
         series, up = run.series.set_index("step"), run.dimension - 1
         assert len(run.frames) > 10
         for frame in run.frames[1:]:
-            row, volume = series.loc[frame.step], frame.box.volume
+            row, volume = series.loc[frame.step].to_dict(), frame.box.volume
             height = frame.box.edges[up]
             assert height == row["wall_height"]
             u = frame.velocity.copy()

@@ -106,7 +106,8 @@ fn the_solid_fraction_is_that_of_the_scene() {
     assert!(outcome.text.contains(said), "{}", outcome.text);
 }
 
-/// The residual falls by more than Δt: contacts that open within a step leave a part of first order.
+/// The residual falls by more than Δt: contacts that open within a step leave a part of first
+/// order.
 #[test]
 fn the_energy_budget_closes() {
     let folder = tempfile::tempdir().expect("a folder");

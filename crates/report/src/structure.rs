@@ -157,8 +157,8 @@ impl Sums<'_> {
         (self.ends[1] - self.ends[0]) / LAYERS as f64
     }
 
-    /// Adds a frame to the layers, those of a cell without walls by the height that it has. What of a
-    /// grain is beyond an edge of this is that of its image, whose velocity differs.
+    /// Adds a frame to the layers, those of a cell without walls by the height that it has. What of
+    /// a grain is beyond an edge of this is that of its image, whose velocity differs.
     fn profile(&mut self, t: usize, frame: &FrameRecords) {
         let (mut height, bottom, axes) = (self.layer_height(), self.ends[0], self.axes);
         let edge = self.run.box_edges(t)[axes - 1][axes - 1];

@@ -33,8 +33,8 @@ table! {
         /// `"servo"`, in every step a velocity from the error of the pressure; `"volume"`, nothing:
         /// the packed sample is sheared at constant volume
         control: Text(&CONTROL_NAMES) { default: CONTROL_NAMES[0] },
-        /// φ to which the packed sample is brought before the shear, by stretching its cell: less than
-        /// it was packed to
+        /// φ to which the packed sample is brought before the shear, by stretching its cell: less
+        /// than it was packed to
         solid_fraction: Number(Bounds { from: Bound::Excluded(0.1), to: Bound::Excluded(1.0) }) {
             condition: "with `\"volume\"` and `sample.boundary = \"periodic\"`",
             otherwise: "that of the packed sample",
