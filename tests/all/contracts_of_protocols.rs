@@ -8,7 +8,7 @@ use crate::common::protocols::{
 use crate::common::{self, copy_folder, gshear_mpi, reducer, same_run};
 use gshear_store::run_reader::RunFile;
 
-/// Contracts 1 to 3: ranks, other output, a stop within every part.
+/// Contracts 1 to 3: ranks, skin, threads, instruction set, other output, a stop within every part.
 fn keeps_the_contracts(case: &Case) {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
@@ -26,9 +26,11 @@ fn keeps_the_contracts(case: &Case) {
         arguments.extend(further.iter().map(ToString::to_string));
         gshear_mpi(ranks, &at(name), &arguments)
     };
-    for ranks in [2, 3] {
+    let skin = "--set=bookkeeping.skin=0.3";
+    let others = [skin, "--set=bookkeeping.simd=portable", "--threads=2"];
+    for (ranks, further) in [(2, &others[..1]), (3, &others)] {
         let name = format!("on-{ranks}");
-        let outcome = on(&name, ranks, &["--set=bookkeeping.skin=0.3"]);
+        let outcome = on(&name, ranks, further);
         assert_eq!(outcome.digest(), expected, "{ranks} ranks");
         same_run(&at("one"), &at(&name));
     }

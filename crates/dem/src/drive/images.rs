@@ -43,7 +43,7 @@ impl Images {
 
     /// Gives the grains the change of their streaming velocities if the images get this velocity
     /// (m/s).
-    pub fn stream<D: Dimension>(velocity: f64, sheared: &mut Sheared, grains: &mut Grains<D>) {
+    fn stream<D: Dimension>(velocity: f64, sheared: &mut Sheared, grains: &mut Grains<D>) {
         let change = (velocity - sheared.velocity) / sheared.height;
         sheared.velocity = velocity;
         if change == 0.0 {

@@ -286,17 +286,19 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             }
             let outside = evaluate::<C, L, BUDGET>(token, law, pass, chunk.clone(), scratch);
             outcome.outside = outcome.outside.or(outside);
+            let mut stress = None;
             if BUDGET {
                 count_dissipation::<C, L>(token, pass, chunk.clone(), scratch, &mut outcome);
-                if let Some(height) = pass.counting.and_then(|of| of.height) {
-                    let scale = (height, &mut outcome);
-                    count_stress::<C, L>(token, pass, chunk.clone(), scratch, scale);
-                }
+                stress = StressCount::<L>::new(token, pass);
             }
-            let too_strong = add_forces::<C, L>(token, pass, chunk.clone(), scratch);
+            let too_strong = add_forces::<C, L>(token, pass, chunk.clone(), scratch, &mut stress);
             outcome.too_strong = outcome.too_strong.or(too_strong);
             if let Some(attraction) = pass.attraction {
-                add_attraction::<C::Space, L>(token, attraction, pass, chunk, scratch);
+                let of = (attraction, &mut stress);
+                add_attraction::<C::Space, L>(token, of, pass, chunk, scratch);
+            }
+            if let Some(stress) = stress {
+                stress.end(&mut outcome);
             }
         }
         outcome
@@ -436,54 +438,43 @@ fn count_many(units: &Lanes16, few: u16, outcome: &mut PassOutcome, kind: usize)
     }
 }
 
-/// Adds up the stress of the contacts in a cell of this height (m).
-#[inline(always)]
-fn count_stress<C: ContactLaw, L: Lanes>(
-    token: L::Token,
-    pass: &Pass<'_, C::Space>,
-    chunk: Range<usize>,
-    scratch: &Scratch<C::Space>,
-    (height, outcome): (f64, &mut PassOutcome),
-) {
-    let load = |lanes: &Lanes16| L::load(token, lanes);
-    let zero = L::splat(token, 0.0);
-    let part = &pass.part;
-    let owned = chunk.end.min(part.owned_blocks.saturating_sub(part.first));
-    let per_unit = L::splat(token, 1.0 / (height * pass.units.force));
-    let mut up = L::no_counts(token);
-    let mut along = L::no_counts(token);
-    for (k, block) in (chunk.start..owned).enumerate() {
-        let response = &scratch.response[k];
-        let n = vector::<L>(token, &scratch.direction[k], C::Space::AXES);
-        let [sum, r_i] = [
-            load(&part.geometry[block][0]),
-            load(&part.geometry[block][1]),
-        ];
-        let mut normal = load(&response.normal);
-        if let Some(attraction) = pass.attraction {
-            normal = normal - attraction.force(token, [sum, r_i]);
-        }
-        let mut force = n;
-        if C::FRICTION {
-            let mut tangential = [zero; 3];
-            for k in 0..C::Space::SPINS {
-                tangential[k] = load(&response.tangential[k]);
-            }
-            force = C::Space::force(&n, normal, &tangential);
-        } else {
-            for axis in 0..C::Space::AXES {
-                force[axis] = normal * n[axis];
-            }
-        }
-        // A force has up to 2^51 units, and the grains are less than the height apart.
-        let distance = (sum - load(&scratch.motion[k].overlap)) * per_unit;
-        let touches = L::mask(token, part.touching[block]);
-        let way = (n[C::Space::UP] * distance).select(touches, zero);
-        up = (way * force[C::Space::UP]).count(up);
-        along = (way * force[0]).count(along);
+/// The stress of the forces of some blocks, where it is counted.
+struct StressCount<L: Lanes> {
+    /// Blocks from this one on are not counted.
+    owned: usize,
+    per_unit: L,
+    up: L::Counts,
+    along: L::Counts,
+}
+
+impl<L: Lanes> StressCount<L> {
+    #[inline(always)]
+    fn new<D: Dimension>(token: L::Token, pass: &Pass<'_, D>) -> Option<Self> {
+        let height = pass.counting?.height?;
+        Some(Self {
+            owned: pass.part.owned_blocks.saturating_sub(pass.part.first),
+            per_unit: L::splat(token, 1.0 / (height * pass.units.force)),
+            up: L::no_counts(token),
+            along: L::no_counts(token),
+        })
     }
-    outcome.stress[0] += L::total(up);
-    outcome.stress[1] += L::total(along);
+
+    /// Adds the rounded forces of a block, zeros where none act. They have up to 2^51 units, and
+    /// the grains are less than the height apart.
+    #[inline(always)]
+    fn add<D: Dimension>(&mut self, block: usize, (n, distance): (L, L), force: &[L; 3]) {
+        if block < self.owned {
+            let way = n * distance * self.per_unit;
+            self.up = (way * force[D::UP]).count(self.up);
+            self.along = (way * force[0]).count(self.along);
+        }
+    }
+
+    #[inline(always)]
+    fn end(self, outcome: &mut PassOutcome) {
+        outcome.stress[0] += L::total(self.up);
+        outcome.stress[1] += L::total(self.along);
+    }
 }
 
 /// Adds forces and torques to the grains; pairs that do not touch add zeros. Returns a pair whose
@@ -494,6 +485,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
     pass: &mut Pass<'_, C::Space>,
     chunk: Range<usize>,
     scratch: &Scratch<C::Space>,
+    stress: &mut Option<StressCount<L>>,
 ) -> Option<(usize, usize)> {
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let c = |v| L::splat(token, v);
@@ -542,6 +534,10 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         for axis in 0..axes {
             force[axis] = (force[axis] + force_shift) - force_shift;
         }
+        if let Some(stress) = stress {
+            let distance = load(&radii[0]) - load(&motion.overlap);
+            stress.add::<C::Space>(block, (n[C::Space::UP], distance), &force);
+        }
         for k in 0..spins {
             on_i[k] = (on_i[k] + torque_shift) - torque_shift;
             on_j[k] = (on_j[k] + torque_shift) - torque_shift;
@@ -562,7 +558,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
 #[inline(always)]
 fn add_attraction<D: Dimension, L: Lanes>(
     token: L::Token,
-    attraction: Attraction,
+    (attraction, stress): (Attraction, &mut Option<StressCount<L>>),
     pass: &mut Pass<'_, D>,
     chunk: Range<usize>,
     scratch: &Scratch<D>,
@@ -585,10 +581,14 @@ fn add_attraction<D: Dimension, L: Lanes>(
         let factor = L::load(token, &factors);
         let acts = factor.abs().greater(zero);
         let pull = factor * attraction.force(token, radii);
-        let mut force = [zero; 3];
+        let (mut n, mut force) = ([zero; 3], [zero; 3]);
         for axis in 0..D::AXES {
-            let n = L::load(token, &scratch.direction[k][axis]).select(acts, zero);
-            force[axis] = (shift - pull * n) - shift;
+            n[axis] = L::load(token, &scratch.direction[k][axis]).select(acts, zero);
+            force[axis] = (shift - pull * n[axis]) - shift;
+        }
+        if let Some(stress) = stress {
+            let distance = radii[0] - L::load(token, &scratch.motion[k].overlap);
+            stress.add::<D>(block, (n[D::UP], distance), &force);
         }
         if let Some(samples) = &mut pass.samples {
             let normal = L::load(token, &samples.normal[block]) - pull;
