@@ -92,7 +92,7 @@ class Sweep(Sequence[Run]):
         """A row for each run: the keys in which they differ, then numbers.
 
         Args:
-            columns: Columns of the time series, of which the mean over the rows is given.
+            columns: Columns of the time series; their means over the rows are given.
             start: The share of the rows, from the first on, that is left out of the means: 0.4 of a
                 run to the strain 0.1 leaves out what is before 0.04.
             measures: Further numbers, each a function of the run, such as
