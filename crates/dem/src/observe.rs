@@ -198,8 +198,8 @@ fn sums<D: Dimension>(
     }
 }
 
-/// A row of the time series, from the forces of the last step; collective. `felt`: of a cell without
-/// walls the stress times its base, which stands for the forces on a top wall.
+/// A row of the time series, from the forces of the last step; collective. `felt`: of a cell
+/// without walls the stress times its base, which stands for the forces on a top wall.
 pub fn series<D: Dimension>(
     exchange: &dyn Exchange,
     law: &dyn PairModel,
