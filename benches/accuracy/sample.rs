@@ -120,7 +120,7 @@ impl Sample {
             mean_diameter: scene.sample.mean_diameter,
             masses: scene.law.masses(),
             step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: self.load().normal_force,
             threads: 1,
         };

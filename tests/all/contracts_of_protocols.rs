@@ -2,8 +2,9 @@
 //! spring: bits compared, never approximately.
 
 use crate::common::protocols::{
-    Case, DISKS, DISKS_UNDER_A_SERVO, DISKS_WITHOUT_WALLS, SPHERES, SPHERES_UNDER_A_SERVO,
-    SPHERES_UNDER_A_SPRING, SPHERES_WITHOUT_WALLS, SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
+    Case, DISKS, DISKS_BELOW_A_FREE_SURFACE, DISKS_UNDER_A_SERVO, DISKS_WITHOUT_WALLS, SPHERES,
+    SPHERES_BELOW_A_FREE_SURFACE, SPHERES_UNDER_A_SERVO, SPHERES_UNDER_A_SPRING,
+    SPHERES_WITHOUT_WALLS, SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
 };
 use crate::common::{self, copy_folder, gshear_mpi, reducer, same_run};
 use gshear_store::run_reader::RunFile;
@@ -72,6 +73,16 @@ fn of_disks_without_walls() {
 #[test]
 fn of_spheres_without_walls() {
     keeps_the_contracts(&SPHERES_WITHOUT_WALLS);
+}
+
+#[test]
+fn of_disks_below_a_free_surface() {
+    keeps_the_contracts(&DISKS_BELOW_A_FREE_SURFACE);
+}
+
+#[test]
+fn of_spheres_below_a_free_surface() {
+    keeps_the_contracts(&SPHERES_BELOW_A_FREE_SURFACE);
 }
 
 /// Besides the contracts: the budget is closed, the wall moves by v = gain (F - N), and a window is

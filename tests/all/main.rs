@@ -22,6 +22,7 @@ mod damage;
 mod estimates;
 mod failures;
 mod faults;
+mod free_surface;
 mod inlined;
 mod jacobian;
 mod job_scripts;

@@ -171,6 +171,42 @@ pub const SPHERES_WITHOUT_WALLS_UNDER_A_SERVO: Case = Case {
     ..SPHERES_UNDER_A_SERVO
 };
 
+/// All that a free surface allows, on a slope on which disks flow over the seam.
+pub const DISKS_BELOW_A_FREE_SURFACE: Case = Case {
+    further: &[
+        "output.series_rows=10",
+        "output.frame_rows=1",
+        "sample.boundary=free",
+        "load.stiffness_number=none",
+        "load.gravity=1.3e7",
+        "load.incline=35",
+    ],
+    parts: &[
+        "time = 4e-6",
+        "time = 2e-7, bottom_amplitude = 2e-9, bottom_frequency = 1e7",
+        "time = 1e-7",
+    ],
+    ..DISKS
+};
+
+/// Spheres on one.
+pub const SPHERES_BELOW_A_FREE_SURFACE: Case = Case {
+    further: &[
+        "output.series_rows=10",
+        "output.frame_rows=1",
+        "sample.boundary=free",
+        "load.pressure=none",
+        "load.gravity=7e3",
+        "load.incline=35",
+    ],
+    parts: &[
+        "time = 1.5e-3",
+        "time = 2e-4, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
+        "time = 1e-4",
+    ],
+    ..SPHERES
+};
+
 impl Case {
     /// What `--set` takes.
     pub fn sets(&self) -> Vec<String> {

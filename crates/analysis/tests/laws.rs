@@ -147,7 +147,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
             mean_diameter: 1.0,
             masses: MASSES,
             step: STEP,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };

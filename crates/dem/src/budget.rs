@@ -70,6 +70,21 @@ pub struct Begin {
     pub energy: f64,
     /// Height of the piston (m).
     pub height: f64,
+    /// Potential energy of a sample that its weight loads (J; J/m in 2D).
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub potential: f64,
+    /// Gravity (m/s²). With another one, in a branch, the budget begins again.
+    #[serde(default, skip_serializing_if = "is_weightless")]
+    pub gravity: [f64; 2],
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it")]
+fn is_zero(x: &f64) -> bool {
+    x.to_bits() == 0
+}
+
+fn is_weightless(gravity: &[f64; 2]) -> bool {
+    *gravity == [0.0; 2]
 }
 
 /// The energy budget of all ranks in a checkpoint, numbers in decimal.
@@ -107,7 +122,8 @@ pub struct EnergyBalance {
     pub elastic: [f64; ELASTIC],
     /// Work of the drive along x.
     pub work_drive: f64,
-    /// Work of the load on the top, or of the motion of the walls along their normals.
+    /// Work of the load on the top, or of the motion of the walls along their normals; below a free
+    /// surface with that of gravity.
     pub work_load: f64,
     /// Energy dissipated, by [`dissipation`].
     pub dissipated: [f64; dissipation::KINDS],
@@ -235,7 +251,8 @@ impl EnergyBudget {
         add_elastic(isa, law, &of, elastic_unit, &mut elastic);
         let elastic = elastic_unit.total(exchange, elastic);
         let energy = of.kinetic + elastic.iter().sum::<f64>();
-        let begin = *self.begin.get_or_insert_with(|| {
+        let begin = self.begin.filter(|begin| begin.gravity == of.gravity);
+        let begin = begin.unwrap_or_else(|| {
             self.twice_dissipated = self.last_power;
             self.work = 0.0;
             if let Some(normal) = &mut self.normal {
@@ -244,8 +261,11 @@ impl EnergyBudget {
             Begin {
                 energy,
                 height: of.height,
+                potential: of.potential,
+                gravity: of.gravity,
             }
         });
+        self.begin = Some(begin);
         // Trapezoidal rule: the power at the end of the last step counts half.
         let (dissipated, uncounted) = self.sums(exchange, self.last_power);
         let dissipated = dissipated.map(|n| {
@@ -257,7 +277,7 @@ impl EnergyBudget {
         });
         let work_load = match self.normal {
             None => -of.load * (of.height - begin.height),
-            Some(normal) => normal.work,
+            Some(normal) => normal.work + (begin.potential - of.potential),
         };
         let missing =
             self.work + work_load - (energy - begin.energy) - dissipated.iter().sum::<f64>();
@@ -283,9 +303,13 @@ pub struct SampleState<'a> {
     pub load: f64,
     /// Height of the piston (m).
     pub height: f64,
-    /// Kinetic energy of the free grains with their potential energy in gravity and, if it belongs
-    /// to the sample, of the piston (J; J/m in 2D).
+    /// Kinetic energy of the free grains with their potential energy in gravity, unless that is
+    /// their load, and, if it belongs to the sample, of the piston (J; J/m in 2D).
     pub kinetic: f64,
+    /// Their potential energy where their weight is their load: below a free surface.
+    pub potential: f64,
+    /// Gravity (m/s²).
+    pub gravity: [f64; 2],
 }
 
 /// Adds the elastic energies of the contacts whose first grain this rank owns.

@@ -76,7 +76,7 @@
 //!     mean_diameter: 2e-3,
 //!     masses: law.masses(),
 //!     step: 1e-6,
-//!     gravity: 0.0,
+//!     gravity: [0.0; 2],
 //!     typical_force: 1.0,
 //!     threads: 1,
 //! })?;

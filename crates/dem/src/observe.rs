@@ -11,7 +11,9 @@ use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::{Top, WallForces};
 use crate::failure::Failure;
 use crate::kernel::ContactForces;
-use crate::state::{Cell, ContactSample, GrainSample, ImposedRow, SeriesRow, StressRow, body};
+use crate::state::{
+    Cell, ContactSample, FlowRow, GrainSample, ImposedRow, SeriesRow, StressRow, body,
+};
 use crate::system::System;
 
 /// Numbers of the four sums of a row in its message.
@@ -29,6 +31,8 @@ pub struct SampleConstants {
     pub free_grains: u64,
     /// Fixed-point numbers for sums of energies (J; J/m in 2D).
     pub energy: FixedPoint,
+    /// The same for means of heights (m) and velocities (m/s).
+    pub motion: FixedPoint,
 }
 
 impl SampleConstants {
@@ -55,12 +59,13 @@ impl SampleConstants {
             free_volume,
             free_grains: crate::domain::total(exchange, count),
             energy: FixedPoint::new(energy),
+            motion: FixedPoint::new(system.cell.periods[0]),
         }
     }
 }
 
 /// Fails if a free grain is beyond one of these planes, the outer ones of both walls (m): it has
-/// passed a wall through a hole. Collective.
+/// passed a wall through a hole. The upper one is infinitely high where there is none. Collective.
 ///
 /// # Errors
 /// The step, the id and the place of the grain of the lowest id, and how many there are.
@@ -134,20 +139,81 @@ fn owned_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoin
     sum
 }
 
-/// Potential energy of the free grains in gravity, from the height 0.
+/// Potential energy of the free grains in gravity, from the height 0 and from where their images
+/// along x are counted from.
 fn owned_potential_energy<D: Dimension>(system: &System<D>, energy: &FixedPoint) -> Accumulator {
-    let (grains, gravity) = (&system.grains, system.gravity);
+    let (grains, [along, down]) = (&system.grains, system.gravity);
     let mut sum = Accumulator::default();
-    let has_weight = |g: &usize| gravity > 0.0 && grains.body[*g] == body::FREE;
+    let has_weight = |g: &usize| system.gravity != [0.0; 2] && grains.body[*g] == body::FREE;
     for g in (0..grains.owned).filter(has_weight) {
-        energy.add(&mut sum, grains.mass[g] * gravity * grains.fields(g)[D::UP]);
+        let (r, mass) = (grains.fields(g), grains.mass[g]);
+        energy.add(&mut sum, mass * down * r[D::UP]);
+        if along != 0.0 {
+            let x = r[0] + grains.image[g][0] as f64 * system.cell.periods[0];
+            energy.add(&mut sum, -(mass * along * x));
+        }
     }
     sum
 }
 
+/// What is above the sample, for a row of the time series.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Above {
+    /// A wall.
+    Wall,
+    /// The images of the sample, and the stress of the cell times its base, which stands for the
+    /// forces on a wall.
+    Images(WallForces),
+    /// Nothing: rows have the forces on the bottom wall.
+    Nothing(Flow),
+}
+
+/// The mean motion of the free grains, weighed by mass.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Flow {
+    /// Height above the bottom wall (m), and its rate but for the motion of that wall (m/s).
+    pub height: [f64; 2],
+    /// Velocity along x (m/s).
+    pub velocity: f64,
+}
+
+/// The mean motion of the free grains. `bottom`: height of the upper plane of the bottom wall (m);
+/// `mass`: of the free grains (kg; kg/m in 2D). Collective.
+pub fn flow<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    constants: &SampleConstants,
+    (mass, bottom): (f64, f64),
+) -> Flow {
+    system.finish_step();
+    let grains = &system.grains;
+    let mut sums = [Accumulator::default(); 3];
+    for g in (0..grains.owned).filter(|g| grains.body[*g] == body::FREE) {
+        let (r, share) = (grains.fields(g), grains.mass[g] / mass);
+        let values = [r[D::UP] - bottom, r[D::VELOCITY + D::UP], r[D::VELOCITY]];
+        for (sum, value) in sums.iter_mut().zip(values) {
+            constants.motion.add(sum, share * value);
+        }
+    }
+    let [height, rise, velocity] = constants.motion.total(exchange, sums);
+    Flow {
+        height: [height, rise],
+        velocity,
+    }
+}
+
+impl Flow {
+    /// The columns that a row of the time series has of it besides.
+    pub fn row(&self) -> FlowRow {
+        FlowRow {
+            mean_velocity: self.velocity,
+        }
+    }
+}
+
 /// Sums over the grains and contacts of all ranks.
 struct Sums {
-    /// On the top (N; N/m in 2D).
+    /// On the top, or the bottom below a free surface (N; N/m in 2D).
     shear_force: f64,
     normal_force: f64,
     /// J; J/m in 2D.
@@ -162,16 +228,20 @@ fn sums<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
     constants: &SampleConstants,
+    is_free: bool,
 ) -> Sums {
     let kinetic = owned_kinetic_energy(system, &constants.energy);
     let potential = owned_potential_energy(system, &constants.energy);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
-    for g in 0..grains.owned {
-        if grains.body[g] == body::TOP {
-            system.fixed.add(&mut shear, -grains.force[g][0]);
-            system.fixed.add(&mut normal, grains.force[g][D::UP]);
-        }
+    let (wall, sign) = if is_free {
+        (body::BOTTOM, -1.0)
+    } else {
+        (body::TOP, 1.0)
+    };
+    for g in (0..grains.owned).filter(|g| grains.body[*g] == wall) {
+        system.fixed.add(&mut shear, -sign * grains.force[g][0]);
+        system.fixed.add(&mut normal, sign * grains.force[g][D::UP]);
     }
     let mut counts = [0i64; 3];
     for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
@@ -198,14 +268,13 @@ fn sums<D: Dimension>(
     }
 }
 
-/// A row of the time series, from the forces of the last step; collective. `felt`: of a cell
-/// without walls the stress times its base, which stands for the forces on a top wall.
+/// A row of the time series, from the forces of the last step; collective.
 pub fn series<D: Dimension>(
     exchange: &dyn Exchange,
     law: &dyn PairModel,
     system: &mut System<D>,
     samples: &ContactForces,
-    (top, felt): (&Top, Option<WallForces>),
+    (top, above): (&Top, Above),
     constants: &SampleConstants,
     height: f64,
 ) -> SeriesRow {
@@ -216,14 +285,30 @@ pub fn series<D: Dimension>(
         kinetic_energy,
         potential_energy,
         counts: [contacts, sliding, ends],
-    } = sums(exchange, system, constants);
-    if let Some(felt) = felt {
+    } = sums(
+        exchange,
+        system,
+        constants,
+        matches!(above, Above::Nothing(_)),
+    );
+    if let Above::Images(felt) = above {
         (shear_force, normal_force) = (-felt.along, felt.up);
     }
-    let wall_height = piston.height - constants.walls - top.bottom_displacement();
+    let [wall_height, wall_velocity] = match above {
+        Above::Nothing(flow) => flow.height.map(|x| 2.0 * x),
+        _ => [
+            piston.height - constants.walls - top.bottom_displacement(),
+            piston.velocity,
+        ],
+    };
     let of_wall = 0.5 * piston.mass * piston.velocity * piston.velocity;
     let has_wall = |budget: &EnergyBudget| budget.has_wall();
-    let of_grains = kinetic_energy + potential_energy;
+    let is_free = matches!(above, Above::Nothing(_));
+    let of_grains = if is_free {
+        kinetic_energy
+    } else {
+        kinetic_energy + potential_energy
+    };
     let of_sample = if system.budget.as_ref().is_none_or(has_wall) {
         of_grains + of_wall
     } else {
@@ -243,6 +328,8 @@ pub fn series<D: Dimension>(
                     load: piston.load,
                     height: piston.height,
                     kinetic: of_sample,
+                    potential: if is_free { potential_energy } else { 0.0 },
+                    gravity: system.gravity,
                 },
             )
         });
@@ -260,7 +347,7 @@ pub fn series<D: Dimension>(
         } else {
             0.0
         },
-        wall_velocity: piston.velocity,
+        wall_velocity,
         slip: slider.displacement,
         slip_rate: slider.velocity,
         drive_displacement: top.slider.drive_position(),

@@ -276,7 +276,7 @@ fn add_forces<D: Dimension>(
         // Friction of spheres depends on them; a checkpoint does not hold what is not known.
         contacts.limits.fill([0; 4]);
     }
-    if *gravity > 0.0 {
+    if *gravity != [0.0; 2] {
         weigh(grains, *gravity);
     }
     let at_plane = drive.forces(*isa, *cell, step, grains);
@@ -401,12 +401,14 @@ fn greater_or_nan(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-/// Adds the weight -m g along the last axis to free grains, rounded like the contact forces.
-fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: f64) {
+/// Adds the weights to free grains, rounded like the contact forces.
+fn weigh<D: Dimension>(grains: &mut Grains<D>, [along, down]: [f64; 2]) {
     let shift = Units::shift(grains.units.force);
     for g in 0..grains.owned {
         if grains.body[g] == body::FREE {
-            grains.force[g][D::UP] = (shift - grains.mass[g] * gravity) - shift;
+            let mass = grains.mass[g];
+            grains.force[g][0] = (shift + mass * along) - shift;
+            grains.force[g][D::UP] = (shift - mass * down) - shift;
         }
     }
 }

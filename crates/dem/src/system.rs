@@ -35,8 +35,8 @@ pub struct System<D: Dimension> {
     pub masses: Masses,
     /// Δt (s).
     pub step: f64,
-    /// g (m/s²), against the last axis; 0 is none.
-    pub gravity: f64,
+    /// g (m/s²) along x, and against the last axis.
+    pub gravity: [f64; 2],
     /// Steps done in this stage.
     pub steps: u64,
     /// Fixed-point numbers for sums of forces on walls.
@@ -312,8 +312,8 @@ pub struct Setup {
     pub masses: Masses,
     /// Δt (s).
     pub step: f64,
-    /// g (m/s²), against the last axis; 0 is none.
-    pub gravity: f64,
+    /// g (m/s²) along x, and against the last axis.
+    pub gravity: [f64; 2],
     /// A typical force on a wall (N; N/m in 2D).
     pub typical_force: f64,
     /// Threads of this rank.

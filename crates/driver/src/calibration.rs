@@ -153,7 +153,7 @@ impl Lattice {
         let grains = (part(rank)..part(rank + 1)).map(grain).collect();
         let mut assembly = Assembly::new(run, &equal, cell, law)?;
         // Nothing holds a periodic lattice: it would fall.
-        assembly.system.gravity = 0.0;
+        assembly.system.gravity = [0.0; 2];
         assembly.replace(&mut NoWalls, grains, Vec::new())?;
         assembly.initial_forces(&mut NoWalls, false)?;
         Ok(assembly)

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use gshear_dem::contact::TORQUES;
-use gshear_dem::state::{ContactState, GrainState};
+use gshear_dem::state::{Confinement, ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, packing_steps};
 use gshear_scene::{Boundary, Motion, Origin, PeriodicBox, PlaneShear, Scene, WallSpeed};
@@ -96,7 +96,7 @@ impl Estimate {
             speed: None,
             strain_step: None,
             slower: match &scene.boundary {
-                Boundary::Walls(walls) if walls.has_images() => WITHOUT_WALLS,
+                Boundary::Walls(walls) if walls.confinement == Confinement::Images => WITHOUT_WALLS,
                 Boundary::Walls(walls) if walls.output.energy => BUDGET,
                 _ => 1.0,
             },

@@ -6,6 +6,7 @@ use gshear_dem::columns::Column;
 use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::Confinement;
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
@@ -100,8 +101,8 @@ pub struct ShearFormat {
     pub height: f64,
     /// Whether the run computes scalars of frames.
     pub scalars: bool,
-    /// Whether there are no walls.
-    pub images: bool,
+    /// What bounds the sample.
+    pub confinement: Confinement,
 }
 
 impl Format<'_> {
@@ -298,7 +299,7 @@ fn create<D: Dimension>(
             axes: D::AXES,
             torques: format.law.has_torques(),
         },
-        walls: format.shear.is_some_and(|shear| !shear.images),
+        walls: (format.shear).is_some_and(|shear| shear.confinement != Confinement::Images),
         units: format.shear.is_some(),
         series: format.columns,
         edges,

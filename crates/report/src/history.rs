@@ -24,9 +24,10 @@ pub struct Axis {
 
 impl Axis {
     /// The strain; where a spring or a protocol moves the wall, its slip; where a protocol imposes
-    /// more than velocities, so that the wall goes back or stands still, the time.
+    /// more than velocities, so that the wall goes back or stands still, or nothing is above the
+    /// sample, the time.
     pub fn of(run: &RunFile) -> Self {
-        if is_imposed(run) {
+        if is_imposed(run) || run.has_free_surface() {
             return Self::over_time(run.series(), "time (s)");
         }
         let (name, label, factor) = if is_driven(run) {

@@ -88,7 +88,9 @@ pub fn write(
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(picture::figures(run)?);
     let note = page::note_on_maps(run, &summary);
-    let what = if run.has_walls() {
+    let what = if run.has_free_surface() {
+        "Flow below a free surface"
+    } else if run.has_walls() {
         "Shear between walls"
     } else {
         "Shear without walls"
@@ -180,7 +182,7 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
         figures.push(ReportFigure::new("largest-drop", caption, svg, of_tau));
     }
     let is_imposed = summary::is_imposed(run);
-    if !is_imposed || !phases.is_empty() {
+    if summary::has_phases(run, phases) {
         figures.push(ReportFigure::new(
             "phase-histogram",
             "Number of stick and slip phases by the magnitude of their change of τ.",

@@ -1,7 +1,7 @@
 //! The HTML page of a run's report: one self-contained file.
 
 use super::ReportFigure;
-use super::summary::{DropFrames, Summary, is_imposed};
+use super::summary::{self, DropFrames, Summary, is_imposed, latter_half};
 use gshear_analysis::phases::PhaseKind;
 use gshear_dem::failure::printable;
 use gshear_store::run_reader::RunFile;
@@ -44,7 +44,7 @@ pub fn html(
 /// Says why there are no maps, or not of the largest drop.
 pub fn note_on_maps(run: &RunFile, summary: &Summary) -> &'static str {
     let smaller = |event: &DropFrames| Some(event.drop) != summary.drop;
-    let expected = !is_imposed(run) || !summary.phases.is_empty();
+    let expected = summary::has_phases(run, &summary.phases);
     match &summary.event {
         _ if run.dimension().axes() != 2 => "",
         None if expected => {
@@ -138,7 +138,14 @@ pub fn identity(run: &RunFile) -> Facts {
 pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
     let mut facts = identity(run);
     let strain = run.series().column("strain");
-    facts.push(if is_imposed(run) {
+    facts.push(if run.has_free_surface() {
+        let velocity = run.series().column("mean_velocity");
+        let mean = summary::finite_moments(&velocity[latter_half(run)]).mean;
+        (
+            "Mean velocity in the latter half",
+            format!("{mean:.4e} m/s"),
+        )
+    } else if is_imposed(run) {
         let least = strain.iter().copied().fold(0.0, f64::min);
         let most = strain.iter().copied().fold(0.0, f64::max);
         let range = format!("{:.4} … {:.4} %", 100.0 * least, 100.0 * most);
@@ -157,7 +164,7 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
             number(stress.population_deviation())
         ),
     ));
-    let none = is_imposed(run) && summary.phases.is_empty();
+    let none = !summary::has_phases(run, &summary.phases);
     let kinds = [
         (PhaseKind::Stick, "Stick phases"),
         (PhaseKind::Slip, "Slip phases"),

@@ -58,7 +58,7 @@ fn view(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
 pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
     let (frames, stage) = (run.frames(), run.stage());
     let planar = run.dimension() == Dimensions::Two;
-    if planar && run.has_walls() || frames == 0 {
+    if planar && run.has_walls() && !run.has_free_surface() || frames == 0 {
         return Ok(Vec::new());
     }
     let last = run.records(frames - 1..frames)?.swap_remove(0);

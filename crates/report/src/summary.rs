@@ -10,7 +10,7 @@ use gshear_dem::state::{Disks, Frame};
 use gshear_store::run_reader::RunFile;
 
 /// Moments of the finite values.
-fn finite_moments(values: &[f64]) -> Moments {
+pub fn finite_moments(values: &[f64]) -> Moments {
     let finite = values.iter().copied().filter(|value| value.is_finite());
     Moments::of(&finite.collect::<Vec<_>>())
 }
@@ -26,6 +26,11 @@ pub fn is_driven(run: &RunFile) -> bool {
 pub fn is_imposed(run: &RunFile) -> bool {
     let mut columns = run.series().declared.iter();
     columns.any(|column| column.name == "imposed_normal_force")
+}
+
+/// Whether a run can have phases of stick and slip, or has some.
+pub fn has_phases(run: &RunFile, phases: &[Phase]) -> bool {
+    !(is_imposed(run) || run.has_free_surface()) || !phases.is_empty()
 }
 
 /// Least normal force with which τ is shown, over the greatest one of the run. Under less, as in a
@@ -47,8 +52,12 @@ pub fn stress_ratio(run: &RunFile) -> Vec<f64> {
 }
 
 /// Stick and slip phases of a run. Where a protocol imposes more than velocities, only those at a
-/// constant velocity of the drive are any: else τ rises and falls with what is imposed.
+/// constant velocity of the drive are any: else τ rises and falls with what is imposed. A free
+/// surface has no drive.
 fn phases_of(run: &RunFile, tau: &[f64]) -> Vec<Phase> {
+    if run.has_free_surface() {
+        return Vec::new();
+    }
     let mut phases = phases::find(run.series().column("strain"), tau);
     if is_imposed(run) {
         phases.retain(|phase| is_free(run, phase));
@@ -64,7 +73,7 @@ fn is_free(run: &RunFile, phase: &Phase) -> bool {
 }
 
 /// Rows of the latter half of the strain; of the time, if a protocol imposes more than velocities.
-fn latter_half(run: &RunFile) -> std::ops::RangeFrom<usize> {
+pub fn latter_half(run: &RunFile) -> std::ops::RangeFrom<usize> {
     // A strain that returns does not tell the halves of a run.
     let clock = if is_imposed(run) {
         &run.series().time[..]

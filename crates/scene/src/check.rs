@@ -41,7 +41,7 @@ pub(crate) fn scene(
         let (sample, periodic) = periodic::check(c, dimension, seed, packing)?;
         ("Periodic box", sample, Boundary::Periodic(periodic))
     } else {
-        let (sample, walls) = walls::check(c, dimension, &law, packing)?;
+        let (sample, walls) = walls::check(c, dimension, (&law, &materials.masses), packing)?;
         ("Plane shear", sample, Boundary::Walls(walls))
     };
     if !c.is_given(&SCENE.title) {

@@ -47,10 +47,10 @@ pub fn wall_layers(sample: &Sample) -> f64 {
     (greatest * (1.0 + over) / sample.mean_diameter).max(1.0)
 }
 
-/// Height of the two walls and of the least sample between them, five d̄, over d̄; `layers`:
-/// thickness of each wall over d̄.
+/// Height of the walls and of the least sample between them, five d̄, over d̄; `layers`: thickness
+/// of all walls over d̄.
 pub fn least_height(layers: f64) -> f64 {
-    2.0 * layers + 5.0
+    layers + 5.0
 }
 
 /// x^(1/3) of a positive number: Newton's steps from a start that is right to some ulps.
@@ -225,7 +225,7 @@ pub fn packed_height(sample: &Sample) -> f64 {
     f64::from(sample.grains) * sample.mean_volume / (packed_fraction(sample) * sample.base())
 }
 
-/// The fewest grains whose packing is as high as [`least_height`] with walls of so many layers.
+/// The fewest grains whose packing is as high as [`least_height`] with so many layers of walls.
 pub fn least_grains(sample: &Sample, layers: f64) -> f64 {
     let height = least_height(layers) * sample.mean_diameter;
     let volume = packed_fraction(sample) * sample.base() * height;
@@ -456,7 +456,7 @@ mod tests {
     #[test]
     fn height_of_the_default_sample() {
         close(packed_height(&SAMPLE), 45.45e-6, 1e-3);
-        let enough = least_grains(&SAMPLE, 1.0);
+        let enough = least_grains(&SAMPLE, 2.0);
         let at = |grains: f64| {
             packed_height(&Sample {
                 grains: grains as u32,

@@ -104,7 +104,7 @@ fn of_walls(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
         Origin::Insertion(_) => derived::packed_height(&scene.sample),
         Origin::Packing { file, .. } => file.height(),
     };
-    let height = height - 2.0 * walls.wall_thickness(&scene.sample);
+    let height = height - walls.thickness_of_walls(&scene.sample);
     let schedule = Schedule::new(scene, walls, height);
     let step = scene.time_step.step;
     let parts: Vec<DrivePart> = match &walls.shear.motion {

@@ -196,17 +196,11 @@ pub fn volume_in_box(
 
 /// Makes walls of the grains whose centre is within `thickness` (m) of the `planes` (m) across the
 /// axis `up`, the lower one first.
-pub fn freeze_walls(
-    grains: &mut [GrainState],
-    up: usize,
-    planes: [f64; 2],
-    thickness: f64,
-    material: Option<u64>,
-) {
+pub fn freeze_walls(grains: &mut [GrainState], up: usize, planes: [f64; 2], material: Option<u64>) {
     for g in grains.iter_mut() {
-        g.body = if g.position[up] < planes[0] + thickness {
+        g.body = if g.position[up] < planes[0] {
             body::BOTTOM
-        } else if g.position[up] > planes[1] - thickness {
+        } else if g.position[up] > planes[1] {
             body::TOP
         } else {
             body::FREE

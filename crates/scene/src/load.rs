@@ -5,6 +5,8 @@ use std::ops::Bound;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{Bounds, Change, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::state::{Confinement, Masses};
+use gshear_dem::wave::sine_and_cosine;
 
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
@@ -27,8 +29,19 @@ table! {
         pressure: Number(POSITIVE) { unit: "Pa", condition: "κ in its range" },
         /// N = P L_x, in 3D P L_x L_y, on the top wall
         normal_force: Number(POSITIVE) { unit: "N, in 2D N/m", condition: "κ in its range" },
-        /// gravity g on the free grains, towards the bottom; see below for τ, P and κ
-        gravity: Number(NOT_NEGATIVE) { unit: "m/s²", default: "0.0" },
+        /// gravity g on the free grains; see below for τ, P and κ
+        gravity: Number(NOT_NEGATIVE) {
+            unit: "m/s²",
+            what: "gravity",
+            example: "9.81",
+            default: "0.0",
+        },
+        /// angle θ in degrees by which x points downwards: g sin θ pulls along x, g cos θ to the
+        /// bottom; while the sample is packed only that
+        incline: Number(Bounds { from: Bound::Included(0.0), to: Bound::Included(90.0) }) {
+            condition: "with `gravity`; less than 90 below a free surface",
+            default: "0.0",
+        },
         /// what moves the top wall along its normal: `"mass"`, the load on the mass of its grains;
         /// `"servo"`, in every step a velocity from the error of the pressure; `"volume"`, nothing:
         /// the packed sample is sheared at constant volume
@@ -67,8 +80,10 @@ pub struct Load {
     pub normal_force: f64,
     /// κ = d̄/δ̄.
     pub stiffness_number: f64,
-    /// g (m/s²), towards the bottom.
+    /// g (m/s²).
     pub gravity: f64,
+    /// θ (degrees): x points downwards by it.
+    pub incline: f64,
     /// What moves the top wall along its normal.
     pub control: Control,
     /// φ to which the packed sample is brought before the shear.
@@ -96,18 +111,51 @@ impl Load {
     pub fn mean_overlap(&self, sample: &Sample) -> f64 {
         sample.mean_diameter / self.stiffness_number
     }
+
+    /// Gravity (m/s²) along x, and towards the bottom.
+    pub fn gravity_components(&self) -> [f64; 2] {
+        sine_and_cosine(self.incline / 360.0).map(|part| part * self.gravity)
+    }
 }
 
 /// Checks each key by itself.
-pub(crate) fn check(c: &mut Checker<'_>) {
-    c.exactly_one(
-        &WAYS,
-        "the load: stiffness_number (kappa), such as stiffness_number = 1e4, or pressure (Pa), or normal_force (N; N/m in 2D)",
-    );
+pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
+    let is_free = confinement == Confinement::FreeSurface;
+    if is_free {
+        let why = "loads a top wall, but sample.boundary = \"free\" has none";
+        for key in WAYS.into_iter().chain([&LOAD.control]) {
+            c.useless(key, why);
+        }
+        c.required(&LOAD.gravity);
+    } else {
+        c.exactly_one(
+            &WAYS,
+            "the load: stiffness_number (kappa), such as stiffness_number = 1e4, or pressure (Pa), or normal_force (N; N/m in 2D)",
+        );
+    }
     for key in WAYS {
         c.number(key);
     }
-    c.number_or_default(&LOAD.gravity);
+    let gravity = c.number_or_default(&LOAD.gravity);
+    let incline = c.number_or_default(&LOAD.incline);
+    if is_free && gravity <= 0.0 && c.is_given(&LOAD.gravity) {
+        c.refuse(
+            &LOAD.gravity,
+            "must be positive where sample.boundary = \"free\"",
+        );
+    }
+    if is_free && incline >= 90.0 {
+        c.refuse(
+            &LOAD.incline,
+            "must be less than 90 degrees where sample.boundary = \"free\"",
+        );
+    }
+    if incline > 0.0 && gravity <= 0.0 {
+        c.refuse(
+            &LOAD.incline,
+            "inclines gravity; give load.gravity, or leave it out",
+        );
+    }
     if c.choice(&LOAD.control) != Some("volume") {
         let why = "applies to load.control = \"volume\"";
         c.useless(&LOAD.solid_fraction, why);
@@ -119,10 +167,17 @@ pub(crate) fn check(c: &mut Checker<'_>) {
     }
 }
 
-/// P, N and κ from one of them; the numbers of a servo come later ([`derive_servo`]).
-pub(crate) fn derive(c: &mut Checker<'_>, law: &Law, sample: &Sample) -> Result<Load, Failure> {
+/// P, N and κ from one of them, or from the weight of a sample with a free surface; the numbers of a
+/// servo come later ([`derive_servo`]).
+pub(crate) fn derive(
+    c: &mut Checker<'_>,
+    (law, masses): (&Law, &Masses),
+    sample: &Sample,
+) -> Result<Load, Failure> {
     let base = sample.base();
     let gravity = c.number_or_default(&LOAD.gravity);
+    let incline = c.number_or_default(&LOAD.incline);
+    let mass = f64::from(sample.grains) * masses.of(0, sample.mean_volume);
     let control = match c.choice(&LOAD.control) {
         Some("volume") => Control::Volume,
         _ => Control::Mass,
@@ -133,6 +188,7 @@ pub(crate) fn derive(c: &mut Checker<'_>, law: &Law, sample: &Sample) -> Result<
         normal_force,
         stiffness_number,
         gravity,
+        incline,
         control,
         solid_fraction,
     };
@@ -143,27 +199,30 @@ pub(crate) fn derive(c: &mut Checker<'_>, law: &Law, sample: &Sample) -> Result<
             return Ok(load(p, p * base, kappa));
         }
         (_, Some(p), _) => (&LOAD.pressure, p, p * base),
-        (.., force) => {
-            let force = force.unwrap_or(f64::NAN);
-            (&LOAD.normal_force, force / base, force)
-        }
+        (_, _, Some(force)) => (&LOAD.normal_force, force / base, force),
+        // Of a free surface.
+        (None, None, None) => (&LOAD.gravity, mass * gravity / base, mass * gravity),
     };
     if let Some(kappa) = derived::stiffness_number(law, sample, pressure) {
         return Ok(load(pressure, normal_force, kappa));
     }
-    let is_force = key.path == LOAD.normal_force.path;
-    let (unit, factor) = match (is_force, sample.is_planar()) {
-        (true, true) => ("N/m", base),
-        (true, false) => ("N", base),
-        (false, _) => ("Pa", 1.0),
+    let range = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN];
+    let [least, most] = range.map(|kappa| derived::pressure(law, sample, kappa));
+    // What the key must be multiplied by for a pressure, and its value.
+    let (unit, factor, found) = match (key.path, sample.is_planar()) {
+        (path, planar) if path == LOAD.normal_force.path => {
+            (if planar { "N/m" } else { "N" }, base, normal_force)
+        }
+        (path, _) if path == LOAD.gravity.path => ("m/s²", gravity / pressure, gravity),
+        _ => ("Pa", 1.0, pressure),
     };
     let what = format!(
         "gives a mean overlap outside {:.1e} … {:.3} mean diameters; it must lie in {:.3e} … {:.3e} {unit}, found {}",
         1.0 / STIFFNESS_NUMBER_MAX,
         1.0 / STIFFNESS_NUMBER_MIN,
-        derived::pressure(law, sample, STIFFNESS_NUMBER_MAX) * factor,
-        derived::pressure(law, sample, STIFFNESS_NUMBER_MIN) * factor,
-        show(if is_force { normal_force } else { pressure }),
+        least * factor,
+        most * factor,
+        show(found),
     );
     Err(c.refused(key, &what))
 }
@@ -195,7 +254,7 @@ pub(crate) fn check_packable(c: &mut Checker<'_>, law: &Law, sample: &Sample, lo
         "presses the smallest grains out of the contact law in a packed sample of these sizes: P = {:.3e} Pa, kappa = {:.1}; give at most {most:.2e} Pa, kappa = {least:.1}, or sizes closer together",
         load.pressure, load.stiffness_number,
     );
-    c.refuse_among(&WAYS, &what);
+    c.refuse_among(&[&WAYS[..], &[&LOAD.gravity]].concat(), &what);
 }
 
 /// What moves the top wall: the numbers of a servo, if there is one, for the greatest mean overlap

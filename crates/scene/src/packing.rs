@@ -18,7 +18,7 @@ use crate::walls::PlaneShear;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::neighbour::{self, Cutoff, LocalExtent};
-use gshear_dem::state::{GrainState, Grains, Ids, body, length, nearest_image};
+use gshear_dem::state::{Confinement, GrainState, Grains, Ids, body, length, nearest_image};
 
 /// Type of the grains of the bottom and of the top wall, where types say what is wall.
 const BOTTOM_TYPE: u32 = 2;
@@ -473,6 +473,7 @@ impl Packing {
             ],
             farthest,
             wall_types: (1..=3).all(has) && atoms.iter().all(|a| a.kind <= 3),
+            bottom_type: (1..=2).all(has) && atoms.iter().all(|a| a.kind <= 2),
             content: String::new(),
             ids: Ids::new(atoms.iter().map(|a| (a.id - 1) as u32)),
         };
@@ -514,7 +515,10 @@ impl Packing {
         else {
             return Ok(Vec::new());
         };
-        let wall = scene.materials.wall.filter(|_| !plane_shear.has_images());
+        let wall = scene
+            .materials
+            .wall
+            .filter(|_| plane_shear.confinement != Confinement::Images);
         let grain = |(id, a): (usize, &Atom)| {
             let mut grain = at_rest((id, a));
             if pack.skip {
@@ -530,16 +534,14 @@ impl Packing {
             }
         };
         let mut grains: Vec<GrainState> = all.map(grain).collect();
-        if pack.skip && !plane_shear.has_images() {
+        if pack.skip && plane_shear.confinement != Confinement::Images {
             match walls {
                 Walls::Layers => {
-                    freeze_walls(
-                        &mut grains,
-                        up,
-                        self.file.edges,
-                        plane_shear.wall_thickness(&scene.sample),
-                        wall,
-                    );
+                    let planes = plane_shear.planes(&scene.sample, self.file.edges);
+                    freeze_walls(&mut grains, up, planes, wall);
+                }
+                Walls::Types if plane_shear.confinement == Confinement::FreeSurface => {
+                    self.bottom_by_type(&mut grains, wall)?;
                 }
                 Walls::Types => self.walls_by_type(&mut grains, up, wall)?,
             }
@@ -578,6 +580,24 @@ impl Packing {
             Dimensions::Two => self.check_overlaps::<Two>(scene, grains),
             Dimensions::Three => self.check_overlaps::<Three>(scene, grains),
         }
+    }
+
+    /// The bottom of a free surface: type 2.
+    fn bottom_by_type(&self, grains: &mut [GrainState], wall: Option<u64>) -> Result<(), Failure> {
+        if self.atoms.iter().all(|a| a.kind != BOTTOM_TYPE) {
+            return Err(Failure::input(format!(
+                "{}: no atom is of type {BOTTOM_TYPE}; with walls = \"types\" that is the bottom wall",
+                self.name,
+            )));
+        }
+        for (g, a) in grains.iter_mut().zip(&self.atoms) {
+            g.body = match a.kind {
+                BOTTOM_TYPE => body::BOTTOM,
+                _ => body::FREE,
+            };
+        }
+        finish_walls(grains, wall);
+        Ok(())
     }
 
     fn walls_by_type(

@@ -4,13 +4,13 @@ use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{ANY, Change, Key, POSITIVE, Values};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part};
+use gshear_dem::state::Confinement;
 use gshear_dem::wave::Wave;
 
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
 use crate::load::Load;
-use crate::sample::has_images;
 use crate::table::table;
 use crate::value::Value;
 use crate::words::{known_names, meant, show};
@@ -138,9 +138,20 @@ impl Shear {
 }
 
 /// Checks each key by itself.
-pub(crate) fn check(c: &mut Checker<'_>) {
+pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     let keys = &SHEAR;
     let springs = [&keys.spring_stiffness, &keys.spring_number];
+    if confinement == Confinement::FreeSurface {
+        let why = "moves a top wall, but sample.boundary = \"free\" has none";
+        for key in springs {
+            c.useless(key, why);
+        }
+        if !c.is_given(&keys.protocol) {
+            let what = "how long the grains flow, such as protocol = [{ time = 1.0 }] (s)";
+            c.lacks("shear", what);
+            return;
+        }
+    }
     c.at_most_one(&springs);
     for key in springs {
         c.number(key);
@@ -165,15 +176,21 @@ pub(crate) fn check(c: &mut Checker<'_>) {
 pub(crate) fn derive(
     c: &mut Checker<'_>,
     (law, sample): (&Law, &Sample),
-    load: &Load,
+    (load, confinement): (&Load, Confinement),
 ) -> Result<Shear, Failure> {
     let keys = &SHEAR;
     let number = c.number(&keys.spring_number);
     let of_number = number.map(|number| number * load.normal_force / sample.mean_diameter);
     let spring = c.number(&keys.spring_stiffness).or(of_number);
     let motion = if let Some(Value::Parts(given)) = c.value(&keys.protocol) {
-        match parts(given, load.pressure, spring.is_some()) {
-            Ok(parts) if has_images(c) && parts.iter().any(|of| of.imposed.bottom.is_some()) => {
+        let given = match confinement {
+            Confinement::FreeSurface => without_top(given),
+            _ => Ok(given.clone()),
+        };
+        let parts = given.and_then(|given| parts(&given, load.pressure, spring.is_some()));
+        let vibrates = |parts: &[Part]| parts.iter().any(|of| of.imposed.bottom.is_some());
+        match parts {
+            Ok(parts) if confinement == Confinement::Images && vibrates(&parts) => {
                 let what = "bottom_amplitude moves a wall, but sample.boundary = \"periodic\"; leave it out";
                 return Err(c.refused(&keys.protocol, what));
             }
@@ -192,6 +209,27 @@ pub(crate) fn derive(
     check_pressures(&shear, (law, sample), load.pressure)
         .map_err(|what| c.refused(&keys.protocol, &what))?;
     Ok(shear)
+}
+
+/// The parts of a sample with a free surface, as those of a top that rests: nothing touches it.
+fn without_top(given: &[Vec<(String, f64)>]) -> Result<Vec<Vec<(String, f64)>>, String> {
+    let keys = [&PART.time, &PART.bottom_amplitude, &PART.bottom_frequency];
+    let at_rest = [&PART.velocity, &PART.wall_velocity].map(|key| (key.path.to_owned(), 0.0));
+    let mut parts = given.to_vec();
+    for (n, part) in parts.iter_mut().enumerate() {
+        let is_other = |(name, _): &&(String, f64)| {
+            let of_top = PartKeys::TABLE.key(name).is_some();
+            of_top && keys.iter().all(|key| key.path != name)
+        };
+        if let Some((name, _)) = part.iter().find(is_other) {
+            return Err(format!(
+                "part {}: {name} is of a top wall, but sample.boundary = \"free\" has none; leave it out",
+                n + 1
+            ));
+        }
+        part.extend(at_rest.clone());
+    }
+    Ok(parts)
 }
 
 /// The parts of a protocol that begins at this pressure (Pa) of the load.

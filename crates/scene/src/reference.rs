@@ -471,6 +471,7 @@ mod tests {
             "sample.replicate",
             "sample.wall_thickness",
             "load.stiffness_number",
+            "load.incline",
             "load.solid_fraction",
             "pack.friction",
             "pack.drag",

@@ -7,7 +7,7 @@ use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{Bounds, Change, Integers, Key, POSITIVE, SHARE, UNIT, Values};
-use gshear_dem::state::Ids;
+use gshear_dem::state::{Confinement, Ids};
 use serde::{Deserialize, Serialize};
 
 use crate::checker::Checker;
@@ -19,8 +19,13 @@ use crate::value::Value;
 use crate::words::{list, show};
 
 const PLACEMENT_NAMES: [&str; Placement::NAMES.len()] = names(&Placement::NAMES);
-/// What bounds the sample: walls, or its images.
-const BOUNDARY_NAMES: [&str; 2] = ["walls", "periodic"];
+/// The names of what bounds the sample, as `sample.boundary` has them.
+const CONFINEMENTS: [(&str, Confinement); 3] = [
+    ("walls", Confinement::Walls),
+    ("periodic", Confinement::Images),
+    ("free", Confinement::FreeSurface),
+];
+const BOUNDARY_NAMES: [&str; CONFINEMENTS.len()] = names(&CONFINEMENTS);
 const WALLS_NAMES: [&str; Walls::NAMES.len()] = names(&Walls::NAMES);
 
 /// Whether a grading curve is of the mass or of the number of grains.
@@ -176,8 +181,8 @@ table! {
             otherwise: "once",
             change: Change::Never,
         },
-        /// what bounds the sample below and above: walls of its grains, or its own images, which
-        /// move as a top wall does (Lees and Edwards)
+        /// what bounds the sample below and above: walls of its grains; its own images, which
+        /// move as a top wall does (Lees and Edwards); `"free"`, a wall below and nothing above
         boundary: Text(&BOUNDARY_NAMES) { default: BOUNDARY_NAMES[0], change: Change::Never },
         /// which of its grains are walls, see below
         walls: Text(&WALLS_NAMES) { otherwise: "see below", change: Change::Never },
@@ -273,6 +278,9 @@ pub struct PackingFile {
     pub farthest: f64,
     /// Whether its types are 1, 2 and 3, all three, so that 2 and 3 can be walls.
     pub wall_types: bool,
+    /// Whether its types are 1 and 2, both, so that 2 can be the bottom of a free surface.
+    #[serde(default)]
+    pub bottom_type: bool,
     /// Hash of the file's bytes; empty in checkpoints of versions without it.
     #[serde(default)]
     pub content: String,
@@ -336,10 +344,10 @@ pub(crate) enum Grains {
 /// Checks each key of a scene between walls by itself.
 pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     let keys = &SAMPLE;
-    let periodic = has_images(c);
+    let periodic = confinement(c) == Confinement::Images;
     let arrangement = arrangement(c, dimension, periodic);
     if periodic {
-        let why = "applies to sample.boundary = \"walls\"";
+        let why = "is of walls, but sample.boundary = \"periodic\"";
         for key in [&keys.walls, &keys.wall_thickness, &keys.wall_material] {
             c.useless(key, why);
         }
@@ -374,9 +382,10 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     Grains::Inserted(check_sizes(c, dimension))
 }
 
-/// Whether the images of the sample bound it below and above.
-pub(crate) fn has_images(c: &mut Checker<'_>) -> bool {
-    c.choice(&SAMPLE.boundary) == Some(BOUNDARY_NAMES[1])
+/// What bounds the sample below and above.
+pub(crate) fn confinement(c: &mut Checker<'_>) -> Confinement {
+    let given = c.named(&SAMPLE.boundary, &CONFINEMENTS);
+    given.unwrap_or(Confinement::Walls)
 }
 
 /// The keys of inserted grains, where a file has them.
@@ -438,6 +447,15 @@ fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arran
         c.refuse(key, &format!("must be {example}"));
     }
     Arrangement { copies, boxed }
+}
+
+/// The number of walls.
+pub(crate) fn walls_of(confinement: Confinement) -> f64 {
+    match confinement {
+        Confinement::Walls => 2.0,
+        Confinement::Images => 0.0,
+        Confinement::FreeSurface => 1.0,
+    }
 }
 
 fn periodic_axes(dimension: Dimensions, boxed: bool) -> usize {
@@ -775,7 +793,12 @@ pub(crate) fn derive(
             let file = read(c, arrangement, packing)?;
             let sample = of_file(c, dimension, &file)?;
             let layers = check_size(c, &sample, file.height(), &[&keys.packing])?;
-            let by_type = skip && file.wall_types && layers > 0.0;
+            let types = match confinement(c) {
+                Confinement::Walls => file.wall_types,
+                Confinement::Images => false,
+                Confinement::FreeSurface => file.bottom_type,
+            };
+            let by_type = skip && types;
             let default = if by_type { Walls::Types } else { Walls::Layers };
             let walls = c.named(&keys.walls, &Walls::NAMES).unwrap_or(default);
             fill_from(c, dimension, &file);
@@ -866,11 +889,12 @@ fn check_size(
 ) -> Result<f64, Failure> {
     let keys = &SAMPLE;
     let given = c.number(&keys.wall_thickness);
-    let layers = if has_images(c) {
-        0.0
-    } else {
-        given.unwrap_or_else(|| derived::wall_layers(sample))
+    let confinement = confinement(c);
+    let layers = match confinement {
+        Confinement::Images => 0.0,
+        _ => given.unwrap_or_else(|| derived::wall_layers(sample)),
     };
+    let all_layers = walls_of(confinement) * layers;
     let least = 8.0 * sample.radius_max;
     let narrow = |name: &str, length: f64| {
         format!(
@@ -887,9 +911,9 @@ fn check_size(
         c.refuse_among(&reversed, &narrow("length", sample.length));
     }
     c.settle()?;
-    let needed = derived::least_height(layers) * sample.mean_diameter;
+    let needed = derived::least_height(all_layers) * sample.mean_diameter;
     if height < needed {
-        let least = derived::least_grains(sample, layers);
+        let least = derived::least_grains(sample, all_layers);
         let mut remedy = if least <= f64::from(u32::MAX) {
             format!("give at least {least} grains or a shorter cell")
         } else {
@@ -909,8 +933,12 @@ fn check_size(
             } else {
                 format!("{} mean diameters", (1e3 * layers).round() / 1e3)
             };
+            let walls = match confinement {
+                Confinement::FreeSurface => format!("a bottom wall of {of_wall} and five above it"),
+                _ => format!("two walls of {of_wall} and five between them"),
+            };
             format!(
-                "the cell is too low for its walls: {} grains fill about {height:.2e} m of height, but two walls of {of_wall} and five between them take {needed:.2e} m; {remedy}",
+                "the cell is too low for its walls: {} grains fill about {height:.2e} m of height, but {walls} take {needed:.2e} m; {remedy}",
                 sample.grains
             )
         };

@@ -9,7 +9,7 @@ use crate::walls::PlaneShear;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::protocol::{Along, Imposed, Normal, Part, Protocol, Segment};
-use gshear_dem::state::series_columns;
+use gshear_dem::state::{Confinement, series_columns};
 
 /// Steps of a stage that are counted: 2^53, up to which f64 has every whole number.
 pub const MOST_STEPS: u64 = 1 << 53;
@@ -40,6 +40,8 @@ pub struct Schedule {
     pub progress: u64,
     /// Columns of the time series.
     pub columns: &'static [Column],
+    /// Whether those of what is imposed are among them.
+    pub has_imposed: bool,
     /// Frames of a stretch that is computed again, instead of the segments'.
     window: Option<ReplayWindow>,
 }
@@ -182,6 +184,10 @@ impl Schedule {
             }
         }
         let total = protocol.steps();
+        let has_imposed = match walls.confinement {
+            Confinement::FreeSurface => protocol.has_bottom(),
+            _ => protocol.is_more_than_velocities(),
+        };
         Self {
             step,
             height,
@@ -193,7 +199,8 @@ impl Schedule {
                 0 => 0,
                 lines => (total / lines).max(1),
             },
-            columns: series_columns(protocol.is_more_than_velocities(), walls.has_images()),
+            columns: series_columns(has_imposed, walls.confinement),
+            has_imposed,
             protocol,
             intervals,
             window: None,

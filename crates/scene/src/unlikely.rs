@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use gshear_dem::state::GrainState;
+use gshear_dem::state::{Confinement, GrainState};
 
 use crate::load::Control;
 use crate::packing::force_on_top;
@@ -127,7 +127,7 @@ const AT_LOAD: f64 = 2.0;
 /// A sentence if the grains of a packing that is sheared as it is press on the top wall with
 /// another force than it is loaded with at the start. `grains`: all of them.
 pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
-    let loaded = |of: &&PlaneShear| of.pack.skip && !of.has_images();
+    let loaded = |of: &&PlaneShear| of.pack.skip && of.confinement == Confinement::Walls;
     let walls = scene.plane_shear("").ok().filter(loaded)?;
     let first = match &walls.shear.motion {
         Motion::Strain { .. } if walls.load.control == Control::Volume => return None,
@@ -291,7 +291,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
     }
     let mass = mean_mass(scene) * f64::from(sample.grains);
     let weight = load.gravity * mass / load.normal_force;
-    if weight > WEIGHT {
+    if walls.confinement != Confinement::FreeSurface && weight > WEIGHT {
         doubts.push(format!(
             "the sample weighs {weight:.2} times its load (load.gravity): the pressure at the bottom is more than twice that at the top"
         ));

@@ -5,6 +5,7 @@ use gshear_dem::drive::Servo;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{Change, FROM_ONE, Key, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{Contact, Law};
+use gshear_dem::state::{Confinement, Masses};
 
 use crate::checker::Checker;
 use crate::derived;
@@ -12,7 +13,7 @@ use crate::grains::Sample;
 use crate::load::{self, Control, LOAD, Load};
 use crate::output::{self, ANALYSIS, Analysis, Output};
 use crate::protocol::{self, SHEAR, Shear};
-use crate::sample::{self, Origin, ReadPacking, SAMPLE};
+use crate::sample::{self, Origin, ReadPacking, SAMPLE, walls_of};
 use crate::table::table;
 
 table! {
@@ -38,11 +39,13 @@ table! {
     }
 }
 
-/// Plane shear between walls.
+/// Plane shear between walls, of a cell without them, or flow below a free surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlaneShear {
     /// Where the grains come from.
     pub origin: Origin,
+    /// What bounds the sample.
+    pub confinement: Confinement,
     /// Thickness of each wall over d̄; 0 without walls.
     pub wall_layers: f64,
     /// The load on the top wall, and gravity.
@@ -78,15 +81,26 @@ impl PlaneShear {
         self.wall_layers * sample.mean_diameter
     }
 
-    /// Whether its images bound the sample, and no walls.
-    pub fn has_images(&self) -> bool {
-        self.wall_layers == 0.0
+    /// Thickness of all walls of this sample (m).
+    pub fn thickness_of_walls(&self, sample: &Sample) -> f64 {
+        walls_of(self.confinement) * self.wall_thickness(sample)
+    }
+
+    /// The planes at which the walls of a sample between these heights (m) are cut from it: centres
+    /// below the first are of the bottom, above the second of the top. A free surface has none.
+    pub fn planes(&self, sample: &Sample, [low, high]: [f64; 2]) -> [f64; 2] {
+        let thickness = self.wall_thickness(sample);
+        let top = match self.confinement {
+            Confinement::FreeSurface => f64::INFINITY,
+            _ => high - thickness,
+        };
+        [low + thickness, top]
     }
 
     /// Layers of grains that give way together where the top of this sample moves along its normal.
     pub(crate) fn layers(&self, sample: &Sample) -> f64 {
         let height = match &self.origin {
-            _ if !self.has_images() => return 1.0,
+            _ if self.confinement != Confinement::Images => return 1.0,
             Origin::Insertion(_) => derived::packed_height(sample),
             Origin::Packing { file, .. } => file.height(),
         };
@@ -119,18 +133,22 @@ impl PlaneShear {
 pub(crate) fn check(
     c: &mut Checker<'_>,
     dimension: Dimensions,
-    law: &Law,
+    (law, masses): (&Law, &Masses),
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, PlaneShear), Failure> {
+    let confinement = sample::confinement(c);
     let grains = sample::check(c, dimension);
-    load::check(c);
+    load::check(c, confinement);
     let pack = check_pack(c);
-    protocol::check(c);
-    if sample::has_images(c) {
-        check_images(c);
-    } else {
+    protocol::check(c, confinement);
+    if confinement != Confinement::Images {
         let why = "applies to sample.boundary = \"periodic\"";
         c.useless(&LOAD.solid_fraction, why);
+    }
+    match confinement {
+        Confinement::Walls => {}
+        Confinement::Images => check_images(c),
+        Confinement::FreeSurface => refuse_scalars(c, "free"),
     }
     let has_protocol = c.is_given(&SHEAR.protocol);
     if has_protocol && c.choice(&LOAD.control) == Some("volume") {
@@ -142,11 +160,11 @@ pub(crate) fn check(
     c.settle()?;
 
     let (sample, origin, wall_layers) = sample::derive(c, dimension, grains, pack.skip, packing)?;
-    let load = load::derive(c, law, &sample)?;
+    let load = load::derive(c, (law, masses), &sample)?;
     if !pack.skip {
         load::check_packable(c, law, &sample, &load);
     }
-    let shear = protocol::derive(c, (law, &sample), &load)?;
+    let shear = protocol::derive(c, (law, &sample), (&load, confinement))?;
     c.settle()?;
     let contact_time = derived::contact_time(law, &sample, load.mean_overlap(&sample));
     // Values that are each within their bounds can still overflow together, such as a radius of
@@ -164,6 +182,7 @@ pub(crate) fn check(
     }
     let walls = PlaneShear {
         origin,
+        confinement,
         wall_layers,
         load,
         pack,
@@ -174,15 +193,21 @@ pub(crate) fn check(
     Ok((sample, walls))
 }
 
+/// Refuses scalars of frames, which need two walls.
+fn refuse_scalars(c: &mut Checker<'_>, boundary: &str) {
+    if c.flag(&ANALYSIS.scalars) == Some(true) {
+        let what = format!("needs walls, but sample.boundary = {boundary:?}; leave it out");
+        c.refuse(&ANALYSIS.scalars, &what);
+    }
+}
+
 /// Refuses what needs walls.
 fn check_images(c: &mut Checker<'_>) {
-    let without = "needs walls, but sample.boundary = \"periodic\"";
     if c.number(&LOAD.gravity).is_some_and(|g| g > 0.0) {
-        c.refuse(&LOAD.gravity, &format!("{without}; leave it out"));
+        let what = "needs walls, but sample.boundary = \"periodic\"; leave it out";
+        c.refuse(&LOAD.gravity, what);
     }
-    if c.flag(&ANALYSIS.scalars) == Some(true) {
-        c.refuse(&ANALYSIS.scalars, &format!("{without}; leave it out"));
-    }
+    refuse_scalars(c, "periodic");
     if c.is_given(&SAMPLE.packing) && c.flag(&PACK.skip) == Some(false) {
         let what = "a packing in a periodic cell is sheared as it is; leave it out";
         c.refuse(&PACK.skip, what);

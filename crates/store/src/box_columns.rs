@@ -81,13 +81,14 @@ mod tests {
     use super::*;
     use gshear_analysis::frame_scalars::FrameScalars;
     use gshear_dem::columns::Column;
-    use gshear_dem::state::{ImposedRow, SeriesRow, StressRow};
+    use gshear_dem::state::{FlowRow, ImposedRow, SeriesRow, StressRow};
     use std::fmt::Write as _;
 
-    const TABLES: [(&str, &[Column]); 6] = [
+    const TABLES: [(&str, &[Column]); 7] = [
         ("SeriesRow", &SeriesRow::COLUMNS),
         ("ImposedRow", &ImposedRow::COLUMNS),
         ("StressRow", &StressRow::COLUMNS),
+        ("FlowRow", &FlowRow::COLUMNS),
         ("FrameScalars", &FrameScalars::COLUMNS),
         ("AqsRow", &AqsRow::COLUMNS),
         ("NewtonianRow", &NewtonianRow::COLUMNS),

@@ -394,6 +394,8 @@ fn energy_is_accounted_for() {
                     load: 0.0,
                     height: 0.0,
                     kinetic,
+                    potential: 0.0,
+                    gravity: [0.0; 2],
                 },
             );
             system.budget = Some(budget);

@@ -117,7 +117,7 @@ pub fn system<const F: bool, const R: bool>(
         mean_diameter: 2.0 * mean,
         masses: Masses::Density(law.density),
         step,
-        gravity: 0.0,
+        gravity: [0.0; 2],
         typical_force: 1.0,
         threads: 1,
     };

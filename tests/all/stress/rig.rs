@@ -88,7 +88,7 @@ impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
             mean_diameter: 2.0 * mean,
             masses: Masses::Density(setting.density),
             step: setting.step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };

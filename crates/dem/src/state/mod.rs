@@ -31,7 +31,10 @@ pub use contacts::{
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{Grains, Masses, Units, body};
 pub use ids::Ids;
-pub use records::{ContactSample, GrainSample, ImposedRow, SeriesRow, StressRow, series_columns};
+pub use records::{
+    Confinement, ContactSample, FlowRow, GrainSample, ImposedRow, SeriesRow, StressRow,
+    all_series_columns, series_columns,
+};
 pub use snapshot::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
     Snapshot,

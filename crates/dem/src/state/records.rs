@@ -66,7 +66,7 @@ crate::columns! {
         shear_force: "N",
         /// h, distance between the planes at which the walls were cut
         wall_height: "m",
-        /// volume (area in 2D) of the free grains over that between the walls
+        /// volume (area in 2D) of the free grains over that of the height h
         solid_fraction: "1",
         /// mean number of contacts of a free grain
         coordination: "1",
@@ -137,6 +137,25 @@ crate::columns! {
     }
 }
 
+crate::columns! {
+    /// Further columns of a row of the time series below a free surface.
+    pub struct FlowRow {
+        /// of the free grains along x, weighed by mass
+        mean_velocity: "m s-1",
+    }
+}
+
+/// What bounds the sample along the last axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Confinement {
+    /// A wall of its grains below and one above.
+    Walls,
+    /// Its own images.
+    Images,
+    /// A wall of its grains below, and nothing above.
+    FreeSurface,
+}
+
 const fn joined<const N: usize>(parts: &[&[Column]]) -> [Column; N] {
     let mut all = [SeriesRow::COLUMNS[0]; N];
     let (mut k, mut part, mut at) = (0, 0, 0);
@@ -153,6 +172,7 @@ const fn joined<const N: usize>(parts: &[&[Column]]) -> [Column; N] {
 const SERIES: usize = SeriesRow::COLUMNS.len();
 const IMPOSED: usize = ImposedRow::COLUMNS.len();
 const STRESS: usize = StressRow::COLUMNS.len();
+const FLOW: usize = FlowRow::COLUMNS.len();
 static WITH_IMPOSED: [Column; SERIES + IMPOSED] =
     joined(&[&SeriesRow::COLUMNS, &ImposedRow::COLUMNS]);
 static WITH_STRESS: [Column; SERIES + STRESS] = joined(&[&SeriesRow::COLUMNS, &StressRow::COLUMNS]);
@@ -161,14 +181,31 @@ static WITH_BOTH: [Column; SERIES + IMPOSED + STRESS] = joined(&[
     &ImposedRow::COLUMNS,
     &StressRow::COLUMNS,
 ]);
+static WITH_FLOW: [Column; SERIES + FLOW] = joined(&[&SeriesRow::COLUMNS, &FlowRow::COLUMNS]);
+static WITH_IMPOSED_AND_FLOW: [Column; SERIES + IMPOSED + FLOW] =
+    joined(&[&SeriesRow::COLUMNS, &ImposedRow::COLUMNS, &FlowRow::COLUMNS]);
+static ALL: [Column; SERIES + IMPOSED + STRESS + FLOW] = joined(&[
+    &SeriesRow::COLUMNS,
+    &ImposedRow::COLUMNS,
+    &StressRow::COLUMNS,
+    &FlowRow::COLUMNS,
+]);
 
 /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if a protocol imposes more
-/// than velocities along x, and of [`StressRow`] if there are no walls.
-pub fn series_columns(imposed: bool, images: bool) -> &'static [Column] {
-    match (imposed, images) {
-        (false, false) => &SeriesRow::COLUMNS,
-        (true, false) => &WITH_IMPOSED,
-        (false, true) => &WITH_STRESS,
-        (true, true) => &WITH_BOTH,
+/// than velocities along x, of [`StressRow`] if there are no walls, and of [`FlowRow`] below a free
+/// surface.
+pub fn series_columns(imposed: bool, confinement: Confinement) -> &'static [Column] {
+    match (imposed, confinement) {
+        (false, Confinement::Walls) => &SeriesRow::COLUMNS,
+        (true, Confinement::Walls) => &WITH_IMPOSED,
+        (false, Confinement::Images) => &WITH_STRESS,
+        (true, Confinement::Images) => &WITH_BOTH,
+        (false, Confinement::FreeSurface) => &WITH_FLOW,
+        (true, Confinement::FreeSurface) => &WITH_IMPOSED_AND_FLOW,
     }
+}
+
+/// The columns of all time series.
+pub fn all_series_columns() -> &'static [Column] {
+    &ALL
 }

@@ -64,7 +64,7 @@ impl<D: LawSpace> Pair<D> {
             mean_diameter: RADII[0] + RADII[1],
             masses: law.masses(),
             step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: FORCE,
             threads: 1,
         };

@@ -56,7 +56,7 @@ pub fn setup<D: Dimension>(side: usize, velocity: f64, list: ListSettings) -> Se
         mean_diameter: 2.0 * RADIUS,
         masses: Masses::Density(DENSITY),
         step: 2e-7,
-        gravity: 0.0,
+        gravity: [0.0; 2],
         typical_force: 1.0,
         threads: 1,
     }

@@ -47,7 +47,7 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Acce
         mean_diameter: 2.0 * RADIUS,
         masses: Masses::Density(DENSITY),
         step,
-        gravity: 0.0,
+        gravity: [0.0; 2],
         typical_force: 1.0,
         threads: 1,
     };

@@ -79,7 +79,7 @@ impl Spin {
             mean_diameter: 2.0 * largest,
             masses: Masses::Density(spheres.density),
             step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };

@@ -117,7 +117,7 @@ impl Impact {
             mean_diameter: 1.7e-3,
             masses: Masses::Density(SPRINGS.density),
             step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };

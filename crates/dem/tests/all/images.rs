@@ -65,7 +65,7 @@ fn straight<D: Dimension>(law: &dyn PairForce<D>, sheared: bool) {
             mean_diameter: 2.0 * RADIUS,
             masses: Masses::Density(2500.0),
             step: STEP,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         },

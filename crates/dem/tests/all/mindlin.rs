@@ -220,7 +220,7 @@ impl<D: Dimension> Couple<D> {
             mean_diameter: 1.2,
             masses: SPRINGS.masses,
             step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };

@@ -76,7 +76,7 @@ where
             mean_diameter: 2.0 * RADIUS,
             masses: Masses::Density(DENSITY),
             step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };

@@ -121,7 +121,7 @@ impl Couple {
             mean_diameter: 1.2,
             masses: law.masses(),
             step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1e-3,
             threads: 1,
         };

@@ -77,7 +77,7 @@ impl Impact {
             mean_diameter: RADII[0] + RADII[1],
             masses: of.masses(),
             step: duration / f64::from(STEPS),
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };
@@ -147,6 +147,8 @@ impl Impact {
             load: 0.0,
             height: 0.0,
             kinetic,
+            potential: 0.0,
+            gravity: [0.0; 2],
         };
         let entry = budget.balance(&Solo, isa, self.law.as_ref(), sample);
         self.system.budget = Some(budget);

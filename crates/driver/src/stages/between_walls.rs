@@ -4,7 +4,7 @@ use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, Law, LawSpace};
-use gshear_dem::state::{GrainState, Snapshot};
+use gshear_dem::state::{Confinement, GrainState, Snapshot};
 use gshear_scene::insertion::Lattice;
 use gshear_scene::schedule::mean_mass;
 use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
@@ -158,7 +158,7 @@ fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHead
     let offset = scene.cell().sheared.map_or(0.0, |of| of.offset);
     ShearHeader {
         step: 0,
-        images: plane_shear.has_images().then_some([offset, 0.0]),
+        images: (plane_shear.confinement == Confinement::Images).then_some([offset, 0.0]),
         height: height_between(scene, plane_shear, &piston),
         piston,
         slider: None,

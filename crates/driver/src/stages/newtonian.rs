@@ -521,7 +521,7 @@ mod tests {
             mean_diameter: 2e-3,
             masses: Masses::Density(2500.0),
             step,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };

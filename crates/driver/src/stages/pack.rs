@@ -7,7 +7,7 @@ use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{HeldState, Snapshot, body};
+use gshear_dem::state::{Confinement, HeldState, Snapshot, body};
 use gshear_scene::insertion::freeze_walls;
 use gshear_scene::schedule::packing_time;
 use gshear_scene::{Load, PlaneShear, Scene};
@@ -111,8 +111,12 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         } = header;
         let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
         assembly.system.steps = step;
+        // What pulls along smooth planes would move the sample as a whole.
+        let [along, down] = &mut assembly.system.gravity;
+        *along = 0.0;
+        let down = *down;
         let mut drive = Planes::new(plane, piston, drag);
-        let weight = plane_shear.load.gravity * mass_of(run, scene, &state.grains, body::FREE);
+        let weight = down * mass_of(run, scene, &state.grains, body::FREE);
         assembly.replace(&mut drive, state.grains, state.contacts)?;
         let (load, sample) = (&plane_shear.load, &scene.sample);
         let mean_force = load.pressure * sample.mean_section();
@@ -151,26 +155,22 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             mut grains,
             contacts,
         } = self.assembly.held();
-        let planes = [0.0, self.drive.piston.height];
-        if !self.plane_shear.has_images() {
-            freeze_walls(
-                &mut grains,
-                D::UP,
-                planes,
-                self.plane_shear.wall_thickness(&self.scene.sample),
-                self.scene.materials.wall,
-            );
+        let (scene, height) = (self.scene, self.drive.piston.height);
+        let confinement = self.plane_shear.confinement;
+        if confinement != Confinement::Images {
+            let planes = self.plane_shear.planes(&scene.sample, [0.0, height]);
+            freeze_walls(&mut grains, D::UP, planes, scene.materials.wall);
         }
         let piston = Piston {
             velocity: 0.0,
             acceleration: 0.0,
-            mass: mass_of_top(run, self.scene, self.plane_shear, (&grains, planes[1])),
+            mass: mass_of_top(run, scene, self.plane_shear, (&grains, height)),
             ..self.drive.piston
         };
         run.terminal.packed(
             self.step,
-            height_between(self.scene, self.plane_shear, &piston),
-            !self.plane_shear.has_images(),
+            height_between(scene, self.plane_shear, &piston),
+            confinement,
         );
         let state = Snapshot {
             grains,

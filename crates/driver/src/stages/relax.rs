@@ -389,7 +389,7 @@ mod tests {
             mean_diameter: 1.0,
             masses: Masses::Density(SPRINGS.density),
             step: 0.01,
-            gravity: 0.0,
+            gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
         };

@@ -18,13 +18,13 @@ pub(crate) fn system<D: Dimension>(
     let (gravity, typical_force) = match &scene.boundary {
         Boundary::Walls(plane_shear) => {
             let load = &plane_shear.load;
-            (load.gravity, load.normal_force)
+            (load.gravity_components(), load.normal_force)
         }
         Boundary::Periodic(_) => {
             let radius = 0.5 * sample.mean_diameter;
             let overlap = 0.01 * sample.mean_diameter;
             let stiffness = scene.law.normal_stiffness(radius, radius, overlap);
-            (0.0, stiffness * overlap)
+            ([0.0; 2], stiffness * overlap)
         }
     };
     let setup = Setup {

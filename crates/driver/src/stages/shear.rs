@@ -1,4 +1,5 @@
-//! Shear of the sample between walls made of its grains, or of a cell without walls.
+//! Shear of the sample between walls made of its grains, of a cell without walls, or below a free
+//! surface.
 
 use std::time::Instant;
 
@@ -7,11 +8,11 @@ use gshear_dem::clock::StepPhase;
 use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Exchange;
-use gshear_dem::drive::{Drive, GrainWalls, Images, Piston, Slider, Top, WallForces};
+use gshear_dem::drive::{Drive, GrainWalls, Images, Piston, Slider, Top};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body};
+use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{Origin, PackingFile, PlaneShear, Scene};
@@ -31,7 +32,7 @@ use gshear_store::status::Standing;
 
 /// What is above the sample, and moves.
 enum Above {
-    /// A wall, and one below.
+    /// A wall, and one below. Nothing is a wall without grains, which rests.
     Wall(GrainWalls),
     /// The images of the sample.
     Images(Images),
@@ -58,14 +59,6 @@ impl Above {
             Self::Images(images) => images,
         }
     }
-
-    /// What images feel.
-    fn felt(&self) -> Option<WallForces> {
-        match self {
-            Self::Wall(_) => None,
-            Self::Images(images) => Some(images.felt),
-        }
-    }
 }
 
 /// The stage that shears the sample.
@@ -76,6 +69,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     schedule: Schedule,
     assembly: Assembly<'a, D>,
     above: Above,
+    /// What bounds the sample.
+    confinement: Confinement,
     /// Height of the plane under the bottom wall at the start (m); the piston's counts from there.
     floor: f64,
     /// Constants of the sample for the time series.
@@ -125,10 +120,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let mass = mass_of(run, scene, &state.grains, body::FREE);
         assembly.replace(above.drive(), state.grains, state.contacts)?;
         let system = &mut assembly.system;
-        let thickness = plane_shear.wall_thickness(&scene.sample);
+        let thickness = plane_shear.thickness_of_walls(&scene.sample);
         let (load, sample) = (&plane_shear.load, &scene.sample);
         let energy = load.pressure * sample.mean_section() * load.mean_overlap(sample);
-        let frame = SampleConstants::measure(exchange, system, 2.0 * thickness, energy);
+        let frame = SampleConstants::measure(exchange, system, thickness, energy);
         if plane_shear.output.energy {
             let new = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             let saved = from.energy_budget.map(|saved| (saved, &from.piston));
@@ -153,6 +148,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             schedule,
             assembly,
             above,
+            confinement: plane_shear.confinement,
             floor: match &plane_shear.origin {
                 Origin::Packing { file, .. } if plane_shear.pack.skip => file.edges[0],
                 _ => 0.0,
@@ -237,7 +233,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         let top = self.above.top();
         let bottom = self.floor + top.bottom_displacement();
-        let top = self.floor + top.piston.height;
+        let top = match self.confinement {
+            Confinement::FreeSurface => f64::INFINITY,
+            _ => self.floor + top.piston.height,
+        };
         observe::check_between(exchange, &self.assembly.system, [bottom, top])
     }
 
@@ -267,6 +266,20 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             piston.velocity,
             piston.load / self.scene.sample.base(),
         )))
+    }
+
+    /// What is above the sample, as rows of the time series measure it; collective.
+    fn measure_above(&mut self, exchange: &dyn Exchange) -> observe::Above {
+        match &self.above {
+            Above::Images(images) => observe::Above::Images(images.felt),
+            Above::Wall(walls) if self.confinement == Confinement::FreeSurface => {
+                let bottom = self.floor + self.frame.walls + walls.motion.bottom_displacement();
+                let system = &mut self.assembly.system;
+                let of = (self.mass, bottom);
+                observe::Above::Nothing(observe::flow(exchange, system, &self.frame, of))
+            }
+            Above::Wall(_) => observe::Above::Wall,
+        }
     }
 
     /// The Lees–Edwards offset (m) and the velocity (m/s) of images.
@@ -344,23 +357,28 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             self.check_between(exchange)?;
         }
         if series {
+            let above = self.measure_above(exchange);
             let row = observe::series(
                 exchange,
                 self.assembly.law,
                 &mut self.assembly.system,
                 &self.assembly.samples,
-                (self.above.top(), self.above.felt()),
+                (self.above.top(), above),
                 &self.frame,
                 self.schedule.height,
             );
             let mut values = row.columns().to_vec();
-            if self.schedule.protocol.is_more_than_velocities() {
+            if self.schedule.has_imposed {
                 values.extend(observe::imposed(self.above.top()).columns());
             }
-            if let Above::Images(_) = &self.above {
-                let (system, samples) = (&mut self.assembly.system, &self.assembly.samples);
-                let row = observe::stress(exchange, system, samples, self.mass);
-                values.extend(row.columns());
+            match above {
+                observe::Above::Wall => {}
+                observe::Above::Images(_) => {
+                    let (system, samples) = (&mut self.assembly.system, &self.assembly.samples);
+                    let row = observe::stress(exchange, system, samples, self.mass);
+                    values.extend(row.columns());
+                }
+                observe::Above::Nothing(flow) => values.extend(flow.row().columns()),
             }
             let files = &mut self.files;
             files.trajectory.series(exchange, step, time, &values)?;
@@ -408,16 +426,17 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
 
     fn standing(&self) -> Standing {
         let row = self.latest;
-        // A top that is pulled by a force moves as it likes.
+        // The strain under a force is not known in advance.
         let strain = match (self.schedule.protocol.has_force(), row) {
-            (true, Some(row)) => row.strain,
-            _ => self.schedule.strain(self.step),
+            _ if self.confinement == Confinement::FreeSurface => None,
+            (true, Some(row)) => Some(row.strain),
+            _ => Some(self.schedule.strain(self.step)),
         };
         Standing {
             stage: RunStage::Shear.name().into(),
             step: self.step,
             steps: Some(self.schedule.total),
-            strain: Some(strain),
+            strain,
             stress_ratio: row.map(|row| row.stress_ratio),
             solid_fraction: row.map(|row| row.solid_fraction),
             moving: Some(self.scene.sample.grains),
@@ -508,7 +527,7 @@ fn format<'a>(
         shear: Some(ShearFormat {
             height: schedule.height,
             scalars: plane_shear.analysis.scalars,
-            images: plane_shear.has_images(),
+            confinement: plane_shear.confinement,
         }),
     }
 }

@@ -3,7 +3,7 @@
 use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{GrainState, Snapshot, body};
+use gshear_dem::state::{Confinement, GrainState, Snapshot, body};
 use gshear_scene::schedule::mean_mass;
 use gshear_scene::{PlaneShear, Scene};
 
@@ -20,7 +20,7 @@ pub(super) fn mass_of_top(
     plane_shear: &PlaneShear,
     (grains, height): (&[GrainState], f64),
 ) -> f64 {
-    if plane_shear.has_images() {
+    if plane_shear.confinement == Confinement::Images {
         let layer = scene.sample.mean_diameter / height;
         mass_of(run, scene, grains, body::FREE) * layer * layer
     } else {
@@ -81,7 +81,8 @@ pub(super) fn stretch(
     Ok(())
 }
 
-/// H (m): distance between the planes at which the walls were cut.
+/// H (m): distance between the planes at which the walls were cut; of a free surface to the plane
+/// under which the sample was packed.
 pub(super) fn height_between(scene: &Scene, plane_shear: &PlaneShear, piston: &Piston) -> f64 {
-    piston.height - 2.0 * plane_shear.wall_thickness(&scene.sample)
+    piston.height - plane_shear.thickness_of_walls(&scene.sample)
 }

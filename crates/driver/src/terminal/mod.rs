@@ -18,6 +18,7 @@ use gshear_dem::drive::Piston;
 use gshear_dem::failure::on_one_line;
 use gshear_dem::protocol::{Along, Course, Normal, Segment};
 use gshear_dem::simd::Isa;
+use gshear_dem::state::Confinement;
 use gshear_dem::system::System;
 use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
@@ -190,7 +191,15 @@ impl Terminal {
                 file.path.display(),
                 match (plane_shear.pack.skip, walls) {
                     (false, _) => "to be packed",
-                    _ if plane_shear.has_images() => "without walls",
+                    _ if plane_shear.confinement == Confinement::Images => "without walls",
+                    (true, Walls::Layers)
+                        if plane_shear.confinement == Confinement::FreeSurface =>
+                    {
+                        "the bottom is its lowest layer"
+                    }
+                    (true, Walls::Types) if plane_shear.confinement == Confinement::FreeSurface => {
+                        "the bottom is type 2"
+                    }
                     (true, Walls::Layers) => "walls are its lowest and highest layer",
                     (true, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
                 }
@@ -198,10 +207,20 @@ impl Terminal {
         }
         let load = &plane_shear.load;
         self.say(format!("law:   {law}"));
+        let of_weight = match plane_shear.confinement {
+            Confinement::FreeSurface => " of the weight",
+            _ => "",
+        };
         self.say(format!(
-            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {unit}",
+            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {unit}{of_weight}",
             load.stiffness_number, load.pressure, load.normal_force,
         ));
+        if load.gravity > 0.0 {
+            self.say(format!(
+                "       g = {:.4} m/s², inclined by {:.4} degrees",
+                load.gravity, load.incline
+            ));
+        }
         self.say(format!("step:  dt = {step:.4e} s, limit {limit:.4e} s"));
     }
 
@@ -224,12 +243,12 @@ impl Terminal {
         ));
     }
 
-    /// `walls`: whether walls were made of the sample, whose `height` (m) is without them.
-    pub fn packed(&self, step: u64, height: f64, walls: bool) {
-        let made = if walls {
-            format!("walls frozen, {height:.6e} m between them")
-        } else {
-            format!("{height:.6e} m high, without walls")
+    /// `height` (m): without the walls.
+    pub fn packed(&self, step: u64, height: f64, confinement: Confinement) {
+        let made = match confinement {
+            Confinement::Walls => format!("walls frozen, {height:.6e} m between them"),
+            Confinement::Images => format!("{height:.6e} m high, without walls"),
+            Confinement::FreeSurface => format!("bottom frozen, {height:.6e} m above it"),
         };
         self.say(format!("pack:  at rest after {step} steps; {made}"));
     }
@@ -332,11 +351,12 @@ impl Terminal {
             (Some(tau), Some(phi)) => format!(" tau {tau:.4} phi {phi:.4}"),
             _ => String::new(),
         };
+        let strain = standing.strain.map(|strain| format!(" strain {strain:.5}"));
         let grains = f64::from(standing.moving.unwrap_or(0));
         self.log(format!(
-            "{:5.1} % step {step} strain {:.5}{stress} | {:.1} million grain-steps/s, {} left",
+            "{:5.1} % step {step}{}{stress} | {:.1} million grain-steps/s, {} left",
             100.0 * step as f64 / schedule.total as f64,
-            standing.strain.unwrap_or(f64::NAN),
+            strain.unwrap_or_default(),
             1e-6 * grains * steps / elapsed,
             duration(left),
         ));

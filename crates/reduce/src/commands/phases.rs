@@ -51,9 +51,10 @@ pub enum NormalForce {
 
 impl Arguments {
     /// # Errors
-    /// A run without an imposed normal force, if that is asked for; a file that cannot be written.
+    /// A run with a free surface, or without an imposed normal force, if that is asked for; a file
+    /// that cannot be written.
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
-        let run = RunFile::open(&self.run)?;
+        let run = RunFile::open_sheared(&self.run)?;
         let series = run.series();
         let tau = match self.normal_force {
             NormalForce::Measured => series.column("stress_ratio").to_vec(),

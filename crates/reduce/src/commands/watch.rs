@@ -35,7 +35,7 @@ const LEAST: [usize; 2] = [30, 8];
 /// Show the curves of a run under way in the terminal, until it ends
 ///
 /// Reads log.csv and status.json every second, while the run writes: stress ratio and solid
-/// fraction over the strain, or over the time if the strain returns; of a box the shear stress,
+/// fraction over the strain, or over the time if the strain returns or there is none; of a box the shear stress,
 /// from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it
 /// shows the present state and ends.
 #[derive(Debug, clap::Args)]
@@ -188,7 +188,7 @@ impl Curves {
         if self.log.rows() > 0 {
             let names = ["strain", "time", "stress_ratio", "solid_fraction"];
             let [strain, time, tau, phi] = names.map(|name| self.log.column(name));
-            let (over, x) = if returns(&strain) {
+            let (over, x) = if returns(&strain) || stands_still(&strain) {
                 ("time", time)
             } else {
                 ("strain", strain)
@@ -241,6 +241,11 @@ fn speaks_utf8() -> bool {
         .find_map(|name| std::env::var(name).ok().filter(|v| !v.is_empty()));
     let value = value.unwrap_or_default().to_lowercase();
     value.contains("utf-8") || value.contains("utf8")
+}
+
+/// Whether there is no shear, as below a free surface.
+fn stands_still(strain: &[f64]) -> bool {
+    strain.len() > 1 && strain.iter().all(|x| *x == 0.0)
 }
 
 fn returns(strain: &[f64]) -> bool {

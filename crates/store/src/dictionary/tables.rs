@@ -5,7 +5,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::phase_measures::PhaseMeasures;
 use gshear_analysis::stability::Stability;
 use gshear_dem::columns::Column;
-use gshear_dem::state::series_columns;
+use gshear_dem::state::all_series_columns;
 
 use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::contact_quantities::numbers;
@@ -80,7 +80,7 @@ fn declared(row: &str, axes: usize) -> Vec<Column> {
         torques: axes == 3,
     };
     match row {
-        "SeriesRow" => series_columns(true, true).to_vec(),
+        "SeriesRow" => all_series_columns().to_vec(),
         "AqsRow" => AqsRow::COLUMNS.to_vec(),
         "NewtonianRow" => NewtonianRow::COLUMNS.to_vec(),
         "FrameScalars" => FrameScalars::COLUMNS.to_vec(),

@@ -30,7 +30,8 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
-    BoxEdges, Cell, Disks, FrameRecords, ImposedRow, SeriesRow, Sheared, StressRow, series_columns,
+    BoxEdges, Cell, Confinement, Disks, FlowRow, FrameRecords, ImposedRow, SeriesRow, Sheared,
+    StressRow, series_columns,
 };
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Dimensions, ReadPacking, Source};
@@ -185,12 +186,27 @@ impl RunFile {
     /// # Errors
     /// As of [`RunFile::open`], and a cell without walls.
     pub fn open_between_walls(run: &Path) -> Result<Self, Failure> {
-        let file = Self::open(run)?;
+        let file = Self::open_sheared(run)?;
         if file.has_walls() {
             return Ok(file);
         }
         Err(Failure::input(format!(
             "{}: has no walls (sample.boundary = \"periodic\"); this command needs a run between walls",
+            file.path.display()
+        )))
+    }
+
+    /// Opens `run.h5` of a sample that is sheared: between walls, or without them.
+    ///
+    /// # Errors
+    /// As of [`RunFile::open`], and a free surface.
+    pub fn open_sheared(run: &Path) -> Result<Self, Failure> {
+        let file = Self::open(run)?;
+        if !file.has_free_surface() {
+            return Ok(file);
+        }
+        Err(Failure::input(format!(
+            "{}: has a free surface (sample.boundary = \"free\"), and so no strain; this command needs a run whose top moves",
             file.path.display()
         )))
     }
@@ -224,7 +240,16 @@ impl RunFile {
         let finished = parameters.contains_key("digest");
         let has = |row: &[Column]| source.exists(&format!("{OBSERVABLES}/{}", row[0]));
         let columns = match stage {
-            RunStage::Shear => series_columns(has(&ImposedRow::COLUMNS), has(&StressRow::COLUMNS)),
+            RunStage::Shear => {
+                let confinement = if has(&FlowRow::COLUMNS) {
+                    Confinement::FreeSurface
+                } else if has(&StressRow::COLUMNS) {
+                    Confinement::Images
+                } else {
+                    Confinement::Walls
+                };
+                series_columns(has(&ImposedRow::COLUMNS), confinement)
+            }
             _ => stage.columns(),
         };
         let series = source.series(columns, finished)?;
@@ -337,9 +362,15 @@ impl RunFile {
         self.stage
     }
 
-    /// Returns whether walls bound the sample.
+    /// Returns whether walls bound the sample, or one below a free surface.
     pub fn has_walls(&self) -> bool {
         !self.is_box
+    }
+
+    /// Returns whether nothing is above the sample.
+    pub fn has_free_surface(&self) -> bool {
+        let mut columns = self.series.declared.iter();
+        columns.any(|column| *column == FlowRow::COLUMNS[0])
     }
 
     /// Returns the path of the file.
