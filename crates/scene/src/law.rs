@@ -28,7 +28,7 @@ const LAW_NAMES: [&str; LAWS.len()] = {
 table! {
     /// The contacts of the grains.
     CONTACT: ContactKeys "contact" All {
-        /// contact law, see below
+        /// contact law
         law: Text(&LAW_NAMES) {
             otherwise: "`\"lee-hurley\"`, in 3D `\"hertz\"`",
             change: Change::Never,
@@ -54,7 +54,7 @@ table! {
         attraction: Number(NOT_NEGATIVE) { unit: "N, in 2D N/m", default: "0.0" },
         /// surface energy γ: an attraction of 4πγR* (DMT); 3D only
         surface_energy: Number(NOT_NEGATIVE) { unit: "J/m²", default: "0.0" },
-        /// pairs of materials with other values of these keys, see below
+        /// pairs of materials with other values of these keys
         pair: Tables(pair_keys) { condition: "with several materials", otherwise: "none" },
     }
 }

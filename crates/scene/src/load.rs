@@ -29,7 +29,7 @@ table! {
         pressure: Number(POSITIVE) { unit: "Pa", condition: "κ in its range" },
         /// N = P L_x, in 3D P L_x L_y, on the top wall
         normal_force: Number(POSITIVE) { unit: "N, in 2D N/m", condition: "κ in its range" },
-        /// gravity g on the free grains; see below for τ, P and κ
+        /// gravity g on the free grains; τ, P and κ are those at the top wall, if there is one
         gravity: Number(NOT_NEGATIVE) {
             unit: "m/s²",
             what: "gravity",
@@ -57,7 +57,7 @@ table! {
         servo_gain: Number(POSITIVE) {
             unit: "m/(s Pa)",
             condition: "at most its bound, with `\"servo\"`",
-            otherwise: "see below",
+            otherwise: "d̄/√(m̄ k̄), in 3D d̄²/√(m̄ k̄), or its bound",
         },
         /// of a servo: greatest speed
         servo_speed_max: Number(POSITIVE) {

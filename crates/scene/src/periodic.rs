@@ -28,13 +28,13 @@ table! {
     /// The periodic box.
     BOX: BoxKeys "box" Box {
         /// φ, the grains' volume (area in 2D) over that of the box; not with `sample.packing`,
-        /// whose box it is (see below)
+        /// whose box it is
         solid_fraction: Number(Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) }) {
             what: "phi, the grains' volume over that of the box",
             example: "0.7",
             change: Change::Never,
         },
-        /// what a strain step does to the box (see below)
+        /// what a strain step does to the box
         deformation: Text(&DEFORMATION_NAMES) {
             default: DEFORMATION_NAMES[0],
             change: Change::Never,

@@ -24,7 +24,7 @@ table! {
         velocity: Number(POSITIVE) { unit: "m/s" },
         /// total γ
         strain: Number(POSITIVE) { what: "the total gamma", example: "0.1", change: Change::End },
-        /// instead of these three: a list of parts, see below
+        /// instead of these three: a list of parts
         protocol: Parts(PartKeys::TABLE.own) {
             condition: "one part or more",
             otherwise: "none",

@@ -1,4 +1,4 @@
-//! The reference of the configuration, made from the declarations of its keys: the table of
+//! The reference of the configuration, made from the declarations of its keys: the tables of
 //! docs/config.md and the JSON schema docs/scene.schema.json. `make docs` writes both.
 
 use std::fmt::Write;
@@ -13,7 +13,7 @@ use crate::keys::{TABLES, TOP, tables};
 use crate::law::CONTACT;
 use crate::materials::MaterialKeys;
 use crate::protocol::PartKeys;
-use crate::table::{Table, laws_with, unit};
+use crate::table::{laws_with, unit};
 use crate::units;
 use crate::value::Value as KeyValue;
 use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, list};
@@ -94,11 +94,6 @@ must match it.",
     },
 ];
 
-/// The keys above all tables, then those of each table.
-fn keys() -> impl Iterator<Item = &'static Key> {
-    tables().flat_map(Table::keys)
-}
-
 /// The meaning of a key, with the laws that take it.
 fn doc(key: &Key) -> String {
     let doc = key.doc.trim_start();
@@ -110,30 +105,40 @@ fn doc(key: &Key) -> String {
     }
 }
 
-/// The table of keys in Markdown with its footnotes, between [`BEGIN`] and [`END`].
-pub fn key_table() -> String {
-    let mut page = format!(
-        "{BEGIN}\n\n| key | meaning | unit | default | allowed | change |\n| --- | --- | --- | --- | --- | --- |\n"
-    );
-    for key in keys() {
-        let cells = [
-            format!("`{}`", key.path),
-            doc(key),
-            unit(key),
-            marked(default(key), key, TableColumn::Default),
-            marked(allowed(key), key, TableColumn::Allowed),
-            key.change.name().into(),
-        ];
-        page.push('|');
-        for cell in cells {
-            // Writing to a string cannot fail.
-            let _ = match &cell[..] {
-                "" => write!(page, " |"),
-                cell => write!(page, " {cell} |"),
-            };
+/// The keys in Markdown, a section for each table, with their footnotes, between [`BEGIN`] and
+/// [`END`].
+pub fn key_tables() -> String {
+    let mut page = format!("{BEGIN}\n");
+    for table in tables() {
+        let heading = match table.name {
+            "" => "Above all tables".into(),
+            name => format!("`[{name}]`"),
+        };
+        // Writing to a string cannot fail.
+        let _ = write!(
+            page,
+            "\n### {heading}\n\n| key | meaning | unit | default | allowed | change |\n| --- | --- | --- | --- | --- | --- |\n"
+        );
+        for key in table.keys() {
+            let cells = [
+                format!("`{}`", key.path),
+                doc(key),
+                unit(key),
+                marked(default(key), key, TableColumn::Default),
+                marked(allowed(key), key, TableColumn::Allowed),
+                key.change.name().into(),
+            ];
+            page.push('|');
+            for cell in cells {
+                let _ = match &cell[..] {
+                    "" => write!(page, " |"),
+                    cell => write!(page, " {cell} |"),
+                };
+            }
+            page.push('\n');
         }
-        page.push('\n');
     }
+    page.push_str("\n### Footnotes\n");
     for Footnote { mark, text, .. } in &FOOTNOTES {
         let _ = write!(page, "\n{mark} {text}\n");
     }
@@ -143,7 +148,7 @@ pub fn key_table() -> String {
 /// The keys of a part of `shear.protocol` in Markdown.
 fn part_table() -> String {
     let mut table = String::from(
-        "\nKeys of a part of `shear.protocol`:\n\n| key | meaning | unit | allowed |\n| --- | --- | --- | --- |\n",
+        "\n### Keys of a part of `shear.protocol`\n\n| key | meaning | unit | allowed |\n| --- | --- | --- | --- |\n",
     );
     for key in PartKeys::TABLE.own {
         let cells = [
@@ -400,6 +405,11 @@ mod tests {
     use std::path::{Path, PathBuf};
 
     use super::*;
+    use crate::table::Table;
+
+    fn keys() -> impl Iterator<Item = &'static Key> {
+        tables().flat_map(Table::keys)
+    }
 
     fn root() -> PathBuf {
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -409,12 +419,12 @@ mod tests {
         std::fs::read_to_string(root().join(path)).expect("a file of the repository")
     }
 
-    /// The page with the present table of keys between its markers.
+    /// The page with the present tables of keys between its markers.
     fn page() -> String {
         let page = read("docs/config.md");
         let (before, rest) = page.split_once(BEGIN).expect("the first marker");
         let (_, after) = rest.split_once(END).expect("the last marker");
-        format!("{before}{}{after}", key_table())
+        format!("{before}{}{after}", key_tables())
     }
 
     #[test]

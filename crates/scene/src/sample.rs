@@ -145,7 +145,7 @@ table! {
             example: "[1e-3, 1.5e-3]",
             change: Change::Never,
         },
-        /// where the grains of a box begin (see below)
+        /// where the grains of a box begin
         placement: Text(&PLACEMENT_NAMES) {
             condition: "with `[box]`",
             default: PLACEMENT_NAMES[0],
@@ -167,8 +167,7 @@ table! {
             example: "30e-3",
             change: Change::Never,
         },
-        /// file with the grains, instead of insertion: LAMMPS data or dump, a list, or a run (see
-        /// below)
+        /// file with the grains, instead of insertion: LAMMPS data or dump, a list, or a run
         packing: Text(&[]) {
             condition: "a path, from the folder of this file",
             otherwise: "none",
@@ -184,16 +183,18 @@ table! {
         /// what bounds the sample below and above: walls of its grains; its own images, which
         /// move as a top wall does (Lees and Edwards); `"free"`, a wall below and nothing above
         boundary: Text(&BOUNDARY_NAMES) { default: BOUNDARY_NAMES[0], change: Change::Never },
-        /// which of its grains are walls, see below
-        walls: Text(&WALLS_NAMES) { otherwise: "see below", change: Change::Never },
+        /// which of its grains are walls: those near its edges, or those of the types 2 and 3
+        walls: Text(&WALLS_NAMES) {
+            otherwise: "`\"types\"` if its types are 1, 2 and 3, below a free surface 1 and 2, else `\"layers\"`",
+            change: Change::Never,
+        },
         /// material of the walls
         wall_material: Text(&[]) {
             condition: "with several materials",
             otherwise: "those of their grains",
             change: Change::Never,
         },
-        /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min,
-        /// see below
+        /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min
         wall_thickness: Number(LAYERS) { default: "1.0", change: Change::Never },
     }
 }
