@@ -22,7 +22,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test python docs scaling bench accuracy stress faults queues peers million book mpich manual install uninstall release clean
+.PHONY: help deps build run test python docs scaling bench accuracy stress faults queues peers million book own-law mpich manual install uninstall release clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
@@ -39,6 +39,7 @@ help:
 	@echo "make queues    job scripts on Slurm, Flux and stand-ins, ranks on two hosts; not a part of make test"
 	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
+	@echo "make own-law   a program with a contact law of its own (examples/own_law): digests on 1 rank, on 2, and resumed"
 	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
 	@echo "make install   programs, manual pages, completions, scenes and docs into PREFIX=$(PREFIX); make uninstall removes them"
 	@echo "make manual    programs, manual pages and completions into target/, before a sudo make install"
@@ -89,6 +90,10 @@ book: deps
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
 	scripts/book.py pages --check
 	scripts/book.py build --mdbook "$$(scripts/book-deps)" --api target/doc
+
+# Not a part of make test, since it compiles every crate again.
+own-law: deps
+	@scripts/own-law
 
 mpich: deps
 	@scripts/mpich-test

@@ -1,5 +1,8 @@
-//! The command line of `gshear-mpi`: its program parses it, and `packaging/manual` makes
-//! completions and manual pages of it.
+//! The program `gshear-mpi` as a library: [`simulate`] is its `main`, which programs with laws of
+//! their own call, and [`CommandLine`] its command line, of which `packaging/manual` makes
+//! completions and manual pages.
+
+mod simulate;
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -7,6 +10,8 @@ use std::time::Duration;
 
 use clap::Parser;
 use clap::builder::{PossibleValue, TypedValueParser};
+
+pub use simulate::simulate;
 
 /// Shears a frictional granular packing: mpirun -n RANKS gshear-mpi [CONFIG.toml]
 #[derive(Debug, Parser)]

@@ -1,71 +1,7 @@
-//! `gshear-reduce`: parses the command line, reduces runs of `gshear-mpi`, returns the exit code.
+//! `gshear-reduce`: the program with the laws of `gshear-dem`.
 
-use std::io::{self, BufWriter, ErrorKind, Write, stdout};
-use std::os::unix::process::CommandExt;
-use std::process::{self, ExitCode};
-
-use clap::Parser;
-use gshear_dem::failure::printable;
-use gshear_driver::say::{say, say_error};
-use gshear_driver::version;
-use gshear_reduce::{Arguments, Command, run};
-use gshear_store::provenance;
-
-/// Standard output. What is written after the reader of a pipe has closed it, such as `head -1`, is
-/// dropped: the command still writes its files and returns its exit code. Control characters are
-/// escaped, unless the command draws on the terminal.
-struct Output<W> {
-    to: W,
-    draws: bool,
-}
-
-impl<W: Write> Write for Output<W> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let text = String::from_utf8_lossy(bytes);
-        let shown = if self.draws { text } else { printable(&text) };
-        match self.to.write_all(shown.as_bytes()) {
-            Err(e) if e.kind() != ErrorKind::BrokenPipe => Err(e),
-            _ => Ok(bytes.len()),
-        }
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        match self.to.flush() {
-            Err(e) if e.kind() == ErrorKind::BrokenPipe => Ok(()),
-            other => other,
-        }
-    }
-}
-
-/// Starts the program again with a variable without which HDF5 does not open a file that a run
-/// writes, because the run has locked it. Goes on without, if that fails.
-fn start_again_without_locks() {
-    const VARIABLE: &str = "HDF5_USE_FILE_LOCKING";
-    if let (None, Ok(program)) = (std::env::var_os(VARIABLE), std::env::current_exe()) {
-        let mut command = process::Command::new(program);
-        command.args(std::env::args_os().skip(1));
-        let _ = command.env(VARIABLE, "FALSE").exec();
-    }
-}
+use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    provenance::set_git_commit(env!("GSHEAR_GIT_COMMIT"));
-    let arguments = match Arguments::try_parse() {
-        Ok(arguments) => arguments,
-        Err(e) if e.kind() == clap::error::ErrorKind::DisplayVersion => {
-            say(version::text_of_reducer().trim_end());
-            return ExitCode::SUCCESS;
-        }
-        Err(e) => e.exit(),
-    };
-    start_again_without_locks();
-    let mut output = BufWriter::new(Output {
-        to: stdout().lock(),
-        draws: matches!(arguments.command, Command::Watch { .. }),
-    });
-    let code = run(&arguments, &mut output).unwrap_or_else(|failure| {
-        say_error(&format!("error: {failure}"));
-        failure.exit_code()
-    });
-    ExitCode::from(code as u8)
+    gshear_reduce::reduce(env!("GSHEAR_GIT_COMMIT"))
 }

@@ -1,10 +1,11 @@
 //! The commands of `gshear-reduce`: each reads runs, calls `gshear-analysis`, and writes tables,
 //! HDF5 files or reports.
 //!
-//! [`Command`] lists the commands, and [`run()`] runs one. A file per command in `commands/` holds
-//! its arguments, its reading, its tables and its printed summary; the numbers themselves are
-//! computed in `gshear-analysis`, the figures in `gshear-report`. Most commands are reached only
-//! through [`run()`]; public is what other programs and the tests of the repository use.
+//! [`reduce`] is the program, [`Command`] lists the commands, and [`run()`] runs one. A file per
+//! command in `commands/` holds its arguments, its reading, its tables and its printed summary; the
+//! numbers themselves are computed in `gshear-analysis`, the figures in `gshear-report`. Most
+//! commands are reached only through [`run()`]; public is what other programs and the tests of the
+//! repository use.
 //!
 //! # Example
 //! Compare two runs to the last bit, as `gshear-reduce compare` does:
@@ -26,8 +27,10 @@ mod commands;
 mod frame_pairs;
 mod frame_selection;
 mod printer;
+mod program;
 mod results;
 pub mod scalars;
 mod stored_state;
 
 pub use commands::{Arguments, Command, compare, run};
+pub use program::reduce;

@@ -263,8 +263,10 @@ impl<'a> Checker<'a> {
             self.fill(key, default);
             return Some(default);
         };
-        let Values::Text(names) = key.values else {
-            unreachable!("{} is a string", key.path);
+        let names = match key.values {
+            Values::Text(names) => names.to_vec(),
+            Values::Word(names) => names(),
+            _ => unreachable!("{} is a string", key.path),
         };
         let known = names.iter().find(|name| **name == given);
         if known.is_none() {

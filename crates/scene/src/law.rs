@@ -6,7 +6,7 @@ use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, NOT_NEGATIVE, POSITIVE, Values};
-use gshear_dem::laws::{self, Contact, LAWS, Law, LawKind, hertz, lee_hurley};
+use gshear_dem::laws::{self, Contact, Law, LawKind, hertz, lee_hurley};
 
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MIN};
@@ -15,21 +15,15 @@ use crate::table::{law_keys, laws_with, table};
 use crate::words::list;
 
 /// The names of the contact laws.
-const LAW_NAMES: [&str; LAWS.len()] = {
-    let mut names = [""; LAWS.len()];
-    let mut k = 0;
-    while k < LAWS.len() {
-        names[k] = LAWS[k].name;
-        k += 1;
-    }
-    names
-};
+fn law_names() -> Vec<&'static str> {
+    laws::all().map(|kind| kind.name).collect()
+}
 
 table! {
     /// The contacts of the grains.
     CONTACT: ContactKeys "contact" All {
         /// contact law
-        law: Text(&LAW_NAMES) {
+        law: Word(law_names) {
             otherwise: "`\"lee-hurley\"`, in 3D `\"hertz\"`",
             change: Change::Never,
         },
@@ -203,9 +197,7 @@ fn choose(c: &mut Checker<'_>, dimension: Dimensions) -> Result<&'static LawKind
         unreachable!("an unknown law is refused");
     };
     if !kind.dimensions.contains(&dimension) {
-        let others = LAWS
-            .iter()
-            .filter(|kind| kind.dimensions.contains(&dimension));
+        let others = laws::all().filter(|kind| kind.dimensions.contains(&dimension));
         let (of, give) = match dimension {
             Dimensions::Three => ("disks", "with dimension = 3 give"),
             Dimensions::Two => ("spheres", "give dimension = 3, or"),

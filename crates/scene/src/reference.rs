@@ -10,7 +10,6 @@ use gshear_dem::laws::keys::{Bounds, Integers, Key, Values};
 use serde_json::{Map, Value, json};
 
 use crate::keys::{TABLES, TOP, tables};
-use crate::law::CONTACT;
 use crate::materials::MaterialKeys;
 use crate::protocol::PartKeys;
 use crate::table::{laws_with, unit};
@@ -196,7 +195,7 @@ fn allowed(key: &Key) -> String {
             _ => format!("integer {from} … {to}"),
         },
         Values::Flag => String::new(),
-        Values::Text(_) if key.path == CONTACT.law.path => {
+        Values::Word(_) => {
             let of = |dimension| quoted(&laws(dimension));
             format!("2D: {}; 3D: {}", of(Dimensions::Two), of(Dimensions::Three))
         }
@@ -297,10 +296,8 @@ fn schema(key: &Key) -> Value {
         }
         Values::Flag => json!({ "type": "boolean" }),
         Values::Text([]) => json!({ "type": "string" }),
-        Values::Text(names) => {
-            let names: Value = names.iter().copied().chain([TAKE_AWAY]).collect();
-            json!({ "enum": names })
-        }
+        Values::Text(names) => words(names),
+        Values::Word(names) => words(&names()),
         Values::Numbers(bounds) => {
             json!({ "type": "array", "items": number(bounds, with_unit), "minItems": 1 })
         }
@@ -311,7 +308,7 @@ fn schema(key: &Key) -> Value {
         }
     };
     match key.values {
-        Values::Text(_) => {}
+        Values::Text(_) | Values::Word(_) => {}
         Values::Number(_) if with_unit => {
             schema["pattern"] = format!("{}|{}", none(), quantity()).into();
         }
@@ -325,6 +322,12 @@ fn schema(key: &Key) -> Value {
         schema["default"] = serde_json::from_str(&default.toml()).unwrap_or(Value::Null);
     }
     schema
+}
+
+/// One of these words.
+fn words(names: &[&str]) -> Value {
+    let names: Value = names.iter().copied().chain([TAKE_AWAY]).collect();
+    json!({ "enum": names })
 }
 
 /// The schema of the tables of a list with these keys.

@@ -1,7 +1,7 @@
 //! What a table of the configuration is, and how its keys are declared.
 
 use gshear_dem::laws::keys::Key;
-use gshear_dem::laws::{LAWS, LawKind};
+use gshear_dem::laws::{self, LawKind};
 
 /// A table of the configuration, or its top.
 pub(crate) struct Table {
@@ -41,16 +41,16 @@ impl Table {
 
 /// The keys of all contact laws, some more than once.
 pub(crate) fn law_keys() -> impl Iterator<Item = &'static Key> {
-    LAWS.iter().flat_map(|kind| kind.keys.iter().copied())
+    laws::all().flat_map(|kind| kind.keys.iter().copied())
 }
 
 /// The contact laws that take a key, and the units that they give it.
 pub(crate) fn laws_with(key: &Key) -> Vec<(&'static str, &'static str)> {
-    let own = |kind: &&LawKind| {
+    let own = |kind: &LawKind| {
         let own = kind.keys.iter().find(|own| own.path == key.path)?;
         Some((kind.name, own.unit))
     };
-    LAWS.iter().filter_map(own).collect()
+    laws::all().filter_map(own).collect()
 }
 
 /// The unit of a key. If the laws that take it have several: `hooke: N/m; mindlin: N/m^1.5`.

@@ -53,7 +53,7 @@ impl Value {
             }
             Values::Whole(_) => Self::Whole(found.as_integer()?),
             Values::Flag => Self::Flag(found.as_bool()?),
-            Values::Text(_) => Self::Text(found.as_str()?.into()),
+            Values::Text(_) | Values::Word(_) => Self::Text(found.as_str()?.into()),
             Values::Parts(keys) => {
                 let parts = found.as_array()?.iter().map(|part| {
                     let entries = part.as_table()?.iter();
@@ -100,7 +100,7 @@ impl Value {
             Values::Number(_) => key.default_number().map(Self::Number),
             Values::Whole(_) => key.default.parse().ok().map(Self::Whole),
             Values::Flag => key.default.parse().ok().map(Self::Flag),
-            Values::Text(_) => Some(Self::Text(key.default.into())),
+            Values::Text(_) | Values::Word(_) => Some(Self::Text(key.default.into())),
             Values::Numbers(_) | Values::Names | Values::Parts(_) | Values::Tables(_) => None,
         }
     }
@@ -180,7 +180,7 @@ fn expected(values: Values) -> &'static str {
         Values::Numbers(_) => "a list of numbers",
         Values::Whole(_) => "an integer without decimal point or exponent",
         Values::Flag => "true or false",
-        Values::Text(_) => "a string in quotes",
+        Values::Text(_) | Values::Word(_) => "a string in quotes",
         Values::Names => "a list of strings in quotes",
         Values::Parts(_) => "a list of tables of numbers, such as [[shear.protocol]]",
         Values::Tables(_) => "a list of tables",

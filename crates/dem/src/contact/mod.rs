@@ -204,11 +204,12 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
 }
 
 /// A spring's force or torque under a limit, and that of the damper parallel to it.
-pub(crate) struct Limited<L: Lanes> {
+pub struct Limited<L: Lanes> {
     /// The spring's part, cut to the limit; it is stored as the history.
     pub elastic: Vector<L>,
     /// The damper's part.
     pub viscous: Vector<L>,
+    /// Where the spring's part is at the limit.
     pub at_limit: L::Mask,
 }
 
@@ -328,14 +329,15 @@ pub(crate) fn norm<L: Lanes>(token: L::Token, v: &Vector<L>) -> (L, L) {
     (square * per_length, per_length)
 }
 
+/// A vector times a number.
 #[inline(always)]
-pub(crate) fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {
+pub fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {
     [v[0] * by, v[1] * by, v[2] * by]
 }
 
 /// Loads a vector of `n` components; the others repeat the first.
 #[inline(always)]
-pub(crate) fn vector<L: Lanes>(token: L::Token, lanes: &[Lanes16], n: usize) -> Vector<L> {
+pub fn vector<L: Lanes>(token: L::Token, lanes: &[Lanes16], n: usize) -> Vector<L> {
     let mut v = [L::load(token, &lanes[0]); 3];
     for k in 1..n {
         v[k] = L::load(token, &lanes[k]);

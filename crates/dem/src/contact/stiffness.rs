@@ -78,7 +78,7 @@ pub trait Stiffness: Sync {
 
 impl Derivatives {
     /// The limit of a force of this coefficient, and its derivative by δ. F_n must be set.
-    pub(crate) fn limit(&self, coefficient: f64) -> [f64; 2] {
+    pub fn limit(&self, coefficient: f64) -> [f64; 2] {
         [coefficient * self.normal, coefficient * self.normal_slope]
     }
 }
@@ -86,7 +86,7 @@ impl Derivatives {
 impl SpringForce {
     /// The spring's force `trial` of this stiffness, cut to a limit of this slope. What is
     /// `at_limit` by a step was cut there, to the limit that the damper left.
-    pub(crate) fn new(
+    pub fn new(
         trial: [f64; 3],
         stiffness: f64,
         [limit, slope]: [f64; 2],

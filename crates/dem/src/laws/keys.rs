@@ -149,6 +149,8 @@ pub enum Values {
     Flag,
     /// One of these strings; any string if there are none.
     Text(&'static [&'static str]),
+    /// One of these strings, which the program knows when it runs.
+    Word(fn() -> Vec<&'static str>),
     /// A list of names.
     Names,
     /// A list of tables of numbers with these keys: the parts of a protocol.

@@ -1,4 +1,5 @@
-//! The contact laws: one law, one file. [`LAWS`] is the only list of them.
+//! The contact laws: one law, one file. [`LAWS`] is the only list of them; a program adds laws of
+//! its own by [`register`].
 //!
 //! The file of a law has its formulas and their source, its keys with defaults and limits, its
 //! stability and its derivatives. To add a law, write its file and add it to [`LAWS`].
@@ -16,16 +17,17 @@ mod rolling_spheres;
 pub mod tsuji;
 
 use std::fmt::Debug;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use self::attraction::Attracting;
 use self::keys::{Key, KeyReader};
+pub use self::rolling_spheres::between_spheres;
 use crate::contact::attraction::Attraction;
 use crate::dimension::{Dimensions, Three, Two};
 use crate::kernel::PairForce;
 use crate::state::Masses;
 
-/// Every law that a scene can name.
+/// The laws of this crate.
 pub const LAWS: &[&LawKind] = &[
     &lee_hurley::KIND,
     &hooke::KIND,
@@ -33,6 +35,32 @@ pub const LAWS: &[&LawKind] = &[
     &mindlin::KIND,
     &tsuji::KIND,
 ];
+
+/// The laws that the program has registered.
+static OWN: OnceLock<&'static [&'static LawKind]> = OnceLock::new();
+
+/// Adds laws to [`LAWS`]: scenes can name them, and their keys are checked by their declarations.
+/// A program calls it once, before it reads a scene or a file of a run; `examples/own_law` is one.
+///
+/// # Panics
+/// If it is called twice, or two laws have the same name.
+pub fn register(own: &'static [&'static LawKind]) {
+    for (k, kind) in own.iter().enumerate() {
+        let before = LAWS.iter().chain(&own[..k]);
+        assert!(
+            before.into_iter().all(|other| other.name != kind.name),
+            "two contact laws are called {:?}",
+            kind.name
+        );
+    }
+    assert!(OWN.set(own).is_ok(), "contact laws are registered once");
+}
+
+/// Every law that a scene can name: [`LAWS`], then those of the program.
+pub fn all() -> impl Iterator<Item = &'static LawKind> {
+    let own = OWN.get().copied().unwrap_or_default();
+    LAWS.iter().chain(own).copied()
+}
 
 /// A contact law before its constants are known.
 #[derive(Debug)]
@@ -53,7 +81,7 @@ pub struct LawKind {
 
 /// The law of this name, if there is one.
 pub fn kind(name: &str) -> Option<&'static LawKind> {
-    LAWS.iter().copied().find(|kind| kind.name == name)
+    all().find(|kind| kind.name == name)
 }
 
 /// What all laws share: friction, rolling and twisting resistance, and attraction.

@@ -37,7 +37,7 @@ use crate::state::Masses;
 
 /// The law `rough`, `smooth` without friction, or with rolling and twisting resistance, as the
 /// contacts have them.
-pub(super) fn between_spheres(
+pub fn between_spheres(
     constants: &dyn Constants,
     contact: &Contact,
     rough: impl ContactLaw<Space = Three> + Stiffness,

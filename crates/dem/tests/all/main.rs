@@ -10,6 +10,7 @@ mod images;
 mod mindlin;
 mod mixture;
 mod protocols;
+mod registered;
 mod shares;
 mod sleeping_blocks;
 mod sliding;

@@ -1,0 +1,208 @@
+//! The program `gshear-mpi`: parses the command line, runs the simulation, returns the exit code.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Parser;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+
+use gshear_dem::domain::Exchange;
+use gshear_dem::failure::{Failure, STOPPED_EARLY};
+use gshear_driver::folder::same_folder;
+use gshear_driver::launch::{self, Changes, Resumable, Task};
+use gshear_driver::options::Outcome;
+use gshear_driver::options::{Options, Verbosity};
+use gshear_driver::preview::{check, check_continued};
+use gshear_driver::say::{say, say_error};
+use gshear_driver::signals::Signals;
+use gshear_driver::sweep::Sweep;
+use gshear_driver::version;
+use gshear_mpi_exchange::World;
+use gshear_scene::Source;
+use gshear_store::collective::agree;
+use gshear_store::{h5, provenance};
+
+use crate::{AUTO, Choice, CommandLine};
+
+/// The program `gshear-mpi`, and of programs with laws of their own
+/// ([`register`](gshear_dem::laws::register)). `commit` names the sources in the files of a run.
+pub fn simulate(commit: &'static str) -> ExitCode {
+    // Before MPI starts, which takes a while: a signal without a handler ends the program at once.
+    let signals = Signals::catch();
+    provenance::set_git_commit(commit);
+    let world = World::start();
+    let speaks = world.rank() == 0;
+    let arguments = match CommandLine::try_parse() {
+        Ok(arguments) => arguments,
+        Err(mut e) => {
+            // Ranks are asked for of the launcher.
+            if e.get(ContextKind::InvalidArg) == Some(&ContextValue::String("-n".into())) {
+                let tip = "mpirun gives the ranks: mpirun -n RANKS gshear-mpi CONFIG.toml";
+                let tip = ContextValue::StyledStrs(vec![tip.into()]);
+                e.insert(ContextKind::Suggested, tip);
+            }
+            if speaks && e.kind() == ErrorKind::DisplayVersion {
+                say(version::text().trim_end());
+            } else if speaks {
+                let _ = e.print();
+            }
+            return ExitCode::from(e.exit_code() as u8);
+        }
+    };
+    let launched = world.check_launcher();
+    let code = match signals.and(launched).and_then(|()| go(&world, &arguments)) {
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::Stopped) => STOPPED_EARLY,
+        Err(failure) => {
+            if speaks {
+                say_error(&format!("error: {failure}"));
+            }
+            if matches!(failure, Failure::Other(_)) || h5::is_left_open() {
+                // When MPI ends, HDF5 would try to close the file: it could wait for ever, or
+                // crash.
+                world.barrier();
+                world.abort(failure.exit_code());
+            }
+            failure.exit_code()
+        }
+    };
+    ExitCode::from(code as u8)
+}
+
+fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
+    let mut options = Options {
+        out: PathBuf::new(),
+        stop_at: arguments.stop_at,
+        wall_time: arguments.walltime,
+        threads: arguments.threads.into(),
+        overwrite: arguments.overwrite,
+        break_lock: arguments.break_lock,
+        verbosity: match (arguments.quiet, arguments.verbose) {
+            (true, _) => Verbosity::Quiet,
+            (_, true) => Verbosity::Verbose,
+            _ => Verbosity::Normal,
+        },
+        replay: None,
+    };
+    let resume = arguments.resume.as_deref();
+    let auto = resume == Some(Path::new(AUTO));
+    if let Some(path) = resume.filter(|_| !auto) {
+        return resume_from(world, arguments, options, path);
+    }
+    if auto && (arguments.branch.is_some() || arguments.overwrite) {
+        return Err(Failure::input(
+            "--resume auto continues the run in the folder; leave out --branch and --overwrite, or give --resume a checkpoint",
+        ));
+    }
+    let source = read(world, arguments)?;
+    let name = arguments
+        .config
+        .as_deref()
+        .and_then(|p| p.file_stem())
+        .map_or("plane-shear-2d".into(), |s| s.to_string_lossy());
+    options.out = arguments
+        .out
+        .clone()
+        .unwrap_or_else(|| PathBuf::from("out").join(&*name));
+    let Some(choice) = arguments.sweep else {
+        let begin = || launch::from_the_start(world, &source, &arguments.set);
+        if auto && arguments.check {
+            return check_continued(world, begin, &options).map(|()| Outcome::Done);
+        }
+        let task = begin()?;
+        if !auto {
+            return check_or_run(world, arguments, &options, task);
+        }
+        launch::await_lock(world, &mut options);
+        return match launch::resume_if_begun(world, &options.out, task)? {
+            Resumable::Task(task) => task.run(world, &options),
+            Resumable::Finished => Ok(finished(world, &options.out)),
+        };
+    };
+    let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
+    match choice {
+        // The list checks every scene, and says what they take together.
+        Choice::All if arguments.check => sweep.list(world, &options).map(|()| Outcome::Done),
+        Choice::One(number) if arguments.check => {
+            sweep.check(world, number, &options).map(|()| Outcome::Done)
+        }
+        Choice::List => sweep.list(world, &options).map(|()| Outcome::Done),
+        Choice::All => sweep.all(world, &options),
+        Choice::One(number) => sweep.one(world, number, &options),
+    }
+}
+
+/// Resumes from a checkpoint or from the newest one of a folder.
+fn resume_from(
+    world: &World,
+    arguments: &CommandLine,
+    mut options: Options,
+    path: &Path,
+) -> Result<Outcome, Failure> {
+    if let Some(config) = &arguments.config {
+        return Err(Failure::input(format!(
+            "{}: --resume {} takes the scene from the checkpoint; leave the scene out and change it with --set, or give --resume auto",
+            config.display(),
+            path.display()
+        )));
+    }
+    let changes = match arguments.branch {
+        Some(_) => Changes::Branch(&arguments.set),
+        None => Changes::Set(&arguments.set),
+    };
+    // The folder of `checkpoint.h5` alone is the present one.
+    let folder = match path.parent() {
+        _ if path.is_dir() => path,
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    let other = arguments.branch.as_ref().or(arguments.out.as_ref());
+    options.out = other.cloned().unwrap_or_else(|| folder.into());
+    if options.overwrite && same_folder(&options.out, folder) {
+        return Err(Failure::input(format!(
+            "--overwrite would remove {} itself; give another folder with --out",
+            path.display()
+        )));
+    }
+    match launch::resume(world, path, changes)? {
+        Resumable::Task(task) => check_or_run(world, arguments, &options, *task),
+        Resumable::Finished if other.is_none() => Ok(finished(world, folder)),
+        Resumable::Finished => Err(Failure::input(format!(
+            "{}: holds a finished run; give a later end with --set, or one of its checkpoints",
+            path.display()
+        ))),
+    }
+}
+
+/// Says that there is nothing left to do.
+fn finished(world: &World, folder: &Path) -> Outcome {
+    if world.rank() == 0 {
+        say(&format!("{}: the run is finished", folder.display()));
+    }
+    Outcome::Done
+}
+
+fn check_or_run(
+    world: &World,
+    arguments: &CommandLine,
+    options: &Options,
+    task: Task,
+) -> Result<Outcome, Failure> {
+    if arguments.check {
+        return check(world, &task, options).map(|()| Outcome::Done);
+    }
+    task.run(world, options)
+}
+
+/// Reads the configuration on one rank, so that all ranks run the same scene.
+fn read(world: &World, arguments: &CommandLine) -> Result<Source, Failure> {
+    let read = match (&arguments.config, world.rank()) {
+        (Some(path), 0) => Source::read(path).map(Some),
+        (Some(_), _) => Ok(None),
+        (None, _) => Ok(Some(Source::embedded())),
+    };
+    let source = agree(world, read)?;
+    let text = serde_json::to_vec(&source).expect("texts");
+    let source = serde_json::from_slice(&world.broadcast(text)).expect("what rank 0 wrote");
+    Ok(source)
+}
