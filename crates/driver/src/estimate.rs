@@ -121,8 +121,9 @@ impl Estimate {
     /// Time of a stage (s).
     fn seconds(&self, stage: &StageEstimate) -> Option<f64> {
         let (bytes, rows) = stage.output;
-        let output = bytes / FRAMES_PER_SECOND + ROW * f64::from(self.grains) * rows as f64;
-        let output = output / self.ranks.min(cores()) as f64;
+        let ranks = self.ranks.min(cores());
+        let frames = bytes / (FRAMES_PER_SECOND * ranks.min(WRITERS) as f64);
+        let output = frames + ROW * f64::from(self.grains) * rows as f64 / ranks as f64;
         let computed = if stage.moves {
             self.slower * self.work(stage) / self.speed?
         } else {
@@ -201,6 +202,8 @@ const WITHOUT_WALLS: f64 = 1.5;
 /// (s): as measured on the default scene.
 const FRAMES_PER_SECOND: f64 = 6e7;
 const ROW: f64 = 1e-7;
+/// Ranks that write frames so many times as fast as one: more were not measured.
+const WRITERS: usize = 2;
 
 /// Processors of this machine.
 pub fn cores() -> usize {
