@@ -15,6 +15,7 @@ class GshearMpi(Package):
     """MPI-parallel discrete element shear of frictional granular packings, and its reducer.
     Runs give the same bits on any number of ranks."""
 
+    homepage = "https://example.org/gshear-mpi/docs"
     # No address of a download: the tarball of a release is taken from the working directory.
     manual_download = True
     url = f"file://{os.getcwd()}/gshear-mpi-0.1.0.tar.gz"

@@ -16,6 +16,7 @@ FILES = [
     "Cargo.toml",
     "CITATION.cff",
     "CHANGELOG.md",
+    "packaging/conda/recipe.yaml",
     "packaging/spack/package.py",
     "python/pyproject.toml",
 ]
@@ -48,6 +49,36 @@ def test_another_version_is_noticed(tmp_path: Path, name: str) -> None:
     code, said = check(tmp_path)
     assert code == 1
     assert ("Cargo.toml has 7.8.9" if name == "Cargo.toml" else f"{name}: version 7.8.9") in said
+
+
+def addresses(root: Path, *arguments: str) -> tuple[int, str]:
+    """Returns exit code and messages of the script of the addresses."""
+    ran = subprocess.run(
+        ["bash", CHECKOUT / "scripts" / "addresses", *arguments],  # noqa: S607
+        env=os.environ | {"RELEASE_ROOT": str(root)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return ran.returncode, ran.stderr
+
+
+def test_the_addresses_are_set_in_all_files_at_once(tmp_path: Path) -> None:
+    for file in FILES:
+        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(CHECKOUT / file, tmp_path / file)
+    places = [f"https://host.example/{word}" for word in ("code", "book", "issues")]
+    assert addresses(tmp_path, *places) == (0, "")
+    assert check(tmp_path) == (0, "")
+    text = "".join((tmp_path / file).read_text() for file in FILES)
+    assert "example.org" not in text
+    assert [text.count(f'"{place}"') for place in places] == [4, 6, 2]
+
+    citation = tmp_path / "CITATION.cff"
+    citation.write_text(citation.read_text().replace(places[0], "https://another.example"))
+    code, said = check(tmp_path)
+    assert code == 1
+    assert "CITATION.cff: repository-code: another address" in said
 
 
 def test_the_recipe_of_spack_is_python() -> None:
