@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gshear import Frame, ProgramFailedError, ProgramNotFoundError, Run, simulate
-from gshear.programs import find
+from gshear.programs import find, launcher
 
 
 def falk_langer(earlier: Frame, later: Frame, reach: float) -> NDArray[np.float64]:
@@ -241,9 +241,9 @@ def test_a_missing_program_is_named(
 
 
 def test_places_of_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def program(folder: Path) -> Path:
-        folder.mkdir(parents=True)
-        path = folder / "gshear-reduce"
+    def program(folder: Path, name: str = "gshear-reduce") -> Path:
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / name
         path.write_text("#!/bin/sh\n")
         path.chmod(0o755)
         return path
@@ -256,6 +256,23 @@ def test_places_of_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     assert find("gshear-reduce") == checkout
     monkeypatch.setenv("PATH", str(in_path.parent))
     assert find("gshear-reduce") == in_path
+
+    # What pip writes down about the files of a wheel.
+    def install(package: str, name: str) -> Path:
+        record = tmp_path / "env/lib/site-packages" / f"{package}-1.dist-info" / "RECORD"
+        record.parent.mkdir(parents=True)
+        record.write_text(f"../../bin/{name},,\n{package}/{name},,\n")
+        return program(tmp_path / "env/bin", name)
+
+    monkeypatch.delenv("MPIRUN", raising=False)
+    program(in_path.parent, "mpirun")
+    monkeypatch.syspath_prepend(tmp_path / "env/lib/site-packages")
+    wheel, mpiexec = install("gshear", "gshear-reduce"), install("mpich", "mpiexec")
+    assert find("gshear-reduce") == wheel
+    assert launcher(wheel) == [str(mpiexec)]
+    assert launcher(in_path) == ["mpirun"]
+    monkeypatch.setenv("MPIRUN", "srun --mpi=pmi2")
+    assert launcher(wheel) == ["srun", "--mpi=pmi2"]
     monkeypatch.setenv("GSHEAR_REDUCE", str(given))
     assert find("gshear-reduce") == given
 

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from ._toml import override
@@ -23,11 +24,22 @@ OPEN_MPI = {
 ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 
 
+def _installed(package: str, name: str) -> Path | None:
+    """Returns the program of this name that pip installed with a package, or None."""
+    try:
+        files = distribution(package).files or []
+    except PackageNotFoundError:
+        return None
+    paths = (file.locate() for file in files if file.parts[-2:] == ("bin", name))
+    return next((Path(found).resolve() for path in paths if (found := shutil.which(path))), None)
+
+
 def find(name: str) -> Path:
     """Returns the path of `gshear-mpi` or `gshear-reduce`.
 
-    The places, in this order: the environment variable `GSHEAR_MPI` or `GSHEAR_REDUCE`, `PATH`, and
-    `target/release` of the checkout that holds this package.
+    The places, in this order: the environment variable `GSHEAR_MPI` or `GSHEAR_REDUCE`, the wheel
+    of this package if it has the programs, `PATH`, and `target/release` of the checkout that holds
+    this package.
 
     Raises:
         ProgramNotFoundError: None of the places has it, or the variable names no program.
@@ -39,6 +51,8 @@ def find(name: str) -> Path:
         raise ProgramNotFoundError(
             f"{variable}={given}: no program of this name: set it to the path of {name}"
         )
+    if own := _installed("gshear", name):
+        return own
     if found := shutil.which(name):
         return Path(found)
     for folder in Path(__file__).resolve().parents:
@@ -49,6 +63,26 @@ def find(name: str) -> Path:
         f"{name} not found in PATH or in target/release of the checkout: "
         f"build it with `make build`, or set {variable} to its path"
     )
+
+
+def launcher(program: Path) -> list[str]:
+    """Returns the command that starts MPI ranks of a program, up to its options.
+
+    It is that of the environment variable `MPIRUN`; for a program of the wheel mpiexec of the MPI
+    that pip installed with it; else mpirun.
+
+    Raises:
+        ProgramNotFoundError: There is no mpirun.
+    """
+    if given := os.environ.get("MPIRUN"):
+        return shlex.split(given)
+    if program == _installed("gshear", program.name) and (own := _installed("mpich", "mpiexec")):
+        return [str(own)]
+    if shutil.which("mpirun") is None:
+        raise ProgramNotFoundError(
+            "mpirun not found in PATH: install an MPI, set MPIRUN to its path, or use ranks=1"
+        )
+    return ["mpirun"]
 
 
 def run(command: Iterable[str | os.PathLike[str]], *, quiet: bool = False) -> str:
@@ -82,7 +116,7 @@ def simulate(
     """Runs a scene with gshear-mpi, or continues it, and returns the folder of its results.
 
     A run that is finished already is left as it is (`--resume auto`). The call returns when the run
-    has ended.
+    has ended. `find` and `launcher` say which programs are taken.
 
     Args:
         scene: Path of a scene, see `docs/config.md`.
@@ -99,12 +133,11 @@ def simulate(
         ProgramNotFoundError: gshear-mpi or mpirun is missing.
         ProgramFailedError: The run failed or stopped early (exit code 75).
     """
+    program = find("gshear-mpi")
     command: list[str | os.PathLike[str]] = []
     if ranks != 1:
-        if shutil.which("mpirun") is None:
-            raise ProgramNotFoundError("mpirun not found in PATH: install an MPI, or use ranks=1")
-        command += ["mpirun", "-n", str(ranks)]
-    command += [find("gshear-mpi"), scene, "--out", out, "--resume", "auto"]
+        command += [*launcher(program), "-n", str(ranks)]
+    command += [program, scene, "--out", out, "--resume", "auto"]
     for key, value in (values or {}).items():
         command += ["--set", f"{key}={override(value)}"]
     run(command, quiet=quiet)
