@@ -22,7 +22,7 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test python docs scaling bench accuracy stress faults queues peers million book own-law mpich manual install uninstall release clean
+.PHONY: help deps build run test python docs scaling bench accuracy stress faults queues peers million book own-law mpich wheel manual install uninstall release clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
@@ -41,6 +41,7 @@ help:
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make own-law   a program with a contact law of its own (examples/own_law): digests on 1 rank, on 2, and resumed"
 	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
+	@echo "make wheel     the wheel with both programs into target/wheel/dist, for pip on any Linux with glibc 2.28"
 	@echo "make install   programs, manual pages, completions, scenes and docs into PREFIX=$(PREFIX); make uninstall removes them"
 	@echo "make manual    programs, manual pages and completions into target/, before a sudo make install"
 	@echo "make release   tarball, Debian package, wheel and checksums of this version into target/dist"
@@ -97,6 +98,9 @@ own-law: deps
 
 mpich: deps
 	@scripts/mpich-test
+
+wheel:
+	@scripts/wheel
 
 manual: deps
 	@scripts/manual
