@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 
-from gshear import Run, RunError, Sweep, plots, simulate
+from gshear import Run, RunError, Sweep, plots, programs, simulate
 
 from .conftest import SCENES
 
@@ -23,6 +26,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for seed in seeds:
             values: dict[str, object] = {"contact.friction": friction, "seed": seed}
             values |= {"shear.inertial_number": 5e-3, "shear.strain": 0.01}
+            values |= {"output.frame_strain": 1e-3}
             values |= {"output.series_strain": 2e-4, "sample.packing": "none"}
             values |= {"sample.grains": 120, "sample.length": 1.2e-5}
             values |= {"sample.radius_min": 0.5e-6, "sample.radius_max": 0.7e-6}
@@ -63,6 +67,64 @@ def test_means_and_errors_are_those_by_hand(folder: Path) -> None:
             found = means.loc[friction, [name, f"{name}_error"]]
             error = rows[:, k].std(ddof=1) / np.sqrt(len(rows))
             np.testing.assert_allclose(found, [rows[:, k].mean(), error], rtol=1e-12)
+
+
+def test_columns_of_frames_and_phases_are_means_of_their_tables(folder: Path) -> None:
+    """Over the later half of regions.csv, and over the phases that begin in the later rows."""
+    names = ["slip_phases", "slip_change", "stress_ratio", "dmin_top_tenth"]
+    with Sweep(folder, quiet=True) as sweep:
+        table = sweep.table(names)
+        assert list(table.columns) == [*sweep.keys, *names]
+        for run in sweep:
+            row = table.loc[run.folder.name]
+            later = run.series.stress_ratio.to_numpy()[len(run.series) // 2 :]
+            step = np.diff(later)
+            falls = np.flatnonzero(np.diff(np.concatenate([[0], step < 0, [0]])) == 1)
+            assert row.slip_phases == len(falls) > 1
+            total = step[step < 0].sum()
+            np.testing.assert_allclose(row.slip_change, total / len(falls), rtol=1e-9)
+            np.testing.assert_allclose(row.stress_ratio, later.mean(), rtol=1e-12)
+            dmin = run.regions()["dmin_top_tenth"].to_numpy()[len(run.frames) // 2 :]
+            np.testing.assert_allclose(row.dmin_top_tenth, np.nanmean(dmin), rtol=1e-12)
+
+
+def test_means_are_those_of_the_report(folder: Path, tmp_path: Path) -> None:
+    """The same numbers from pandas and from gshear-reduce, for every column of the page."""
+    programs.run([programs.find("gshear-reduce"), "report", folder, "--out", tmp_path], quiet=True)
+    report = pd.read_csv(tmp_path / "means.csv", index_col="contact.friction")
+    columns = [str(name) for name in report if f"{name}_error" in report]
+    assert {"stress_ratio", "solid_fraction", "largest_drop"} <= set(columns)
+    with Sweep(folder, quiet=True) as sweep:
+        means = sweep.means(columns)
+    for name in report:
+        np.testing.assert_allclose(means[name], report[name], rtol=1e-12, err_msg=name)
+
+
+def test_spheres_and_boxes_have_columns_of_dmin(copy: Callable[[str], Path]) -> None:
+    """Means over frames of the greatest D²min of each."""
+    for name in ("spheres", "box"):
+        with Sweep([copy(name)], quiet=True) as sweep:
+            found = sweep.table(["dmin_greatest"])["dmin_greatest"].iloc[0]
+            run = sweep[0]
+            greatest = np.nanmax(run.dmin(slice(1, None)), axis=1)
+            later = greatest[len(run.frames) // 2 - 1 :]
+            np.testing.assert_allclose(found, later.mean(), rtol=1e-9, err_msg=name)
+
+
+def test_runs_that_did_not_end_are_left_out(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A line says so; without any other run there is no sweep."""
+    shutil.copytree(folder / "friction-0.6_seed-1", tmp_path / "stopped")
+    with h5py.File(tmp_path / "stopped" / "run.h5", "r+") as file:
+        del file["parameters"].attrs["digest"]
+    with Sweep([tmp_path / "stopped", folder / "friction-0.6_seed-2"]) as sweep:
+        assert [run.folder.name for run in sweep] == ["friction-0.6_seed-2"]
+    assert capsys.readouterr().err == (
+        f"gshear: {tmp_path / 'stopped'} has not ended; it is left out\n"
+    )
+    with pytest.raises(RunError, match="none of 1 runs has ended"):
+        Sweep(tmp_path)
 
 
 def test_one_run_has_no_error_and_no_keys(folder: Path) -> None:

@@ -93,6 +93,44 @@ fn all_runs_are_those_that_set_would_make() {
         assert_eq!(by_set.code, 0, "{}", by_set.text);
         same_run(&alone, &out.join(name));
     }
+    means_are_those_of_the_logs(&out);
+}
+
+/// The means and errors of the report of the sweep, against those of the latter half of each log.
+fn means_are_those_of_the_logs(out: &Path) {
+    common::succeed(common::reducer().arg("report").arg(out));
+    let read = |path: PathBuf| std::fs::read_to_string(path).expect("a table");
+    let tau = |name: &str| {
+        let log = read(out.join(name).join("log.csv"));
+        let head: Vec<&str> = log.lines().next().expect("names").split(',').collect();
+        let at = head.iter().position(|of| *of == "stress_ratio").expect("τ");
+        let cell = |line: &str| line.split(',').nth(at)?.parse::<f64>().ok();
+        let all: Vec<f64> = log.lines().skip(1).filter_map(cell).collect();
+        // τ is not defined while nothing touches the top wall.
+        let later = all[all.len() / 2..].iter().filter(|tau| !tau.is_nan());
+        later.clone().sum::<f64>() / later.count() as f64
+    };
+    let means = read(out.join("report/means.csv"));
+    let lines: Vec<Vec<&str>> = means
+        .lines()
+        .map(|line| line.split(',').collect())
+        .collect();
+    assert_eq!(
+        lines[0][..3],
+        ["contact.friction", "stress_ratio", "stress_ratio_error"]
+    );
+    for (line, pair) in lines[1..].iter().zip(NAMES.chunks(2)) {
+        let [a, b] = [tau(pair[0]), tau(pair[1])];
+        // √((a-m)² + (b-m)²)/√2 of two values.
+        for (cell, expected) in [(line[1], 0.5 * (a + b)), (line[2], 0.5 * (a - b).abs())] {
+            let found: f64 = cell.parse().expect("a number");
+            assert!(
+                (found - expected).abs() < 1e-12 && expected != 0.0,
+                "{found}, not {expected}"
+            );
+        }
+    }
+    assert_eq!(lines.len(), 3);
 }
 
 #[test]

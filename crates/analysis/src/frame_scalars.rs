@@ -54,6 +54,16 @@ impl FrameScalars {
     pub const UNDEFINED: FrameScalars =
         FrameScalars::from_columns([f64::NAN; FrameScalars::COLUMNS.len()]);
 
+    /// The scalars that follow from D²min alone, `[N]` (m²); the others are NaN.
+    pub fn of_dmin(values: &[f64]) -> Self {
+        let (dmin_greatest, dmin_top_tenth) = greatest(values, &mut Vec::new());
+        Self {
+            dmin_greatest,
+            dmin_top_tenth,
+            ..Self::UNDEFINED
+        }
+    }
+
     /// Returns the number of GR regions.
     pub fn regions(&self, reading: GrReading) -> f64 {
         self.of_regions(reading.reduction)[reading.min_points as usize]

@@ -1,5 +1,7 @@
 //! Stick and slip phases: maximal monotone runs of τ (LH section 3.2).
 
+use crate::moments::mean;
+
 /// A phase is long if t_p exceeds this many intervals Δγ (LH section 3.3).
 pub const LONG: usize = 3;
 
@@ -57,6 +59,40 @@ impl Phase {
     /// `long` or `short`, for tables.
     pub fn length_name(&self) -> &'static str {
         if self.is_long() { "long" } else { "short" }
+    }
+}
+
+gshear_dem::columns! {
+    /// Statistics of the phases of a stretch of a run. A mean without phases is NaN.
+    pub struct PhaseStatistics {
+        /// number of stick phases
+        stick_phases: "1",
+        /// number of slip phases
+        slip_phases: "1",
+        /// mean Δτ_p of the stick phases
+        stick_change: "1",
+        /// mean Δτ_p of the slip phases
+        slip_change: "1",
+        /// greatest |Δτ_p| of a slip phase; NaN if none
+        largest_drop: "1",
+    }
+}
+
+impl PhaseStatistics {
+    /// Counts phases and takes their means.
+    pub fn of(phases: &[Phase]) -> Self {
+        let changes = |kind| -> Vec<f64> {
+            let of_kind = phases.iter().filter(|phase| phase.kind == kind);
+            of_kind.map(|phase| phase.change).collect()
+        };
+        let [stick, slip] = [PhaseKind::Stick, PhaseKind::Slip].map(changes);
+        Self {
+            stick_phases: stick.len() as f64,
+            slip_phases: slip.len() as f64,
+            stick_change: mean(&stick),
+            slip_change: mean(&slip),
+            largest_drop: largest_drop(phases).map_or(f64::NAN, |phase| -phase.change),
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 mod columns;
 pub mod compare;
 mod correlate;
-mod dmin;
+pub(crate) mod dmin;
 mod export;
 mod growth;
 mod info;
@@ -130,7 +130,7 @@ fn once<'a>(
         Command::Spectrum(of) => (of.run.iter().collect(), of.run(printer)),
         Command::Stability(of) => (vec![&of.run], of.run(printer)),
         Command::Replay(of) => (vec![&of.run], of.run(threads, printer)),
-        Command::Report(of) => (vec![&of.run], of.run(threads, printer)),
+        Command::Report(of) => (of.runs.iter().collect(), of.run(threads, printer)),
     };
     (runs, done.and_then(|()| printer.flush()).map(|()| 0))
 }

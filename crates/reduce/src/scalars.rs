@@ -2,10 +2,13 @@
 
 use rayon::prelude::*;
 
+use crate::commands::dmin::{between, is_planar};
 use crate::frame_pairs;
+use gshear_analysis::dmin::RADIUS;
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::stress::ratio_on_top;
 use gshear_dem::failure::Failure;
+use gshear_dem::state::FrameRecords;
 use gshear_store::run_reader::{FrameFields, RunFile, StoredScalars};
 
 /// Scalars of frames: one row per frame, or per interval for which the run has computed them.
@@ -71,6 +74,33 @@ impl FrameSeries {
             scalars,
         })
     }
+}
+
+/// Returns the scalars of every frame of any run, `[T]`; of spheres and boxes those of D²min alone.
+///
+/// # Errors
+/// A damaged run.
+pub fn of_any(run: &RunFile) -> Result<Vec<FrameScalars>, Failure> {
+    if is_planar(run) {
+        return Ok(FrameSeries::of(run)?.scalars);
+    }
+    let radius = RADIUS * run.grains().mean_radius();
+    let value = |(): &mut (), numbers: [usize; 2], frames: [&FrameRecords; 2]| {
+        FrameScalars::of_dmin(&between(run, numbers, frames, radius))
+    };
+    let mut scalars = vec![FrameScalars::UNDEFINED; run.frames().min(1)];
+    if run.frames() > 0 {
+        frame_pairs::each(
+            run,
+            |range| run.records(range),
+            value,
+            |_, values| {
+                scalars.extend(values);
+                Ok(())
+            },
+        )?;
+    }
+    Ok(scalars)
 }
 
 /// Returns a column of the time series at the given steps; `None` if one of them has no row.

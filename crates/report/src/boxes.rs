@@ -16,7 +16,7 @@ use super::page::Facts;
 use super::panels::{Deformation, PANELS};
 
 /// What the strain steps of a run measure.
-struct Measured {
+pub struct Measured {
     of: &'static Deformation,
     /// `[L]` The stress that works on the strain.
     stress: Vec<f64>,
@@ -28,13 +28,8 @@ struct Measured {
 }
 
 impl Measured {
-    fn of(run: &RunFile) -> Self {
-        let scene = run.scene().parse::<toml::Table>().unwrap_or_default();
-        let key = scene
-            .get("box")
-            .and_then(|of| of.get("deformation")?.as_str());
-        let of = PANELS.deformations.iter().find(|of| Some(&*of.key) == key);
-        let of = of.unwrap_or(&PANELS.deformations[0]);
+    pub fn of(run: &RunFile) -> Self {
+        let of = Deformation::of(run);
         let column = |name: &str| run.series().column(name);
         let combined = |a: &[f64], b: &[f64], f: fn(f64, f64) -> f64| -> Vec<f64> {
             a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
@@ -73,6 +68,15 @@ impl Measured {
             stress,
             friction,
         }
+    }
+
+    /// `[L]` By the names of their columns.
+    pub fn columns(self) -> [(&'static str, Vec<f64>); 3] {
+        [
+            ("conjugate_stress", self.stress),
+            ("mobilised_friction", self.friction),
+            ("modulus", self.modulus),
+        ]
     }
 
     fn figures(&self, axis: &Axis, series: &Series) -> Vec<ReportFigure> {
@@ -154,7 +158,7 @@ fn in_time(run: &RunFile, facts: &mut Facts) -> Result<Vec<ReportFigure>, Failur
         let known = run.number(parameter).filter(|x| x.is_finite());
         facts.extend(known.map(|value| (name, format!("{value:.6e}"))));
     }
-    let axis = Axis::over_time(series, "time");
+    let axis = Axis::of(run);
     let panels = PANELS
         .newtonian
         .iter()
@@ -218,13 +222,12 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
             text,
         )
     }));
-    let (name, label, factor) = &measured.of.axis;
-    let axis = Axis::over(series, name, label, *factor);
+    let axis = Axis::of(run);
     let mut figures = measured.figures(&axis, series);
     let panels = PANELS
         .strain
         .iter()
-        .filter(|panel| panel.lines[0][0] != *name);
+        .filter(|panel| panel.lines[0][0] != measured.of.axis.0);
     figures.extend(panels.filter_map(|panel| drawn(run, &axis, panel)));
     (&measured.of.name, figures)
 }

@@ -1,11 +1,11 @@
 //! Figures of the time series besides τ: dilation, coordination, sliding contacts, energies.
 
 use gshear_store::csv_table::Table;
-use gshear_store::run_reader::{RunFile, Series};
+use gshear_store::run_reader::{RunFile, RunStage, Series};
 
 use super::ReportFigure;
 use super::curves::lines;
-use super::panels::{PANELS, Panel, Shown};
+use super::panels::{Deformation, PANELS, Panel, Shown};
 use super::plot::Layout;
 use super::summary::{is_driven, is_imposed};
 use super::ticks;
@@ -19,27 +19,32 @@ pub struct Axis {
     /// With its unit.
     pub label: &'static str,
     /// Name and values of its column in tables, before they are scaled.
-    column: (&'static str, Vec<f64>),
+    pub column: (&'static str, Vec<f64>),
 }
 
 impl Axis {
     /// The strain; where a spring or a protocol moves the wall, its slip; where a protocol imposes
     /// more than velocities, so that the wall goes back or stands still, or nothing is above the
-    /// sample, the time.
+    /// sample, the time. Of a box what its deformation names, and the time of Newton's equations.
     pub fn of(run: &RunFile) -> Self {
-        if is_imposed(run) || run.has_free_surface() {
-            return Self::over_time(run.series(), "time (s)");
-        }
-        let (name, label, factor) = if is_driven(run) {
-            ("slip", "slip (mm)", 1e3)
-        } else {
-            ("strain", "shear strain γ (%)", 100.0)
+        let series = run.series();
+        let (name, label, factor) = match run.stage() {
+            RunStage::Newtonian => return Self::over_time(series, "time"),
+            RunStage::Strain => {
+                let (name, label, factor) = &Deformation::of(run).axis;
+                (&**name, &**label, *factor)
+            }
+            RunStage::Shear if is_imposed(run) || run.has_free_surface() => {
+                return Self::over_time(series, "time (s)");
+            }
+            RunStage::Shear if is_driven(run) => ("slip", "slip (mm)", 1e3),
+            RunStage::Shear => ("strain", "shear strain γ (%)", 100.0),
         };
-        Self::over(run.series(), name, label, factor)
+        Self::over(series, name, label, factor)
     }
 
     /// A column of the time series, drawn in another unit.
-    pub fn over(series: &Series, name: &'static str, label: &'static str, factor: f64) -> Self {
+    fn over(series: &Series, name: &'static str, label: &'static str, factor: f64) -> Self {
         let column = series.column(name).to_vec();
         Self {
             values: column.iter().map(|x| factor * x).collect(),
@@ -48,7 +53,7 @@ impl Axis {
         }
     }
 
-    pub fn over_time(series: &Series, label: &'static str) -> Self {
+    fn over_time(series: &Series, label: &'static str) -> Self {
         let time = series.time.clone();
         Self {
             values: time.clone(),

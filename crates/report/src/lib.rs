@@ -33,6 +33,7 @@ pub mod rate_state;
 mod stress_ratio;
 mod structure;
 mod summary;
+pub mod sweep;
 pub mod ticks;
 
 use std::path::{Path, PathBuf};
@@ -48,16 +49,16 @@ use gshear_store::{dictionary, text_writer};
 
 /// A figure of the report: name of its files, caption in HTML, SVG, and its data as CSV.
 struct ReportFigure {
-    name: &'static str,
+    name: String,
     caption: String,
     svg: String,
     data: String,
 }
 
 impl ReportFigure {
-    fn new(name: &'static str, caption: impl Into<String>, svg: String, data: String) -> Self {
+    fn new(name: impl Into<String>, caption: impl Into<String>, svg: String, data: String) -> Self {
         Self {
-            name,
+            name: name.into(),
             caption: caption.into(),
             svg,
             data,
@@ -96,7 +97,8 @@ pub fn write(
         "Shear without walls"
     };
     let page = page::html(run, what, facts, &figures, note);
-    write_files(run, &figures, &summary.json(run), &page, folder)
+    write_numbers(&summary.json(run), folder)?;
+    write_files(run.dimension().axes(), &figures, &page, folder)
 }
 
 /// Writes the report of a run in a periodic box, as [`write()`]. `files`: of its strain steps and
@@ -116,26 +118,29 @@ pub fn write_box(files: &[&RunFile], folder: &Path) -> Result<PathBuf, Failure> 
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(picture::figures(run)?);
     let page = page::html(run, &names.join(", then "), facts, &figures, "");
-    write_files(run, &figures, &boxes::json(files), &page, folder)
+    write_numbers(&boxes::json(files), folder)?;
+    write_files(run.dimension().axes(), &figures, &page, folder)
 }
 
-/// Writes the figures with their data, the numbers, and last the page, so that it never refers to
-/// missing figures.
+fn write_numbers(summary: &serde_json::Value, folder: &Path) -> Result<(), Failure> {
+    text_writer::write(&folder.join("summary.json"), format!("{summary:#}\n"))
+}
+
+/// Writes the figures with their data, and last the page, so that it never refers to missing
+/// figures.
 fn write_files(
-    run: &RunFile,
+    axes: usize,
     figures: &[ReportFigure],
-    summary: &serde_json::Value,
     page: &str,
     folder: &Path,
 ) -> Result<PathBuf, Failure> {
-    let place = |figure: &ReportFigure| folder.join(figure.name).with_extension("svg");
+    let place = |figure: &ReportFigure| folder.join(&figure.name).with_extension("svg");
     let drawn = figures.iter().map(|figure| (place(figure), &*figure.svg));
     drawing::write_all(&drawn.collect::<Vec<_>>())?;
     for figure in figures {
         let path = place(figure).with_extension("csv");
-        dictionary::write_figure_data(&path, &figure.data, run.dimension().axes())?;
+        dictionary::write_figure_data(&path, &figure.data, axes)?;
     }
-    text_writer::write(&folder.join("summary.json"), format!("{summary:#}\n"))?;
     let path = folder.join("index.html");
     text_writer::write(&path, page)?;
     Ok(path)

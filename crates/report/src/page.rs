@@ -28,7 +28,7 @@ pub fn html(
     let mut body = String::new();
     for figure in figures {
         let data = format!("{}.csv", figure.name);
-        body += &self::figure(figure.name, &figure.caption, &data, &figure.svg);
+        body += &self::figure(&figure.name, &figure.caption, &data, &figure.svg);
     }
     let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
     let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));

@@ -2,6 +2,7 @@
 
 use std::sync::LazyLock;
 
+use gshear_store::run_reader::RunFile;
 use serde::Deserialize;
 
 /// # Panics
@@ -20,6 +21,8 @@ pub struct Panels {
     /// Over the time of Newton's equations.
     pub newtonian: Vec<Panel>,
     pub deformations: Vec<Deformation>,
+    /// Columns that are compared between runs unless others are asked for.
+    pub compared: Vec<Compared>,
 }
 
 /// How the values of a figure are drawn.
@@ -50,6 +53,16 @@ pub struct Panel {
     pub lines: Vec<[String; 2]>,
 }
 
+/// A column that is compared between runs.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Compared {
+    /// Of the time series, or of statistics of a run.
+    pub column: String,
+    /// At its axis.
+    pub label: String,
+}
+
 /// A deformation of a box.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -62,4 +75,17 @@ pub struct Deformation {
     /// The stress that works on the strain, in the caption and on the axis.
     pub stress: [String; 2],
     pub modulus: String,
+}
+
+impl Deformation {
+    /// The deformation of a box.
+    pub fn of(run: &RunFile) -> &'static Self {
+        let scene = run.scene().parse::<toml::Table>().unwrap_or_default();
+        let key = scene
+            .get("box")
+            .and_then(|of| of.get("deformation")?.as_str());
+        let known = &PANELS.deformations;
+        let found = known.iter().find(|of| Some(&*of.key) == key);
+        found.unwrap_or(&known[0])
+    }
 }

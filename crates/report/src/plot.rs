@@ -16,6 +16,8 @@ use super::ticks::{self, Tick};
 /// that the SVG header scales down.
 const CANVAS: f64 = 10.0;
 const FONT: f64 = 13.0;
+/// Height of a row of a legend (px).
+const LEGEND_ROW: f64 = 20.0;
 /// The beginning of every figure.
 const NAMESPACE: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\"";
 
@@ -34,6 +36,38 @@ impl Layout {
         let margin = [left, 36.0, 24.0, 58.0];
         Self { size, margin }
     }
+
+    /// The layout with more room above the axes if a legend needs several rows.
+    pub fn with_legend<'n>(self, names: impl Iterator<Item = &'n str>) -> Self {
+        let rows = self.legend_rows(names).last().copied().unwrap_or_default();
+        let more = LEGEND_ROW * rows as f64;
+        let ([width, height], [left, top, right, bottom]) = (self.size, self.margin);
+        Self {
+            size: [width, height + more],
+            margin: [left, top + more, right, bottom],
+        }
+    }
+
+    /// The row of each entry of a legend, from 0 on.
+    fn legend_rows<'n>(&self, names: impl Iterator<Item = &'n str>) -> Vec<usize> {
+        let room = self.size[0] - self.margin[0];
+        let (mut row, mut used) = (0, 0.0);
+        let place = |name: &str| {
+            let width = legend_width(name);
+            if used > 0.0 && used + width > room {
+                (row, used) = (row + 1, 0.0);
+            }
+            used += width;
+            row
+        };
+        names.map(place).collect()
+    }
+}
+
+/// Width of an entry of a legend, with the space after it (px).
+fn legend_width(name: &str) -> f64 {
+    let length = name.chars().filter(|c| !"_^{}".contains(*c)).count();
+    28.0 + 7.2 * length as f64 + 22.0
 }
 
 /// A figure being drawn. Data coordinates run over `x` and `y`; sizes and line widths are in
@@ -243,15 +277,20 @@ impl Plot<'_> {
         self.vertical_text([16.0, f64::midpoint(top, bottom)], y_label);
     }
 
-    /// Draws colour samples and their names in a row above the axes, from the left.
+    /// Draws colour samples and their names above the axes, from the left, in as few rows as have
+    /// room; [`Layout::with_legend`] makes room for several.
     pub fn legend(&mut self, entries: &[(RGBColor, &str)]) {
         let [[left, top], _] = self.frame();
-        let (mut x, y) = (left, top - 14.0);
-        for (colour, name) in entries {
+        let rows = self.layout.legend_rows(entries.iter().map(|of| of.1));
+        let above = rows.last().copied().unwrap_or_default();
+        let (mut x, mut last) = (left, 0);
+        for ((colour, name), row) in entries.iter().zip(rows) {
+            x = if row == last { x } else { left };
+            last = row;
+            let y = top - 14.0 - LEGEND_ROW * (above - row) as f64;
             self.pixel_box([[x, y - 3.0], [x + 22.0, y + 3.0]], *colour, 1.0);
             self.text([x + 28.0, y], name, (HPos::Left, VPos::Center));
-            let length = name.chars().filter(|c| !"_^{}".contains(*c)).count();
-            x += 28.0 + 7.2 * length as f64 + 22.0;
+            x += legend_width(name);
         }
     }
 

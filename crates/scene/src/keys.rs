@@ -52,8 +52,8 @@ pub(crate) fn table(name: &str) -> Option<&'static Table> {
     TABLES.iter().find(|table| table.name == name)
 }
 
-/// The key of this path.
-pub(crate) fn key(path: &str) -> Option<&'static Key> {
+/// The declaration of the key of a path, such as `seed` or `sample.grains`.
+pub fn key(path: &str) -> Option<&'static Key> {
     let (name, of) = match path.split_once('.') {
         Some((name, of)) => (of, table(name)?),
         None => (path, &TOP),

@@ -92,6 +92,7 @@ pub use gshear_dem::dimension::Dimensions;
 pub use gshear_dem::laws::keys::Change;
 pub use gshear_dem::laws::{Contact, Law};
 pub use gshear_dem::protocol::Part;
+pub use keys::key;
 pub use load::{Control, Load};
 pub use materials::{Materials, atom_type};
 pub use output::{Analysis, Output};

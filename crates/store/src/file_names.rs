@@ -21,8 +21,9 @@ pub const STATUS_FILE: &str = "status.json";
 
 /// What `gshear-reduce` writes into the folder of a run unless told otherwise, apart from metadata
 /// of tables and from exports.
-const REDUCED: [&str; 22] = [
+const REDUCED: [&str; 23] = [
     "report",
+    "sweep-report",
     "rate-state",
     "replay",
     // By the studies in Python.

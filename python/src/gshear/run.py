@@ -462,7 +462,7 @@ class Run:
         self._table("rate-state/rate-state.csv", ["rate-state"], belong, folder)
         # A former reduction may have left tables that this one did not write.
         tables = [path for path in sorted(folder.glob("*.csv")) if self._is_newer(path)]
-        return {path.stem: _csv(path) for path in tables}
+        return {path.stem: read_csv(path) for path in tables}
 
     def spectrum(self, frame: SupportsIndex = -1) -> pd.DataFrame:
         """Returns eigenvalues of K v = λ M v nearest to zero, one line each (`spectrum.csv`).
@@ -535,11 +535,11 @@ class Run:
         """
         path = self.results / name
         if self._is_newer(path):
-            table = _csv(path)
+            table = read_csv(path)
             if belongs(table):
                 return table
         self._reduce(command, folder or self.results)
-        return _csv(path)
+        return read_csv(path)
 
     def _is_newer(self, path: Path) -> bool:
         """Whether a result exists and was written after the run."""
@@ -695,7 +695,7 @@ def _with_units(table: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
     return table
 
 
-def _csv(path: Path) -> pd.DataFrame:
+def read_csv(path: Path) -> pd.DataFrame:
     """Returns a table; its numbers have the same bits as those of the program that wrote it."""
     table: pd.DataFrame = pd.read_csv(path, **EXACT)
     return table

@@ -3,33 +3,41 @@
 from __future__ import annotations
 
 import os
+import sys
+import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from . import programs
 from ._toml import toml
-from .errors import RunError
-from .run import FILES, Run
+from .errors import ProgramFailedError, RunError
+from .run import FILES, Run, read_csv
 from .scene import Scene
 
 # A key that only chooses a packing among equals.
 SEED = "seed"
+# The share of the rows that means leave out: the latter half is steady.
+START = 0.5
 
 
 class Sweep(Sequence[Run]):
     """The runs of a folder that `gshear-mpi --sweep` wrote, or any runs.
 
         with Sweep("out/sweep") as sweep:
-            print(sweep.means(["stress_ratio"], start=0.4))
+            print(sweep.means(["stress_ratio", "slip_phases", "dmin_top_tenth"]))
+
+    The numbers are those of `gshear-reduce report out/sweep`. Runs that have not ended by
+    themselves are left out, and a line on standard error says so.
 
     Args:
         runs: The folder with a folder for each run, or the paths of runs as `Run` takes them.
         quiet: As of `Run`.
 
     Raises:
-        RunError: If there are no runs.
+        RunError: If there are no finished runs.
 
     Attributes:
         keys: The keys in which the scenes differ, such as `contact.friction`.
@@ -51,7 +59,16 @@ class Sweep(Sequence[Run]):
             paths = [Path(path) for path in runs]
         if not paths:
             raise RunError("a sweep needs one run or more")
-        self._runs = [Run(path, quiet=quiet) for path in paths]
+        runs_of_all = [Run(path, quiet=quiet) for path in paths]
+        self._runs = [run for run in runs_of_all if run.finished]
+        self._quiet = quiet
+        for run in runs_of_all:
+            if not run.finished:
+                run.close()
+                if not quiet:
+                    print(f"gshear: {run.folder} has not ended; it is left out", file=sys.stderr)
+        if not self._runs:
+            raise RunError(f"none of {len(paths)} runs has ended, first {paths[0]}")
         scenes = [_values(run.scene) for run in self._runs]
         names = dict.fromkeys(name for scene in scenes for name in scene)
         self.keys = [
@@ -86,17 +103,19 @@ class Sweep(Sequence[Run]):
         self,
         columns: Iterable[str] = (),
         *,
-        start: float = 0.0,
+        start: float = START,
         measures: Mapping[str, Callable[[Run], float]] | None = None,
     ) -> pd.DataFrame:
         """A row for each run: the keys in which they differ, then numbers.
 
         Args:
-            columns: Columns of the time series; their means over the rows are given.
+            columns: Columns of the time series, of the scalars of frames (`regions.csv`; of spheres
+                and boxes those of D²min), or statistics of phases (`runs.csv`); means over the rows
+                are given. The latter two are computed by gshear-reduce.
             start: The share of the rows, from the first on, that is left out of the means: 0.4 of a
-                run to the strain 0.1 leaves out what is before 0.04.
+                run to the strain 0.1 leaves out what is before 0.04. By default the first half.
             measures: Further numbers, each a function of the run, such as
-                `{"slips": lambda run: len(run.phases())}`.
+                `{"rows": lambda run: len(run.series)}`.
 
         Raises:
             KeyError: If a run has no such column.
@@ -104,22 +123,41 @@ class Sweep(Sequence[Run]):
         if not 0.0 <= start < 1.0:
             raise ValueError(f"start is {start}; give a share of the rows from 0 to below 1")
         columns = list(columns)
+        stored = [name for name in columns if all(name in run.series for run in self._runs)]
+        computed = self._computed([name for name in columns if name not in stored], start)
         rows = []
-        for run, values in zip(self._runs, self._values, strict=True):
+        for k, (run, values) in enumerate(zip(self._runs, self._values, strict=True)):
             row = {"run": run.folder.name, **values}
             if columns:
                 series = run.series
                 later = series.iloc[int(start * len(series)) :]
-                row |= {name: float(later[name].mean()) for name in columns}
+                means = {name: float(later[name].mean()) for name in stored}
+                row |= {n: means[n] if n in means else computed[n].iloc[k] for n in columns}
             row |= {name: of(run) for name, of in (measures or {}).items()}
             rows.append(row)
         return pd.DataFrame(rows).set_index("run")
+
+    def _computed(self, columns: Sequence[str], start: float) -> pd.DataFrame:
+        """Means of columns that are not in all time series, a row for each run."""
+        if not columns:
+            return pd.DataFrame()
+        with tempfile.TemporaryDirectory() as folder:
+            program = programs.find("gshear-reduce")
+            words = [str(program), "report", *(str(run.path) for run in self._runs)]
+            words += ["--columns", ",".join(columns), "--start", repr(start), "--out", folder]
+            try:
+                programs.run(words, quiet=self._quiet)
+            except ProgramFailedError as error:
+                if "--columns" in error.output:
+                    raise KeyError(error.output.strip()) from error
+                raise
+            return read_csv(Path(folder) / "runs.csv")
 
     def means(
         self,
         columns: Iterable[str] = (),
         *,
-        start: float = 0.0,
+        start: float = START,
         measures: Mapping[str, Callable[[Run], float]] | None = None,
         over: Sequence[str] = (SEED,),
     ) -> pd.DataFrame:

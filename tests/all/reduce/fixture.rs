@@ -27,6 +27,8 @@ pub struct Fixture {
     pub friction: f64,
     /// The scene's.
     pub seed: u64,
+    /// Further lines of the scene.
+    pub further: String,
     /// k (N/m) of a spring that pulls the top wall.
     pub spring: Option<f64>,
     /// Scalars of the frames at these steps, as if the run had computed them.
@@ -134,6 +136,7 @@ impl Fixture {
             series,
             friction: 0.7,
             seed: 1,
+            further: String::new(),
             spring: None,
             scalars: Vec::new(),
             digest: Some("00c0ffee00c0ffee".into()),
@@ -165,8 +168,8 @@ impl Fixture {
              material = {{ young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }}\n\
              contact = {{ friction = {:?}, damping_ratio = 0.1 }}\n\
              sample = {{ grains = 1000, radius_min = 0.5e-6, radius_max = 1e-6, length = 48e-6 }}\n\
-             load.stiffness_number = 10_000\nshear = {{ velocity = 1e-4, strain = 0.1 }}\n",
-            self.seed, self.friction
+             load.stiffness_number = 10_000\nshear = {{ velocity = 1e-4, strain = 0.1 }}\n{}",
+            self.seed, self.friction, self.further
         );
         let mut attributes: Vec<(&str, Attribute)> = vec![
             ("scene", scene.into()),

@@ -9,6 +9,7 @@ mod reading;
 mod references;
 mod results;
 mod spectrum;
+mod sweep;
 
 use crate::common::reducer;
 use std::path::Path;

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
+use gshear_scene::key;
 use serde_json::{Value, json};
 
 use crate::text_writer;
@@ -19,8 +20,8 @@ pub use tables::{TableDescription, tables};
 fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<String> {
     let all = tables(axes);
     let table = all.iter().find(|table| table.file == kind)?;
-    // Figures show columns of other tables.
-    let others = all.iter().filter(|_| kind == OF_FIGURES);
+    // These have columns of other tables.
+    let others = all.iter().filter(|_| OF_ALL.contains(&kind));
     let known = || {
         table
             .columns
@@ -36,12 +37,21 @@ fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<Strin
             let rest = general.strip_prefix(column.name);
             rest.is_some_and(|rest| rest.is_empty() || AXES.contains(&rest))
         };
-        let column = known().find(is_of)?;
-        let mut described = json!({ "name": name, "titles": name, "dc:description": column.doc });
-        if let Some(unit) = column.unit_in(axes) {
-            described["schema:unitText"] = unit.into();
+        if let Some(key) = key(name).filter(|_| OF_ALL.contains(&kind)) {
+            return Some(described(name, key.doc.trim(), Some(key.unit)));
         }
-        Some(described)
+        if let Some(column) = known().find(is_of) {
+            return Some(described(name, column.doc, column.unit_in(axes).as_deref()));
+        }
+        let of = name
+            .strip_suffix(ERROR)
+            .filter(|_| OF_ALL.contains(&kind))?;
+        let column = known().find(|column| column.name == of)?;
+        let doc = format!(
+            "standard error over runs of the mean of {of}: {}",
+            column.doc
+        );
+        Some(described(name, &doc, column.unit_in(axes).as_deref()))
     };
     let columns: Vec<Value> = names.iter().map(describe).collect::<Option<_>>()?;
     Some(format!(
@@ -53,6 +63,22 @@ fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<Strin
             "tableSchema": { "columns": columns },
         })
     ))
+}
+
+/// A column as CSV on the Web describes it.
+fn described(name: &str, doc: &str, unit: Option<&str>) -> Value {
+    let mut described = json!({ "name": name, "titles": name, "dc:description": doc });
+    if let Some(unit) = unit.filter(|unit| !unit.is_empty()) {
+        described["schema:unitText"] = unit.into();
+    }
+    described
+}
+
+/// Returns the first column of this name in any table, in 3D.
+pub fn column(name: &str) -> Option<Column> {
+    let all = tables(3);
+    let mut columns = all.iter().flat_map(|table| &table.columns);
+    columns.find(|column| column.name == name).copied()
 }
 
 /// Writes the metadata of a table `kind`, such as `log.csv`, beside the table, or, if the
@@ -95,6 +121,12 @@ fn write_described(kind: &str, path: &Path, csv: &str, axes: usize) -> Result<()
     let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
     write_metadata(kind, path, &names, axes)
 }
+
+/// Tables with columns of other tables, and keys of scenes.
+const OF_ALL: [&str; 3] = [OF_FIGURES, "runs.csv", "means.csv"];
+
+/// Of the name of the standard error of a mean, after that of its column.
+pub const ERROR: &str = "_error";
 
 /// Of the name of metadata, after that of its table.
 const ENDING: &str = "-metadata.json";

@@ -3,6 +3,7 @@
 use gshear_analysis::aftermath::BoxChange;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::phase_measures::PhaseMeasures;
+use gshear_analysis::phases::PhaseStatistics;
 use gshear_analysis::stability::Stability;
 use gshear_dem::columns::Column;
 use gshear_dem::state::all_series_columns;
@@ -84,6 +85,7 @@ fn declared(row: &str, axes: usize) -> Vec<Column> {
         "AqsRow" => AqsRow::COLUMNS.to_vec(),
         "NewtonianRow" => NewtonianRow::COLUMNS.to_vec(),
         "FrameScalars" => FrameScalars::COLUMNS.to_vec(),
+        "PhaseStatistics" => PhaseStatistics::COLUMNS.to_vec(),
         "PhaseMeasures" => PhaseMeasures::COLUMNS.to_vec(),
         "Stability" => Stability::COLUMNS.to_vec(),
         "BoxChange" => BoxChange::COLUMNS.to_vec(),

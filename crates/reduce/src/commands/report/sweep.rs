@@ -1,0 +1,157 @@
+//! The runs of a sweep, and what is read of each for their report.
+
+use std::path::{Path, PathBuf};
+
+use crate::printer::Printer;
+use crate::scalars;
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::failure::Failure;
+use gshear_report::sweep::{Sweep, SweepRun};
+use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE, STATUS_FILE, folder_of};
+use gshear_store::run_reader::RunFile;
+use gshear_store::status::{RunState, Status};
+
+/// The report of several runs.
+pub struct Request<'a> {
+    /// Columns to compare; empty for the usual ones.
+    pub columns: &'a [String],
+    /// The key that means are drawn against.
+    pub against: Option<&'a str>,
+    /// Share of the rows that means leave out.
+    pub start: f64,
+}
+
+/// Whether a folder holds a file of a run.
+fn holds_run(folder: &Path) -> bool {
+    let mut files = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE].into_iter();
+    files.any(|name| folder.join(name).exists())
+}
+
+/// Whether a folder is that of a run, which may have failed before it wrote a file.
+fn has_begun(folder: &Path) -> bool {
+    holds_run(folder) || folder.join(STATUS_FILE).exists()
+}
+
+/// The folders in a folder that hold a run, or one that has begun, in the order of their names.
+///
+/// # Errors
+/// A folder that cannot be read, or without runs.
+pub fn runs_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let unread = |e: std::io::Error| Failure::input(format!("{}: {e}", folder.display()));
+    let entries = std::fs::read_dir(folder).map_err(unread)?.flatten();
+    let folders = entries
+        .map(|entry| entry.path())
+        .filter(|path| path.is_dir());
+    let mut runs: Vec<PathBuf> = folders.filter(|path| has_begun(path)).collect();
+    runs.sort();
+    if runs.is_empty() {
+        return Err(Failure::input(format!(
+            "{}: holds no run ({RUN_FILE}, {AQS_FILE} or {NEWTONIAN_FILE}), and no folder in it does; \
+             give the folder of a run, or of a sweep",
+            folder.display()
+        )));
+    }
+    Ok(runs)
+}
+
+/// Whether a path is a folder of runs, and not of a run.
+pub fn is_of_runs(path: &Path) -> bool {
+    path.is_dir() && !has_begun(path)
+}
+
+/// Compares runs and writes their report into `folder`. Runs that have not ended by themselves are
+/// left out, and a line says so. `given`: runs, and folders of runs.
+///
+/// # Errors
+/// No finished run, columns or keys that the runs lack, a run that is given twice, files that
+/// cannot be read or written.
+pub fn write(
+    given: &[PathBuf],
+    request: &Request<'_>,
+    folder: &Path,
+    printer: &mut Printer,
+) -> Result<(), Failure> {
+    let mut paths = Vec::new();
+    for path in given {
+        if is_of_runs(path) {
+            paths.extend(runs_in(path)?);
+        } else {
+            paths.push(path.clone());
+        }
+    }
+    let names = names(&paths);
+    let (mut runs, mut skipped) = (Vec::new(), Vec::new());
+    for (path, name) in paths.iter().zip(names) {
+        match unfinished(path)? {
+            Ok(run) => runs.push(read(name, &run, request)?),
+            Err(why) => skipped.push(format!("{name}: {why}")),
+        }
+    }
+    if runs.is_empty() {
+        let first = skipped.first().map(String::as_str).unwrap_or_default();
+        return Err(Failure::input(format!(
+            "none of {} runs has ended by itself, first {first}; finish one or more",
+            skipped.len()
+        )));
+    }
+    let sweep = Sweep::new(&runs, request.columns, request.against)?;
+    for why in &skipped {
+        writeln!(printer, "left out {why}")?;
+    }
+    let title = given[0].display().to_string();
+    let title = match given.len() {
+        1 => title,
+        n => format!("{title} and {} more", n - 1),
+    };
+    let written = sweep.write(&title, request.start, &skipped, folder)?;
+    written.iter().try_for_each(|path| printer.wrote(path))
+}
+
+/// Names of the folders of runs; the paths if two have the same name.
+fn names(paths: &[PathBuf]) -> Vec<String> {
+    let short = |path: &PathBuf| {
+        let folder = folder_of(path);
+        let whole = folder.canonicalize().unwrap_or_else(|_| folder.into());
+        whole
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned())
+    };
+    let mut names: Vec<Option<String>> = paths.iter().map(short).collect();
+    names.sort();
+    let unique = names.windows(2).all(|pair| pair[0] != pair[1]);
+    let path = |path: &PathBuf| path.display().to_string();
+    let name = |of: &PathBuf| short(of).filter(|_| unique).unwrap_or_else(|| path(of));
+    paths.iter().map(name).collect()
+}
+
+/// The run, or why it is left out.
+///
+/// # Errors
+/// A path without a run that has not begun either, a damaged file.
+fn unfinished(path: &Path) -> Result<Result<RunFile, String>, Failure> {
+    let status = Status::read(folder_of(path));
+    let why = status.map(|status| match (status.state, status.message) {
+        (RunState::Failed, Some(message)) => format!("failed: {message}"),
+        (RunState::Failed, None) => "failed".into(),
+        (RunState::Running, _) => "is under way, or was killed".into(),
+        _ => "was stopped before its end".to_string(),
+    });
+    match (RunFile::open_any(path), why) {
+        (Ok(run), _) if run.digest().is_some() => Ok(Ok(run)),
+        (Ok(_), why) => Ok(Err(why.unwrap_or_else(|| "has not ended".into()))),
+        (Err(_), Some(why)) if path.is_dir() && !holds_run(path) => Ok(Err(why)),
+        (Err(failure), _) => Err(failure),
+    }
+}
+
+fn read(name: String, run: &RunFile, request: &Request<'_>) -> Result<SweepRun, Failure> {
+    let mut columns = FrameScalars::COLUMNS.iter();
+    let is_asked = columns.any(|column| request.columns.iter().any(|name| name == column.name));
+    let scalars = if is_asked {
+        scalars::of_any(run)?
+    } else {
+        Vec::new()
+    };
+    let (start, columns) = (request.start, request.columns);
+    Ok(SweepRun::of(name, run, start, columns, &scalars))
+}

@@ -1,0 +1,806 @@
+//! The report of several runs: curves over each other, and means over seeds against a key of the
+//! scenes.
+
+use std::cmp::Ordering;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use plotters::style::RGBColor;
+use toml::Value;
+
+use super::ReportFigure;
+use super::boxes::Measured;
+use super::colour::{CURVES, VIRIDIS};
+use super::curves::{draw, padded};
+use super::history::Axis;
+use super::page::{self, escape};
+use super::panels::{Compared, PANELS};
+use super::plot::{Layout, Plot, figure};
+use super::ticks::{self, Tick};
+use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_analysis::moments::{Moments, extent, grouped};
+use gshear_analysis::phases::{self, PhaseStatistics};
+use gshear_dem::failure::Failure;
+use gshear_store::csv_table::Table;
+use gshear_store::dictionary;
+use gshear_store::run_reader::{RunFile, RunStage};
+
+/// With room for ticks that are powers of ten.
+const LAYOUT: Layout = Layout::new([900.0, 320.0], 108.0);
+/// The key in which runs differ that are repeated to be averaged.
+const SEED: &str = "seed";
+/// Tables of the runs and of their means.
+const RUNS: &str = "runs.csv";
+const MEANS: &str = "means.csv";
+/// From this ratio of the greatest to the least value of a key on, its axis is logarithmic.
+const WIDE: f64 = 10.0;
+/// Distance between lines whose points lie at the same value of a key (px).
+const APART: f64 = 5.0;
+/// Most names in a legend.
+const MOST_NAMES: usize = 12;
+
+/// A run, and what is compared of it.
+pub struct SweepRun {
+    /// Name of its folder.
+    pub name: String,
+    /// Digest of its last state.
+    digest: Option<String>,
+    /// Values of the scene by their keys.
+    scene: BTreeMap<String, Value>,
+    stage: RunStage,
+    axes: usize,
+    step: Vec<u64>,
+    axis: Axis,
+    /// Columns of the time series that may be drawn, by name.
+    curves: BTreeMap<&'static str, Vec<f64>>,
+    /// Means over the later rows and statistics of phases, by name.
+    means: BTreeMap<&'static str, f64>,
+}
+
+impl SweepRun {
+    /// Takes from a run what is compared. `start`: share of the rows that is left out of means;
+    /// `wanted`: columns to draw besides those that are always compared; `scalars`: of its frames,
+    /// as far as they are asked for.
+    pub fn of(
+        name: String,
+        run: &RunFile,
+        start: f64,
+        wanted: &[String],
+        scalars: &[FrameScalars],
+    ) -> Self {
+        let series = run.series();
+        let later = |values: &[f64]| later_mean(values, start);
+        let mut columns: Vec<(&'static str, Vec<f64>)> = Vec::new();
+        let stored = series.declared.iter().zip(&series.columns);
+        columns.extend(stored.map(|(column, values)| (column.name, values.clone())));
+        if run.stage() == RunStage::Strain {
+            columns.extend(Measured::of(run).columns());
+        }
+        let mut means: BTreeMap<&'static str, f64> = BTreeMap::new();
+        means.extend(columns.iter().map(|(name, values)| (*name, later(values))));
+        if run.stage() == RunStage::Shear {
+            let first = first_row(series.rows(), start);
+            let [strain, tau] = ["strain", "stress_ratio"].map(|name| series.column(name));
+            let found = phases::find(&strain[first..], &tau[first..]);
+            let values = PhaseStatistics::of(&found).columns();
+            means.extend(
+                PhaseStatistics::COLUMNS
+                    .map(|of| of.name)
+                    .into_iter()
+                    .zip(values),
+            );
+        }
+        let of_frames = FrameScalars::COLUMNS.iter().enumerate().map(|(k, column)| {
+            let values: Vec<f64> = scalars.iter().map(|row| row.columns()[k]).collect();
+            (column.name, later(&values))
+        });
+        // Without D²min, and of spheres without regions, nothing is defined.
+        means.extend(of_frames.filter(|(_, mean)| mean.is_finite()));
+        let is_drawn = |name: &str| {
+            let compared = PANELS.compared.iter().any(|of| of.column == name);
+            compared || wanted.iter().any(|of| of == name)
+        };
+        columns.retain(|(name, values)| is_drawn(name) && values.iter().any(|x| x.is_finite()));
+        Self {
+            name,
+            digest: run.digest().map(String::from),
+            scene: values_of(run.scene()),
+            stage: run.stage(),
+            axes: run.dimension().axes(),
+            step: series.step.clone(),
+            axis: Axis::of(run),
+            curves: columns.into_iter().collect(),
+            means,
+        }
+    }
+}
+
+/// The first row of the means.
+fn first_row(rows: usize, start: f64) -> usize {
+    (start * rows as f64) as usize
+}
+
+/// Mean of the finite values from the share `start` on.
+fn later_mean(values: &[f64], start: f64) -> f64 {
+    let later = values[first_row(values.len(), start)..].iter();
+    let finite: Vec<f64> = later.copied().filter(|value| value.is_finite()).collect();
+    Moments::of(&finite).mean
+}
+
+/// The values of a scene by their keys; its title and author are none of them.
+fn values_of(scene: &str) -> BTreeMap<String, Value> {
+    let mut values = BTreeMap::new();
+    for (name, value) in scene.parse::<toml::Table>().unwrap_or_default() {
+        match value {
+            Value::Table(inner) => {
+                let inner = inner.into_iter();
+                values.extend(inner.map(|(key, value)| (format!("{name}.{key}"), value)));
+            }
+            _ if name == "title" || name == "author" => {}
+            value => _ = values.insert(name, value),
+        }
+    }
+    values
+}
+
+/// A value as text; empty without one.
+fn text(value: Option<&Value>) -> String {
+    match value {
+        Some(Value::String(text)) => text.clone(),
+        Some(value) => value.to_string(),
+        None => String::new(),
+    }
+}
+
+/// A value in pages and figures.
+fn shown(value: Option<&Value>) -> String {
+    match number(value) {
+        Some(x) if x != 0.0 && !(1e-3..1e6).contains(&x.abs()) => format!("{x:e}"),
+        _ => text(value),
+    }
+}
+
+fn number(value: Option<&Value>) -> Option<f64> {
+    match value {
+        Some(Value::Integer(value)) => Some(*value as f64),
+        Some(Value::Float(value)) => Some(*value),
+        _ => None,
+    }
+}
+
+/// Numbers by their size, anything else by its text.
+fn order(a: Option<&Value>, b: Option<&Value>) -> Ordering {
+    match (number(a), number(b)) {
+        (Some(a), Some(b)) => a.total_cmp(&b),
+        _ => text(a).cmp(&text(b)),
+    }
+}
+
+/// Runs with the same values of all keys but the seed.
+struct Group<'a> {
+    /// Values of the keys.
+    values: Vec<Option<&'a Value>>,
+    runs: Vec<&'a SweepRun>,
+}
+
+impl Group<'_> {
+    /// Moments of a column over the runs.
+    fn moments(&self, column: &str) -> Moments {
+        let values = self.runs.iter().map(|run| run.means[column]);
+        Moments::of(&values.filter(|x| x.is_finite()).collect::<Vec<_>>())
+    }
+}
+
+/// The runs, the keys in which they differ, and the columns that are compared.
+pub struct Sweep<'a> {
+    runs: &'a [SweepRun],
+    /// All keys but the seed.
+    keys: Vec<String>,
+    has_seeds: bool,
+    columns: Vec<String>,
+    /// Number of the key that means are drawn against.
+    against: Option<usize>,
+}
+
+impl<'a> Sweep<'a> {
+    /// Compares runs. `columns`: empty for those of `panels.toml` that all runs have; `against`:
+    /// the key that means are drawn against, by default the number with the most values.
+    ///
+    /// # Errors
+    /// A column that a run lacks, no common columns, a key in which the runs do not differ, a run
+    /// that is given twice.
+    pub fn new(
+        runs: &'a [SweepRun],
+        columns: &[String],
+        against: Option<&str>,
+    ) -> Result<Self, Failure> {
+        let mut keys: Vec<String> = Vec::new();
+        for key in runs.iter().flat_map(|run| run.scene.keys()) {
+            let first = runs[0].scene.get(key);
+            let differs = runs.iter().any(|run| run.scene.get(key) != first);
+            if differs && !keys.contains(key) {
+                keys.push(key.clone());
+            }
+        }
+        keys.sort();
+        let has_seeds = keys.iter().any(|key| key == SEED);
+        for (k, run) in runs.iter().enumerate() {
+            let same = |other: &&SweepRun| {
+                let is_equal = |key: &String| run.scene.get(key) == other.scene.get(key);
+                run.digest == other.digest && keys.iter().all(is_equal)
+            };
+            if let Some(other) = runs[..k].iter().find(same) {
+                return Err(Failure::input(format!(
+                    "{} and {} are the same run (equal scenes and digests); give each run once",
+                    other.name, run.name
+                )));
+            }
+        }
+        keys.retain(|key| key != SEED);
+        let mut sweep = Self {
+            runs,
+            keys,
+            has_seeds,
+            columns: columns_of(runs, columns)?,
+            against: None,
+        };
+        sweep.against = sweep.chosen(against)?;
+        Ok(sweep)
+    }
+
+    fn chosen(&self, against: Option<&str>) -> Result<Option<usize>, Failure> {
+        let Some(key) = against else {
+            let values = |k: &usize| {
+                let all: Vec<_> = self
+                    .runs
+                    .iter()
+                    .map(|r| r.scene.get(&self.keys[*k]))
+                    .collect();
+                let numbers = all.iter().all(|value| number(*value).is_some());
+                (numbers, grouped(all, |a, b| a == b).len())
+            };
+            // Of equals the first.
+            return Ok((0..self.keys.len()).rev().max_by_key(values));
+        };
+        let found = self.keys.iter().position(|known| known == key);
+        let differ = match &self.keys[..] {
+            [] if self.has_seeds => "they differ in the seed alone".into(),
+            [] => "they differ in no key".into(),
+            keys => format!("they differ in {}", keys.join(", ")),
+        };
+        found.map(Some).ok_or_else(|| {
+            Failure::input(format!(
+                "--against {key}: is not a key in which the runs differ; {differ}"
+            ))
+        })
+    }
+
+    fn groups(&self) -> Vec<Group<'a>> {
+        let values = |run: &'a SweepRun| -> Vec<Option<&'a Value>> {
+            self.keys.iter().map(|key| run.scene.get(key)).collect()
+        };
+        let by_values = grouped(self.runs, |a, b| values(a) == values(b));
+        let mut groups: Vec<Group<'a>> = by_values
+            .into_iter()
+            .map(|runs| Group {
+                values: values(runs[0]),
+                runs,
+            })
+            .collect();
+        groups.sort_by(|a, b| {
+            let mut pairs = a.values.iter().zip(&b.values);
+            let unequal = pairs.find_map(|(a, b)| Some(order(*a, *b)).filter(|o| o.is_ne()));
+            unequal.unwrap_or(Ordering::Equal)
+        });
+        groups
+    }
+
+    /// The last part of a key, all of it if another key has the same, in words.
+    fn short(&self, k: usize) -> String {
+        let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_string();
+        let name = last(&self.keys[k]);
+        let same = self.keys.iter().filter(|key| last(key) == name);
+        let name = if same.count() > 1 {
+            self.keys[k].clone()
+        } else {
+            name
+        };
+        name.replace('_', " ")
+    }
+
+    /// Number of different sets of values that some keys take.
+    fn sets(&self, keys: &[usize]) -> usize {
+        let same = |a: &&SweepRun, b: &&SweepRun| {
+            let mut keys = keys.iter().map(|k| &self.keys[*k]);
+            keys.all(|key| a.scene.get(key) == b.scene.get(key))
+        };
+        grouped(self.runs, same).len()
+    }
+
+    /// The numbers of the keys that tell the groups apart: without those that scenes have or lack
+    /// because of another key, such as the gain of a servo, and those that change together with the
+    /// key on the axis.
+    fn telling(&self) -> Vec<usize> {
+        let mut keys: Vec<usize> = (0..self.keys.len()).collect();
+        let all = self.sets(&keys);
+        let lacks = |k: usize| {
+            let mut runs = self.runs.iter();
+            runs.any(|run| !run.scene.contains_key(&self.keys[k]))
+        };
+        let is_tied = |k: usize| {
+            let sets = |keys: &[usize]| self.sets(keys);
+            self.against
+                .is_some_and(|of| sets(&[of]) == sets(&[k]) && sets(&[of, k]) == sets(&[k]))
+        };
+        for k in (0..self.keys.len())
+            .rev()
+            .filter(|k| Some(*k) != self.against)
+        {
+            let others: Vec<usize> = keys.iter().copied().filter(|other| *other != k).collect();
+            if (lacks(k) || is_tied(k)) && self.sets(&others) == all {
+                keys = others;
+            }
+        }
+        keys
+    }
+
+    /// The values of these keys, as a legend names them.
+    fn named(&self, group: &Group<'_>, keys: impl Iterator<Item = usize>) -> String {
+        let has = keys.filter(|k| group.values[*k].is_some());
+        let named = has.map(|k| format!("{} {}", self.short(k), shown(group.values[k])));
+        named.collect::<Vec<_>>().join(", ")
+    }
+
+    /// Numbers are per unit depth if all runs are of disks.
+    fn axes(&self) -> usize {
+        self.runs.iter().map(|run| run.axes).max().unwrap_or(3)
+    }
+
+    /// What stands at the axis of a column.
+    fn label(&self, column: &str) -> String {
+        let compared = PANELS.compared.iter().find(|of| of.column == column);
+        if let Some(Compared { label, .. }) = compared {
+            return label.clone();
+        }
+        let name = column.replace('_', " ");
+        // The scene of a box may have any units.
+        let is_si = self.runs.iter().all(|run| run.stage == RunStage::Shear);
+        let unit = dictionary::column(column).and_then(|of| of.unit_in(self.axes()));
+        match unit.filter(|_| is_si) {
+            Some(unit) => format!("{name} ({})", readable(&unit)),
+            None => name,
+        }
+    }
+
+    /// A table with a line per run: its name, the keys, the columns.
+    fn table_of_runs(&self) -> String {
+        let seed = self.has_seeds.then(|| SEED.to_string());
+        let keys: Vec<&String> = self.keys.iter().chain(&seed).collect();
+        Table::of(self.runs)
+            .column("run", |run| run.name.clone())
+            .columns(&keys, |run| {
+                keys.iter()
+                    .map(|key| text(run.scene.get(*key)))
+                    .collect::<Vec<_>>()
+            })
+            .columns(&self.columns, |run| {
+                self.columns
+                    .iter()
+                    .map(|column| run.means[&**column])
+                    .collect::<Vec<_>>()
+            })
+            .csv()
+    }
+
+    /// A table with a line per group: the keys, means of columns with their errors, number of runs.
+    fn table_of_means(&self, columns: &[String]) -> String {
+        let names = columns
+            .iter()
+            .flat_map(|name| [name.clone(), format!("{name}{}", dictionary::ERROR)]);
+        Table::of(self.groups())
+            .columns(&self.keys, |group| {
+                group
+                    .values
+                    .iter()
+                    .map(|value| text(*value))
+                    .collect::<Vec<_>>()
+            })
+            .columns(names, |group| {
+                let moments = columns.iter().map(|column| group.moments(column));
+                moments
+                    .flat_map(|of| [of.mean, of.error()])
+                    .collect::<Vec<_>>()
+            })
+            .column("runs", |group| group.runs.len())
+            .csv()
+    }
+
+    /// Writes the report into `folder`, which is created if missing: `index.html` with its figures,
+    /// `runs.csv` and `means.csv`. Returns the paths of the tables and of the page. `title`, and
+    /// the share of the rows that means leave out; `skipped`: runs that are left out, and why.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(
+        &self,
+        title: &str,
+        start: f64,
+        skipped: &[String],
+        folder: &Path,
+    ) -> Result<[PathBuf; 3], Failure> {
+        let groups = self.groups();
+        let mut figures = Vec::new();
+        for column in &self.columns {
+            figures.extend(self.against(column, &groups));
+            figures.extend(self.curves(column, &groups));
+        }
+        let [runs, means] = [RUNS, MEANS].map(|name| folder.join(name));
+        dictionary::write_table(&runs, &self.table_of_runs(), self.axes())?;
+        dictionary::write_table(&means, &self.table_of_means(&self.columns), self.axes())?;
+        let page = self.page(title, start, skipped, &groups, &figures);
+        let page = super::write_files(self.axes(), &figures, &page, folder)?;
+        Ok([runs, means, page])
+    }
+
+    fn page(
+        &self,
+        title: &str,
+        start: f64,
+        skipped: &[String],
+        groups: &[Group<'_>],
+        figures: &[ReportFigure],
+    ) -> String {
+        let lead = format!(
+            "{} runs of gshear-mpi side by side. Means are over the rows of a run from {} % on, then over \
+             runs that differ in the seed alone; after ± the standard error over them. \
+             <a href=\"{MEANS}\">{MEANS}</a>, <a href=\"{RUNS}\">{RUNS}</a>",
+            self.runs.len(),
+            100.0 * start
+        );
+        let skipped = skipped
+            .iter()
+            .map(|why| format!("<p>Left out: {}</p>\n", escape(why)));
+        let head = (0..self.keys.len()).map(|k| self.keys[k].clone());
+        let head = head
+            .chain(["runs".into()])
+            .chain(self.columns.iter().map(|c| self.label(c)));
+        let head: String = head
+            .map(|name| format!("<th>{}</th>", marked(&name)))
+            .collect();
+        let row = |group: &Group<'_>| {
+            let keys = group.values.iter().map(|value| escape(&shown(*value)));
+            let means = self.columns.iter().map(|column| {
+                let of = group.moments(column);
+                with_error(of.mean, of.error())
+            });
+            let cells = keys.chain([group.runs.len().to_string()]).chain(means);
+            let cells: String = cells.map(|cell| format!("<td>{cell}</td>")).collect();
+            format!("<tr>{cells}</tr>\n")
+        };
+        let rows: String = groups.iter().map(row).collect();
+        let mut body = format!(
+            "{}<h2>Means</h2>\n<div class=\"wide\"><table>\n<tr>{head}</tr>\n{rows}</table></div>\n<h2>Figures</h2>\n",
+            skipped.collect::<String>()
+        );
+        for figure in figures {
+            let data = format!("{}.csv", figure.name);
+            body += &page::figure(&figure.name, &figure.caption, &data, &figure.svg);
+        }
+        page::document(&escape(title), &lead, &body)
+    }
+
+    /// Draws the means of a column against the chosen key, a line for each set of the other values.
+    fn against(&self, column: &str, groups: &[Group<'_>]) -> Option<ReportFigure> {
+        let key = self.against?;
+        let name = &self.keys[key];
+        let places = Places::of(groups.iter().map(|group| group.values[key]).collect());
+        let telling = self.telling();
+        let others = || telling.iter().copied().filter(|k| *k != key);
+        let same = |a: &&Group<'_>, b: &&Group<'_>| others().all(|k| a.values[k] == b.values[k]);
+        let lines = grouped(groups, same);
+        let names: Vec<String> = lines.iter().map(|of| self.named(of[0], others())).collect();
+        let point = |group: &&Group<'_>| {
+            let of = group.moments(column);
+            let error = Some(of.error()).filter(|error| error.is_finite());
+            let point = [places.at(group.values[key]), of.mean, error.unwrap_or(0.0)];
+            of.mean.is_finite().then_some(point)
+        };
+        let points = |line: &Vec<&Group<'_>>| -> Vec<[f64; 3]> {
+            let mut points: Vec<_> = line.iter().filter_map(point).collect();
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            points
+        };
+        let lines: Vec<Vec<[f64; 3]>> = lines.iter().map(points).collect();
+        let ends = lines
+            .iter()
+            .flatten()
+            .flat_map(|[_, y, error]| [y - error, y + error]);
+        let (x, y) = (places.range(), padded(ends, 0.08));
+        if lines.iter().all(Vec::is_empty) {
+            return None;
+        }
+        let colours = colours(lines.len());
+        let entries = legend(&names, &colours);
+        let layout = LAYOUT.with_legend(entries.iter().map(|of| of.1));
+        let svg = figure(layout, x, y, |plot| {
+            let (x_ticks, y_ticks) = (places.ticks(x), ticks::scientific(y, 5));
+            plot.grid(&x_ticks, &y_ticks);
+            let apart = APART.min(40.0 / lines.len() as f64) / plot.scale();
+            for (k, (line, colour)) in lines.iter().zip(&colours).enumerate() {
+                let shift = apart * (k as f64 - 0.5 * (lines.len() - 1) as f64);
+                let line = line.iter().map(|[x, y, error]| [x + shift, *y, *error]);
+                draw_means(plot, line.collect(), places.numbers.is_some(), *colour);
+            }
+            plot.axes(&x_ticks, &y_ticks, &key_label(name), &self.label(column));
+            plot.legend(&entries);
+        });
+        let tied = (0..self.keys.len()).filter(|k| !telling.contains(k));
+        let tied: Vec<&str> = tied.map(|k| &*self.keys[k]).collect();
+        let tied = if tied.is_empty() {
+            String::new()
+        } else {
+            format!(" Keys that follow from the others: {}.", tied.join(", "))
+        };
+        let caption = format!(
+            "Mean of {} against {}; bars: standard error over seeds.{}",
+            escape(column),
+            escape(name),
+            escape(&tied)
+        );
+        let data = self.table_of_means(&[column.to_string()]);
+        Some(ReportFigure::new(
+            format!("{column}-means"),
+            caption,
+            svg,
+            data,
+        ))
+    }
+
+    /// Draws a column of all time series over each other, a colour for each set of values; nothing
+    /// if it is in none, or if the runs are drawn over different quantities.
+    fn curves(&self, column: &str, groups: &[Group<'_>]) -> Option<ReportFigure> {
+        let axis = &self.runs[0].axis;
+        let curve = |run: &'a SweepRun| run.curves.get(column).map(Vec::as_slice);
+        let is_drawn =
+            |run: &SweepRun| run.axis.label == axis.label && run.curves.contains_key(column);
+        if !self.runs.iter().all(is_drawn) {
+            return None;
+        }
+        let telling = self.telling();
+        let names: Vec<String> = groups
+            .iter()
+            .map(|of| self.named(of, telling.iter().copied()))
+            .collect();
+        let colours = colours(groups.len());
+        let entries = legend(&names, &colours);
+        let layout = LAYOUT.with_legend(entries.iter().map(|of| of.1));
+        let all = |of: fn(&'a SweepRun) -> &'a [f64]| self.runs.iter().flat_map(of).copied();
+        let x = padded(all(|run| &run.axis.values), 0.02);
+        let y = padded(self.runs.iter().filter_map(curve).flatten().copied(), 0.08);
+        let svg = figure(layout, x, y, |plot| {
+            let (x_ticks, y_ticks) = (ticks::scientific(x, 10), ticks::scientific(y, 5));
+            plot.grid(&x_ticks, &y_ticks);
+            for (group, colour) in groups.iter().zip(&colours) {
+                for run in &group.runs {
+                    let (x, y) = (&run.axis.values, &run.curves[column]);
+                    let rows: Vec<usize> = (0..y.len()).collect();
+                    draw(plot, x, y, &rows, *colour, 0.8);
+                }
+            }
+            plot.clip();
+            plot.axes(&x_ticks, &y_ticks, axis.label, &self.label(column));
+            plot.legend(&entries);
+        });
+        let rows = self
+            .runs
+            .iter()
+            .flat_map(|run| (0..run.step.len()).map(move |k| (run, k)));
+        let data = Table::of(rows)
+            .column("run", |(run, _)| run.name.clone())
+            .column("step", |(run, k)| run.step[*k])
+            .column(axis.column.0, |(run, k)| run.axis.column.1[*k])
+            .column(column, |(run, k)| run.curves[column][*k])
+            .csv();
+        let caption = format!("{} of all runs.", marked(&self.label(column)));
+        Some(ReportFigure::new(
+            format!("{column}-curves"),
+            caption,
+            svg,
+            data,
+        ))
+    }
+}
+
+/// The columns that are compared: those that are asked for, or of the usual ones those that all
+/// runs have.
+fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>, Failure> {
+    for name in asked {
+        if let Some(run) = runs.iter().find(|run| !run.means.contains_key(&**name)) {
+            if FrameScalars::COLUMNS.iter().any(|of| of.name == name) {
+                return Err(Failure::input(format!(
+                    "--columns {name}: {} has no value of it, which needs frames (output.frame_strain) and, \
+                     but for D²min, disks between walls",
+                    run.name
+                )));
+            }
+            let known: Vec<&str> = run.means.keys().copied().collect();
+            return Err(Failure::input(format!(
+                "--columns {name}: {} has no such column; it has {}",
+                run.name,
+                known.join(", ")
+            )));
+        }
+    }
+    if !asked.is_empty() {
+        let mut once = Vec::new();
+        asked.iter().for_each(|name| {
+            if !once.contains(name) {
+                once.push(name.clone());
+            }
+        });
+        return Ok(once);
+    }
+    let all_have = |name: &str| {
+        let known = |run: &SweepRun| run.means.get(name).is_some_and(|mean| mean.is_finite());
+        runs.iter().all(known)
+    };
+    let usual = PANELS.compared.iter().map(|of| of.column.clone());
+    let found: Vec<String> = usual.filter(|name| all_have(name)).collect();
+    if found.is_empty() {
+        let kinds = grouped(runs, |a, b| a.stage == b.stage);
+        let kinds = kinds
+            .iter()
+            .map(|of| format!("{} (stage {})", of[0].name, of[0].stage.name()));
+        return Err(Failure::input(format!(
+            "the runs have no column in common: {}; give runs of one kind, or --columns",
+            kinds.collect::<Vec<_>>().join(", ")
+        )));
+    }
+    Ok(found)
+}
+
+/// Draws means `[x, mean, error]`, with a line through them if they are `joined`.
+fn draw_means(plot: &mut Plot, means: Vec<[f64; 3]>, joined: bool, colour: RGBColor) {
+    let line: Vec<[f64; 2]> = means.iter().map(|[x, y, _]| [*x, *y]).collect();
+    if joined {
+        plot.line(&line, colour, 1.2);
+    }
+    let cap = 4.0 / plot.scale();
+    for [x, y, error] in means {
+        if error > 0.0 {
+            let [low, high] = [y - error, y + error];
+            plot.line(&[[x, low], [x, high]], colour, 1.2);
+            for end in [low, high] {
+                plot.line(&[[x - cap, end], [x + cap, end]], colour, 1.2);
+            }
+        }
+        plot.disk([x, y], 3.5, colour, None);
+    }
+}
+
+/// Places of the values of a key on an axis.
+struct Places<'a> {
+    values: Vec<Option<&'a Value>>,
+    /// `None` if some are no numbers, which lie side by side; whether the axis is logarithmic.
+    numbers: Option<bool>,
+}
+
+impl<'a> Places<'a> {
+    fn of(mut values: Vec<Option<&'a Value>>) -> Self {
+        values.sort_by(|a, b| order(*a, *b));
+        values.dedup();
+        let numbers: Option<Vec<f64>> = values.iter().map(|value| number(*value)).collect();
+        let is_wide = |numbers: Vec<f64>| {
+            let [low, high] = extent(numbers);
+            low > 0.0 && high >= WIDE * low
+        };
+        Self {
+            values,
+            numbers: numbers.map(is_wide),
+        }
+    }
+
+    fn at(&self, value: Option<&Value>) -> f64 {
+        let number = number(value).unwrap_or(f64::NAN);
+        match self.numbers {
+            Some(true) => number.log10(),
+            Some(false) => number,
+            None => self.values.iter().position(|of| *of == value).unwrap_or(0) as f64,
+        }
+    }
+
+    fn range(&self) -> [f64; 2] {
+        padded(self.values.iter().map(|value| self.at(*value)), 0.08)
+    }
+
+    fn ticks(&self, [low, high]: [f64; 2]) -> Vec<Tick> {
+        match self.numbers {
+            Some(false) => ticks::scientific([low, high], 8),
+            // Few values are their own ticks.
+            Some(true) if self.values.len() > 8 => ticks::decades(low, high, 8),
+            _ => {
+                let short = |value| shown(value).chars().take(24).collect();
+                let ticks = self
+                    .values
+                    .iter()
+                    .map(|value| (self.at(*value), short(*value)));
+                ticks.collect()
+            }
+        }
+    }
+}
+
+/// A unit with its powers as such, of the column `m2 s-2`: m²/s².
+fn readable(unit: &str) -> String {
+    let unit = unit.replace(" s-1", "/s").replace(" m-1", "/m");
+    unit.replace(" s-2", "/s²")
+        .replace("s-2", "1/s²")
+        .replace("m2", "m²")
+}
+
+/// The name of a key with its unit, if it has one whatever the law is.
+fn key_label(key: &str) -> String {
+    match gshear_scene::key(key).map(|key| key.unit) {
+        None | Some("") => key.into(),
+        Some(unit) => format!("{key} ({unit})"),
+    }
+}
+
+/// Colours of curves; of more than there are, along a scale.
+fn colours(count: usize) -> Vec<RGBColor> {
+    let share = |k: usize| 0.92 * k as f64 / (count - 1) as f64;
+    match count {
+        _ if count <= CURVES.len() => CURVES[..count].to_vec(),
+        _ => (0..count).map(|k| VIRIDIS.at(share(k))).collect(),
+    }
+}
+
+/// The entries of a legend; of many names every second, third, …, none of a single one.
+fn legend<'n>(names: &'n [String], colours: &[RGBColor]) -> Vec<(RGBColor, &'n str)> {
+    let step = names.len().div_ceil(MOST_NAMES).max(1);
+    let entries = colours
+        .iter()
+        .copied()
+        .zip(names.iter().map(String::as_str));
+    let named = entries.filter(|(_, name)| !name.is_empty() && names.len() > 1);
+    named.step_by(step).collect()
+}
+
+/// A mean with its standard error, to two digits of the error.
+fn with_error(mean: f64, error: f64) -> String {
+    if !mean.is_finite() {
+        return "undefined".into();
+    }
+    if !(error.is_finite() && error > 0.0) {
+        return match mean.abs() {
+            0.0 | 1e-3..1e6 => format!("{mean:.4}"),
+            _ => format!("{mean:.3e}"),
+        };
+    }
+    if !(1e-3..1e6).contains(&mean.abs().max(error)) {
+        return format!("{mean:.3e} ± {error:.1e}");
+    }
+    let digits = (1.0 - error.log10().floor()).clamp(0.0, 9.0) as usize;
+    format!("{mean:.digits$} ± {error:.digits$}")
+}
+
+/// Text with its subscripts and superscripts as HTML.
+fn marked(text: &str) -> String {
+    let text = escape(text);
+    let mut out = String::new();
+    let mut open = None;
+    let mut letters = text.chars().peekable();
+    while let Some(letter) = letters.next() {
+        match (letter, letters.peek()) {
+            ('_' | '^', Some('{')) => {
+                letters.next();
+                let tag = if letter == '_' { "sub" } else { "sup" };
+                open = Some(tag);
+                out += &format!("<{tag}>");
+            }
+            ('}', _) if open.is_some() => out += &format!("</{}>", open.take().unwrap_or("")),
+            _ => out.push(letter),
+        }
+    }
+    out
+}
