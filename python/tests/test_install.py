@@ -54,7 +54,7 @@ def test_everything_is_where_users_look(root: Path) -> None:
         "share/bash-completion/completions/gshear-reduce",
         "share/doc/gshear-mpi/README.md",
         "share/doc/gshear-mpi/docs/README.md",
-        "share/doc/gshear-mpi/docs/figures/readme.png",
+        "share/doc/gshear-mpi/docs/figures/movie.png",
         "share/fish/vendor_completions.d/gshear-mpi.fish",
         "share/gshear-mpi/job-scripts/slurm.sh",
         "share/man/man1/gshear-mpi.1",

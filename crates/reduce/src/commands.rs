@@ -7,6 +7,7 @@ pub(crate) mod dmin;
 mod export;
 mod growth;
 mod info;
+mod movie;
 mod phases;
 mod rate_state;
 mod regions;
@@ -31,8 +32,8 @@ use gshear_store::status::{RunState, Status};
 /// Reduces runs of gshear-mpi: D²min, stick and slip phases, rate-and-state fits, spectra, reports
 ///
 /// RUN is a run.h5 or the folder that holds one. Of a run in a box, info, compare, dmin, export,
-/// report, spectrum and stability take aqs.h5 (that of its folder) or newtonian.h5. A run that is
-/// under way or was stopped early is read up to its last complete row and frame.
+/// movie, report, spectrum and stability take aqs.h5 (that of its folder) or newtonian.h5. A run
+/// that is under way or was stopped early is read up to its last complete row and frame.
 ///
 /// Exit codes: 0 done; 1 the runs differ (compare), or any other failure; 2 bad input (file or
 /// arguments); 3 the numbers failed (no convergence, a replay that differs).
@@ -62,6 +63,7 @@ pub enum Command {
     Stages(stages::Arguments),
     Growth(growth::Arguments),
     Export(export::Arguments),
+    Movie(movie::Arguments),
     RateState(rate_state::Arguments),
     Spectrum(spectrum::Arguments),
     Stability(stability::Arguments),
@@ -126,6 +128,7 @@ fn once<'a>(
         Command::Stages(of) => (vec![&of.run], of.run(threads, printer)),
         Command::Growth(of) => (vec![&of.run], of.run(printer)),
         Command::Export(of) => (vec![&of.run], of.run(printer)),
+        Command::Movie(of) => (vec![&of.run], of.run(printer)),
         Command::RateState(of) => (of.runs.iter().collect(), of.run(printer)),
         Command::Spectrum(of) => (of.run.iter().collect(), of.run(printer)),
         Command::Stability(of) => (vec![&of.run], of.run(printer)),

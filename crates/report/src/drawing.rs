@@ -43,27 +43,48 @@ pub fn write(path: &Path, svg: &str) -> Result<usize, Failure> {
     let bad = |why: &dyn std::fmt::Display| {
         Failure::other(format!("{}: cannot be drawn: {why}", path.display()))
     };
-    let options = Options {
-        fontdb: FONTS.clone(),
-        font_family: "DejaVu Sans".into(),
-        ..Options::default()
-    };
-    let tree = Tree::from_str(&with_macrons_apart(svg), &options).map_err(|e| bad(&e))?;
+    let tree = tree(svg).map_err(|e| bad(&e))?;
     let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
     let pdf = in_order(&pdf.map_err(|e| bad(&e))?);
-    let size = tree.size().to_int_size();
     let area = tree.size().width() * tree.size().height();
     let scale = SCALE.min((MOST_PIXELS / area).sqrt()).max(1.0);
-    let side = |length: u32| (length as f32 * scale) as u32;
-    let mut pixels = Pixmap::new(side(size.width()), side(size.height()))
-        .ok_or_else(|| bad(&"it has no size"))?;
-    let enlarged = Transform::from_scale(scale, scale);
-    resvg::render(&tree, enlarged, &mut pixels.as_mut());
+    let pixels = rendered(&tree, scale).ok_or_else(|| bad(&NO_SIZE))?;
     let png = pixels.encode_png().map_err(|e| bad(&e))?;
     text_writer::write(path, svg)?;
     text_writer::write(&path.with_extension("pdf"), pdf)?;
     text_writer::write(&path.with_extension("png"), png)?;
     Ok(3)
+}
+
+const NO_SIZE: &str = "it has no size";
+
+fn tree(svg: &str) -> Result<Tree, svg2pdf::usvg::Error> {
+    let options = Options {
+        fontdb: FONTS.clone(),
+        font_family: "DejaVu Sans".into(),
+        ..Options::default()
+    };
+    Tree::from_str(&with_macrons_apart(svg), &options)
+}
+
+/// `None` of a drawing without a size.
+fn rendered(tree: &Tree, scale: f32) -> Option<Pixmap> {
+    let size = tree.size().to_int_size();
+    let side = |length: u32| (length as f32 * scale) as u32;
+    let mut pixels = Pixmap::new(side(size.width()), side(size.height()))?;
+    let enlarged = Transform::from_scale(scale, scale);
+    resvg::render(tree, enlarged, &mut pixels.as_mut());
+    Some(pixels)
+}
+
+/// Returns the pixels of a figure, `scale` of them per pixel of the figure.
+///
+/// # Errors
+/// A drawing without a size.
+pub fn pixels(svg: &str, scale: f32) -> Result<Pixmap, Failure> {
+    let bad = |why: &dyn std::fmt::Display| Failure::other(format!("cannot be drawn: {why}"));
+    let tree = tree(svg).map_err(|e| bad(&e))?;
+    rendered(&tree, scale).ok_or_else(|| bad(&NO_SIZE))
 }
 
 /// The PDF with the lines of a dictionary that lead to other objects in order: svg2pdf writes those

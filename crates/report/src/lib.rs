@@ -25,6 +25,8 @@ mod histogram;
 mod history;
 mod imposed;
 mod map;
+pub mod movie;
+pub mod movie_file;
 mod page;
 mod panels;
 mod picture;
@@ -213,7 +215,7 @@ fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
         frame,
         view,
     });
-    let greatest = map::scale_of_forces([earlier, later]);
+    let greatest = map::scale_of_forces(&[earlier, later]);
     let [t, u] = event.frames;
     let [from, to] = event
         .strain
@@ -254,7 +256,7 @@ fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
                 "D²<sub>min</sub> over the drop, in units of the mean radius squared, with neighbours within 5 r̄. \
                  White: rattlers and other grains without a defined value. Outlined in grey: walls.{part}"
             ),
-            after.dmin(&event.dmin, &between),
+            after.dmin(&event.dmin, after.range_of_dmin(&event.dmin), &between),
             map::data_of_grains(grains, later, &event.dmin),
         ),
     ]

@@ -117,7 +117,7 @@ pub fn data_of_grains(grains: &Disks, frame: &Frame, dmin: &[f64]) -> String {
 
 /// Returns the F_n (N/m) that 99.9 % of the contacts stay below. With the maximum as the end of the
 /// scale, most contacts would look alike.
-pub fn scale_of_forces(frames: [&Frame; 2]) -> f64 {
+pub fn scale_of_forces(frames: &[&Frame]) -> f64 {
     let contacts = frames.iter().flat_map(|frame| &frame.contacts);
     let mut forces: Vec<f64> = contacts.map(|c| c.normal_force).collect();
     forces.sort_by(f64::total_cmp);
@@ -168,32 +168,53 @@ impl Map<'_> {
         })
     }
 
-    /// Draws D²min/r̄² of the grains on a logarithmic scale; `dmin` is `[N]` (m²). Grains without a
-    /// defined value are white.
-    pub fn dmin(&self, dmin: &[f64], title: &str) -> String {
-        let square = self.grains.mean_radius().powi(2);
-        let level = |value: f64| (value / square).log10();
-        let mut levels: Vec<f64> = dmin.iter().map(|value| level(*value)).collect();
+    /// Range of log₁₀ D²min/r̄² that a scale covers; `dmin` is `[N]` (m²).
+    pub fn range_of_dmin(&self, dmin: &[f64]) -> [f64; 2] {
+        let mut levels: Vec<f64> = dmin.iter().map(|value| self.level(*value)).collect();
         levels.retain(|level| level.is_finite());
         levels.sort_by(f64::total_cmp);
         let high = levels.last().copied().unwrap_or(0.0);
         let low = levels.get(levels.len() / 50).copied().unwrap_or(-1.0);
-        let low = low.clamp(high - DECADES, high - 1.0);
+        [low.clamp(high - DECADES, high - 1.0), high]
+    }
+
+    /// log₁₀ D²min/r̄².
+    fn level(&self, dmin: f64) -> f64 {
+        (dmin / self.grains.mean_radius().powi(2)).log10()
+    }
+
+    /// Draws D²min/r̄² of the grains on a logarithmic scale; `dmin` is `[N]` (m²). Grains without a
+    /// defined value are white.
+    pub fn dmin(&self, dmin: &[f64], [low, high]: [f64; 2], title: &str) -> String {
         self.drawn(title, |plot| {
-            for (n, value) in dmin.iter().enumerate() {
-                let value = level(*value);
-                let fill = if value.is_nan() {
-                    WHITE
-                } else {
-                    VIRIDIS.at((value - low) / (high - low))
-                };
-                let is_plain = !value.is_nan() && self.grains.body[n] == 0;
-                self.disk(plot, n, fill, if is_plain { fill } else { GREY });
-            }
-            plot.clip();
+            let levels = dmin.iter().map(|value| self.level(*value));
+            self.coloured(plot, levels, [low, high]);
             let ticks = ticks::on_bar(ticks::decades(low, high, 8), low, high);
             plot.colour_bar(&VIRIDIS, &ticks, "D²_{min}/r̄²");
         })
+    }
+
+    /// Draws the velocity of the grains along x (m/s).
+    pub fn velocity(&self, range: [f64; 2], title: &str) -> String {
+        self.drawn(title, |plot| {
+            let velocity = self.frame.velocity.iter().map(|v| v[0]);
+            self.coloured(plot, velocity, range);
+            plot.colour_bar_of(&VIRIDIS, range, "velocity along x ({}m/s)");
+        })
+    }
+
+    /// Draws the grains by their values; those without one are white, those of the walls outlined.
+    fn coloured(&self, plot: &mut Plot, values: impl Iterator<Item = f64>, [low, high]: [f64; 2]) {
+        for (n, value) in values.enumerate() {
+            let fill = if value.is_nan() {
+                WHITE
+            } else {
+                VIRIDIS.at((value - low) / (high - low))
+            };
+            let is_plain = !value.is_nan() && self.grains.body[n] == 0;
+            self.disk(plot, n, fill, if is_plain { fill } else { GREY });
+        }
+        plot.clip();
     }
 
     /// Axes in metres with an SI prefix around what `draw` draws and clips.

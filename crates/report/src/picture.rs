@@ -112,24 +112,35 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             "Normal forces of the last frame: lines between the centres, wider and darker for greater forces. {}",
             packing.note()
         );
-        pictures.push(ReportFigure::new(name, caption, packing.forces(), data));
+        pictures.push(ReportFigure::new(
+            name,
+            caption,
+            packing.forces(packing.greatest_force()),
+            data,
+        ));
     }
     Ok(pictures)
 }
 
-struct Packing<'a> {
+/// A packing as it is drawn.
+pub struct Packing<'a> {
     run: &'a RunFile,
     /// Disks, which are seen as they lie.
     planar: bool,
     frame: &'a FrameRecords,
     /// Those drawn, the farthest first.
     order: Vec<usize>,
-    x: [f64; 2],
-    y: [f64; 2],
+    /// Ranges of the picture, across and upwards (m).
+    pub x: [f64; 2],
+    /// Upwards.
+    pub y: [f64; 2],
+    /// Above the picture.
+    pub title: String,
 }
 
 impl<'a> Packing<'a> {
-    fn new(run: &'a RunFile, frame: &'a FrameRecords) -> Self {
+    /// The whole packing, with its step as the title.
+    pub fn new(run: &'a RunFile, frame: &'a FrameRecords) -> Self {
         let planar = run.dimension() == Dimensions::Two;
         let mut order: Vec<usize> = (0..frame.grains.len()).collect();
         let far = |g: usize| view(planar, frame.grains[g].position).1;
@@ -143,10 +154,11 @@ impl<'a> Packing<'a> {
         Self {
             run,
             planar,
-            frame,
             order,
             x,
             y,
+            title: format!("step {}", frame.step),
+            frame,
         }
     }
 
@@ -204,7 +216,7 @@ impl<'a> Packing<'a> {
                 unit => format!("{label} ({{}}{unit})"),
             };
             plot.colour_bar_of(scale, range, &label);
-            plot.title(&format!("step {}", self.frame.step));
+            plot.title(&self.title);
         })
     }
 
@@ -223,24 +235,32 @@ impl<'a> Packing<'a> {
             "Grains of the last frame by their {of}{when}. {}",
             self.note()
         );
-        let svg = self.grains(values, label, unit);
+        let svg = self.grains(values, self.range_of(values), (label, unit));
         ReportFigure::new(name, caption, svg, self.table(column, values))
     }
 
-    fn grains(&self, values: &[f64], label: &str, unit: &str) -> String {
-        let free = |g: &&usize| self.run.grains().body[**g] == body::FREE as u8;
-        let known = self.order.iter().filter(free).map(|g| values[*g]);
-        let mut sorted: Vec<f64> = known.filter(|value| value.is_finite()).collect();
-        sorted.sort_by(f64::total_cmp);
-        // The outermost percent would leave all others in one colour.
-        let at = |part: f64| sorted.get((part * (sorted.len().max(1) - 1) as f64) as usize);
-        let [low, high] = [0.01, 0.99].map(|part| at(part).copied().unwrap_or(0.0));
-        // Equal values still need a scale.
-        let high = high.max(low + 1e-12 * low.abs().max(1.0));
+    fn is_free(&self, g: usize) -> bool {
+        self.run.grains().body[g] == body::FREE as u8
+    }
+
+    /// Range of the values of the free grains that a scale covers.
+    pub fn range_of(&self, values: &[f64]) -> [f64; 2] {
+        let known = self.order.iter().filter(|g| self.is_free(**g));
+        let known = known.map(|g| values[*g]);
+        range_of(known)
+    }
+
+    /// Draws the grains by their values.
+    pub fn grains(
+        &self,
+        values: &[f64],
+        [low, high]: [f64; 2],
+        (label, unit): (&str, &str),
+    ) -> String {
         let svg = self.drawn(&VIRIDIS, [low, high], (label, unit), |plot| {
             let pixels = plot.scale();
             for &g in &self.order {
-                let colour = if free(&&g) && !values[g].is_nan() {
+                let colour = if self.is_free(g) && !values[g].is_nan() {
                     let part = (values[g] - low) / (high - low);
                     VIRIDIS.at((part * COLOURS).round() / COLOURS)
                 } else {
@@ -261,21 +281,27 @@ impl<'a> Packing<'a> {
         if self.planar { svg } else { as_spheres(&svg) }
     }
 
-    fn forces(&self) -> String {
-        let force = |k: usize| self.frame.contacts[k].normal_force;
-        let mut sorted: Vec<f64> = (0..self.frame.contacts.len()).map(force).collect();
+    /// The normal force at the end of a scale.
+    pub fn greatest_force(&self) -> f64 {
+        let contacts = self.frame.contacts.iter();
+        let mut sorted: Vec<f64> = contacts.map(|contact| contact.normal_force).collect();
         sorted.sort_by(f64::total_cmp);
-        let high = sorted[(0.99 * (sorted.len() - 1) as f64) as usize].max(f64::MIN_POSITIVE);
+        let at = sorted.get((0.99 * sorted.len().saturating_sub(1) as f64) as usize);
+        at.copied().unwrap_or(0.0).max(f64::MIN_POSITIVE)
+    }
+
+    /// Draws the normal forces as lines between the centres.
+    pub fn forces(&self, high: f64) -> String {
+        let force = |k: usize| self.frame.contacts[k].normal_force;
         let (grains, radius) = (&self.frame.grains, &self.run.grains().radius);
         let svg = self.drawn(&FORCE, [0.0, high], ("normal force", "N"), |plot| {
             let pixels = plot.scale();
-            let wall = |g: &&usize| self.run.grains().body[**g] != body::FREE as u8;
-            for &g in self.order.iter().filter(wall) {
+            for &g in self.order.iter().filter(|g| !self.is_free(**g)) {
                 plot.disk(self.seen(g), radius[g] * pixels, WALL, None);
             }
             let mut is_drawn = vec![false; grains.len()];
             self.order.iter().for_each(|&g| is_drawn[g] = true);
-            let mut order: Vec<usize> = (0..sorted.len()).collect();
+            let mut order: Vec<usize> = (0..self.frame.contacts.len()).collect();
             order.sort_by(|&a, &b| force(a).total_cmp(&force(b)));
             for k in order {
                 let contact = &self.frame.contacts[k];
@@ -293,6 +319,17 @@ impl<'a> Packing<'a> {
         });
         self.shaded(svg)
     }
+}
+
+/// Range of values that a scale covers.
+pub fn range_of(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    let mut sorted: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    // The outermost percent would leave all others in one colour.
+    let at = |part: f64| sorted.get((part * (sorted.len().max(1) - 1) as f64) as usize);
+    let [low, high] = [0.01, 0.99].map(|part| at(part).copied().unwrap_or(0.0));
+    // Equal values still need a scale.
+    [low, high.max(low + 1e-12 * low.abs().max(1.0))]
 }
 
 /// Shades the disks of a figure as spheres under a light from the upper left.

@@ -56,8 +56,11 @@ pub fn is_reduced(name: &str) -> bool {
     let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
     let of_frames = stem.strip_suffix("-contacts").unwrap_or(stem);
     let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let is_movie = ["movie", "aqs-movie", "newtonian-movie"].contains(&stem);
     REDUCED.contains(&name)
         || match ending {
+            // The folder of its frames has no ending.
+            "" | "mp4" | "png" if is_movie => true,
             "dump" | "vtkhdf" | "xyz" | "npz" | "csv" => {
                 ["frames", "aqs-frames", "newtonian-frames"].contains(&of_frames)
             }
@@ -92,6 +95,8 @@ mod tests {
             "checkpoint-aqs-8.data",
             "aqs-frames.vtkhdf",
             "frames-contacts.csv-metadata.json",
+            "aqs-movie.png",
+            "movie",
         ] {
             assert!(is_reduced(name), "{name}");
         }

@@ -16,6 +16,7 @@ from importlib.metadata import version
 from .box import Box
 from .errors import GshearError, ProgramFailedError, ProgramNotFoundError, RunError
 from .frames import Contacts, Frame
+from .movies import movie
 from .programs import simulate
 from .run import Frames, Run
 from .scene import Scene
@@ -34,5 +35,6 @@ __all__ = [
     "RunError",
     "Scene",
     "Sweep",
+    "movie",
     "simulate",
 ]

@@ -4,6 +4,7 @@ mod compare;
 mod correlate;
 mod export;
 mod fixture;
+mod movie;
 mod rate_state;
 mod reading;
 mod references;
