@@ -23,6 +23,7 @@ pub fn lines(
     if !curves.iter().any(|(_, values)| finite(values) > 1) {
         return None;
     }
+    let layout = layout.with_legend(curves.iter().map(|curve| curve.0));
     let [width, height] = layout.size;
     let on_x = padded(x.iter().copied(), 0.02);
     let on_y = padded(curves.iter().flat_map(|(_, of)| of.iter().copied()), 0.08);

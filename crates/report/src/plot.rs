@@ -39,7 +39,7 @@ impl Layout {
 
     /// The layout with more room above the axes if a legend needs several rows.
     pub fn with_legend<'n>(self, names: impl Iterator<Item = &'n str>) -> Self {
-        let rows = self.legend_rows(names).last().copied().unwrap_or_default();
+        let rows = self.legend_rows(names).last().map_or(0, |of| of.0);
         let more = LEGEND_ROW * rows as f64;
         let ([width, height], [left, top, right, bottom]) = (self.size, self.margin);
         Self {
@@ -48,19 +48,18 @@ impl Layout {
         }
     }
 
-    /// The row of each entry of a legend, from 0 on.
-    fn legend_rows<'n>(&self, names: impl Iterator<Item = &'n str>) -> Vec<usize> {
+    /// The row of each entry of a legend, from 0 on, and its width (px); in several rows all are as
+    /// wide as the widest.
+    fn legend_rows<'n>(&self, names: impl Iterator<Item = &'n str>) -> Vec<(usize, f64)> {
         let room = self.size[0] - self.margin[0];
-        let (mut row, mut used) = (0, 0.0);
-        let place = |name: &str| {
-            let width = legend_width(name);
-            if used > 0.0 && used + width > room {
-                (row, used) = (row + 1, 0.0);
-            }
-            used += width;
-            row
-        };
-        names.map(place).collect()
+        let widths: Vec<f64> = names.map(legend_width).collect();
+        if widths.iter().sum::<f64>() <= room {
+            return widths.into_iter().map(|width| (0, width)).collect();
+        }
+        let widest = widths.iter().copied().fold(0.0, f64::max);
+        let in_a_row = ((room / widest) as usize).max(1);
+        let place = |k: usize| (k / in_a_row, widest);
+        (0..widths.len()).map(place).collect()
     }
 }
 
@@ -277,20 +276,27 @@ impl Plot<'_> {
         self.vertical_text([16.0, f64::midpoint(top, bottom)], y_label);
     }
 
-    /// Draws colour samples and their names above the axes, from the left, in as few rows as have
-    /// room; [`Layout::with_legend`] makes room for several.
+    /// Draws colour samples and their names above the axes, from the left; in several rows if
+    /// [`Layout::with_legend`] has made room for them.
     pub fn legend(&mut self, entries: &[(RGBColor, &str)]) {
         let [[left, top], _] = self.frame();
         let rows = self.layout.legend_rows(entries.iter().map(|of| of.1));
-        let above = rows.last().copied().unwrap_or_default();
+        let above = rows.last().map_or(0, |of| of.0);
+        let has_room = top >= 2.0 * 14.0 + LEGEND_ROW * above as f64;
+        let above = if has_room { above } else { 0 };
         let (mut x, mut last) = (left, 0);
-        for ((colour, name), row) in entries.iter().zip(rows) {
+        for ((colour, name), (row, width)) in entries.iter().zip(rows) {
+            let (row, width) = if has_room {
+                (row, width)
+            } else {
+                (0, legend_width(name))
+            };
             x = if row == last { x } else { left };
             last = row;
             let y = top - 14.0 - LEGEND_ROW * (above - row) as f64;
             self.pixel_box([[x, y - 3.0], [x + 22.0, y + 3.0]], *colour, 1.0);
             self.text([x + 28.0, y], name, (HPos::Left, VPos::Center));
-            x += legend_width(name);
+            x += width;
         }
     }
 
