@@ -89,10 +89,13 @@ impl Axis {
 /// Draws the quantities that the run has recorded.
 pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
     let driven = is_driven(run);
+    let declared = &run.series().declared;
+    let has = |name: &str| declared.iter().any(|column| column.name == name);
     let panels = PANELS
         .walls
         .iter()
-        .filter(|of| driven || of.name != "slip-rate");
+        .filter(|of| driven || of.name != "slip-rate")
+        .filter(|of| of.lines.iter().all(|[name, _]| has(name)));
     panels.filter_map(|panel| drawn(run, axis, panel)).collect()
 }
 

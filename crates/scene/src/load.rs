@@ -167,8 +167,8 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     }
 }
 
-/// P, N and κ from one of them, or from the weight of a sample with a free surface; the numbers of a
-/// servo come later ([`derive_servo`]).
+/// P, N and κ from one of them, or from the weight of a sample with a free surface; the numbers of
+/// a servo come later ([`derive_servo`]).
 pub(crate) fn derive(
     c: &mut Checker<'_>,
     (law, masses): (&Law, &Masses),

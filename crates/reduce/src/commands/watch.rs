@@ -35,9 +35,9 @@ const LEAST: [usize; 2] = [30, 8];
 /// Show the curves of a run under way in the terminal, until it ends
 ///
 /// Reads log.csv and status.json every second, while the run writes: stress ratio and solid
-/// fraction over the strain, or over the time if the strain returns or there is none; of a box the shear stress,
-/// from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that has ended, it
-/// shows the present state and ends.
+/// fraction over the strain, or over the time if the strain returns or there is none; of a box the
+/// shear stress, from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that
+/// has ended, it shows the present state and ends.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// The folder of a run
