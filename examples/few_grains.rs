@@ -45,7 +45,7 @@ fn main() -> Result<(), Failure> {
         mean_diameter: 2.0 * RADIUS,
         masses: Masses::Density(springs.density),
         step,
-        gravity: 9.81,
+        gravity: [0.0, 9.81],
         typical_force: 1.0,
         threads: 1,
     };
