@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import shutil
+import math
+import re
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -65,12 +66,21 @@ class Programs:
         self.folder = folder
         self.end = folder / "end.data"
 
-    def run(self, out: str, *sets: str, stop: int | None = None) -> None:
-        """Runs the scene into a folder, to its end or to a step."""
+    def run(self, out: str, *sets: str, stop: int | None = None) -> float:
+        """Runs the scene into a folder, to its end or to a step. Returns million grain-steps/s."""
         words = [word for of in sets for word in ("--set", of)]
         words += [] if stop is None else [f"--stop-at={stop}"]
-        quiet = ["--quiet", "--overwrite", "--out", self.folder / out]
-        subprocess.run([self.given.program, self.scene, *words, *quiet], check=stop is None)
+        command = [
+            self.given.program,
+            self.scene,
+            *words,
+            "--overwrite",
+            "--out",
+            self.folder / out,
+        ]
+        done = subprocess.run(command, check=stop is None, capture_output=True, text=True)
+        speed = re.search(r"^speed (\S+) million", done.stdout, re.MULTILINE)
+        return float(speed[1]) if speed else math.nan
 
     def export(self, source: str, out: Path, *frame: str) -> End:
         """A frame of a run, or a checkpoint, as a data file."""
@@ -79,10 +89,11 @@ class Programs:
         subprocess.run(command, check=True, capture_output=True)
         return read(out)
 
-    def theirs(self, variables: Mapping[str, object]) -> End:
-        """The end of LAMMPS' run; `variables` are those of the input."""
+    def theirs(self, variables: Mapping[str, object]) -> tuple[End, float]:
+        """The end of LAMMPS' run, and its time (s); `variables` are those of the input."""
         of = {**variables, "end": self.end}
         words = [str(word) for key, value in of.items() for word in ("-var", key, value)]
-        files = ["-in", str(self.scene.with_suffix(".in")), "-log", "none", "-screen", "none"]
-        subprocess.run([shutil.which("lmp") or "lmp", *files, *words], check=True)
-        return read(self.end)
+        command = ["lmp", "-in", str(self.scene.with_suffix(".in")), "-log", "none", *words]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        time = re.search(r"^Loop time of (\S+) on", done.stdout, re.MULTILINE)
+        return read(self.end), float(time[1]) if time else math.nan

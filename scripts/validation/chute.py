@@ -3,11 +3,13 @@
 
 chute.py [--program gshear-mpi] [--reducer gshear-reduce]
 
-Errors of both programs against the limit of ours, after half a time √(d/g); needs lmp.
+Errors of both programs against the limit of ours, after a twentieth of √(d/g), then speeds in turn
+with 30,000 spheres, as many as in.chute has, on one core; needs lmp.
 """
 
 from __future__ import annotations
 
+import statistics
 import tempfile
 from pathlib import Path
 
@@ -15,11 +17,16 @@ import numpy as np
 from beside_lammps import SIZES, End, Programs
 
 # Of chute.toml, with masses, diameters and gravity of 1: k_n, k_t, alpha, duration.
-NORMAL, TANGENTIAL, DAMPING, DURATION = 2e5, 2e5 * 2 / 7, 0.05, 0.5
+NORMAL, TANGENTIAL, DAMPING, DURATION = 2e5, 2e5 * 2 / 7, 0.05, 0.05
 STEP = 2e-4
 FACTORS = [1.0, 1 / 4, 1 / 16]
 REFERENCE = 1 / 64
 EFFECTIVE_MASS = 0.5
+# Friction and alpha. LAMMPS also limits the damper of a contact that slides, ours has none there.
+LAWS = [(0.0, DAMPING), (0.5, 0.0)]
+COPIES, STEPS, REPETITIONS = (4, 3), 2000, 5
+# Of LAMMPS' list, over d.
+SKINS = [0.1, 0.3]
 
 
 def apart(found: End, limit: End) -> tuple[float, float]:
@@ -31,43 +38,64 @@ def apart(found: End, limit: End) -> tuple[float, float]:
 
 
 def main() -> None:
-    """Prints the errors without friction and with it."""
+    """Prints the errors with dampers and with friction, then the speeds."""
     with tempfile.TemporaryDirectory() as name:
         programs = Programs(__doc__, "chute.toml", Path(name))
         data = Path(name) / "packing.data"
         programs.run("packed")
         programs.export("packed", data, "--frame=0")
 
-        def ours(factor: float, friction: float) -> End:
+        def ours(factor: float, friction: float, damping: float) -> End:
             sets = [f"sample.{key}=none" for key in SIZES]
             sets += [f"sample.packing={data}", f"contact.friction={friction}"]
+            sets += [f"contact.damping_ratio={damping}"]
             programs.run("run", *sets, f"time.step={factor * STEP}")
             return programs.export("run", programs.end, "--frame=last")
 
-        def theirs(factor: float, friction: float) -> End:
-            return programs.theirs(
-                {
-                    "data": data,
-                    "kn": NORMAL,
-                    "kt": TANGENTIAL,
-                    "gamman": 2 * DAMPING * (NORMAL / EFFECTIVE_MASS) ** 0.5,
-                    "gammat": 2 * DAMPING * (TANGENTIAL / EFFECTIVE_MASS) ** 0.5,
-                    "friction": friction,
-                    "incline": 24,
-                    "skin": 0.1,
-                    "step": factor * STEP,
-                    "steps": round(DURATION / factor / STEP),
-                }
-            )
+        def law(friction: float, damping: float) -> dict[str, float]:
+            return {
+                "kn": NORMAL,
+                "kt": TANGENTIAL,
+                "gamman": 2 * damping * (NORMAL / EFFECTIVE_MASS) ** 0.5,
+                "gammat": 2 * damping * (TANGENTIAL / EFFECTIVE_MASS) ** 0.5,
+                "friction": friction,
+                "incline": 24,
+            }
 
-        print("friction  step/2e-4  ours: positions, velocities  LAMMPS: the same")
-        for friction in [0.0, 0.5]:
-            limit = ours(REFERENCE, friction)
+        def theirs(factor: float, *of: float) -> End:
+            step = {"step": factor * STEP, "steps": round(DURATION / factor / STEP)}
+            end, _ = programs.theirs({**law(*of), **step, "data": data, "skin": SKINS[0]})
+            return end
+
+        print("friction  alpha  step/2e-4  ours: positions, velocities  LAMMPS: the same")
+        for contact in LAWS:
+            limit = ours(REFERENCE, *contact)
             for factor in [*FACTORS, REFERENCE]:
                 codes = [theirs] if factor == REFERENCE else [ours, theirs]
-                found = [apart(of(factor, friction), limit) for of in codes]
+                found = [apart(of(factor, *contact), limit) for of in codes]
                 numbers = (f"{number:.2e}" for pair in found for number in pair)
-                print(f"{friction:<8g}  {factor:<9g}", *numbers, flush=True)
+                print(f"{contact[0]:<8g}  {contact[1]:<5g}  {factor:<9g}", *numbers, flush=True)
+
+        copies = [f"sample.packing={data}", f"sample.replicate={list(COPIES)}"]
+        copies += [f"sample.{key}=none" for key in SIZES]
+        copies += ["shear.protocol=[{ time = 1.0 }]"]
+        many = Path(name) / "many.data"
+        programs.run("many", *copies, stop=1)
+        grains = len(programs.export("many/checkpoint.h5", many).position)
+        of = {**law(0.5, DAMPING), "data": many, "step": STEP, "steps": STEPS}
+        found: list[list[float]] = []
+        for _ in range(REPETITIONS):
+            sets = [f"sample.packing={many}", *copies[2:], f"time.step={STEP}"]
+            speeds = [programs.run("speed", *sets, stop=STEPS)]
+            for skin in SKINS:
+                _, seconds = programs.theirs({**of, "skin": skin})
+                speeds.append(1e-6 * grains * STEPS / seconds)
+            found.append(speeds)
+        print(f"{grains} spheres, {STEPS} steps: million grain-steps/s, and ours over it")
+        for k, program in enumerate(["ours", *(f"LAMMPS, skin {skin}" for skin in SKINS)]):
+            speed = statistics.median(row[k] for row in found)
+            ratio = statistics.median(row[0] / row[k] for row in found)
+            print(f"{program:<18} {speed:6.2f} {ratio:6.2f}", flush=True)
 
 
 if __name__ == "__main__":

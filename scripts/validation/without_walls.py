@@ -52,7 +52,7 @@ def main() -> None:
             return programs.export("run/checkpoint.h5", programs.end)
 
         def theirs(factor: float, friction: float, damping: float) -> End:
-            return programs.theirs(
+            end, _ = programs.theirs(
                 {
                     "data": data,
                     "kn": 2 / 3 * YOUNG / (1 - POISSON**2),
@@ -68,6 +68,7 @@ def main() -> None:
                     "steps": round(DURATION / factor / STEP),
                 }
             )
+            return end
 
         print("friction  gamma_n  step/2e-8  ours: positions, velocities  LAMMPS: the same")
         for law in [(0.0, 0.0), (0.0, DAMPING), (0.5, DAMPING)]:

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::common::{gshear_mpi, program, reducer, succeed};
+use crate::common::{program, reducer, run_scene, succeed};
 use gshear_store::run_reader::RunFile;
 
 /// Disks of friction 0.5 on a slope on which they flow.
@@ -29,16 +29,6 @@ const SLOPE_OF_SPHERES: &str = "
     output.series_rows = 1000000
 ";
 
-/// Runs a scene in a folder of this name, with keys of `--set`.
-fn run(folder: &Path, name: &str, scene: &str, set: &[&str]) -> RunFile {
-    let (file, out) = (folder.join(format!("{name}.toml")), folder.join(name));
-    std::fs::write(&file, scene).expect("a scene");
-    let mut arguments = vec![file.display().to_string()];
-    arguments.extend(set.iter().map(|set| format!("--set={set}")));
-    gshear_mpi(1, &out, &arguments).digest();
-    RunFile::open(&out).expect("a run")
-}
-
 /// The mass of the free grains (kg; kg/m in 2D).
 fn free_mass(run: &RunFile) -> f64 {
     let grains = run.grains();
@@ -52,7 +42,7 @@ fn free_mass(run: &RunFile) -> f64 {
 fn momentum_is_balanced_step_by_step() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, scene, angle) in [("2d", SLOPE, 26.0_f64), ("3d", SLOPE_OF_SPHERES, 30.0)] {
-        let run = run(folder.path(), name, scene, &[]);
+        let run = run_scene(folder.path(), name, scene, &[]);
         let series = run.series();
         let [time, shear, normal] = [
             &series.time[..],
@@ -90,7 +80,7 @@ fn the_energy_budget_closes() {
     ] {
         let residual = |step: &str| {
             let set = [&format!("time.step={step}")[..], "output.series_rows=100"];
-            let run = run(folder.path(), &format!("{name}-{step}"), scene, &set);
+            let run = run_scene(folder.path(), &format!("{name}-{step}"), scene, &set);
             let series = run.series();
             let work = series.column("work_load").last().copied().unwrap_or(0.0);
             // What falls: about half of g sin θ t² M g sin θ, less what friction takes.
@@ -112,7 +102,7 @@ fn the_energy_budget_closes() {
 fn the_work_is_that_of_the_centre_of_mass() {
     let folder = tempfile::tempdir().expect("a folder");
     let set = ["shear.protocol=[{ time = 0.3 }]", "output.frame_rows=4"];
-    let run = run(folder.path(), "work", SLOPE, &set);
+    let run = run_scene(folder.path(), "work", SLOPE, &set);
     let records = run.records(0..run.frames()).expect("frames");
     let (grains, length) = (run.grains(), run.grains().length);
     let place = |t: usize, axis: usize| {
@@ -153,7 +143,7 @@ fn grains_rest_on_a_gentle_slope_and_flow_on_a_steep_one() {
         "shear.protocol=[{ time = 0.4 }]",
         "output.series_rows=200",
     ];
-    let gentle = run(folder.path(), "gentle", SLOPE, &set);
+    let gentle = run_scene(folder.path(), "gentle", SLOPE, &set);
     let series = gentle.series();
     let last = |name: &str| {
         let rows = &series.column(name)[3 * series.rows() / 4..];
@@ -188,7 +178,7 @@ fn grains_rest_on_a_gentle_slope_and_flow_on_a_steep_one() {
 fn a_window_is_replayed() {
     let folder = tempfile::tempdir().expect("a folder");
     let set = ["output.keep_checkpoints=true", "output.frame_rows=10"];
-    let run = run(folder.path(), "kept", SLOPE, &set);
+    let run = run_scene(folder.path(), "kept", SLOPE, &set);
     let frames = run.records(0..run.frames()).expect("frames");
     let out = folder.path().join("again");
     let mut command = reducer();
@@ -234,7 +224,7 @@ fn a_packing_brings_its_bottom() {
         load.gravity = 9.81
         shear.protocol = [{ time = 0.02 }]
     ";
-    let run = run(folder.path(), "block", scene, &["output.frame_rows=1"]);
+    let run = run_scene(folder.path(), "block", scene, &["output.frame_rows=1"]);
     let bottom: Vec<u8> = run.grains().body.clone();
     let expected: Vec<u8> = (0..80).map(|n| u8::from(n < 10)).collect();
     assert_eq!(bottom, expected);
@@ -248,7 +238,7 @@ fn a_packing_brings_its_bottom() {
 fn commands_know_a_free_surface() {
     let folder = tempfile::tempdir().expect("a folder");
     let set = ["output.frame_rows=4", "output.series_rows=20"];
-    run(folder.path(), "flow", SLOPE, &set);
+    run_scene(folder.path(), "flow", SLOPE, &set);
     let out = folder.path().join("flow");
     for name in ["phases", "regions", "stages", "correlate"] {
         let output = reducer().arg(name).arg(&out).output().expect("a reducer");

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use crate::common::gshear_mpi;
+use crate::common::{gshear_mpi, run_scene};
 use gshear_dem::dimension::Two;
 use gshear_store::run_reader::RunFile;
 
@@ -18,16 +18,6 @@ const FLOW: &str = "
     output = { series_strain = 1e-3, frame_strain = 0.05 }
 ";
 
-/// Runs a scene in a folder of this name, with keys of `--set`.
-fn run(folder: &Path, name: &str, scene: &str, set: &[&str]) -> RunFile {
-    let (file, out) = (folder.join(format!("{name}.toml")), folder.join(name));
-    std::fs::write(&file, scene).expect("a scene");
-    let mut arguments = vec![file.display().to_string()];
-    arguments.extend(set.iter().map(|set| format!("--set={set}")));
-    gshear_mpi(1, &out, &arguments).digest();
-    RunFile::open_any(&out).expect("a run")
-}
-
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
@@ -37,7 +27,7 @@ fn mean(values: &[f64]) -> f64 {
 #[test]
 fn the_stress_is_that_of_the_load() {
     let folder = tempfile::tempdir().expect("a folder");
-    let flow = run(folder.path(), "flow", FLOW, &[]);
+    let flow = run_scene(folder.path(), "flow", FLOW, &[]);
     let series = flow.series();
     let latter = |name: &str| &series.column(name)[series.rows() / 2..];
     let load = 1e3 * 11e-3;
@@ -63,7 +53,7 @@ fn the_stress_is_that_of_the_load() {
 fn the_volume_is_constant() {
     let folder = tempfile::tempdir().expect("a folder");
     let set = ["load.control=volume", "shear.strain=0.2"];
-    let flow = run(folder.path(), "volume", FLOW, &set);
+    let flow = run_scene(folder.path(), "volume", FLOW, &set);
     let heights = flow.series().column("wall_height");
     assert!(heights.iter().all(|height| *height == heights[0]));
     let edges = (0..flow.frames()).map(|t| flow.box_edges(t)[1][1]);
@@ -86,7 +76,7 @@ fn the_solid_fraction_is_that_of_the_scene() {
         "shear.strain=0.1",
         "load.solid_fraction=0.7",
     ];
-    let flow = run(folder.path(), "loose", FLOW, &set);
+    let flow = run_scene(folder.path(), "loose", FLOW, &set);
     let series = flow.series();
     let fractions = series.column("solid_fraction");
     assert!(
@@ -119,7 +109,7 @@ fn the_energy_budget_closes() {
                 "shear.strain=0.03",
                 &format!("time.step={step}"),
             ];
-            let flow = run(folder.path(), &format!("{control}-{step}"), FLOW, &set);
+            let flow = run_scene(folder.path(), &format!("{control}-{step}"), FLOW, &set);
             let series = flow.series();
             let latter = &series.column("energy_residual")[series.rows() / 2..];
             latter.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
@@ -139,7 +129,7 @@ fn the_energy_budget_closes() {
 fn displacements_follow_images_and_offset() {
     let folder = tempfile::tempdir().expect("a folder");
     let set = ["shear.strain=2.5", "output.frame_strain=0.1"];
-    let flow = run(folder.path(), "far", FLOW, &set);
+    let flow = run_scene(folder.path(), "far", FLOW, &set);
     let records = flow.records(0..flow.frames()).expect("frames");
     let (length, height) = (11e-3, flow.height());
     let strains = flow.frame_strains().expect("strains");
@@ -178,8 +168,8 @@ fn a_jammed_packing_of_a_box_is_sheared() {
         output = { series_strain = 1e-4, frame_strain = 1e-3 }
     ";
     let folder = tempfile::tempdir().expect("a folder");
-    let strained = run(folder.path(), "boxed", boxed, &[]);
-    let flow = run(folder.path(), "flow", sheared, &[]);
+    let strained = run_scene(folder.path(), "boxed", boxed, &[]);
+    let flow = run_scene(folder.path(), "flow", sheared, &[]);
     for name in ["stress_xx", "stress_yy", "solid_fraction", "coordination"] {
         let before = *strained.series().column(name).last().expect("a row");
         let after = flow.series().column(name)[0];

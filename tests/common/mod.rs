@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::RwLock;
 
+use gshear_store::run_reader::RunFile;
+
 /// The programs under test.
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
 pub const REDUCER: &str = env!("CARGO_BIN_EXE_gshear-reduce");
@@ -160,7 +162,17 @@ pub fn gshear_mpi(ranks: usize, folder: &Path, arguments: &[String]) -> Outcome 
     with_environment(&[], ranks, folder, arguments)
 }
 
-/// The same with further variables in the environment.
+/// Runs a scene into a folder of this name on one rank, with keys of `--set`.
+pub fn run_scene(folder: &Path, name: &str, scene: &str, set: &[&str]) -> RunFile {
+    let (file, out) = (folder.join(format!("{name}.toml")), folder.join(name));
+    std::fs::write(&file, scene).expect("a scene");
+    let mut arguments = vec![file.display().to_string()];
+    arguments.extend(set.iter().map(|set| format!("--set={set}")));
+    gshear_mpi(1, &out, &arguments).digest();
+    RunFile::open_any(&out).expect("a run")
+}
+
+/// [`gshear_mpi`] with further variables in the environment.
 pub fn with_environment(
     variables: &[(&str, &str)],
     ranks: usize,
