@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Steady flows down slopes and their velocity profiles, for docs/validation.md.
 
-slope.py OUT.svg RUN...     (branches of configs/chute-3d.toml, one for each angle)
+slope.py OUT.svg RUN...     (branches of a run of slope.toml, one for each angle)
 """
 
 from __future__ import annotations
