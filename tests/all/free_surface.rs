@@ -70,7 +70,8 @@ fn momentum_is_balanced_step_by_step() {
     }
 }
 
-/// Gravity does the work, whatever the seam that grains cross; the residual falls with Δt.
+/// Gravity does the work, whatever the seam that grains cross. The residual falls at least with Δt:
+/// contacts that open within a step leave a part of first order.
 #[test]
 fn the_energy_budget_closes() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -83,7 +84,6 @@ fn the_energy_budget_closes() {
             let run = run_scene(folder.path(), &format!("{name}-{step}"), scene, &set);
             let series = run.series();
             let work = series.column("work_load").last().copied().unwrap_or(0.0);
-            // What falls: about half of g sin θ t² M g sin θ, less what friction takes.
             assert!(work > 0.0, "{name}: {work}");
             let latter = &series.column("energy_residual")[series.rows() / 2..];
             latter.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
@@ -91,7 +91,7 @@ fn the_energy_budget_closes() {
         let [coarse, fine] = steps.map(residual);
         println!("{name}: {coarse:e} {fine:e}");
         assert!(
-            fine < 1e-3 && coarse > 4.0 * fine,
+            fine < 1e-4 && coarse > 3.0 * fine,
             "{name}: {coarse} {fine}"
         );
     }

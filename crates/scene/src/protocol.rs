@@ -211,15 +211,18 @@ pub(crate) fn derive(
     Ok(shear)
 }
 
+/// The keys of a part that need no top wall.
+pub(crate) static WITHOUT_TOP: [&Key; 3] =
+    [&PART.time, &PART.bottom_amplitude, &PART.bottom_frequency];
+
 /// The parts of a sample with a free surface, as those of a top that rests: nothing touches it.
 fn without_top(given: &[Vec<(String, f64)>]) -> Result<Vec<Vec<(String, f64)>>, String> {
-    let keys = [&PART.time, &PART.bottom_amplitude, &PART.bottom_frequency];
     let at_rest = [&PART.velocity, &PART.wall_velocity].map(|key| (key.path.to_owned(), 0.0));
     let mut parts = given.to_vec();
     for (n, part) in parts.iter_mut().enumerate() {
         let is_other = |(name, _): &&(String, f64)| {
             let of_top = PartKeys::TABLE.key(name).is_some();
-            of_top && keys.iter().all(|key| key.path != name)
+            of_top && WITHOUT_TOP.iter().all(|key| key.path != name)
         };
         if let Some((name, _)) = part.iter().find(is_other) {
             return Err(format!(

@@ -11,7 +11,7 @@ use serde_json::{Map, Value, json};
 
 use crate::keys::{TABLES, TOP, tables};
 use crate::materials::MaterialKeys;
-use crate::protocol::PartKeys;
+use crate::protocol::{PartKeys, WITHOUT_TOP};
 use crate::table::{laws_with, unit};
 use crate::units;
 use crate::value::Value as KeyValue;
@@ -385,19 +385,27 @@ fn part(keys: &[&Key]) -> Value {
         schema["description"] = description(key).into();
         properties.insert(key.path.into(), schema);
     }
-    let one_of = |names: &[&str]| {
-        let ways: Vec<Value> = names
-            .iter()
-            .map(|name| json!({ "required": [name] }))
-            .collect();
+    let required = |name: &&str| json!({ "required": [name] });
+    let one_of = |names: &[&str], other: Option<Value>| {
+        let ways: Vec<Value> = names.iter().map(required).chain(other).collect();
         json!({ "oneOf": ways })
     };
+    // A part below a free surface has no key of a top wall.
+    let of_top = |key: &&&Key| WITHOUT_TOP.iter().all(|other| other.path != key.path);
+    let none_of_top: Map<String, Value> = keys
+        .iter()
+        .filter(of_top)
+        .map(|key| (key.path.into(), json!(false)))
+        .collect();
     json!({
         "type": "object",
         "properties": properties,
         "allOf": [
-            one_of(&["velocity", "strain_amplitude", "shear_stress"]),
-            one_of(&["distance", "time", "cycles"]),
+            one_of(
+                &["velocity", "strain_amplitude", "shear_stress"],
+                Some(json!({ "properties": none_of_top })),
+            ),
+            one_of(&["distance", "time", "cycles"], None),
         ],
         "additionalProperties": unknown(),
     })
@@ -553,7 +561,11 @@ mod tests {
                 "required" => required(schema),
                 "oneOf" => {
                     let ways = wanted.as_array().expect("schemas").iter();
-                    ways.filter(|way| required(way)).count() == 1
+                    let is_way = |way: &&Value| match way["properties"].as_object() {
+                        Some(forbidden) => forbidden.keys().all(|name| value.get(name).is_none()),
+                        None => required(way),
+                    };
+                    ways.filter(is_way).count() == 1
                 }
                 "allOf" => {
                     let all = wanted.as_array().expect("schemas").iter();
@@ -658,6 +670,7 @@ mod tests {
             "shear.protocol = [{ velocity = 1 }]",
             "shear.protocol = [{ velocity = 1, shear_stress = 1, time = 1 }]",
             "shear.protocol = [{ pressure = 1, time = 1 }]",
+            "shear.protocol = [{ bottom_amplitude = 1, bottom_frequency = 1 }]",
             "shear.protocol = [{ velocity = 1, time = 1, distance = 1 }]",
             "shear.protocol = [{ velocity = 1, time = 'long' }]",
             "load.pressure = 'small'",
