@@ -1,8 +1,6 @@
 //! Flow below a free surface, through the real program: balances of momentum and of energy, arrest,
 //! branches, packings with a bottom, and what such runs refuse.
 
-use std::path::Path;
-
 use crate::common::{program, reducer, run_scene, succeed};
 use gshear_store::run_reader::RunFile;
 
@@ -212,8 +210,8 @@ fn a_packing_brings_its_bottom() {
     for n in 0..atoms {
         let (column, row) = (n % columns, n / columns);
         let kind = if row == 0 { 2 } else { 1 };
-        let x = (column as f64 + 0.5) * diameter;
-        let y = (row as f64 + 0.5) * diameter * 0.9999;
+        let x = (f64::from(column) + 0.5) * diameter;
+        let y = (f64::from(row) + 0.5) * diameter * 0.9999;
         text += &format!("{} {kind} {diameter} 2500 {x} {y} 0\n", n + 1);
     }
     std::fs::write(folder.path().join("block.data"), text).expect("a packing");

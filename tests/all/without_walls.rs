@@ -1,8 +1,6 @@
 //! Shear without walls, through the real program: load and volume, the energy budget, displacements
 //! over the edges of the cell, and packings of boxes.
 
-use std::path::Path;
-
 use crate::common::{gshear_mpi, run_scene};
 use gshear_dem::dimension::Two;
 use gshear_store::run_reader::RunFile;

@@ -354,7 +354,7 @@ mod tests {
             let states: Vec<GrainState> = (0..count)
                 .map(|id| {
                     let mut position = [length, width, high].map(|l| l * random());
-                    if offset.is_none() && id + 1 == count as u32 {
+                    if offset.is_none() && id + 1 == count {
                         position[2] = 1e12;
                     }
                     if D::AXES == 2 {
