@@ -86,6 +86,7 @@ def main() -> None:
         found: list[list[float]] = []
         for _ in range(REPETITIONS):
             sets = [f"sample.packing={many}", *copies[2:], f"time.step={STEP}"]
+            sets += ["output.series_rows=10"]
             speeds = [programs.run("speed", *sets, stop=STEPS)]
             for skin in SKINS:
                 _, seconds = programs.theirs({**of, "skin": skin})
