@@ -1,24 +1,27 @@
 //! The report of several runs: curves over each other, and means over seeds against a key of the
 //! scenes.
 
+mod marks;
+mod values;
+
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use plotters::style::RGBColor;
 use toml::Value;
 
-use super::ReportFigure;
-use super::boxes::Measured;
-use super::colour::{CURVES, VIRIDIS};
-use super::curves::{draw, padded};
-use super::history::Axis;
-use super::page::{self, escape};
-use super::panels::{Compared, PANELS};
-use super::plot::{Layout, Plot, figure};
-use super::ticks::{self, Tick};
+use self::marks::{colours, draw_means, key_label, legend, marked, readable, with_error};
+use self::values::{Places, number, order, shown, text, values_of};
+use crate::ReportFigure;
+use crate::boxes::Measured;
+use crate::curves::{draw, padded};
+use crate::history::Axis;
+use crate::page::{self, escape};
+use crate::panels::{Compared, PANELS};
+use crate::plot::{Layout, figure};
+use crate::ticks;
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_analysis::moments::{Moments, extent, grouped};
+use gshear_analysis::moments::{Moments, grouped};
 use gshear_analysis::phases::{self, PhaseStatistics};
 use gshear_dem::failure::Failure;
 use gshear_store::csv_table::Table;
@@ -32,13 +35,8 @@ const SEED: &str = "seed";
 /// Tables of the runs and of their means.
 const RUNS: &str = "runs.csv";
 const MEANS: &str = "means.csv";
-/// From this ratio of the greatest to the least value of a key on, its axis is logarithmic.
-const WIDE: f64 = 10.0;
 /// Distance between lines whose points lie at the same value of a key (px).
 const APART: f64 = 5.0;
-/// Most names in a legend.
-const MOST_NAMES: usize = 12;
-
 /// A run, and what is compared of it.
 pub struct SweepRun {
     /// Name of its folder.
@@ -125,55 +123,6 @@ fn later_mean(values: &[f64], start: f64) -> f64 {
     let later = values[first_row(values.len(), start)..].iter();
     let finite: Vec<f64> = later.copied().filter(|value| value.is_finite()).collect();
     Moments::of(&finite).mean
-}
-
-/// The values of a scene by their keys; its title and author are none of them.
-fn values_of(scene: &str) -> BTreeMap<String, Value> {
-    let mut values = BTreeMap::new();
-    for (name, value) in scene.parse::<toml::Table>().unwrap_or_default() {
-        match value {
-            Value::Table(inner) => {
-                let inner = inner.into_iter();
-                values.extend(inner.map(|(key, value)| (format!("{name}.{key}"), value)));
-            }
-            _ if name == "title" || name == "author" => {}
-            value => _ = values.insert(name, value),
-        }
-    }
-    values
-}
-
-/// A value as text; empty without one.
-fn text(value: Option<&Value>) -> String {
-    match value {
-        Some(Value::String(text)) => text.clone(),
-        Some(value) => value.to_string(),
-        None => String::new(),
-    }
-}
-
-/// A value in pages and figures.
-fn shown(value: Option<&Value>) -> String {
-    match number(value) {
-        Some(x) if x != 0.0 && !(1e-3..1e6).contains(&x.abs()) => format!("{x:e}"),
-        _ => text(value),
-    }
-}
-
-fn number(value: Option<&Value>) -> Option<f64> {
-    match value {
-        Some(Value::Integer(value)) => Some(*value as f64),
-        Some(Value::Float(value)) => Some(*value),
-        _ => None,
-    }
-}
-
-/// Numbers by their size, anything else by its text.
-fn order(a: Option<&Value>, b: Option<&Value>) -> Ordering {
-    match (number(a), number(b)) {
-        (Some(a), Some(b)) => a.total_cmp(&b),
-        _ => text(a).cmp(&text(b)),
-    }
 }
 
 /// Runs with the same values of all keys but the seed.
@@ -438,7 +387,7 @@ impl<'a> Sweep<'a> {
         dictionary::write_table(&runs, &self.table_of_runs(), self.axes())?;
         dictionary::write_table(&means, &self.table_of_means(&self.columns), self.axes())?;
         let page = self.page(title, start, skipped, &groups, &figures);
-        let page = super::write_files(self.axes(), &figures, &page, folder)?;
+        let page = crate::write_files(self.axes(), &figures, &page, folder)?;
         Ok([runs, means, page])
     }
 
@@ -657,150 +606,4 @@ fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>, Failur
         )));
     }
     Ok(found)
-}
-
-/// Draws means `[x, mean, error]`, with a line through them if they are `joined`.
-fn draw_means(plot: &mut Plot, means: Vec<[f64; 3]>, joined: bool, colour: RGBColor) {
-    let line: Vec<[f64; 2]> = means.iter().map(|[x, y, _]| [*x, *y]).collect();
-    if joined {
-        plot.line(&line, colour, 1.2);
-    }
-    let cap = 4.0 / plot.scale();
-    for [x, y, error] in means {
-        if error > 0.0 {
-            let [low, high] = [y - error, y + error];
-            plot.line(&[[x, low], [x, high]], colour, 1.2);
-            for end in [low, high] {
-                plot.line(&[[x - cap, end], [x + cap, end]], colour, 1.2);
-            }
-        }
-        plot.disk([x, y], 3.5, colour, None);
-    }
-}
-
-/// Places of the values of a key on an axis.
-struct Places<'a> {
-    values: Vec<Option<&'a Value>>,
-    /// `None` if some are no numbers, which lie side by side; whether the axis is logarithmic.
-    numbers: Option<bool>,
-}
-
-impl<'a> Places<'a> {
-    fn of(mut values: Vec<Option<&'a Value>>) -> Self {
-        values.sort_by(|a, b| order(*a, *b));
-        values.dedup();
-        let numbers: Option<Vec<f64>> = values.iter().map(|value| number(*value)).collect();
-        let is_wide = |numbers: Vec<f64>| {
-            let [low, high] = extent(numbers);
-            low > 0.0 && high >= WIDE * low
-        };
-        Self {
-            values,
-            numbers: numbers.map(is_wide),
-        }
-    }
-
-    fn at(&self, value: Option<&Value>) -> f64 {
-        let number = number(value).unwrap_or(f64::NAN);
-        match self.numbers {
-            Some(true) => number.log10(),
-            Some(false) => number,
-            None => self.values.iter().position(|of| *of == value).unwrap_or(0) as f64,
-        }
-    }
-
-    fn range(&self) -> [f64; 2] {
-        padded(self.values.iter().map(|value| self.at(*value)), 0.08)
-    }
-
-    fn ticks(&self, [low, high]: [f64; 2]) -> Vec<Tick> {
-        match self.numbers {
-            Some(false) => ticks::scientific([low, high], 8),
-            // Few values are their own ticks.
-            Some(true) if self.values.len() > 8 => ticks::decades(low, high, 8),
-            _ => {
-                let short = |value| shown(value).chars().take(24).collect();
-                let ticks = self
-                    .values
-                    .iter()
-                    .map(|value| (self.at(*value), short(*value)));
-                ticks.collect()
-            }
-        }
-    }
-}
-
-/// A unit with its powers as such, of the column `m2 s-2`: m²/s².
-fn readable(unit: &str) -> String {
-    let unit = unit.replace(" s-1", "/s").replace(" m-1", "/m");
-    unit.replace(" s-2", "/s²")
-        .replace("s-2", "1/s²")
-        .replace("m2", "m²")
-}
-
-/// The name of a key with its unit, if it has one whatever the law is.
-fn key_label(key: &str) -> String {
-    match gshear_scene::key(key).map(|key| key.unit) {
-        None | Some("") => key.into(),
-        Some(unit) => format!("{key} ({unit})"),
-    }
-}
-
-/// Colours of curves; of more than there are, along a scale.
-fn colours(count: usize) -> Vec<RGBColor> {
-    let share = |k: usize| 0.92 * k as f64 / (count - 1) as f64;
-    match count {
-        _ if count <= CURVES.len() => CURVES[..count].to_vec(),
-        _ => (0..count).map(|k| VIRIDIS.at(share(k))).collect(),
-    }
-}
-
-/// The entries of a legend; of many names every second, third, …, none of a single one.
-fn legend<'n>(names: &'n [String], colours: &[RGBColor]) -> Vec<(RGBColor, &'n str)> {
-    let step = names.len().div_ceil(MOST_NAMES).max(1);
-    let entries = colours
-        .iter()
-        .copied()
-        .zip(names.iter().map(String::as_str));
-    let named = entries.filter(|(_, name)| !name.is_empty() && names.len() > 1);
-    named.step_by(step).collect()
-}
-
-/// A mean with its standard error, to two digits of the error.
-fn with_error(mean: f64, error: f64) -> String {
-    if !mean.is_finite() {
-        return "undefined".into();
-    }
-    if !(error.is_finite() && error > 0.0) {
-        return match mean.abs() {
-            0.0 | 1e-3..1e6 => format!("{mean:.4}"),
-            _ => format!("{mean:.3e}"),
-        };
-    }
-    if !(1e-3..1e6).contains(&mean.abs().max(error)) {
-        return format!("{mean:.3e} ± {error:.1e}");
-    }
-    let digits = (1.0 - error.log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{mean:.digits$} ± {error:.digits$}")
-}
-
-/// Text with its subscripts and superscripts as HTML.
-fn marked(text: &str) -> String {
-    let text = escape(text);
-    let mut out = String::new();
-    let mut open = None;
-    let mut letters = text.chars().peekable();
-    while let Some(letter) = letters.next() {
-        match (letter, letters.peek()) {
-            ('_' | '^', Some('{')) => {
-                letters.next();
-                let tag = if letter == '_' { "sub" } else { "sup" };
-                open = Some(tag);
-                out += &format!("<{tag}>");
-            }
-            ('}', _) if open.is_some() => out += &format!("</{}>", open.take().unwrap_or("")),
-            _ => out.push(letter),
-        }
-    }
-    out
 }
