@@ -317,6 +317,12 @@ impl<'a> Movie<'a> {
 
     fn title(&self, number: usize) -> String {
         match self.run.stage() {
+            RunStage::Shear if self.run.has_free_surface() => {
+                format!(
+                    "frame {number}, time {:.4e} s",
+                    self.run.frame_times()[number]
+                )
+            }
             RunStage::Newtonian => format!(
                 "frame {number}, time {:.4e}",
                 self.run.frame_times()[number]
