@@ -244,7 +244,7 @@ fn commands_know_a_free_surface() {
         assert_eq!(output.status.code(), Some(2), "{name}: {said}");
         assert!(said.contains("has a free surface"), "{said}");
     }
-    for name in ["report", "info", "dmin", "spectrum"] {
+    for name in ["report", "info", "dmin", "spectrum", "movie"] {
         succeed(reducer().arg(name).arg(&out));
     }
     let page = folder.path().join("flow/report/index.html");

@@ -158,14 +158,14 @@ fn owned_potential_energy<D: Dimension>(system: &System<D>, energy: &FixedPoint)
 
 /// What is above the sample, for a row of the time series.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Above {
+pub enum UpperEnd {
     /// A wall.
     Wall,
     /// The images of the sample, and the stress of the cell times its base, which stands for the
     /// forces on a wall.
     Images(WallForces),
     /// Nothing: rows have the forces on the bottom wall.
-    Nothing(Flow),
+    Free(Flow),
 }
 
 /// The mean motion of the free grains, weighed by mass.
@@ -274,28 +274,24 @@ pub fn series<D: Dimension>(
     law: &dyn PairModel,
     system: &mut System<D>,
     samples: &ContactForces,
-    (top, above): (&Top, Above),
+    (top, above): (&Top, UpperEnd),
     constants: &SampleConstants,
     height: f64,
 ) -> SeriesRow {
     let (piston, slider) = (&top.piston, &top.slider.state);
+    let is_free = matches!(above, UpperEnd::Free(_));
     let Sums {
         mut shear_force,
         mut normal_force,
         kinetic_energy,
         potential_energy,
         counts: [contacts, sliding, ends],
-    } = sums(
-        exchange,
-        system,
-        constants,
-        matches!(above, Above::Nothing(_)),
-    );
-    if let Above::Images(felt) = above {
+    } = sums(exchange, system, constants, is_free);
+    if let UpperEnd::Images(felt) = above {
         (shear_force, normal_force) = (-felt.along, felt.up);
     }
     let [wall_height, wall_velocity] = match above {
-        Above::Nothing(flow) => flow.height.map(|x| 2.0 * x),
+        UpperEnd::Free(flow) => flow.height.map(|x| 2.0 * x),
         _ => [
             piston.height - constants.walls - top.bottom_displacement(),
             piston.velocity,
@@ -303,7 +299,6 @@ pub fn series<D: Dimension>(
     };
     let of_wall = 0.5 * piston.mass * piston.velocity * piston.velocity;
     let has_wall = |budget: &EnergyBudget| budget.has_wall();
-    let is_free = matches!(above, Above::Nothing(_));
     let of_grains = if is_free {
         kinetic_energy
     } else {

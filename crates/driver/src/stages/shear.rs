@@ -11,7 +11,7 @@ use gshear_dem::domain::Exchange;
 use gshear_dem::drive::{Drive, GrainWalls, Images, Piston, Slider, Top};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::observe::{self, SampleConstants};
+use gshear_dem::observe::{self, SampleConstants, UpperEnd};
 use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
@@ -269,16 +269,16 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     }
 
     /// What is above the sample, as rows of the time series measure it; collective.
-    fn measure_above(&mut self, exchange: &dyn Exchange) -> observe::Above {
+    fn upper_end(&mut self, exchange: &dyn Exchange) -> UpperEnd {
         match &self.above {
-            Above::Images(images) => observe::Above::Images(images.felt),
+            Above::Images(images) => UpperEnd::Images(images.felt),
             Above::Wall(walls) if self.confinement == Confinement::FreeSurface => {
                 let bottom = self.floor + self.frame.walls + walls.motion.bottom_displacement();
                 let system = &mut self.assembly.system;
                 let of = (self.mass, bottom);
-                observe::Above::Nothing(observe::flow(exchange, system, &self.frame, of))
+                UpperEnd::Free(observe::flow(exchange, system, &self.frame, of))
             }
-            Above::Wall(_) => observe::Above::Wall,
+            Above::Wall(_) => UpperEnd::Wall,
         }
     }
 
@@ -357,7 +357,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             self.check_between(exchange)?;
         }
         if series {
-            let above = self.measure_above(exchange);
+            let above = self.upper_end(exchange);
             let row = observe::series(
                 exchange,
                 self.assembly.law,
@@ -372,13 +372,13 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
                 values.extend(observe::imposed(self.above.top()).columns());
             }
             match above {
-                observe::Above::Wall => {}
-                observe::Above::Images(_) => {
+                UpperEnd::Wall => {}
+                UpperEnd::Images(_) => {
                     let (system, samples) = (&mut self.assembly.system, &self.assembly.samples);
                     let row = observe::stress(exchange, system, samples, self.mass);
                     values.extend(row.columns());
                 }
-                observe::Above::Nothing(flow) => values.extend(flow.row().columns()),
+                UpperEnd::Free(flow) => values.extend(flow.row().columns()),
             }
             let files = &mut self.files;
             files.trajectory.series(exchange, step, time, &values)?;
