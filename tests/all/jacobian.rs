@@ -1,5 +1,5 @@
 //! J as the paper has it, and the spectra of K of spheres by the smoothed law. That K is the
-//! derivative of the forces of every law is tested in `crates/analysis/tests/laws.rs`.
+//! derivative of the forces of every law is tested in `tests/all/stiffness_of_laws.rs`.
 
 use bytemuck::Zeroable;
 use faer::Mat;

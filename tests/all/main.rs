@@ -1,4 +1,5 @@
-//! Every test that runs the real programs, in one program: it is linked once, and waits overlap.
+//! Every test that runs the real programs or needs several crates, in one program: it is linked
+//! once, and waits overlap.
 //!
 //! A program that one test starts inherits the HDF5 files that others have open at that moment, and
 //! would keep HDF5's locks on them. This process therefore takes none (`.cargo/config.toml`).
@@ -30,12 +31,14 @@ mod kept_files;
 mod owners;
 mod packing;
 mod places;
+mod properties;
 mod reduce;
 mod reduced_protocols;
 mod replay;
 mod runs_of_protocols;
 mod scalars;
 mod spectrum_of_runs;
+mod stiffness_of_laws;
 mod stress;
 mod sweep;
 mod terminal;

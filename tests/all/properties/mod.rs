@@ -1,7 +1,7 @@
 //! Any input is either taken or refused with a message: no panic, no hang. Random configurations
 //! and LAMMPS data files go the way of a user's: a file is written, read and loaded.
 //!
-//! Files that were once wrong are in `corpus/`, and seeds of proptest in `properties.regressions`.
+//! Files that were once wrong are in `corpus/`, and seeds of proptest in `regressions`.
 
 use std::cell::Cell;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ use proptest::test_runner::{FileFailurePersistence, TestCaseResult, TestRng, Tes
 /// Nothing may take longer.
 const LONGEST: Duration = Duration::from_secs(1);
 
-const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Numbers at the ends of their types and beyond, and what is none.
 const NUMBERS: [&str; 40] = [
@@ -325,7 +325,10 @@ fn check<T: std::fmt::Debug>(
     strategy: &impl Strategy<Value = T>,
     property: impl Fn(T) -> TestCaseResult,
 ) {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/properties.regressions");
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/all/properties/regressions"
+    );
     let config = ProptestConfig {
         cases,
         source_file: Some(file!()),
@@ -608,7 +611,7 @@ fn many_data_files_are_taken_or_refused() {
 fn the_corpus_is_taken_or_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("scene.toml");
-    let corpus = "crates/scene/tests/corpus";
+    let corpus = "tests/all/properties/corpus";
     let configs = files(corpus, "toml");
     for text in configs {
         let _ = configuration(&path, &text, &[]);
