@@ -8,7 +8,7 @@ use crate::contact::model::PairModel;
 use crate::contact::{TORQUES, dissipation};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
-use crate::drive::{Top, WallForces};
+use crate::drive::{Piston, Top, WallForces};
 use crate::failure::Failure;
 use crate::kernel::ContactForces;
 use crate::state::{
@@ -223,21 +223,40 @@ struct Sums {
     counts: [i64; 3],
 }
 
+impl Sums {
+    /// What the energy budget takes for kinetic energy, with that of a wall that moves, and for
+    /// potential energy (J; J/m in 2D).
+    fn energies(
+        &self,
+        budget: Option<&EnergyBudget>,
+        piston: &Piston,
+        above: UpperEnd,
+    ) -> [f64; 2] {
+        let [mut kinetic, mut potential] = [self.kinetic_energy, self.potential_energy];
+        if !matches!(above, UpperEnd::Free(_)) {
+            (kinetic, potential) = (kinetic + potential, 0.0);
+        }
+        if budget.is_none_or(EnergyBudget::has_wall) {
+            kinetic += 0.5 * piston.mass * piston.velocity * piston.velocity;
+        }
+        [kinetic, potential]
+    }
+}
+
 /// One message for all sums. Collective.
 fn sums<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
     constants: &SampleConstants,
-    is_free: bool,
+    above: UpperEnd,
 ) -> Sums {
     let kinetic = owned_kinetic_energy(system, &constants.energy);
     let potential = owned_potential_energy(system, &constants.energy);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
-    let (wall, sign) = if is_free {
-        (body::BOTTOM, -1.0)
-    } else {
-        (body::TOP, 1.0)
+    let (wall, sign) = match above {
+        UpperEnd::Free(_) => (body::BOTTOM, -1.0),
+        _ => (body::TOP, 1.0),
     };
     for g in (0..grains.owned).filter(|g| grains.body[*g] == wall) {
         system.fixed.add(&mut shear, -sign * grains.force[g][0]);
@@ -279,16 +298,10 @@ pub fn series<D: Dimension>(
     height: f64,
 ) -> SeriesRow {
     let (piston, slider) = (&top.piston, &top.slider.state);
-    let is_free = matches!(above, UpperEnd::Free(_));
-    let Sums {
-        mut shear_force,
-        mut normal_force,
-        kinetic_energy,
-        potential_energy,
-        counts: [contacts, sliding, ends],
-    } = sums(exchange, system, constants, is_free);
+    let mut sums = sums(exchange, system, constants, above);
+    let [contacts, sliding, ends] = sums.counts;
     if let UpperEnd::Images(felt) = above {
-        (shear_force, normal_force) = (-felt.along, felt.up);
+        (sums.shear_force, sums.normal_force) = (-felt.along, felt.up);
     }
     let [wall_height, wall_velocity] = match above {
         UpperEnd::Free(flow) => flow.height.map(|x| 2.0 * x),
@@ -297,18 +310,7 @@ pub fn series<D: Dimension>(
             piston.velocity,
         ],
     };
-    let of_wall = 0.5 * piston.mass * piston.velocity * piston.velocity;
-    let has_wall = |budget: &EnergyBudget| budget.has_wall();
-    let of_grains = if is_free {
-        kinetic_energy
-    } else {
-        kinetic_energy + potential_energy
-    };
-    let of_sample = if system.budget.as_ref().is_none_or(has_wall) {
-        of_grains + of_wall
-    } else {
-        of_grains
-    };
+    let [kinetic, potential] = sums.energies(system.budget.as_ref(), piston, above);
     let energy = system
         .budget
         .as_mut()
@@ -322,21 +324,21 @@ pub fn series<D: Dimension>(
                     overlap: &samples.overlap,
                     load: piston.load,
                     height: piston.height,
-                    kinetic: of_sample,
-                    potential: if is_free { potential_energy } else { 0.0 },
+                    kinetic,
+                    potential,
                     gravity: system.gravity,
                 },
             )
         });
     SeriesRow {
         strain: slider.displacement / height,
-        stress_ratio: shear_force / normal_force,
-        normal_force,
-        shear_force,
+        stress_ratio: sums.shear_force / sums.normal_force,
+        normal_force: sums.normal_force,
+        shear_force: sums.shear_force,
         wall_height,
         solid_fraction: constants.free_volume / (base::<D>(system.cell) * wall_height),
         coordination: ends as f64 / constants.free_grains as f64,
-        kinetic_energy,
+        kinetic_energy: sums.kinetic_energy,
         sliding_fraction: if contacts > 0 {
             sliding as f64 / contacts as f64
         } else {

@@ -134,17 +134,14 @@ pub fn identity(run: &RunFile) -> Facts {
     ]
 }
 
-/// Returns the numbers of a run between walls.
-pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
-    let mut facts = identity(run);
+/// How far a run has come, or how fast it flows.
+fn way(run: &RunFile) -> (&'static str, String) {
     let strain = run.series().column("strain");
-    facts.push(if run.has_free_surface() {
+    if run.has_free_surface() {
         let velocity = run.series().column("mean_velocity");
         let mean = summary::finite_moments(&velocity[latter_half(run)]).mean;
-        (
-            "Mean velocity in the latter half",
-            format!("{mean:.4e} m/s"),
-        )
+        let velocity = format!("{mean:.4e} m/s");
+        ("Mean velocity in the latter half", velocity)
     } else if is_imposed(run) {
         let least = strain.iter().copied().fold(0.0, f64::min);
         let most = strain.iter().copied().fold(0.0, f64::max);
@@ -154,7 +151,13 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
         let percent = |strain: &f64| format!("{:.4} %", 100.0 * strain);
         let last = strain.last().map_or("none".into(), percent);
         ("Shear strain reached", last)
-    });
+    }
+}
+
+/// Returns the numbers of a run between walls.
+pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
+    let mut facts = identity(run);
+    facts.push(way(run));
     let stress = summary.stress;
     facts.push((
         "τ in the latter half: mean, standard deviation",
