@@ -8,7 +8,6 @@ pub mod synthetic;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
-use std::sync::RwLock;
 
 use gshear_store::run_reader::RunFile;
 
@@ -179,11 +178,6 @@ pub fn with_environment(
     folder: &Path,
     arguments: &[String],
 ) -> Outcome {
-    // Ranks that wait for each other yield their cores, and get them back late from another job: a
-    // job of several ranks runs alone, those of one rank beside each other.
-    static CORES: RwLock<()> = RwLock::new(());
-    let _beside = (ranks == 1).then(|| CORES.read());
-    let _alone = (ranks > 1).then(|| CORES.write());
     let mut command = program(ranks);
     command.args(arguments).arg("--out").arg(folder);
     command.envs(variables.iter().copied());

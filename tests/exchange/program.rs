@@ -44,6 +44,13 @@ fn check(world: &World) {
         for length in [0, 1, 500, 3000, 100_000] {
             ring(world, length);
         }
+        // None sleeps for ever, however the ranks meet.
+        for _ in 0..30_000 {
+            let mut one = [1];
+            world.sum_during(&mut one, &mut || ());
+            assert_eq!(one, [size as i64]);
+            ring(world, 1);
+        }
     }
     let mut ran = false;
     world.halo(&mut [], &mut || ran = true);

@@ -6,23 +6,85 @@
 use std::cell::Cell;
 use std::ptr::{copy_nonoverlapping, null_mut};
 use std::slice::from_raw_parts_mut;
-use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
 
 use crate::watchdog::{Progress, Ranks};
 use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives};
+use rustix::thread::futex;
 
 /// Greatest number of values in a sum.
 pub const MOST_TERMS: usize = 31;
 /// Room for a message (f64): about 4,000 records. Longer messages go through the library.
 pub const MOST_NUMBERS: usize = 1 << 15;
 
+/// A number that one rank raises and others wait for, modulo 2³²: none is further behind than a few.
+#[repr(C, align(128))]
+struct Counter {
+    number: AtomicU32,
+    /// 1 if a rank sleeps, or is about to, until the number changes.
+    sleeps: AtomicU32,
+}
+
+impl Counter {
+    /// Raises the number, and wakes the ranks that sleep until it is.
+    fn raise(&self, to: u64) {
+        // In one order for all ranks: either this one sees `sleeps`, or the other one the number.
+        self.number.store(to as u32, Ordering::SeqCst);
+        if self.sleeps.load(Ordering::SeqCst) != 0 {
+            self.sleeps.store(0, Ordering::SeqCst);
+            let _ = futex::wake(&self.number, futex::Flags::empty(), i32::MAX as u32);
+        }
+    }
+
+    /// Waits until the number has been raised to this one: after some polls asleep. A rank that
+    /// yielded its core to another job would get it back milliseconds later.
+    fn wait_for(&self, number: u64, polls: &Polls) {
+        let is_raised = |to: u32| to.wrapping_sub(number as u32) as i32 >= 0;
+        for _ in 0..polls.now.get() {
+            if is_raised(self.number.load(Ordering::Acquire)) {
+                polls.enough(true);
+                return;
+            }
+            std::hint::spin_loop();
+        }
+        polls.enough(false);
+        loop {
+            self.sleeps.store(1, Ordering::SeqCst);
+            let seen = self.number.load(Ordering::SeqCst);
+            if is_raised(seen) {
+                return;
+            }
+            // It ends at once if the number has changed; after an error, too, look again.
+            let _ = futex::wait(&self.number, futex::Flags::empty(), seen, None);
+        }
+    }
+}
+
+/// How often a rank polls before it sleeps: fewer times after polls in vain, which keep a core from
+/// what others wait for.
+struct Polls {
+    now: Cell<u32>,
+    most: u32,
+}
+
+impl Polls {
+    fn enough(&self, were: bool) {
+        let now = self.now.get();
+        self.now.set(if were {
+            (2 * now).min(self.most)
+        } else {
+            (now / 2).max(POLLS_CROWDED)
+        });
+    }
+}
+
 /// A rank's terms of a sum, on separate cache lines.
 #[repr(C, align(128))]
 struct Terms {
     /// Number of sums for which this rank has written its terms.
-    count: AtomicU64,
+    count: Counter,
     term: [AtomicI64; MOST_TERMS],
 }
 
@@ -30,11 +92,9 @@ struct Terms {
 #[repr(C, align(128))]
 struct Mailbox {
     /// Number of messages written.
-    sent: AtomicU64,
-    _padding_after_sent: [u64; 15],
+    sent: Counter,
     /// Number of messages read, counted by the neighbour.
-    taken: AtomicU64,
-    _padding_after_taken: [u64; 15],
+    taken: Counter,
     message: [f64; MOST_NUMBERS],
 }
 
@@ -57,8 +117,7 @@ pub struct Node {
     /// Number of messages sent to, and received from, the next rank and the rank before.
     sent: [Cell<u64>; 2],
     received: [Cell<u64>; 2],
-    /// Polls of a counter before this rank yields its core.
-    polls: u32,
+    polls: Polls,
     window: ffi::MPI_Win,
     // Dropped after the window.
     _communicator: SimpleCommunicator,
@@ -76,7 +135,7 @@ impl Node {
         communicator.all_gather_into(&world.rank(), &mut ranks[..]);
         let mut allowed = vec![0u64; here as usize * CPU_WORDS];
         communicator.all_gather_into(&allowed_cpus()[..], &mut allowed[..]);
-        let polls = if here as usize <= number_of_cpus(&allowed) {
+        let most = if here as usize <= number_of_cpus(&allowed) {
             POLLS_ALONE
         } else {
             POLLS_CROWDED
@@ -124,7 +183,10 @@ impl Node {
             sums: Cell::new(0),
             sent: zero(),
             received: zero(),
-            polls,
+            polls: Polls {
+                now: Cell::new(most),
+                most,
+            },
             window,
             _communicator: communicator,
         })
@@ -195,11 +257,13 @@ impl Node {
         unsafe {
             let slot = self.slots[self.rank];
             let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
-            wait_for(&(*mailbox).taken, number.saturating_sub(2), self.polls);
+            (*mailbox)
+                .taken
+                .wait_for(number.saturating_sub(2), &self.polls);
             let message = (&raw mut (*mailbox).message).cast::<f64>();
             let message = from_raw_parts_mut(message, chosen.len() * width);
             copy_chosen(records, width, chosen, message);
-            (*mailbox).sent.store(number, Ordering::Release);
+            (*mailbox).sent.raise(number);
         }
     }
 
@@ -217,13 +281,13 @@ impl Node {
         unsafe {
             let slot = self.slots[from];
             let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
-            wait_for(&(*mailbox).sent, number, self.polls);
+            (*mailbox).sent.wait_for(number, &self.polls);
             copy_nonoverlapping(
                 (&raw const (*mailbox).message).cast(),
                 message.as_mut_ptr(),
                 message.len(),
             );
-            (*mailbox).taken.store(number, Ordering::Release);
+            (*mailbox).taken.raise(number);
         }
     }
 
@@ -247,11 +311,11 @@ impl Node {
         for (to, value) in local.term.iter().zip(&*values) {
             to.store(*value, Ordering::Relaxed);
         }
-        local.count.store(number, Ordering::Release);
+        local.count.raise(number);
         meanwhile();
         for rank in (0..self.slots.len()).filter(|&r| r != self.rank) {
             let other = terms(rank);
-            wait_for(&other.count, number, self.polls);
+            other.count.wait_for(number, &self.polls);
             for (sum, term) in values.iter_mut().zip(&other.term) {
                 *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
             }
@@ -293,25 +357,12 @@ impl Drop for Node {
     }
 }
 
-/// Waits until a counter has reached a number. Yields the core after this number of `polls`.
-fn wait_for(counter: &AtomicU64, number: u64, polls: u32) {
-    for _ in 0..polls {
-        if counter.load(Ordering::Acquire) >= number {
-            return;
-        }
-        std::hint::spin_loop();
-    }
-    while counter.load(Ordering::Acquire) < number {
-        std::thread::yield_now();
-    }
-}
-
-/// Polls before a rank yields its core, if there are more ranks than cores: about two microseconds.
-/// More would delay the other ranks.
+/// Polls before a rank sleeps, if there are more ranks than cores: about two microseconds. More
+/// would delay the other ranks.
 const POLLS_CROWDED: u32 = 50;
 
-/// The same if every rank has a core: some tenths of a millisecond. To yield takes longer than most
-/// waits, and a core that is shared with other jobs may come back late.
+/// The same if every rank has a core: some tenths of a millisecond. To sleep takes longer than most
+/// waits.
 const POLLS_ALONE: u32 = 5000;
 
 /// Words of 64 bits for the processors that a process may use.
