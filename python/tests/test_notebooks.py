@@ -5,12 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import nbclient
 import nbformat
 import pytest
 
 from gshear import Run
+
+from .conftest import SCENES
 
 NOTEBOOKS = Path(__file__).resolve().parents[1] / "notebooks"
 
@@ -67,6 +70,37 @@ def test_notebooks_of_other_fields_read_a_run(
     folder = copy(run)
     said = execute(f"{name}.ipynb", folder / "scene.toml", folder, monkeypatch)
     assert [word for word in words if word not in said] == []
+
+
+def test_a_run_shows_its_progress_in_one_line(tmp_path: Path) -> None:
+    scene = SCENES / "crossing.toml"
+    values = {"shear.strain": 20.0, "sample.grains": 1000, "sample.length": 96e-6}
+    call = f"simulate({str(scene)!r}, {str(tmp_path / 'out')!r}, ranks=1, values={values})"
+    # Once more, a run that has ended.
+    cells = [
+        nbformat.v4.new_code_cell(code) for code in (f"from gshear import simulate\n{call};", call)
+    ]
+    messages = []
+
+    class Client(nbclient.NotebookClient):
+        def process_message(self, *arguments: Any, **named: Any) -> Any:
+            messages.append(arguments[0])
+            return super().process_message(*arguments, **named)
+
+    notebook = nbformat.v4.new_notebook(cells=cells)
+    Client(notebook, timeout=300, kernel_name="python3").execute()
+    assert [output.output_type for output in cells[0].outputs] == ["display_data"]
+    data = cells[0].outputs[0].data
+    assert re.fullmatch(
+        r"shear 100%, step ([\d,]+) of \1, strain 20.0\d*, done", data["text/plain"]
+    )
+    assert data["text/html"] == f"<progress value=1.0></progress> {data['text/plain']}"
+    kinds = [message["msg_type"] for message in messages]
+    assert kinds.count("display_data") == 1
+    shown = [m["content"]["data"]["text/plain"] for m in messages if "_data" in m["msg_type"]]
+    pattern = r"\w+ \d+%, step [\d,]+.*, \d:\d\d:\d\d left"
+    assert any(re.fullmatch(pattern, text) for text in shown)
+    assert [output.output_type for output in cells[1].outputs] == ["execute_result"]
 
 
 @pytest.mark.parametrize("path", sorted(NOTEBOOKS.glob("*.ipynb")), ids=lambda path: path.stem)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import os
 import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from datetime import timedelta
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
@@ -85,10 +88,58 @@ def launcher(program: Path) -> list[str]:
     return ["mpirun"]
 
 
-def run(command: Iterable[str | os.PathLike[str]], *, quiet: bool = False) -> str:
+def progress(folder: Path) -> Callable[[], None] | None:
+    """Returns a function that shows the progress of a run in one line of a notebook.
+
+    None outside of a notebook. The line appears when the run writes `status.json`.
+    """
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if not hasattr(shell, "kernel"):
+        return None
+    from IPython.display import DisplayHandle, display
+
+    path = folder / "status.json"
+    before = path.stat().st_mtime_ns if path.exists() else 0
+    line: DisplayHandle | None = None
+
+    def look() -> None:
+        nonlocal line
+        try:
+            if path.stat().st_mtime_ns == before:
+                return
+            status = json.loads(path.read_text())
+        except OSError:
+            return
+        part, steps, strain, left = map(status.get, ("fraction", "steps", "strain", "seconds_left"))
+        words = [status["stage"] if part is None else f"{status['stage']} {part:.0%}"]
+        words.append(f"step {status['step']:,}" + (f" of {steps:,}" if steps else ""))
+        if strain is not None:
+            words.append(f"strain {strain:.5f}")
+        if left is not None:
+            words.append(f"{timedelta(seconds=round(left))} left")
+        if status["state"] != "running":
+            words.append(status["state"])
+        text = ", ".join(words)
+        bar = "<progress></progress>" if part is None else f"<progress value={part}></progress>"
+        data = {"text/plain": text, "text/html": f"{bar} {text}"}
+        if line:
+            line.update(data, raw=True)
+        else:
+            line = display(data, raw=True, display_id=True)
+
+    return look
+
+
+def run(
+    command: Iterable[str | os.PathLike[str]],
+    *,
+    quiet: bool = False,
+    look: Callable[[], None] | None = None,
+) -> str:
     """Runs a command and returns its standard output.
 
-    Unless `quiet`, prints the command to standard error before.
+    Unless `quiet`, prints the command to standard error before. Calls `look` every second and at
+    the end.
 
     Raises:
         ProgramFailedError: The exit code is not 0; has what the program wrote.
@@ -97,12 +148,22 @@ def run(command: Iterable[str | os.PathLike[str]], *, quiet: bool = False) -> st
     if not quiet:
         print(f"gshear: running {shlex.join(words)}", file=sys.stderr)
     environment = OPEN_MPI | os.environ | (ROOT if os.geteuid() == 0 else {})
-    done = subprocess.run(
-        words, check=False, capture_output=True, text=True, env=environment, errors="replace"
-    )
-    if done.returncode != 0:
-        raise ProgramFailedError(words, done.returncode, done.stdout + done.stderr)
-    return done.stdout
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        words, stdout=pipe, stderr=pipe, text=True, env=environment, errors="replace"
+    ) as process:
+        try:
+            while process.returncode is None:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    output, errors = process.communicate(timeout=1 if look else None)
+                if look:
+                    look()
+        except BaseException:
+            process.kill()
+            raise
+    if process.returncode != 0:
+        raise ProgramFailedError(words, process.returncode, output + errors)
+    return output
 
 
 def simulate(
@@ -116,7 +177,8 @@ def simulate(
     """Runs a scene with gshear-mpi, or continues it, and returns the folder of its results.
 
     A run that is finished already is left as it is (`--resume auto`). The call returns when the run
-    has ended. `find` and `launcher` say which programs are taken.
+    has ended. `find` and `launcher` say which programs are taken. In a notebook a line of progress
+    takes the place of the command.
 
     Args:
         scene: Path of a scene, see `docs/config.md`.
@@ -126,7 +188,7 @@ def simulate(
             booleans, paths, lists and dicts of Python and NumPy. `None` takes a key away. A string
             is passed on as it is, as in `{"sample.length": "2 mm"}`; in lists and dicts it is a
             text.
-        quiet: Do not print the command.
+        quiet: Print neither the command nor the progress.
 
     Raises:
         TypeError: A value has a type that no key of a scene has.
@@ -140,5 +202,6 @@ def simulate(
     command += [program, scene, "--out", out, "--resume", "auto"]
     for key, value in (values or {}).items():
         command += ["--set", f"{key}={override(value)}"]
-    run(command, quiet=quiet)
+    look = None if quiet else progress(Path(out))
+    run(command, quiet=quiet or look is not None, look=look)
     return Path(out)
