@@ -37,7 +37,7 @@ help:
 	@echo "make stress    where it is hard: writes docs/stress.md, minutes"
 	@echo "make faults    1,000 failing calls, 1,000 kills, 1,000 damaged files (docs/faults.md): hours"
 	@echo "make queues    job scripts on Slurm, Flux and stand-ins, ranks on two hosts; not a part of make test"
-	@echo "make peers     speed beside LAMMPS and LIGGGHTS, which it installs"
+	@echo "make peers     speed beside LAMMPS, LIGGGHTS and DIRT, which it installs"
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make own-law   a program with a contact law of its own (examples/own_law): digests on 1 rank, on 2, and resumed"
 	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
