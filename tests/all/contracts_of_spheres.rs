@@ -86,33 +86,39 @@ fn spheres_under_a_spring_keep_the_contracts() {
     same_run(&folder.path().join("one"), &broken);
     assert_eq!(beyond_the_digest(&broken), beyond);
 
-    // Attraction, which depends on the radii and jumps in the steps of touch and of opening.
-    let attracting = |name: &str, ranks, further: &[&str]| {
-        let further = [&["--set=contact.surface_energy=2.0"], further].concat();
-        run(name, ranks, &further)
-    };
-    let held = attracting("held", 1, &[]).digest();
-    assert_ne!(held, expected);
-    let without_output = [
-        "--threads=2",
-        "--set=output.energy=false",
-        "--set=output.series_rows=0",
-    ];
-    assert_eq!(
-        attracting("held-quietly", 2, &without_output).digest(),
-        held
-    );
-    assert_eq!(
-        attracting("held", 3, &["--stop-at=3100", "--overwrite"]).code,
-        75
-    );
-    let resume = format!(
-        "--resume={}",
-        folder.path().join("held/checkpoint.h5").display()
-    );
-    let portable = "--set=bookkeeping.simd=portable".to_string();
-    let again = gshear_mpi(2, &folder.path().join("held-on"), &[resume, portable]);
-    assert_eq!(again.digest(), held);
+    // Attraction, which depends on the radii and jumps in the steps of touch and of opening; that
+    // of JKR holds grains together that no longer overlap.
+    for (held, adhesion) in [("held", "dmt"), ("adhering", "jkr")] {
+        let energy = format!("--set=contact.adhesion={adhesion}");
+        let attracting = |name: &str, ranks, further: &[&str]| {
+            let further = [&["--set=contact.surface_energy=2.0", &energy], further].concat();
+            run(name, ranks, &further)
+        };
+        let digest = attracting(held, 1, &[]).digest();
+        assert_ne!(digest, expected);
+        let apart = |overlap: &f64| *overlap < 0.0;
+        let file = hdf5::File::open(folder.path().join(held).join("run.h5")).expect("run.h5");
+        let overlaps = file
+            .dataset("connectivity/contacts/overlap")
+            .expect("overlaps");
+        let overlaps: Vec<f64> = overlaps.read_raw().expect("overlaps");
+        assert_eq!(overlaps.iter().any(apart), adhesion == "jkr");
+        let without_output = [
+            "--threads=2",
+            "--set=output.energy=false",
+            "--set=output.series_rows=0",
+            "--set=bookkeeping.skin=0.01",
+        ];
+        let quietly = format!("{held}-quietly");
+        assert_eq!(attracting(&quietly, 2, &without_output).digest(), digest);
+        let stopped = ["--stop-at=3100", "--overwrite"];
+        assert_eq!(attracting(held, 3, &stopped).code, 75);
+        let checkpoint = folder.path().join(held).join("checkpoint.h5");
+        let resume = format!("--resume={}", checkpoint.display());
+        let portable = "--set=bookkeeping.simd=portable".to_string();
+        let on = folder.path().join(format!("{held}-on"));
+        assert_eq!(gshear_mpi(2, &on, &[resume, portable]).digest(), digest);
+    }
 
     let packed = |ranks| {
         let further = [

@@ -5,6 +5,7 @@ use faer::{Par, c64};
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
 use gshear_dem::contact::TORQUES;
 use gshear_dem::contact::attraction::Attraction;
+use gshear_dem::contact::jkr::Jkr;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -191,7 +192,9 @@ impl<'a, D: Dimension> Packing<'a, D> {
         let at: Vec<_> = self.system.contacts.touching().collect();
         for (k, at) in at.into_iter().enumerate() {
             let radius = &self.system.grains().radius;
-            let attraction = contact.attraction.between(radius[at.i], radius[at.j]);
+            let radii = [radius[at.i], radius[at.j]];
+            let overlap = samples.overlap[at.block].0[at.lane];
+            let attraction = contact.attraction.contact(radii, overlap).pull;
             let normal = samples.normal[at.block].0[at.lane] + attraction;
             let tangential = samples.tangential[at.block];
             let tangential: Vec<f64> = (0..D::SPINS).map(|k| tangential[k].0[at.lane]).collect();
@@ -368,12 +371,16 @@ fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
     let attraction = Attraction {
         constant: force,
         per_radius: if D::SPINS == 3 { force } else { 0.0 },
+        jkr: None,
     };
-    for (friction, attraction) in [
-        (0.0, Attraction::default()),
-        (0.4, Attraction::default()),
-        (0.4, attraction),
-    ] {
+    // Weak, since it presses the closest pairs further, and they are near the end of the law.
+    let jkr = law.contact_modulus().map(|modulus| Attraction {
+        jkr: Some(Jkr::new(force / 3000.0, modulus)),
+        ..Attraction::NONE
+    });
+    let attractions = [Some(attraction), jkr].into_iter().flatten();
+    let without = [0.0, 0.4].map(|friction| (friction, Attraction::NONE));
+    for (friction, attraction) in without.into_iter().chain(attractions.map(|of| (0.4, of))) {
         for &rolling_friction in rolling {
             let contact = Contact {
                 friction,

@@ -68,9 +68,10 @@ pub struct System<D: Dimension> {
 /// How long the list of pairs remains complete.
 #[derive(Debug)]
 pub struct List {
-    /// Greatest diameter (m).
+    /// Greatest diameter (m), and greatest gap of grains in contact (m).
     diameter: f64,
-    /// Present skin (m): pairs are listed up to R_i + R_j + skin.
+    gap: f64,
+    /// Present skin (m): pairs are listed up to R_i + R_j + gap + skin.
     skin: f64,
     /// Least and greatest skin (m) in a wide cell; equal if the skin is given.
     wished: [f64; 2],
@@ -124,6 +125,7 @@ impl List {
         let range = Self::range(exchange.size(), cell, diameter, wished)?;
         Ok(Self {
             diameter,
+            gap: 0.0,
             skin: (FIRST_SKIN * mean_diameter).clamp(range[0], range[1]),
             wished,
             range,
@@ -258,8 +260,19 @@ impl List {
         self.every > 0 && steps + 1 - self.built >= self.every
     }
 
+    /// Fits the skin to a cell and to the gap.
+    fn fit(&mut self, exchange: &dyn Exchange, cell: Cell) -> Result<(), Failure> {
+        let greatest = self.diameter + self.gap;
+        let range = Self::range(exchange.size(), cell, greatest, self.wished)?;
+        if range != self.range {
+            self.range = range;
+            self.skin = self.skin.min(range[1]);
+        }
+        Ok(())
+    }
+
     fn cutoff(&self) -> f64 {
-        self.diameter + self.skin
+        self.diameter + self.gap + self.skin
     }
 
     /// Whether neighbours have drifted apart in memory since the grains were sorted.
@@ -406,12 +419,7 @@ impl<D: Dimension> System<D> {
     /// # Errors
     /// Too many ranks for a cell of these lengths.
     pub fn set_cell(&mut self, exchange: &dyn Exchange, cell: Cell) -> Result<(), Failure> {
-        let list = &mut self.list;
-        let range = List::range(exchange.size(), cell, list.diameter, list.wished)?;
-        if range != list.range {
-            list.range = range;
-            list.skin = list.skin.min(range[1]);
-        }
+        self.list.fit(exchange, cell)?;
         self.slabs.stretch(cell.periods[0]);
         self.cell = cell;
         Ok(())
@@ -477,6 +485,13 @@ impl<D: Dimension> System<D> {
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
     ) -> Result<(), Failure> {
+        let largest = 0.5 * self.list.diameter;
+        // Rounding must not hide a contact that is about to end.
+        let gap = 1.001 * law.largest_gap(largest);
+        if gap != self.list.gap {
+            self.list.gap = gap;
+            self.list.fit(exchange, self.cell)?;
+        }
         let cutoff = self.list.cutoff();
         let worked = self.clock.worked() - self.list.worked;
         let (mut owned, contacts) =
@@ -487,7 +502,6 @@ impl<D: Dimension> System<D> {
         let extent = self.extent(exchange);
         neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff);
         self.grains.replace(&owned, &self.masses, self.step);
-        let largest = 0.5 * self.list.diameter;
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
             .attach_ghosts(exchange, self.cell, &mut self.grains, cutoff);
@@ -513,7 +527,7 @@ impl<D: Dimension> System<D> {
     ) {
         let cutoff = neighbour::Cutoff {
             greatest: self.list.cutoff(),
-            skin: self.list.skin,
+            skin: self.list.gap + self.list.skin,
         };
         let extent = self.extent(exchange);
         let mut candidates = neighbour::pairs(&self.grains, self.cell, extent, cutoff);

@@ -82,10 +82,15 @@ pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
     law.normal_stiffness(radius, radius, overlap) / stiffness_number * per_section
 }
 
-/// F_c (N; N/m in 2D) of two mean grains.
+/// F_c (N; N/m in 2D) of two mean grains: the force that separates them.
 pub fn mean_attraction(contact: &Contact, sample: &Sample) -> f64 {
-    let radius = 0.5 * sample.mean_diameter;
-    contact.attraction.between(radius, radius)
+    contact.attraction.pull_off([0.5 * sample.mean_diameter; 2])
+}
+
+/// The attraction (N; N/m in 2D) of two mean grains under a load (N; N/m in 2D).
+pub fn attraction_under(load: f64, contact: &Contact, sample: &Sample) -> f64 {
+    let radii = [0.5 * sample.mean_diameter; 2];
+    contact.attraction.under(load, radii)
 }
 
 /// κ at which [`pressure`] is the given P (Pa): bisection of a function that falls as κ grows, down

@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use gshear_dem::contact::attraction::Attraction;
+use gshear_dem::contact::jkr::Jkr;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, NOT_NEGATIVE, POSITIVE, Values};
@@ -13,6 +14,10 @@ use crate::derived::{self, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
 use crate::table::{law_keys, laws_with, table};
 use crate::words::list;
+
+/// The values of `contact.adhesion`.
+const DMT: &str = "dmt";
+const JKR: &str = "jkr";
 
 /// The names of the contact laws.
 fn law_names() -> Vec<&'static str> {
@@ -46,8 +51,10 @@ table! {
         twisting_damping_ratio: Number(BELOW_ONE) { default: "0.0" },
         /// attraction F_c of two grains that touch; packing does without
         attraction: Number(NOT_NEGATIVE) { unit: "N, in 2D N/m", default: "0.0" },
-        /// surface energy γ: an attraction of 4πγR* (DMT); 3D only
+        /// surface energy γ: an attraction of 4πγR* (DMT), or JKR; 3D only
         surface_energy: Number(NOT_NEGATIVE) { unit: "J/m²", default: "0.0" },
+        /// adhesion by the surface energy; 3D only, JKR with `hertz` and `hertz-tsuji`
+        adhesion: Word(|| vec![DMT, JKR]) { default: "dmt" },
         /// pairs of materials with other values of these keys
         pair: Tables(pair_keys) { condition: "with several materials", otherwise: "none" },
     }
@@ -100,6 +107,7 @@ pub(crate) fn check(
             &CONTACT.surface_energy,
             "gives the attraction of spheres; give disks contact.attraction (N/m)",
         );
+        c.useless(&CONTACT.adhesion, "is that of spheres");
     }
     let law = Law::read(kind, c);
     for (key, value) in law.given() {
@@ -107,7 +115,15 @@ pub(crate) fn check(
             c.fill(key, *value);
         }
     }
-    let contact = contact_of(&mut |key| match key.default {
+    let adheres = dimension == Dimensions::Three && is_jkr(c);
+    if adheres && law.contact_modulus().is_none() {
+        let what = format!(
+            "\"jkr\" is between Hertzian spheres, and the law {:?} has none; choose the law \"hertz\" or \"hertz-tsuji\", or \"dmt\"",
+            kind.name
+        );
+        c.refuse(&CONTACT.adhesion, &what);
+    }
+    let contact = contact_of(&law, adheres, &mut |key| match key.default {
         "" => c.number(key),
         _ => Some(c.number_or_default(key)),
     });
@@ -118,9 +134,20 @@ pub(crate) fn check(
     Ok((law, contact))
 }
 
-/// What contacts have whatever their law, from the values of its keys.
-pub(crate) fn contact_of(number: &mut dyn FnMut(&Key) -> Option<f64>) -> Contact {
+/// Whether spheres of a surface energy adhere by JKR.
+pub(crate) fn is_jkr(c: &mut Checker<'_>) -> bool {
+    c.choice(&CONTACT.adhesion) == Some(JKR)
+}
+
+/// What contacts have beside their law, from the values of its keys; `adheres`: by JKR.
+pub(crate) fn contact_of(
+    law: &Law,
+    adheres: bool,
+    number: &mut dyn FnMut(&Key) -> Option<f64>,
+) -> Contact {
     let mut coefficient = |key| number(key).unwrap_or(0.0);
+    let energy = coefficient(&CONTACT.surface_energy);
+    let modulus = law.contact_modulus().filter(|_| adheres);
     let contact = Contact {
         friction: coefficient(&CONTACT.friction),
         rolling_friction: coefficient(&CONTACT.rolling_friction),
@@ -129,7 +156,10 @@ pub(crate) fn contact_of(number: &mut dyn FnMut(&Key) -> Option<f64>) -> Contact
         twisting_damping_ratio: coefficient(&CONTACT.twisting_damping_ratio),
         attraction: Attraction {
             constant: coefficient(&CONTACT.attraction),
-            per_radius: 4.0 * PI * coefficient(&CONTACT.surface_energy),
+            per_radius: if adheres { 0.0 } else { 4.0 * PI * energy },
+            jkr: modulus
+                .filter(|_| energy > 0.0)
+                .map(|modulus| Jkr::new(energy, modulus)),
         },
         ..Contact::NONE
     };
@@ -164,7 +194,7 @@ pub(crate) fn check_attraction(
     (law, contact): (&Law, &Contact),
     sample: &Sample,
 ) {
-    let given = derived::mean_attraction(contact, sample);
+    let given = derived::attraction_under(0.0, contact, sample);
     let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN) * sample.mean_section();
     if given > most {
         let of_all = [&CONTACT.attraction, &CONTACT.surface_energy];

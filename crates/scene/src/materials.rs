@@ -11,7 +11,7 @@ use gshear_dem::state::{GrainState, Masses, body};
 
 use crate::checker::Checker;
 use crate::insertion::material_stream;
-use crate::law::{CONTACT, ContactKeys, PAIR, contact_of, lacks_stiffness};
+use crate::law::{CONTACT, ContactKeys, PAIR, contact_of, is_jkr, lacks_stiffness};
 use crate::sample::SAMPLE;
 use crate::table::{Table, laws_with, table};
 use crate::value::{Entries, Value};
@@ -149,7 +149,9 @@ fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), gi
             let of_law = law.kind().keys.iter().any(|own| own.path == key.path);
             let what = if let Some(what) = value.out_of_bounds(key) {
                 what
-            } else if [CONTACT.law.path, CONTACT.pair.path].contains(&key.path) {
+            } else if [CONTACT.law.path, CONTACT.pair.path, CONTACT.adhesion.path]
+                .contains(&key.path)
+            {
                 "is the same for all pairs".into()
             } else if of_law || laws_with(key).is_empty() {
                 continue;
@@ -310,6 +312,7 @@ pub(crate) fn check(
         c.refuse(&OTHERS, "each material must have a density (kg/m³)");
         c.settle()?;
     }
+    let adheres = law.contact_modulus().is_some() && is_jkr(c);
     all.laws.clear();
     for pair in 0..count * count {
         let [i, j] = [pair / count, pair % count];
@@ -320,7 +323,7 @@ pub(crate) fn check(
             of: [i, j],
         };
         let law = Law::read(law.kind(), &mut reader);
-        let mut contact = contact_of(&mut |key| reader.number(key));
+        let mut contact = contact_of(&law, adheres, &mut |key| reader.number(key));
         contact.relative_densities = [1.0, densities[j] / densities[i]];
         if let Some((key, what)) = lacks_stiffness(&law, &contact) {
             let [i, j] = [&all.names[i], &all.names[j]];

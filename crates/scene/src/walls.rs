@@ -120,8 +120,12 @@ impl PlaneShear {
 
     /// δ̄ (m) at the greatest pressure, with the attraction.
     pub(crate) fn greatest_overlap(&self, law: &Law, contact: &Contact, sample: &Sample) -> f64 {
-        let most = self.shear.greatest_pressure(self.load.pressure)
-            + derived::mean_attraction(contact, sample) / sample.mean_section();
+        let (pressure, section) = (
+            self.shear.greatest_pressure(self.load.pressure),
+            sample.mean_section(),
+        );
+        let attraction = derived::attraction_under(pressure * section, contact, sample);
+        let most = pressure + attraction / section;
         match derived::stiffness_number(law, sample, most) {
             Some(kappa) if most > self.load.pressure => sample.mean_diameter / kappa,
             _ => self.load.mean_overlap(sample),

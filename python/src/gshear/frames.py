@@ -115,7 +115,7 @@ class Contacts(Columns):
     """Contacts of a frame, ordered by (i, j).
 
     Columns, for K contacts: `i`, `j` (rows of the grains, i < j), `normal_force` (F_n, on i along
-    n, never negative), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K];
+    n, negative where they attract), `overlap` (δ), `sliding` (1 at Coulomb's limit), each [K];
     `tangential_force` (F_t on i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3]
     for spheres;
     `rolling_history` and `rolling` (1 at the limit of rolling), [K] for disks; for spheres that

@@ -210,7 +210,7 @@ fn touch<D: Dimension>(
         torques: contact.torques,
         limits,
     };
-    if overlap <= 0.0 {
+    if overlap <= -law.gap(springs.materials, springs.radii) {
         return None;
     }
     LinearContact::new::<D>(law, n, distance, (springs, idle))

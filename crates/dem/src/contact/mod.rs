@@ -2,6 +2,7 @@
 //! loop over the contacts in [`crate::kernel`].
 
 pub mod attraction;
+pub mod jkr;
 pub mod model;
 pub mod stiffness;
 
@@ -88,7 +89,13 @@ pub struct Blocks<'a> {
     pub carry: &'a mut [[Lanes16; CARRY]],
     /// Receives the forces.
     pub response: &'a mut [Response],
+    /// Pairs whose adhesion ([`jkr`]) begins or ends in this step, for the torques of spheres: the
+    /// motion of other pairs tells.
+    pub jumps: &'a [Jump],
 }
+
+/// Block and lane of a pair, and the factor of a force that jumps in this step.
+pub type Jump = (usize, usize, f64);
 
 /// Kinds of dissipation: the indices of [`Response::dissipated`].
 pub mod dissipation {

@@ -36,6 +36,11 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
     /// The largest F_n (N; N/m in 2D) of two grains of this radius (m) within the law.
     fn largest_normal_force(&self, radius: f64) -> f64;
 
+    /// The greatest gap (m) of contacts of grains up to this radius (m).
+    fn largest_gap(&self, radius: f64) -> f64 {
+        self.gap([0; 2], [radius; 2])
+    }
+
     /// Unit in 3D of the history of F_t, as the units module of H5MD writes it.
     fn history_unit(&self) -> &'static str;
 

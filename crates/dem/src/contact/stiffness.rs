@@ -53,7 +53,7 @@ pub struct SpringState {
     pub materials: [u64; 2],
     /// R_i, R_j (m).
     pub radii: [f64; 2],
-    /// δ > 0 (m).
+    /// δ (m), greater than minus [`Stiffness::gap`].
     pub overlap: f64,
     /// As in [`crate::state::ContactState`].
     pub history: [f64; 3],
@@ -73,6 +73,11 @@ pub trait Stiffness: Sync {
     /// acts.
     fn idle_derivatives(&self, _state: &SpringState) -> Option<Derivatives> {
         None
+    }
+
+    /// The gap (m) at which a contact of two grains ends.
+    fn gap(&self, _materials: [u64; 2], _radii: [f64; 2]) -> f64 {
+        0.0
     }
 }
 

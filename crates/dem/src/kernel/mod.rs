@@ -15,13 +15,16 @@ use std::ops::Range;
 
 use self::motion::relative_motion;
 use crate::contact::attraction::Attraction;
+use crate::contact::jkr::Jkr;
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
 use crate::contact::{
-    CARRY, CHUNK, ContactLaw, PairMotion, Response, Turning, dissipation, vector,
+    CARRY, CHUNK, ContactLaw, Jump, PairMotion, Response, Turning, dissipation, vector,
 };
 use crate::dimension::Dimension;
-use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work, prefetch, prefetch_all};
+use crate::simd::{
+    Isa, LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
+};
 use crate::state::{BlockRange, Cell, Units, length};
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
@@ -155,6 +158,14 @@ pub struct PassOutcome {
     pub stress: [i128; 2],
 }
 
+impl<D: Dimension> Pass<'_, D> {
+    /// JKR adhesion, if there is one.
+    #[inline(always)]
+    fn jkr(&self) -> Option<Jkr> {
+        self.attraction.filter(|_| D::AXES == 3)?.jkr
+    }
+}
+
 impl PassOutcome {
     /// Combines two outcomes; of two pairs it keeps the first.
     pub fn merge(mut self, other: Self) -> Self {
@@ -213,9 +224,6 @@ struct PassWork<'a, C: ContactLaw, const BUDGET: bool> {
 /// and costs some 5 % where the cache holds all (docs/lab/speed.md).
 const CACHED: usize = 3 << 20;
 
-/// Block and lane of a pair, and the factor of a force that jumps in this step.
-type Jump = (usize, usize, f64);
-
 /// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
 /// reuse its memory.
 #[derive(Debug)]
@@ -224,6 +232,9 @@ pub struct Scratch<D: Dimension> {
     difference: [D::Fields; CHUNK],
     of_j: [[Lanes16; 8]; CHUNK],
     motion: [PairMotion; CHUNK],
+    /// δ (m), set with JKR adhesion only: then the law is given the overlap of Hertz' contact of
+    /// the same radius.
+    overlap: [Lanes16; CHUNK],
     /// n.
     direction: [[Lanes16; 3]; CHUNK],
     carry: [[Lanes16; CARRY]; CHUNK],
@@ -237,12 +248,25 @@ pub struct Scratch<D: Dimension> {
     touched: Vec<Jump>,
 }
 
+impl<D: Dimension> Scratch<D> {
+    /// δ (m) of block k of the chunk; `jkr`: with JKR adhesion.
+    #[inline(always)]
+    fn overlap(&self, k: usize, jkr: bool) -> &Lanes16 {
+        if jkr {
+            &self.overlap[k]
+        } else {
+            &self.motion[k].overlap
+        }
+    }
+}
+
 impl<D: Dimension> Default for Scratch<D> {
     fn default() -> Self {
         Self {
             difference: [D::NO_FIELDS; CHUNK],
             of_j: [[Lanes16::ZERO; 8]; CHUNK],
             motion: [PairMotion::ZERO; CHUNK],
+            overlap: [Lanes16::ZERO; CHUNK],
             direction: [[Lanes16::ZERO; 3]; CHUNK],
             carry: [[Lanes16::ZERO; CARRY]; CHUNK],
             response: [Response::NONE; CHUNK],
@@ -286,6 +310,9 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             }
             let outside = evaluate::<C, L, BUDGET>(token, law, pass, chunk.clone(), scratch);
             outcome.outside = outcome.outside.or(outside);
+            if pass.jkr().is_some() && !scratch.jumps.is_empty() {
+                scale_jumps::<C, BUDGET>(law, pass, chunk.start, scratch);
+            }
             let mut stress = None;
             if BUDGET {
                 count_dissipation::<C, L>(token, pass, chunk.clone(), scratch, &mut outcome);
@@ -349,6 +376,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     chunk: Range<usize>,
     scratch: &mut Scratch<C::Space>,
 ) -> Option<(usize, usize)> {
+    let jkr = pass.jkr().is_some();
     let contacts = &mut pass.part;
     if C::FRICTION && C::Space::SPINS == 3 {
         let limits = &contacts.limits[chunk.clone()];
@@ -371,6 +399,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             },
             carry: &mut scratch.carry[..chunk.len()],
             response: &mut scratch.response[..chunk.len()],
+            jumps: if jkr { &scratch.jumps } else { &[] },
         },
     );
     let mut outside = None;
@@ -382,6 +411,52 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         }
     }
     outside
+}
+
+/// Scales the forces of pairs whose adhesion begins or ends in this step by their factors, and ends
+/// the histories of the latter, which the law has taken as touching, as they were a step ago.
+#[cold]
+fn scale_jumps<C: ContactLaw, const BUDGET: bool>(
+    law: &C,
+    pass: &mut Pass<'_, C::Space>,
+    first: usize,
+    scratch: &mut Scratch<C::Space>,
+) {
+    let load = |lanes: &Lanes16| Portable::load(PortableToken, lanes);
+    let contacts = &mut pass.part;
+    for &(k, lane, factor) in &scratch.jumps {
+        let (block, response) = (first + k, &mut scratch.response[k]);
+        let forces = response.tangential.iter_mut();
+        let forces = forces.chain(&mut scratch.turning[k].torque);
+        let damping = &mut response.dissipated[dissipation::DAMPING];
+        for lanes in forces.chain([&mut response.normal, damping]) {
+            lanes.0[lane] *= factor;
+        }
+        if contacts.touching[block] >> lane & 1 == 1 {
+            continue;
+        }
+        let history = &mut contacts.history[block * C::HISTORY..][..C::HISTORY];
+        if let (true, Some(attraction)) = (BUDGET, pass.attraction) {
+            let of = &contacts.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
+            let hertzian = load(&scratch.motion[k].overlap);
+            let [normal, tangential, rolling] =
+                law.elastic_energies(PortableToken, of, hertzian, history);
+            let overlap = hertzian * Portable::splat(PortableToken, -1.0 / 3.0);
+            let [sum, r_i] = &contacts.geometry[block];
+            let (radii, overlaps) = ([load(sum), load(r_i)], [overlap, hertzian]);
+            let normal = attraction.potential(PortableToken, radii, overlaps, normal);
+            for (kind, energy) in [
+                (dissipation::STIFFNESS, normal),
+                (dissipation::FRICTION, tangential),
+                (dissipation::ROLLING, rolling),
+            ] {
+                response.dissipated[kind].0[lane] += energy.to_lanes16().0[lane];
+            }
+        }
+        for lanes in history {
+            lanes.0[lane] = 0.0;
+        }
+    }
 }
 
 /// Energies below this many units are counted sixteen at a time.
@@ -422,6 +497,12 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
             sums = units.select(few, c(0.0)).count(sums);
         }
         outcome.dissipated[kind] += L::total(sums);
+    }
+    if pass.jkr().is_some() {
+        // Laws without friction leave it as it is.
+        for &(k, lane, _) in &scratch.jumps {
+            scratch.response[k].dissipated[dissipation::STIFFNESS].0[lane] = 0.0;
+        }
     }
 }
 
@@ -495,9 +576,11 @@ fn add_forces<C: ContactLaw, L: Lanes>(
     let [force_shift, torque_shift] = [units.force, units.torque].map(|u| c(Units::shift(u)));
     let largest = c(units.largest_force());
     let mut outside = None;
+    let jkr = pass.jkr().is_some();
     let sums = &mut *pass.force;
     let contacts = &mut pass.part;
     for (k, block) in chunk.enumerate() {
+        let overlap = scratch.overlap(k, jkr);
         let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
         let turning = &scratch.turning[k];
         let touching = load(&motion.overlap).greater(zero);
@@ -508,7 +591,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         let normal = load(&response.normal).select(touching, zero);
         if let Some(samples) = &mut pass.samples {
             samples.normal[block] = response.normal;
-            samples.overlap[block] = motion.overlap;
+            samples.overlap[block] = *overlap;
             samples.tangential[block] = response.tangential;
         }
         let touched = contacts.touching[block];
@@ -535,7 +618,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
             force[axis] = (force[axis] + force_shift) - force_shift;
         }
         if let Some(stress) = stress {
-            let distance = load(&radii[0]) - load(&motion.overlap);
+            let distance = load(&radii[0]) - load(overlap);
             stress.add::<C::Space>(block, (n[C::Space::UP], distance), &force);
         }
         for k in 0..spins {
@@ -565,6 +648,7 @@ fn add_attraction<D: Dimension, L: Lanes>(
 ) {
     let zero = L::splat(token, 0.0);
     let shift = L::splat(token, Units::shift(pass.units.force));
+    let jkr = pass.jkr().is_some();
     let contacts = &pass.part;
     let mut jumps = scratch.jumps.iter().peekable();
     for (k, block) in chunk.enumerate() {
@@ -580,14 +664,15 @@ fn add_attraction<D: Dimension, L: Lanes>(
         let radii = [L::load(token, sum), L::load(token, r_i)];
         let factor = L::load(token, &factors);
         let acts = factor.abs().greater(zero);
-        let pull = factor * attraction.force(token, radii);
+        let hertzian = L::load(token, &scratch.motion[k].overlap);
+        let pull = factor * attraction.force(token, radii, hertzian);
         let (mut n, mut force) = ([zero; 3], [zero; 3]);
         for axis in 0..D::AXES {
             n[axis] = L::load(token, &scratch.direction[k][axis]).select(acts, zero);
             force[axis] = (shift - pull * n[axis]) - shift;
         }
         if let Some(stress) = stress {
-            let distance = radii[0] - L::load(token, &scratch.motion[k].overlap);
+            let distance = radii[0] - L::load(token, scratch.overlap(k, jkr));
             stress.add::<D>(block, (n[D::UP], distance), &force);
         }
         if let Some(samples) = &mut pass.samples {

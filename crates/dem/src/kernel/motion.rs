@@ -3,8 +3,10 @@
 
 use std::ops::Range;
 
-use super::{Jump, Pass, Scratch};
-use crate::contact::{ContactLaw, PairMotion, TORQUES, Turning, store_vector, vector};
+use super::{Pass, Scratch};
+use crate::contact::attraction::reduced_radius;
+use crate::contact::jkr::Jkr;
+use crate::contact::{ContactLaw, Jump, PairMotion, TORQUES, Turning, store_vector, vector};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Lanes16, Mask, inverse_sqrt};
 use crate::state::{Cell, Stretching, Units, way_to_touch};
@@ -24,6 +26,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let step = L::splat(token, pass.step);
     let shifts = [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
     let steps = (step, shifts);
+    let jkr = pass.jkr();
     let contacts = &mut pass.part;
     let attracts = pass.attraction.is_some();
     if BUDGET {
@@ -37,9 +40,10 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         .zip(&mut contacts.touching[chunk.clone()])
         .zip(scratch.difference.iter().zip(&scratch.of_j))
         .zip(scratch.motion.iter_mut().zip(&mut scratch.turning))
-        .zip(&mut scratch.direction)
+        .zip(scratch.direction.iter_mut().zip(&mut scratch.overlap))
         .enumerate();
-    for (k, ((((radii, touching), (difference, of_j)), (motion, turning)), direction)) in blocks {
+    for (k, ((((radii, touching), (difference, of_j)), (motion, turning)), places)) in blocks {
+        let (direction, overlap) = places;
         let difference = difference.as_ref();
         let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
         let pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
@@ -71,6 +75,19 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         }
         let before = *touching;
         *touching = pair.overlap.greater(L::splat(token, 0.0)).bits();
+        // A pair that touched a step ago overlaps by more than it has approached since.
+        let approach = -half_v.normal * step;
+        let mut new = approach.greater(pair.overlap).bits() & *touching;
+        let mut since_jump = pair.overlap;
+        if let Some(jkr) = &jkr {
+            pair.overlap.store(overlap);
+            if before | *touching != 0 {
+                new &= !before;
+                let of = (pair.overlap, reduced_radius([sum, r_i]));
+                (*touching, since_jump) =
+                    adhere::<L, BUDGET>(token, jkr, of, [before, *touching], motion);
+            }
+        }
         if before | *touching != 0 {
             active = k + 1;
         } else {
@@ -78,17 +95,16 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             let inner = contacts.first + block < contacts.inner;
             contacts.asleep_until[block] = asleep_until(motion, pass.travelled.filter(|_| inner));
         }
-        // A pair that touched a step ago overlaps by more than it has approached since.
-        let approach = -half_v.normal * step;
-        let new = approach.greater(pair.overlap).bits() & *touching;
         let opened = if attracts { before & !*touching } else { 0 };
         if new | opened != 0 {
             let jumps = attracts.then_some(&mut scratch.jumps);
-            let touched = BUDGET.then_some(&mut scratch.touched);
+            let touched = (BUDGET && jkr.is_none()).then_some(&mut scratch.touched);
             correct_jumps(
-                (k, [new, opened], &approach.to_lanes16()),
+                (k, [new, opened]),
+                [since_jump.to_lanes16(), approach.to_lanes16()],
                 (motion, turning),
                 [touched, jumps],
+                jkr.is_some(),
             );
         }
     }
@@ -414,30 +430,66 @@ impl<L: Lanes> Turn<L> {
     }
 }
 
+/// Finds which pairs JKR adhesion holds together, and sets their overlaps to those of Hertz'
+/// contacts of the same radii. `before`, `touching`: those that were held a step ago, and those
+/// that overlap. Also returns the overlap since the jump: of pairs that have opened, beyond the
+/// pull-off.
+#[inline(always)]
+fn adhere<L: Lanes, const BUDGET: bool>(
+    token: L::Token,
+    jkr: &Jkr,
+    (overlap, reduced): (L, L),
+    [before, touching]: [u16; 2],
+    motion: &mut PairMotion,
+) -> (u16, L) {
+    let depth = jkr.depth(token, reduced);
+    let beyond = depth.mul_add(L::splat(token, 1.0 / 3.0), overlap);
+    let held = beyond.greater(L::splat(token, 0.0)).bits() & before;
+    let acts = L::mask(token, before | touching);
+    let hertzian = jkr.hertzian(token, depth, overlap);
+    hertzian.select(acts, overlap).store(&mut motion.overlap);
+    if BUDGET {
+        let increment = L::load(token, &motion.normal_increment);
+        let earlier = jkr.hertzian(token, depth, overlap + increment);
+        (earlier - hertzian).store(&mut motion.normal_increment);
+    }
+    let opened = L::mask(token, before & !held);
+    (held | touching, beyond.select(opened, overlap))
+}
+
 /// Corrects the motion of pairs of block k that touch for the first time, and notes the factors of
-/// damping and attraction of those and of pairs that have opened. `approach`: -v_n Δt (m).
+/// damping and attraction of those and of pairs that have opened. `since_jump`: the overlap since
+/// then (m); `approach`: -v_n Δt (m). With JKR adhesion (`all_jumps`) the factors are those of all
+/// forces.
 #[cold]
 fn correct_jumps(
-    (k, [new, opened], approach): (usize, [u16; 2], &Lanes16),
+    (k, [new, opened]): (usize, [u16; 2]),
+    [since_jump, approach]: [Lanes16; 2],
     (motion, turning): (&mut PairMotion, &mut Turning),
     [mut touched, mut jumps]: [Option<&mut Vec<Jump>>; 2],
+    all_jumps: bool,
 ) {
-    for lane in (0..LANES).filter(|lane| new >> lane & 1 == 1) {
-        let factor = first_touch((motion, turning), lane, approach.0[lane]);
-        for to in [&mut touched, &mut jumps].into_iter().flatten() {
+    for lane in (0..LANES).filter(|lane| (new | opened) >> lane & 1 == 1) {
+        let [overlap, approach] = [since_jump.0[lane], approach.0[lane]];
+        let factor = if new >> lane & 1 == 1 {
+            let part = overlap / approach;
+            first_touch((motion, turning), lane, part, all_jumps)
+        } else {
+            let open = part_open(overlap, approach);
+            if all_jumps {
+                scale_increments((motion, turning), lane, 1.0 - open);
+            }
+            0.5 - open
+        };
+        let touched = touched.as_mut().filter(|_| new >> lane & 1 == 1);
+        for to in [touched, jumps.as_mut()].into_iter().flatten() {
             to.push((k, lane, factor));
-        }
-    }
-    if let Some(jumps) = jumps {
-        for lane in (0..LANES).filter(|lane| opened >> lane & 1 == 1) {
-            let part = part_of_opening(motion.overlap.0[lane], approach.0[lane]);
-            jumps.push((k, lane, part));
         }
     }
 }
 
-/// Corrects the motion of one lane in the step in which a pair comes to touch. Returns the factor
-/// of the damping. `approach` is -v_n Δt (m).
+/// Corrects the motion of one lane in the step in which a pair comes to touch, for a `part` of it.
+/// Returns the factor of the damping, by which velocities are scaled unless `all_jumps`.
 ///
 /// The pair touches for a part θ = δ/(-v_n Δt) of the step only, so the increments are scaled by θ.
 /// The kicks by this force cover the time from t-½Δt to t+½Δt. The pair touches during ½+θ of it,
@@ -446,34 +498,42 @@ fn correct_jumps(
 fn first_touch(
     (motion, turning): (&mut PairMotion, &mut Turning),
     lane: usize,
-    approach: f64,
+    part: f64,
+    all_jumps: bool,
 ) -> f64 {
-    let part = motion.overlap.0[lane] / approach;
-    for lanes in &mut motion.tangential_increment {
-        lanes.0[lane] *= part;
-    }
-    motion.rolling_increment.0[lane] *= part;
-    // The torques of spheres begin at 0, so their velocities remain.
-    for lanes in &mut turning.increment {
-        lanes.0[lane] *= part;
-    }
+    scale_increments((motion, turning), lane, part);
     let factor = 0.5 + part;
-    motion.normal_velocity.0[lane] *= factor;
-    for lanes in &mut motion.tangential_velocity {
-        lanes.0[lane] *= factor;
+    if !all_jumps {
+        motion.normal_velocity.0[lane] *= factor;
+        for lanes in &mut motion.tangential_velocity {
+            lanes.0[lane] *= factor;
+        }
+        motion.rolling_velocity.0[lane] *= factor;
     }
-    motion.rolling_velocity.0[lane] *= factor;
     factor
 }
 
-/// The part of the attraction in the first step without touch. The pair touched for a part θ of it;
-/// the kick of the step before stands for half of it, so θ - ½ is left. `approach` is -v_n Δt (m).
-fn part_of_opening(overlap: f64, approach: f64) -> f64 {
+/// Scales the increments of a lane to a part of the step. The torques of spheres begin at 0, so
+/// their velocities remain.
+fn scale_increments((motion, turning): (&mut PairMotion, &mut Turning), lane: usize, part: f64) {
+    for lanes in motion
+        .tangential_increment
+        .iter_mut()
+        .chain(&mut turning.increment)
+    {
+        lanes.0[lane] *= part;
+    }
+    motion.rolling_increment.0[lane] *= part;
+}
+
+/// The part of the first step without touch in which the pair no longer touches. The kick of the
+/// step before stands for half of it, so of the attraction ½ less this part is left. `approach` is
+/// -v_n Δt (m).
+fn part_open(overlap: f64, approach: f64) -> f64 {
     // Otherwise rounding opened the pair, or nothing moved.
-    let open = if approach < overlap {
+    if approach < overlap {
         overlap / approach
     } else {
         1.0
-    };
-    0.5 - open
+    }
 }

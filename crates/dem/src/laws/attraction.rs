@@ -11,9 +11,26 @@
 //!
 //! F_c jumps when a pair touches and when it opens. In these steps the kernel scales it by the part
 //! of the step in which the pair touches, so that the scheme stays of second order.
+//!
+//! With `contact.adhesion = "jkr"` a Hertzian contact of the radius a has (K. L. Johnson,
+//! K. Kendall and A. D. Roberts, Proc. R. Soc. London A 324, 301, 1971; LAMMPS' `jkr`)
+//!
+//! ```text
+//! δ = a²/R* - 2√(πγa/E*)
+//! F_n = F_n' - F_a,   F_a = 4√(πγE* a³),   F_n' = 4E*a³/(3R*)
+//! ```
+//!
+//! without dampers. F_n', F_t and dampers are the law's at the overlap a²/R*, of the same a. Pairs
+//! touch at δ = 0, where F_n is -8/9 of the pull-off force 3πγR*, and stay in contact until -F_n
+//! reaches it, at δ = -a_c²/(3R*), a_c³ = 9πγR*²/(4E*). The limits are again those of F_n', the
+//! load under which Hertz' contact has the same area; LAMMPS takes |F_n + 6πγR*|, which is the same
+//! at pull-off and less before. The potential energy is ∫F_n dδ from the touch. What is left of it
+//! at the pull-off, 0.961 πγ a_c², is lost: it counts in `dissipated_stiffness`, the energies of
+//! the springs in those of their limits. All forces jump, and are scaled in these two steps.
 
 use crate::contact::History;
-use crate::contact::attraction::Attraction;
+use crate::contact::attraction::{Attraction, reduced_radius};
+use crate::contact::jkr::Jkr;
 use crate::contact::model::{Elastic, PairModel};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::dimension::Dimension;
@@ -38,20 +55,33 @@ impl<D: Dimension> Attracting<D> {
     }
 }
 
+/// With JKR adhesion of the law at the overlap of Hertz' contact, by δ.
 impl<D: Dimension> Stiffness for Attracting<D> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
-        let [r_i, r_j] = state.radii;
-        let mut d = self.law.derivatives(state);
-        d.normal -= self.attraction.between(r_i, r_j);
+        let contact = self.attraction.contact(state.radii, state.overlap);
+        let mut d = self.law.derivatives(&SpringState {
+            overlap: contact.hertzian,
+            ..*state
+        });
+        for force in [&mut d.tangential, &mut d.rolling, &mut d.twisting] {
+            force.slope = force.slope.map(|slope| slope * contact.slope);
+        }
+        d.normal -= contact.pull;
+        d.normal_slope = d.normal_slope * contact.slope - contact.pull_slope;
         d
     }
 
     fn idle_derivatives(&self, state: &SpringState) -> Option<Derivatives> {
-        let [r_i, r_j] = state.radii;
+        let contact = self.attraction.contact(state.radii, state.overlap);
         Some(Derivatives {
-            normal: -self.attraction.between(r_i, r_j),
+            normal: -contact.pull,
+            normal_slope: -contact.pull_slope,
             ..Derivatives::default()
         })
+    }
+
+    fn gap(&self, _: [u64; 2], radii: [f64; 2]) -> f64 {
+        self.attraction.greatest_gap(radii)
     }
 }
 
@@ -77,7 +107,8 @@ impl<D: Dimension> PairModel for Attracting<D> {
     }
 
     fn largest_normal_force(&self, radius: f64) -> f64 {
-        self.law.largest_normal_force(radius) + self.attraction.between(radius, radius)
+        let elastic = self.law.largest_normal_force(radius);
+        elastic + self.attraction.under(elastic, [radius; 2])
     }
 
     fn history_unit(&self) -> &'static str {
@@ -93,10 +124,24 @@ impl<D: Dimension> PairModel for Attracting<D> {
     }
 
     fn energies(&self, isa: Isa, blocks: &Elastic<'_>, out: &mut [[Lanes16; 3]]) {
-        self.law.energies(isa, blocks, out);
+        let mut hertzian = blocks.overlap.to_vec();
+        if let Some(jkr) = self.attraction.jkr {
+            let geometry = blocks.geometry;
+            isa.run(Hertzian {
+                jkr,
+                geometry,
+                overlap: &mut hertzian,
+            });
+        }
+        let of_law = Elastic {
+            overlap: &hertzian,
+            ..*blocks
+        };
+        self.law.energies(isa, &of_law, out);
         isa.run(Potential {
             attraction: self.attraction,
             blocks,
+            hertzian: &hertzian,
             out,
         });
     }
@@ -109,10 +154,33 @@ impl<D: Dimension> PairForce<D> for Attracting<D> {
     }
 }
 
-/// Adds -F_c δ to the normal energies.
+/// Replaces the overlaps of contacts by those of Hertz' contacts of the same radii.
+struct Hertzian<'a> {
+    jkr: Jkr,
+    geometry: &'a [[Lanes16; 2]],
+    overlap: &'a mut [Lanes16],
+}
+
+impl Work for Hertzian<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, token: L::Token) {
+        let load = |lanes: &Lanes16| L::load(token, lanes);
+        for ([sum, r_i], overlap) in self.geometry.iter().zip(self.overlap) {
+            let reduced = reduced_radius([load(sum), load(r_i)]);
+            let depth = self.jkr.depth(token, reduced);
+            let hertzian = self.jkr.hertzian(token, depth, load(overlap));
+            hertzian.store(overlap);
+        }
+    }
+}
+
+/// Adds the potential of the attraction to the normal energies.
 struct Potential<'a> {
     attraction: Attraction,
     blocks: &'a Elastic<'a>,
+    hertzian: &'a [Lanes16],
     out: &'a mut [[Lanes16; 3]],
 }
 
@@ -122,11 +190,15 @@ impl Work for Potential<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) {
         let load = |lanes: &Lanes16| L::load(token, lanes);
-        let blocks = self.blocks.geometry.iter().zip(self.blocks.overlap);
-        for (([sum, r_i], overlap), out) in blocks.zip(self.out) {
-            let force = self.attraction.force(token, [load(sum), load(r_i)]);
-            let energy = (-force).mul_add(load(overlap), load(&out[0]));
-            energy.store(&mut out[0]);
+        let overlaps = self.blocks.overlap.iter().zip(self.hertzian);
+        let blocks = self.blocks.geometry.iter().zip(overlaps);
+        for (([sum, r_i], (overlap, hertzian)), out) in blocks.zip(self.out) {
+            let overlaps = [load(overlap), load(hertzian)];
+            let radii = [load(sum), load(r_i)];
+            let of = self
+                .attraction
+                .potential(token, radii, overlaps, load(&out[0]));
+            of.store(&mut out[0]);
         }
     }
 }

@@ -170,6 +170,10 @@ impl Constants for Spheres {
         Some(2.943_275_194_3 * deepest / speed)
     }
 
+    fn contact_modulus(&self) -> Option<f64> {
+        Some(0.75 * Spheres::normal_stiffness(self))
+    }
+
     fn default_of(&self, key: &Key) -> Option<f64> {
         (key.path == TANGENTIAL_DAMPING.path).then_some(self.tangential_damping)
     }

@@ -477,6 +477,7 @@ mod tests {
                 turning: &mut [],
                 carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut response,
+                jumps: &[],
             },
         );
         let [r] = response;

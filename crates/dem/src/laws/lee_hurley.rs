@@ -667,6 +667,7 @@ mod tests {
                 turning: &mut [],
                 carry: &mut [[Lanes16::ZERO; CARRY]],
                 response: &mut [Response::NONE],
+                jumps: &[],
             },
         );
         history.map(|lanes| lanes.0[3])

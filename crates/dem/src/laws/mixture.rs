@@ -76,6 +76,10 @@ impl<D: Dimension> Stiffness for Mixture<D> {
     fn idle_derivatives(&self, state: &SpringState) -> Option<Derivatives> {
         self.of(state.materials).idle_derivatives(state)
     }
+
+    fn gap(&self, materials: [u64; 2], radii: [f64; 2]) -> f64 {
+        self.of(materials).gap(materials, radii)
+    }
 }
 
 impl<D: Dimension> PairModel for Mixture<D> {
@@ -116,6 +120,11 @@ impl<D: Dimension> PairModel for Mixture<D> {
     fn largest_normal_force(&self, radius: f64) -> f64 {
         let forces = self.laws.iter().map(|law| law.largest_normal_force(radius));
         forces.fold(0.0, f64::max)
+    }
+
+    fn largest_gap(&self, radius: f64) -> f64 {
+        let gaps = self.laws.iter().map(|law| law.largest_gap(radius));
+        gaps.fold(0.0, f64::max)
     }
 
     fn history_unit(&self) -> &'static str {

@@ -123,10 +123,7 @@ impl Contact {
         twisting_friction: 0.0,
         twisting_stiffness: None,
         twisting_damping_ratio: 0.0,
-        attraction: Attraction {
-            constant: 0.0,
-            per_radius: 0.0,
-        },
+        attraction: Attraction::NONE,
         relative_densities: [1.0; 2],
     };
 
@@ -191,6 +188,11 @@ pub trait Constants: Debug + Send + Sync {
     /// The duration (s) of an undamped collision of two spheres of this radius (m) at this speed
     /// (m/s), if it depends on the speed.
     fn collision_time(&self, _radius: f64, _speed: f64) -> Option<f64> {
+        None
+    }
+
+    /// E* (Pa) of Hertzian spheres, which may have JKR adhesion.
+    fn contact_modulus(&self) -> Option<f64> {
         None
     }
 

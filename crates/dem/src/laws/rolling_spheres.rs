@@ -27,8 +27,8 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CHUNK, ContactLaw, History, PairMotion, TORQUES, Turning, add_damping, dissipation,
-    exceeds, set_back, vector,
+    Blocks, CHUNK, ContactLaw, History, Jump, PairMotion, TORQUES, Turning, add_damping,
+    dissipation, exceeds, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -158,13 +158,14 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         let zero = c(0.0);
         let per_half_step = c(2.0 * blocks.per_step);
         let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
-        for ((((p, history), motion), turning), response) in blocks
+        for (block, ((((p, history), motion), turning), response)) in blocks
             .parameters
             .chunks_exact(Self::PARAMETERS)
             .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
             .zip(blocks.motion)
             .zip(&mut *blocks.turning)
             .zip(&mut *blocks.response)
+            .enumerate()
         {
             if !C::FRICTION {
                 response.tangential = [Lanes16::ZERO; 3];
@@ -173,9 +174,11 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             let (p, history) = (&p[C::PARAMETERS..], &mut history[C::HISTORY..]);
             let touching = load(&motion.overlap).greater(zero);
             let normal = load(&response.normal);
+            let jumps = blocks.jumps.iter().filter(|jump| jump.0 == block);
             // Of the spring and of spring and damper, at the beginning of the step and at its end
             // without limit.
-            let (begins, touched) = begins_at(token, (motion, turning), history, blocks.per_step);
+            let (begins, touched) =
+                begins_at(token, (motion, turning), history, blocks.per_step, jumps);
             let mut sprung = [zero; TORQUES];
             let (mut before, mut earlier, mut trial) = (sprung, sprung, sprung);
             for k in 0..TORQUES {
@@ -302,6 +305,7 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
                 per_step: blocks.per_step,
                 carry: &mut *blocks.carry,
                 response: &mut *blocks.response,
+                jumps: &[],
             },
         );
         for (k, of_block) in blocks.history.chunks_exact_mut(Self::HISTORY).enumerate() {
@@ -314,11 +318,12 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
 /// ago. There increments are of this part, and v_n has been multiplied by ½ + θ. 0 elsewhere. Also
 /// the part of the dampers' power in the step, which the kernel divides by ½ + θ.
 #[inline(always)]
-fn begins_at<L: Lanes>(
+fn begins_at<'j, L: Lanes>(
     token: L::Token,
     (motion, turning): (&PairMotion, &Turning),
     history: &[Lanes16],
     per_step: f64,
+    jumps: impl Iterator<Item = &'j Jump>,
 ) -> ([L; TORQUES], L) {
     let c = |v| L::splat(token, v);
     let load = |lanes: &Lanes16| L::load(token, lanes);
@@ -337,15 +342,22 @@ fn begins_at<L: Lanes>(
     // (½ + θ)/θ ≥ 3/2 of a pair that comes to touch.
     let way = load(&motion.normal_velocity) * c(-1.0 / per_step);
     let ratio = way / overlap.max(least);
-    let part = half / (ratio - one).max(half);
+    let mut part = half / (ratio - one).max(half);
+    let touches = has_none.and(ratio.greater(c(1.5)));
+    let mut share = (part * (half + part)).select(touches, one);
+    for &(_, lane, factor) in jumps {
+        let (mut parts, mut shares) = (part.to_lanes16(), share.to_lanes16());
+        parts.0[lane] = factor - 0.5;
+        shares.0[lane] = (factor - 0.5) / factor;
+        (part, share) = (load(&parts), load(&shares));
+    }
     for (k, begins) in begins.iter_mut().enumerate() {
         let of_half_step = c(2.0 * per_step) * load(&turning.increment[k]);
         let velocity = load(&turning.velocity[k]);
         let begun = c(-2.0).mul_add(part, one).mul_add(velocity, of_half_step);
         *begins = begun.select(has_none, zero);
     }
-    let touches = has_none.and(ratio.greater(c(1.5)));
-    (begins, (part * (half + part)).select(touches, one))
+    (begins, share)
 }
 
 impl<C: ContactLaw + Stiffness> Stiffness for Resisting<C> {

@@ -144,6 +144,10 @@ impl Constants for TsujiSpheres {
         self.spheres.collision_time(radius, speed)
     }
 
+    fn contact_modulus(&self) -> Option<f64> {
+        self.spheres.contact_modulus()
+    }
+
     fn default_of(&self, key: &Key) -> Option<f64> {
         (key.path == TANGENTIAL_DAMPING_RATIO.path).then_some(DEFAULT_RATIO)
     }

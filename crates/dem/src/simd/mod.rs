@@ -23,7 +23,7 @@ use std::ops::{Add, Deref, DerefMut, Div, Mul, Neg, Sub};
 
 pub use avx2::{Avx2, Avx2Token};
 pub use avx512::{Avx512, Avx512Token};
-pub use math::{inverse, inverse_sqrt, ln};
+pub use math::{cube_root, inverse, inverse_sqrt, ln};
 pub use portable::{Portable, PortableToken};
 
 /// Number of lanes.

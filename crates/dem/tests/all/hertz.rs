@@ -369,6 +369,7 @@ fn the_law_is_that_of_lammps() {
                         }],
                         carry: &mut [[Lanes16::ZERO; CARRY]],
                         response: &mut response,
+                        jumps: &[],
                     },
                 );
                 history[i][j] = lanes.map(|lanes| lanes.0[0]);

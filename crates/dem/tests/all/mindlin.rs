@@ -71,6 +71,7 @@ fn evaluate<D: Dimension>(
             }],
             carry: &mut [[Lanes16::ZERO; CARRY]],
             response: &mut response,
+            jumps: &[],
         },
     );
     let [r] = response;
