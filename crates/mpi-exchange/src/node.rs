@@ -7,6 +7,7 @@ use std::cell::Cell;
 use std::ptr::{copy_nonoverlapping, null_mut};
 use std::slice::from_raw_parts_mut;
 use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
+use std::time::{Duration, Instant};
 
 use crate::watchdog::{Progress, Ranks};
 use mpi::ffi;
@@ -38,18 +39,38 @@ impl Counter {
         }
     }
 
-    /// Waits until the number has been raised to this one: after some polls asleep. A rank that
-    /// yielded its core to another job would get it back milliseconds later.
-    fn wait_for(&self, number: u64, polls: &Polls) {
+    /// Waits until the number has been raised to this one: by polls, then yielding the core, and
+    /// asleep if others want it.
+    fn wait_for(&self, number: u64, patience: &Patience) {
         let is_raised = |to: u32| to.wrapping_sub(number as u32) as i32 >= 0;
-        for _ in 0..polls.now.get() {
+        let left = patience.at_once.get();
+        let sleeps = left > 0;
+        patience.at_once.set(left.saturating_sub(1));
+        let polls = if sleeps {
+            POLLS_CROWDED
+        } else {
+            patience.polls
+        };
+        for _ in 0..polls {
             if is_raised(self.number.load(Ordering::Acquire)) {
-                polls.enough(true);
                 return;
             }
             std::hint::spin_loop();
         }
-        polls.enough(false);
+        if !sleeps {
+            let mut begun = Instant::now();
+            while patience.at_once.get() == 0 {
+                std::thread::yield_now();
+                let now = Instant::now();
+                if now - begun >= LONG_YIELD {
+                    patience.at_once.set(SLEEPS);
+                }
+                begun = now;
+                if is_raised(self.number.load(Ordering::Acquire)) {
+                    return;
+                }
+            }
+        }
         loop {
             self.sleeps.store(1, Ordering::SeqCst);
             let seen = self.number.load(Ordering::SeqCst);
@@ -62,23 +83,21 @@ impl Counter {
     }
 }
 
-/// How often a rank polls before it sleeps: fewer times after polls in vain, which keep a core from
-/// what others wait for.
-struct Polls {
-    now: Cell<u32>,
-    most: u32,
+/// How a rank waits. To yield the core takes a microsecond where only fellow ranks want it, which is
+/// less than to sleep and to be woken, but a slice of the time of any other process, milliseconds a
+/// step, one of the lowest priority, too.
+struct Patience {
+    /// Polls before this rank yields.
+    polls: u32,
+    /// Number of waits that are to come without yields.
+    at_once: Cell<u32>,
 }
 
-impl Polls {
-    fn enough(&self, were: bool) {
-        let now = self.now.get();
-        self.now.set(if were {
-            (2 * now).min(self.most)
-        } else {
-            (now / 2).max(POLLS_CROWDED)
-        });
-    }
-}
+/// A yield that takes so long has given the core to another process, or to a rank with as much to
+/// do.
+const LONG_YIELD: Duration = Duration::from_micros(200);
+/// Number of waits without yields after a long one, so that it costs little a wait.
+const SLEEPS: u32 = 1000;
 
 /// A rank's terms of a sum, on separate cache lines.
 #[repr(C, align(128))]
@@ -117,7 +136,7 @@ pub struct Node {
     /// Number of messages sent to, and received from, the next rank and the rank before.
     sent: [Cell<u64>; 2],
     received: [Cell<u64>; 2],
-    polls: Polls,
+    patience: Patience,
     window: ffi::MPI_Win,
     // Dropped after the window.
     _communicator: SimpleCommunicator,
@@ -135,7 +154,7 @@ impl Node {
         communicator.all_gather_into(&world.rank(), &mut ranks[..]);
         let mut allowed = vec![0u64; here as usize * CPU_WORDS];
         communicator.all_gather_into(&allowed_cpus()[..], &mut allowed[..]);
-        let most = if here as usize <= number_of_cpus(&allowed) {
+        let polls = if here as usize <= number_of_cpus(&allowed) {
             POLLS_ALONE
         } else {
             POLLS_CROWDED
@@ -183,9 +202,9 @@ impl Node {
             sums: Cell::new(0),
             sent: zero(),
             received: zero(),
-            polls: Polls {
-                now: Cell::new(most),
-                most,
+            patience: Patience {
+                polls,
+                at_once: Cell::new(0),
             },
             window,
             _communicator: communicator,
@@ -259,7 +278,7 @@ impl Node {
             let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
             (*mailbox)
                 .taken
-                .wait_for(number.saturating_sub(2), &self.polls);
+                .wait_for(number.saturating_sub(2), &self.patience);
             let message = (&raw mut (*mailbox).message).cast::<f64>();
             let message = from_raw_parts_mut(message, chosen.len() * width);
             copy_chosen(records, width, chosen, message);
@@ -281,7 +300,7 @@ impl Node {
         unsafe {
             let slot = self.slots[from];
             let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
-            (*mailbox).sent.wait_for(number, &self.polls);
+            (*mailbox).sent.wait_for(number, &self.patience);
             copy_nonoverlapping(
                 (&raw const (*mailbox).message).cast(),
                 message.as_mut_ptr(),
@@ -315,7 +334,7 @@ impl Node {
         meanwhile();
         for rank in (0..self.slots.len()).filter(|&r| r != self.rank) {
             let other = terms(rank);
-            other.count.wait_for(number, &self.polls);
+            other.count.wait_for(number, &self.patience);
             for (sum, term) in values.iter_mut().zip(&other.term) {
                 *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
             }
@@ -357,11 +376,11 @@ impl Drop for Node {
     }
 }
 
-/// Polls before a rank sleeps, if there are more ranks than cores: about two microseconds. More
-/// would delay the other ranks.
+/// Polls before a rank yields its core, if there are more ranks than cores: about two microseconds.
+/// More would delay the other ranks.
 const POLLS_CROWDED: u32 = 50;
 
-/// The same if every rank has a core: some tenths of a millisecond. To sleep takes longer than most
+/// The same if every rank has a core: some tenths of a millisecond. To yield takes longer than most
 /// waits.
 const POLLS_ALONE: u32 = 5000;
 
