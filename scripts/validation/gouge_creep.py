@@ -4,8 +4,9 @@
     gouge_creep.py OUT [NAME ...]
 
 Runs configs/gouge-holds-cheap.toml with three seeds into OUT, branches of it, and prints the tables
-of docs/gouge.md. NAME is one or more of impedance, holds, reload, damping, steps (default: all).
-Runs that are there already are not made again. About an hour of a core.
+of docs/gouge.md. NAME is one or more of impedance, holds, frequencies, long_holds, reload, damping,
+steps, long_steps, figure (default: all). Runs that are there already are not made again. About four
+hours of a core, three of them the steps of 5 mm.
 """
 
 from __future__ import annotations
@@ -30,6 +31,10 @@ FREQUENCY = 20e3
 AMPLITUDES = (0.5e-6, 1e-6, 2e-6, 4e-6)
 # Since the start of a hold (s).
 TIMES = (1e-4, 1e-3, 3e-3, 10e-3)
+# A grain slips through a wall of one layer in a second of agitation.
+THICK = ("sample.wall_thickness=2", "sample.grains=915")
+# Other frequencies, and amplitudes whose velocities are those of AMPLITUDES.
+FREQUENCIES = (10e3, 40e3)
 # Slip at 0.1 m/s (m): windows of the table of the direct effect.
 SLIPS = (0.0, 1e-6, 2.5e-6, 5e-6, 10e-6, 25e-6)
 
@@ -41,10 +46,11 @@ def program(out: Path, *arguments: str) -> None:
         subprocess.run([PROGRAM, *arguments, "--quiet"], check=True, stdout=subprocess.DEVNULL)
 
 
-def base(out: Path, seed: int) -> Path:
-    """Returns the folder of the base case of a seed."""
-    folder = out / f"base/seed-{seed}"
-    program(folder, str(SCENE), "--sweep", str(seed), "--out", str(out / "base"))
+def base(out: Path, seed: int, name: str = "base", *sets: str) -> Path:
+    """Returns the folder of the base case of a seed, with other keys if they are given."""
+    folder = out / f"{name}/seed-{seed}"
+    changes = [word for key in sets for word in ("--set", key)]
+    program(folder, str(SCENE), "--sweep", str(seed), "--out", str(out / name), *changes)
     return folder
 
 
@@ -111,9 +117,9 @@ def impedance(out: Path) -> None:
         print(f"{v}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
 
 
-def agitated(amplitude: float) -> str:
+def agitated(amplitude: float, frequency: float = FREQUENCY) -> str:
     """Keys of a part under vibration."""
-    return f",bottom_amplitude={amplitude},bottom_frequency={FREQUENCY}" if amplitude else ""
+    return f",bottom_amplitude={amplitude},bottom_frequency={frequency}" if amplitude else ""
 
 
 def holds(out: Path) -> None:
@@ -135,6 +141,37 @@ def holds(out: Path) -> None:
                 f"{kind},{amplitude},"
                 + ",".join(mean(list(column)) for column in np.transpose(rows))
             )
+
+
+def frequencies(out: Path) -> None:
+    """Holds under vibrations of other frequencies, of the same velocities."""
+    print("frequency (Hz),amplitude (m),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope")
+    for frequency in FREQUENCIES:
+        for amplitude in AMPLITUDES:
+            of = agitated(amplitude * FREQUENCY / frequency, frequency)
+            parts = [FAST, SLIDE, f"{{velocity=0.0,time=10e-3{of}}}"]
+            rows = []
+            for seed in SEEDS:
+                start = (base(out, seed), 2)
+                folder = branch(out, start, f"hold-{frequency:g}-{amplitude}", parts)
+                rows.append(relaxation(folder, start[0]))
+            means = ",".join(mean(list(column)) for column in np.transpose(rows))
+            print(f"{frequency},{amplitude * FREQUENCY / frequency:g},{means}")
+
+
+def long_holds(out: Path) -> None:
+    """Holds of 100 ms under vibration: whether the logarithm goes on."""
+    # Rows are 0.1 ms apart.
+    times = (*TIMES[1:], 30e-3, 90e-3)
+    print("amplitude (m),T," + ",".join(f"{t * 1e3:g} ms" for t in times) + ",slope")
+    for amplitude in AMPLITUDES[1:3]:
+        parts = [FAST, SLIDE, f"{{velocity=0.0,time=100e-3{agitated(amplitude)}}}"]
+        rows = []
+        for seed in SEEDS:
+            start = (base(out, seed), 2)
+            folder = branch(out, start, f"long-hold-{amplitude}", parts)
+            rows.append(relaxation(folder, start[0], times))
+        print(f"{amplitude}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
 
 
 def damping(out: Path) -> None:
@@ -171,8 +208,8 @@ def units(folder: Path) -> tuple[float, int, float]:
         return unit, int(free.sum()), float(grains["mass"][:][free].mean())
 
 
-def relaxation(folder: Path, slide: Path) -> list[float]:
-    """T in the latter half of a hold, changes of μ after TIMES, and their slope over ln t.
+def relaxation(folder: Path, slide: Path, times: tuple[float, ...] = TIMES) -> list[float]:
+    """T in the latter half of a hold, changes of μ after `times`, and their slope over ln t.
 
     Changes are since the end of the slide before, which is in the run `slide`.
     """
@@ -186,11 +223,11 @@ def relaxation(folder: Path, slide: Path) -> list[float]:
     since = time[hold] - time[hold[0]] + (time[hold[1]] - time[hold[0]])
     mu, kinetic = mu[hold], kinetic[hold]
     changes = []
-    for t in TIMES:
+    for t in times:
         near = (since > t / 1.2) & (since < t * 1.2)
         line = np.polyfit(np.log(since[near] / t), mu[near], 1)
         changes.append(line[1] - start)
-    slope = (changes[-1] - changes[0]) / np.log(TIMES[-1] / TIMES[0])
+    slope = (changes[-1] - changes[0]) / np.log(times[-1] / times[0])
     return [kinetic[len(hold) // 2 :].mean() / free / unit, *changes, slope]
 
 
@@ -234,9 +271,75 @@ def steps(out: Path) -> None:
         print(f"steps, {amplitude} m: down {mean(down)}, up {mean(up)}")
 
 
+def long_steps(out: Path) -> None:
+    """Velocity steps of 5 mm, 0.1, 0.01, 0.1 m/s, under vibration, for gshear-reduce rate-state."""
+    print("amplitude (m),T at 0.01 m/s,down,up,the last 2.5 mm over ln 10")
+    for amplitude in (AMPLITUDES[2], 0.0, AMPLITUDES[1], AMPLITUDES[3]):
+        of = agitated(amplitude)
+        parts = [FAST, *(f"{{velocity={v},distance=5e-3{of}}}" for v in (0.1, 0.01, 0.1))]
+        rows = []
+        for seed in SEEDS:
+            start = (base(out, seed, "thick", *THICK), 1)
+            folder = branch(out, start, f"long-steps-{amplitude}", parts)
+            velocity, mu, kinetic = columns(
+                folder, "drive_velocity", "stress_ratio", "kinetic_energy"
+            )
+            edges = [0, *(np.flatnonzero(np.diff(velocity)) + 1), len(mu)]
+            fast, slow, again = [mu[(a + b) // 2 : b].mean() for a, b in pairwise(edges)][-3:]
+            unit, free, _ = units(folder)
+            temperature = kinetic[velocity == 0.01].mean() / free / unit
+            rate = (0.5 * (fast + again) - slow) / np.log(10.0)
+            rows.append([temperature, slow - fast, again - slow, rate])
+        print(f"{amplitude}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
+
+
+def figure(out: Path) -> None:
+    """The slopes of all agitated holds over T, in OUT/creep.csv and OUT/creep.svg."""
+    import matplotlib.pyplot as plt
+
+    table = ["frequency,amplitude,granular_temperature,error,per_factor_e,error_per_factor_e"]
+    axes = plt.figure(figsize=(6.0, 4.0), layout="constrained").subplots()
+    for frequency in (FREQUENCY, *FREQUENCIES):
+        points = []
+        for amplitude in AMPLITUDES:
+            name = (
+                f"hold-{amplitude}" if frequency == FREQUENCY else f"hold-{frequency:g}-{amplitude}"
+            )
+            rows = [relaxation(out / name / f"seed-{s}", base(out, s)) for s in SEEDS]
+            rows = np.array(rows)[:, [0, -1]]
+            error = rows.std(axis=0, ddof=1) / np.sqrt(len(SEEDS))
+            points.append([*rows.mean(axis=0), *error])
+            of = amplitude * FREQUENCY / frequency
+            (t, slope, of_t, of_slope) = points[-1]
+            table.append(f"{frequency:g},{of:g},{t:.4g},{of_t:.2g},{slope:.4f},{of_slope:.4f}")
+        t, slope, of_t, of_slope = np.transpose(points)
+        label = f"{frequency / 1e3:g} kHz"
+        axes.errorbar(t, -slope, of_slope, of_t, fmt="o-", capsize=2, label=label)
+    axes.axhline(0.0247, color="black", linestyle="--", label="a of the paper")
+    axes.set(xscale="log", xlabel="granular temperature T", xlim=(1e-6, 1e-4), ylim=(0, None))
+    axes.xaxis.set_minor_formatter("")
+    axes.set_ylabel("fall of μ in a hold, per factor e of time")
+    axes.legend()
+    (out / "creep.csv").write_text("\n".join(table) + "\n")
+    axes.figure.savefig(out / "creep.svg", metadata={"Date": None})
+
+
+EXPERIMENTS = (
+    impedance,
+    holds,
+    frequencies,
+    long_holds,
+    reload,
+    damping,
+    steps,
+    long_steps,
+    figure,
+)
+
+
 def main(out: Path, names: list[str]) -> None:
     """Makes and prints the experiments of these names."""
-    for experiment in (impedance, holds, reload, damping, steps):
+    for experiment in EXPERIMENTS:
         if not names or experiment.__name__ in names:
             experiment(out)
 
