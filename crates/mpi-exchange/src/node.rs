@@ -20,7 +20,8 @@ pub const MOST_TERMS: usize = 31;
 /// Room for a message (f64): about 4,000 records. Longer messages go through the library.
 pub const MOST_NUMBERS: usize = 1 << 15;
 
-/// A number that one rank raises and others wait for, modulo 2³²: none is further behind than a few.
+/// A number that one rank raises and others wait for, modulo 2³²: none is further behind than a
+/// few.
 #[repr(C, align(128))]
 struct Counter {
     number: AtomicU32,
@@ -83,9 +84,9 @@ impl Counter {
     }
 }
 
-/// How a rank waits. To yield the core takes a microsecond where only fellow ranks want it, which is
-/// less than to sleep and to be woken, but a slice of the time of any other process, milliseconds a
-/// step, one of the lowest priority, too.
+/// How a rank waits. To yield the core takes a microsecond where only fellow ranks want it, which
+/// is less than to sleep and to be woken, but a slice of the time of any other process,
+/// milliseconds a step, one of the lowest priority, too.
 struct Patience {
     /// Polls before this rank yields.
     polls: u32,

@@ -100,7 +100,7 @@ crate::columns! {
         dissipated_friction: "J",
         /// dissipated by rolling at its limit
         dissipated_rolling: "J",
-        /// dissipated by changes of k_t at constant force
+        /// dissipated by changes of k_t at constant force, and by JKR pull-off
         dissipated_stiffness: "J",
         /// energy not accounted for, over the sum of both works' magnitudes
         energy_residual: "1",
