@@ -16,8 +16,7 @@ use crate::table::{law_keys, laws_with, table};
 use crate::words::list;
 
 /// The values of `contact.adhesion`.
-const DMT: &str = "dmt";
-const JKR: &str = "jkr";
+const ADHESION_NAMES: [&str; 2] = ["dmt", "jkr"];
 
 /// The names of the contact laws.
 fn law_names() -> Vec<&'static str> {
@@ -54,7 +53,7 @@ table! {
         /// surface energy γ: an attraction of 4πγR* (DMT), or JKR; 3D only
         surface_energy: Number(NOT_NEGATIVE) { unit: "J/m²", default: "0.0" },
         /// adhesion by the surface energy; 3D only, JKR with `hertz` and `hertz-tsuji`
-        adhesion: Word(|| vec![DMT, JKR]) { default: "dmt" },
+        adhesion: Text(&ADHESION_NAMES) { default: ADHESION_NAMES[0] },
         /// pairs of materials with other values of these keys
         pair: Tables(pair_keys) { condition: "with several materials", otherwise: "none" },
     }
@@ -136,7 +135,7 @@ pub(crate) fn check(
 
 /// Whether spheres of a surface energy adhere by JKR.
 pub(crate) fn is_jkr(c: &mut Checker<'_>) -> bool {
-    c.choice(&CONTACT.adhesion) == Some(JKR)
+    c.choice(&CONTACT.adhesion) == Some(ADHESION_NAMES[1])
 }
 
 /// What contacts have beside their law, from the values of its keys; `adheres`: by JKR.
