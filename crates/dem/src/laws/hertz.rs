@@ -24,7 +24,7 @@ use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, add_damping, dissipation, exceeds, portable_exp, portable_ln, scaled,
+    Blocks, ContactLaw, add_damping, dissipation, exceeds, norm, portable_exp, portable_ln, scaled,
     set_back, vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Vector};
@@ -267,6 +267,10 @@ pub const LARGEST_OVERLAP: f64 = super::hooke::LARGEST_OVERLAP;
 
 /// How the dampers of Hertzian contacts depend on the overlap.
 pub trait Damper: Copy + Debug + PartialEq + Send + Sync + 'static {
+    /// Whether the spring of a contact whose damper exceeds the limit is set back against the slip to
+    /// μ times the elastic part of F_n at most.
+    const LIMITED: bool = false;
+
     /// The damping of a pair, from the law's constant and m* (kg).
     fn of_pair<L: Lanes>(token: L::Token, constant: L, reduced_mass: L) -> L;
 
@@ -501,6 +505,18 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                         (-gamma_t).mul_add(v_t[k], force[k]) * c(1.0 / self.tangential_stiffness);
                     spring[k] = cut.select(sliding, u[k]);
                 }
+                if D::LIMITED {
+                    let (speed, per_speed) = norm(token, &v_t);
+                    let per_overlap = c(self.friction * self.normal_stiffness);
+                    let bound = per_overlap * load(&motion.overlap);
+                    let damped = (gamma_t * speed).greater(limit + bound).and(sliding);
+                    let back = -(bound * c(1.0 / self.tangential_stiffness));
+                    for k in 0..3 {
+                        let along = v_t[k] * per_speed;
+                        force[k] = (limit * along).select(damped, force[k]);
+                        spring[k] = (back * along).select(damped, spring[k]);
+                    }
+                }
             }
             response.sliding = sliding.bits();
             for k in 0..3 {
@@ -522,7 +538,12 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                 let stiffness = stiffness.select(touching, zero);
                 stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
                 (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);
-                let viscous = scaled(&v_t, gamma_t * root);
+                let mut viscous = scaled(&v_t, gamma_t * root);
+                if D::LIMITED {
+                    for k in 0..3 {
+                        viscous[k] = root * (-k_t).mul_add(spring[k], force[k]);
+                    }
+                }
                 let power = Three::dot(&viscous, &v_t).select(touching, zero);
                 add_damping(token, response, power);
             }

@@ -8,8 +8,13 @@
 //! F_t = -√(δR*) k_t u - γ_t v_t,          γ_t = x γ_n,                  k_t = 2E/((1+ν)(2-ν))
 //! ```
 //!
-//! and Coulomb's limit and the history u of `hertz`. α depends on the coefficient of restitution e
-//! (Marshall 2009, eq. 53):
+//! with Coulomb's limit and the history u of `hertz`, but u is set back against v_t to k_t |u| =
+//! μ k_n δ at most: where γ_t |v_t| exceeds the limit by more, F_t = -μF_n v_t/|v_t|. At the touch
+//! a damper exceeds the limit if x |v_t| > μ |v_n|. Without the bound it would set u back by more the
+//! smaller the overlap, as δ^(-1/4): the contact would then push along its slip, and the motion not
+//! converge with Δt. LAMMPS has no such bound.
+//!
+//! α depends on the coefficient of restitution e (Marshall 2009, eq. 53):
 //!
 //! ```text
 //! α = 1.2728 - 4.2783 e + 11.087 e² - 22.348 e³ + 27.467 e⁴ - 18.022 e⁵ + 4.8218 e⁶
@@ -177,6 +182,8 @@ impl Constants for TsujiSpheres {
 pub struct Tsuji;
 
 impl Damper for Tsuji {
+    const LIMITED: bool = true;
+
     #[inline(always)]
     fn of_pair<L: Lanes>(_: L::Token, constant: L, reduced_mass: L) -> L {
         constant * reduced_mass.sqrt()

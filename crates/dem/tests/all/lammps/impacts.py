@@ -11,7 +11,9 @@ the damping ratio and the friction; and after the impact the velocities (m/s) an
 
 Stiff spheres are LAMMPS'. Soft ones overlap by up to 0.15 R, where LAMMPS' arm of the torque, R - overlap/2,
 is no longer R: they are integrated here with the arm R and the spring turned about n with the spheres,
-after LAMMPS' arm without that turn has given LAMMPS' values.
+after LAMMPS' arm without that turn has given LAMMPS' values. A spring that is set back against the slip
+is here at most mu times the elastic part of F_n, in LAMMPS without bound (the last of the soft impacts; in
+the others x v_t < mu v_n at the touch).
 """
 
 from math import cos, pi, radians, sin
@@ -182,6 +184,10 @@ def integrated(modulus, damping, ratio, angle, *, as_lammps, step):
         if size > MU * normal:
             tangential = tangential * MU * normal / size
             u = -(tangential + ratio * viscous * aside) / stiffness
+            speed, bound = (aside @ aside) ** 0.5, MU * secant * overlap
+            if ratio * viscous * speed > MU * normal + bound and not as_lammps:
+                tangential = -MU * normal * aside / speed
+                u = -bound / stiffness * aside / speed
         force = normal * n + tangential
         arms = [r - (0.5 * overlap if as_lammps else 0.0) for r in RADII]
         torque = [-arm * cross(n, tangential) for arm in arms]
@@ -210,9 +216,9 @@ def main():
     assert min(abs(found - 1), abs(found - 2**0.5)) < 1e-3, found
     old = found < 1.2
     print("# E e ratio angle k eta mu k_w eta_w mu_w v1 v2 omega1 omega2")
-    cases = ((0.5, 0.5, 15), (0.5, 1.0, 40), (0.8, 0.5, 25), (0.9, 0.0, 60))
+    cases = ((0.5, 0.5, 15), (0.5, 0.3, 40), (0.8, 0.5, 25), (0.9, 0.0, 60))
     for modulus in (STIFF, SOFT):
-        for e, ratio, angle in cases:
+        for e, ratio, angle in cases + ((0.5, 1.0, 40),) * (modulus == SOFT):
             given = restitution_of(2**0.5 * alpha(e)) if old else e
             rows = of_lammps(modulus, given, ratio, angle)
             if modulus == SOFT:
