@@ -22,7 +22,6 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     scratch: &mut Scratch<C::Space>,
 ) -> usize {
     let mut active = 0;
-    let spins = C::Space::SPINS;
     let step = L::splat(token, pass.step);
     let shifts = [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
     let steps = (step, shifts);
@@ -58,36 +57,20 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             let first = (chunk.start + k) * C::HISTORY;
             let history = &mut contacts.history[first..first + C::HISTORY];
             let records = (difference, &of_j[C::Space::SPINS_OF_J..], [sum, r_i]);
-            tangential_motion::<C, L>(
-                token,
-                &steps,
-                (&pair, &v, &half_v),
-                records,
-                history,
-                (motion, turning),
-            );
+            let of = (&pair, &v, &half_v);
+            tangential_motion::<C, L>(token, &steps, of, records, history, (motion, turning));
         }
-        if C::ROLLING && spins == 1 {
-            motion.rolling_velocity = difference[C::Space::SPIN];
-            let half_spin = L::load(token, &difference[C::Space::HALF_SPIN]);
-            let rotation = half_spin.mul_add(step, shifts[1]) - shifts[1];
+        if C::ROLLING && C::Space::SPINS == 1 {
+            let [full, half] = [C::Space::SPIN, C::Space::HALF_SPIN].map(|at| &difference[at]);
+            motion.rolling_velocity = *full;
+            let rotation = L::load(token, half).mul_add(step, shifts[1]) - shifts[1];
             rotation.store(&mut motion.rolling_increment);
         }
         let before = *touching;
-        *touching = pair.overlap.greater(L::splat(token, 0.0)).bits();
-        // A pair that touched a step ago overlaps by more than it has approached since.
         let approach = -half_v.normal * step;
-        let mut new = approach.greater(pair.overlap).bits() & *touching;
-        let mut since_jump = pair.overlap;
-        if let Some(jkr) = &jkr {
-            pair.overlap.store(overlap);
-            if before | *touching != 0 {
-                new &= !before;
-                let of = (pair.overlap, reduced_radius([sum, r_i]));
-                (*touching, since_jump) =
-                    adhere::<L, BUDGET>(token, jkr, of, [before, *touching], motion);
-            }
-        }
+        let lengths = [pair.overlap, approach, sum, r_i];
+        let (new, since_jump) =
+            touch::<L, BUDGET>(token, &jkr, lengths, touching, (motion, overlap));
         if before | *touching != 0 {
             active = k + 1;
         } else {
@@ -109,6 +92,34 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         }
     }
     active
+}
+
+/// Finds which pairs touch, in place of those that touched a step ago. Returns those that touch for
+/// the first time, and the overlap since they touched or opened. `lengths`: δ, -v_n Δt, R_i + R_j
+/// and R_i.
+#[inline(always)]
+fn touch<L: Lanes, const BUDGET: bool>(
+    token: L::Token,
+    jkr: &Option<Jkr>,
+    [overlap, approach, sum, r_i]: [L; 4],
+    touching: &mut u16,
+    (motion, without_jkr): (&mut PairMotion, &mut Lanes16),
+) -> (u16, L) {
+    let before = *touching;
+    *touching = overlap.greater(L::splat(token, 0.0)).bits();
+    // A pair that touched a step ago overlaps by more than it has approached since.
+    let new = approach.greater(overlap).bits() & *touching;
+    let Some(jkr) = jkr else {
+        return (new, overlap);
+    };
+    overlap.store(without_jkr);
+    if before | *touching == 0 {
+        return (new, overlap);
+    }
+    let of = (overlap, reduced_radius([sum, r_i]));
+    let (held, since_jump) = adhere::<L, BUDGET>(token, jkr, of, [before, *touching], motion);
+    *touching = held;
+    (new & !before, since_jump)
 }
 
 /// Computes the tangential motion; in three dimensions rotates the histories, and computes the

@@ -434,8 +434,8 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
 }
 
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
-    /// Spring and damper over √(δR*), set back to their limit; at the end of the step they would be
-    /// `trial`. At its beginning v_t was 2 v_t(t + ½Δt) - v_t, to second order.
+    /// Spring and damper over √(δR*), set back to their limit, and the spring's u; at the end of the
+    /// step they would be `trial`. At its beginning v_t was 2 v_t(t + ½Δt) - v_t, to second order.
     #[inline(always)]
     fn set_back<L: Lanes>(
         &self,
@@ -443,9 +443,9 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         per_step: f64,
         trial: &Vector<L>,
         (gamma_t, slip, v_t): (L, &Vector<L>, &Vector<L>),
-        limit: L,
+        [limit, overlap]: [L; 2],
         masks: [L::Mask; 2],
-    ) -> Vector<L> {
+    ) -> [Vector<L>; 2] {
         let c = |v| L::splat(token, v);
         let per_slip = gamma_t.mul_add(c(-2.0 * per_step), c(self.tangential_stiffness));
         let moves = c(if per_step > 0.0 { 2.0 } else { 0.0 });
@@ -454,7 +454,25 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         for k in 0..3 {
             earlier[k] = trial[k] - per_slip.mul_add(slip[k], per_velocity * v_t[k]);
         }
-        set_back(token, &earlier, trial, limit, masks)
+        let mut force = set_back(token, &earlier, trial, limit, masks);
+        let compliance = c(1.0 / self.tangential_stiffness);
+        let mut spring = force;
+        for k in 0..3 {
+            spring[k] = (-gamma_t).mul_add(v_t[k], force[k]) * compliance;
+        }
+        if D::LIMITED {
+            let (speed, per_speed) = norm(token, v_t);
+            let bound = c(self.friction * self.normal_stiffness) * overlap;
+            let [_, sliding] = masks;
+            let damped = (gamma_t * speed).greater(limit + bound).and(sliding);
+            let back = -(bound * compliance);
+            for k in 0..3 {
+                let along = v_t[k] * per_speed;
+                force[k] = (limit * along).select(damped, force[k]);
+                spring[k] = (back * along).select(damped, spring[k]);
+            }
+        }
+        [force, spring]
     }
 
     /// Computes F_t.
@@ -499,23 +517,11 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             if sliding.bits() != 0 {
                 let masks = [L::mask(token, response.sliding), sliding];
                 let moved = (gamma_t, &slip, &v_t);
-                force = self.set_back(token, blocks.per_step, &force, moved, limit, masks);
+                let limits = [limit, load(&motion.overlap)];
+                let cut;
+                [force, cut] = self.set_back(token, blocks.per_step, &force, moved, limits, masks);
                 for k in 0..3 {
-                    let cut =
-                        (-gamma_t).mul_add(v_t[k], force[k]) * c(1.0 / self.tangential_stiffness);
-                    spring[k] = cut.select(sliding, u[k]);
-                }
-                if D::LIMITED {
-                    let (speed, per_speed) = norm(token, &v_t);
-                    let per_overlap = c(self.friction * self.normal_stiffness);
-                    let bound = per_overlap * load(&motion.overlap);
-                    let damped = (gamma_t * speed).greater(limit + bound).and(sliding);
-                    let back = -(bound * c(1.0 / self.tangential_stiffness));
-                    for k in 0..3 {
-                        let along = v_t[k] * per_speed;
-                        force[k] = (limit * along).select(damped, force[k]);
-                        spring[k] = (back * along).select(damped, spring[k]);
-                    }
+                    spring[k] = cut[k].select(sliding, u[k]);
                 }
             }
             response.sliding = sliding.bits();

@@ -191,23 +191,9 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 trial[k] = (-damping).mul_add(velocity, sprung[k]);
                 earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
             }
-            let [x, y, z, twist] = trial;
-            let mut cut = [x, y, z];
-            let limit = load(&p[ARM]) * normal;
-            let rolls = exceeds(&cut, limit).and(touching);
-            if rolls.bits() != 0 {
-                let masks = [L::mask(token, response.rolls), rolls];
-                let earlier = [earlier[0], earlier[1], earlier[2]];
-                cut = set_back(token, &earlier, &cut, limit, masks);
-            }
-            let limit = load(&p[ARM + 1]) * normal;
-            let twists = twist.abs().greater(limit);
-            let cut = [
-                cut[0],
-                cut[1],
-                cut[2],
-                limit.copy_sign(twist).select(twists, twist),
-            ];
+            let limits = [load(&p[ARM]) * normal, load(&p[ARM + 1]) * normal];
+            let masks = [L::mask(token, response.rolls), touching];
+            let (cut, [rolls, twists]) = cut(token, [earlier, trial], limits, masks);
             (response.rolls, response.twists) = (rolls.bits(), twists.bits());
             let mut dissipated = zero;
             for k in 0..TORQUES {
@@ -312,6 +298,27 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
             of_block[..C::HISTORY].copy_from_slice(&kept[k * C::HISTORY..][..C::HISTORY]);
         }
     }
+}
+
+/// The torques `trial` cut to the limits of rolling and twisting, and where they were; `earlier`:
+/// what they were a step ago. `masks`: contacts that rolled at the limit, and that touch.
+#[inline(always)]
+fn cut<L: Lanes>(
+    token: L::Token,
+    [earlier, trial]: [[L; TORQUES]; 2],
+    [of_rolling, of_twisting]: [L; 2],
+    [rolled, touching]: [L::Mask; 2],
+) -> ([L; TORQUES], [L::Mask; 2]) {
+    let ([x, y, z, twist], [a, b, c, _]) = (trial, earlier);
+    let mut cut = [x, y, z];
+    let rolls = exceeds(&cut, of_rolling).and(touching);
+    if rolls.bits() != 0 {
+        cut = set_back(token, &[a, b, c], &cut, of_rolling, [rolled, rolls]);
+    }
+    let twists = twist.abs().greater(of_twisting);
+    let twist = of_twisting.copy_sign(twist).select(twists, twist);
+    let [x, y, z] = cut;
+    ([x, y, z, twist], [rolls, twists])
 }
 
 /// ω_i - ω_j where a torque begins, in contacts without history: at the touch, a part θ of the step
