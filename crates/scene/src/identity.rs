@@ -133,11 +133,10 @@ fn change_of(path: &str) -> Change {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Source, load};
+    use crate::testing::embedded;
 
     fn scene(sets: &[&str]) -> Scene {
-        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        load(&Source::embedded(), &sets).unwrap()
+        embedded(sets).unwrap()
     }
 
     #[test]
@@ -178,19 +177,14 @@ mod tests {
         let [before, after] = [&[][..], &["shear.strain=0.2", "contact.friction=0.6"]].map(scene);
         let found = changes(&before.toml, &after.toml);
         let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
-        assert_eq!(
-            texts,
-            [
-                "contact.friction from 0.7 to 0.6",
-                "shear.strain from 0.1 to 0.2"
-            ]
-        );
+        let wanted = [
+            "contact.friction from 0.7 to 0.6",
+            "shear.strain from 0.1 to 0.2",
+        ];
+        assert_eq!(texts, wanted);
         let silent = scene(&["output.energy=false"]);
-        let found_default = changes(&silent.toml, &before.toml);
-        assert_eq!(
-            found_default[0].to_string(),
-            "output.energy from false to true"
-        );
+        let of_default = &changes(&silent.toml, &before.toml)[0];
+        assert_eq!(of_default.to_string(), "output.energy from false to true");
         assert_eq!(found[0].change, Change::Branch);
         assert_eq!(found[1].change, Change::End);
         assert_eq!(changes(&before.toml, &before.toml), []);

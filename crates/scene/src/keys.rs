@@ -284,46 +284,26 @@ fn unknown_top(key: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::cases;
 
     #[test]
     fn paths() {
         assert_eq!(resolve("seed").map(|key| key.path), Ok("seed"));
-        assert_eq!(
-            resolve("sample.grains").map(|key| key.path),
-            Ok("sample.grains")
-        );
-        for (path, start) in [
-            (
-                "load.frictoin",
-                "unknown key; [load] knows stiffness_number, pressure, ",
-            ),
-            (
-                "sample.grain",
-                "unknown key; did you mean grains? [sample] knows grains, ",
-            ),
-            (
-                "sample.pressure",
-                "unknown key; it belongs in [load]; [sample] knows grains, ",
-            ),
-            (
-                "contact.seed",
-                "unknown key; it belongs at the top, in no table; [contact] knows law, ",
-            ),
-            (
-                "load",
-                "[load] is a table; set its keys one by one, such as load.stiffness_number=…",
-            ),
-            (
-                "grains",
-                "unknown key; it belongs in [sample]; the top level knows title, ",
-            ),
-            (
-                "smaple.grains",
-                "unknown table; did you mean [sample]? The tables are material, contact, ",
-            ),
-        ] {
-            let message = resolve(path).expect_err("no key");
-            assert!(message.starts_with(start), "{message}");
+        let grains = "sample.grains";
+        assert_eq!(resolve(grains).map(|key| key.path), Ok(grains));
+        for [path, start] in cases(
+            r"
+            load.frictoin | unknown key; [load] knows stiffness_number, pressure,
+            sample.grain | unknown key; did you mean grains? [sample] knows grains,
+            sample.pressure | unknown key; it belongs in [load]; [sample] knows grains,
+            contact.seed | unknown key; it belongs at the top, in no table; [contact] knows law,
+            load | [load] is a table; set its keys one by one, such as load.stiffness_number=…
+            grains | unknown key; it belongs in [sample]; the top level knows title,
+            smaple.grains | unknown table; did you mean [sample]? The tables are material, contact,
+            ",
+        ) {
+            let message = resolve(&path).expect_err("no key");
+            assert!(message.starts_with(&start), "{message}");
         }
         assert!(resolve("sample.grains.x").is_err());
     }

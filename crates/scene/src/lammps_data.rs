@@ -23,7 +23,7 @@ pub struct DataFile {
 }
 
 /// One sphere.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Atom {
     /// Any number; the file has each once.
     pub id: u64,
@@ -84,31 +84,22 @@ pub fn write(title: &str, comments: &[&str], file: &DataFile) -> String {
     }
     // LAMMPS compares the whole comment with its atom_style.
     text.push_str("\nAtoms # sphere\n\n");
-    let mut row = |id: u64, kind: Option<u32>, numbers: &[f64]| {
-        // Writing to a string cannot fail.
-        let _ = write!(text, "{id}");
-        if let Some(kind) = kind {
-            let _ = write!(text, " {kind}");
-        }
+    let row = |text: &mut String, numbers: &[f64]| {
         for x in numbers {
+            // Writing to a string cannot fail.
             let _ = write!(text, " {x:?}");
         }
         text.push('\n');
     };
     for a in &file.atoms {
         let [x, y, z] = a.position;
-        row(a.id, Some(a.kind), &[a.diameter, a.density, x, y, z]);
+        let _ = write!(text, "{} {}", a.id, a.kind);
+        row(&mut text, &[a.diameter, a.density, x, y, z]);
     }
     text.push_str("\nVelocities\n\n");
-    let mut row = |id: u64, numbers: [[f64; 3]; 2]| {
-        let _ = write!(text, "{id}");
-        for x in numbers.as_flattened() {
-            let _ = write!(text, " {x:?}");
-        }
-        text.push('\n');
-    };
     for a in &file.atoms {
-        row(a.id, [a.velocity, a.angular_velocity]);
+        let _ = write!(text, "{}", a.id);
+        row(&mut text, [a.velocity, a.angular_velocity].as_flattened());
     }
     text
 }
@@ -126,12 +117,7 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
     }
     lines.rest.next();
     let (header, mut section) = DataHeader::read(&mut lines)?;
-    let DataSizes {
-        bounds,
-        tilt,
-        types,
-        atoms: count,
-    } = header.complete(name)?;
+    let (mut file, count) = header.complete(name)?;
     let mut atoms: Option<Vec<Atom>> = None;
     let mut place = HashMap::new();
     while let Some((at, heading)) = section {
@@ -141,7 +127,7 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
                 if atoms.is_some() {
                     return Err(lines.wrong(at, "a second section Atoms"));
                 }
-                atoms = Some(lines.atoms(at, style, (types, count), &mut place)?);
+                atoms = Some(lines.atoms(at, style, (file.types, count), &mut place)?);
                 lines.heading(&format!("the header says {count} atoms, here is one more"))?
             }
             "Velocities" => {
@@ -168,17 +154,9 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
             }
         };
     }
-    let Some(atoms) = atoms else {
-        return Err(Failure::input(format!(
-            "{name}: the section Atoms is missing"
-        )));
-    };
-    Ok(DataFile {
-        bounds,
-        tilt,
-        types,
-        atoms,
-    })
+    let missing = || Failure::input(format!("{name}: the section Atoms is missing"));
+    file.atoms = atoms.ok_or_else(missing)?;
+    Ok(file)
 }
 
 /// The lines of a file that are not read yet.
@@ -374,16 +352,11 @@ impl<'a> Lines<'a> {
     /// `hybrid`: whether the style is a hybrid, and of more than spheres.
     fn atom(&mut self, hybrid: Option<bool>, types: u32, count: u64) -> Result<Atom, Failure> {
         let (line, words) = self.row(count, "Atoms")?;
-        let form = match hybrid {
-            None => format!(
-                "a row of Atoms is {}, as atom_style sphere writes it",
-                COLUMNS[0]
-            ),
-            Some(_) => format!(
-                "a row of Atoms is {}, as atom_style hybrid sphere writes it",
-                COLUMNS[1]
-            ),
+        let (style, columns) = match hybrid {
+            None => ("sphere", COLUMNS[0]),
+            Some(_) => ("hybrid sphere", COLUMNS[1]),
         };
+        let form = format!("a row of Atoms is {columns}, as atom_style {style} writes it");
         let id = self.id(line, &words, &form)?;
         let has_more = hybrid == Some(true);
         if words.len() < 7 || !has_more && ![7, 10].contains(&words.len()) {
@@ -421,9 +394,8 @@ impl<'a> Lines<'a> {
             diameter,
             density,
             position: [x, y, z],
-            velocity: [0.0; 3],
-            angular_velocity: [0.0; 3],
             line,
+            ..Atom::default()
         })
     }
 
@@ -548,13 +520,13 @@ impl DataHeader {
         }
     }
 
-    /// All of it, if nothing is missing.
-    fn complete(self, name: &str) -> Result<DataSizes, Failure> {
+    /// A file without its atoms, and their number, if nothing is missing.
+    fn complete(self, name: &str) -> Result<(DataFile, u64), Failure> {
         let missing =
             |line: &str| Failure::input(format!("{name}: the header lacks the line `{line}`"));
         let bounds = |axis: usize, line| self.bounds[axis].ok_or_else(|| missing(line));
-        Ok(DataSizes {
-            atoms: self.atoms.ok_or_else(|| missing("N atoms"))?,
+        let count = self.atoms.ok_or_else(|| missing("N atoms"))?;
+        let file = DataFile {
             tilt: self.tilt,
             types: self.types.ok_or_else(|| missing("n atom types"))?,
             bounds: [
@@ -562,21 +534,16 @@ impl DataHeader {
                 bounds(1, "lo hi ylo yhi")?,
                 bounds(2, "lo hi zlo zhi")?,
             ],
-        })
+            atoms: Vec::new(),
+        };
+        Ok((file, count))
     }
-}
-
-/// A whole header.
-struct DataSizes {
-    bounds: [[f64; 2]; 3],
-    tilt: [f64; 3],
-    types: u32,
-    atoms: u64,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::cases;
 
     fn file() -> DataFile {
         let atom = |k: usize| Atom {
@@ -695,191 +662,53 @@ Velocities
 2 0 0 0 0 0 0
 ";
         assert!(parse("f", good).is_ok());
-        for (from, to, expected) in [
-            ("2 atoms\n", "", "f: the header lacks the line `N atoms`"),
-            (
-                "0 10 ylo yhi\n",
-                "",
-                "f: the header lacks the line `lo hi ylo yhi`",
-            ),
-            (
-                "2 atom types",
-                "2.5 atom types",
-                "f:3: the number of atom types must be a whole number in 1 … 4294967295, found 2.5",
-            ),
-            (
-                "2 atoms",
-                "9223372036854775807 atoms",
-                "f:2: the number of atoms must be a whole number in 1 … 4294967295, found 9223372036854775807",
-            ),
-            (
-                "2 atoms",
-                "-2 atoms",
-                "f:2: the number of atoms must be a whole number in 1 … 4294967295, found -2",
-            ),
-            (
-                "2 atoms",
-                "0 atoms",
-                "f:2: the number of atoms must be a whole number in 1 … 4294967295, found 0",
-            ),
+        for [from, to, expected] in cases(
+            r#"
+            2 atoms\n |  | f: the header lacks the line `N atoms`
+            0 10 ylo yhi\n |  | f: the header lacks the line `lo hi ylo yhi`
+            2 atom types | 2.5 atom types | f:3: the number of atom types must be a whole number in 1 … 4294967295, found 2.5
+            2 atoms | 9223372036854775807 atoms | f:2: the number of atoms must be a whole number in 1 … 4294967295, found 9223372036854775807
+            2 atoms | -2 atoms | f:2: the number of atoms must be a whole number in 1 … 4294967295, found -2
+            2 atoms | 0 atoms | f:2: the number of atoms must be a whole number in 1 … 4294967295, found 0
             // No memory is taken for atoms that are not there.
-            (
-                "2 atoms",
-                "4294967295 atoms",
-                "f:13: Atoms ends here; the header says 4294967295 atoms, a row for each",
-            ),
-            ("2 atoms", "1 2 atoms", "f:2: 2 numbers; write: N atoms"),
-            (
-                "2 atoms\n",
-                "2 atoms\n3 atoms\n",
-                "f:3: a second line atoms; leave it out",
-            ),
-            (
-                "0 10 xlo xhi",
-                "-1e308 1e308 xlo xhi",
-                "f:4: the box is too long: from -1e308 to 1e308 is more than a number can say",
-            ),
-            (
-                "0 10 xlo xhi",
-                "0 inf xlo xhi",
-                "f:4: \"inf\" is no number; write: lo hi xlo xhi",
-            ),
-            (
-                "0 10 xlo xhi",
-                "0 10 20 xlo xhi",
-                "f:4: 3 numbers; write: lo hi xlo xhi",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 2 1.0 1.0 3 1 0 0 abc 0",
-                "f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found \"abc\"",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 2 1.0 1.0 3 1 0 nan 0 0",
-                "f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found \"nan\"",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 2 1.0 1.0 3 1 0 0 0 0.5",
-                "f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found \"0.5\"",
-            ),
+            2 atoms | 4294967295 atoms | f:13: Atoms ends here; the header says 4294967295 atoms, a row for each
+            2 atoms | 1 2 atoms | f:2: 2 numbers; write: N atoms
+            2 atoms\n | 2 atoms\n3 atoms\n | f:3: a second line atoms; leave it out
+            0 10 xlo xhi | -1e308 1e308 xlo xhi | f:4: the box is too long: from -1e308 to 1e308 is more than a number can say
+            0 10 xlo xhi | 0 inf xlo xhi | f:4: "inf" is no number; write: lo hi xlo xhi
+            0 10 xlo xhi | 0 10 20 xlo xhi | f:4: 3 numbers; write: lo hi xlo xhi
+            2 2 1.0 1.0 3 1 0 | 2 2 1.0 1.0 3 1 0 0 abc 0 | f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found "abc"
+            2 2 1.0 1.0 3 1 0 | 2 2 1.0 1.0 3 1 0 nan 0 0 | f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found "nan"
+            2 2 1.0 1.0 3 1 0 | 2 2 1.0 1.0 3 1 0 0 0 0.5 | f:11: the images of atom 2 must be three whole numbers, such as 0 0 0, found "0.5"
             // Its radius would be 0.
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 2 5e-324 1.0 3 1 0",
-                "f:11: the diameter of atom 2 must lie in 1e-100 … 1e100, found 5e-324",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 2 1.0 0 3 1 0",
-                "f:11: the density of atom 2 must lie in 1e-100 … 1e100, found 0.0",
-            ),
-            (
-                "2 0 0 0 0 0 0",
-                "2 0 0 0 0 -inf 0",
-                "f:16: \"-inf\" is no number; a row of Velocities is id vx vy vz wx wy wz",
-            ),
-            (
-                "0 10 xlo xhi",
-                "10 0 xlo xhi",
-                "f:4: the box is empty: 10.0 is not below 0.0",
-            ),
-            (
-                "0 10 xlo xhi",
-                "10 xlo xhi",
-                "f:4: 1 numbers; write: lo hi xlo xhi",
-            ),
-            (
-                "2 atom types",
-                "2 atom types\n7 bonds",
-                "f:4: \"7 bonds\" is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi",
-            ),
-            (
-                "Atoms # sphere",
-                "Atoms # atomic",
-                "f:8: Atoms are of the style atomic; write them with atom_style sphere: id type diameter density x y z; or with a hybrid that begins with sphere",
-            ),
-            (
-                "1 1 1.0 1.0 1 1 0",
-                "1 1 1 1 0",
-                "f:10: 5 columns; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 3 1.0 1.0 3 1 0",
-                "f:11: the type must lie in 1 … 2, found \"3\"; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 2 -1.0 1.0 3 1 0",
-                "f:11: the diameter of atom 2 must lie in 1e-100 … 1e100, found -1.0",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 2 1.0 1.0 nan 1 0",
-                "f:11: \"nan\" is no number; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "0 2 1.0 1.0 3 1 0",
-                "f:11: the id must be a whole number from 1 on, found \"0\"; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it",
-            ),
-            ("2 2 1.0", "1 2 1.0", "f:11: atom 1 was on line 10 already"),
-            (
-                "2 2 1.0 1.0 3 1 0\n",
-                "",
-                "f:12: Atoms ends here; the header says 2 atoms, a row for each",
-            ),
-            (
-                "2 2 1.0 1.0 3 1 0",
-                "2 2 1.0 1.0 3 1 0\n3 2 1.0 1.0 3 1 0",
-                "f:12: the header says 2 atoms, here is one more",
-            ),
-            (
-                "2 0 0 0 0 0 0\n",
-                "",
-                "f:16: Velocities ends here; the header says 2 atoms, a row for each",
-            ),
-            ("2 0 0 0 0 0 0", "5 0 0 0 0 0 0", "f:16: there is no atom 5"),
-            (
-                "2 0 0 0 0 0 0",
-                "1 0 0 0 0 0 0",
-                "f:16: a second velocity of atom 1",
-            ),
-            (
-                "2 0 0 0 0 0 0",
-                "2 0 0 0",
-                "f:16: 4 columns; a row of Velocities is id vx vy vz wx wy wz",
-            ),
-            (
-                "Velocities",
-                "Rotations",
-                "f:13: \"Rotations\" is no section of a packing of disks; it has Atoms, and may have Velocities, Masses, … Coeffs, … Labels",
-            ),
-            (
-                "Velocities",
-                "Bonds",
-                "f:15: Bonds are not taken: grains have none; delete the section",
-            ),
-            (
-                "Atoms # sphere",
-                "Atoms # hybrid bond sphere",
-                "f:8: Atoms are of the style hybrid bond sphere; write them with atom_style sphere: id type diameter density x y z; or with a hybrid that begins with sphere",
-            ),
-            (
-                "Atoms # sphere\n\n1 1 1.0 1.0 1 1 0",
-                "Atoms # hybrid sphere\n\n1 1 1.0 1.0 1 1 0 8",
-                "f:10: 8 columns; a row of Atoms is id type x y z diameter density, as atom_style hybrid sphere writes it",
-            ),
-            ("Velocities", "Atoms", "f:13: a second section Atoms"),
-            (
-                "Atoms # sphere",
-                "Velocities",
-                "f:8: Velocities come before Atoms; put them after",
-            ),
-        ] {
-            let text = good.replacen(from, to, 1);
+            2 2 1.0 1.0 3 1 0 | 2 2 5e-324 1.0 3 1 0 | f:11: the diameter of atom 2 must lie in 1e-100 … 1e100, found 5e-324
+            2 2 1.0 1.0 3 1 0 | 2 2 1.0 0 3 1 0 | f:11: the density of atom 2 must lie in 1e-100 … 1e100, found 0.0
+            2 0 0 0 0 0 0 | 2 0 0 0 0 -inf 0 | f:16: "-inf" is no number; a row of Velocities is id vx vy vz wx wy wz
+            0 10 xlo xhi | 10 0 xlo xhi | f:4: the box is empty: 10.0 is not below 0.0
+            0 10 xlo xhi | 10 xlo xhi | f:4: 1 numbers; write: lo hi xlo xhi
+            2 atom types | 2 atom types\n7 bonds | f:4: "7 bonds" is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi
+            Atoms # sphere | Atoms # atomic | f:8: Atoms are of the style atomic; write them with atom_style sphere: id type diameter density x y z; or with a hybrid that begins with sphere
+            1 1 1.0 1.0 1 1 0 | 1 1 1 1 0 | f:10: 5 columns; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it
+            2 2 1.0 1.0 3 1 0 | 2 3 1.0 1.0 3 1 0 | f:11: the type must lie in 1 … 2, found "3"; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it
+            2 2 1.0 1.0 3 1 0 | 2 2 -1.0 1.0 3 1 0 | f:11: the diameter of atom 2 must lie in 1e-100 … 1e100, found -1.0
+            2 2 1.0 1.0 3 1 0 | 2 2 1.0 1.0 nan 1 0 | f:11: "nan" is no number; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it
+            2 2 1.0 1.0 3 1 0 | 0 2 1.0 1.0 3 1 0 | f:11: the id must be a whole number from 1 on, found "0"; a row of Atoms is id type diameter density x y z, as atom_style sphere writes it
+            2 2 1.0 | 1 2 1.0 | f:11: atom 1 was on line 10 already
+            2 2 1.0 1.0 3 1 0\n |  | f:12: Atoms ends here; the header says 2 atoms, a row for each
+            2 2 1.0 1.0 3 1 0 | 2 2 1.0 1.0 3 1 0\n3 2 1.0 1.0 3 1 0 | f:12: the header says 2 atoms, here is one more
+            2 0 0 0 0 0 0\n |  | f:16: Velocities ends here; the header says 2 atoms, a row for each
+            2 0 0 0 0 0 0 | 5 0 0 0 0 0 0 | f:16: there is no atom 5
+            2 0 0 0 0 0 0 | 1 0 0 0 0 0 0 | f:16: a second velocity of atom 1
+            2 0 0 0 0 0 0 | 2 0 0 0 | f:16: 4 columns; a row of Velocities is id vx vy vz wx wy wz
+            Velocities | Rotations | f:13: "Rotations" is no section of a packing of disks; it has Atoms, and may have Velocities, Masses, … Coeffs, … Labels
+            Velocities | Bonds | f:15: Bonds are not taken: grains have none; delete the section
+            Atoms # sphere | Atoms # hybrid bond sphere | f:8: Atoms are of the style hybrid bond sphere; write them with atom_style sphere: id type diameter density x y z; or with a hybrid that begins with sphere
+            Atoms # sphere\n\n1 1 1.0 1.0 1 1 0 | Atoms # hybrid sphere\n\n1 1 1.0 1.0 1 1 0 8 | f:10: 8 columns; a row of Atoms is id type x y z diameter density, as atom_style hybrid sphere writes it
+            Velocities | Atoms | f:13: a second section Atoms
+            Atoms # sphere | Velocities | f:8: Velocities come before Atoms; put them after
+            "#,
+        ) {
+            let text = good.replacen(&from, &to, 1);
             assert_ne!(text, good, "{from}");
             assert_eq!(parse("f", &text), Err(Failure::input(expected)), "{to}");
         }

@@ -98,10 +98,8 @@ fn bounds(lines: &mut Lines<'_>, heading: usize) -> Result<Bounds, Failure> {
         let (at, row) = lines.next().unwrap_or((heading, ""));
         let words: Vec<&str> = row.split_whitespace().collect();
         if words.len() > 3 {
-            return Err(lines.wrong(
-                at,
-                "a general triclinic box is not taken; dump one whose first edge is along x",
-            ));
+            let what = "a general triclinic box is not taken; dump one whose first edge is along x";
+            return Err(lines.wrong(at, what));
         }
         bounds[axis] = lines.bounds(at, &words, form)?;
         if words.len() > 2 {
@@ -115,10 +113,8 @@ fn bounds(lines: &mut Lines<'_>, heading: usize) -> Result<Bounds, Failure> {
         bounds[axis][1] -= offsets.iter().copied().fold(0.0, f64::max);
         let [low, high] = bounds[axis];
         if low >= high {
-            return Err(lines.wrong(
-                heading,
-                "the box is tilted by more than its bounds are apart",
-            ));
+            let what = "the box is tilted by more than its bounds are apart";
+            return Err(lines.wrong(heading, what));
         }
     }
     Ok((bounds, tilt))
@@ -143,23 +139,18 @@ impl Columns {
     fn find(lines: &Lines<'_>, at: usize, names: &str) -> Result<Self, Failure> {
         let place = |name: &str| names.split_whitespace().position(|word| word == name);
         let lacks = |name: &str| {
-            lines.wrong(
-                at,
-                &format!("there is no column {name}; write it by {CUSTOM}"),
-            )
+            let what = format!("there is no column {name}; write it by {CUSTOM}");
+            lines.wrong(at, &what)
         };
         let axes = |suffix: &str| ["x", "y", "z"].map(|axis| place(&format!("{axis}{suffix}")));
-        let found = ["", "u", "s", "su"]
-            .into_iter()
-            .find_map(|suffix| match axes(suffix) {
-                [Some(x), Some(y), Some(z)] => Some(([x, y, z], suffix.starts_with('s'))),
-                _ => None,
-            });
+        let position = |suffix: &str| match axes(suffix) {
+            [Some(x), Some(y), Some(z)] => Some(([x, y, z], suffix.starts_with('s'))),
+            _ => None,
+        };
+        let found = ["", "u", "s", "su"].into_iter().find_map(position);
         let (position, scaled) = found.ok_or_else(|| lacks("x, y or z"))?;
-        let sizes = [("radius", 2.0), ("diameter", 1.0)];
-        let size = sizes
-            .into_iter()
-            .find_map(|(name, times)| Some((place(name)?, times)));
+        let mut sizes = [("radius", 2.0), ("diameter", 1.0)].into_iter();
+        let size = sizes.find_map(|(name, times)| Some((place(name)?, times)));
         let (size, times) = size.ok_or_else(|| lacks("radius"))?;
         Ok(Self {
             count: names.split_whitespace().count(),
@@ -248,9 +239,8 @@ pub fn parse_list(name: &str, text: &str) -> Result<DataFile, Failure> {
             diameter: 2.0 * radius,
             density: 1.0,
             position: [x, y, z],
-            velocity: [0.0; 3],
-            angular_velocity: [0.0; 3],
             line,
+            ..Atom::default()
         });
     }
     Ok(DataFile {

@@ -71,6 +71,8 @@ pub mod schedule;
 mod source;
 pub mod sweep;
 mod table;
+#[cfg(test)]
+mod testing;
 mod time;
 mod units;
 pub mod unlikely;
@@ -182,6 +184,7 @@ mod tests {
 
     use gshear_dem::system::ListSettings;
 
+    use super::testing::embedded;
     use super::*;
 
     fn shipped(name: &str) -> Scene {
@@ -206,7 +209,7 @@ mod tests {
 
     #[test]
     fn the_embedded_scene_is_the_shipped_one() {
-        let scene = load(&Source::embedded(), &[]).unwrap();
+        let scene = embedded(&[]).unwrap();
         assert_eq!(scene, shipped("plane-shear-2d.toml"));
         assert_eq!(motion(&scene), (WallSpeed::InertialNumber(2e-4), 0.1));
         assert_eq!(walls(&scene).output.progress_lines, 20);
@@ -320,12 +323,12 @@ mod tests {
 
     #[test]
     fn load_is_given_in_three_ways() {
-        let by = |sets: &[String]| walls(&load(&Source::embedded(), sets).unwrap()).load;
+        let by = |sets: &[&str]| walls(&embedded(sets).unwrap()).load;
         let reference = by(&[]);
         let p = format!("load.pressure={:?}", reference.pressure);
         let n = format!("load.normal_force={:?}", reference.normal_force);
         for set in [p, n] {
-            let load = by(&["load.stiffness_number=none".into(), set]);
+            let load = by(&["load.stiffness_number=none", &set]);
             assert!((load.stiffness_number / 1e4 - 1.0).abs() < 1e-14);
             assert!((load.pressure / reference.pressure - 1.0).abs() < 1e-15);
             assert!((load.normal_force / reference.normal_force - 1.0).abs() < 1e-15);
@@ -334,8 +337,8 @@ mod tests {
 
     #[test]
     fn a_forced_step_is_taken_as_it_is() {
-        let sets = ["time.step=1e-6", "time.force=true"].map(String::from);
-        let time_step = load(&Source::embedded(), &sets).unwrap().time_step;
+        let scene = embedded(&["time.step=1e-6", "time.force=true"]).unwrap();
+        let time_step = scene.time_step;
         assert_eq!(time_step.step, 1e-6);
         assert!(time_step.limit < 1e-6);
     }

@@ -76,11 +76,11 @@ fn parse(value: &str) -> Result<DeValue<'_>, String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::{Motion, Source, WallSpeed, load};
+    use crate::testing::{cases, embedded};
+    use crate::{Motion, WallSpeed};
 
     fn message(sets: &[&str]) -> String {
-        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        load(&Source::embedded(), &sets).unwrap_err().to_string()
+        embedded(sets).unwrap_err().to_string()
     }
 
     #[test]
@@ -92,7 +92,7 @@ mod tests {
             "time.force=false",
             "seed=7",
         ];
-        let scene = load(&Source::embedded(), &sets.map(String::from)).unwrap();
+        let scene = embedded(&sets).unwrap();
         assert_eq!(scene.sample.grains, 500);
         assert_eq!(scene.sample.length, 24e-6);
         assert_eq!(scene.title, "Half as many");
@@ -101,80 +101,41 @@ mod tests {
 
     #[test]
     fn the_last_of_two_wins() {
-        let sets = ["seed=7", "seed=8"].map(String::from);
-        assert_eq!(load(&Source::embedded(), &sets).unwrap().seed, 8);
+        assert_eq!(embedded(&["seed=7", "seed=8"]).unwrap().seed, 8);
     }
 
     #[test]
     fn none_takes_a_key_away() {
-        let sets = ["shear.inertial_number=none", "shear.velocity=1e-3"].map(String::from);
-        let scene = load(&Source::embedded(), &sets).unwrap();
-        assert_eq!(
-            scene.plane_shear("the scene").unwrap().shear.motion,
-            Motion::Strain {
-                drive: WallSpeed::Velocity(1e-3),
-                strain: 0.1
-            }
-        );
+        let scene = embedded(&["shear.inertial_number=none", "shear.velocity=1e-3"]).unwrap();
+        let (drive, strain) = (WallSpeed::Velocity(1e-3), 0.1);
+        let motion = &scene.plane_shear("the scene").unwrap().shear.motion;
+        assert_eq!(*motion, Motion::Strain { drive, strain });
     }
 
     #[test]
     fn bad_overrides() {
-        for (set, expected) in [
-            (
-                "sample.grains",
-                "expected key.path=value, such as --set sample.grains=2000",
-            ),
-            ("sample.grains=", "no value after `=`"),
-            (
-                "extends=base.toml",
-                "only a file extends another one; write extends at its top",
-            ),
-            (
-                "sweep.seed=[1, 2]",
-                "only a file has a sweep; write [sweep] and its lists into it",
-            ),
-            (
-                "load={pressure=1}",
-                "[load] is a table; set its keys one by one, such as load.stiffness_number=…",
-            ),
-            ("sample.radius_min=-1", "must be greater than 0, found -1.0"),
-            (
-                "sample.radius_min=small",
-                "expected a number, found the string \"small\"",
-            ),
-            (
-                "sample.radius_min=[1, 2]",
-                "expected a number, found an array",
-            ),
-            (
-                "sample.grains=1e3",
-                "expected an integer without decimal point or exponent, found the number 1000.0",
-            ),
-            (
-                "title=3",
-                "expected a string in quotes, found the integer 3",
-            ),
-            (
-                "time.force=yes",
-                "expected true or false, found the string \"yes\"",
-            ),
-            (
-                "shear.velocity=1e-3",
-                "contradicts shear.inertial_number (line 33); give exactly one of inertial_number, velocity; --set shear.inertial_number=none takes that one away",
-            ),
-            ("sample.grains=none", "NOT SHOWN"),
-        ] {
-            let found = message(&[set]);
-            if expected == "NOT SHOWN" {
-                assert_eq!(
-                    found,
-                    "embedded default scene:20: [sample] lacks grains: the number of grains, such as grains = 1000"
-                );
-            } else {
-                assert_eq!(found, format!("--set {set}: {expected}"));
-            }
+        for [set, expected] in cases(
+            r#"
+            sample.grains | expected key.path=value, such as --set sample.grains=2000
+            sample.grains= | no value after `=`
+            extends=base.toml | only a file extends another one; write extends at its top
+            sweep.seed=[1, 2] | only a file has a sweep; write [sweep] and its lists into it
+            load={pressure=1} | [load] is a table; set its keys one by one, such as load.stiffness_number=…
+            sample.radius_min=-1 | must be greater than 0, found -1.0
+            sample.radius_min=small | expected a number, found the string "small"
+            sample.radius_min=[1, 2] | expected a number, found an array
+            sample.grains=1e3 | expected an integer without decimal point or exponent, found the number 1000.0
+            title=3 | expected a string in quotes, found the integer 3
+            time.force=yes | expected true or false, found the string "yes"
+            shear.velocity=1e-3 | contradicts shear.inertial_number (line 33); give exactly one of inertial_number, velocity; --set shear.inertial_number=none takes that one away
+            "#,
+        ) {
+            assert_eq!(message(&[&set]), format!("--set {set}: {expected}"));
         }
+        assert_eq!(
+            message(&["sample.grains=none"]),
+            "embedded default scene:20: [sample] lacks grains: the number of grains, such as grains = 1000"
+        );
         assert!(message(&["title=\"open"]).starts_with("--set title=\"open: no TOML value: "));
     }
 

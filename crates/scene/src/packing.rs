@@ -1,6 +1,7 @@
 //! A packing from a file in place of inserted grains: what the file says, as the grains of a run.
 
 use std::collections::HashMap;
+use std::fmt::Display;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -62,6 +63,14 @@ impl Default for GrainLimit {
     }
 }
 
+/// Refuses a file that messages call `name`, with the line if that is not 0: a state has none.
+fn wrong(name: &str, line: usize, what: impl Display) -> Failure {
+    Failure::input(match line {
+        0 => format!("{name}: {what}"),
+        line => format!("{name}:{line}: {what}"),
+    })
+}
+
 /// So many copies beside each other along the axes, in a box as many times as long.
 fn replicated(
     name: &str,
@@ -69,7 +78,6 @@ fn replicated(
     copies: [u32; 3],
     limit: &GrainLimit,
 ) -> Result<DataFile, Failure> {
-    let refuse = |what: String| Err(Failure::input(format!("{name}: {what}")));
     let number: u128 = copies.map(u128::from).iter().product();
     let grains = data.atoms.len() as u128 * number;
     if grains > limit.most.into() {
@@ -81,20 +89,21 @@ fn replicated(
             ),
         };
         let (atoms, GrainLimit { most, reason }) = (data.atoms.len(), limit);
-        return refuse(format!(
+        let what = format!(
             "has {atoms} atoms{of_copies}: {grains} grains are more than the {most} that {reason}; give fewer"
-        ));
+        );
+        return Err(wrong(name, 0, what));
     }
     let too_long = |axis: usize| {
         let [low, high] = data.bounds[axis];
         !(low + (high - low) * f64::from(copies[axis])).is_finite()
     };
     if let Some(axis) = (0..3).find(|axis| too_long(*axis)) {
-        return refuse(format!(
-            "{} copies of the box along {} (sample.replicate) are longer than a number can say; give fewer",
-            copies[axis],
-            ["x", "y", "z"][axis]
-        ));
+        let (copies, axis) = (copies[axis], ["x", "y", "z"][axis]);
+        let what = format!(
+            "{copies} copies of the box along {axis} (sample.replicate) are longer than a number can say; give fewer"
+        );
+        return Err(wrong(name, 0, what));
     }
     for (axis, copies) in copies.into_iter().enumerate() {
         let [low, high] = data.bounds[axis];
@@ -138,33 +147,23 @@ pub fn split_frame(path: &Path) -> (PathBuf, Option<usize>) {
     split.map_or_else(|| (path.into(), None), |(file, frame)| (file, Some(frame)))
 }
 
-/// The place of an atom in messages; line 0 is that of a state without lines.
-fn at(name: &str, line: usize) -> String {
-    match line {
-        0 => name.into(),
-        line => format!("{name}:{line}"),
-    }
-}
-
 /// What messages call a file, and its absolute path.
 fn named(path: &Path) -> Result<(String, PathBuf), Failure> {
     let name = path.display().to_string();
-    let unreadable =
-        |e: &dyn std::fmt::Display| Failure::input(format!("{name}: cannot be read: {e}"));
-    let absolute = std::path::absolute(path).map_err(|e| unreadable(&e))?;
+    let absolute =
+        std::path::absolute(path).map_err(|e| wrong(&name, 0, format!("cannot be read: {e}")))?;
     // The scene and the checkpoints hold the path as text.
     if absolute.to_str().is_none() {
         let what = format!("the path {} is not UTF-8; rename it", absolute.display());
-        return Err(Failure::input(format!("{name}: {what}")));
+        return Err(wrong(&name, 0, what));
     }
     Ok((name, absolute))
 }
 
 /// What the bytes of a file say, in any of the formats.
 fn parsed(name: &str, bytes: &[u8], frame: Option<usize>) -> Result<DataFile, Failure> {
-    let refuse = |what: &str| Err(Failure::input(format!("{name}: {what}")));
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
-        return refuse("is text in UTF-16; save it as UTF-8");
+        return Err(wrong(name, 0, "is text in UTF-16; save it as UTF-8"));
     }
     // Comments may be in any other encoding.
     let text = String::from_utf8_lossy(bytes);
@@ -172,7 +171,8 @@ fn parsed(name: &str, bytes: &[u8], frame: Option<usize>) -> Result<DataFile, Fa
         return lammps_dump::parse(name, &text, frame);
     }
     if let Some(frame) = frame {
-        return refuse(&format!("holds one state; leave out @{frame}"));
+        let what = format!("holds one state; leave out @{frame}");
+        return Err(wrong(name, 0, what));
     }
     if lammps_dump::is_list(&text) {
         return lammps_dump::parse_list(name, &text);
@@ -190,14 +190,14 @@ fn unpacked(name: &str, bytes: Vec<u8>) -> Result<Vec<u8>, Failure> {
     let read = MultiGzDecoder::new(&bytes[..])
         .take(most + 1)
         .read_to_end(&mut text);
-    let refuse = |what: &str| Err(Failure::input(format!("{name}: {what}")));
-    match read {
-        Err(e) => refuse(&format!("cannot be unpacked: {e}; pack it again with gzip")),
-        Ok(_) if text.len() as u64 > most => refuse(&format!(
+    let what = match read {
+        Err(e) => format!("cannot be unpacked: {e}; pack it again with gzip"),
+        Ok(_) if text.len() as u64 > most => format!(
             "has more than {MOST_UNPACKED} times its bytes when unpacked; unpack it with gunzip"
-        )),
-        Ok(_) => Ok(text),
-    }
+        ),
+        Ok(_) => return Ok(text),
+    };
+    Err(wrong(name, 0, what))
 }
 
 /// Refuses a grain that is out of the box or moves out of the plane of disks, and puts it into the
@@ -291,11 +291,11 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
         let filled = filled.entry(cell).or_default();
         *filled += (a.diameter / largest).powi(1 + up as i32);
         if *filled > room {
-            return Err(Failure::input(format!(
-                "{}: atom {} lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters",
-                at(name, a.line),
+            let what = format!(
+                "atom {} lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters",
                 a.id
-            )));
+            );
+            return Err(wrong(name, a.line, what));
         }
     }
     Ok(())
@@ -306,11 +306,12 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
 fn is_planar(name: &str, atoms: &[Atom], z: [f64; 2], largest: f64) -> Result<bool, Failure> {
     let flat = atoms.iter().all(|a| a.position[2] == 0.0);
     let planar = flat || z[1] - z[0] <= (1.0 + 1e-9) * largest;
-    if planar && (z[0] > 0.0 || z[1] < 0.0) {
-        return Err(Failure::input(format!(
-            "{name}: the box is beside the plane z = 0, in which the disks are: {:?} {:?} zlo zhi",
-            z[0], z[1]
-        )));
+    let [low, high] = z;
+    if planar && (low > 0.0 || high < 0.0) {
+        let what = format!(
+            "the box is beside the plane z = 0, in which the disks are: {low:?} {high:?} zlo zhi"
+        );
+        return Err(wrong(name, 0, what));
     }
     Ok(planar)
 }
@@ -318,18 +319,15 @@ fn is_planar(name: &str, atoms: &[Atom], z: [f64; 2], largest: f64) -> Result<bo
 /// Refuses ids of sorted atoms that occur twice or are too great.
 fn check_ids(name: &str, atoms: &[Atom]) -> Result<(), Failure> {
     if let Some([first, again]) = atoms.array_windows().find(|[a, b]| a.id == b.id) {
-        return Err(Failure::input(format!(
-            "{}: atom {} was on line {} already",
-            at(name, again.line),
-            again.id,
-            first.line
-        )));
+        let what = format!("atom {} was on line {} already", again.id, first.line);
+        return Err(wrong(name, again.line, what));
     }
     let last = atoms[atoms.len() - 1].id;
     if last > LAST_ID {
-        return Err(Failure::input(format!(
-            "{name}: the id of atom {last} is greater than {LAST_ID}; number the atoms of the file from 1 on"
-        )));
+        let what = format!(
+            "the id of atom {last} is greater than {LAST_ID}; number the atoms of the file from 1 on"
+        );
+        return Err(wrong(name, 0, what));
     }
     Ok(())
 }
@@ -410,10 +408,8 @@ impl Packing {
         arrangement: Arrangement,
     ) -> Result<Self, Failure> {
         let mut atoms = data.atoms;
-        let whole = |what: &str| Err(Failure::input(format!("{name}: {what}")));
-        let Some(count) = u32::try_from(atoms.len()).ok().filter(|&n| n > 0) else {
-            return whole("a packing has 1 to 4294967295 atoms");
-        };
+        let count = u32::try_from(atoms.len()).ok().filter(|&n| n > 0);
+        let count = count.ok_or_else(|| wrong(name, 0, "a packing has 1 to 4294967295 atoms"))?;
         let largest = atoms.iter().fold(0.0, |d: f64, a| d.max(a.diameter));
         let planar = is_planar(name, &atoms, data.bounds[2], largest)?;
         let up = if planar { 1 } else { 2 };
@@ -421,11 +417,12 @@ impl Packing {
         // Images along the last axis may be displaced along x in a box.
         let offset = arrangement.boxed.then(|| std::mem::take(&mut tilt[up - 1]));
         if tilt != [0.0; 3] {
-            return whole(if arrangement.boxed {
+            let what = if arrangement.boxed {
                 "the box is tilted otherwise than by a shear along x (xy of disks, xz of spheres); give one that is not"
             } else {
                 "the box is tilted; between walls it must be a rectangle"
-            });
+            };
+            return Err(wrong(name, 0, what));
         }
         let of_atoms = atoms.iter().flat_map(|a| &a.position[..=up]);
         let coordinates = of_atoms.chain(data.bounds[..up].as_flattened());
@@ -433,23 +430,16 @@ impl Packing {
         for a in &mut atoms {
             let line = a.line;
             let placed = place(a, planar, &data.bounds, offset);
-            placed.map_err(|what| Failure::input(format!("{}: {what}", at(name, line))))?;
+            placed.map_err(|what| wrong(name, line, what))?;
         }
-
-        let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
-        let radius_max = radii().fold(0.0, f64::max);
         let periods = data.bounds.map(|[low, high]| high - low);
-        check_room(&atoms, &periods[..up], largest)
-            .map_err(|what| Failure::input(format!("{name}: {what}")))?;
+        check_room(&atoms, &periods[..up], largest).map_err(|what| wrong(name, 0, what))?;
         check_crowding(name, &atoms, up, largest)?;
         atoms.sort_by_key(|a| a.id);
         check_ids(name, &atoms)?;
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
-        let edges = |sign: f64| {
-            atoms
-                .iter()
-                .map(move |a| a.position[up] + sign * 0.5 * a.diameter)
-        };
+        let edge = |a: &Atom, sign: f64| a.position[up] + sign * 0.5 * a.diameter;
+        let edges = |sign: f64| atoms.iter().map(move |a| edge(a, sign));
         let dimension = if planar {
             Dimensions::Two
         } else {
@@ -461,7 +451,7 @@ impl Packing {
             replicate: arrangement.copies.to_vec(),
             grains: count,
             radius_min: radii().fold(f64::INFINITY, f64::min),
-            radius_max,
+            radius_max: 0.5 * largest,
             mean_diameter: 2.0 * radii().sum::<f64>() / f64::from(count),
             mean_volume: radii().map(|r| dimension.volume(r)).sum::<f64>() / f64::from(count),
             length: periods[0],
@@ -504,7 +494,7 @@ impl Packing {
         let all = self.atoms.iter().enumerate();
         let Boundary::Walls(plane_shear) = &scene.boundary else {
             let grains: Vec<GrainState> = all.map(at_rest).collect();
-            self.check_all_overlaps(scene, &grains)?;
+            self.check_overlaps(scene, &grains)?;
             return Ok(grains);
         };
         let PlaneShear {
@@ -547,10 +537,10 @@ impl Packing {
             }
             if grains.iter().all(|g| g.body != body::FREE) {
                 let what = "all grains belong to walls, none is free";
-                return Err(Failure::input(format!("{}: {what}", self.name)));
+                return Err(wrong(&self.name, 0, what));
             }
         }
-        self.check_all_overlaps(scene, &grains)?;
+        self.check_overlaps(scene, &grains)?;
         Ok(grains)
     }
 
@@ -564,40 +554,36 @@ impl Packing {
             Some(material) => Ok(material),
             None if all.names.len() == 1 => Ok(0),
             None if has_walls && walls.contains(&a.kind) => Ok(all.wall.unwrap_or(0)),
-            None => Err(Failure::input(format!(
-                "{}: atom {} is of type {}, which is that of no material; give a material atom_type = {}",
-                at(&self.name, a.line),
-                a.id,
-                a.kind,
-                a.kind
-            ))),
+            None => {
+                let (id, kind) = (a.id, a.kind);
+                let what = format!(
+                    "atom {id} is of type {kind}, which is that of no material; give a material atom_type = {kind}"
+                );
+                Err(wrong(&self.name, a.line, what))
+            }
         };
         self.atoms.iter().map(material).collect()
-    }
-
-    fn check_all_overlaps(&self, scene: &Scene, grains: &[GrainState]) -> Result<(), Failure> {
-        match scene.dimension {
-            Dimensions::Two => self.check_overlaps::<Two>(scene, grains),
-            Dimensions::Three => self.check_overlaps::<Three>(scene, grains),
-        }
     }
 
     /// The bottom of a free surface: type 2.
     fn bottom_by_type(&self, grains: &mut [GrainState], wall: Option<u64>) -> Result<(), Failure> {
         if self.atoms.iter().all(|a| a.kind != BOTTOM_TYPE) {
-            return Err(Failure::input(format!(
-                "{}: no atom is of type {BOTTOM_TYPE}; with walls = \"types\" that is the bottom wall",
-                self.name,
-            )));
+            let what = format!(
+                "no atom is of type {BOTTOM_TYPE}; with walls = \"types\" that is the bottom wall"
+            );
+            return Err(wrong(&self.name, 0, what));
         }
+        self.set_walls(grains, &[(BOTTOM_TYPE, body::BOTTOM)], wall);
+        Ok(())
+    }
+
+    /// Gives the atoms of these types the bodies of walls, and frees the others.
+    fn set_walls(&self, grains: &mut [GrainState], bodies: &[(u32, u32)], wall: Option<u64>) {
         for (g, a) in grains.iter_mut().zip(&self.atoms) {
-            g.body = match a.kind {
-                BOTTOM_TYPE => body::BOTTOM,
-                _ => body::FREE,
-            };
+            let of_type = bodies.iter().find(|(kind, _)| *kind == a.kind);
+            g.body = of_type.map_or(body::FREE, |(_, body)| *body);
         }
         finish_walls(grains, wall);
-        Ok(())
     }
 
     fn walls_by_type(
@@ -611,45 +597,33 @@ impl Packing {
         let highest = of(BOTTOM_TYPE).max_by(by_height);
         let lowest = of(TOP_TYPE).min_by(by_height);
         let (Some(highest), Some(lowest)) = (highest, lowest) else {
-            return Err(Failure::input(format!(
-                "{}: no atom is of type {}; with walls = \"types\" type {BOTTOM_TYPE} is the bottom wall and type {TOP_TYPE} the top wall",
-                self.name,
-                if highest.is_none() {
-                    BOTTOM_TYPE
-                } else {
-                    TOP_TYPE
-                },
-            )));
+            let lacks = if highest.is_none() {
+                BOTTOM_TYPE
+            } else {
+                TOP_TYPE
+            };
+            let what = format!(
+                "no atom is of type {lacks}; with walls = \"types\" type {BOTTOM_TYPE} is the bottom wall and type {TOP_TYPE} the top wall"
+            );
+            return Err(wrong(&self.name, 0, what));
         };
         if lowest.position[up] <= highest.position[up] {
-            return Err(Failure::input(format!(
-                "{}: atom {} of type {TOP_TYPE} is not above atom {} of type {BOTTOM_TYPE} (line {}): the types are taken as top and bottom wall; \
+            let what = format!(
+                "atom {} of type {TOP_TYPE} is not above atom {} of type {BOTTOM_TYPE} (line {}): the types are taken as top and bottom wall; \
                  give sample.walls = \"layers\" if they are not",
-                at(&self.name, lowest.line),
-                lowest.id,
-                highest.id,
-                highest.line,
-            )));
+                lowest.id, highest.id, highest.line,
+            );
+            return Err(wrong(&self.name, lowest.line, what));
         }
-        for (g, a) in grains.iter_mut().zip(&self.atoms) {
-            g.body = match a.kind {
-                BOTTOM_TYPE => body::BOTTOM,
-                TOP_TYPE => body::TOP,
-                _ => body::FREE,
-            };
-        }
-        finish_walls(grains, wall);
+        let walls = [(BOTTOM_TYPE, body::BOTTOM), (TOP_TYPE, body::TOP)];
+        self.set_walls(grains, &walls, wall);
         Ok(())
     }
 
     /// Tells the overlap that is furthest outside the law, if one is.
-    fn check_overlaps<D: Dimension>(
-        &self,
-        scene: &Scene,
-        states: &[GrainState],
-    ) -> Result<(), Failure> {
+    fn check_overlaps(&self, scene: &Scene, states: &[GrainState]) -> Result<(), Failure> {
         let mut worst = (1.0, None);
-        each_touching::<D>(scene, states, |[i, j], overlap| {
+        each_touching(scene, states, |[i, j], overlap| {
             let (a, b) = (&states[i], &states[j]);
             let largest = scene.law.largest_overlap(a.radius, b.radius);
             if overlap > worst.0 * largest {
@@ -661,21 +635,28 @@ impl Packing {
         };
         let (a, b) = (&self.atoms[i], &self.atoms[j]);
         let (first, second) = if a.line < b.line { (a, b) } else { (b, a) };
-        Err(Failure::input(format!(
-            "{}: atom {} overlaps atom {} (line {}) by {overlap:.3e} m, {:.1} % of the sum of their radii; the law {} takes {largest:.3e} m",
-            at(&self.name, first.line),
+        let what = format!(
+            "atom {} overlaps atom {} (line {}) by {overlap:.3e} m, {:.1} % of the sum of their radii; the law {} takes {largest:.3e} m",
             first.id,
             second.id,
             second.line,
             200.0 * overlap / (a.diameter + b.diameter),
             scene.law.kind().name,
-        )))
+        );
+        Err(wrong(&self.name, first.line, what))
     }
 }
 
 /// Calls `visit` with each pair of grains that touch, and their overlap (m). Leaves out pairs of
 /// wall grains.
-fn each_touching<D: Dimension>(
+fn each_touching(scene: &Scene, states: &[GrainState], visit: impl FnMut([usize; 2], f64)) {
+    match scene.dimension {
+        Dimensions::Two => each_touching_in::<Two>(scene, states, visit),
+        Dimensions::Three => each_touching_in::<Three>(scene, states, visit),
+    }
+}
+
+fn each_touching_in<D: Dimension>(
     scene: &Scene,
     states: &[GrainState],
     mut visit: impl FnMut([usize; 2], f64),
@@ -704,15 +685,9 @@ fn each_touching<D: Dimension>(
 
 /// The force (N; N/m in 2D) upwards on the top wall that the overlaps of grains at rest exert.
 pub(crate) fn force_on_top(scene: &Scene, grains: &[GrainState]) -> f64 {
-    match scene.dimension {
-        Dimensions::Two => force_on_top_of::<Two>(scene, grains),
-        Dimensions::Three => force_on_top_of::<Three>(scene, grains),
-    }
-}
-
-fn force_on_top_of<D: Dimension>(scene: &Scene, grains: &[GrainState]) -> f64 {
+    let up = scene.dimension.axes() - 1;
     let mut sum = 0.0;
-    each_touching::<D>(scene, grains, |pair, overlap| {
+    each_touching(scene, grains, |pair, overlap| {
         let [a, b] = pair.map(|g| &grains[g]);
         let (top, other) = match [a.body, b.body].map(|of| of == body::TOP) {
             [true, false] => (a, b),
@@ -720,7 +695,7 @@ fn force_on_top_of<D: Dimension>(scene: &Scene, grains: &[GrainState]) -> f64 {
             _ => return,
         };
         let force = scene.law.normal_stiffness(a.radius, b.radius, overlap) * overlap;
-        let rise = top.position[D::UP] - other.position[D::UP];
+        let rise = top.position[up] - other.position[up];
         sum += force * rise / (a.radius + b.radius - overlap);
     });
     sum
@@ -732,6 +707,7 @@ mod tests {
 
     use super::*;
     use crate::Source;
+    use crate::testing::{cases, overrides};
     use gshear_dem::state::{Cell, Sheared};
 
     const FILE: &str = concat!(
@@ -768,8 +744,8 @@ mod tests {
         let arrangement = along(copies);
         let data = replicated("f", data, arrangement.copies, &GrainLimit::default())?;
         let packing = Packing::new("f", Path::new(FILE), data, arrangement)?;
-        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        let scene = crate::load_with(&Source::new("s", text), &sets, &mut |_, _| {
+        let source = Source::new("s", text);
+        let scene = crate::load_with(&source, &overrides(sets), &mut |_, _| {
             Ok(packing.file.clone())
         })?;
         Ok((packing, scene))
@@ -980,49 +956,19 @@ mod tests {
         assert_eq!(read.tilt, [-0.25, 0.5, 0.5]);
         assert_eq!(read.atoms[0].position, [1.6875, 0.75, 0.5]);
         assert_eq!((read.atoms[0].id, read.atoms[0].diameter), (3, 0.1));
-        for (from, to, expected) in [
-            (
-                "diameter",
-                "mass",
-                "f:9: there is no column radius; write it by dump custom with id type x y z radius, and for moving grains vx vy vz omegax omegay omegaz",
-            ),
-            (
-                "id xs",
-                "id x",
-                "f:9: there is no column x, y or z; write it by dump custom with id type x y z radius, and for moving grains vx vy vz omegax omegay omegaz",
-            ),
-            (
-                "3 0.5",
-                "3 half",
-                "f:10: \"half\" is no number; a row has a number for every column",
-            ),
-            (
-                "3 0.5",
-                "3",
-                "f:10: 4 columns; a row has a number for every column",
-            ),
-            (
-                "ATOMS\n1",
-                "ATOMS\nall",
-                "f:4: \"all\" is no number of atoms",
-            ),
-            (
-                "-1.25 4.5 -0.25",
-                "-1.25 4.5 -0.25 1",
-                "f:6: a general triclinic box is not taken; dump one whose first edge is along x",
-            ),
-            (
-                "-0.25\n",
-                "9\n",
-                "f:5: the box is tilted by more than its bounds are apart",
-            ),
-            (
-                "BOX BOUNDS",
-                "CELL",
-                "f:5: ITEM: CELL xy xz yz pp pp pp is not expected here; a frame has ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS, ATOMS",
-            ),
-        ] {
-            let text = tilted.replacen(from, to, 1);
+        for [from, to, expected] in cases(
+            r#"
+            diameter | mass | f:9: there is no column radius; write it by dump custom with id type x y z radius, and for moving grains vx vy vz omegax omegay omegaz
+            id xs | id x | f:9: there is no column x, y or z; write it by dump custom with id type x y z radius, and for moving grains vx vy vz omegax omegay omegaz
+            3 0.5 | 3 half | f:10: "half" is no number; a row has a number for every column
+            3 0.5 | 3 | f:10: 4 columns; a row has a number for every column
+            ATOMS\n1 | ATOMS\nall | f:4: "all" is no number of atoms
+            -1.25 4.5 -0.25 | -1.25 4.5 -0.25 1 | f:6: a general triclinic box is not taken; dump one whose first edge is along x
+            -0.25\n | 9\n | f:5: the box is tilted by more than its bounds are apart
+            BOX BOUNDS | CELL | f:5: ITEM: CELL xy xz yz pp pp pp is not expected here; a frame has ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS, ATOMS
+            "#,
+        ) {
+            let text = tilted.replacen(&from, &to, 1);
             assert_ne!(text, tilted, "{from}");
             assert_eq!(message(parsed("f", text.as_bytes(), None)), expected);
         }
@@ -1033,32 +979,28 @@ mod tests {
         let rows = read.atoms.iter().map(|a| (a.id, a.position, a.diameter));
         let expected = [(1, [1.0, 2.0, 0.5], 0.5), (2, [3.0, 2.0, 1.0], 0.25)];
         assert!(rows.eq(expected), "{:?}", read.atoms);
-        for (text, expected) in [
-            (
-                "1 2 3 4\n",
-                "f: a list of spheres x y z r lacks its box; begin it with the line ##PERIODIC:: L_x L_y L_z",
-            ),
-            (
-                "##PERIODIC:: 1 1 0\n1 2 3 4\n",
-                "f:1: a length of the box is 0.0; write: ##PERIODIC:: L_x L_y L_z",
-            ),
-            (
-                "##PERIODIC:: 1 1 1\n1 2 3 4\n1 2 3\n",
-                "f:3: 3 columns are too few; a row is x y z r",
-            ),
-            (
-                "\u{feff}1 2 3 4\n",
-                "f: the header lacks the line `N atoms`",
-            ),
-        ] {
-            assert_eq!(message(parsed("f", text.as_bytes(), None)), expected);
+        let refused = |bytes: &[u8], frame| message(parsed("f", bytes, frame));
+        for [text, expected] in cases(
+            r"
+            1 2 3 4\n | f: a list of spheres x y z r lacks its box; begin it with the line ##PERIODIC:: L_x L_y L_z
+            ##PERIODIC:: 1 1 0\n1 2 3 4\n | f:1: a length of the box is 0.0; write: ##PERIODIC:: L_x L_y L_z
+            ##PERIODIC:: 1 1 1\n1 2 3 4\n1 2 3\n | f:3: 3 columns are too few; a row is x y z r
+            ",
+        ) {
+            assert_eq!(refused(text.as_bytes(), None), expected);
         }
+        let marked = "\u{feff}1 2 3 4\n".as_bytes();
         assert_eq!(
-            message(parsed("f", TEXT.as_bytes(), Some(3))),
-            "f: holds one state; leave out @3"
+            refused(marked, None),
+            "f: the header lacks the line `N atoms`"
         );
         assert_eq!(
-            message(parsed("f", b"\xff\xfe1\0", None)),
+            refused(TEXT.as_bytes(), Some(3)),
+            "f: holds one state; leave out @3"
+        );
+        let utf_16 = b"\xff\xfe1\0";
+        assert_eq!(
+            refused(utf_16, None),
             "f: is text in UTF-16; save it as UTF-8"
         );
     }
@@ -1185,9 +1127,7 @@ mod tests {
             diameter: 0.5,
             density: 1.0,
             position: place(k),
-            velocity: [0.0; 3],
-            angular_velocity: [0.0; 3],
-            line: 0,
+            ..Atom::default()
         };
         let data = DataFile {
             bounds: [[1.0, 1.0 + length], [2.0, 2.0 + height], [-1.0, 1.0]],

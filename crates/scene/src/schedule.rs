@@ -328,11 +328,12 @@ fn due(every: u64, step: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{embedded, overrides};
     use crate::{Source, load};
 
     /// The schedule of the default scene, as changed by `set`, 40 μm high.
-    fn schedule(set: &[String]) -> Schedule {
-        let scene = load(&Source::embedded(), set).expect("the default scene is sound");
+    fn schedule(set: &[&str]) -> Schedule {
+        let scene = embedded(set).expect("the default scene is sound");
         let walls = scene.plane_shear("the default scene").expect("walls");
         Schedule::new(&scene, walls, 40e-6)
     }
@@ -370,8 +371,7 @@ mod tests {
                 load.pressure = 1e3
                 shear = { inertial_number = 1e-3, strain = 0.1 }
             ";
-            let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-            let scene = load(&Source::new("s", text), &sets).unwrap();
+            let scene = load(&Source::new("s", text), &overrides(sets)).unwrap();
             let walls = scene.plane_shear("s").unwrap();
             let schedule = Schedule::new(&scene, walls, height);
             let velocity = schedule.protocol.velocity(0);
@@ -388,7 +388,7 @@ mod tests {
         for fast in ["2e-4", "1e-3", "1e-2", "1e-1"] {
             for rows in ["1e-5", "1e-9"] {
                 let fast = format!("shear.inertial_number={fast}");
-                let s = schedule(&[fast, format!("output.series_strain={rows}")]);
+                let s = schedule(&[&fast, &format!("output.series_strain={rows}")]);
                 let (all, per_step) = (s.intervals[0], s.strain(1));
                 for (wanted, every, unit) in
                     [(1e-4, all.frames, all.series), (0.02, all.checkpoints, 1)]
@@ -411,7 +411,7 @@ mod tests {
             "analysis.scalars=true",
             "analysis.strain=1.44e-6",
         ];
-        let s = schedule(&set.map(String::from));
+        let s = schedule(&set);
         let all = s.intervals[0];
         for (first, every) in [
             (s.first_frame, all.frames),
@@ -447,8 +447,7 @@ mod tests {
             "output.checkpoint_strain=2e-4",
         ];
         for set in [&of_parts[..], &strains] {
-            let set: Vec<String> = set.iter().map(ToString::to_string).collect();
-            let s = schedule(&set);
+            let s = schedule(set);
             let wanted = |last: u64| {
                 let count =
                     |due: &dyn Fn(u64) -> bool| (0..=last).filter(|k| due(*k)).count() as u64;
@@ -470,7 +469,7 @@ mod tests {
     /// Contract 2: nothing about output moves the time step or the number of steps.
     #[test]
     fn output_does_not_reach_the_steps() {
-        let with = |set: &[String]| {
+        let with = |set: &[&str]| {
             let s = schedule(set);
             (s.step, s.total, s.protocol.velocity(0))
         };
@@ -479,6 +478,6 @@ mod tests {
             "output.series_strain=0.0",
             "output.frame_start=0.01",
         ];
-        assert_eq!(with(&[]), with(&other.map(String::from)));
+        assert_eq!(with(&[]), with(&other));
     }
 }

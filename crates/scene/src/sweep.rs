@@ -243,6 +243,7 @@ fn in_a_path(value: &str) -> String {
 mod tests {
     use super::*;
     use crate::load;
+    use crate::testing::cases;
 
     fn with(sweep: &str) -> Source {
         let scene = include_str!("../../../configs/plane-shear-2d.toml");
@@ -301,26 +302,16 @@ mod tests {
 
     #[test]
     fn bad_sweeps() {
-        for (sweep, wanted) in [
-            (
-                "[sweep]",
-                "sweep: is empty; give lists of values, such as seed = [1, 2, 3]",
-            ),
-            (
-                "[sweep]\nseed = 3",
-                "sweep.seed: must be a list of one value or more, such as [0.1, 0.3]",
-            ),
-            (
-                "[sweep]\nseed = []",
-                "sweep.seed: must be a list of one value or more, such as [0.1, 0.3]",
-            ),
-            ("[sweep]\nseed = [1, 2, 1]", "sweep.seed: has 1 twice"),
-            (
-                "[sweep]\ntitle = ['a/b', 'a b']",
-                "sweep.title: gives two runs the name title-a-b; make the values shorter",
-            ),
-        ] {
-            assert_eq!(message(sweep), wanted);
+        for [sweep, wanted] in cases(
+            r"
+            [sweep] | sweep: is empty; give lists of values, such as seed = [1, 2, 3]
+            [sweep]\nseed = 3 | sweep.seed: must be a list of one value or more, such as [0.1, 0.3]
+            [sweep]\nseed = [] | sweep.seed: must be a list of one value or more, such as [0.1, 0.3]
+            [sweep]\nseed = [1, 2, 1] | sweep.seed: has 1 twice
+            [sweep]\ntitle = ['a/b', 'a b'] | sweep.title: gives two runs the name title-a-b; make the values shorter
+            ",
+        ) {
+            assert_eq!(message(&sweep), wanted);
         }
         assert!(message("[sweep]\nsede = [1]").starts_with("sweep.sede: unknown key"));
         assert!(message("[sweep]\n'contact.fricton' = [1]").contains("did you mean friction?"));

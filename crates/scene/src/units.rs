@@ -475,6 +475,7 @@ pub(super) fn put<'a>(tree: &mut DeTable<'a>, numbers: &'a [String]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{cases, embedded, overrides};
     use crate::{Source, load};
 
     fn number(text: &str, unit: &str) -> Result<f64, String> {
@@ -526,55 +527,21 @@ mod tests {
 
     #[test]
     fn other_units_are_refused() {
-        for (text, unit, wanted) in [
-            (
-                "5 mm",
-                "Pa",
-                "is in Pa, but \"5 mm\" is a length; give a pressure, such as \"5 Pa\"",
-            ),
-            (
-                "5 mpa",
-                "Pa",
-                "\"5 mpa\" has the unknown unit mpa (did you mean mPa or MPa?); give a number in Pa, such as \"5 Pa\"",
-            ),
-            (
-                "5 furlong",
-                "m",
-                "\"5 furlong\" has the unknown unit furlong; give a number in m, such as \"5 m\"",
-            ),
-            (
-                "5 m/",
-                "m",
-                "\"5 m/\" has the unknown unit m/; give a number in m, such as \"5 m\"",
-            ),
-            (
-                "0.5 MPa",
-                "",
-                "takes a number without a unit, found \"0.5 MPa\"; write 0.5",
-            ),
-            (
-                "1,5 mm",
-                "m",
-                "\"1,5 mm\" has a comma; write the number with a point: \"1.5 mm\"",
-            ),
-            (
-                "1,5",
-                "",
-                "\"1,5\" has a comma; write the number with a point: 1.5",
-            ),
-            (
-                "2.5 %",
-                "",
-                "takes a number without a unit, found \"2.5 %\"; write 0.025",
-            ),
-            (
-                "5 m⁻",
-                "m",
-                "\"5 m⁻\" has the unknown unit m⁻; give a number in m, such as \"5 m\"",
-            ),
-            ("1e400 m", "m", "\"1e400 m\" is a number out of range"),
-        ] {
-            assert_eq!(number(text, unit), Err(wanted.into()), "{text}");
+        for [text, unit, wanted] in cases(
+            r#"
+            5 mm | Pa | is in Pa, but "5 mm" is a length; give a pressure, such as "5 Pa"
+            5 mpa | Pa | "5 mpa" has the unknown unit mpa (did you mean mPa or MPa?); give a number in Pa, such as "5 Pa"
+            5 furlong | m | "5 furlong" has the unknown unit furlong; give a number in m, such as "5 m"
+            5 m/ | m | "5 m/" has the unknown unit m/; give a number in m, such as "5 m"
+            0.5 MPa |  | takes a number without a unit, found "0.5 MPa"; write 0.5
+            1,5 mm | m | "1,5 mm" has a comma; write the number with a point: "1.5 mm"
+            1,5 |  | "1,5" has a comma; write the number with a point: 1.5
+            2.5 % |  | takes a number without a unit, found "2.5 %"; write 0.025
+            5 m⁻ | m | "5 m⁻" has the unknown unit m⁻; give a number in m, such as "5 m"
+            1e400 m | m | "1e400 m" is a number out of range
+            "#,
+        ) {
+            assert_eq!(number(&text, &unit), Err(wanted), "{text}");
         }
     }
 
@@ -605,11 +572,7 @@ mod tests {
     fn units_of_a_box_are_si() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/bonfanti.toml");
         let source = Source::read(path).expect("a scene");
-        let of = |sets: [&str; 3]| {
-            load(&source, &sets.map(String::from))
-                .expect("a scene")
-                .toml
-        };
+        let of = |sets: [&str; 3]| load(&source, &overrides(&sets)).expect("a scene").toml;
         let plain = ["box.pressure=1e7", "relax.tolerance=2e-3", "relax.drag=50"];
         let units = [
             "box.pressure=10 MPa",
@@ -643,8 +606,8 @@ mod tests {
             "shear.protocol=[{velocity='10 cm/s', distance='20 mm'}, {velocity=0, time='10 ms'}]",
             "bookkeeping.watchdog=10 min",
         ];
-        let [plain, units] = [plain, units]
-            .map(|set| load(&Source::new("x", text), &set.map(String::from)).unwrap());
+        let of = |sets: [&str; 6]| load(&Source::new("x", text), &overrides(&sets)).unwrap();
+        let [plain, units] = [plain, units].map(of);
         assert_eq!(plain.toml, units.toml);
         assert_eq!(plain, units);
     }
@@ -656,10 +619,9 @@ mod tests {
         assert_eq!(of(true, Some("hooke")), ["N/m"]);
         assert_eq!(of(true, Some("mindlin")), ["N/m^1.5"]);
         assert_eq!(of(true, None), ["N/m", "N/m^1.5"]);
-        let set = ["load.stiffness_number=none", "load.normal_force=1 N"].map(String::from);
-        let refused = load(&Source::embedded(), &set).unwrap_err().to_string();
+        let sets = ["load.stiffness_number=none", "load.normal_force=1 N"];
         assert_eq!(
-            refused,
+            embedded(&sets).unwrap_err().to_string(),
             "--set load.normal_force=1 N: is in N/m, but \"1 N\" is a force; give a force per length, such as \"5 N/m\""
         );
     }

@@ -301,11 +301,10 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Source, load};
+    use crate::testing::{cases, embedded};
 
     fn doubts(sets: &[&str]) -> Vec<String> {
-        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        let scene = load(&Source::embedded(), &sets).expect("a legal scene");
+        let scene = embedded(sets).expect("a legal scene");
         let height = 40.0 / 1.5 * scene.sample.mean_diameter;
         unlikely(&scene, height)
     }
@@ -313,43 +312,23 @@ mod tests {
     #[test]
     fn each_unlikely_value_is_doubted_once() {
         assert_eq!(doubts(&[]), [""; 0]);
-        for (sets, word) in [
-            (
-                &["material.young_modulus=1.0"][..],
-                "material.young_modulus is 1 Pa",
-            ),
-            (&["material.density=2.5"], "material.density is 2.5 kg/m³"),
-            (&["contact.friction=30"], "contact.friction is 30:"),
-            (
-                &[
-                    "shear.inertial_number=0.5",
-                    "output.series_strain=1e-3",
-                    "output.frame_strain=1e-3",
-                ],
-                "inertial number is 0.500:",
-            ),
-            (
-                &["shear.inertial_number=0.05"],
-                "more than output.series_strain = 1e-5 asks for",
-            ),
-            (
-                &["load.stiffness_number=50"],
-                "presses grains together by about 2.00 %",
-            ),
-            (&["sample.length=8e-6"], "5.3 grains long"),
-            (&["load.gravity=1e9"], "times its load"),
-            (
-                &[
-                    "sample.radius_min=0.3",
-                    "sample.radius_max=0.5",
-                    "sample.length=30",
-                ],
-                "the mean diameter is 8.000e-1 m",
-            ),
-        ] {
-            let found = doubts(sets);
+        for [sets, word] in cases(
+            r"
+            material.young_modulus=1.0 | material.young_modulus is 1 Pa
+            material.density=2.5 | material.density is 2.5 kg/m³
+            contact.friction=30 | contact.friction is 30:
+            shear.inertial_number=0.5 output.series_strain=1e-3 output.frame_strain=1e-3 | inertial number is 0.500:
+            shear.inertial_number=0.05 | more than output.series_strain = 1e-5 asks for
+            load.stiffness_number=50 | presses grains together by about 2.00 %
+            sample.length=8e-6 | 5.3 grains long
+            load.gravity=1e9 | times its load
+            sample.radius_min=0.3 sample.radius_max=0.5 sample.length=30 | the mean diameter is 8.000e-1 m
+            ",
+        ) {
+            let sets: Vec<&str> = sets.split_whitespace().collect();
+            let found = doubts(&sets);
             assert_eq!(found.len(), 1, "{sets:?}: {found:?}");
-            assert!(found[0].contains(word), "{found:?}");
+            assert!(found[0].contains(&word), "{found:?}");
         }
     }
 }

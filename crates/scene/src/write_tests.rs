@@ -1,30 +1,29 @@
 use crate::keys::tables;
+use crate::testing::{embedded, overrides};
 use crate::{Scene, Source, load};
 
 /// The default scene with linear springs.
-const HOOKE: &[&str] = &[
-    "contact.law=hooke",
-    "material.young_modulus=none",
-    "material.poisson_ratio=none",
-    "contact.normal_stiffness=1e8",
-];
+const HOOKE: &str = "
+    contact.law=hooke material.young_modulus=none material.poisson_ratio=none
+    contact.normal_stiffness=1e8";
 
 /// With the smoothed law, and grains of equal masses.
-const MINDLIN: &[&str] = &[
-    "contact.law=mindlin",
-    "material.young_modulus=none",
-    "material.poisson_ratio=none",
-    "material.density=none",
-    "material.mass=1.25e-9",
-    "contact.normal_stiffness=1e11",
-    "contact.damping_ratio=none",
-    "contact.rolling_friction=none",
-    "contact.rolling_damping_ratio=none",
-];
+const MINDLIN: &str = "
+    contact.law=mindlin material.young_modulus=none material.poisson_ratio=none
+    material.density=none material.mass=1.25e-9 contact.normal_stiffness=1e11
+    contact.damping_ratio=none contact.rolling_friction=none contact.rolling_damping_ratio=none";
 
-fn with(sets: &[&str]) -> Scene {
-    let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-    load(&Source::embedded(), &sets).unwrap()
+fn words(sets: &str) -> Vec<&str> {
+    sets.split_whitespace().collect()
+}
+
+fn with(sets: &str) -> Scene {
+    embedded(&words(sets)).unwrap()
+}
+
+fn boxed(sets: &str) -> Scene {
+    let text = include_str!("../../../configs/bonfanti.toml");
+    load(&Source::new("box.toml", text), &overrides(&words(sets))).unwrap()
 }
 
 /// Equal as values and in every digit: `{:?}` tells -0 from 0 too.
@@ -37,52 +36,34 @@ fn reads_back(scene: &Scene) {
 #[test]
 fn every_choice_reads_back_as_the_same_scene() {
     for sets in [
-        &[][..],
-        &[
-            "load.stiffness_number=none",
-            "load.pressure=12345.678901234567",
-        ],
-        &[
-            "load.stiffness_number=none",
-            "load.normal_force=0.7123456789012345",
-        ],
-        &["contact.damping_ratio=none", "contact.restitution=0.73"],
-        &["contact.damping_ratio=none", "contact.restitution=1"],
-        &["shear.inertial_number=none", "shear.velocity=0.0003"],
-        &["time.step=1e-10"],
+        "",
+        "load.stiffness_number=none load.pressure=12345.678901234567",
+        "load.stiffness_number=none load.normal_force=0.7123456789012345",
+        "contact.damping_ratio=none contact.restitution=0.73",
+        "contact.damping_ratio=none contact.restitution=1",
+        "shear.inertial_number=none shear.velocity=0.0003",
+        "time.step=1e-10",
         HOOKE,
-        &[
-            "contact.law=hooke",
-            "material.young_modulus=none",
-            "material.poisson_ratio=none",
-            "contact.normal_stiffness=123456789.3",
-            "contact.tangential_stiffness=98765432.1",
-        ],
+        "contact.law=hooke material.young_modulus=none material.poisson_ratio=none
+         contact.normal_stiffness=123456789.3 contact.tangential_stiffness=98765432.1",
         MINDLIN,
-        &["time.step=1e-6", "time.force=true"],
-        &["bookkeeping.skin=0.3", "bookkeeping.rebuild_every=17"],
-        &["output.frame_strain=0", "output.frame_start=0.01"],
-        &["analysis.scalars=true", "analysis.start=0.02"],
-        &[
-            "analysis.scalars=true",
-            "analysis.strain=7e-5",
-            "output.frame_strain=0",
-        ],
-        &[
-            "sample.radius_min=0.1",
-            "sample.radius_max=0.30000000000000004",
-            "sample.length=9.3",
-            "seed=9223372036854775807",
-        ],
-        &["title='''a \"quoted\" \\ title\twith # and a 'tick'. '''"],
+        "time.step=1e-6 time.force=true",
+        "bookkeeping.skin=0.3 bookkeeping.rebuild_every=17",
+        "output.frame_strain=0 output.frame_start=0.01",
+        "analysis.scalars=true analysis.start=0.02",
+        "analysis.scalars=true analysis.strain=7e-5 output.frame_strain=0",
+        "sample.radius_min=0.1 sample.radius_max=0.30000000000000004 sample.length=9.3
+            seed=9223372036854775807",
     ] {
         reads_back(&with(sets));
     }
+    let title = "title='''a \"quoted\" \\ title\twith # and a 'tick'. '''";
+    reads_back(&embedded(&[title]).unwrap());
 }
 
 #[test]
 fn the_choice_is_kept() {
-    let scene = with(&["contact.damping_ratio=none", "contact.restitution=0.73"]);
+    let scene = with("contact.damping_ratio=none contact.restitution=0.73");
     assert!(
         scene.toml.contains("\nrestitution = 0.73\n"),
         "{}",
@@ -94,29 +75,20 @@ fn the_choice_is_kept() {
 }
 
 /// A grading curve.
-const GRADED: &[&str] = &[
-    "sample.radius_min=none",
-    "sample.radius_max=none",
-    "sample.sizes=table",
-    "sample.sieves=[1e-6, 1.5e-6, 2e-6]",
-    "sample.passing=[0.0, 0.4, 1.0]",
-];
+const GRADED: &str = "
+    sample.radius_min=none sample.radius_max=none sample.sizes=table
+    sample.sieves=[1e-6,1.5e-6,2e-6] sample.passing=[0.0,0.4,1.0]";
 
 /// Of a strain, a protocol and a box.
 #[test]
 fn every_constant_default_is_written() {
-    let of_a_box = include_str!("../../../configs/bonfanti.toml");
-    let of_a_box = load(
-        &Source::new("box.toml", of_a_box),
-        &["box.pressure=1e-2".into()],
-    );
-    let binary = with(&["sample.sizes=binary", "sample.large_fraction=0.25"]);
+    let binary = with("sample.sizes=binary sample.large_fraction=0.25");
     let scenes = [
-        with(&[]),
+        with(""),
         with(GRADED),
         binary,
         spheres(),
-        of_a_box.unwrap(),
+        boxed("box.pressure=1e-2"),
     ];
     for table in tables() {
         for key in table.keys().iter().filter(|key| !key.default.is_empty()) {
@@ -142,104 +114,59 @@ fn spheres_in_parts_read_back() {
 }
 
 fn spheres() -> Scene {
-    with(&[
-        "dimension=3",
-        "contact.law=none",
-        "contact.rolling_friction=none",
-        "contact.rolling_damping_ratio=none",
-        "contact.damping_ratio=none",
-        "contact.normal_damping=1e12",
-        "sample.width=20e-6",
-        "sample.grains=8000",
-        "sample.sizes=normal",
-        "sample.radius_mean=0.7e-6",
-        "sample.radius_deviation=0.1e-6",
-        "shear.inertial_number=none",
-        "shear.strain=none",
-        "shear.spring_number=425",
-        "shear.protocol=[{velocity=1e-3,distance=1e-6},{velocity=0,time=2e-3}]",
-        "output.frame_strain=none",
-        "output.series_strain=none",
-        "output.checkpoint_strain=none",
-        "time.collision_speed=10",
-        "bookkeeping.skin=0.3",
-        "load.stiffness_number=none",
-        "load.pressure=1e5",
-    ])
+    with(
+        "
+        dimension=3 contact.law=none contact.rolling_friction=none
+        contact.rolling_damping_ratio=none contact.damping_ratio=none contact.normal_damping=1e12
+        sample.width=20e-6 sample.grains=8000 sample.sizes=normal sample.radius_mean=0.7e-6
+        sample.radius_deviation=0.1e-6 shear.inertial_number=none shear.strain=none
+        shear.spring_number=425
+        shear.protocol=[{velocity=1e-3,distance=1e-6},{velocity=0,time=2e-3}]
+        output.frame_strain=none output.series_strain=none output.checkpoint_strain=none
+        time.collision_speed=10 bookkeeping.skin=0.3 load.stiffness_number=none load.pressure=1e5",
+    )
 }
 
 #[test]
-fn a_scene_in_a_box_reads_back() {
-    let text = include_str!("../../../configs/bonfanti.toml");
-    for set in [
-        "seed=2",
-        "dimension=2",
-        "time.step=0.01",
-        "aqs.spectrum=false",
+fn scenes_in_boxes_read_back() {
+    let without_spectra = "aqs.spectrum=none aqs.until_imaginary=none ";
+    for (first, more) in [
+        ("", "seed=2"),
+        ("", "dimension=2"),
+        ("", "time.step=0.01"),
+        ("", "aqs.spectrum=false aqs.until_imaginary=none"),
+        (
+            without_spectra,
+            "box.deformation=simple-shear box.pressure=1e-2",
+        ),
+        (without_spectra, "box.deformation=pure-shear"),
+        (without_spectra, "box.deformation=biaxial box.pressure=1e-2"),
+        (
+            without_spectra,
+            "box.deformation=compression box.pressure_tolerance=1e-3 aqs.steps=none
+             aqs.pressures=[1e-3,2e-3]",
+        ),
     ] {
-        let mut sets = vec![set.to_string()];
-        if set == "aqs.spectrum=false" {
-            sets.push("aqs.until_imaginary=none".into());
-        }
-        let read =
-            |text: &str, sets: &[String]| load(&Source::new("scene.toml", text), sets).unwrap();
-        let scene = read(text, &sets);
-        let again = read(&scene.toml, &[]);
-        assert_eq!(format!("{again:?}"), format!("{scene:?}"));
-    }
-}
-
-#[test]
-fn every_deformation_reads_back() {
-    let spectra = ["aqs.spectrum=none", "aqs.until_imaginary=none"];
-    for more in [
-        &["box.deformation=simple-shear", "box.pressure=1e-2"][..],
-        &["box.deformation=pure-shear"],
-        &["box.deformation=biaxial", "box.pressure=1e-2"],
-        &[
-            "box.deformation=compression",
-            "box.pressure_tolerance=1e-3",
-            "aqs.steps=none",
-            "aqs.pressures=[1e-3, 2e-3]",
-        ],
-    ] {
-        let sets = [&spectra[..], more].concat();
-        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        let text = include_str!("../../../configs/bonfanti.toml");
-        let read =
-            |text: &str, sets: &[String]| load(&Source::new("scene.toml", text), sets).unwrap();
-        let scene = read(text, &sets);
-        let again = read(&scene.toml, &[]);
-        assert_eq!(format!("{again:?}"), format!("{scene:?}"), "{more:?}");
+        let scene = boxed(&format!("{first}{more}"));
+        let again = load(&Source::new("scene.toml", scene.toml.clone()), &[]).unwrap();
+        assert_eq!(format!("{again:?}"), format!("{scene:?}"), "{more}");
     }
 }
 
 #[test]
 fn every_distribution_and_drive_reads_back() {
     for sets in [
-        &["sample.sizes=binary", "sample.large_fraction=0.25"][..],
-        &[
-            "sample.radius_min=none",
-            "sample.radius_max=none",
-            "sample.sizes=list",
-            "sample.radii=[0.5e-6, 0.75e-6, 1e-6]",
-        ],
+        "sample.sizes=binary sample.large_fraction=0.25",
+        "sample.radius_min=none sample.radius_max=none sample.sizes=list
+            sample.radii=[0.5e-6,0.75e-6,1e-6]",
         GRADED,
-        &[
-            "sample.sizes=lognormal",
-            "sample.radius_mean=0.7e-6",
-            "sample.radius_deviation=0.2e-6",
-        ],
-        &["sample.sizes=power", "sample.radius_exponent=2.5"],
-        &["contact.attraction=0.1"],
-        &["shear.spring_stiffness=1e6"],
-        &["load.gravity=9.81"],
-        &["load.control=servo"],
-        &[
-            "load.control=servo",
-            "load.servo_gain=1e-7",
-            "load.servo_speed_max=0.1",
-        ],
+        "sample.sizes=lognormal sample.radius_mean=0.7e-6 sample.radius_deviation=0.2e-6",
+        "sample.sizes=power sample.radius_exponent=2.5",
+        "contact.attraction=0.1",
+        "shear.spring_stiffness=1e6",
+        "load.gravity=9.81",
+        "load.control=servo",
+        "load.control=servo load.servo_gain=1e-7 load.servo_speed_max=0.1",
     ] {
         reads_back(&with(sets));
     }
