@@ -17,7 +17,9 @@ else:
     import tomli as tomllib
 
 ROOT = Path(__file__).resolve().parents[2]
+SCHEMA = ROOT / "docs" / "scene.schema.json"
 CONFIGS = sorted((ROOT / "configs").glob("*.toml"))
+SCENES = sorted((ROOT / "tests" / "scenes").glob("*.toml"))
 
 
 def named_schema(config: Path) -> Path:
@@ -28,15 +30,36 @@ def named_schema(config: Path) -> Path:
 
 
 def problems(text: str) -> list[str]:
-    schema: dict[str, Any] = json.loads((ROOT / "docs" / "scene.schema.json").read_text())
+    schema: dict[str, Any] = json.loads(SCHEMA.read_text())
     validator = jsonschema.Draft202012Validator(schema)
     return [error.message for error in validator.iter_errors(tomllib.loads(text))]
 
 
 @pytest.mark.parametrize("config", CONFIGS, ids=lambda path: path.stem)
 def test_a_scene_fits_its_schema(config: Path) -> None:
-    assert named_schema(config) == ROOT / "docs" / "scene.schema.json"
+    assert named_schema(config) == SCHEMA
     assert problems(config.read_text()) == []
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda path: path.stem)
+def test_a_scene_of_the_tests_fits_the_schema(scene: Path) -> None:
+    assert problems(scene.read_text()) == []
+
+
+@pytest.mark.parametrize(
+    "right",
+    [
+        "extends = 'base.toml'\nnewtonian = 'none'",
+        "load = { stiffness_number = 'none', pressure = '13.5 kPa' }",
+        "sample = { radii = ['1 µm', 1e-6, '0.5e-3mm'], sizes = 'none', grains = 'none' }",
+        "time.force = 'none'",
+        "shear.protocol = [{ velocity = '1 mm/s', time = '.5 h' }]",
+        "sample.replicate = [2]\nshear.protocol = [{ velocity = 0.0, time = 1 }]",
+        "sweep.seed = [1, 2]",
+    ],
+)
+def test_units_none_and_lists_are_taken(right: str) -> None:
+    assert problems(right) == []
 
 
 @pytest.mark.parametrize(
@@ -52,6 +75,40 @@ def test_a_scene_fits_its_schema(config: Path) -> None:
 def test_a_mistake_is_found(wrong: str, right: str) -> None:
     assert len(problems(wrong)) == 1
     assert problems(right) == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        "sample.grains = 0",
+        "sample.grains = 1.5",
+        "sample.grain = 1",
+        "sample = 1",
+        "gravity = 1",
+        "dimension = 4",
+        "contact.law = 'walton'",
+        "contact.damping_ratio = 1",
+        "load.stiffness_number = 5.0",
+        "time.force = 1",
+        "sample.radii = []",
+        "sample.radii = [-1]",
+        "shear.protocol = [{ velocity = 1 }]",
+        "shear.protocol = [{ velocity = 1, shear_stress = 1, time = 1 }]",
+        "shear.protocol = [{ pressure = 1, time = 1 }]",
+        "shear.protocol = [{ bottom_amplitude = 1, bottom_frequency = 1 }]",
+        "shear.protocol = [{ velocity = 1, time = 1, distance = 1 }]",
+        "shear.protocol = [{ velocity = 1, time = 'long' }]",
+        "load.pressure = '5'",
+        "load.pressure = 'MPa 5'",
+        "contact.friction = '0.5 MPa'",
+        "relax.drag = 'Hz'",
+        "sample.radii = ['big']",
+        "time.force = 'yes'",
+        "load = 'heavy'",
+    ],
+)
+def test_what_the_program_refuses_is_refused(wrong: str) -> None:
+    assert problems(wrong) != []
 
 
 def taplo(*files: Path) -> tuple[int, str]:
@@ -71,7 +128,7 @@ def test_taplo_accepts_the_scenes() -> None:
 def test_taplo_underlines_a_wrong_key(tmp_path: Path) -> None:
     """One message, at the place of the key: with a schema that it cannot read there is none."""
     (tmp_path / "docs").mkdir()
-    shutil.copy(ROOT / "docs" / "scene.schema.json", tmp_path / "docs")
+    shutil.copy(SCHEMA, tmp_path / "docs")
     (tmp_path / "configs").mkdir()
     scene = tmp_path / "configs" / "wrong.toml"
     text = (ROOT / "configs" / "mu-of-i-2d.toml").read_text()
