@@ -67,6 +67,12 @@ pub fn grouped<T>(
     groups
 }
 
+/// The items without repetitions, in the order of their first occurrences.
+pub fn distinct<T: PartialEq>(items: impl IntoIterator<Item = T>) -> Vec<T> {
+    let groups = grouped(items, PartialEq::eq).into_iter();
+    groups.map(|mut group| group.swap_remove(0)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -86,5 +92,6 @@ mod tests {
     fn groups_are_in_the_order_of_their_first_items() {
         let groups = grouped([3, 1, 13, 4, 11], |a, b| a % 10 == b % 10);
         assert_eq!(groups, [vec![3, 13], vec![1, 11], vec![4]]);
+        assert_eq!(distinct([3, 1, 3, 4, 1]), [3, 1, 4]);
     }
 }

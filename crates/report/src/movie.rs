@@ -11,7 +11,7 @@ use super::map::{self, Map, MapView};
 use super::picture::{self, Packing};
 use gshear_analysis::dmin::{self, RADIUS};
 use gshear_analysis::event;
-use gshear_analysis::moments::extent;
+use gshear_analysis::moments::{distinct, extent};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Frame, FrameRecords};
 use gshear_scene::Dimensions;
@@ -102,16 +102,11 @@ impl<'a> Movie<'a> {
     /// A damaged run.
     pub fn new(run: &'a RunFile, fields: &[Field], numbers: Vec<usize>) -> Result<Self, Failure> {
         let stride = numbers.windows(2).map(|pair| pair[1] - pair[0]).next();
-        let mut once: Vec<Field> = Vec::new();
-        for field in fields {
-            if !once.contains(field) {
-                once.push(*field);
-            }
-        }
+        let fields = distinct(fields.iter().copied());
         let mut movie = Self {
             run,
-            ranges: vec![extent([]); once.len()],
-            fields: once,
+            ranges: vec![extent([]); fields.len()],
+            fields,
             stride: stride.unwrap_or(1),
             numbers,
             strains: run.frame_strains()?,
@@ -124,12 +119,8 @@ impl<'a> Movie<'a> {
                 let wider = |all: &mut [f64; 2], own: [f64; 2]| {
                     *all = extent(all.iter().copied().chain(own).filter(|x| x.is_finite()));
                 };
-                view.iter_mut()
-                    .zip(seen)
-                    .for_each(|(all, own)| wider(all, own));
-                ranges
-                    .iter_mut()
-                    .zip(found)
+                let all = view.iter_mut().chain(&mut ranges);
+                all.zip(seen.into_iter().chain(found))
                     .for_each(|(all, own)| wider(all, own));
             }
             Ok(())
@@ -316,17 +307,12 @@ impl<'a> Movie<'a> {
     }
 
     fn title(&self, number: usize) -> String {
+        let time = self.run.frame_times()[number];
         match self.run.stage() {
             RunStage::Shear if self.run.has_free_surface() => {
-                format!(
-                    "frame {number}, time {:.4e} s",
-                    self.run.frame_times()[number]
-                )
+                format!("frame {number}, time {time:.4e} s")
             }
-            RunStage::Newtonian => format!(
-                "frame {number}, time {:.4e}",
-                self.run.frame_times()[number]
-            ),
+            RunStage::Newtonian => format!("frame {number}, time {time:.4e}"),
             _ => format!("frame {number}, γ = {:.3} %", 100.0 * self.strains[number]),
         }
     }

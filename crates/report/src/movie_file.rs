@@ -106,26 +106,11 @@ impl MovieFile {
         let part = PartFile::create(&self.path)?;
         let mut command = Command::new(FFMPEG);
         command
-            .args([
-                "-loglevel",
-                "error",
-                "-y",
-                "-f",
-                "rawvideo",
-                "-pix_fmt",
-                "rgb24",
-            ])
+            .args("-loglevel error -y -f rawvideo -pix_fmt rgb24".split(' '))
             .args(["-video_size", &format!("{width}x{height}")])
             .args(["-framerate", &self.rate.to_string(), "-i", "-"])
             // What every player and browser shows.
-            .args([
-                "-pix_fmt",
-                "yuv420p",
-                "-movflags",
-                "+faststart",
-                "-f",
-                "mp4",
-            ])
+            .args("-pix_fmt yuv420p -movflags +faststart -f mp4".split(' '))
             .arg(part.part())
             .stdin(Stdio::piped())
             .stdout(Stdio::null())

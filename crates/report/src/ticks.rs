@@ -80,25 +80,15 @@ pub fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
 /// Returns the factor and the SI prefix that give a value one to three digits before the decimal
 /// point.
 pub fn prefix(value: f64) -> (f64, &'static str) {
-    const PREFIXES: [(i32, &str); 9] = [
-        (-12, "p"),
-        (-9, "n"),
-        (-6, "µ"),
-        (-3, "m"),
-        (0, ""),
-        (3, "k"),
-        (6, "M"),
-        (9, "G"),
-        (12, "T"),
-    ];
+    // From 10⁻¹² to 10¹².
+    const PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
     let power = (value.abs().log10() / 3.0).floor() * 3.0;
     let power = if power.is_finite() {
         (power as i32).clamp(-12, 12)
     } else {
         0
     };
-    let (power, name) = PREFIXES[((power + 12) / 3) as usize];
-    (10f64.powi(-power), name)
+    (10f64.powi(-power), PREFIXES[((power + 12) / 3) as usize])
 }
 
 #[cfg(test)]
@@ -113,23 +103,17 @@ mod tests {
     fn ticks_are_round_and_within_the_axis() {
         assert_eq!(labels(round(0.0, 10.0, 5)), ["0", "2", "4", "6", "8", "10"]);
         assert_eq!(labels(round(-0.13, 0.27, 4)), ["−0.1", "0.0", "0.1", "0.2"]);
-        assert_eq!(
-            labels(round(5.1234, 5.1291, 3)),
-            ["5.124", "5.126", "5.128"]
-        );
-        assert_eq!(
-            labels(round(0.0, 70.0, 10)),
-            ["0", "10", "20", "30", "40", "50", "60", "70"]
-        );
+        let narrow = labels(round(5.1234, 5.1291, 3));
+        assert_eq!(narrow, ["5.124", "5.126", "5.128"]);
+        let wide = labels(round(0.0, 70.0, 10));
+        assert_eq!(wide, ["0", "10", "20", "30", "40", "50", "60", "70"]);
         assert!(round(1.0, 1.0, 5).is_empty() && round(f64::NAN, 1.0, 5).is_empty());
     }
 
     #[test]
     fn decades_thin_out() {
-        assert_eq!(
-            labels(decades(-3.2, 0.0, 9)),
-            ["10^{−3}", "10^{−2}", "10^{−1}", "10^{0}"]
-        );
+        let all = labels(decades(-3.2, 0.0, 9));
+        assert_eq!(all, ["10^{−3}", "10^{−2}", "10^{−1}", "10^{0}"]);
         assert_eq!(labels(decades(0.0, 8.0, 4)).len(), 3);
     }
 

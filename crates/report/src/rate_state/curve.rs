@@ -9,6 +9,7 @@ use crate::colour::{AGING_LAW, FORCE, SLIP_LAW};
 use crate::curves::{decimate, padded};
 use crate::plot::{Layout, Plot, figure};
 use crate::ticks::{self, Tick};
+use gshear_analysis::moments::distinct;
 use gshear_analysis::rate_state::{Evolution, Experiment};
 
 pub(super) const LAYOUT: Layout = Layout::new([900.0, 460.0], 78.0);
@@ -87,12 +88,8 @@ pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&st
     let mut shown: Vec<[f64; 2]> = Vec::new();
     for curve in curves {
         shown.extend(&curve.points);
-        shown.extend(
-            curve
-                .band
-                .iter()
-                .flat_map(|[x, low, high]| [[*x, *low], [*x, *high]]),
-        );
+        let edges = |[x, low, high]: &[f64; 3]| [[*x, *low], [*x, *high]];
+        shown.extend(curve.band.iter().flat_map(edges));
         shown.extend(curve.models.iter().flat_map(|(_, points)| points));
     }
     let heights = shown.iter().filter(within).map(|p| p[1]);
@@ -117,28 +114,19 @@ pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&st
         let mut legend: Vec<(RGBColor, &str)> = named
             .map(|(k, c)| (colour_at(k, n), c.name.as_str()))
             .collect();
-        legend.extend(law_legend(
-            curves
-                .iter()
-                .flat_map(|c| c.models.iter().map(|(law, _)| *law)),
-        ));
+        let models = curves.iter().flat_map(|c| &c.models);
+        legend.extend(law_legend(models.map(|(law, _)| *law)));
         plot.legend(&legend);
     })
 }
 
 /// Legend entries of the laws, each once.
 pub(super) fn law_legend(laws: impl Iterator<Item = Evolution>) -> Vec<(RGBColor, &'static str)> {
-    let mut seen: Vec<Evolution> = Vec::new();
-    laws.for_each(|law| {
-        if !seen.contains(&law) {
-            seen.push(law);
-        }
-    });
     let entry = |law: Evolution| match law {
         Evolution::Aging => (AGING_LAW, "aging law"),
         Evolution::Slip => (SLIP_LAW, "slip law"),
     };
-    seen.into_iter().map(entry).collect()
+    distinct(laws).into_iter().map(entry).collect()
 }
 
 /// Draws a line with no more points than the figure can resolve.

@@ -21,7 +21,7 @@ use crate::panels::{Compared, PANELS};
 use crate::plot::{Layout, figure};
 use crate::ticks;
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_analysis::moments::{Moments, grouped};
+use gshear_analysis::moments::{Moments, distinct, grouped};
 use gshear_analysis::phases::{self, PhaseStatistics};
 use gshear_dem::failure::Failure;
 use gshear_store::csv_table::Table;
@@ -83,8 +83,8 @@ impl SweepRun {
             let values = PhaseStatistics::of(&found).columns();
             means.extend(
                 PhaseStatistics::COLUMNS
+                    .iter()
                     .map(|of| of.name)
-                    .into_iter()
                     .zip(values),
             );
         }
@@ -163,15 +163,14 @@ impl<'a> Sweep<'a> {
         columns: &[String],
         against: Option<&str>,
     ) -> Result<Self, Failure> {
-        let mut keys: Vec<String> = Vec::new();
-        for key in runs.iter().flat_map(|run| run.scene.keys()) {
-            let first = runs[0].scene.get(key);
-            let differs = runs.iter().any(|run| run.scene.get(key) != first);
-            if differs && !keys.contains(key) {
-                keys.push(key.clone());
-            }
-        }
+        let differs = |key: &&String| {
+            let first = runs[0].scene.get(*key);
+            runs.iter().any(|run| run.scene.get(*key) != first)
+        };
+        let all = runs.iter().flat_map(|run| run.scene.keys());
+        let mut keys: Vec<String> = all.filter(differs).cloned().collect();
         keys.sort();
+        keys.dedup();
         let has_seeds = keys.iter().any(|key| key == SEED);
         for (k, run) in runs.iter().enumerate() {
             let same = |other: &&SweepRun| {
@@ -200,13 +199,9 @@ impl<'a> Sweep<'a> {
     fn chosen(&self, against: Option<&str>) -> Result<Option<usize>, Failure> {
         let Some(key) = against else {
             let values = |k: &usize| {
-                let all: Vec<_> = self
-                    .runs
-                    .iter()
-                    .map(|r| r.scene.get(&self.keys[*k]))
-                    .collect();
-                let numbers = all.iter().all(|value| number(*value).is_some());
-                (numbers, grouped(all, |a, b| a == b).len())
+                let all = self.runs.iter().map(|r| r.scene.get(&self.keys[*k]));
+                let numbers = all.clone().all(|value| number(value).is_some());
+                (numbers, distinct(all).len())
             };
             // Of equals the first.
             return Ok((0..self.keys.len()).rev().max_by_key(values));
@@ -229,13 +224,11 @@ impl<'a> Sweep<'a> {
             self.keys.iter().map(|key| run.scene.get(key)).collect()
         };
         let by_values = grouped(self.runs, |a, b| values(a) == values(b));
-        let mut groups: Vec<Group<'a>> = by_values
-            .into_iter()
-            .map(|runs| Group {
-                values: values(runs[0]),
-                runs,
-            })
-            .collect();
+        let group = |runs: Vec<&'a SweepRun>| Group {
+            values: values(runs[0]),
+            runs,
+        };
+        let mut groups: Vec<Group<'a>> = by_values.into_iter().map(group).collect();
         groups.sort_by(|a, b| {
             let mut pairs = a.values.iter().zip(&b.values);
             let unequal = pairs.find_map(|(a, b)| Some(order(*a, *b)).filter(|o| o.is_ne()));
@@ -328,15 +321,12 @@ impl<'a> Sweep<'a> {
         Table::of(self.runs)
             .column("run", |run| run.name.clone())
             .columns(&keys, |run| {
-                keys.iter()
-                    .map(|key| text(run.scene.get(*key)))
-                    .collect::<Vec<_>>()
+                let values = keys.iter().map(|key| text(run.scene.get(*key)));
+                values.collect::<Vec<_>>()
             })
             .columns(&self.columns, |run| {
-                self.columns
-                    .iter()
-                    .map(|column| run.means[&**column])
-                    .collect::<Vec<_>>()
+                let means = self.columns.iter().map(|column| run.means[&**column]);
+                means.collect::<Vec<_>>()
             })
             .csv()
     }
@@ -348,17 +338,13 @@ impl<'a> Sweep<'a> {
             .flat_map(|name| [name.clone(), format!("{name}{}", dictionary::ERROR)]);
         Table::of(self.groups())
             .columns(&self.keys, |group| {
-                group
-                    .values
-                    .iter()
-                    .map(|value| text(*value))
-                    .collect::<Vec<_>>()
+                let values = group.values.iter().map(|value| text(*value));
+                values.collect::<Vec<_>>()
             })
             .columns(names, |group| {
                 let moments = columns.iter().map(|column| group.moments(column));
-                moments
-                    .flat_map(|of| [of.mean, of.error()])
-                    .collect::<Vec<_>>()
+                let values = moments.flat_map(|of| [of.mean, of.error()]);
+                values.collect::<Vec<_>>()
             })
             .column("runs", |group| group.runs.len())
             .csv()
@@ -497,12 +483,8 @@ impl<'a> Sweep<'a> {
             escape(&tied)
         );
         let data = self.table_of_means(&[column.to_string()]);
-        Some(ReportFigure::new(
-            format!("{column}-means"),
-            caption,
-            svg,
-            data,
-        ))
+        let name = format!("{column}-means");
+        Some(ReportFigure::new(name, caption, svg, data))
     }
 
     /// Draws a column of all time series over each other, a colour for each set of values; nothing
@@ -551,12 +533,8 @@ impl<'a> Sweep<'a> {
             .column(column, |(run, k)| run.curves[column][*k])
             .csv();
         let caption = format!("{} of all runs.", marked(&self.label(column)));
-        Some(ReportFigure::new(
-            format!("{column}-curves"),
-            caption,
-            svg,
-            data,
-        ))
+        let name = format!("{column}-curves");
+        Some(ReportFigure::new(name, caption, svg, data))
     }
 }
 
@@ -565,29 +543,20 @@ impl<'a> Sweep<'a> {
 fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>, Failure> {
     for name in asked {
         if let Some(run) = runs.iter().find(|run| !run.means.contains_key(&**name)) {
-            if FrameScalars::COLUMNS.iter().any(|of| of.name == name) {
-                return Err(Failure::input(format!(
-                    "--columns {name}: {} has no value of it, which needs frames (output.frame_strain) and, \
-                     but for D²min, disks between walls",
-                    run.name
-                )));
-            }
-            let known: Vec<&str> = run.means.keys().copied().collect();
-            return Err(Failure::input(format!(
-                "--columns {name}: {} has no such column; it has {}",
-                run.name,
-                known.join(", ")
-            )));
+            let why = if FrameScalars::COLUMNS.iter().any(|of| of.name == name) {
+                "no value of it, which needs frames (output.frame_strain) and, \
+                 but for D²min, disks between walls"
+                    .into()
+            } else {
+                let known: Vec<&str> = run.means.keys().copied().collect();
+                format!("no such column; it has {}", known.join(", "))
+            };
+            let what = format!("--columns {name}: {} has {why}", run.name);
+            return Err(Failure::input(what));
         }
     }
     if !asked.is_empty() {
-        let mut once = Vec::new();
-        asked.iter().for_each(|name| {
-            if !once.contains(name) {
-                once.push(name.clone());
-            }
-        });
-        return Ok(once);
+        return Ok(distinct(asked.iter().cloned()));
     }
     let all_have = |name: &str| {
         let known = |run: &SweepRun| run.means.get(name).is_some_and(|mean| mean.is_finite());

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 
 use crate::commands::dmin::{between, is_planar};
 use gshear_analysis::dmin;
-use gshear_analysis::moments::extent;
+use gshear_analysis::moments::{distinct, extent};
 use gshear_analysis::regions::{GrReading, Regions};
 use gshear_analysis::stress;
 use gshear_dem::dimension::{Three, Two};
@@ -171,18 +171,10 @@ impl<'a> ExportedRun<'a> {
             )));
         }
         let several = run.material().iter().any(|material| *material > 0);
-        let mut once = Vec::new();
-        for field in fields
-            .iter()
-            .chain(several.then_some(&GrainField::Material))
-        {
-            if !once.contains(field) {
-                once.push(*field);
-            }
-        }
+        let material = several.then_some(GrainField::Material);
         Ok(Self {
             run,
-            fields: once,
+            fields: distinct(fields.iter().copied().chain(material)),
             modes,
             strains: run.frame_strains()?,
         })
@@ -233,23 +225,15 @@ impl<'a> ExportedRun<'a> {
     }
 
     /// Position, velocity, angular velocity, radius and mass of a grain.
-    pub fn state_values(&self, frame: &ExportedFrame, grain: usize) -> [f64; 11] {
+    pub fn state_values(
+        &self,
+        frame: &ExportedFrame,
+        grain: usize,
+    ) -> impl Iterator<Item = f64> + use<> {
         let (of, fixed) = (&frame.records.grains[grain], self.grains());
-        let ([x, y, z], [u, v, w]) = (of.position, of.velocity);
-        let [p, q, r] = of.angular_velocity;
-        [
-            x,
-            y,
-            z,
-            u,
-            v,
-            w,
-            p,
-            q,
-            r,
-            fixed.radius[grain],
-            fixed.mass[grain],
-        ]
+        let vectors = [of.position, of.velocity, of.angular_velocity];
+        let constants = [fixed.radius[grain], fixed.mass[grain]];
+        vectors.into_iter().flatten().chain(constants)
     }
 
     /// The values of the computed fields of a grain.
@@ -401,12 +385,8 @@ impl<'a> ExportedRun<'a> {
         match self.run.dimension() {
             Dimensions::Two => {
                 let tensors = stress::in_cell::<Two>(self.grains(), cell, now);
-                columns_of(
-                    &tensors
-                        .iter()
-                        .map(|s| [s[0], s[1], s[3]])
-                        .collect::<Vec<_>>(),
-                )
+                let planar: Vec<_> = tensors.iter().map(|s| [s[0], s[1], s[3]]).collect();
+                columns_of(&planar)
             }
             Dimensions::Three => columns_of(&stress::in_cell::<Three>(self.grains(), cell, now)),
         }
