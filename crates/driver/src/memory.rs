@@ -109,9 +109,7 @@ mod tests {
         assert_eq!(of(&[("a", Some(4000)), ("b", Some(8000))]).most, 30);
         assert_eq!(of(&[("a", Some(4000)), ("b", None)]).most, u32::MAX);
         assert_eq!(of(&[("a", Some(u64::MAX / 2))]).most, u32::MAX);
-        assert_eq!(
-            of(&[("a", Some(8_000_000_000))]).reason,
-            "fit into the memory of this machine (8.0 GB, at least 400 bytes a grain)"
-        );
+        let expected = "fit into the memory of this machine (8.0 GB, at least 400 bytes a grain)";
+        assert_eq!(of(&[("a", Some(8_000_000_000))]).reason, expected);
     }
 }

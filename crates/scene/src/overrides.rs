@@ -132,10 +132,8 @@ mod tests {
         ) {
             assert_eq!(message(&[&set]), format!("--set {set}: {expected}"));
         }
-        assert_eq!(
-            message(&["sample.grains=none"]),
-            "embedded default scene:20: [sample] lacks grains: the number of grains, such as grains = 1000"
-        );
+        let expected = "embedded default scene:20: [sample] lacks grains: the number of grains, such as grains = 1000";
+        assert_eq!(message(&["sample.grains=none"]), expected);
         assert!(message(&["title=\"open"]).starts_with("--set title=\"open: no TOML value: "));
     }
 

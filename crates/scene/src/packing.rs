@@ -764,9 +764,10 @@ mod tests {
         }
     }
 
-    /// Replaces the row of an atom.
-    fn with_atom(id: u64, row: &str) -> impl Fn(String) -> String + '_ {
+    /// Replaces the row of an atom, which begins with its id.
+    fn with_atom(row: &str) -> impl Fn(String) -> String + '_ {
         move |text| {
+            let (id, _) = row.split_once(' ').unwrap();
             let (head, tail) = text.split_once("Velocities").unwrap();
             let at = head.find(&format!("\n{id} ")).unwrap() + 1;
             let end = at + head[at..].find('\n').unwrap();
@@ -817,17 +818,16 @@ mod tests {
             };
             message(Packing::read(Path::new(FILE), arrangement))
         };
-        assert_eq!(
-            read(1_000_000),
-            "f: has 120 atoms in 1000000 × 1000000 × 1 copies (sample.replicate): 120000000000000 grains are more than the 4294967295 that a run can have; give fewer"
-        );
+        let expected = "f: has 120 atoms in 1000000 × 1000000 × 1 copies (sample.replicate): 120000000000000 grains are more than the 4294967295 that a run can have; give fewer";
+        assert_eq!(read(1_000_000), expected);
         let limit = GrainLimit {
             most: 119,
             reason: "fit".into(),
         };
+        let expected = "f: has 120 atoms: 120 grains are more than the 119 that fit; give fewer";
         assert_eq!(
             message(Packing::read_at_most(Path::new(FILE), along(1), &limit)),
-            "f: has 120 atoms: 120 grains are more than the 119 that fit; give fewer"
+            expected
         );
         let data = |text: String| lammps_data::parse("f", &text).unwrap();
         let long = TEXT.replace("-0.002 0.00799 xlo", "-0.002 1e307 xlo");
@@ -890,10 +890,9 @@ mod tests {
             read(&path)
         );
         std::fs::write(&path, packed(&vec![0; 10_000_000])).unwrap();
-        assert_eq!(
-            read(&path),
-            "file: has more than 100 times its bytes when unpacked; unpack it with gunzip"
-        );
+        let expected =
+            "file: has more than 100 times its bytes when unpacked; unpack it with gunzip";
+        assert_eq!(read(&path), expected);
         std::fs::write(&path, "x".repeat(10_000_000)).unwrap();
         assert_eq!(read(&path), "file: the header lacks the line `N atoms`");
         std::fs::write(&path, format!("\n{}", "7".repeat(10_000_000))).unwrap();
@@ -990,37 +989,13 @@ mod tests {
             assert_eq!(refused(text.as_bytes(), None), expected);
         }
         let marked = "\u{feff}1 2 3 4\n".as_bytes();
-        assert_eq!(
-            refused(marked, None),
-            "f: the header lacks the line `N atoms`"
-        );
-        assert_eq!(
-            refused(TEXT.as_bytes(), Some(3)),
-            "f: holds one state; leave out @3"
-        );
+        let expected = "f: the header lacks the line `N atoms`";
+        assert_eq!(refused(marked, None), expected);
+        let expected = "f: holds one state; leave out @3";
+        assert_eq!(refused(TEXT.as_bytes(), Some(3)), expected);
         let utf_16 = b"\xff\xfe1\0";
-        assert_eq!(
-            refused(utf_16, None),
-            "f: is text in UTF-16; save it as UTF-8"
-        );
-    }
-
-    #[test]
-    fn positions_far_from_the_box_and_crowds_are_refused() {
-        let refused = |edit: &dyn Fn(String) -> String| refused(edit, &[]);
-        assert_eq!(
-            refused(&with_atom(11, "11 1 0.001 2500 1e300 0.00136 0")),
-            "f:19: x of atom 11 is 1e300, more than 1e6 periods from the box, -0.002 0.00799 xlo xhi; give a place in the box"
-        );
-        // Diameters in millimetres.
-        assert_eq!(
-            refused(&|text| text.replace(" 0.001 2500 ", " 1 2500 ")),
-            "f:34: atom 116 lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters"
-        );
-        assert_eq!(
-            refused(&|text| text.replace(" 0.001 2500 ", " 1e-9 2500 ")),
-            "f: 120 atoms are too few for their box, in which 9.5e13 of the largest diameter, 1e-9, have room; check the units of lengths and diameters"
-        );
+        let expected = "f: is text in UTF-16; save it as UTF-8";
+        assert_eq!(refused(utf_16, None), expected);
     }
 
     /// Of mean overlaps of 1 µm, in boxes moved along either axis.
@@ -1185,10 +1160,8 @@ mod tests {
             }
         }
         let walls = Packing::new("f", Path::new(FILE), data, Arrangement::BETWEEN_WALLS);
-        assert_eq!(
-            message(walls),
-            "f: the box is tilted; between walls it must be a rectangle"
-        );
+        let expected = "f: the box is tilted; between walls it must be a rectangle";
+        assert_eq!(message(walls), expected);
     }
 
     #[test]
@@ -1219,10 +1192,8 @@ mod tests {
             panic!("a packing")
         };
         assert_eq!(walls, Walls::Layers);
-        assert_eq!(
-            refused(two, &["sample.walls=types"]),
-            "f: no atom is of type 3; with walls = \"types\" type 2 is the bottom wall and type 3 the top wall"
-        );
+        let expected = "f: no atom is of type 3; with walls = \"types\" type 2 is the bottom wall and type 3 the top wall";
+        assert_eq!(refused(two, &["sample.walls=types"]), expected);
     }
 
     /// Twelve by sixteen columns of nine spheres that overlap by 1e-6 m along z alone.
@@ -1252,58 +1223,44 @@ mod tests {
     /// Positions along x are wrapped as LAMMPS wraps them, and begin at xlo.
     #[test]
     fn x_is_wrapped() {
-        let moved = with_atom(11, "11 1 0.001 2500 0.00873925 0.0013651593783806542 0");
-        let (a, b) = (
-            grains(|text| text, &[]).unwrap(),
-            grains(moved, &[]).unwrap(),
-        );
-        for (a, b) in a.iter().zip(&b) {
+        let moved = with_atom("11 1 0.001 2500 0.00873925 0.0013651593783806542 0");
+        let as_it_is = grains(|text| text, &[]).unwrap();
+        for (a, b) in as_it_is.iter().zip(&grains(moved, &[]).unwrap()) {
             assert!((a.position[0] - b.position[0]).abs() < 1e-17);
         }
     }
 
+    /// Of each case rows of atoms, or a text and what stands for it.
     #[test]
     fn what_is_no_packing_of_disks_is_refused() {
-        let refused = |edit: &dyn Fn(String) -> String| refused(edit, &[]);
-        assert_eq!(
-            refused(&with_atom(11, "11 1 0.001 2500 -0.00125075 0.00136 1e-9")),
-            "f:19: z of atom 11 is 1e-9; in a packing of disks it is 0"
-        );
-        assert_eq!(
-            refused(&with_atom(11, "11 1 0.001 2500 -0.00125075 0.03 0")),
-            "f:19: atom 11 is out of the box: y = 0.03, the box has -0.001 0.02 ylo yhi"
-        );
-        assert_eq!(
-            refused(&|text| text.replace("-0.0005 0.0005 zlo", "0.1 0.2 zlo")),
-            "f: the box is beside the plane z = 0, in which the disks are: 0.1 0.2 zlo zhi"
-        );
-        // Onto atom 32.
-        assert_eq!(
-            refused(&with_atom(
-                39,
-                "39 1 0.001 2500 -0.0003 0.0030954781351419628 0"
-            )),
-            "f:22: atom 32 overlaps atom 39 (line 23) by 9.517e-4 m, 95.2 % of the sum of their radii; the law hooke takes 9.400e-5 m"
-        );
-        // Two of one row.
-        let bottom = with_atom(
-            32,
-            "32 2 0.001 2500 -0.0002517499999999998 0.0030954781351419628 0",
-        );
-        let top = with_atom(39, "39 3 0.001 2500 0.00674125 0.0030954781351419628 0");
-        assert_eq!(
-            refused(&|text| top(bottom(text))),
-            "f:23: atom 39 of type 3 is not above atom 32 of type 2 (line 22): the types are taken as top and bottom wall; \
-             give sample.walls = \"layers\" if they are not"
-        );
+        let edited = |text: String, change: &str| match change.split_once(" -> ") {
+            Some((from, to)) => text.replace(from, to),
+            None => with_atom(change)(text),
+        };
+        for [changes, expected] in cases(
+            r#"
+            11 1 0.001 2500 1e300 0.00136 0 | f:19: x of atom 11 is 1e300, more than 1e6 periods from the box, -0.002 0.00799 xlo xhi; give a place in the box
+            // Diameters in millimetres.
+            0.001 2500 -> 1 2500 | f:34: atom 116 lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters
+            0.001 2500 -> 1e-9 2500 | f: 120 atoms are too few for their box, in which 9.5e13 of the largest diameter, 1e-9, have room; check the units of lengths and diameters
+            11 1 0.001 2500 -0.00125075 0.00136 1e-9 | f:19: z of atom 11 is 1e-9; in a packing of disks it is 0
+            11 1 0.001 2500 -0.00125075 0.03 0 | f:19: atom 11 is out of the box: y = 0.03, the box has -0.001 0.02 ylo yhi
+            -0.0005 0.0005 zlo -> 0.1 0.2 zlo | f: the box is beside the plane z = 0, in which the disks are: 0.1 0.2 zlo zhi
+            // Onto atom 32.
+            39 1 0.001 2500 -0.0003 0.0030954781351419628 0 | f:22: atom 32 overlaps atom 39 (line 23) by 9.517e-4 m, 95.2 % of the sum of their radii; the law hooke takes 9.400e-5 m
+            // Two of one row.
+            32 2 0.001 2500 -0.0002517499999999998 0.0030954781351419628 0 & 39 3 0.001 2500 0.00674125 0.0030954781351419628 0 | f:23: atom 39 of type 3 is not above atom 32 of type 2 (line 22): the types are taken as top and bottom wall; give sample.walls = "layers" if they are not
+            "#,
+        ) {
+            let said = refused(|text| changes.split(" & ").fold(text, edited), &[]);
+            assert_eq!(said, expected);
+        }
         let two = |text: String| {
             let (head, _) = text.split_once("4 2").unwrap();
             format!("{}4 2 1 1 0 0 0\n", head.replace("120 atoms", "1 atoms"))
         };
-        assert_eq!(
-            refused(&two),
-            "s:4: sample.packing: the cell is too narrow for its grains: length = 0.00999 m; give at least 4 diameters of the largest, 4.000e0 m"
-        );
+        let expected = "s:4: sample.packing: the cell is too narrow for its grains: length = 0.00999 m; give at least 4 diameters of the largest, 4.000e0 m";
+        assert_eq!(refused(two, &[]), expected);
     }
 
     #[test]

@@ -334,10 +334,8 @@ mod tests {
             list(100),
             list(101)
         );
-        assert_eq!(
-            message(&product),
-            "sweep.shear.strain: has 101 values, with the lists before it 10100 runs, more than the 10000 runs that a sweep may have; give shorter lists, or split the sweep into several files"
-        );
+        let expected = "sweep.shear.strain: has 101 values, with the lists before it 10100 runs, more than the 10000 runs that a sweep may have; give shorter lists, or split the sweep into several files";
+        assert_eq!(message(&product), expected);
         let most = format!("[sweep]\nseed = {}", list(MOST_RUNS));
         assert_eq!(names(&most).len(), MOST_RUNS);
     }

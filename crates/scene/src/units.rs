@@ -620,9 +620,7 @@ mod tests {
         assert_eq!(of(true, Some("mindlin")), ["N/m^1.5"]);
         assert_eq!(of(true, None), ["N/m", "N/m^1.5"]);
         let sets = ["load.stiffness_number=none", "load.normal_force=1 N"];
-        assert_eq!(
-            embedded(&sets).unwrap_err().to_string(),
-            "--set load.normal_force=1 N: is in N/m, but \"1 N\" is a force; give a force per length, such as \"5 N/m\""
-        );
+        let expected = "--set load.normal_force=1 N: is in N/m, but \"1 N\" is a force; give a force per length, such as \"5 N/m\"";
+        assert_eq!(embedded(&sets).unwrap_err().to_string(), expected);
     }
 }

@@ -292,10 +292,9 @@ mod tests {
             .column("text", |row| row.0)
             .columns(["number", "twice"], |row| [row.1, 2.0 * row.1])
             .column("count", |row| row.2.map(|count: u32| count));
-        assert_eq!(
-            table.csv(),
-            "text,number,twice,count\nplain,0.1,0.2,1\n\"a, \"\"b\"\"\",1e-300,2e-300,\n"
-        );
+        let expected =
+            "text,number,twice,count\nplain,0.1,0.2,1\n\"a, \"\"b\"\"\",1e-300,2e-300,\n";
+        assert_eq!(table.csv(), expected);
     }
 
     #[test]
