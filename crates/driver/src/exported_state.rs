@@ -4,7 +4,6 @@
 use std::path::Path;
 
 use gshear_analysis::moments::extent;
-use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, GrainSample, GrainState};
@@ -43,11 +42,10 @@ impl ExportedState {
                 id: u64::from(run.ids()[g]) + 1,
                 kind: atom_type(grains.body[g].into(), run.material()[g].into()),
                 diameter: 2.0 * grains.radius[g],
-                density: 0.0,
                 position: of.position,
                 velocity: of.velocity,
                 angular_velocity: of.angular_velocity,
-                line: 0,
+                ..Atom::default()
             };
             (atom, grains.mass[g])
         };
@@ -78,11 +76,10 @@ impl ExportedState {
                 id: u64::from(ids.map_or(g.id, |ids| ids.of(g.id))) + 1,
                 kind: atom_type(g.body, g.material),
                 diameter: 2.0 * g.radius,
-                density: 0.0,
                 position: g.position,
                 velocity: g.velocity,
                 angular_velocity: g.angular_velocity,
-                line: 0,
+                ..Atom::default()
             };
             let volume = scene.dimension.volume(g.radius);
             (atom, scene.materials.masses.of(g.material, volume))
@@ -97,10 +94,7 @@ impl ExportedState {
             name: path
                 .file_stem()
                 .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),
-            cell: match scene.dimension {
-                Dimensions::Two => header.cell::<Two>(&scene.sample),
-                Dimensions::Three => header.cell::<Three>(&scene.sample),
-            },
+            cell: header.cell_in(&scene),
             dimension: scene.dimension,
             grains: saved.state.grains.iter().map(grain).collect(),
         })

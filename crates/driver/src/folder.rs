@@ -304,6 +304,20 @@ pub struct Claim<'a> {
     pub last_file: &'static str,
 }
 
+impl Claim<'_> {
+    /// Refuses a folder that holds another run, or one that a new run would replace.
+    fn may_enter(&self, folder: &Path, found: &Contents) -> Result<(), Failure> {
+        let (record, scene) = (self.record, self.scene);
+        match self.entry {
+            Entry::New if !found.is_empty() => {
+                Err(found.refuse_new(folder, record, scene, self.last_file))
+            }
+            Entry::Resume => found.is_of(folder, record, scene, false),
+            _ => Ok(()),
+        }
+    }
+}
+
 impl RunFolder {
     /// Checks that the run may write into its folder, makes the folder and takes its lock.
     /// Collective.
@@ -371,34 +385,21 @@ impl RunFolder {
         options: &Options,
         notes: Option<&mut Vec<String>>,
     ) -> Result<(), Failure> {
-        let Claim {
-            entry,
-            record,
-            scene,
-            saved,
-            last_file,
-        } = claim;
         let found = Contents::of(&self.path)?;
         if options.overwrite {
             self.clear.set(!found.is_empty());
             return Ok(());
         }
-        match (entry, saved) {
-            (Entry::New, _) if found.is_begun_branch(record) => {
-                self.clear.set(true);
-                Ok(())
-            }
-            (Entry::New, _) if !found.is_empty() => {
-                Err(found.refuse_new(&self.path, record, scene, last_file))
-            }
-            (Entry::Resume, Some(saved)) => {
-                found.is_of(&self.path, record, scene, false)?;
+        if claim.entry == Entry::New && found.is_begun_branch(claim.record) {
+            self.clear.set(true);
+            return Ok(());
+        }
+        claim.may_enter(&self.path, &found)?;
+        match (claim.entry, claim.saved, notes) {
+            (Entry::Resume, Some(saved), Some(notes)) => {
                 let folder = saved.path.parent();
                 let beside = folder.is_some_and(|folder| same_folder(folder, &self.path));
-                match notes {
-                    Some(notes) => self.check_files(&saved.header, scene, &found, beside, notes),
-                    None => Ok(()),
-                }
+                self.check_files(&saved.header, claim.scene, &found, beside, notes)
             }
             _ => Ok(()),
         }
@@ -420,11 +421,8 @@ impl RunFolder {
             columns = Schedule::new(scene, walls, shear.height).columns;
         }
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
-        let (counted, step) = (
-            [written.frames, written.rows, written.scalars],
-            header.step(),
-        );
-        let [frames, rows, _] = counted;
+        let counted @ [frames, rows, _] = [written.frames, written.rows, written.scalars];
+        let step = header.step();
         let there = path.exists();
         let mut kept = 0;
         if there {
@@ -555,27 +553,15 @@ pub fn outlook(folder: &Path, claim: &Claim<'_>) -> (String, bool) {
     if let Err(why) = rustix::fs::access(existing, Access::WRITE_OK | Access::EXEC_OK) {
         return (unwritable(place, &why.into()).to_string(), false);
     }
-    let found = match check_name(place).and_then(|()| Contents::of(place)) {
-        Ok(found) => found,
-        Err(failure) => return (failure.to_string(), false),
+    let look = || {
+        check_name(place)?;
+        let found = Contents::of(place)?;
+        claim.may_enter(place, &found)?;
+        Ok::<_, Failure>(if found.is_empty() { "no" } else { "this" })
     };
-    let answer = match claim.entry {
-        Entry::New if !found.is_empty() => {
-            let Claim {
-                record,
-                scene,
-                last_file,
-                ..
-            } = claim;
-            Err(found.refuse_new(place, record, scene, last_file))
-        }
-        Entry::Resume => found.is_of(place, claim.record, claim.scene, false),
-        _ => Ok(()),
-    };
-    match answer {
+    match look() {
         Err(refused) => (refused.to_string(), false),
-        Ok(()) if found.is_empty() => (format!("{name}: can be written, holds no run"), true),
-        Ok(()) => (format!("{name}: can be written, holds this run"), true),
+        Ok(which) => (format!("{name}: can be written, holds {which} run"), true),
     }
 }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use gshear_dem::budget::SavedBudget;
-use gshear_dem::dimension::Dimension;
+use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Sheared, Snapshot};
@@ -186,6 +186,14 @@ impl Header {
             Header::Aqs { progress, .. } | Header::Newtonian { progress, .. } => {
                 progress.cell::<D>(sample)
             }
+        }
+    }
+
+    /// [`Self::cell`] in the dimension of the scene.
+    pub fn cell_in(&self, scene: &Scene) -> Cell {
+        match scene.dimension {
+            Dimensions::Two => self.cell::<Two>(&scene.sample),
+            Dimensions::Three => self.cell::<Three>(&scene.sample),
         }
     }
 

@@ -192,11 +192,8 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
             ));
         }
         (Header::Aqs { .. } | Header::Newtonian { .. }, Boundary::Periodic(_)) => {
-            let cell = match scene.dimension {
-                Dimensions::Two => header.cell::<Two>(&scene.sample),
-                Dimensions::Three => header.cell::<Three>(&scene.sample),
-            };
-            (cell, format!("{} step {step} in {shown}", header.stage()))
+            let what = format!("{} step {step} in {shown}", header.stage());
+            (header.cell_in(&scene), what)
         }
         (Header::Shear(shear), Boundary::Walls(_)) => (
             shear.cell(&scene.sample),
