@@ -12,7 +12,7 @@ use gshear_dem::state::{
 };
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
-use gshear_store::collective::{IdBlocks, gathered, records_of};
+use gshear_store::collective::{IdBlocks, gathered, put_lists, records_of, take_lists};
 use gshear_store::trajectory::GrainShape;
 
 /// Bytes of frames to collect before they are analysed, per rank on average.
@@ -87,10 +87,7 @@ impl FrameAnalysis {
         if intervals == 0 {
             return Vec::new();
         }
-        let shares = IdBlocks {
-            grains: intervals as u64,
-            ranks: exchange.size() as u64,
-        };
+        let shares = IdBlocks::of(exchange, intervals as u64);
         let message = |rank: usize| {
             let share = shares.range(rank);
             let frames = if share.is_empty() {
@@ -99,9 +96,9 @@ impl FrameAnalysis {
                 share.start as usize..share.end as usize + 1
             };
             let mut message = Vec::new();
-            self.frames[frames]
-                .iter()
-                .for_each(|part| write(part, &mut message));
+            for FramePart { grains, contacts } in &self.frames[frames] {
+                put_lists(&mut message, grains, contacts);
+            }
             message
         };
         let received = exchange.all_to_all((0..exchange.size()).map(message).collect());
@@ -145,13 +142,6 @@ fn part(grains: &[GrainSample], contacts: &[ContactSample]) -> FramePart {
     }
 }
 
-fn write(part: &FramePart, message: &mut Vec<u8>) {
-    let counts = [part.grains.len() as u64, part.contacts.len() as u64];
-    message.extend_from_slice(bytemuck::bytes_of(&counts));
-    message.extend_from_slice(bytemuck::cast_slice(&part.grains));
-    message.extend_from_slice(bytemuck::cast_slice(&part.contacts));
-}
-
 /// Assembles frames from one message of each rank. Panics if a grain is missing or occurs twice,
 /// which is a bug.
 fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
@@ -165,10 +155,8 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
         };
         let mut seen = 0;
         for rest in &mut rest {
-            let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(rest, 16));
-            let places = take(rest, counts[0] as usize * size_of::<GrainPosition>());
-            let forces = take(rest, counts[1] as usize * size_of::<ContactForce>());
-            for place in records_of::<GrainPosition>(places) {
+            let (places, forces) = take_lists::<GrainPosition, ContactForce>(rest);
+            for place in places {
                 frame.position[place.id as usize] = place.position;
                 frame.image[place.id as usize] = place.image;
                 seen += 1;
@@ -180,18 +168,11 @@ fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
                 tangential_force: [c.tangential_force, 0.0, 0.0],
                 ..ContactSample::zeroed()
             };
-            frame.contacts.extend(records_of(forces).map(contact));
+            frame.contacts.extend(forces.map(contact));
         }
         assert_eq!(seen, grains, "every grain comes once");
         frame.contacts.sort_by_key(|c| (c.i, c.j));
         frames.push(frame);
     }
     frames
-}
-
-/// Takes the next bytes.
-fn take<'a>(bytes: &mut &'a [u8], length: usize) -> &'a [u8] {
-    let (now, later) = bytes.split_at(length);
-    *bytes = later;
-    now
 }

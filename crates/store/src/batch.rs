@@ -1,7 +1,7 @@
 //! Moves a batch of frames from the ranks that own the grains to the ranks that write them.
 
 use super::checksums::{self, ContactWeights};
-use super::collective::{IdBlocks, records_of};
+use super::collective::{IdBlocks, put_lists, take_lists};
 use super::contact_quantities::{flags, numbers};
 use super::layout::{Form, elements};
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
@@ -92,7 +92,7 @@ impl Frames {
         self.step.push(step);
         self.time.push(time);
         self.edges.push(*edges);
-        add(&mut self.bytes, grains, contacts);
+        put_lists(&mut self.bytes, grains, contacts);
         self.ends.push(self.bytes.len());
     }
 
@@ -137,7 +137,7 @@ impl Frames {
                     let (first, blocks) = shares.of_frame(frame);
                     let mut parts = vec![(Vec::new(), Vec::new()); blocks.ranks as usize];
                     let mut bytes = &self.bytes[begin(frame)..begin(frame + 1)];
-                    let (grains, contacts) = take_frame(&mut bytes);
+                    let (grains, contacts) = take_lists::<GrainSample, ContactSample>(&mut bytes);
                     for grain in grains {
                         parts[blocks.holder(grain.id as u32)].0.push(grain);
                     }
@@ -146,34 +146,13 @@ impl Frames {
                     }
                     let of_frame = messages[first as usize..].iter_mut();
                     for (message, (grains, contacts)) in of_frame.zip(&parts) {
-                        add(message, grains, contacts);
+                        put_lists(message, grains, contacts);
                     }
                 }
                 messages
             }
         }
     }
-}
-
-/// Appends a part of a frame to a message.
-fn add(message: &mut Vec<u8>, grains: &[GrainSample], contacts: &[ContactSample]) {
-    let counts = [grains.len() as u64, contacts.len() as u64];
-    message.extend_from_slice(bytemuck::bytes_of(&counts));
-    message.extend_from_slice(bytemuck::cast_slice(grains));
-    message.extend_from_slice(bytemuck::cast_slice(contacts));
-}
-
-/// Splits off the next part of a frame from a message: its grains and contacts.
-fn take_frame<'a>(
-    rest: &mut &'a [u8],
-) -> (
-    impl Iterator<Item = GrainSample> + use<'a>,
-    impl Iterator<Item = ContactSample> + use<'a>,
-) {
-    let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(rest, 16));
-    let grains = take(rest, counts[0] as usize * size_of::<GrainSample>());
-    let contacts = take(rest, counts[1] as usize * size_of::<ContactSample>());
-    (records_of(grains), records_of(contacts))
 }
 
 /// One rank's share of a batch, as columns.
@@ -219,7 +198,7 @@ impl ShareColumns {
             seen.fill(false);
             found.clear();
             for rest in &mut rest {
-                let (grains, contacts) = take_frame(rest);
+                let (grains, contacts) = take_lists::<GrainSample, ContactSample>(rest);
                 for grain in grains {
                     let n = (grain.id - share.ids.start) as usize;
                     assert!(!seen[n], "grain {} twice in a frame", grain.id);
@@ -309,13 +288,6 @@ impl ShareColumns {
             }
         }
     }
-}
-
-/// Splits off the next `length` bytes.
-fn take<'a>(bytes: &mut &'a [u8], length: usize) -> &'a [u8] {
-    let (now, later) = bytes.split_at(length);
-    *bytes = later;
-    now
 }
 
 pub fn length(range: &Range<u64>) -> u64 {

@@ -126,6 +126,12 @@ pub struct IdBlocks {
 }
 
 impl IdBlocks {
+    /// Blocks of so many ids, one for each rank.
+    pub fn of(exchange: &dyn Exchange, grains: u64) -> Self {
+        let ranks = exchange.size() as u64;
+        Self { grains, ranks }
+    }
+
     /// Returns the ids of a rank.
     pub fn range(&self, rank: usize) -> Range<u64> {
         let start =
@@ -172,6 +178,31 @@ pub fn records_of<T: Pod>(bytes: &[u8]) -> impl Iterator<Item = T> {
     let pieces = bytes.chunks_exact(size_of::<T>());
     debug_assert!(pieces.remainder().is_empty());
     pieces.map(bytemuck::pod_read_unaligned)
+}
+
+/// Appends two lists to a message.
+pub fn put_lists<A: Pod, B: Pod>(message: &mut Vec<u8>, a: &[A], b: &[B]) {
+    message.extend_from_slice(bytemuck::bytes_of(&[a.len() as u64, b.len() as u64]));
+    message.extend_from_slice(bytemuck::cast_slice(a));
+    message.extend_from_slice(bytemuck::cast_slice(b));
+}
+
+/// Splits off the next two lists from a message that [`put_lists`] made.
+pub fn take_lists<'m, A: Pod, B: Pod>(
+    rest: &mut &'m [u8],
+) -> (
+    impl Iterator<Item = A> + use<'m, A, B>,
+    impl Iterator<Item = B> + use<'m, A, B>,
+) {
+    let mut take = |length: usize| {
+        let (now, later) = rest.split_at(length);
+        *rest = later;
+        now
+    };
+    let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(16));
+    let a = take(counts[0] as usize * size_of::<A>());
+    let b = take(counts[1] as usize * size_of::<B>());
+    (records_of(a), records_of(b))
 }
 
 #[cfg(test)]

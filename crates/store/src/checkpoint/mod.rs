@@ -42,10 +42,7 @@ fn hex(sum: u64) -> String {
 /// Collective.
 pub fn to_both_holders(exchange: &dyn Parallel, state: &mut Snapshot) {
     let both = |grains: &[GrainState], contacts: &mut Vec<ContactState>| {
-        let blocks = IdBlocks {
-            grains: total(exchange, grains.len() as u64),
-            ranks: exchange.size() as u64,
-        };
+        let blocks = IdBlocks::of(exchange, total(exchange, grains.len() as u64));
         let mut to = vec![Vec::new(); exchange.size()];
         for contact in &*contacts {
             let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
@@ -55,10 +52,8 @@ pub fn to_both_holders(exchange: &dyn Parallel, state: &mut Snapshot) {
             }
         }
         let received = exchange.all_to_all(to);
-        *contacts = received
-            .iter()
-            .flat_map(|bytes| records_of(bytes))
-            .collect();
+        let records = received.iter().flat_map(|bytes| records_of(bytes));
+        *contacts = records.collect();
     };
     both(&state.grains, &mut state.contacts);
     for held in &mut state.held {
@@ -118,10 +113,7 @@ pub fn write(
 
 /// The lists of a checkpoint, this rank's part of each. Collective.
 fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> {
-    let blocks = IdBlocks {
-        grains: total(exchange, snapshot.grains.len() as u64),
-        ranks: exchange.size() as u64,
-    };
+    let blocks = IdBlocks::of(exchange, total(exchange, snapshot.grains.len() as u64));
     let state = |prefix, blocks, grains: &[GrainState], contacts: &[ContactState]| {
         let place = (exchange, prefix, blocks);
         let grains = Box::new(Stretch::new(place, grains)) as Box<dyn List>;
@@ -360,9 +352,7 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapsh
                 grains: grains.records,
                 contacts: contacts.records,
             }),
-            displacements: pieces
-                .displacements
-                .map(|displacements| displacements.records),
+            displacements: pieces.displacements.map(|of| of.records),
             held,
         },
     ))
@@ -455,13 +445,10 @@ fn open(path: &Path) -> Result<hdf5::File, String> {
         _ => return Err("there is no such checkpoint".into()),
     }
     let file = sound::open(path).map_err(|e| format!("not an HDF5 file, or damaged ({e})"))?;
-    let foreign = || "not a checkpoint of gshear-mpi".to_string();
     let names = file.attr_names().unwrap_or_default();
-    if !names.iter().any(|n| n == "format") {
-        return Err(foreign());
-    }
-    if word(&file, "format")? != FORMAT {
-        return Err(foreign());
+    let is_marked = names.iter().any(|name| name == "format");
+    if !is_marked || word(&file, "format")? != FORMAT {
+        return Err("not a checkpoint of gshear-mpi".into());
     }
     let version = file
         .attr("format_version")

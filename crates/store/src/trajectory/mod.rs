@@ -140,10 +140,7 @@ impl TrajectoryWriter {
         // HDF5 requires equal arguments.
         let attributes = of_root(exchange, &attributes);
         let author = of_root(exchange, &header.author.to_string());
-        let blocks = IdBlocks {
-            grains,
-            ranks: exchange.size() as u64,
-        };
+        let blocks = IdBlocks::of(exchange, grains);
         let id = header.attributes.iter().find(|(name, _)| *name == "run_id");
         // In place of a journal of another run, which would bring that run's metadata back.
         on_root(exchange, || {
@@ -218,12 +215,10 @@ impl TrajectoryWriter {
         let complete = shapes.iter().map(|g| u64::from(g.id)).eq(ids.clone());
         assert!(complete, "a run's grains are not 0 … N-1");
 
-        self.file.reserve(
-            exchange,
-            size_of::<GrainShape>() * self.blocks.grains as usize,
-        )?;
-        let file = &self.file;
         let grains = self.blocks.grains as usize;
+        self.file
+            .reserve(exchange, size_of::<GrainShape>() * grains)?;
+        let file = &self.file;
         let name = |part: &str| format!("{PARTICLES}/{part}");
         let local = Slab::rows(ids.start, length(&ids), 1);
         let id_of = |g: &GrainShape| header.ids.map_or(g.id, |ids| ids.of(g.id));
@@ -246,22 +241,17 @@ impl TrajectoryWriter {
         let places = Slab::rows(0, of_root.len() as u64, 1);
 
         let mut outcome = CollectiveOutcome::default();
-        outcome.note(fixed(
-            file,
-            checksums::CONSTANTS,
-            sums.len(),
-            places,
-            of_root,
-        ));
+        let place = (checksums::CONSTANTS, sums.len());
+        outcome.note(fixed(file, place, places, of_root));
         let numbers = |column: &Column, values: &[f64]| {
             let unit = column.unit_in(header.form.axes).filter(|_| header.units);
-            fixed_in_units(file, &name(column.name), grains, local, values, unit)
+            fixed_in_units(file, (&name(column.name), grains), local, values, unit)
         };
-        outcome.note(fixed(file, &name("id"), grains, local, &id));
-        outcome.note(fixed(file, &name("body"), grains, local, &body));
+        outcome.note(fixed(file, (&name("id"), grains), local, &id));
+        outcome.note(fixed(file, (&name("body"), grains), local, &body));
         outcome.note(file.link(&name("body"), &name("species")));
         if several {
-            outcome.note(fixed(file, &name("material"), grains, local, &material));
+            outcome.note(fixed(file, (&name("material"), grains), local, &material));
         }
         outcome.note(numbers(&RADIUS, &radius));
         outcome.note(numbers(&MASS, &mass));
@@ -456,24 +446,22 @@ fn seal(file: &H5File) -> Result<(), Failure> {
 /// Writes a one-dimensional dataset of fixed size.
 fn fixed<T: H5Type + Copy>(
     file: &H5File,
-    name: &str,
-    size: usize,
+    place: (&str, usize),
     slab: Slab,
     data: &[T],
 ) -> Result<(), Failure> {
-    file.dataset::<T>(name, &[size], None)?.write(slab, data)
+    fixed_in_units(file, place, slab, data, None)
 }
 
 /// Writes a dataset of numbers with their unit.
-fn fixed_in_units(
+fn fixed_in_units<T: H5Type + Copy>(
     file: &H5File,
-    name: &str,
-    size: usize,
+    (name, size): (&str, usize),
     slab: Slab,
-    data: &[f64],
+    data: &[T],
     unit: Option<String>,
 ) -> Result<(), Failure> {
-    let dataset = file.dataset::<f64>(name, &[size], None)?;
+    let dataset = file.dataset::<T>(name, &[size], None)?;
     let described = unit.map_or(Ok(()), |unit| {
         dataset.attribute("unit", &Attribute::Word(unit))
     });

@@ -29,10 +29,7 @@ impl TrajectoryWriter {
         let inspected = told_by_root(exchange, || inspect(path, series, frames, rows))?;
         let [grains, contacts, axes, torques] = inspected;
 
-        let blocks = IdBlocks {
-            grains,
-            ranks: exchange.size() as u64,
-        };
+        let blocks = IdBlocks::of(exchange, grains);
         let file = H5File::open(path, exchange)?;
         let layout = Layout {
             grains: grains as usize,
