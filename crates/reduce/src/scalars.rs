@@ -44,10 +44,9 @@ impl FrameSeries {
         let tau = column_at(run, "stress_ratio", &stored.step);
         let strain = column_at(run, "strain", &stored.step);
         let (Some(tau), Some(strain)) = (tau, strain) else {
-            return Err(Failure::input(format!(
-                "{}: observables/gshear: a step has no row in the time series, which τ is taken from",
-                run.path().display()
-            )));
+            return Err(run.wrong(
+                "observables/gshear: a step has no row in the time series, which τ is taken from",
+            ));
         };
         Ok(FrameSeries {
             step: stored.step.clone(),

@@ -13,7 +13,7 @@ use super::curves::lines;
 use super::eigenvalue_figures::{self, SpectrumRow};
 use super::history::{Axis, LAYOUT, drawn};
 use super::page::Facts;
-use super::panels::{Deformation, PANELS};
+use super::panels::{Deformation, PANELS, Panel};
 
 /// What the strain steps of a run measure.
 pub struct Measured {
@@ -52,10 +52,7 @@ impl Measured {
             }
         };
         let strain: Vec<f64> = match &*of.key {
-            "compression" => column("solid_fraction")
-                .iter()
-                .map(|phi| phi.ln())
-                .collect(),
+            "compression" => combined(column("solid_fraction"), x, |phi, _| phi.ln()),
             _ => column("strain").to_vec(),
         };
         let slope = |k: usize| match k {
@@ -96,20 +93,13 @@ impl Measured {
         let modulus = format!("{}, from one strain step to the next.", of.modulus);
         let column = "mobilised_friction";
         let label = "mobilised friction";
-        [
-            drawn(
-                "stress-strain",
-                stress,
-                &of.stress[1],
-                "conjugate_stress",
-                &self.stress,
-            ),
+        let (conjugate, axis_label) = ("conjugate_stress", &of.stress[1]);
+        let figures = [
+            drawn("stress-strain", stress, axis_label, conjugate, &self.stress),
             drawn("modulus", modulus, &of.modulus, "modulus", &self.modulus),
             drawn("friction", friction.into(), label, column, &self.friction),
-        ]
-        .into_iter()
-        .flatten()
-        .collect()
+        ];
+        figures.into_iter().flatten().collect()
     }
 }
 
@@ -159,21 +149,18 @@ fn in_time(run: &RunFile, facts: &mut Facts) -> Result<Vec<ReportFigure>, Failur
         facts.extend(known.map(|value| (name, format!("{value:.6e}"))));
     }
     let axis = Axis::of(run);
-    let panels = PANELS
-        .newtonian
-        .iter()
-        .filter_map(|panel| drawn(run, &axis, panel));
+    let panels = PANELS.newtonian.iter();
+    let panels = panels.filter_map(|panel| drawn(run, &axis, panel));
     Ok(panels.chain(eigenvalues(run)?).collect())
 }
 
 /// The eigenvalues over time, if the run has computed some.
 fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>, Failure> {
     let path = run.folder().join(SPECTRA_FILE);
-    let rows: Vec<SpectrumRow> = if path.exists() {
-        csv_table::read(&path)?
-    } else {
-        Vec::new()
-    };
+    if !path.exists() {
+        return Ok(None);
+    }
+    let rows: Vec<SpectrumRow> = csv_table::read(&path)?;
     if rows.is_empty() {
         return Ok(None);
     }
@@ -216,18 +203,16 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
         ("Birth of the first complex pair", text)
     }));
     facts.extend(run.number("fell_back").map(|steps| {
-        let text = format!("{steps} of {}", strain.len().saturating_sub(1));
+        let name = "Strain steps for which Newton's method did not converge";
         (
-            "Strain steps for which Newton's method did not converge",
-            text,
+            name,
+            format!("{steps} of {}", strain.len().saturating_sub(1)),
         )
     }));
     let axis = Axis::of(run);
     let mut figures = measured.figures(&axis, series);
-    let panels = PANELS
-        .strain
-        .iter()
-        .filter(|panel| panel.lines[0][0] != measured.of.axis.0);
+    let is_axis = |panel: &&Panel| panel.lines[0][0] == measured.of.axis.0;
+    let panels = PANELS.strain.iter().filter(|panel| !is_axis(panel));
     figures.extend(panels.filter_map(|panel| drawn(run, &axis, panel)));
     (&measured.of.name, figures)
 }
@@ -248,8 +233,7 @@ pub fn json(files: &[&RunFile]) -> Value {
             "parameters": run.parameters(),
         })
     };
-    let stages = files
-        .iter()
-        .map(|run| (run.stage().name().to_string(), of(run)));
+    let stages = files.iter();
+    let stages = stages.map(|run| (run.stage().name().to_string(), of(run)));
     stages.collect::<serde_json::Map<_, _>>().into()
 }

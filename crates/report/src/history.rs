@@ -64,11 +64,8 @@ impl Axis {
 
     /// A table with a line per row: step, this axis, and some columns of the time series.
     pub fn table(&self, series: &Series, columns: &[&'static str]) -> String {
-        let values: Vec<_> = columns
-            .iter()
-            .map(|name| (*name, series.column(name)))
-            .collect();
-        self.table_of(series, &values)
+        let values = columns.iter().map(|name| (*name, series.column(name)));
+        self.table_of(series, &values.collect::<Vec<_>>())
     }
 
     /// A table with a line per row: step, this axis, and these columns.
@@ -77,10 +74,8 @@ impl Axis {
             .column("step", |row| series.step[*row])
             .column(self.column.0, |row| self.column.1[*row])
             .columns(columns.iter().map(|column| column.0), |row| {
-                columns
-                    .iter()
-                    .map(|column| column.1[*row])
-                    .collect::<Vec<f64>>()
+                let values = columns.iter().map(|column| column.1[*row]);
+                values.collect::<Vec<f64>>()
             })
             .csv()
     }
@@ -89,13 +84,10 @@ impl Axis {
 /// Draws the quantities that the run has recorded.
 pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
     let driven = is_driven(run);
-    let declared = &run.series().declared;
-    let has = |name: &str| declared.iter().any(|column| column.name == name);
-    let panels = PANELS
-        .walls
-        .iter()
-        .filter(|of| driven || of.name != "slip-rate")
-        .filter(|of| of.lines.iter().all(|[name, _]| has(name)));
+    let has = |name: &str| run.series().has(name);
+    let panels = PANELS.walls.iter().filter(|of| {
+        (driven || of.name != "slip-rate") && of.lines.iter().all(|[name, _]| has(name))
+    });
     panels.filter_map(|panel| drawn(run, axis, panel)).collect()
 }
 
@@ -108,11 +100,7 @@ pub fn drawn(run: &RunFile, axis: &Axis, panel: &'static Panel) -> Option<Report
         Shown::Prefixed => ticks::prefix(greatest.fold(0.0, f64::max)),
         _ => (1.0, ""),
     };
-    let unit = if run.dimension().axes() == 2 {
-        "J/m"
-    } else {
-        "J"
-    };
+    let unit = ["J/m", "J"][run.dimension().axes() - 2];
     let label = panel.label.replace("(J)", &format!("({prefix}{unit})"));
     let shown = |name: &str| -> Vec<f64> {
         let column = series.column(name);

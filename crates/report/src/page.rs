@@ -103,9 +103,7 @@ pub fn scene_of(toml: &str) -> String {
 /// The scene's title, or the path of the run.
 fn title(run: &RunFile) -> String {
     let scene = run.scene().parse::<toml::Table>().ok();
-    let title = scene
-        .as_ref()
-        .and_then(|scene| scene.get("title")?.as_str());
+    let title = scene.as_ref().and_then(|of| of.get("title")?.as_str());
     title.map_or_else(|| run.path().display().to_string(), str::to_string)
 }
 
@@ -123,14 +121,12 @@ pub fn identity(run: &RunFile) -> Facts {
     };
     let rows = format!("{}, {}", run.frames(), run.series().rows());
     let digest = run.digest();
+    let digest = digest.map_or("none: the run has not ended".into(), escape);
     vec![
         ("Run", escape(&run.path().display().to_string())),
         (of_grains, grains),
         ("Frames, rows of the time series", rows),
-        (
-            "Digest",
-            digest.map_or("none: the run has not ended".into(), escape),
-        ),
+        ("Digest", digest),
     ]
 }
 
@@ -159,14 +155,9 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
     let mut facts = identity(run);
     facts.push(way(run));
     let stress = summary.stress;
-    facts.push((
-        "τ in the latter half: mean, standard deviation",
-        format!(
-            "{}, {}",
-            number(stress.mean),
-            number(stress.population_deviation())
-        ),
-    ));
+    let [mean, deviation] = [stress.mean, stress.population_deviation()].map(number);
+    let name = "τ in the latter half: mean, standard deviation";
+    facts.push((name, format!("{mean}, {deviation}")));
     let none = !summary::has_phases(run, &summary.phases);
     let kinds = [
         (PhaseKind::Stick, "Stick phases"),
@@ -174,33 +165,20 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
     ];
     for (kind, name) in kinds.into_iter().filter(|_| !none) {
         let [long, short] = summary.count(kind);
-        facts.push((
-            name,
-            format!(
-                "{}: {long} long (more than 3 Δγ), {short} short",
-                long + short
-            ),
-        ));
+        let all = long + short;
+        let text = format!("{all}: {long} long (more than 3 Δγ), {short} short");
+        facts.push((name, text));
     }
     if let Some(drop) = &summary.drop {
         let [from, to] = drop.strain.map(|strain| format!("{:.5}", 100.0 * strain));
-        facts.push((
-            "Largest drop",
-            format!(
-                "Δτ<sub>p</sub> = {:.5} from γ = {from} % to {to} %",
-                drop.change
-            ),
-        ));
+        let change = format!("Δτ<sub>p</sub> = {:.5}", drop.change);
+        let text = format!("{change} from γ = {from} % to {to} %");
+        facts.push(("Largest drop", text));
     }
-    if let Some(greatest) = summary
-        .event
-        .as_ref()
-        .and_then(|event| event.greatest_dmin(run.grains()))
-    {
-        facts.push((
-            "Greatest D²<sub>min</sub>/r̄² over the mapped drop",
-            format!("{greatest:.3e}"),
-        ));
+    let event = summary.event.as_ref();
+    if let Some(greatest) = event.and_then(|event| event.greatest_dmin(run.grains())) {
+        let name = "Greatest D²<sub>min</sub>/r̄² over the mapped drop";
+        facts.push((name, format!("{greatest:.3e}")));
     }
     for (parameter, name) in [
         ("inertial_number", "Inertial number I"),
@@ -215,10 +193,9 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
         }
     }
     if let Some(speed) = run.number("speed") {
-        facts.push((
-            "Speed",
-            format!("{:.2} million grain-steps per second and rank", speed / 1e6),
-        ));
+        let speed = speed / 1e6;
+        let text = format!("{speed:.2} million grain-steps per second and rank");
+        facts.push(("Speed", text));
     }
     facts
 }

@@ -31,14 +31,10 @@ const TILT: f64 = 0.35;
 
 /// Returns the place of a point in the picture, and how far it is from the viewer (m).
 fn seen([x, y, z]: [f64; 3]) -> ([f64; 2], f64) {
-    let (right, far) = (
-        x * TURN.cos() + y * TURN.sin(),
-        y * TURN.cos() - x * TURN.sin(),
-    );
-    (
-        [right, z * TILT.cos() + far * TILT.sin()],
-        far * TILT.cos() - z * TILT.sin(),
-    )
+    let right = x * TURN.cos() + y * TURN.sin();
+    let far = y * TURN.cos() - x * TURN.sin();
+    let up = z * TILT.cos() + far * TILT.sin();
+    ([right, up], far * TILT.cos() - z * TILT.sin())
 }
 
 /// [`seen`], but disks are seen from above their plane.
@@ -112,12 +108,8 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             "Normal forces of the last frame: lines between the centres, wider and darker for greater forces. {}",
             packing.note()
         );
-        pictures.push(ReportFigure::new(
-            name,
-            caption,
-            packing.forces(packing.greatest_force()),
-            data,
-        ));
+        let svg = packing.forces(packing.greatest_force());
+        pictures.push(ReportFigure::new(name, caption, svg, data));
     }
     Ok(pictures)
 }
@@ -231,10 +223,8 @@ impl<'a> Packing<'a> {
     ) -> ReportFigure {
         let of = label.replace("_{10}", "<sub>10</sub>");
         let of = of.replace("_{min}", "<sub>min</sub>");
-        let caption = format!(
-            "Grains of the last frame by their {of}{when}. {}",
-            self.note()
-        );
+        let note = self.note();
+        let caption = format!("Grains of the last frame by their {of}{when}. {note}");
         let svg = self.grains(values, self.range_of(values), (label, unit));
         ReportFigure::new(name, caption, svg, self.table(column, values))
     }
@@ -246,8 +236,7 @@ impl<'a> Packing<'a> {
     /// Range of the values of the free grains that a scale covers.
     pub fn range_of(&self, values: &[f64]) -> [f64; 2] {
         let known = self.order.iter().filter(|g| self.is_free(**g));
-        let known = known.map(|g| values[*g]);
-        range_of(known)
+        range_of(known.map(|g| values[*g]))
     }
 
     /// Draws the grains by their values.
@@ -367,12 +356,8 @@ fn as_spheres(svg: &str) -> String {
         })
         .collect();
     let svg = body.join("\n") + "\n";
-    match svg.find('>') {
-        Some(end) => format!(
-            "{}\n<defs>\n{gradients}</defs>{}",
-            &svg[..=end],
-            &svg[end + 1..]
-        ),
+    match svg.split_once('>') {
+        Some((head, body)) => format!("{head}>\n<defs>\n{gradients}</defs>{body}"),
         None => svg,
     }
 }
@@ -398,16 +383,10 @@ mod tests {
     fn disks_become_spheres_of_their_colour() {
         let svg = "<svg>\n<circle cx=\"1\" cy=\"2\" r=\"3\" fill=\"#808080\" stroke=\"none\"/>\n<line/>\n</svg>\n";
         let shaded = as_spheres(svg);
-        assert!(
-            shaded
-                .contains("<circle cx=\"1\" cy=\"2\" r=\"3\" fill=\"url(#sphere-808080)\" stroke")
-        );
-        assert_eq!(
-            shaded
-                .matches("<radialGradient id=\"sphere-808080\"")
-                .count(),
-            1
-        );
+        let circle = "<circle cx=\"1\" cy=\"2\" r=\"3\" fill=\"url(#sphere-808080)\" stroke";
+        assert!(shaded.contains(circle));
+        let gradient = "<radialGradient id=\"sphere-808080\"";
+        assert_eq!(shaded.matches(gradient).count(), 1);
         assert!(shaded.contains("<line/>"));
     }
 }

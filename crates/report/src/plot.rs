@@ -164,10 +164,8 @@ impl Plot<'_> {
         fill: RGBColor,
         outline: Option<RGBColor>,
     ) {
-        let (centre, radius) = (
-            to_canvas(self.pixel(centre)),
-            (radius * CANVAS).round() as u32,
-        );
+        let centre = to_canvas(self.pixel(centre));
+        let radius = (radius * CANVAS).round() as u32;
         self.backend
             .draw_circle(centre, radius, &fill, true)
             .expect(IN_MEMORY);
@@ -237,16 +235,10 @@ impl Plot<'_> {
 
     /// Draws the edges of a box of pixels.
     fn outline(&mut self, [[left, top], [right, bottom]]: [[f64; 2]; 2], width: f64) {
-        let corners = [
-            [left, top],
-            [right, top],
-            [right, bottom],
-            [left, bottom],
-            [left, top],
-        ];
-        corners
-            .windows(2)
-            .for_each(|side| self.pixel_line([side[0], side[1]], INK, width));
+        let [a, b, c, d] = [[left, top], [right, top], [right, bottom], [left, bottom]];
+        for side in [[a, b], [b, c], [c, d], [d, a]] {
+            self.pixel_line(side, INK, width);
+        }
     }
 
     /// Draws the axes with ticks and labels.
@@ -419,25 +411,15 @@ fn reading(ticks: &[Tick], ends: [f64; 2], label: &str) -> Option<String> {
             }
         }
     };
-    let numbers = ticks
-        .iter()
-        .filter_map(|tick| Some((tick.0, number(tick)?)));
-    let (mut first, mut last) = (None, None);
-    for tick in numbers {
-        first = first.or(Some(tick));
-        last = Some(tick);
-    }
-    let ((x0, (kind, a)), (x1, (_, b))) = (first?, last?);
-    if x0 == x1 {
-        return None;
-    }
+    let place = |tick: &Tick| Some((tick.0, number(tick)?));
+    let mut numbers = ticks.iter().filter_map(place);
+    let (x0, (kind, a)) = numbers.next()?;
+    let (x1, (_, b)) = numbers.next_back()?;
     let [low, high] = ends.map(|x| a + (b - a) * (x - x0) / (x1 - x0));
     let kind = if kind { "log" } else { "linear" };
     let plain: String = label.chars().filter(|c| !"^_{}".contains(*c)).collect();
-    Some(format!(
-        "{kind} {low} {high} {}",
-        crate::page::escape(&plain)
-    ))
+    let label = crate::page::escape(&plain);
+    Some(format!("{kind} {low} {high} {label}"))
 }
 
 /// plotters divides font sizes by 1.24 for SVG; this undoes it.
@@ -448,10 +430,7 @@ fn font(size: f64, colour: &RGBColor) -> TextStyle<'_> {
 
 /// Converts pixels to canvas coordinates.
 fn to_canvas(at: [f64; 2]) -> (i32, i32) {
-    (
-        (at[0] * CANVAS).round() as i32,
-        (at[1] * CANVAS).round() as i32,
-    )
+    at.map(|x| (x * CANVAS).round() as i32).into()
 }
 
 fn stroke(colour: RGBColor, width: f64) -> ShapeStyle {
@@ -507,10 +486,7 @@ fn typeset(svg: &str) -> String {
 
 /// Text before the next mark, the mark, its content, and the text after it.
 fn next_mark(text: &str) -> Option<(&str, char, &str, &str)> {
-    let at = [text.find("_{"), text.find("^{")]
-        .into_iter()
-        .flatten()
-        .min()?;
+    let at = text.find("_{").into_iter().chain(text.find("^{")).min()?;
     let end = at + text[at..].find('}')?;
     Some((
         &text[..at],
@@ -558,9 +534,7 @@ mod tests {
         let decades = ticks::decades(-2.5, 1.0, 8);
         assert_eq!(reading(&decades, [-2.5, 1.0], "N").unwrap(), "log -2.5 1 N");
         assert_eq!(reading(&ticks[..1], [0.0, 1.0], "x"), None);
-        assert_eq!(
-            reading(&[(0.0, "a".into()), (1.0, "b".into())], [0.0, 1.0], "x"),
-            None
-        );
+        let words = [(0.0, "a".into()), (1.0, "b".into())];
+        assert_eq!(reading(&words, [0.0, 1.0], "x"), None);
     }
 }

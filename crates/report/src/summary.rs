@@ -24,8 +24,7 @@ pub fn is_driven(run: &RunFile) -> bool {
 
 /// Whether a protocol imposes more than velocities along x, as the columns of the time series say.
 pub fn is_imposed(run: &RunFile) -> bool {
-    let mut columns = run.series().declared.iter();
-    columns.any(|column| column.name == "imposed_normal_force")
+    run.series().has("imposed_normal_force")
 }
 
 /// Whether a run can have phases of stick and slip, or has some.
@@ -151,20 +150,15 @@ impl DropFrames {
         }
         let (steps, rows) = (shown.frame_steps(), &run.series().step);
         let frames = |phase: &Phase| {
-            let earlier = steps
-                .partition_point(|step| *step <= rows[phase.start])
-                .checked_sub(1)?;
+            let after = steps.partition_point(|step| *step <= rows[phase.start]);
+            let earlier = after.checked_sub(1)?;
             let later = steps.partition_point(|step| *step < rows[phase.end]);
             (later < steps.len()).then_some([earlier, later])
         };
-        let covered: Vec<Phase> = phases
-            .iter()
-            .filter(|phase| frames(phase).is_some())
-            .copied()
-            .collect();
-        let Some((drop, frames)) =
-            largest_drop(run, tau, &covered).and_then(|drop| Some((drop, frames(&drop)?)))
-        else {
+        let mut covered = phases.to_vec();
+        covered.retain(|phase| frames(phase).is_some());
+        let drop = largest_drop(run, tau, &covered);
+        let Some((drop, frames)) = drop.and_then(|drop| Some((drop, frames(&drop)?))) else {
             return Ok(None);
         };
         let strain = shown.frame_strains()?;
@@ -184,19 +178,15 @@ impl DropFrames {
     pub fn centre(&self) -> [f64; 2] {
         let defined = (0..self.dmin.len()).filter(|n| self.dmin[*n].is_finite());
         let greatest = defined.max_by(|a, b| self.dmin[*a].total_cmp(&self.dmin[*b]));
-        self.later
-            .position
-            .get(greatest.unwrap_or(0))
-            .copied()
-            .unwrap_or_default()
+        let place = self.later.position.get(greatest.unwrap_or(0));
+        place.copied().unwrap_or_default()
     }
 
     /// Returns the greatest D²min over r̄²; `None` if no grain has one.
     pub fn greatest_dmin(&self, grains: &Disks) -> Option<f64> {
         let defined = self.dmin.iter().copied().filter(|value| value.is_finite());
-        defined
-            .reduce(f64::max)
-            .map(|value| value / grains.mean_radius().powi(2))
+        let greatest = defined.reduce(f64::max);
+        greatest.map(|value| value / grains.mean_radius().powi(2))
     }
 }
 

@@ -69,12 +69,10 @@ impl Log {
         check_columns(path, columns)?;
         let found = found.unwrap_or(0);
         if found < rows {
-            return Err(unfit(
-                path,
-                format!(
-                    "it has {found} rows up to the step of the checkpoint, which counts {rows}"
-                ),
-            ));
+            let why = format!(
+                "it has {found} rows up to the step of the checkpoint, which counts {rows}"
+            );
+            return Err(unfit(path, why));
         }
         Ok(Some(found))
     }
@@ -97,20 +95,14 @@ impl Log {
                 continue;
             };
             let numbers = series.columns.iter().map(|column| column[row]);
-            let numbers = [series.time[row]].into_iter().chain(numbers);
-            let wanted: Vec<String> = [step.to_string()]
-                .into_iter()
-                .chain(numbers.map(shortest))
-                .collect();
+            let wanted: Vec<String> = cells(step, series.time[row], numbers).collect();
             if line != wanted.join(",").as_bytes() {
-                return Err(unfit(
-                    path,
-                    format!(
-                        "line {} differs from the row of step {step} in run.h5; put the file back, or \
-                         continue with --out OTHER, where the files begin anew",
-                        number + 1
-                    ),
-                ));
+                let why = format!(
+                    "line {} differs from the row of step {step} in run.h5; put the file back, or \
+                     continue with --out OTHER, where the files begin anew",
+                    number + 1
+                );
+                return Err(unfit(path, why));
             }
         }
         Ok(())
@@ -131,8 +123,7 @@ impl Log {
         let Some(file) = &mut self.0 else {
             return Ok(());
         };
-        let numbers = [time].into_iter().chain(row.iter().copied());
-        file.row([step.to_string()].into_iter().chain(numbers.map(shortest)))
+        file.row(cells(step, time, row.iter().copied()))
     }
 
     /// Hands the rows to the file system. Not collective: only rank 0 can fail.
@@ -157,6 +148,12 @@ fn unfit(path: &Path, why: String) -> Failure {
         "{}: cannot continue this log: {why}",
         path.display()
     ))
+}
+
+/// The cells of a row.
+fn cells(step: u64, time: f64, row: impl Iterator<Item = f64>) -> impl Iterator<Item = String> {
+    let numbers = [time].into_iter().chain(row);
+    [step.to_string()].into_iter().chain(numbers.map(shortest))
 }
 
 /// The step of a line.

@@ -89,7 +89,7 @@ pub struct Reslide {
 }
 
 /// Fit of Δμ = intercept + slope · ln(t_hold/s) to holds with the same velocities before and after.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Healing {
     /// V_i and V_r (m/s).
     pub velocities: [f64; 2],

@@ -82,15 +82,12 @@ fn over_imposed(run: &RunFile) -> Result<Vec<f64>, Failure> {
     const IMPOSED: &str = "imposed_normal_force";
     let series = run.series();
     let shear = series.column("shear_force");
-    if series.declared.iter().any(|column| column.name == IMPOSED) {
+    if series.has(IMPOSED) {
         let imposed = series.column(IMPOSED);
         return Ok(shear.iter().zip(imposed).map(|(s, n)| s / n).collect());
     }
     let imposed = run.number("normal_force").ok_or_else(|| {
-        Failure::input(format!(
-            "{}: parameters/normal_force is missing: use --normal-force measured",
-            run.path().display()
-        ))
+        run.wrong("parameters/normal_force is missing: use --normal-force measured")
     })?;
     Ok(shear.iter().map(|s| s / imposed).collect())
 }

@@ -186,10 +186,9 @@ fn steps(run: &RunFile, request: ReplayRequest) -> Result<ReplayWindow, Failure>
     };
     let within = |row: &usize| values[*row] >= from && values[*row] <= to;
     let mut rows = (0..series.rows()).filter(within);
-    let bad = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
     let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
         let ends = [values.first(), values.last()].map(|end| end.copied().unwrap_or(f64::NAN));
-        return Err(bad(format!(
+        return Err(run.wrong(format!(
             "has fewer than two rows of the time series between the {what} {from} and {to}; it goes from {} to {}",
             ends[0], ends[1]
         )));
@@ -298,10 +297,7 @@ fn equal_rows(run: &RunFile, again: &RunFile) -> Result<usize, Failure> {
     let row = |(k, step): (usize, &u64)| Some([stored.step.binary_search(step).ok()?, k]);
     let rows: Vec<[usize; 2]> = computed.step.iter().enumerate().filter_map(row).collect();
     if rows.is_empty() {
-        return Err(Failure::input(format!(
-            "{}: no row of the time series to compare the replay with",
-            run.path().display()
-        )));
+        return Err(run.wrong("no row of the time series to compare the replay with"));
     }
     let fields = compare::series(run, again, &rows);
     let first = fields.iter().filter_map(|field| match field.first {

@@ -88,11 +88,11 @@ impl Arguments {
         let of = |(frame, state): &(usize, StoredState)| {
             let jacobian = state.jacobian(history);
             if jacobian.unknowns() > MOST_UNKNOWNS {
-                return Err(Failure::input(format!(
-                    "{}: {} unknowns, must be {MOST_UNKNOWNS} or fewer, because all eigenvalues are found; use spectrum --unstable",
-                    run.path().display(),
+                let what = format!(
+                    "{} unknowns, must be {MOST_UNKNOWNS} or fewer, because all eigenvalues are found; use spectrum --unstable",
                     jacobian.unknowns()
-                )));
+                );
+                return Err(run.wrong(what));
             }
             Ok(FrameStability {
                 frame: *frame,

@@ -84,9 +84,8 @@ impl Arguments {
         let tau = &series.tau[first..];
         let found = phases::find(strain, tau);
         let Some(largest) = phases::largest_drop(&found) else {
-            return Err(Failure::input(format!(
-                "{}: τ never decreases from γ = {} on, so there is no drop; give a lesser --from",
-                run.path().display(),
+            return Err(run.wrong(format!(
+                "τ never decreases from γ = {} on, so there is no drop; give a lesser --from",
                 self.from
             )));
         };

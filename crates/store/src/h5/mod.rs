@@ -264,10 +264,8 @@ impl H5File {
     /// [`Failure::Other`] if HDF5 fails.
     pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
         let dataset = self.file.dataset(name);
-        self.column::<T>(
-            name,
-            dataset.map_err(|e| self.context.failure(name, "open", &e))?,
-        )
+        let dataset = dataset.map_err(|e| self.context.failure(name, "open", &e))?;
+        self.column::<T>(name, dataset)
     }
 
     fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Dataset, Failure> {
@@ -290,10 +288,8 @@ impl H5File {
     /// [`Failure::Other`] if HDF5 fails.
     pub fn attribute(&self, object: &str, name: &str, value: &Attribute) -> Result<(), Failure> {
         let set = || set_attribute(&self.location(object)?, name, value);
-        set().map_err(|e| {
-            self.context
-                .failure(&format!("{object}@{name}"), "write", &e)
-        })
+        let place = format!("{object}@{name}");
+        set().map_err(|e| self.context.failure(&place, "write", &e))
     }
 
     /// Removes an attribute if it exists.
@@ -309,10 +305,8 @@ impl H5File {
                 Ok(())
             }
         };
-        remove().map_err(|e| {
-            self.context
-                .failure(&format!("{object}@{name}"), "remove", &e)
-        })
+        let place = format!("{object}@{name}");
+        remove().map_err(|e| self.context.failure(&place, "remove", &e))
     }
 
     /// Returns all attributes of a group, by name.
@@ -485,11 +479,8 @@ pub fn probe(folder: &Path, exchange: &dyn Parallel) -> Result<(), Failure> {
 pub fn is_refused(message: &str) -> bool {
     let number = ["errno = ", "(os error "].into_iter().find_map(|before| {
         let (_, after) = message.split_once(before)?;
-        after
-            .split(|c: char| !c.is_ascii_digit())
-            .next()?
-            .parse()
-            .ok()
+        let digits = after.split(|c: char| !c.is_ascii_digit()).next();
+        digits?.parse().ok()
     });
     let no_file = [Errno::NOENT, Errno::NOTDIR, Errno::ISDIR, Errno::LOOP];
     number.is_some_and(|number| !no_file.map(Errno::raw_os_error).contains(&number))
@@ -513,13 +504,11 @@ pub fn walk(file: &hdf5::File) -> hdf5::Result<()> {
         for dataset in group.datasets()? {
             RawData::of(dataset).extents()?;
         }
-        match levels {
-            0 => Err("its groups contain each other".into()),
-            _ => group
-                .groups()?
-                .iter()
-                .try_for_each(|group| below(group, levels - 1)),
-        }
+        let Some(levels) = levels.checked_sub(1) else {
+            return Err("its groups contain each other".into());
+        };
+        let groups = group.groups()?;
+        groups.iter().try_for_each(|group| below(group, levels))
     }
     below(file, DEEPEST)
 }
@@ -667,12 +656,8 @@ impl Dataset {
         assert_eq!(T::type_descriptor(), self.element, "{}", self.name);
         let count = &slab.count[..dimensions];
         let selected: u64 = count.iter().product();
-        assert_eq!(
-            selected,
-            data.len() as u64,
-            "{}: as many values as places",
-            self.name
-        );
+        let as_many = "as many values as places";
+        assert_eq!(selected, data.len() as u64, "{}: {as_many}", self.name);
         // The same shape as the slab: otherwise HDF5 maps values to places one by one.
         let shape: Vec<usize> = count.iter().map(|&n| n.max(1) as usize).collect();
         let write = || -> hdf5::Result<()> {

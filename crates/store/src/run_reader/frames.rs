@@ -174,10 +174,8 @@ impl RunFile {
         fields: FrameFields,
     ) -> Result<Vec<Frame>, Failure> {
         if self.dimension == Dimensions::Three {
-            return Err(Failure::input(format!(
-                "{}: this command needs disks; for spheres use dmin, compare or export, or commands on the time series",
-                self.path.display()
-            )));
+            let what = "this command needs disks; for spheres use dmin, compare or export, or commands on the time series";
+            return Err(self.wrong(what));
         }
         let mut position = self.planar(&self.position, &range)?.into_iter();
         let of_frame = self.grains.count().max(1);
@@ -214,9 +212,8 @@ impl RunFile {
         let values = self.vectors(dataset, range)?;
         if values.iter().any(|[.., z]| *z != 0.0) {
             let name = dataset.name();
-            return Err(Failure::input(format!(
-                "{}: {}: z is not 0: only 2D runs can be reduced",
-                self.path.display(),
+            return Err(self.wrong(format!(
+                "{}: z is not 0: only 2D runs can be reduced",
                 &name[1..]
             )));
         }
@@ -286,9 +283,8 @@ impl RunFile {
         let n = self.grains.count();
         match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
             None => Ok(()),
-            Some(k) => Err(Failure::input(format!(
-                "{}: connectivity/contacts: row {} joins grains {} and {}; ids must be i < j < {n}",
-                self.path.display(),
+            Some(k) => Err(self.wrong(format!(
+                "connectivity/contacts: row {} joins grains {} and {}; ids must be i < j < {n}",
                 first + k,
                 i[k],
                 j[k]
@@ -305,9 +301,8 @@ impl RunFile {
     }
 
     fn damaged(&self, dataset: &Dataset, error: &hdf5::Error) -> Failure {
-        Failure::input(format!(
-            "{}: {} cannot be read: {}",
-            self.path.display(),
+        self.wrong(format!(
+            "{} cannot be read: {}",
             &dataset.name()[1..],
             one_line(error)
         ))

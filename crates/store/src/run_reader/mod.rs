@@ -8,6 +8,7 @@ mod state;
 mod verify;
 
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 use hdf5::Dataset;
@@ -105,6 +106,11 @@ impl Series {
         &self.columns[at.unwrap_or_else(|| panic!("{name} is no column of the time series"))]
     }
 
+    /// Returns whether there is a column of this name.
+    pub fn has(&self, name: &str) -> bool {
+        self.declared.iter().any(|column| column.name == name)
+    }
+
     /// Returns the number of rows L.
     pub fn rows(&self) -> usize {
         self.step.len()
@@ -174,10 +180,8 @@ impl RunFile {
         let file = Self::open_any(run)?;
         match file.stage {
             RunStage::Shear => Ok(file),
-            _ => Err(Failure::input(format!(
-                "{}: is of a scene with [box]; this command needs the shear of a run, run.h5",
-                file.path.display()
-            ))),
+            _ => Err(file
+                .wrong("is of a scene with [box]; this command needs the shear of a run, run.h5")),
         }
     }
 
@@ -190,10 +194,9 @@ impl RunFile {
         if file.has_walls() {
             return Ok(file);
         }
-        Err(Failure::input(format!(
-            "{}: has no walls (sample.boundary = \"periodic\"); this command needs a run between walls",
-            file.path.display()
-        )))
+        Err(file.wrong(
+            "has no walls (sample.boundary = \"periodic\"); this command needs a run between walls",
+        ))
     }
 
     /// Opens `run.h5` of a sample that is sheared: between walls, or without them.
@@ -205,10 +208,8 @@ impl RunFile {
         if !file.has_free_surface() {
             return Ok(file);
         }
-        Err(Failure::input(format!(
-            "{}: has a free surface (sample.boundary = \"free\"), and so no strain; this command needs a run whose top moves",
-            file.path.display()
-        )))
+        let what = "has a free surface (sample.boundary = \"free\"), and so no strain; this command needs a run whose top moves";
+        Err(file.wrong(what))
     }
 
     /// Opens the file of any stage. Of a folder, `run.h5`, or of a run in a periodic box the strain
@@ -369,8 +370,12 @@ impl RunFile {
 
     /// Returns whether nothing is above the sample.
     pub fn has_free_surface(&self) -> bool {
-        let mut columns = self.series.declared.iter();
-        columns.any(|column| *column == FlowRow::COLUMNS[0])
+        self.series.has(FlowRow::COLUMNS[0].name)
+    }
+
+    /// Returns the failure of a file that has not what is asked of it.
+    pub fn wrong(&self, what: impl Display) -> Failure {
+        Failure::input(format!("{}: {what}", self.path.display()))
     }
 
     /// Returns the path of the file.
@@ -574,9 +579,8 @@ impl RunFile {
         }
         let need = |name: &str| {
             let missing = || {
-                Failure::input(format!(
-                    "{}: parameters: attribute {name} is missing: {FOREIGN}",
-                    self.path.display()
+                self.wrong(format!(
+                    "parameters: attribute {name} is missing: {FOREIGN}"
                 ))
             };
             self.number(name).ok_or_else(missing)

@@ -64,21 +64,16 @@ impl<'a> OpenFile<'a> {
 
     /// Checks every group of the path, because HDF5 fails if one of them is missing.
     pub(super) fn exists(&self, name: &str) -> bool {
-        let ends = name
-            .match_indices('/')
-            .map(|(at, _)| at)
-            .chain([name.len()]);
-        ends.into_iter()
+        let ends = name.match_indices('/').map(|(at, _)| at);
+        ends.chain([name.len()])
             .all(|end| self.file.link_exists(&name[..end]))
     }
 
     pub(super) fn all<T: H5Type>(&self, name: &str) -> Result<Vec<T>, Failure> {
         let dataset = self.dataset(name)?;
         if dataset.ndim() != 1 {
-            return Err(self.wrong(
-                name,
-                format!("has {} dimensions instead of 1: {FOREIGN}", dataset.ndim()),
-            ));
+            let what = format!("has {} dimensions instead of 1: {FOREIGN}", dataset.ndim());
+            return Err(self.wrong(name, what));
         }
         dataset
             .read_raw()
@@ -92,10 +87,8 @@ impl<'a> OpenFile<'a> {
     ) -> Result<Vec<T>, Failure> {
         let values = self.all(name)?;
         if values.len() != length {
-            return Err(self.wrong(
-                name,
-                format!("has {} rows instead of {length}", values.len()),
-            ));
+            let what = format!("has {} rows instead of {length}", values.len());
+            return Err(self.wrong(name, what));
         }
         Ok(values)
     }
@@ -105,10 +98,8 @@ impl<'a> OpenFile<'a> {
         let dataset = self.dataset(name)?;
         let shape = dataset.shape();
         if shape.len() != inner.len() + 1 || shape[1..] != *inner {
-            return Err(self.wrong(
-                name,
-                format!("has the shape {shape:?} instead of [any] + {inner:?}"),
-            ));
+            let what = format!("has the shape {shape:?} instead of [any] + {inner:?}");
+            return Err(self.wrong(name, what));
         }
         Ok(dataset)
     }
@@ -169,10 +160,10 @@ impl<'a> OpenFile<'a> {
         };
         match (0..grains.count()).find(|g| !is_grain(g)) {
             _ if grains.count() == 0 => Err(self.wrong(PARTICLES, "holds no grain")),
-            Some(g) => Err(self.wrong(
-                PARTICLES,
-                format!("grain {g}: radius and mass must be greater than 0, body 0, 1 or 2"),
-            )),
+            Some(g) => {
+                let what = "radius and mass must be greater than 0, body 0, 1 or 2";
+                Err(self.wrong(PARTICLES, format!("grain {g}: {what}")))
+            }
             None => Ok(()),
         }
     }
@@ -188,10 +179,10 @@ impl<'a> OpenFile<'a> {
             {
                 Ok([edges[0], edges[1], edges[2]])
             }
-            _ => Err(self.wrong(
-                "parameters: edges",
-                "does not hold L_x > 0, height, 0, or L_x > 0, L_y, height",
-            )),
+            _ => {
+                let what = "does not hold L_x > 0, height, 0, or L_x > 0, L_y, height";
+                Err(self.wrong("parameters: edges", what))
+            }
         }
     }
 
@@ -286,21 +277,13 @@ impl<'a> OpenFile<'a> {
         finished: bool,
         what: &str,
     ) -> Result<usize, Failure> {
-        let (shortest, least) = lengths
-            .iter()
-            .copied()
-            .min_by_key(|(_, length)| *length)
-            .expect("some dataset");
-        let (longest, most) = lengths
-            .iter()
-            .copied()
-            .max_by_key(|(_, length)| *length)
-            .expect("some dataset");
+        let by_length = |of: &&(&str, usize)| of.1;
+        let (shortest, least) = *lengths.iter().min_by_key(by_length).expect("some dataset");
+        let (longest, most) = *lengths.iter().max_by_key(by_length).expect("some dataset");
         if finished && least != most {
-            return Err(self.wrong(
-                shortest,
-                format!("holds {least} {what} where {longest} holds {most}: the file is damaged"),
-            ));
+            let what =
+                format!("holds {least} {what} where {longest} holds {most}: the file is damaged");
+            return Err(self.wrong(shortest, what));
         }
         Ok(least)
     }

@@ -20,12 +20,10 @@ const FEWEST_ROWS: usize = 20;
 /// # Errors
 /// No spring, no velocity step or hold, segments with too few rows.
 pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
-    let wrong = |what: String| Failure::input(format!("{}: {what}", run.path().display()));
     let spring = run.number("spring_stiffness").ok_or_else(|| {
-        wrong(
+        run.wrong(
             "parameters: attribute spring_stiffness is missing: rate-state needs a run whose top wall is pulled by a spring \
-             (shear.spring_stiffness or shear.spring_number)"
-                .into(),
+             (shear.spring_stiffness or shear.spring_number)",
         )
     })?;
     let mut time = run.series().time.clone();
@@ -40,8 +38,7 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
     ]
     .map(|name| run.series().column(name).to_vec());
     let series = run.series();
-    let is_imposed = series.declared.iter().any(|column| column.name == IMPOSED);
-    let mut imposed = is_imposed.then(|| series.column(IMPOSED).to_vec());
+    let mut imposed = series.has(IMPOSED).then(|| series.column(IMPOSED).to_vec());
     // Friction is undefined in rows in which the slider touches nothing.
     let whole: Vec<bool> = (0..time.len())
         .map(|row| columns.iter().all(|column| column[row].is_finite()))
@@ -61,15 +58,15 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
     ] = &columns;
     if let Some(row) = (1..time.len()).find(|&row| time[row] <= time[row - 1]) {
         let name = "observables/stress_ratio/time";
-        return Err(wrong(format!("{name}: does not increase at row {row}")));
+        return Err(run.wrong(format!("{name}: does not increase at row {row}")));
     }
     let drive = of_drive(&time, velocity, displacement)
-        .map_err(|what| wrong(format!("observables/drive_velocity: {what}")))?;
+        .map_err(|what| run.wrong(format!("observables/drive_velocity: {what}")))?;
     // What comes before the first slide, perhaps under another load, is left out.
     let normal = &normal[velocity.iter().position(|v| *v > 0.0).unwrap_or(0)..];
     let force = mean(normal);
     if !time.is_empty() && (force.is_nan() || force <= 0.0) {
-        return Err(wrong(format!(
+        return Err(run.wrong(format!(
             "observables/normal_force: its mean is {force:e} N, must be positive: the slider must press on the sample"
         )));
     }
@@ -81,10 +78,10 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
             [time, slip.clone(), friction.clone()],
         )
     };
-    let tested = tested(&record).map_err(wrong)?;
+    let tested = tested(&record).map_err(|what| run.wrong(what))?;
     if let Some(imposed) = imposed {
         let first = record.time.partition_point(|t| *t < tested.time[0]);
-        one_load(&tested, &imposed[first..]).map_err(wrong)?;
+        one_load(&tested, &imposed[first..]).map_err(|what| run.wrong(what))?;
     }
     Ok(tested)
 }

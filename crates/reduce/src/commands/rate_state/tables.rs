@@ -286,15 +286,6 @@ fn experiment(experiment: &Experiment, runs: &[String]) -> Value {
             })),
         })
     });
-    let healing = experiment.healing.iter().map(|healing| {
-        json!({
-            "velocities": healing.velocities,
-            "holds": healing.holds,
-            "slope": healing.slope,
-            "interval": healing.interval,
-            "intercept": healing.intercept,
-        })
-    });
     json!({
         "runs": runs,
         "realisations": record.realisations,
@@ -302,7 +293,7 @@ fn experiment(experiment: &Experiment, runs: &[String]) -> Value {
         "protocol": protocol.collect::<Vec<_>>(),
         "steps": steps.collect::<Vec<_>>(),
         "holds": holds.collect::<Vec<_>>(),
-        "healing": healing.collect::<Vec<_>>(),
+        "healing": experiment.healing,
     })
 }
 
