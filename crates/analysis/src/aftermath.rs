@@ -141,6 +141,7 @@ fn mean_in_time(time: &[f64], values: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::Aftermath::{Catastrophe, Growing, Saturation};
     use super::*;
 
     /// A stress that falls from 4 to 3 and vibrates about it, on uneven rows.
@@ -149,16 +150,11 @@ mod tests {
         let time: Vec<f64> = (0..2001)
             .map(|k| f64::from(k) + if k % 3 == 0 { 0.3 } else { 0.0 })
             .collect();
-        let at = |t: f64, before: f64, after: f64| {
-            let vibration = 0.2 * (std::f64::consts::TAU * t / 20.0).sin();
-            if t < 1000.0 {
-                before
-            } else {
-                after + vibration
-            }
+        let column = |before: f64, after: f64| -> Vec<f64> {
+            let vibrating = |t: &f64| after + 0.2 * (std::f64::consts::TAU * t / 20.0).sin();
+            let at = |t: &f64| if *t < 1000.0 { before } else { vibrating(t) };
+            time.iter().map(at).collect()
         };
-        let column =
-            |before, after| -> Vec<f64> { time.iter().map(|t| at(*t, before, after)).collect() };
         let (stress, pressure) = (column(-4.0, -3.0), column(50.0, 45.0));
         let (energy, contacts) = (column(10.0, 8.0), column(400.0, 380.0));
         let of = |msd: f64| {
@@ -185,15 +181,9 @@ mod tests {
         near(change.displacement, 0.1);
         assert_eq!((change.linear_until, change.catastrophe_at), (0.0, 0.0));
         let found = [4e-2, 4e-6, 4e-12].map(|msd| of(msd).aftermath());
-        assert_eq!(
-            found,
-            [
-                Aftermath::Catastrophe,
-                Aftermath::Saturation,
-                Aftermath::Growing
-            ]
-        );
+        assert_eq!(found, [Catastrophe, Saturation, Growing]);
     }
+
     /// A displacement that grows by a factor e in every unit of time, from 1e-8 diameters on.
     #[test]
     fn times_are_those_of_the_displacement() {

@@ -122,20 +122,14 @@ mod tests {
             let field = field.collect::<Vec<_>>();
             let found = tension(&grains, &frame, &field, |n| n == 3, centre.into(), 8.0);
             let found = Vector2::from(found.expect("a direction"));
-            assert!(
-                (found.dot(&along).abs() - 1.0).abs() < 1e-9,
-                "{angle}: {found}"
-            );
+            let off = found.dot(&along).abs() - 1.0;
+            assert!(off.abs() < 1e-9, "{angle}: {found}");
         }
         let still = vec![[0.0; 2]; 300];
-        assert_eq!(
-            tension(&grains, &frame, &still, |_| false, centre.into(), 8.0),
-            None
-        );
-        assert_eq!(
-            tension(&grains, &frame, &still, |_| false, centre.into(), 0.0),
-            None
-        );
+        for radius in [8.0, 0.0] {
+            let found = tension(&grains, &frame, &still, |_| false, centre.into(), radius);
+            assert_eq!(found, None);
+        }
     }
 
     #[test]

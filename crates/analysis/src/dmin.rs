@@ -246,11 +246,8 @@ mod tests {
     fn assert_affine(grains: &Disks, earlier: &Frame, later: &Frame) {
         let square = grains.mean_radius().powi(2);
         for (n, value) in between(grains, earlier, later).into_iter().enumerate() {
-            assert!(
-                value <= 1e-24 * square,
-                "grain {n}: D²min/r̄² = {:e}",
-                value / square
-            );
+            let relative = value / square;
+            assert!(relative <= 1e-24, "grain {n}: D²min/r̄² = {relative:e}");
         }
     }
 
@@ -287,11 +284,8 @@ mod tests {
         let nearest = |a: [f64; 2], b: [f64; 2]| {
             let image = |k: f64| [b[0] - a[0] + k * grains.length, b[1] - a[1]];
             let by_length = |a: &[f64; 2], b: &[f64; 2]| a[0].abs().total_cmp(&b[0].abs());
-            [-1.0, 0.0, 1.0]
-                .map(image)
-                .into_iter()
-                .min_by(by_length)
-                .expect("three images")
+            let images = [-1.0, 0.0, 1.0].map(image).into_iter();
+            images.min_by(by_length).expect("three images")
         };
         let radius = 5.0 * grains.radius.iter().sum::<f64>() / grains.radius.len() as f64;
         let others = (0..grains.count()).filter(|&j| j != i && !rattler[j]);
@@ -312,11 +306,8 @@ mod tests {
             }
         });
         let wanted = DVector::from_vec(after);
-        let gamma = design
-            .clone()
-            .svd(true, true)
-            .solve(&wanted, 0.0)
-            .expect("U and V were asked for");
+        let gamma = design.clone().svd(true, true).solve(&wanted, 0.0);
+        let gamma = gamma.expect("U and V were asked for");
         (design * gamma - wanted).norm_squared() / before.len() as f64
     }
 
@@ -345,11 +336,8 @@ mod tests {
         // A few rattlers, and some grains that lose their contacts only later.
         earlier.contacts.retain(|c| c.i % 50 != 3 && c.j % 50 != 3);
         for size in [1e-9, 1e-7] {
-            let moved: Vec<_> = mapped(&points, Matrix2::new(1.0, 0.01, 0.0, 1.0))
-                .iter()
-                .zip(scattered(4, 600, size, size))
-                .map(|(r, displacement)| r + displacement)
-                .collect();
+            let sheared = mapped(&points, Matrix2::new(1.0, 0.01, 0.0, 1.0));
+            let moved = shaken(&sheared, 4, size);
             let mut later = frame(&grains, &moved);
             later.contacts.clear();
             let mut rattler = Vec::new();
@@ -372,32 +360,26 @@ mod tests {
         }
     }
 
+    /// Points after random displacements.
+    fn shaken(points: &[Vector2<f64>], seed: u64, size: f64) -> Vec<Vector2<f64>> {
+        let moves = scattered(seed, points.len(), size, size);
+        points.iter().zip(moves).map(|(r, d)| r + d).collect()
+    }
+
     /// D²min of disks of radius 1 at the given places after small random displacements.
     fn small(points: &[[f64; 2]]) -> Vec<f64> {
         let grains = grains_in(100.0, &vec![1.0; points.len()]);
         let points: Vec<_> = points.iter().map(|r| Vector2::new(r[0], r[1])).collect();
-        let moved = points
-            .iter()
-            .zip(scattered(5, points.len(), 0.1, 0.1))
-            .map(|(r, d)| r + d);
-        between(
-            &grains,
-            &frame(&grains, &points),
-            &frame(&grains, &moved.collect::<Vec<_>>()),
-        )
+        let moved = shaken(&points, 5, 0.1);
+        between(&grains, &frame(&grains, &points), &frame(&grains, &moved))
     }
 
     #[test]
     fn fewer_than_two_neighbours_leave_it_undefined() {
         // A pair, a triple in which two grains are farther apart than 5 r̄, and a single grain.
-        let values = small(&[
-            [0.0, 0.0],
-            [2.0, 1.0],
-            [30.0, 0.0],
-            [30.0, 4.9],
-            [34.0, 1.0],
-            [60.0, 0.0],
-        ]);
+        let (pair, single) = ([[0.0, 0.0], [2.0, 1.0]], [[60.0, 0.0]]);
+        let triple = [[30.0, 0.0], [30.0, 4.9], [34.0, 1.0]];
+        let values = small(&[&pair[..], &triple, &single].concat());
         let defined: Vec<bool> = values.iter().map(|value| value.is_finite()).collect();
         assert_eq!(defined, [false, false, true, false, false, false]);
     }
@@ -420,11 +402,7 @@ mod tests {
         for (width, height) in [(40.0, 3.0), (12.0, 40.0), (8.0, 8.0)] {
             let grains = grains_in(width, &[1.0; 60]);
             let points = scattered(6, 60, width, height);
-            let moved: Vec<_> = points
-                .iter()
-                .zip(scattered(8, 60, 0.1, 0.1))
-                .map(|(r, d)| r + d)
-                .collect();
+            let moved = shaken(&points, 8, 0.1);
             let (earlier, later) = (frame(&grains, &points), frame(&grains, &moved));
             for (i, value) in between(&grains, &earlier, &later).into_iter().enumerate() {
                 let wanted = direct(&grains, &[false; 60], &earlier, &later, i);

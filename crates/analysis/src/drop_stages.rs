@@ -93,6 +93,10 @@ mod tests {
         Stages::around(&phases, largest_drop(&phases).expect("a slip"), tau)
     }
 
+    fn ends(of: &Stages) -> [usize; 4] {
+        [of.begin, of.drop, of.calm, of.end]
+    }
+
     /// A series that begins at τ = 10 and consists of pieces: a number of rows and the step of τ
     /// per row.
     fn series(pieces: &[(usize, f64)]) -> Vec<f64> {
@@ -108,10 +112,7 @@ mod tests {
     #[test]
     fn a_single_slip_is_stage_ii_with_eight_intervals_on_either_side() {
         let found = stages(&series(&[(19, 0.1), (3, -2.0), (20, 0.1)]));
-        assert_eq!(
-            (found.begin, found.drop, found.calm, found.end),
-            (11, 19, 22, 30)
-        );
+        assert_eq!(ends(&found), [11, 19, 22, 30]);
         assert_eq!(found.drops, [[19, 22]]);
         assert_eq!(found.intervals(), [12..=19, 20..=22, 23..=30]);
     }
@@ -129,19 +130,19 @@ mod tests {
             (1, -0.9),
             (30, 0.1),
         ]));
-        assert_eq!((found.drop, found.calm), (19, 27));
+        assert_eq!(ends(&found), [11, 19, 27, 35]);
         assert_eq!(found.drops, [[22, 24]]);
-        assert_eq!((found.begin, found.end), (11, 35));
     }
 
     #[test]
     fn a_further_drop_follows_closely() {
         let of = |pause: usize| {
+            let (drop, further) = ((2, -2.0), (2, -1.9));
             stages(&series(&[
                 (19, 0.1),
-                (2, -2.0),
+                drop,
                 (pause, 0.1),
-                (2, -1.9),
+                further,
                 (30, 0.1),
             ]))
         };
@@ -152,9 +153,6 @@ mod tests {
     #[test]
     fn stages_end_where_the_series_does() {
         let found = stages(&[5.0, 5.1, 1.0, 1.1]);
-        assert_eq!(
-            (found.begin, found.drop, found.calm, found.end),
-            (0, 1, 2, 3)
-        );
+        assert_eq!(ends(&found), [0, 1, 2, 3]);
     }
 }

@@ -293,14 +293,18 @@ mod tests {
         }
     }
 
+    fn disks(count: usize, radius: f64, length: f64) -> Disks {
+        Disks {
+            radius: vec![radius; count],
+            body: vec![0; count],
+            mass: vec![1.0; count],
+            length,
+        }
+    }
+
     #[test]
     fn a_contact_across_the_seam_is_drawn_at_both_ends_and_is_short() {
-        let grains = Disks {
-            radius: vec![1.0; 2],
-            body: vec![0; 2],
-            mass: vec![1.0; 2],
-            length: 20.0,
-        };
+        let grains = disks(2, 1.0, 20.0);
         let position = vec![[0.5, 5.0], [18.6, 5.0]];
         let frame = Frame {
             position,
@@ -317,22 +321,13 @@ mod tests {
             view,
         };
         let svg = map.forces(1.0, "");
-        let ends: Vec<Vec<f64>> = svg
-            .lines()
-            .filter(|line| line.starts_with("<polyline"))
-            .map(|line| {
-                line.split("points=\"")
-                    .nth(1)
-                    .and_then(|rest| rest.split('"').next())
-                    .unwrap_or("")
-            })
-            .map(|points| {
-                points
-                    .split([',', ' '])
-                    .filter_map(|number| number.parse().ok())
-                    .collect()
-            })
-            .collect();
+        let lines = svg.lines().filter(|line| line.starts_with("<polyline"));
+        let points = lines.filter_map(|line| line.split("points=\"").nth(1)?.split('"').next());
+        let numbers = |points: &str| -> Vec<f64> {
+            let words = points.split([',', ' ']);
+            words.filter_map(|word| word.parse().ok()).collect()
+        };
+        let ends: Vec<Vec<f64>> = points.map(numbers).collect();
         let pixels = 10.0 * (WIDTH - MARGIN[0] - MARGIN[2]) / 20.0;
         let at = |x: f64| (10.0 * MARGIN[0] + x * pixels).round();
         let xs: Vec<[f64; 2]> = ends.iter().map(|e| [e[0], e[2]]).collect();
@@ -348,26 +343,16 @@ mod tests {
     #[test]
     fn great_samples_are_shown_in_part() {
         let n = 4 * MOST_GRAINS;
-        let grains = Disks {
-            radius: vec![0.1; n],
-            body: vec![0; n],
-            mass: vec![1.0; n],
-            length: 100.0,
-        };
+        let height = |k: usize| [0.0, 40.0 * k as f64 / (n - 1) as f64];
+        let grains = disks(n, 0.1, 100.0);
         let frame = Frame {
-            position: (0..n)
-                .map(|k| [0.0, 40.0 * k as f64 / (n - 1) as f64])
-                .collect(),
+            position: (0..n).map(height).collect(),
             ..Frame::default()
         };
         let view = MapView::of(&grains, &frame, [99.0, 20.0]);
-        assert!(
-            (view.x[0] - 50.0).abs() < 1e-9 && (view.x[1] - 100.0).abs() < 1e-9,
-            "{view:?}"
-        );
-        assert!(
-            (view.y[0] - 9.95).abs() < 1e-9 && (view.y[1] - 30.05).abs() < 1e-9,
-            "{view:?}"
-        );
+        let ends = [view.x, view.y].into_iter().flatten();
+        for (end, expected) in ends.zip([50.0, 100.0, 9.95, 30.05]) {
+            assert!((end - expected).abs() < 1e-9, "{view:?}");
+        }
     }
 }

@@ -357,69 +357,32 @@ impl<'a> Input<'a> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_missing_file_is_named() {
-        let e = Source::read("no/such/file.toml").unwrap_err();
-        assert_eq!(
-            e,
-            Failure::input(
-                "no/such/file.toml: no such file; give a TOML file, such as configs/plane-shear-2d.toml, or none for the embedded default scene"
-            )
-        );
+    /// What reading says of a file, without its name.
+    fn refused(path: &Path) -> String {
+        let said = Source::read(path).unwrap_err().to_string();
+        let name = path.display().to_string();
+        said.strip_prefix(&name).expect("the name first").into()
     }
 
     #[test]
-    fn a_directory_is_no_configuration() {
+    fn what_is_no_configuration_is_refused() {
+        let missing = Path::new("no/such/file.toml");
+        let give = "give a TOML file, such as configs/plane-shear-2d.toml, or none for the embedded default scene";
+        assert_eq!(refused(missing), format!(": no such file; {give}"));
         let dir = tempfile::tempdir().unwrap();
-        let e = Source::read(dir.path()).unwrap_err();
-        let name = dir.path().display();
-        assert_eq!(
-            e,
-            Failure::input(format!("{name}: is a directory; give {FORMAT}"))
-        );
-    }
-
-    #[test]
-    fn bytes_that_are_not_utf8_are_found() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("latin1.toml");
-        std::fs::write(
-            &path,
-            b"seed = 1\ntitle = \"Scherversuch f\xfcr Granulate\"\n",
-        )
-        .unwrap();
-        let e = Source::read(&path).unwrap_err();
-        assert_eq!(
-            e,
-            Failure::input(format!(
-                "{}:2: byte 0xfc is not UTF-8; give {FORMAT}",
-                path.display()
-            ))
-        );
-    }
-
-    #[test]
-    fn devices_and_huge_files_are_no_configurations() {
-        let e = Source::read("/dev/zero").unwrap_err();
-        assert_eq!(
-            e,
-            Failure::input(format!("/dev/zero: is a device; give {FORMAT}"))
-        );
-        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(refused(dir.path()), format!(": is a directory; {give}"));
+        let device = Path::new("/dev/zero");
+        assert_eq!(refused(device), format!(": is a device; {give}"));
         let path = dir.path().join("huge.toml");
         // A hole: no byte of it is on the disk.
-        File::create(&path)
-            .unwrap()
-            .set_len(MOST_BYTES + 1)
-            .unwrap();
-        let e = Source::read(&path).unwrap_err();
-        assert_eq!(
-            e,
-            Failure::input(format!(
-                "{}: has more than 16777216 bytes; give {FORMAT}",
-                path.display()
-            ))
-        );
+        let huge = File::create(&path).unwrap();
+        huge.set_len(MOST_BYTES + 1).unwrap();
+        let said = format!(": has more than 16777216 bytes; {give}");
+        assert_eq!(refused(&path), said);
+        let latin1 = b"seed = 1\ntitle = \"Scherversuch f\xfcr Granulate\"\n";
+        std::fs::write(&path, latin1).unwrap();
+        let said = format!(":2: byte 0xfc is not UTF-8; {give}");
+        assert_eq!(refused(&path), said);
     }
 
     #[test]
@@ -430,13 +393,8 @@ mod tests {
             std::fs::write(at(k), format!("extends = \"{}.toml\"\n", k + 1)).unwrap();
         }
         let e = Source::read(at(0)).unwrap_err().to_string();
-        assert!(
-            e.starts_with(&format!(
-                "{}:1: extends: is one file too many",
-                at(15).display()
-            )),
-            "{e}"
-        );
+        let said = format!("{}:1: extends: is one file too many", at(15).display());
+        assert!(e.starts_with(&said), "{e}");
         std::fs::write(at(MOST_FILES), "seed = 1\n").unwrap();
         assert_eq!(Source::read(at(1)).unwrap().parts().len(), MOST_FILES);
     }

@@ -303,22 +303,22 @@ mod tests {
         torques: false,
     };
 
+    fn shares(frames: u64, grains: u64, ranks: u64) -> Shares {
+        Shares {
+            frames,
+            grains,
+            ranks,
+        }
+    }
+
     #[test]
     fn shares_follow_each_other_in_the_order_of_the_file() {
         for (frames, grains) in [(1, 5), (2, 1), (3, 10), (4, 7), (64, 3)] {
             for ranks in 1..=9 {
-                let shares = Shares {
-                    frames,
-                    grains,
-                    ranks,
-                };
+                let shares = shares(frames, grains, ranks);
                 let mut places = Vec::new();
-                for share in (0..ranks as usize).map(|r| shares.of(r)) {
-                    places.extend(
-                        share
-                            .frames
-                            .flat_map(|f| share.ids.clone().map(move |id| (f, id))),
-                    );
+                for Share { frames, ids } in (0..ranks as usize).map(|r| shares.of(r)) {
+                    places.extend(frames.flat_map(|f| ids.clone().map(move |id| (f, id))));
                 }
                 let all = (0..frames).flat_map(|f| (0..grains).map(move |id| (f, id)));
                 assert!(places.into_iter().eq(all), "{shares:?}");
@@ -342,20 +342,11 @@ mod tests {
         };
         let mut frames = Frames::default();
         let grains: Vec<_> = (0..7).rev().map(grain).collect();
-        frames.push(
-            0,
-            0.0,
-            &[[0.0; 3]; 3],
-            &grains,
-            &[contact(5, 6), contact(0, 3), contact(0, 1)],
-        );
+        let contacts = [contact(5, 6), contact(0, 3), contact(0, 1)];
+        frames.push(0, 0.0, &[[0.0; 3]; 3], &grains, &contacts);
         frames.push(1, 1.0, &[[0.0; 3]; 3], &grains, &[]);
         for ranks in (1..=9).rev() {
-            let shares = Shares {
-                frames: 2,
-                grains: 7,
-                ranks,
-            };
+            let shares = shares(2, 7, ranks);
             let (mut x, mut images) = (Vec::new(), Vec::new());
             let (mut pairs, mut counts) = (Vec::new(), [0; 2]);
             for (rank, message) in frames.messages(&shares).into_iter().enumerate() {
@@ -364,10 +355,9 @@ mod tests {
                 x.extend(part.values[0].chunks(3).map(|p| p[0]));
                 images.extend(part.image.chunks(3).map(|p| [p[0], p[1]]));
                 pairs.extend(part.i.iter().copied().zip(part.j));
-                share
-                    .frames
-                    .zip(part.counts)
-                    .for_each(|(f, n)| counts[f as usize] += n);
+                for (f, n) in share.frames.zip(part.counts) {
+                    counts[f as usize] += n;
+                }
             }
             assert!(x.into_iter().eq((0..14).map(|n| f64::from(n % 7))));
             assert!(images.into_iter().eq((0..14).map(|n| [n % 7, -1])));
@@ -379,21 +369,9 @@ mod tests {
     #[should_panic(expected = "grain 1 is not in a frame")]
     fn a_lost_grain_is_noticed() {
         let mut frames = Frames::default();
-        frames.push(
-            0,
-            0.0,
-            &[[0.0; 3]; 3],
-            &[GrainSample {
-                id: 0,
-                ..bytemuck::Zeroable::zeroed()
-            }],
-            &[],
-        );
-        let shares = Shares {
-            frames: 1,
-            grains: 2,
-            ranks: 1,
-        };
+        let grain: GrainSample = bytemuck::Zeroable::zeroed();
+        frames.push(0, 0.0, &[[0.0; 3]; 3], &[grain], &[]);
+        let shares = shares(1, 2, 1);
         ShareColumns::assemble(&frames.messages(&shares), &shares.of(0), DISKS);
     }
 }

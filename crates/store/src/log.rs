@@ -251,29 +251,13 @@ mod tests {
 
     #[test]
     fn numbers_read_back_to_the_same_bits() {
-        for value in [
-            0.0,
-            -0.0,
-            1.0,
-            0.1,
-            1e-300,
-            7.2e-7,
-            1e22,
-            13_000.0,
-            f64::MIN_POSITIVE,
-            f64::MAX,
-            5e-324,
-        ] {
-            assert_eq!(
-                shortest(value).parse::<f64>().unwrap().to_bits(),
-                value.to_bits()
-            );
+        let values = [0.0, -0.0, 1.0, 0.1, 1e-300, 7.2e-7, 1e22, 13_000.0, 5e-324];
+        for value in values.into_iter().chain([f64::MIN_POSITIVE, f64::MAX]) {
+            let read: f64 = shortest(value).parse().unwrap();
+            assert_eq!(read.to_bits(), value.to_bits());
             assert!(shortest(value).len() <= 24);
         }
-        assert_eq!(
-            [shortest(1.0), shortest(7.2e-7), shortest(1e22)],
-            ["1", "7.2e-7", "1e22"]
-        );
+        assert_eq!([1.0, 7.2e-7, 1e22].map(shortest), ["1", "7.2e-7", "1e22"]);
     }
 
     #[test]
@@ -285,13 +269,8 @@ mod tests {
         log.flush().unwrap();
         let whole = text(&path);
         assert!(whole.starts_with("step,time,strain,"));
-        let third: Vec<f64> = whole
-            .lines()
-            .nth(3)
-            .unwrap()
-            .split(',')
-            .map(|v| v.parse().unwrap())
-            .collect();
+        let third = whole.lines().nth(3).unwrap().split(',');
+        let third: Vec<f64> = third.map(|v| v.parse().unwrap()).collect();
         assert_eq!(third[2..], row(2).columns());
 
         // As left by a killed program: too many rows, the last one incomplete.
@@ -307,10 +286,8 @@ mod tests {
             let open = |rows| Log::open_to_append(&Solo, &path, &SeriesRow::COLUMNS, 2, rows);
             assert!(open(1).is_err());
             drop(open(0).unwrap());
-            assert_eq!(
-                text(&path),
-                format!("{}\n", Log::names(&SeriesRow::COLUMNS).join(","))
-            );
+            let names = Log::names(&SeriesRow::COLUMNS).join(",");
+            assert_eq!(text(&path), format!("{names}\n"));
         }
     }
 
@@ -325,9 +302,8 @@ mod tests {
         let names = Log::names(&SeriesRow::COLUMNS).join(",");
         assert!(open(&names).is_ok());
         let refused = |names: &str| open(names).unwrap_err().to_string();
-        assert!(
-            refused(&names.replace("slip_rate", "rate")).contains("lacks the column slip_rate")
-        );
+        let renamed = names.replace("slip_rate", "rate");
+        assert!(refused(&renamed).contains("lacks the column slip_rate"));
         assert!(refused(&names[..names.rfind(',').unwrap()]).contains("energy_residual"));
         assert!(refused(&format!("{names},more")).contains("column more"));
     }
@@ -346,8 +322,7 @@ mod tests {
         let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
         (0..2).for_each(|k| log.row(k, 0.0, row(k).as_ref()).unwrap());
         drop(log);
-        assert!(
-            refuse(3).contains("it has 2 rows up to the step of the checkpoint, which counts 3")
-        );
+        let fewer = "it has 2 rows up to the step of the checkpoint, which counts 3";
+        assert!(refuse(3).contains(fewer));
     }
 }
