@@ -61,14 +61,9 @@ pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
 pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failure> {
     let mut out = PartFile::create(path)?;
     let mut save = || -> std::io::Result<()> {
+        let (rows, columns, count) = (matrix.nrows(), matrix.ncols(), matrix.compute_nnz());
         writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
-        writeln!(
-            out,
-            "{} {} {}",
-            matrix.nrows(),
-            matrix.ncols(),
-            matrix.compute_nnz()
-        )?;
+        writeln!(out, "{rows} {columns} {count}")?;
         for entry in matrix.triplet_iter() {
             writeln!(out, "{} {} {:?}", entry.row + 1, entry.col + 1, entry.val)?;
         }
@@ -122,11 +117,8 @@ fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize,
         };
         for row in first..rows {
             if !lines.next()? {
-                let message = format!(
-                    "the file ends before row {}, column {}",
-                    row + 1,
-                    column + 1
-                );
+                let (row, column) = (row + 1, column + 1);
+                let message = format!("the file ends before row {row}, column {column}");
                 return Err(lines.wrong(message));
             }
             let mut words = lines.text.split_ascii_whitespace();
@@ -152,16 +144,20 @@ fn add(
 ) {
     entries.push(Triplet::new(row, column, value));
     if symmetry != Symmetry::General && row != column {
-        let mirrored = if symmetry == Symmetry::Skew {
-            -value
+        let sign = if symmetry == Symmetry::Skew {
+            -1.0
         } else {
-            value
+            1.0
         };
-        entries.push(Triplet::new(column, row, mirrored));
+        entries.push(Triplet::new(column, row, sign * value));
     }
 }
 
-fn matrix(
+/// The matrix of these entries, those of one place added.
+///
+/// # Panics
+/// If an entry is outside of the matrix.
+pub fn matrix(
     rows: usize,
     columns: usize,
     entries: &[Triplet<usize, usize, f64>],
@@ -213,12 +209,9 @@ impl Lines<'_> {
         if !self.next()? {
             return Err(self.wrong(format!("the file ends before {what}")));
         }
-        let numbers: Result<Vec<usize>, _> = self
-            .text
-            .split_ascii_whitespace()
-            .map(usize::from_str)
-            .collect();
-        let sizes = numbers.ok().and_then(|numbers| numbers.try_into().ok());
+        let words = self.text.split_ascii_whitespace();
+        let numbers: Option<Vec<usize>> = words.map(|word| word.parse().ok()).collect();
+        let sizes = numbers.and_then(|numbers| numbers.try_into().ok());
         sizes.ok_or_else(|| self.wrong(format!("must hold {what}")))
     }
 
@@ -237,10 +230,8 @@ impl Lines<'_> {
         self.text.clear();
         self.number += 1;
         let read = self.reader.read_line(&mut self.text);
-        match read {
-            Ok(length) => Ok(length > 0),
-            Err(e) => Err(self.wrong(format!("cannot be read: {e}"))),
-        }
+        read.map(|length| length > 0)
+            .map_err(|e| self.wrong(format!("cannot be read: {e}")))
     }
 
     fn word<'t, W: FromStr>(

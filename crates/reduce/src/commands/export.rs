@@ -20,7 +20,7 @@ use crate::printer::Printer;
 use crate::results::Results;
 use gshear_dem::failure::Failure;
 use gshear_store::checkpoint;
-use gshear_store::run_reader::{RunFile, RunStage};
+use gshear_store::run_reader::RunFile;
 
 use content::{ExportedFrame, ExportedModes, ExportedRun, GrainField};
 use data_file::Reader;
@@ -157,12 +157,8 @@ impl Arguments {
         exported: &ExportedRun,
     ) -> Result<Box<dyn FrameWriter>, Failure> {
         let named = |ending: &str| {
-            let stem = match file.stage() {
-                RunStage::Shear => "frames",
-                RunStage::Strain => "aqs-frames",
-                RunStage::Newtonian => "newtonian-frames",
-            };
-            let beside = || Results::of(None, file.folder()).place(&format!("{stem}.{ending}"));
+            let name = file.stage().named(&format!("frames.{ending}"));
+            let beside = || Results::of(None, file.folder()).place(&name);
             self.out.clone().unwrap_or_else(beside)
         };
         Ok(match self.format {

@@ -8,7 +8,7 @@ use crate::results::Results;
 use gshear_dem::failure::Failure;
 use gshear_report::movie::{Field, Movie};
 use gshear_report::movie_file::{MovieFile, has_ffmpeg};
-use gshear_store::run_reader::{RunFile, RunStage};
+use gshear_store::run_reader::RunFile;
 
 /// Draw a movie of frames: forces, D²min or velocities of the grains, on the same scale throughout
 ///
@@ -66,13 +66,12 @@ impl Arguments {
 
     fn path(&self, run: &RunFile) -> Result<PathBuf, Failure> {
         let Some(path) = &self.out else {
-            let stem = match run.stage() {
-                RunStage::Shear => "movie",
-                RunStage::Strain => "aqs-movie",
-                RunStage::Newtonian => "newtonian-movie",
-            };
-            let ending = if has_ffmpeg() { "mp4" } else { "png" };
-            return Ok(Results::of(None, run.folder()).place(&format!("{stem}.{ending}")));
+            let name = run.stage().named(if has_ffmpeg() {
+                "movie.mp4"
+            } else {
+                "movie.png"
+            });
+            return Ok(Results::of(None, run.folder()).place(&name));
         };
         let wrong = |what: &str| Err(Failure::input(format!("--out {}: {what}", path.display())));
         match path.extension().and_then(|ending| ending.to_str()) {

@@ -97,11 +97,7 @@ pub struct Arguments {
 fn shift(text: &str) -> Result<c64, String> {
     let (re, im) = text.split_once(',').unwrap_or((text, "0"));
     let number = |part: &str| {
-        let value = part
-            .trim()
-            .parse::<f64>()
-            .ok()
-            .filter(|value| value.is_finite());
+        let value = part.trim().parse().ok().filter(|x: &f64| x.is_finite());
         value.ok_or(format!("{part}: must be a finite number"))
     };
     Ok(c64::new(number(re)?, number(im)?))
@@ -154,10 +150,8 @@ impl Arguments {
         spectrum_writer::write(&vectors, source, problem, &columns)?;
         printer.wrote(&vectors)?;
         let svg = results.place("spectrum.svg");
-        drawing::write(
-            &svg,
-            &eigenvalue_figures::in_the_plane(&spectrum.eigenvalues),
-        )?;
+        let figure = eigenvalue_figures::in_the_plane(&spectrum.eigenvalues);
+        drawing::write(&svg, &figure)?;
         printer.wrote(&svg)
     }
 }
@@ -202,15 +196,15 @@ fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<As
     };
     if let Some(path) = &arguments.export_matrix {
         let entries: Vec<_> = (0..n).map(|i| Triplet::new(i, i, mass[i])).collect();
-        let m = sparse(n, n, &entries);
+        let m = matrix_market::matrix(n, n, &entries);
         let of_null = (0..null.ncols()).flat_map(|j| (0..n).map(move |i| (i, j)));
+        let of_null = of_null.filter(|&at| null[at] != 0.0);
         let entries: Vec<_> = of_null
-            .filter(|&at| null[at] != 0.0)
             .map(|(i, j)| Triplet::new(i, j, null[(i, j)]))
             .collect();
         let beside = |name: &str| path.with_extension(name);
         let mut files = vec![(path.clone(), k), (beside("mass.mtx"), &m)];
-        let translations = sparse(n, null.ncols(), &entries);
+        let translations = matrix_market::matrix(n, null.ncols(), &entries);
         if null.ncols() > 0 {
             files.push((beside("null.mtx"), &translations));
         }
@@ -249,14 +243,6 @@ fn moved(jacobian: &Jacobian, unknown: usize) -> Unknown {
         grain: jacobian.grains[unknown / per_grain],
         component: component as u8,
     }
-}
-
-fn sparse(
-    rows: usize,
-    columns: usize,
-    entries: &[Triplet<usize, usize, f64>],
-) -> SparseColMat<usize, f64> {
-    SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
 }
 
 fn of_files(matrix: &Path, arguments: &Arguments) -> Result<Problem, Failure> {
@@ -458,22 +444,13 @@ fn refine(
 }
 
 fn summary(spectrum: &Spectrum, printer: &mut Printer) -> Result<(), Failure> {
-    let of = |verdict| {
-        spectrum
-            .eigenvalues
-            .iter()
-            .filter(|e| e.verdict == verdict)
-            .count()
-    };
-    let worst = spectrum
-        .eigenvalues
-        .iter()
-        .map(|e| e.residual)
-        .fold(0.0, f64::max);
+    let all = &spectrum.eigenvalues;
+    let of = |verdict| all.iter().filter(|e| e.verdict == verdict).count();
+    let worst = all.iter().map(|e| e.residual).fold(0.0, f64::max);
     writeln!(
         printer,
         "{} eigenvalues: {} real, {} in pairs, {} doubtful, {} zero; largest residual {worst:.1e} ‖A‖",
-        spectrum.eigenvalues.len(),
+        all.len(),
         of(Verdict::Real),
         of(Verdict::Pair),
         of(Verdict::Doubtful),

@@ -70,6 +70,14 @@ impl RunStage {
         }
     }
 
+    /// The name of a file made of this stage, which is `name` for a shear.
+    pub fn named(self, name: &str) -> String {
+        match self {
+            Self::Shear => name.into(),
+            _ => format!("{}-{name}", self.name()),
+        }
+    }
+
     /// The stage whose columns a file has; [`RunStage::Shear`] if none fits, so that messages name
     /// the columns of that.
     fn of(source: &OpenFile<'_>) -> Self {
@@ -373,7 +381,7 @@ impl RunFile {
         self.series.has(FlowRow::COLUMNS[0].name)
     }
 
-    /// Returns the failure of a file that has not what is asked of it.
+    /// Returns the failure that refuses this file: its path, then `what`.
     pub fn wrong(&self, what: impl Display) -> Failure {
         Failure::input(format!("{}: {what}", self.path.display()))
     }
