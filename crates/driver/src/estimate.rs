@@ -162,33 +162,20 @@ impl Estimate {
             line("work", format!("{:.2e} grain-steps", self.grain_steps()));
         }
         if let Some(speed) = self.speed {
-            let ranks = ranks(self.ranks);
-            line(
-                "speed",
-                format!(
-                    "{:.3} million grain-steps/s of {ranks}, measured here on a lattice",
-                    1e-6 * speed
-                ),
-            );
+            let (ranks, millions) = (ranks(self.ranks), 1e-6 * speed);
+            let speed = format!("{millions:.3} million grain-steps/s of {ranks}");
+            line("speed", speed + ", measured here on a lattice");
         }
-        let times: Vec<String> = self
-            .stages
-            .iter()
-            .map(|stage| match self.seconds(stage) {
-                Some(seconds) => format!("{} {}", stage.name, about(seconds, stage.moves)),
-                None => format!("{} unknown", stage.name),
-            })
-            .collect();
-        line("time", times.join(", "));
+        let times = self.stages.iter().map(|stage| match self.seconds(stage) {
+            Some(seconds) => format!("{} {}", stage.name, about(seconds, stage.moves)),
+            None => format!("{} unknown", stage.name),
+        });
+        line("time", times.collect::<Vec<_>>().join(", "));
         line("memory", format!("about {} per rank", bytes(self.memory)));
-        let files: Vec<String> = self
-            .files
-            .iter()
-            .map(|file| format!("{} {} ({})", file.name, bytes(file.bytes), file.content))
-            .collect();
         line("disk", format!("about {}", bytes(self.disk())));
-        for file in files {
-            line("", file);
+        for file in &self.files {
+            let (name, content) = (file.name, &file.content);
+            line("", format!("{name} {} ({content})", bytes(file.bytes)));
         }
         text
     }
@@ -227,17 +214,10 @@ fn rounded(value: f64) -> u64 {
 
 /// A size in words.
 pub fn bytes(size: f64) -> String {
-    let units = [
-        ("PB", 1e15),
-        ("TB", 1e12),
-        ("GB", 1e9),
-        ("MB", 1e6),
-        ("KB", 1e3),
-    ];
-    let (name, unit) = units
-        .into_iter()
-        .find(|(_, unit)| size >= *unit)
-        .unwrap_or(("B", 1.0));
+    let names = ["PB", "TB", "GB", "MB", "KB"].into_iter();
+    let mut units = names.zip([1e15, 1e12, 1e9, 1e6, 1e3]);
+    let found = units.find(|(_, unit)| size >= *unit);
+    let (name, unit) = found.unwrap_or(("B", 1.0));
     match size / unit {
         size if size < 10.0 && unit > 1.0 => format!("{size:.1} {name}"),
         size => format!("{size:.0} {name}"),
@@ -455,13 +435,8 @@ mod tests {
     fn times_and_sizes_are_words() {
         let times = [(0.2, true), (0.2, false), (62.0, true), (62.0, false)];
         let times = times.map(|(seconds, moves)| about(seconds, moves));
-        let wanted = [
-            "less than 1s",
-            "less than 1s",
-            "about 1m 2s",
-            "very roughly 1m 2s",
-        ];
-        assert_eq!(times, wanted);
+        let least = "less than 1s";
+        assert_eq!(times, [least, least, "about 1m 2s", "very roughly 1m 2s"]);
         let sizes = [0.0, 12.0, 1.5e3, 2e7, 3e9, 4.2e12, 1.6e15, 2e19].map(bytes);
         let wanted = [
             "0 B", "12 B", "1.5 KB", "20 MB", "3.0 GB", "4.2 TB", "1.6 PB", "20000 PB",

@@ -235,10 +235,8 @@ impl Lock {
                 } else {
                     "loses it by --break-lock"
                 };
-                notes.push(format!(
-                    "{}: {whose}, {why}; took the lock over",
-                    path.display()
-                ));
+                let path = path.display();
+                notes.push(format!("{path}: {whose}, {why}; took the lock over"));
             }
         }
         Ok(None)
@@ -286,17 +284,15 @@ impl Lock {
                 folder.display()
             )));
         }
-        match fs::read_to_string(&self.path) {
-            Ok(text) if text == self.text => Ok(()),
-            Ok(_) => Err(Failure::other(format!(
-                "{}: another gshear-mpi took this folder over; nothing more is written",
-                self.path.display()
-            ))),
-            Err(e) => Err(Failure::other(format!(
-                "{}: the lock of this run cannot be read ({e}); another program may have emptied the folder",
-                self.path.display()
-            ))),
-        }
+        let what = match fs::read_to_string(&self.path) {
+            Ok(text) if text == self.text => return Ok(()),
+            Ok(_) => "another gshear-mpi took this folder over; nothing more is written".into(),
+            Err(e) => format!(
+                "the lock of this run cannot be read ({e}); another program may have emptied the folder"
+            ),
+        };
+        let path = self.path.display();
+        Err(Failure::other(format!("{path}: {what}")))
     }
 }
 

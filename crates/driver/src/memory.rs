@@ -67,10 +67,8 @@ pub fn hosts(exchange: &dyn Parallel) -> usize {
 /// known. Collective.
 pub fn per_rank(exchange: &dyn Parallel) -> Option<f64> {
     let mine = provenance::host();
-    let here = all_hosts(exchange)
-        .iter()
-        .filter(|host| **host == mine.as_bytes())
-        .count();
+    let all = all_hosts(exchange).into_iter();
+    let here = all.filter(|host| *host == mine.as_bytes()).count();
     let bytes = memory_here().map_or(f64::INFINITY, |bytes| bytes as f64 / here.max(1) as f64);
     let least = -exchange.maximum(-bytes);
     least.is_finite().then_some(least)

@@ -137,19 +137,16 @@ fn warnings(
         ));
     }
     if ranks * threads > cores() && estimate.hosts == 1 {
-        let (all, fewer) = match threads {
-            1 => (
-                in_words(ranks),
-                format!("run it on {} here", cores().min(sensible)),
-            ),
-            _ => (
-                format!("{} threads", ranks * threads),
-                "give fewer ranks or --threads".into(),
-            ),
+        let (cores, all) = (cores(), ranks * threads);
+        let (all, fewer) = if threads == 1 {
+            let fewer = format!("run it on {} here", cores.min(sensible));
+            (in_words(ranks), fewer)
+        } else {
+            let fewer = "give fewer ranks or --threads".into();
+            (format!("{all} threads"), fewer)
         };
         warnings.push(format!(
-            "{all} share the {} processors of this machine and wait for each other; {fewer}",
-            cores()
+            "{all} share the {cores} processors of this machine and wait for each other; {fewer}"
         ));
     }
     if let Some(memory) = memory.filter(|memory| estimate.memory > 0.9 * memory) {

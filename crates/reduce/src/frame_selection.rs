@@ -20,10 +20,10 @@ impl FromStr for Which {
     fn from_str(text: &str) -> Result<Self, String> {
         match text {
             "last" => Ok(Which::Last),
-            _ => text
-                .parse()
-                .map(Which::Number)
-                .map_err(|_| "write last, or the number of a frame, from 0 on".into()),
+            _ => match text.parse() {
+                Ok(number) => Ok(Which::Number(number)),
+                Err(_) => Err("write last, or the number of a frame, from 0 on".into()),
+            },
         }
     }
 }

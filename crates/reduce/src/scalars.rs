@@ -88,16 +88,12 @@ pub fn of_any(run: &RunFile) -> Result<Vec<FrameScalars>, Failure> {
         FrameScalars::of_dmin(&between(run, numbers, frames, radius))
     };
     let mut scalars = vec![FrameScalars::UNDEFINED; run.frames().min(1)];
+    let write = |_, values| {
+        scalars.extend::<Vec<_>>(values);
+        Ok(())
+    };
     if run.frames() > 0 {
-        frame_pairs::each(
-            run,
-            |range| run.records(range),
-            value,
-            |_, values| {
-                scalars.extend(values);
-                Ok(())
-            },
-        )?;
+        frame_pairs::each(run, |range| run.records(range), value, write)?;
     }
     Ok(scalars)
 }

@@ -52,7 +52,10 @@ impl Measured {
             }
         };
         let strain: Vec<f64> = match &*of.key {
-            "compression" => combined(column("solid_fraction"), x, |phi, _| phi.ln()),
+            "compression" => column("solid_fraction")
+                .iter()
+                .map(|phi| phi.ln())
+                .collect(),
             _ => column("strain").to_vec(),
         };
         let slope = |k: usize| match k {

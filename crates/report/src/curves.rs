@@ -36,10 +36,8 @@ pub fn lines(
         let rows: Vec<usize> = (0..x.len()).collect();
         for ((_, y), colour) in curves.iter().zip(CURVES) {
             draw(plot, x, y, &rows, colour, 1.2);
-            for &row in rows
-                .iter()
-                .filter(|row| x.len() <= MARKED && y[**row].is_finite())
-            {
+            let is_marked = |row: &&usize| x.len() <= MARKED && y[**row].is_finite();
+            for &row in rows.iter().filter(is_marked) {
                 plot.disk([x[row], y[row]], 2.0, colour, None);
             }
         }
@@ -60,13 +58,12 @@ pub fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
     if low > high {
         return [0.0, 1.0];
     }
-    let span = if high > low {
-        high - low
+    let more = if high > low {
+        share * (high - low)
     } else {
-        low.abs().max(1e-3)
+        0.5 * low.abs().max(1e-3)
     };
-    let more = if high > low { share } else { 0.5 };
-    [low - more * span, high + more * span]
+    [low - more, high + more]
 }
 
 /// Draws rows as lines that break at values that are not finite, with no more points than the
@@ -91,13 +88,8 @@ pub fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
         let (least, most) = (indices.clone().min_by(by_height), indices.max_by(by_height));
         let mut chosen = [0, least.unwrap_or(0), most.unwrap_or(0), group.len() - 1];
         chosen.sort_unstable();
-        let mut last = usize::MAX;
-        for k in chosen {
-            if k != last {
-                kept.push(group[k]);
-            }
-            last = k;
-        }
+        let once = chosen.chunk_by(|a, b| a == b);
+        kept.extend(once.map(|same| group[same[0]]));
     }
     kept
 }
@@ -115,11 +107,8 @@ mod tests {
         assert_eq!(kept.len(), 40);
         for column in 0..10 {
             let of = |points: &[[f64; 2]]| -> Vec<f64> {
-                points
-                    .iter()
-                    .filter(|p| p[0].floor() == f64::from(column))
-                    .map(|p| p[1])
-                    .collect()
+                let here = points.iter().filter(|p| p[0].floor() == f64::from(column));
+                here.map(|p| p[1]).collect()
             };
             let (all, few) = (of(&points), of(&kept));
             assert_eq!(extent(all.iter().copied()), extent(few.iter().copied()));

@@ -107,24 +107,17 @@ pub fn figures(
         sums.contacts(run.cell(t), &frame);
         sums.pairs_of(t, &frame);
     }
-    let of = format!(
-        "{} frames of the latter half",
-        if frames.len() == 1 {
-            "One of the".into()
-        } else {
-            format!("Mean of {}", frames.len())
-        }
-    );
-    let [xx, xz, zz] = sums
-        .fabric
-        .map(|sum| sum / (sums.fabric[0] + sums.fabric[2]));
+    let of = match frames.len() {
+        1 => "One of the frames of the latter half".into(),
+        many => format!("Mean of {many} frames of the latter half"),
+    };
+    let trace = sums.fabric[0] + sums.fabric[2];
+    let [xx, xz, zz] = sums.fabric.map(|sum| sum / trace);
     if xx.is_finite() {
         let difference = ((xx - zz).powi(2) + 4.0 * xz * xz).sqrt();
         let angle = (0.5 * (2.0 * xz).atan2(xx - zz)).to_degrees();
-        facts.push((
-            "Fabric in the plane of x and the height: difference of the principal values of ⟨n⊗n⟩, direction of the greater",
-            format!("{difference:.4}, {angle:.1}° from x"),
-        ));
+        let name = "Fabric in the plane of x and the height: difference of the principal values of ⟨n⊗n⟩, direction of the greater";
+        facts.push((name, format!("{difference:.4}, {angle:.1}° from x")));
     }
     let profiles = shears.then(|| [sums.velocities(&of), sums.fractions(&of)]);
     let others = [
@@ -145,6 +138,13 @@ fn chosen(run: &RunFile) -> Vec<usize> {
     (1..=many)
         .map(|k| frames / 2 + k * all / many - 1)
         .collect()
+}
+
+fn separation(axes: usize, cell: Cell, a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+    match axes {
+        2 => cell.separation::<Two>(a, b),
+        _ => cell.separation::<Three>(a, b),
+    }
 }
 
 impl Sums<'_> {
@@ -193,10 +193,7 @@ impl Sums<'_> {
                 }
             }
             let [a, b] = [contact.i, contact.j].map(|id| &frame.grains[id as usize].position);
-            let r = match self.axes {
-                2 => cell.separation::<Two>(a, b),
-                _ => cell.separation::<Three>(a, b),
-            };
+            let r = separation(self.axes, cell, a, b);
             let length = r.iter().map(|x| x * x).sum::<f64>().sqrt();
             let [x, z] = [r[0] / length, r[self.axes - 1] / length];
             let turned = z.atan2(x).rem_euclid(PI) / PI * ANGLES as f64;
@@ -235,10 +232,7 @@ impl Sums<'_> {
         let scale = 1.0 / (centres.len() as f64 * density * self.frames as f64);
         for a in &centres {
             for b in &free {
-                let r = match axes {
-                    2 => cell.separation::<Two>(&a[..], b),
-                    _ => cell.separation::<Three>(&a[..], b),
-                };
+                let r = separation(axes, cell, a, b);
                 let distance = r.iter().map(|x| x * x).sum::<f64>().sqrt();
                 let bin = (distance / width) as usize;
                 if bin < self.pairs.len() && distance > 0.0 {
@@ -284,13 +278,13 @@ impl Sums<'_> {
 
     fn fractions(&self, of: &str) -> Option<ReportFigure> {
         let layer = self.base() * self.layer_height() * self.frames as f64;
+        let outermost = if self.walls {
+            "belong to the walls"
+        } else {
+            "lack what crosses an edge of the cell"
+        };
         let caption = format!(
-            "{of}: solid fraction across the height, in layers; the outermost {}.",
-            if self.walls {
-                "belong to the walls"
-            } else {
-                "lack what crosses an edge of the cell"
-            }
+            "{of}: solid fraction across the height, in layers; the outermost {outermost}."
         );
         self.profile_of(
             ("fraction-profile", caption),

@@ -60,10 +60,8 @@ impl Screen {
     /// pseudo-terminal as standard output; it has the size of the terminal that mpirun itself
     /// writes to, and none if mpirun writes to a file or a pipe.
     fn find() -> Option<Self> {
-        let terms = [Term::stdout(), Term::stderr()];
-        let term = terms
-            .into_iter()
-            .find(|term| term.is_term() && term.size_checked().is_some())?;
+        let mut terms = [Term::stdout(), Term::stderr()].into_iter();
+        let term = terms.find(|term| term.is_term() && term.size_checked().is_some())?;
         let target = ProgressDrawTarget::term(term.clone(), 10);
         if target.is_hidden() {
             return None;
@@ -149,11 +147,8 @@ impl Terminal {
     }
 
     pub fn header(&self, exchange: &dyn Parallel, scene: &Scene, isa: Isa) {
-        self.say(format!(
-            "{}: {}",
-            provenance::printed(),
-            on_one_line(&scene.title)
-        ));
+        let title = on_one_line(&scene.title);
+        self.say(format!("{}: {title}", provenance::printed()));
         let sample = &scene.sample;
         let grains = format!(
             "{} on {} ({}); {} grains",
@@ -186,24 +181,15 @@ impl Terminal {
         };
         self.say(format!("{grains}, L_x = {:.4e} m{width}", sample.length));
         if let Origin::Packing { file, walls } = &plane_shear.origin {
-            self.say(format!(
-                "grains from {}; {}",
-                file.path.display(),
-                match (plane_shear.pack.skip, walls) {
-                    (false, _) => "to be packed",
-                    _ if plane_shear.confinement == Confinement::Images => "without walls",
-                    (true, Walls::Layers)
-                        if plane_shear.confinement == Confinement::FreeSurface =>
-                    {
-                        "the bottom is its lowest layer"
-                    }
-                    (true, Walls::Types) if plane_shear.confinement == Confinement::FreeSurface => {
-                        "the bottom is type 2"
-                    }
-                    (true, Walls::Layers) => "walls are its lowest and highest layer",
-                    (true, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
-                }
-            ));
+            let what = match (plane_shear.confinement, walls) {
+                _ if !plane_shear.pack.skip => "to be packed",
+                (Confinement::Images, _) => "without walls",
+                (Confinement::FreeSurface, Walls::Layers) => "the bottom is its lowest layer",
+                (Confinement::FreeSurface, Walls::Types) => "the bottom is type 2",
+                (Confinement::Walls, Walls::Layers) => "walls are its lowest and highest layer",
+                (Confinement::Walls, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
+            };
+            self.say(format!("grains from {}; {what}", file.path.display()));
         }
         let load = &plane_shear.load;
         self.say(format!("law:   {law}"));
@@ -437,14 +423,11 @@ fn phases_within(table: &str, width: usize) -> String {
         let kept = columns.filter(|(at, _)| !(20..30).contains(at) && !(40..50).contains(at));
         kept.map(|(_, c)| c).collect()
     };
-    let lines = table.lines().map(|line| {
-        if table.lines().any(|l| l.chars().count() > width) {
-            narrowed(line)
-        } else {
-            line.to_string()
-        }
-    });
-    lines.collect::<Vec<_>>().join("\n")
+    if table.lines().all(|line| line.chars().count() <= width) {
+        return table.trim_end().into();
+    }
+    let lines: Vec<String> = table.lines().map(narrowed).collect();
+    lines.join("\n")
 }
 
 /// How often an output is written.
@@ -513,9 +496,8 @@ fn law(scene: &Scene) -> String {
         [first, _, ..] => format!("{} of {first}", law.kind().name),
         _ => law.kind().name.into(),
     };
-    let parts: Vec<String> = std::iter::once(name)
-        .chain(derived.map(|text| text.trim_end().into()))
-        .collect();
+    let derived = derived.map(|text| text.trim_end().into());
+    let parts: Vec<String> = std::iter::once(name).chain(derived).collect();
     parts.join(", ")
 }
 
@@ -597,10 +579,8 @@ mod tests {
         let table = clock.table(&gshear_dem::domain::Solo);
         assert_eq!(phases_within(&table, 80), table.trim_end());
         let narrow = phases_within(&table, 39);
-        assert!(
-            narrow.starts_with("phase (s)                 mean    share\nmotion "),
-            "{narrow}"
-        );
+        let head = "phase (s)                 mean    share\nmotion ";
+        assert!(narrow.starts_with(head), "{narrow}");
         for line in narrow.lines() {
             assert_eq!(line.chars().count(), 39, "{narrow}");
             assert!(line.ends_with('%') || line.ends_with("share"), "{narrow}");

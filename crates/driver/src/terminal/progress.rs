@@ -144,10 +144,7 @@ pub fn line(
     let values = values(standing).join(" ");
     let speeds = speed.map_or([String::new(), String::new()], |speed| {
         let millions = 1e-6 * speed;
-        [
-            format!("{millions:.1} million grain-steps/s"),
-            format!("{millions:.1} M grain-steps/s"),
-        ]
+        ["million", "M"].map(|unit| format!("{millions:.1} {unit} grain-steps/s"))
     });
     let about = match standing.steps {
         Some(_) => "",
@@ -174,11 +171,8 @@ pub fn line(
     ];
     for (name, bar, values, speed, left) in forms {
         let pieces = [name, &part, values, speed, left];
-        let taken: usize = pieces
-            .iter()
-            .filter(|piece| !piece.is_empty())
-            .map(|piece| piece.chars().count() + 1)
-            .sum();
+        let shown = pieces.iter().filter(|piece| !piece.is_empty());
+        let taken: usize = shown.map(|piece| piece.chars().count() + 1).sum();
         let taken = taken.saturating_sub(1);
         let room = width.saturating_sub(taken + 1).min(BAR[0]);
         let bar = match fraction {
@@ -200,10 +194,8 @@ pub fn line(
             style(Style::new().green(), left),
         ];
         let texts = [name, &part, &bar, values, speed, left];
-        let kept = pieces
-            .iter()
-            .zip(texts)
-            .filter(|(_, text)| !text.is_empty());
+        let pieces = pieces.iter().zip(texts);
+        let kept = pieces.filter(|(_, text)| !text.is_empty());
         let kept: Vec<&str> = kept.map(|(piece, _)| &**piece).collect();
         return kept.join(" ");
     }
@@ -215,12 +207,9 @@ fn bar_of(width: usize, fraction: f64) -> String {
     let inner = width - 2;
     let full = (fraction * inner as f64) as usize;
     let head = usize::from(full < inner);
-    format!(
-        "[{}{}{}]",
-        "=".repeat(full),
-        ">".repeat(head),
-        " ".repeat(inner - full - head)
-    )
+    let [body, head, rest] = [("=", full), (">", head), (" ", inner - full - head)]
+        .map(|(sign, count)| sign.repeat(count));
+    format!("[{body}{head}{rest}]")
 }
 
 #[cfg(test)]
@@ -241,17 +230,9 @@ mod tests {
 
     #[test]
     fn a_line_fits_every_width() {
-        for standing in [
-            shear(),
-            Standing {
-                steps: None,
-                ..shear()
-            },
-            Standing {
-                strain: None,
-                ..shear()
-            },
-        ] {
+        let mut others = [shear(), shear()];
+        (others[0].steps, others[1].strain) = (None, None);
+        for standing in [shear()].into_iter().chain(others) {
             for width in 0..200 {
                 let text = line(&standing, Some(62.1e6), Some(4000.0), width, false);
                 assert!(text.chars().count() <= width, "{width}: {text}");
@@ -267,17 +248,13 @@ mod tests {
         for word in ["43.2 %", "strain 0.04321", "tau 0.4575", "1m 12s"] {
             assert!(of(39).contains(word), "{}", of(39));
         }
-        assert!(
-            of(79).contains("62.1 M grain-steps/s 1m 12s left"),
-            "{}",
-            of(79)
-        );
-        assert!(of(79).contains("[====>"), "{}", of(79));
+        let narrow = of(79);
+        for words in ["62.1 M grain-steps/s 1m 12s left", "[====>"] {
+            assert!(narrow.contains(words), "{narrow}");
+        }
         let wide = of(150);
-        assert!(
-            wide.starts_with("shear 43.2 % [=") && wide.contains("million grain-steps/s"),
-            "{wide}"
-        );
+        assert!(wide.starts_with("shear 43.2 % [="), "{wide}");
+        assert!(wide.contains("million grain-steps/s"), "{wide}");
     }
 
     #[test]

@@ -35,20 +35,14 @@ impl DumpWriter {
         writeln!(file, "ITEM: NUMBER OF {}\n{}", count.0, count.1)?;
         // LAMMPS needs a period along z in 2D.
         let periodic = run.periodic().into_iter().enumerate();
-        let kinds = periodic.map(|(axis, periodic)| {
-            if periodic || axis >= run.axes() {
-                " pp"
-            } else {
-                " ff"
-            }
-        });
+        let is_periodic = |(axis, periodic)| periodic || axis >= run.axes();
+        let kinds = periodic.map(|of| if is_periodic(of) { " pp" } else { " ff" });
         let kinds: String = kinds.collect();
         let mut bounds = run.bounds(frame);
         let Some(tilt) = run.tilt(frame) else {
             writeln!(file, "ITEM: BOX BOUNDS{kinds}")?;
-            return bounds
-                .iter()
-                .try_for_each(|[low, high]| writeln!(file, "{low:?} {high:?}"));
+            let mut lines = bounds.iter();
+            return lines.try_for_each(|[low, high]| writeln!(file, "{low:?} {high:?}"));
         };
         // The bounds along x are those of the tilted box.
         bounds[0][0] += tilt.min(0.0);

@@ -159,10 +159,8 @@ impl FrameWriter for NpzWriter {
         }
         let contacts = &records.contacts;
         // Row of the first contact of each frame, and after the last.
-        let before = self
-            .arrays
-            .iter()
-            .find(|array| array.name == "contact_pair");
+        let mut arrays = self.arrays.iter();
+        let before = arrays.find(|array| array.name == "contact_pair");
         let before = before.map_or(0, |array| array.shape[0]);
         if is_first {
             self.append("contact_offset", 1, &[], &[0u64]);
