@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Attraction and materials beside LAMMPS, and attraction in plane shear, for docs/validation.md.
 
-contacts.py attraction          DMT spheres: errors of both programs against the limit of ours
+contacts.py attraction          DMT and JKR spheres: errors of both programs against the limit of ours
 contacts.py materials           spheres of two materials between walls of a third, by both programs
 contacts.py flow OUT.svg RUN... mu, Phi and z of runs over the cohesion number, one for each seed
 
@@ -121,21 +121,23 @@ class Motion:
 
 
 def attraction() -> None:
-    """Prints the errors of positions and velocities of DMT spheres."""
+    """Prints the errors of positions and velocities of DMT and JKR spheres."""
     motion = Motion("attraction")
     material = motion.scene.config["material"]
     elastic = f"{material['young_modulus']} 0.0 {material['poisson_ratio']} {SURFACE_ENERGY}"
-    motion.contact.write_text(f"pair_style granular\npair_coeff * * dmt {elastic} {SMOOTH}\n")
-
-    def ours(factor: float) -> End:
-        return motion.ours(factor, **{"contact.surface_energy": SURFACE_ENERGY})
-
-    limit = ours(REFERENCE)
-    print("step/default  gshear-mpi: positions, velocities  LAMMPS: positions, velocities")
-    for factor in [*FACTORS, REFERENCE]:
-        programs = [motion.theirs] if factor == REFERENCE else [ours, motion.theirs]
-        found = [motion.apart(of(factor), limit) for of in programs]
-        print(f"{factor:<12g}", *(f"{number:.2e}" for pair in found for number in pair))
+    sets = {"contact.surface_energy": SURFACE_ENERGY}
+    for model in ["dmt", "jkr"]:
+        # Without histories LAMMPS' jkr ends with "Neighbor history overflow".
+        smooth = SMOOTH.replace("linear_nohistory 0.0", "linear_history 1.0 0.0")
+        coefficients = f"{model} {elastic} {SMOOTH if model == 'dmt' else smooth}"
+        motion.contact.write_text(f"pair_style granular\npair_coeff * * {coefficients}\n")
+        sets["contact.adhesion"] = f"'{model}'"
+        limit = motion.ours(REFERENCE, **sets)
+        print(f"{model}: step/default  gshear-mpi: positions, velocities  LAMMPS: the same")
+        for factor in [*FACTORS, REFERENCE]:
+            found = [] if factor == REFERENCE else motion.apart(motion.ours(factor, **sets), limit)
+            found += motion.apart(motion.theirs(factor), limit)
+            print(f"{factor:<12g}", *(f"{number:.2e}" for number in found))
 
 
 def materials() -> None:

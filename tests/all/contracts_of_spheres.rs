@@ -260,6 +260,15 @@ fn mixtures_keep_the_contracts() {
         "--set=bookkeeping.skin=0.3",
     ];
     assert_eq!(run("quiet", 2, &quiet).digest(), expected);
+    // With JKR adhesion, whose E* is that of each pair.
+    let adhering = [
+        "--set=contact.surface_energy=2.0",
+        "--set=contact.adhesion=jkr",
+    ];
+    let held = run("held", 1, &adhering).digest();
+    assert_ne!(held, expected);
+    let three = run("held-by-three", 3, &[&adhering[..], &rebuilt].concat());
+    assert_eq!(three.digest(), held);
     // A type of no material is not taken for the first.
     let other = mixed.replace(" 4 ", " 6 ").replace("3 atom", "6 atom");
     let path = folder.path().join("other.data");

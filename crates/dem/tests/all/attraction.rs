@@ -377,6 +377,50 @@ fn jkr_spheres_stick_or_lose_the_work_of_adhesion() {
     assert!(c < 1e-3 && a / b > 3.0 && b / c > 3.0, "{errors:?}");
 }
 
+/// Oblique impacts with dampers and friction, whose forces jump at the touch and at the pull-off:
+/// velocities and spins afterwards are of second order on average.
+#[test]
+fn damped_and_frictional_impacts_with_jkr_are_of_second_order() {
+    let spheres = Spheres {
+        normal_damping: 1e7,
+        tangential_damping: 5e6,
+        ..SPHERES
+    };
+    let law = Law::of(&hertz::KIND, spheres);
+    let [_, force, gap] = pull_off();
+    let mass = reduced_mass(&law, <Three as Dimension>::volume);
+    let speed = 6.0 * (force * gap / mass).sqrt();
+    let contact = Contact {
+        friction: 0.3,
+        ..jkr()
+    };
+    let end = |k: u32, step: f64, steps: usize| {
+        let start = -gap * (0.1 + 0.0123 * f64::from(k));
+        let velocity = [-speed, 0.4 * speed, 0.1 * speed];
+        let mut pair = Pair::<Three>::new(&law, &contact, start, velocity, step);
+        pair.advance(steps);
+        assert!(pair.forces().is_none());
+        let grain = pair.system.grain_states()[0];
+        let rim = grain.angular_velocity.map(|w| w * grain.radius);
+        [grain.velocity, rim].map(|v| v.map(|v| v / speed))
+    };
+    let coarse = 0.1 * gap / speed;
+    let mut errors = [[0.0f64; 2]; 3];
+    for k in 0..20 {
+        let reference = end(k, coarse / 32.0, 400 * 32);
+        for (level, errors) in errors.iter_mut().enumerate() {
+            let found = end(k, coarse * 0.5f64.powi(level as i32), 400 << level);
+            for (sum, (a, b)) in errors.iter_mut().zip(found.iter().zip(&reference)) {
+                *sum += (0..3).map(|k| (a[k] - b[k]).abs()).sum::<f64>() / 20.0;
+            }
+        }
+    }
+    for of in 0..2 {
+        let [a, b, c] = errors.map(|level| level[of]);
+        assert!(c < 1e-3 && a / b > 3.0 && b / c > 3.0, "{errors:?}");
+    }
+}
+
 /// A damped impact beside LAMMPS (29 Sep 2021, `pair_style granular`, `jkr`,
 /// `damping viscoelastic`; scripts/validation/jkr.in), whose Δt of 1e-8 s leaves 3e-4: the gap and
 /// the speed after 0.4 ms.
