@@ -26,6 +26,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
         "[{ velocity = 3.0, distance = 2e-3 }, { velocity = 0.0, time = 2e-4 }, "
         "{ velocity = 2.0, distance = 1.5e-3 }]"
     )
+    steps = [{"velocity": v, "distance": 1.5e-3} for v in (3.0, 2.0, 3.0)]
     flow: dict[str, object] = {"sample.grains": 120, "sample.length": "10 mm"}
     flow |= {"output.series_rows": 60, "output.frame_rows": 4}
     flow |= {"shear.protocol": [{"velocity": 0.5, "time": 0.03, "pressure": p} for p in (1e3, 4e3)]}
@@ -35,6 +36,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
         "disks": ("crossing.toml", 2, slow),
         "other disks": ("crossing.toml", 1, slow | {"seed": 6}),
         "spheres": ("crossing-3d.toml", 1, {"shear.protocol": protocol}),
+        "velocity steps": ("crossing-3d.toml", 1, {"shear.protocol": steps}),
         "box": ("periodic.toml", 1, {}),
         "flow": ("../../configs/mu-of-i-2d.toml", 1, flow),
         "disks without walls": (
