@@ -8,11 +8,11 @@
 //! F_t = -√(δR*) k_t u - γ_t v_t,          γ_t = x γ_n,                  k_t = 2E/((1+ν)(2-ν))
 //! ```
 //!
-//! with Coulomb's limit and the history u of `hertz`, but u is set back against v_t to k_t |u| =
-//! μ k_n δ at most: where γ_t |v_t| exceeds the limit by more, F_t = -μF_n v_t/|v_t|. At the touch
-//! a damper exceeds the limit if x |v_t| > μ |v_n|. Without the bound it would set u back by more the
-//! smaller the overlap, as δ^(-1/4): the contact would then push along its slip, and the motion not
-//! converge with Δt. LAMMPS has no such bound.
+//! with Coulomb's limit and the history u of `hertz`, but u is set back against v_t to
+//! k_t |u| = μ k_n δ at most: where γ_t |v_t| exceeds the limit by more, F_t = -μF_n v_t/|v_t|. At
+//! the touch a damper exceeds the limit if x |v_t| > μ |v_n|. Without the bound it would set u back
+//! by more the smaller the overlap, as δ^(-1/4): the contact would then push along its slip, and
+//! the motion not converge with Δt. LAMMPS has no such bound.
 //!
 //! α depends on the coefficient of restitution e (Marshall 2009, eq. 53):
 //!
