@@ -267,8 +267,8 @@ pub const LARGEST_OVERLAP: f64 = super::hooke::LARGEST_OVERLAP;
 
 /// How the dampers of Hertzian contacts depend on the overlap.
 pub trait Damper: Copy + Debug + PartialEq + Send + Sync + 'static {
-    /// Whether the spring of a contact whose damper exceeds the limit is set back against the slip to
-    /// μ times the elastic part of F_n at most.
+    /// Whether the spring of a contact whose damper exceeds the limit is set back against the slip
+    /// to μ times the elastic part of F_n at most.
     const LIMITED: bool = false;
 
     /// The damping of a pair, from the law's constant and m* (kg).
