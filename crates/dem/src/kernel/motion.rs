@@ -70,7 +70,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let approach = -half_v.normal * step;
         let lengths = [pair.overlap, approach, sum, r_i];
         let (new, since_jump) =
-            touch::<L, BUDGET>(token, &jkr, lengths, touching, (motion, overlap));
+            touch::<L, BUDGET>(token, jkr.as_ref(), lengths, touching, (motion, overlap));
         if before | *touching != 0 {
             active = k + 1;
         } else {
@@ -100,7 +100,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
 #[inline(always)]
 fn touch<L: Lanes, const BUDGET: bool>(
     token: L::Token,
-    jkr: &Option<Jkr>,
+    jkr: Option<&Jkr>,
     [overlap, approach, sum, r_i]: [L; 4],
     touching: &mut u16,
     (motion, without_jkr): (&mut PairMotion, &mut Lanes16),
