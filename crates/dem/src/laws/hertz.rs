@@ -435,7 +435,8 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
 
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
     /// Spring and damper over √(δR*), set back to their limit, and the spring's u; at the end of
-    /// the step they would be `trial`. At its beginning v_t was 2 v_t(t + ½Δt) - v_t, to second order.
+    /// the step they would be `trial`. At its beginning v_t was 2 v_t(t + ½Δt) - v_t, to second
+    /// order.
     #[inline(always)]
     fn set_back<L: Lanes>(
         &self,
