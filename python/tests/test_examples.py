@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -16,14 +17,18 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SCENES = Path(__file__).resolve().parents[2] / "tests" / "scenes"
 
 
-@pytest.fixture(scope="module")
-def precursors() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("precursors", EXAMPLES / "slip_precursors.py")
+def example(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="module")
+def precursors() -> ModuleType:
+    return example("slip_precursors")
 
 
 def test_areas_and_ranks_of_known_cases(precursors: ModuleType) -> None:
@@ -74,3 +79,26 @@ def test_slips_of_a_run_are_reduced(
     assert len(tests) == 2 * len(precursors.MEASURES)
     assert tests["roc_area"].between(0, 1).all()
     assert (out / "precursors.svg").stat().st_size > 10_000
+
+
+def test_stress_and_energy_of_a_relaxation_are_those_of_the_program(
+    originals: Callable[[str], Path],
+) -> None:
+    """Of every frame; and what is at rest stays as it is."""
+    relaxation = example("relax_end_state")
+    with Run(originals("box") / "newtonian.h5", quiet=True) as run:
+        for index, step in enumerate(run.frames.step):
+            state = relaxation.State(run, index)
+            row = run.series[run.series.step == step].iloc[0]
+            assert state.energy == pytest.approx(row.elastic_energy, rel=1e-11)
+            assert state.stress == pytest.approx(row.shear_stress, rel=1e-9)
+        energy = state.energy
+        assert state.relax(0.2, 0.4, 1000) < relaxation.AT_REST
+        assert state.energy == pytest.approx(energy, rel=1e-9)
+        # Once a grain is moved, the packing comes to rest again and loses the work.
+        state.x[0] += 0.01 * state.radius[0]
+        state.evaluate(0.0)
+        moved = state.energy
+        assert moved > (1.0 + 1e-6) * energy
+        assert state.relax(0.2, 0.4, 20000) < relaxation.AT_REST
+        assert state.energy < moved - 0.9 * (moved - energy)

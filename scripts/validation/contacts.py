@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Attraction and materials beside LAMMPS, and attraction in plane shear, for docs/validation.md.
 
-contacts.py attraction          DMT and JKR spheres: errors of both programs against the limit of ours
+contacts.py attraction          DMT and JKR spheres: errors of both programs from the limit of ours
 contacts.py materials           spheres of two materials between walls of a third, by both programs
 contacts.py flow OUT.svg RUN... mu, Phi and z of runs over the cohesion number, one for each seed
 

@@ -124,15 +124,20 @@ fn a_window_is_that_of_the_run_with_frames() {
 #[test]
 fn spheres_under_a_spring_are_replayed() {
     let temporary = tempfile::tempdir().expect("a folder");
-    let folder = temporary.path().join("run");
-    // The protocol writes a checkpoint at the end of every part.
-    run(SPHERES, 1, &folder, &["output.keep_checkpoints=true"]);
-    let whole = RunFile::open(&folder).expect("a run");
-    let strain = whole.series().column("strain");
-    let [from, to] = [0.6, 0.7].map(|part| strain[(part * strain.len() as f64) as usize]);
-    let window = format!("{from:?}..{to:?}");
-    let words = said(&reduce(&["replay", text(&folder), "--strain", &window]), 0);
-    assert!(words.contains("to the last bit"), "{words}");
+    // Contacts of JKR hold grains together that no longer overlap.
+    let adhering = ["contact.surface_energy=2.0", "contact.adhesion=jkr"];
+    for (name, sets) in [("run", &[][..]), ("adhering", &adhering)] {
+        let folder = temporary.path().join(name);
+        // The protocol writes a checkpoint at the end of every part.
+        let sets = [&["output.keep_checkpoints=true"], sets].concat();
+        run(SPHERES, 1, &folder, &sets);
+        let whole = RunFile::open(&folder).expect("a run");
+        let strain = whole.series().column("strain");
+        let [from, to] = [0.6, 0.7].map(|part| strain[(part * strain.len() as f64) as usize]);
+        let window = format!("{from:?}..{to:?}");
+        let words = said(&reduce(&["replay", text(&folder), "--strain", &window]), 0);
+        assert!(words.contains("to the last bit"), "{name}: {words}");
+    }
 }
 
 /// `dmin` of spheres against least squares by SVD over neighbours from all images; `export` and

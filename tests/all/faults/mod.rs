@@ -13,8 +13,8 @@ use gshear_store::run_reader::RunFile;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Longest time of a run with a fault, its watchdog included. Ranks that wait within the MPI
-/// library yield their cores, and get them back late beside other tests.
+/// Longest time of a run with a fault, its watchdog included. Beside other tests, and programs that
+/// write to the same disk, ranks may wait for each other and for their files for tens of seconds.
 const LONGEST: Duration = Duration::from_mins(4);
 /// Several checkpoints, many frames and rows in a short run.
 const SET: [&str; 5] = [

@@ -94,9 +94,8 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     active
 }
 
-/// Finds which pairs touch, in place of those that touched a step ago. Returns those that touch for
-/// the first time, and the overlap since they touched or opened. `lengths`: δ, -v_n Δt, R_i + R_j
-/// and R_i.
+/// Updates the mask of touching pairs. Returns the pairs that touch for the first time, and the
+/// overlap since touch or opening. Takes δ, -v_n Δt, R_i + R_j and R_i.
 #[inline(always)]
 fn touch<L: Lanes, const BUDGET: bool>(
     token: L::Token,

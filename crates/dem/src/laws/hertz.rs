@@ -267,9 +267,9 @@ pub const LARGEST_OVERLAP: f64 = super::hooke::LARGEST_OVERLAP;
 
 /// How the dampers of Hertzian contacts depend on the overlap.
 pub trait Damper: Copy + Debug + PartialEq + Send + Sync + 'static {
-    /// Whether the spring of a contact whose damper exceeds the limit is set back against the slip
-    /// to μ times the elastic part of F_n at most.
-    const LIMITED: bool = false;
+    /// Whether a spring that is set back against the slip stops at μ times the elastic part of F_n:
+    /// needed if the damper may be stronger than any spring.
+    const BOUNDS_SPRING: bool = false;
 
     /// The damping of a pair, from the law's constant and m* (kg).
     fn of_pair<L: Lanes>(token: L::Token, constant: L, reduced_mass: L) -> L;
@@ -461,7 +461,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         for k in 0..3 {
             spring[k] = (-gamma_t).mul_add(v_t[k], force[k]) * compliance;
         }
-        if D::LIMITED {
+        if D::BOUNDS_SPRING {
             let (speed, per_speed) = norm(token, v_t);
             let bound = c(self.friction * self.normal_stiffness) * overlap;
             let [_, sliding] = masks;
@@ -545,12 +545,13 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                 let stiffness = stiffness.select(touching, zero);
                 stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
                 (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);
-                let mut viscous = scaled(&v_t, gamma_t * root);
-                if D::LIMITED {
-                    for k in 0..3 {
-                        viscous[k] = root * (-k_t).mul_add(spring[k], force[k]);
-                    }
-                }
+                let viscous = if D::BOUNDS_SPRING {
+                    let ([x, y, z], [u_x, u_y, u_z]) = (force, spring);
+                    let rest = [x - k_t * u_x, y - k_t * u_y, z - k_t * u_z];
+                    scaled(&rest, root)
+                } else {
+                    scaled(&v_t, gamma_t * root)
+                };
                 let power = Three::dot(&viscous, &v_t).select(touching, zero);
                 add_damping(token, response, power);
             }

@@ -182,7 +182,7 @@ impl Constants for TsujiSpheres {
 pub struct Tsuji;
 
 impl Damper for Tsuji {
-    const LIMITED: bool = true;
+    const BOUNDS_SPRING: bool = true;
 
     #[inline(always)]
     fn of_pair<L: Lanes>(_: L::Token, constant: L, reduced_mass: L) -> L {
