@@ -90,7 +90,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
     // Attraction, which depends on the radii and jumps in the steps of touch and of opening; that
     // of JKR holds grains together that no longer overlap. Tsuji's dampers, which exceed Coulomb's
     // limit at most touches and set springs back to their bound.
-    const ENERGY: &str = "--set=contact.surface_energy=2.0";
+    let energy = "--set=contact.surface_energy=2.0";
     let tsuji = [
         "--set=contact.law=hertz-tsuji",
         "--set=contact.impact_speed=none",
@@ -99,8 +99,8 @@ fn spheres_under_a_spring_keep_the_contracts() {
         "--set=contact.tangential_damping_ratio=2.0",
     ];
     let cases = [
-        ("held", &[ENERGY, "--set=contact.adhesion=dmt"][..]),
-        ("adhering", &[ENERGY, "--set=contact.adhesion=jkr"]),
+        ("held", &[energy, "--set=contact.adhesion=dmt"][..]),
+        ("adhering", &[energy, "--set=contact.adhesion=jkr"]),
         ("damped", &tsuji),
     ];
     for (held, sets) in cases {
