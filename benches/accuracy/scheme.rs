@@ -86,7 +86,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.moved()
     }
 
-    fn renumber(&mut self, isa: Isa, grains: &Grains<Two>, skin: f64) {
+    fn renumber(&mut self, isa: Isa, grains: &mut Grains<Two>, skin: f64) {
         self.walls.renumber(isa, grains, skin);
     }
 }

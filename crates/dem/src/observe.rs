@@ -258,9 +258,10 @@ fn sums<D: Dimension>(
         UpperEnd::Free(_) => (body::BOTTOM, -1.0),
         _ => (body::TOP, 1.0),
     };
-    for g in (0..grains.owned).filter(|g| grains.body[*g] == wall) {
-        system.fixed.add(&mut shear, -sign * grains.force[g][0]);
-        system.fixed.add(&mut normal, sign * grains.force[g][D::UP]);
+    for g in grains.of_body(wall) {
+        let force = &grains.force[g as usize];
+        system.fixed.add(&mut shear, -sign * force[0]);
+        system.fixed.add(&mut normal, sign * force[D::UP]);
     }
     let mut counts = [0i64; 3];
     for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
@@ -420,7 +421,8 @@ pub fn stress<D: Dimension>(
     }
 }
 
-/// This rank's part of a frame: its grains, and the contacts whose first grain it owns.
+/// This rank's part of a frame: its grains, and the contacts of two grains of which it owns the
+/// first.
 pub fn frame<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairModel,
@@ -433,7 +435,7 @@ pub fn frame<D: Dimension>(
     let contacts = system
         .contacts
         .touching()
-        .filter(|at| at.i < system.grains.owned)
+        .filter(|at| at.i < system.grains.owned && !system.grains.is_foot(at.j))
         .map(|at| {
             let state = system.contacts.state(law, at, &system.grains.id);
             let force = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);

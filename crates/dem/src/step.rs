@@ -85,7 +85,11 @@ pub fn advance<D: Dimension>(
         |speed| fastest = greater_or_nan(fastest, speed),
     );
     drive.predict(step, &mut system.cell, &mut system.grains);
-    let rebuild = system.list.moved(fastest, step, &system.grains, &cell);
+    let planes = drive.planes();
+    if let Some(planes) = planes {
+        system.grains.put_feet(planes);
+    }
+    let rebuild = (system.list).moved(fastest, step, &system.grains, (&cell, planes));
     system.clock.end(StepPhase::Motion);
 
     let travelled = Some(system.list.travelled);

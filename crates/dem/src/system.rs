@@ -11,8 +11,8 @@ use crate::kernel::PairForce;
 use crate::neighbour::{self, LocalExtent};
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
-    CandidatePair, Cell, ContactState, Contacts, GrainState, Grains, Ids, LocalGrains, Masses,
-    Remembered, Units, body, length,
+    CandidatePair, Cell, ContactState, Contacts, FlatWalls, GrainState, Grains, Ids, LocalGrains,
+    Masses, Remembered, Units, body, length,
 };
 use crate::threads::{OwnedPart, ThreadPool};
 
@@ -44,6 +44,8 @@ pub struct System<D: Dimension> {
     pub(crate) grains: Grains<D>,
     /// What messages call the grains.
     pub ids: Ids,
+    /// Flat walls, where the drive has planes.
+    pub flat: Option<FlatWalls>,
     /// The candidate pairs and their histories.
     pub contacts: Contacts,
     /// The slabs of the ranks.
@@ -102,6 +104,8 @@ pub struct List {
     height: f64,
     /// Positions of the owned grains at the last rebuild.
     origin: Vec<[f64; 3]>,
+    /// Heights of flat walls then (m).
+    planes: [f64; 2],
     /// Whether a coordinate is NaN or a grain moved further than half a skin before a rebuild.
     pub unsound: bool,
 }
@@ -142,6 +146,7 @@ impl List {
             images_moved: 0.0,
             height: f64::INFINITY,
             origin: Vec::new(),
+            planes: [0.0; 2],
             unsound: false,
         })
     }
@@ -178,7 +183,7 @@ impl List {
         fastest: f64,
         step: f64,
         grains: &Grains<D>,
-        cell: &Cell,
+        (cell, planes): (&Cell, Option<[f64; 2]>),
     ) -> bool {
         let images_step = step * cell.sheared.map_or(0.0, |s| s.half_velocity);
         self.images_moved += images_step;
@@ -192,7 +197,11 @@ impl List {
         // The next step may be up to twice as fast.
         let margin = 2.0 * (step * fastest + more);
         if self.bound + margin > half {
-            let exact = self.displacement(grains, cell) + 0.5 * self.cutoff() * self.strain(cell);
+            // One at infinity moves by a NaN, which `max` leaves out.
+            let planes = planes.into_iter().flatten().zip(self.planes);
+            let of_planes = planes.fold(0.0, |most: f64, (now, then)| most.max((now - then).abs()));
+            let of_grains = self.displacement(grains, cell).max(of_planes);
+            let exact = of_grains + 0.5 * self.cutoff() * self.strain(cell);
             self.bound = exact;
             self.unsound = exact.is_nan() || exact > half;
         }
@@ -363,6 +372,7 @@ impl<D: Dimension> System<D> {
             budget: None,
             stress: None,
             ids: Ids::default(),
+            flat: None,
         })
     }
 
@@ -530,15 +540,21 @@ impl<D: Dimension> System<D> {
             skin: self.list.gap + self.list.skin,
         };
         let extent = self.extent(exchange);
+        self.grains.lift_feet();
         let mut candidates = neighbour::pairs(&self.grains, self.cell, extent, cutoff);
         self.list.reach = reach(&candidates);
         self.slabs
             .drop_unpaired_ghosts(exchange, &mut self.grains, &mut candidates);
+        self.list.planes = drive.planes().unwrap_or_default();
+        if let (Some(flat), Some(planes)) = (self.flat, drive.planes()) {
+            candidates.extend(self.grains.stand_on(flat, planes, cutoff.skin));
+        }
         let Grains {
             id,
             radius,
             material,
             owned,
+            feet,
             ..
         } = &self.grains;
         self.pool.divide(&candidates, *owned);
@@ -552,12 +568,13 @@ impl<D: Dimension> System<D> {
                 radius,
                 material,
                 owned: *owned,
+                has_feet: !feet.is_empty(),
                 shares: self.pool.shares(),
                 ghosts_move: 0.5 * self.list.skin,
             },
         );
         self.pool.assign(&self.contacts, self.grains.local());
-        drive.renumber(self.isa, &self.grains, self.list.skin);
+        drive.renumber(self.isa, &mut self.grains, self.list.skin);
 
         self.list.due = false;
         self.list.bound = 0.0;
@@ -588,6 +605,15 @@ impl<D: Dimension> System<D> {
         self.ids.of(self.grains.id[g])
     }
 
+    /// The second grain of a pair, for messages.
+    fn partner(&self, g: usize) -> String {
+        match self.grains.body[g] {
+            _ if !self.grains.is_foot(g) => format!("{} at {}", self.id(g), self.place(g)),
+            body::TOP => "the top wall".into(),
+            _ => "the bottom wall".into(),
+        }
+    }
+
     /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
         let place = |g: usize| self.place(g);
@@ -599,13 +625,9 @@ impl<D: Dimension> System<D> {
                 let (a, b) = (self.grains.fields(i), self.grains.fields(j));
                 let distance = length(self.cell.separation::<D>(a, b));
                 let sum = self.contacts.geometry[block][0].0[lane];
-                let grains = format!(
-                    "grains {} at {} and {} at {}",
-                    self.id(i),
-                    place(i),
-                    self.id(j),
-                    place(j),
-                );
+                let (id, at, partner) = (self.id(i), place(i), self.partner(j));
+                let kind = if self.grains.is_foot(j) { "grain" } else { "grains" };
+                let grains = format!("{kind} {id} at {at} and {partner}");
                 if let Outside::Pair(..) = why {
                     format!(
                         "{grains} overlap by {:.3e} m, {:.1} % of the sum of their radii: outside the contact law",

@@ -297,7 +297,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
         _ => None,
     };
     let file = match &walls.origin {
-        Origin::Packing { file, .. } if walls.pack.skip => Some(file.height()),
+        Origin::Packing(file) if walls.pack.skip => Some(file.height()),
         _ => None,
     };
     let between = |height: f64| height - 2.0 * sample.mean_diameter;

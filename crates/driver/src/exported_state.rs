@@ -9,11 +9,11 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, GrainSample, GrainState};
 use gshear_scene::lammps_data::{Atom, DataFile};
 use gshear_scene::packing::{GrainLimit, Packing, split_frame};
-use gshear_scene::{Arrangement, Dimensions, atom_type};
+use gshear_scene::{Arrangement, Boundary, Dimensions, Scene, atom_type};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, is_hdf5};
 
-use crate::header::Saved;
+use crate::header::{Header, Saved};
 
 /// State to export, in the units of its scene; grains by id.
 pub struct ExportedState {
@@ -23,6 +23,8 @@ pub struct ExportedState {
     pub name: String,
     /// The cell.
     pub cell: Cell,
+    /// Heights of flat walls (m).
+    planes: Option<[f64; 2]>,
     /// Disks or spheres.
     pub dimension: Dimensions,
     /// The grains, but for their density, and their masses (kg; kg/m in 2D).
@@ -58,6 +60,7 @@ impl ExportedState {
             ),
             name: format!("frame-{t}"),
             cell: run.cell(t),
+            planes: None,
             dimension: run.dimension(),
             grains: frame.grains.iter().enumerate().map(grain).collect(),
         })
@@ -95,6 +98,7 @@ impl ExportedState {
                 .file_stem()
                 .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),
             cell: header.cell_in(&scene),
+            planes: planes(header, &scene),
             dimension: scene.dimension,
             grains: saved.state.grains.iter().map(grain).collect(),
         })
@@ -106,7 +110,8 @@ impl ExportedState {
         let up = self.dimension.axes() - 1;
         let atoms = || self.grains.iter().map(|(atom, _)| atom);
         let ends = atoms().map(|a| (a.position[up], 0.5 * a.diameter));
-        let edges = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
+        let of_grains = || extent(ends.flat_map(|(at, r)| [at - r, at + r]));
+        let edges = self.planes.unwrap_or_else(of_grains);
         let sheared = self.cell.sheared;
         let edges = sheared.map_or(edges, |sheared| [0.0, sheared.height]);
         let largest = atoms().fold(0.0, |r: f64, a| r.max(0.5 * a.diameter));
@@ -126,6 +131,17 @@ impl ExportedState {
             atoms: self.grains.iter().map(atom).collect(),
         }
     }
+}
+
+/// The heights (m) of the flat walls of a checkpoint; below a free surface that of the piston, which
+/// nothing touches.
+fn planes(header: &Header, scene: &Scene) -> Option<[f64; 2]> {
+    let (Header::Shear(shear), Boundary::Walls(of)) = (header, &scene.boundary) else {
+        return None;
+    };
+    let floor = of.floor();
+    let between = [floor, floor + shear.piston.height];
+    of.has_planes().then_some(between)
 }
 
 /// Reads the packing of a scene: a frame of a run, by default the last, a checkpoint, or what

@@ -69,6 +69,17 @@ impl StoredState {
         Self::of_run(&RunFile::open_any(path)?, selection)
     }
 
+    /// Refuses flat walls: frames do not hold their contacts.
+    fn without_planes(self) -> Result<Self, Failure> {
+        match &self.scene.boundary {
+            Boundary::Walls(of) if of.has_planes() => Err(Failure::input(format!(
+                "{}: K of a sample between flat walls (sample.walls = \"flat\") is not known: frames hold no contacts with them; give walls of grains",
+                self.what
+            ))),
+            _ => Ok(self),
+        }
+    }
+
     /// Reads a frame.
     ///
     /// # Errors
@@ -98,14 +109,15 @@ impl StoredState {
             stage: run.stage(),
             step: run.frame_steps()[t],
         };
-        Ok(Self {
+        Self {
             scene,
             cell: run.cell(t),
             grains,
             contacts,
             what,
             origin,
-        })
+        }
+        .without_planes()
     }
 
     /// Assembles K and M.
@@ -201,7 +213,7 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
         ),
         _ => return unfit("the checkpoint is of a stage that its scene does not have"),
     };
-    Ok(StoredState {
+    StoredState {
         scene,
         cell,
         grains: state.grains,
@@ -212,5 +224,6 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
             stage,
             step,
         },
-    })
+    }
+    .without_planes()
 }

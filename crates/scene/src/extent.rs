@@ -48,7 +48,7 @@ fn resolution(c: &mut Checker<'_>, scene: &Scene) {
         Boundary::Walls(walls) => {
             let height = match &walls.origin {
                 Origin::Insertion(_) => derived::packed_height(sample),
-                Origin::Packing { file, .. } => file.farthest.max(file.height()),
+                Origin::Packing(file) => file.farthest.max(file.height()),
             };
             let keys = [&[&SAMPLE.packing][..], &WAYS].concat();
             (height, walls.load.stiffness_number, keys)
@@ -102,7 +102,7 @@ static RATE: [&Key; 3] = [&SHEAR.protocol, &SHEAR.velocity, &SHEAR.inertial_numb
 fn of_walls(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
     let height = match &walls.origin {
         Origin::Insertion(_) => derived::packed_height(&scene.sample),
-        Origin::Packing { file, .. } => file.height(),
+        Origin::Packing(file) => file.height(),
     };
     let height = height - walls.thickness_of_walls(&scene.sample);
     let schedule = Schedule::new(scene, walls, height);

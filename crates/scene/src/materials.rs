@@ -12,7 +12,7 @@ use gshear_dem::state::{GrainState, Masses, body};
 use crate::checker::Checker;
 use crate::insertion::material_stream;
 use crate::law::{CONTACT, ContactKeys, PAIR, contact_of, is_jkr, lacks_stiffness};
-use crate::sample::SAMPLE;
+use crate::sample::{SAMPLE, is_flat};
 use crate::table::{Table, laws_with, table};
 use crate::value::{Entries, Value};
 use crate::words::list;
@@ -301,6 +301,12 @@ pub(crate) fn check(
     c.settle()?;
     all.wall = named(c, &SAMPLE.wall_material, &all.names);
     all.large = named(c, &SAMPLE.large_material, &all.names);
+    if all.wall.is_none() && is_flat(c) {
+        let names: Vec<String> = all.names.iter().map(|name| format!("{name:?}")).collect();
+        let names = list(&names, "or");
+        let what = format!("sample.walls = \"flat\" with several materials needs that of the walls: {names}");
+        c.refuse(&SAMPLE.wall_material, &what);
+    }
     let count = all.names.len();
     let densities: Vec<f64> = (0..count)
         .map(|k| match k {

@@ -12,7 +12,7 @@ use crate::identity::hash;
 use crate::insertion::{finish_walls, freeze_walls};
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::lammps_dump;
-use crate::sample::{Arrangement, Origin, PackingFile, Walls};
+use crate::sample::{Arrangement, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
 use crate::source::read_bytes;
 use crate::walls::PlaneShear;
@@ -457,10 +457,14 @@ impl Packing {
             length: periods[0],
             width: (!planar).then_some(periods[1]),
             boxed: offset.map(|offset| [periods[up], nearest_image(offset, periods[0])]),
-            edges: [
-                edges(-1.0).fold(f64::INFINITY, f64::min),
-                edges(1.0).fold(f64::NEG_INFINITY, f64::max),
-            ],
+            edges: if arrangement.flat {
+                data.bounds[up]
+            } else {
+                [
+                    edges(-1.0).fold(f64::INFINITY, f64::min),
+                    edges(1.0).fold(f64::NEG_INFINITY, f64::max),
+                ]
+            },
             farthest,
             wall_types: (1..=3).all(has) && atoms.iter().all(|a| a.kind <= 3),
             bottom_type: (1..=2).all(has) && atoms.iter().all(|a| a.kind <= 2),
@@ -497,14 +501,10 @@ impl Packing {
             self.check_overlaps(scene, &grains)?;
             return Ok(grains);
         };
-        let PlaneShear {
-            origin: Origin::Packing { walls, .. },
-            pack,
-            ..
-        } = plane_shear
-        else {
+        let PlaneShear { walls, pack, .. } = plane_shear;
+        if plane_shear.origin.file().is_none() {
             return Ok(Vec::new());
-        };
+        }
         let wall = scene
             .materials
             .wall
@@ -526,6 +526,7 @@ impl Packing {
         let mut grains: Vec<GrainState> = all.map(grain).collect();
         if pack.skip && plane_shear.confinement != Confinement::Images {
             match walls {
+                Walls::Flat => {}
                 Walls::Layers => {
                     let planes = plane_shear.planes(&scene.sample, self.file.edges);
                     freeze_walls(&mut grains, up, planes, wall);
@@ -815,6 +816,7 @@ mod tests {
             let arrangement = Arrangement {
                 copies: [n, n, 1],
                 boxed: false,
+                flat: false,
             };
             message(Packing::read(Path::new(FILE), arrangement))
         };
@@ -1131,6 +1133,7 @@ mod tests {
             let arrangement = Arrangement {
                 copies,
                 boxed: true,
+                flat: false,
             };
             let data = replicated("f", data.clone(), copies, &GrainLimit::default()).unwrap();
             let packing = Packing::new("f", Path::new(FILE), data, arrangement).unwrap();
@@ -1188,10 +1191,7 @@ mod tests {
         let two = |text: String| text.replace(" 3 0.001 2500 ", " 2 0.001 2500 ");
         let (packing, scene) = packing(two, &[]).unwrap();
         assert!(!packing.file.wall_types);
-        let Origin::Packing { walls, .. } = scene.plane_shear("s").unwrap().origin else {
-            panic!("a packing")
-        };
-        assert_eq!(walls, Walls::Layers);
+        assert_eq!(scene.plane_shear("s").unwrap().walls, Walls::Layers);
         let expected = "f: no atom is of type 3; with walls = \"types\" type 2 is the bottom wall and type 3 the top wall";
         assert_eq!(refused(two, &["sample.walls=types"]), expected);
     }

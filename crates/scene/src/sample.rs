@@ -183,9 +183,10 @@ table! {
         /// what bounds the sample below and above: walls of its grains; its own images, which
         /// move as a top wall does (Lees and Edwards); `"free"`, a wall below and nothing above
         boundary: Text(&BOUNDARY_NAMES) { default: BOUNDARY_NAMES[0], change: Change::Never },
-        /// which of its grains are walls: those near its edges, or those of the types 2 and 3
+        /// what its walls are: its grains near the edges; those of the types 2 and 3 of a packing;
+        /// or planes, `"flat"`
         walls: Text(&WALLS_NAMES) {
-            otherwise: "`\"types\"` if its types are 1, 2 and 3, below a free surface 1 and 2, else `\"layers\"`",
+            otherwise: "`\"types\"` if a packing has the types 1, 2 and 3, below a free surface 1 and 2, else `\"layers\"`",
             change: Change::Never,
         },
         /// material of the walls
@@ -210,6 +211,8 @@ pub struct Arrangement {
     pub copies: [u32; 3],
     /// Whether the cell is periodic along its last axis, too.
     pub boxed: bool,
+    /// Whether planes bound it there, those of the file's box.
+    pub flat: bool,
 }
 
 impl Arrangement {
@@ -217,6 +220,7 @@ impl Arrangement {
     pub const BETWEEN_WALLS: Self = Self {
         copies: [1; 3],
         boxed: false,
+        flat: false,
     };
 }
 
@@ -225,13 +229,8 @@ impl Arrangement {
 pub enum Origin {
     /// They are inserted on a lattice.
     Insertion(Sizes),
-    /// A file has them.
-    Packing {
-        /// What is in it.
-        file: PackingFile,
-        /// Which of them are walls.
-        walls: Walls,
-    },
+    /// A file has them, and this is in it.
+    Packing(PackingFile),
 }
 
 impl Origin {
@@ -239,7 +238,7 @@ impl Origin {
     pub fn file(&self) -> Option<&PackingFile> {
         match self {
             Origin::Insertion(_) => None,
-            Origin::Packing { file, .. } => Some(file),
+            Origin::Packing(file) => Some(file),
         }
     }
 }
@@ -271,7 +270,8 @@ pub struct PackingFile {
     /// L (m) along the last axis of a periodic box, and its Lees–Edwards offset (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boxed: Option<[f64; 2]>,
-    /// Coordinates of the lowest and of the highest edge of a grain, along the last axis (m).
+    /// Coordinates of the lowest and of the highest edge of a grain, along the last axis (m); those
+    /// of the file's box for flat walls.
     pub edges: [f64; 2],
     /// Greatest coordinate of a grain or of its box in the file, in magnitude (m); 0 in checkpoints
     /// of versions without it.
@@ -298,18 +298,24 @@ impl PackingFile {
     }
 }
 
-/// Which grains of a packing are walls.
+/// What the walls of a sample are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Walls {
-    /// Those whose centre is within the thickness of a wall of the lowest and of the highest edge.
+    /// The grains whose centre is within the thickness of a wall of the lowest and of the highest edge.
     Layers,
-    /// Type 2 is the bottom, type 3 the top.
+    /// Those of a packing of type 2 are the bottom, of type 3 the top.
     Types,
+    /// Rigid planes, which no grain belongs to.
+    Flat,
 }
 
 impl Walls {
     /// The names, as `sample.walls` has them.
-    pub const NAMES: [(&str, Walls); 2] = [("layers", Walls::Layers), ("types", Walls::Types)];
+    pub const NAMES: [(&str, Walls); 3] = [
+        ("layers", Walls::Layers),
+        ("types", Walls::Types),
+        ("flat", Walls::Flat),
+    ];
 }
 
 /// Where the grains of a box begin, before it is brought to rest without friction.
@@ -355,6 +361,10 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     }
     c.choice(&keys.walls);
     c.number(&keys.wall_thickness);
+    if is_flat(c) {
+        let why = "is of walls of grains, but sample.walls = \"flat\"";
+        c.useless(&keys.wall_thickness, why);
+    }
     if dimension == Dimensions::Two {
         c.useless(
             &keys.width,
@@ -369,7 +379,7 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
         check_filed(c);
         return Grains::File(arrangement);
     }
-    if c.is_given(&keys.walls) && !periodic {
+    if c.is_given(&keys.walls) && !periodic && !is_flat(c) {
         c.refuse(
             &keys.walls,
             "there is no packing to find walls in; give sample.packing, or leave it out",
@@ -381,6 +391,11 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
         c.required(&keys.width);
     }
     Grains::Inserted(check_sizes(c, dimension))
+}
+
+/// Whether the walls are planes.
+pub(crate) fn is_flat(c: &mut Checker<'_>) -> bool {
+    c.named(&SAMPLE.walls, &Walls::NAMES) == Some(Walls::Flat)
 }
 
 /// What bounds the sample below and above.
@@ -422,9 +437,14 @@ fn check_filed(c: &mut Checker<'_>) {
 /// How the scene takes its packing.
 fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arrangement {
     let key = &SAMPLE.replicate;
+    let flat = !boxed && is_flat(c);
     let mut copies = [1; 3];
     let (Some(Value::Numbers(given)), Values::Numbers(range)) = (c.value(key), key.values) else {
-        return Arrangement { copies, boxed };
+        return Arrangement {
+            copies,
+            boxed,
+            flat,
+        };
     };
     let given = given.clone();
     if !c.is_given(&SAMPLE.packing) {
@@ -447,7 +467,11 @@ fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arran
         ][axes - 1];
         c.refuse(key, &format!("must be {example}"));
     }
-    Arrangement { copies, boxed }
+    Arrangement {
+        copies,
+        boxed,
+        flat,
+    }
 }
 
 /// The number of walls.
@@ -775,9 +799,10 @@ pub(crate) fn derive(
     grains: Grains,
     skip: bool,
     packing: ReadPacking<'_>,
-) -> Result<(Sample, Origin, f64), Failure> {
+) -> Result<(Sample, Origin, (Walls, f64)), Failure> {
     let keys = &SAMPLE;
-    let (sample, origin, layers) = match grains {
+    let flat = is_flat(c).then_some(Walls::Flat);
+    let (sample, origin, (walls, layers)) = match grains {
         Grains::Inserted(sizes) => {
             let sample = inserted(c, dimension, &sizes)?;
             let height = derived::packed_height(&sample);
@@ -788,7 +813,8 @@ pub(crate) fn derive(
                 &keys.length,
             ];
             let layers = check_size(c, &sample, height, &sized_by)?;
-            (sample, Origin::Insertion(sizes), layers)
+            let walls = flat.unwrap_or(Walls::Layers);
+            (sample, Origin::Insertion(sizes), (walls, layers))
         }
         Grains::File(arrangement) => {
             let file = read(c, arrangement, packing)?;
@@ -805,11 +831,11 @@ pub(crate) fn derive(
             fill_from(c, dimension, &file);
             let name = Walls::NAMES.iter().find(|(_, known)| *known == walls);
             c.fill(&keys.walls, name.map_or("", |(name, _)| name));
-            (sample, Origin::Packing { file, walls }, layers)
+            (sample, Origin::Packing(file), (walls, layers))
         }
     };
     c.fill(&keys.wall_thickness, layers);
-    Ok((sample, origin, layers))
+    Ok((sample, origin, (walls, layers)))
 }
 
 /// The sample that a file holds, which the keys that are given must agree with.
@@ -893,6 +919,7 @@ fn check_size(
     let confinement = confinement(c);
     let layers = match confinement {
         Confinement::Images => 0.0,
+        _ if is_flat(c) => 0.0,
         _ => given.unwrap_or_else(|| derived::wall_layers(sample)),
     };
     let all_layers = walls_of(confinement) * layers;
@@ -913,7 +940,8 @@ fn check_size(
     }
     c.settle()?;
     let needed = derived::least_height(all_layers) * sample.mean_diameter;
-    if height < needed {
+    // Flat walls may hold as few grains as one wants.
+    if height < needed && !is_flat(c) {
         let least = derived::least_grains(sample, all_layers);
         let mut remedy = if least <= f64::from(u32::MAX) {
             format!("give at least {least} grains or a shorter cell")

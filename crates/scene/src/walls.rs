@@ -13,7 +13,7 @@ use crate::grains::Sample;
 use crate::load::{self, Control, LOAD, Load};
 use crate::output::{self, ANALYSIS, Analysis, Output};
 use crate::protocol::{self, SHEAR, Shear};
-use crate::sample::{self, Origin, ReadPacking, SAMPLE, walls_of};
+use crate::sample::{self, Origin, ReadPacking, SAMPLE, Walls, walls_of};
 use crate::table::table;
 
 table! {
@@ -46,7 +46,9 @@ pub struct PlaneShear {
     pub origin: Origin,
     /// What bounds the sample.
     pub confinement: Confinement,
-    /// Thickness of each wall over d̄; 0 without walls.
+    /// What the walls are, where there are some.
+    pub walls: Walls,
+    /// Thickness of each wall over d̄; 0 without walls, and of flat ones.
     pub wall_layers: f64,
     /// The load on the top wall, and gravity.
     pub load: Load,
@@ -86,6 +88,19 @@ impl PlaneShear {
         walls_of(self.confinement) * self.wall_thickness(sample)
     }
 
+    /// Whether the walls are planes.
+    pub fn has_planes(&self) -> bool {
+        self.walls == Walls::Flat && self.confinement != Confinement::Images
+    }
+
+    /// Where the height of the top counts from (m): the lower edge of the sample at the start.
+    pub fn floor(&self) -> f64 {
+        match &self.origin {
+            Origin::Packing(file) if self.pack.skip => file.edges[0],
+            _ => 0.0,
+        }
+    }
+
     /// The planes at which the walls of a sample between these heights (m) are cut from it: centres
     /// below the first are of the bottom, above the second of the top. A free surface has none.
     pub fn planes(&self, sample: &Sample, [low, high]: [f64; 2]) -> [f64; 2] {
@@ -102,7 +117,7 @@ impl PlaneShear {
         let height = match &self.origin {
             _ if self.confinement != Confinement::Images => return 1.0,
             Origin::Insertion(_) => derived::packed_height(sample),
-            Origin::Packing { file, .. } => file.height(),
+            Origin::Packing(file) => file.height(),
         };
         height / sample.mean_diameter
     }
@@ -149,6 +164,13 @@ pub(crate) fn check(
         let why = "applies to sample.boundary = \"periodic\"";
         c.useless(&LOAD.solid_fraction, why);
     }
+    if sample::is_flat(c) && !law.has_flat_limit() {
+        let what = format!(
+            "\"flat\" has no meaning with contact.law = {:?}: cylinders on a plane approach by the logarithm of its radius; give contact.law = \"hooke\", or walls of grains",
+            law.kind().name
+        );
+        c.refuse(&SAMPLE.walls, &what);
+    }
     match confinement {
         Confinement::Walls => {}
         Confinement::Images => check_images(c),
@@ -163,7 +185,7 @@ pub(crate) fn check(
     let analysis = output::check_analysis(c, dimension, has_protocol, &output);
     c.settle()?;
 
-    let (sample, origin, wall_layers) = sample::derive(c, dimension, grains, pack.skip, packing)?;
+    let (sample, origin, (walls, wall_layers)) = sample::derive(c, dimension, grains, pack.skip, packing)?;
     let load = load::derive(c, (law, masses), &sample)?;
     if !pack.skip {
         load::check_packable(c, law, &sample, &load);
@@ -184,9 +206,10 @@ pub(crate) fn check(
             "the {name} comes out as {x:?}; check the units (SI) of [material], [sample] and [load]"
         )));
     }
-    let walls = PlaneShear {
+    let plane_shear = PlaneShear {
         origin,
         confinement,
+        walls,
         wall_layers,
         load,
         pack,
@@ -194,7 +217,7 @@ pub(crate) fn check(
         output,
         analysis,
     };
-    Ok((sample, walls))
+    Ok((sample, plane_shear))
 }
 
 /// Refuses scalars of frames, which need two walls.

@@ -139,10 +139,10 @@ impl IdBlocks {
         start(rank as u64)..start(rank as u64 + 1)
     }
 
-    /// Returns the rank that holds `id`, which must be below `grains`.
+    /// Returns the rank that holds `id`; those of flat walls, from `grains` on, the last one.
     pub fn holder(&self, id: u32) -> usize {
-        debug_assert!(u64::from(id) < self.grains);
-        (((u64::from(id) + 1) * self.ranks - 1) / self.grains) as usize
+        let id = u64::from(id).min(self.grains - 1);
+        (((id + 1) * self.ranks - 1) / self.grains) as usize
     }
 
     /// Sends every record to the rank that holds its id. The received records are grouped by

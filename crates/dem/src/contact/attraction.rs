@@ -1,6 +1,7 @@
 //! The attraction of grains that touch, beside any law; see [`crate::laws::attraction`].
 
 use super::jkr::{Adhesive, Jkr};
+use super::is_curved;
 use crate::simd::Lanes;
 
 /// F_c = `constant` + `per_radius` R*, and the adhesion of JKR.
@@ -99,8 +100,8 @@ impl Attraction {
     }
 }
 
-/// R* (m) of R_i + R_j and R_i (m).
+/// R* (m) of R_i + R_j and R_i (m); R_i at a flat wall.
 #[inline(always)]
 pub(crate) fn reduced_radius<L: Lanes>([sum, r_i]: [L; 2]) -> L {
-    r_i * (sum - r_i) / sum
+    (r_i * (sum - r_i) / sum).select(is_curved([sum, r_i]), r_i)
 }

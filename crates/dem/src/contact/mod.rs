@@ -336,6 +336,12 @@ pub(crate) fn norm<L: Lanes>(token: L::Token, v: &Vector<L>) -> (L, L) {
     (square * per_length, per_length)
 }
 
+/// Pairs of two grains: the other of a flat wall has the radius 0. Takes R_i + R_j and R_i (m).
+#[inline(always)]
+pub(crate) fn is_curved<L: Lanes>([sum, r_i]: [L; 2]) -> L::Mask {
+    sum.abs().greater(r_i.abs())
+}
+
 /// A vector times a number.
 #[inline(always)]
 pub fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use super::stiffness::Stiffness;
-use super::{ContactLaw, History};
+use super::{ContactLaw, History, is_curved};
 use crate::dimension::Dimension;
 use crate::simd::{Isa, Lanes, Lanes16, Work};
 
@@ -126,6 +126,9 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
     }
 }
 
+/// The radius of a flat wall over that of the grain: 1/R_j is below the rounding of 1/R_i.
+const WALL: f64 = 1e18;
+
 struct Parameters<'a, C> {
     law: &'a C,
     geometry: &'a [[Lanes16; 2]],
@@ -141,7 +144,9 @@ impl<C: ContactLaw> Work for Parameters<'_, C> {
         for ([sum, r_i], out) in self.geometry.iter().zip(blocks) {
             // The sum is negative in lanes that fill up a block.
             let (sum, r_i) = (L::load(token, sum).abs(), L::load(token, r_i));
-            self.law.parameters(token, r_i, sum - r_i, out);
+            let wall = L::splat(token, WALL) * r_i;
+            let r_j = (sum - r_i).select(is_curved([sum, r_i]), wall);
+            self.law.parameters(token, r_i, r_j, out);
         }
     }
 }

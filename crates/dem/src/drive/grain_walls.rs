@@ -1,14 +1,14 @@
-//! Walls of frozen grains.
+//! Walls of frozen grains, or flat ones.
 
-use super::{Drive, Felt, Top, WallForces, WallSteps};
+use super::{Drive, Felt, Slider, Top, WallForces, WallSteps};
 use crate::dimension::Dimension;
 use crate::domain::Accumulator;
 use crate::protocol::Protocol;
 use crate::simd::Isa;
 use crate::state::{Cell, Grains, body};
 
-/// Walls of frozen grains. The bottom is fixed, or vibrates along its normal. The top is rigid and
-/// moves as `motion` says.
+/// Walls of frozen grains, or flat walls, whose feet stand for these. The bottom is fixed, or
+/// vibrates along its normal. The top is rigid and moves as `motion` says.
 #[derive(Debug)]
 pub struct GrainWalls {
     /// The motion of the top, and what is imposed on the walls.
@@ -17,6 +17,9 @@ pub struct GrainWalls {
     pub top: Vec<u32>,
     /// Owned grains of the bottom wall, if it vibrates.
     pub bottom: Vec<u32>,
+    /// Of flat walls, the heights (m) from which the motion of the bottom and the piston's height
+    /// count; infinite for a top that is not there.
+    pub flat: Option<[f64; 2]>,
 }
 
 impl GrainWalls {
@@ -26,6 +29,7 @@ impl GrainWalls {
             motion,
             top: Vec::new(),
             bottom: Vec::new(),
+            flat: None,
         }
     }
 
@@ -68,6 +72,22 @@ impl GrainWalls {
 }
 
 impl<D: Dimension> Drive<D> for GrainWalls {
+    fn speed(&self) -> f64 {
+        if self.flat.is_none() {
+            // Wall grains have it.
+            return 0.0;
+        }
+        let Slider { protocol, state, .. } = &self.motion.slider;
+        let bottom = protocol.full_bottom_velocity(state.step);
+        self.motion.piston.velocity.abs().max(bottom.abs())
+    }
+
+    fn planes(&self) -> Option<[f64; 2]> {
+        let [bottom, top] = self.flat?;
+        let Top { piston, .. } = &self.motion;
+        Some([bottom + self.motion.bottom_displacement(), top + piston.height])
+    }
+
     fn start(&mut self, load: WallForces) {
         self.motion.start(load);
     }
@@ -116,10 +136,15 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         self.motion.moved()
     }
 
-    fn renumber(&mut self, _: Isa, grains: &Grains<D>, _: f64) {
-        self.top = grains.of_body(body::TOP);
+    fn renumber(&mut self, _: Isa, grains: &mut Grains<D>, _: f64) {
+        self.top = grains.of_body(body::TOP).collect();
         if self.motion.slider.protocol.has_bottom() {
-            self.bottom = grains.of_body(body::BOTTOM);
+            self.bottom = grains.of_body(body::BOTTOM).collect();
+        }
+        if self.flat.is_some() {
+            // New feet are at rest.
+            let now = self.motion.slider.state.step;
+            self.impose_velocities(|protocol| protocol.full_bottom_velocity(now), grains);
         }
     }
 }

@@ -77,6 +77,10 @@ pub trait Drive<D: Dimension> {
     fn forces(&mut self, _: Isa, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
         None
     }
+    /// The heights (m) of flat walls, if there are some: of the bottom and of the top.
+    fn planes(&self) -> Option<[f64; 2]> {
+        None
+    }
     /// Whether the force on the bottom is summed too.
     fn has_bottom_force(&self) -> bool {
         false
@@ -96,7 +100,7 @@ pub trait Drive<D: Dimension> {
         WallSteps::default()
     }
     /// The rank's grains were renumbered; until the next call they move by at most half a skin (m).
-    fn renumber(&mut self, _: Isa, _: &Grains<D>, _skin: f64) {}
+    fn renumber(&mut self, _: Isa, _: &mut Grains<D>, _skin: f64) {}
 }
 
 /// No walls, and a drag on translations but not on spins: overdamped dynamics (BO section III).

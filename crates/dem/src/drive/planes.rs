@@ -126,7 +126,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.piston.full_kick(step, load.up, self.drag);
     }
 
-    fn renumber(&mut self, isa: Isa, grains: &Grains<D>, skin: f64) {
+    fn renumber(&mut self, isa: Isa, grains: &mut Grains<D>, skin: f64) {
         self.candidates.clear();
         for g in 0..grains.owned {
             let y = grains.fields(g)[D::UP];
@@ -160,6 +160,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
                 radius: &radius,
                 material: &material,
                 owned: radius.len(),
+                has_feet: false,
                 shares: std::slice::from_ref(&(0..radius.len())),
                 ghosts_move: 0.0,
             },

@@ -6,7 +6,9 @@ use std::ops::Range;
 use super::{Pass, Scratch};
 use crate::contact::attraction::reduced_radius;
 use crate::contact::jkr::Jkr;
-use crate::contact::{ContactLaw, Jump, PairMotion, TORQUES, Turning, store_vector, vector};
+use crate::contact::{
+    ContactLaw, Jump, PairMotion, TORQUES, Turning, is_curved, store_vector, vector,
+};
 use crate::dimension::{Dimension, Three};
 use crate::simd::{LANES, Lanes, Lanes16, Mask, inverse_sqrt};
 use crate::state::{Cell, Stretching, Units, way_to_touch};
@@ -26,6 +28,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let shifts = [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
     let steps = (step, shifts);
     let jkr = pass.jkr();
+    let has_feet = pass.part.has_feet;
     let contacts = &mut pass.part;
     let attracts = pass.attraction.is_some();
     if BUDGET {
@@ -45,7 +48,12 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let (direction, overlap) = places;
         let difference = difference.as_ref();
         let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
-        let pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
+        let mut pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
+        if has_feet {
+            // The normal of a flat wall does not turn.
+            let none = L::splat(token, 0.0);
+            pair.per_distance = pair.per_distance.select(is_curved([sum, r_i]), none);
+        }
         store_vector(&pair.n, direction, C::Space::AXES);
         pair.overlap.store(&mut motion.overlap);
         let [v, half_v] = Velocity::of_pair::<C::Space>(token, &pair, difference);
@@ -188,7 +196,7 @@ struct Separation<L> {
     /// From j to i (m).
     r: [L; 3],
     n: [L; 3],
-    /// 1/|r|.
+    /// 1/|r|, by which n turns; 0 if it does not.
     per_distance: L,
     /// δ (m).
     overlap: L,

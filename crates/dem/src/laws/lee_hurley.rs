@@ -104,6 +104,11 @@ impl Constants for Material {
         normal_stiffness(self.effective_modulus(), r1, r2, overlap)
     }
 
+    /// Cylinders approach by ln R.
+    fn has_flat_limit(&self) -> bool {
+        false
+    }
+
     /// δ = 4(R1+R2) x (ln(1/x) - 1) at x = a²/(16 R1 R2).
     fn largest_overlap(&self, r1: f64, r2: f64) -> f64 {
         let a = LARGEST_CONTACT * r1.min(r2);

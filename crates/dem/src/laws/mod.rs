@@ -175,6 +175,12 @@ pub trait Constants: Debug + Send + Sync {
     /// The largest overlap (m) of two grains of radii r1, r2 (m) for which the law is valid.
     fn largest_overlap(&self, r1: f64, r2: f64) -> f64;
 
+    /// Whether the contact of two grains has a limit for a radius that grows without bounds, which
+    /// that of a grain and a flat wall then is.
+    fn has_flat_limit(&self) -> bool {
+        true
+    }
+
     /// Upper bounds for the stiffness and damping of a contact of two grains of mass m (kg; kg/m in
     /// 2D) with F_n^e/δ = `secant`. `tangential`: whether contacts may stick.
     fn rigidity(&self, secant: f64, mass: f64, tangential: bool) -> Rigidity;

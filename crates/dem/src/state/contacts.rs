@@ -51,6 +51,8 @@ pub struct Contacts {
     pub limits: Vec<[u16; 4]>,
     /// Whether the first three are of a step in which the histories advanced.
     pub limits_are_known: bool,
+    /// Whether some of the pairs are of a grain and a flat wall.
+    pub has_feet: bool,
     /// For each block, the distance (m) that the grains may have travelled since the list was made
     /// before one of its pairs can touch: until then the block is asleep, and costs nothing.
     pub asleep_until: Vec<f64>,
@@ -76,6 +78,8 @@ pub struct LocalGrains<'a> {
     pub material: &'a [u64],
     /// This rank owns the first of them.
     pub owned: usize,
+    /// Whether the last of them are feet.
+    pub has_feet: bool,
     /// The owned grains of each thread, one range after the other.
     pub shares: &'a [Range<usize>],
     /// Until the next list no ghost is further from its place than this (m).
@@ -110,6 +114,7 @@ impl Contacts {
             ..
         } = grains;
         let groups = grouped(candidates, remembered, grains);
+        self.has_feet = grains.has_feet;
         self.parameter_lanes = law.parameter_lanes();
         self.history_lanes = law.history_lanes();
         self.pairs.clear();
@@ -217,6 +222,7 @@ impl Contacts {
             limits: &mut self.limits[of(1)],
             asleep_until: &mut self.asleep_until[of(1)],
             inner: self.inner,
+            has_feet: self.has_feet,
         }
     }
 
@@ -452,6 +458,8 @@ pub struct BlockRange<'a> {
     pub asleep_until: &'a mut [f64],
     /// [`Contacts::inner`].
     pub inner: usize,
+    /// [`Contacts::has_feet`].
+    pub has_feet: bool,
 }
 
 impl<'a> BlockRange<'a> {
@@ -500,6 +508,7 @@ impl<'a> BlockRange<'a> {
                 limits,
                 asleep_until,
                 inner: self.inner,
+                has_feet: self.has_feet,
             },
             BlockRange {
                 first: until,
@@ -515,6 +524,7 @@ impl<'a> BlockRange<'a> {
                 limits: limits_after,
                 asleep_until: asleep_until_after,
                 inner: self.inner,
+                has_feet: self.has_feet,
             },
         )
     }

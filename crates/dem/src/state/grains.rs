@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
 
-use super::{GrainState, Image};
+use super::{CandidatePair, GrainState, Image};
 
 /// The body that a grain belongs to.
 pub mod body {
@@ -95,7 +95,26 @@ impl Masses {
     }
 }
 
-/// Structure of arrays over owned grains and ghosts. Arrays that only owned grains need are
+/// Flat walls: rigid planes across the last axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FlatWalls {
+    /// N, the number of grains: the bottom has this id, the top the next one.
+    pub first_id: u32,
+    /// Their material.
+    pub material: u64,
+}
+
+/// What a grain near a flat wall touches: a point of the wall right below or above it. It is no
+/// more than a partner of radius 0 whose contact does not turn and is as flat as its wall.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Foot {
+    /// The grain.
+    pub grain: u32,
+    /// Whether it is of the top.
+    pub is_top: bool,
+}
+
+/// Structure of arrays over owned grains, ghosts and feet. Arrays that only owned grains need are
 /// shorter.
 #[derive(Debug)]
 pub struct Grains<D: Dimension> {
@@ -121,6 +140,8 @@ pub struct Grains<D: Dimension> {
     pub half_kick: Vec<[f64; 2]>,
     /// Images, owned grains; see [`GrainState::image`].
     pub image: Vec<Image>,
+    /// The last of the grains are these.
+    pub feet: Vec<Foot>,
 }
 
 impl<D: Dimension> Default for Grains<D> {
@@ -137,6 +158,7 @@ impl<D: Dimension> Default for Grains<D> {
             mass: Vec::new(),
             half_kick: Vec::new(),
             image: Vec::new(),
+            feet: Vec::new(),
         }
     }
 }
@@ -147,9 +169,79 @@ const fn first_spin<D: Dimension>() -> usize {
 }
 
 impl<D: Dimension> Grains<D> {
-    /// Number of owned grains and ghosts.
+    /// Number of owned grains, ghosts and feet.
     pub fn local(&self) -> usize {
         self.id.len()
+    }
+
+    /// The first of the feet.
+    fn first_foot(&self) -> usize {
+        self.local() - self.feet.len()
+    }
+
+    /// Gives every owned grain that is closer than its radius and `reach` (m) to one of these
+    /// planes (m) a foot in it. Returns the pairs of both.
+    pub fn stand_on(
+        &mut self,
+        walls: FlatWalls,
+        planes: [f64; 2],
+        reach: f64,
+    ) -> Vec<CandidatePair> {
+        let mut pairs = Vec::new();
+        for grain in 0..self.owned {
+            for (side, plane) in planes.into_iter().enumerate() {
+                let distance = (self.fields(grain)[D::UP] - plane).abs();
+                let gap = distance - self.radius[grain];
+                if gap >= reach {
+                    continue;
+                }
+                pairs.push(CandidatePair {
+                    grains: [grain as u32, self.local() as u32],
+                    gap,
+                });
+                let is_top = side == 1;
+                self.feet.push(Foot {
+                    grain: grain as u32,
+                    is_top,
+                });
+                self.push(&GrainState {
+                    id: walls.first_id + side as u32,
+                    body: if is_top { body::TOP } else { body::BOTTOM },
+                    material: walls.material,
+                    ..GrainState::zeroed()
+                });
+            }
+        }
+        self.put_feet(planes);
+        pairs
+    }
+
+    /// Puts the feet into these planes (m), at their grains.
+    pub fn put_feet(&mut self, planes: [f64; 2]) {
+        let first = self.first_foot();
+        for k in 0..self.feet.len() {
+            let Foot { grain, is_top } = self.feet[k];
+            let mut at = self.position(grain as usize);
+            at[D::UP] = planes[usize::from(is_top)];
+            self.fields_mut(first + k)[..D::AXES].copy_from_slice(&at[..D::AXES]);
+        }
+    }
+
+    /// Removes the feet.
+    pub fn lift_feet(&mut self) {
+        let kept = self.first_foot();
+        self.id.truncate(kept);
+        self.body.truncate(kept);
+        self.radius.truncate(kept);
+        self.material.truncate(kept);
+        self.record.truncate(kept);
+        self.force.truncate(kept);
+        self.feet.clear();
+    }
+
+    /// Whether this is a foot, and not a grain.
+    pub fn is_foot(&self, g: usize) -> bool {
+        g >= self.first_foot()
     }
 
     /// Replaces all grains by these owned ones, without ghosts. `step`: Δt (s).
@@ -163,6 +255,7 @@ impl<D: Dimension> Grains<D> {
         self.force.clear();
         self.mass.clear();
         self.image.clear();
+        self.feet.clear();
         for g in owned {
             self.push(g);
             self.image.push(g.image);
@@ -282,11 +375,12 @@ impl<D: Dimension> Grains<D> {
         }
     }
 
-    /// The owned grains of a body.
-    pub fn of_body(&self, body: u32) -> Vec<u32> {
-        (0..self.owned as u32)
-            .filter(|&g| self.body[g as usize] == body)
-            .collect()
+    /// The owned grains and feet of a body.
+    pub fn of_body(&self, body: u32) -> impl Iterator<Item = u32> + '_ {
+        let owned = (0..self.owned).chain(self.first_foot()..self.local());
+        owned
+            .filter(move |&g| self.body[g] == body)
+            .map(|g| g as u32)
     }
 
     /// Heap in use (bytes).

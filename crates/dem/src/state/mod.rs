@@ -29,7 +29,7 @@ pub use contacts::{
     BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Touching, way_to_touch,
 };
 pub use frame::{Disks, Frame, FrameRecords};
-pub use grains::{Grains, Masses, Units, body};
+pub use grains::{FlatWalls, Foot, Grains, Masses, Units, body};
 pub use ids::Ids;
 pub use records::{
     Confinement, ContactSample, FlowRow, GrainSample, ImposedRow, SeriesRow, StressRow,

@@ -6,13 +6,12 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::{Confinement, GrainState, Snapshot};
 use gshear_scene::insertion::Lattice;
-use gshear_scene::schedule::mean_mass;
 use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
 use gshear_store::checkpoint;
 
 use super::pack::{PackStage, falling_drag};
 use super::shear::ShearStage;
-use super::top_wall::{height_between, mass_of_top, stretch};
+use super::top_wall::{height_between, mass_of_layer, mass_of_top, stretch};
 use crate::header::{Header, PackHeader, ShearHeader};
 use crate::options::Outcome;
 use crate::run::{Run, Stage, Start};
@@ -109,8 +108,8 @@ fn begin(
             checkpoint::to_both_holders(run.exchange, &mut saved.state);
             return Ok((saved.header, saved.state));
         }
-        (Start::Grains(grains), Origin::Packing { file, .. }) => (file.height(), grains),
-        (_, Origin::Packing { .. }) => unreachable!("a packing that was not read"),
+        (Start::Grains(grains), Origin::Packing(file)) => (file.height(), grains),
+        (_, Origin::Packing(_)) => unreachable!("a packing that was not read"),
         (_, Origin::Insertion(sizes)) => inserted(run, scene, sizes),
     };
     let mut header = falling(scene, plane_shear, height, 0);
@@ -144,7 +143,7 @@ fn falling(scene: &Scene, plane_shear: &PlaneShear, height: f64, starts: u32) ->
             velocity: 0.0,
             acceleration: 0.0,
             // About the mass of the later wall.
-            mass: mean_mass(scene) * scene.sample.base() / scene.sample.mean_section(),
+            mass: mass_of_layer(scene),
             load: load.normal_force * first_load,
         },
         drag: falling_drag(scene, load, first_load),

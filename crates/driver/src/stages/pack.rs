@@ -156,8 +156,8 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             contacts,
         } = self.assembly.held();
         let (scene, height) = (self.scene, self.drive.piston.height);
-        let confinement = self.plane_shear.confinement;
-        if confinement != Confinement::Images {
+        let of = self.plane_shear;
+        if of.confinement != Confinement::Images && !of.has_planes() {
             let planes = self.plane_shear.planes(&scene.sample, [0.0, height]);
             freeze_walls(&mut grains, D::UP, planes, scene.materials.wall);
         }
@@ -170,7 +170,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         run.terminal.packed(
             self.step,
             height_between(scene, self.plane_shear, &piston),
-            confinement,
+            self.plane_shear,
         );
         let state = Snapshot {
             grains,

@@ -12,10 +12,10 @@ use gshear_dem::drive::{Drive, GrainWalls, Images, Piston, Slider, Top};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants, UpperEnd};
-use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
+use gshear_dem::state::{Confinement, FlatWalls, GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
-use gshear_scene::{Origin, PackingFile, PlaneShear, Scene};
+use gshear_scene::{PackingFile, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
@@ -110,10 +110,23 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             assembly.system.list.at_least(4.0 * way);
         }
         let top = top(scene, plane_shear, &schedule, &from);
+        let floor = plane_shear.floor();
         let mut above = match from.images {
             None => Above::Wall(GrainWalls::new(top)),
             Some(_) => Above::Images(Images::new(top)),
         };
+        if let Above::Wall(walls) = &mut above
+            && plane_shear.has_planes()
+        {
+            assembly.system.flat = Some(FlatWalls {
+                first_id: scene.sample.grains,
+                material: scene.materials.wall.unwrap_or(0),
+            });
+            walls.flat = Some(match plane_shear.confinement {
+                Confinement::FreeSurface => [floor, f64::INFINITY],
+                _ => [floor; 2],
+            });
+        }
         if from.step == 0 {
             set_moving(&mut state.grains, above.top_mut(), &schedule, D::UP);
         }
@@ -149,10 +162,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             assembly,
             above,
             confinement: plane_shear.confinement,
-            floor: match &plane_shear.origin {
-                Origin::Packing { file, .. } if plane_shear.pack.skip => file.edges[0],
-                _ => 0.0,
-            },
+            floor,
             frame,
             mass,
             files,

@@ -11,7 +11,7 @@ use crate::run::Run;
 
 /// Mass of the top (kg; kg/m in 2D), summed over the ranks; collective.
 ///
-/// That of a wall is the mass of its grains. Images above a cell of height h get that of all grains
+/// That of a wall is the mass of its grains, of a flat one about as much. Images above a cell of height h get that of all grains
 /// times (d̄/h)²: as the cell is stretched through all layers, its frequency is then about that of
 /// a contact, which the time step resolves and the dampers of the contacts damp.
 pub(super) fn mass_of_top(
@@ -23,9 +23,16 @@ pub(super) fn mass_of_top(
     if plane_shear.confinement == Confinement::Images {
         let layer = scene.sample.mean_diameter / height;
         mass_of(run, scene, grains, body::FREE) * layer * layer
+    } else if plane_shear.has_planes() {
+        mass_of_layer(scene)
     } else {
         mass_of(run, scene, grains, body::TOP)
     }
+}
+
+/// Mass of about one layer of grains (kg; kg/m in 2D).
+pub(super) fn mass_of_layer(scene: &Scene) -> f64 {
+    mean_mass(scene) * scene.sample.base() / scene.sample.mean_section()
 }
 
 /// Mass of all grains of a body (kg; kg/m in 2D), summed over the ranks; collective.

@@ -180,14 +180,16 @@ impl Terminal {
             Dimensions::Three => (format!(", L_y = {:.4e} m", sample.width), "N"),
         };
         self.say(format!("{grains}, L_x = {:.4e} m{width}", sample.length));
-        if let Origin::Packing { file, walls } = &plane_shear.origin {
-            let what = match (plane_shear.confinement, walls) {
+        if let Origin::Packing(file) = &plane_shear.origin {
+            let what = match (plane_shear.confinement, plane_shear.walls) {
                 _ if !plane_shear.pack.skip => "to be packed",
                 (Confinement::Images, _) => "without walls",
                 (Confinement::FreeSurface, Walls::Layers) => "the bottom is its lowest layer",
                 (Confinement::FreeSurface, Walls::Types) => "the bottom is type 2",
+                (Confinement::FreeSurface, Walls::Flat) => "the bottom is flat",
                 (Confinement::Walls, Walls::Layers) => "walls are its lowest and highest layer",
                 (Confinement::Walls, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
+                (Confinement::Walls, Walls::Flat) => "walls are flat",
             };
             self.say(format!("grains from {}; {what}", file.path.display()));
         }
@@ -230,11 +232,13 @@ impl Terminal {
     }
 
     /// `height` (m): without the walls.
-    pub fn packed(&self, step: u64, height: f64, confinement: Confinement) {
-        let made = match confinement {
-            Confinement::Walls => format!("walls frozen, {height:.6e} m between them"),
-            Confinement::Images => format!("{height:.6e} m high, without walls"),
-            Confinement::FreeSurface => format!("bottom frozen, {height:.6e} m above it"),
+    pub fn packed(&self, step: u64, height: f64, of: &PlaneShear) {
+        let made = match (of.confinement, of.walls) {
+            (Confinement::Images, _) => format!("{height:.6e} m high, without walls"),
+            (Confinement::Walls, Walls::Flat) => format!("{height:.6e} m between flat walls"),
+            (Confinement::Walls, _) => format!("walls frozen, {height:.6e} m between them"),
+            (Confinement::FreeSurface, Walls::Flat) => format!("{height:.6e} m above a flat bottom"),
+            (Confinement::FreeSurface, _) => format!("bottom frozen, {height:.6e} m above it"),
         };
         self.say(format!("pack:  at rest after {step} steps; {made}"));
     }

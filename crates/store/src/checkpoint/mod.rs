@@ -389,7 +389,8 @@ struct Checked<'a> {
 impl Checked<'_> {
     fn list<R: Record>(&self, piece: &Piece<R>) -> Result<(), String> {
         let ids = || piece.records.iter().map(R::ids);
-        let is_pair = |(i, j): (u32, u32)| i < j && u64::from(j) < self.blocks.grains;
+        // Flat walls have the next two ids.
+        let is_pair = |(i, j): (u32, u32)| i < j && u64::from(j) < self.blocks.grains + 2;
         let ordered = if R::IS_CONTACT {
             ids().all(is_pair) && ids().is_sorted()
         } else {
