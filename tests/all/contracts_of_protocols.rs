@@ -3,8 +3,8 @@
 
 use crate::common::protocols::{
     Case, DISKS, DISKS_BELOW_A_FREE_SURFACE, DISKS_UNDER_A_SERVO, DISKS_WITHOUT_WALLS, SPHERES,
-    SPHERES_BELOW_A_FREE_SURFACE, SPHERES_UNDER_A_SERVO, SPHERES_UNDER_A_SPRING,
-    SPHERES_WITHOUT_WALLS, SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
+    SPHERES_BELOW_A_FREE_SURFACE, SPHERES_BETWEEN_FLAT_WALLS, SPHERES_UNDER_A_SERVO,
+    SPHERES_UNDER_A_SPRING, SPHERES_WITHOUT_WALLS, SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
 };
 use crate::common::{self, copy_folder, gshear_mpi, reducer, same_run};
 use gshear_store::run_reader::RunFile;
@@ -58,6 +58,11 @@ fn of_disks() {
 #[test]
 fn of_spheres() {
     keeps_the_contracts(&SPHERES);
+}
+
+#[test]
+fn of_spheres_between_flat_walls() {
+    keeps_the_contracts(&SPHERES_BETWEEN_FLAT_WALLS);
 }
 
 #[test]

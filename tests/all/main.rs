@@ -23,6 +23,7 @@ mod damage;
 mod estimates;
 mod failures;
 mod faults;
+mod flat_walls;
 mod free_surface;
 mod inlined;
 mod jacobian;

@@ -69,6 +69,18 @@ pub const SPHERES: Case = Case {
     ],
 };
 
+/// Between flat walls.
+pub const SPHERES_BETWEEN_FLAT_WALLS: Case = Case {
+    sample: &["sample.walls=flat"],
+    parts: &[
+        "velocity = 3, time = 1e-4",
+        "velocity = -3, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
+        "velocity = 3, time = 1e-4, wall_velocity = -0.1",
+        "shear_stress = 1e4, time = 1e-4, pressure = 1e5, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
+    ],
+    ..SPHERES
+};
+
 /// All that a spring allows: what moves is its far end.
 pub const SPHERES_UNDER_A_SPRING: Case = Case {
     removed: &[],

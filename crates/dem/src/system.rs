@@ -626,7 +626,11 @@ impl<D: Dimension> System<D> {
                 let distance = length(self.cell.separation::<D>(a, b));
                 let sum = self.contacts.geometry[block][0].0[lane];
                 let (id, at, partner) = (self.id(i), place(i), self.partner(j));
-                let kind = if self.grains.is_foot(j) { "grain" } else { "grains" };
+                let kind = if self.grains.is_foot(j) {
+                    "grain"
+                } else {
+                    "grains"
+                };
                 let grains = format!("{kind} {id} at {at} and {partner}");
                 if let Outside::Pair(..) = why {
                     format!(

@@ -304,7 +304,9 @@ pub(crate) fn check(
     if all.wall.is_none() && is_flat(c) {
         let names: Vec<String> = all.names.iter().map(|name| format!("{name:?}")).collect();
         let names = list(&names, "or");
-        let what = format!("sample.walls = \"flat\" with several materials needs that of the walls: {names}");
+        let what = format!(
+            "sample.walls = \"flat\" with several materials needs that of the walls: {names}"
+        );
         c.refuse(&SAMPLE.wall_material, &what);
     }
     let count = all.names.len();

@@ -301,11 +301,11 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
     Ok(())
 }
 
-/// Whether the grains are disks: in the plane z = 0, or in a box that is no longer along z than the
-/// largest of them.
-fn is_planar(name: &str, atoms: &[Atom], z: [f64; 2], largest: f64) -> Result<bool, Failure> {
+/// Whether the grains are disks: all in the plane z = 0, or in a box no thicker than `thinnest`
+/// (m).
+fn is_planar(name: &str, atoms: &[Atom], z: [f64; 2], thinnest: f64) -> Result<bool, Failure> {
     let flat = atoms.iter().all(|a| a.position[2] == 0.0);
-    let planar = flat || z[1] - z[0] <= (1.0 + 1e-9) * largest;
+    let planar = flat || z[1] - z[0] <= (1.0 + 1e-9) * thinnest;
     let [low, high] = z;
     if planar && (low > 0.0 || high < 0.0) {
         let what = format!(
@@ -411,7 +411,9 @@ impl Packing {
         let count = u32::try_from(atoms.len()).ok().filter(|&n| n > 0);
         let count = count.ok_or_else(|| wrong(name, 0, "a packing has 1 to 4294967295 atoms"))?;
         let largest = atoms.iter().fold(0.0, |d: f64, a| d.max(a.diameter));
-        let planar = is_planar(name, &atoms, data.bounds[2], largest)?;
+        // Flat walls may hold a single layer of spheres.
+        let thinnest = if arrangement.flat { 0.0 } else { largest };
+        let planar = is_planar(name, &atoms, data.bounds[2], thinnest)?;
         let up = if planar { 1 } else { 2 };
         let mut tilt = data.tilt;
         // Images along the last axis may be displaced along x in a box.

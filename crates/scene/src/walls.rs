@@ -185,7 +185,8 @@ pub(crate) fn check(
     let analysis = output::check_analysis(c, dimension, has_protocol, &output);
     c.settle()?;
 
-    let (sample, origin, (walls, wall_layers)) = sample::derive(c, dimension, grains, pack.skip, packing)?;
+    let (sample, origin, (walls, wall_layers)) =
+        sample::derive(c, dimension, grains, pack.skip, packing)?;
     let load = load::derive(c, (law, masses), &sample)?;
     if !pack.skip {
         load::check_packable(c, law, &sample, &load);

@@ -1,7 +1,7 @@
 //! The attraction of grains that touch, beside any law; see [`crate::laws::attraction`].
 
-use super::jkr::{Adhesive, Jkr};
 use super::is_curved;
+use super::jkr::{Adhesive, Jkr};
 use crate::simd::Lanes;
 
 /// F_c = `constant` + `per_radius` R*, and the adhesion of JKR.

@@ -77,7 +77,9 @@ impl<D: Dimension> Drive<D> for GrainWalls {
             // Wall grains have it.
             return 0.0;
         }
-        let Slider { protocol, state, .. } = &self.motion.slider;
+        let Slider {
+            protocol, state, ..
+        } = &self.motion.slider;
         let bottom = protocol.full_bottom_velocity(state.step);
         self.motion.piston.velocity.abs().max(bottom.abs())
     }
@@ -85,7 +87,10 @@ impl<D: Dimension> Drive<D> for GrainWalls {
     fn planes(&self) -> Option<[f64; 2]> {
         let [bottom, top] = self.flat?;
         let Top { piston, .. } = &self.motion;
-        Some([bottom + self.motion.bottom_displacement(), top + piston.height])
+        Some([
+            bottom + self.motion.bottom_displacement(),
+            top + piston.height,
+        ])
     }
 
     fn start(&mut self, load: WallForces) {

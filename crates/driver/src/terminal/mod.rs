@@ -237,7 +237,9 @@ impl Terminal {
             (Confinement::Images, _) => format!("{height:.6e} m high, without walls"),
             (Confinement::Walls, Walls::Flat) => format!("{height:.6e} m between flat walls"),
             (Confinement::Walls, _) => format!("walls frozen, {height:.6e} m between them"),
-            (Confinement::FreeSurface, Walls::Flat) => format!("{height:.6e} m above a flat bottom"),
+            (Confinement::FreeSurface, Walls::Flat) => {
+                format!("{height:.6e} m above a flat bottom")
+            }
             (Confinement::FreeSurface, _) => format!("bottom frozen, {height:.6e} m above it"),
         };
         self.say(format!("pack:  at rest after {step} steps; {made}"));

@@ -1,0 +1,366 @@
+//! Flat walls, through the real program: closed forms, LAMMPS, and what such scenes refuse.
+
+use std::f64::consts::PI;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use crate::common::{gshear_mpi, reducer, run_scene};
+use gshear_store::run_reader::RunFile;
+
+/// A LAMMPS data file of grains in a square of this length (m), between planes this far apart (m):
+/// the radius and place of each (m), its velocity (m/s) and spin (rad/s).
+fn write_grains(path: &Path, [length, height]: [f64; 2], disks: bool, grains: &[[[f64; 3]; 4]]) {
+    let (y, z) = if disks {
+        (height, format!("{:?} {:?}", -0.1 * length, 0.1 * length))
+    } else {
+        (length, format!("0 {height:?}"))
+    };
+    let mut text = format!(
+        "grains between planes\n\n{} atoms\n1 atom types\n0 {length:?} xlo xhi\n0 {y:?} ylo yhi\n{z} zlo zhi\n\nAtoms # sphere\n\n",
+        grains.len()
+    );
+    let mut velocities = String::from("\nVelocities\n\n");
+    for (k, [[radius, ..], [x, y, z], v, w]) in grains.iter().enumerate() {
+        let id = k + 1;
+        let _ = writeln!(text, "{id} 1 {:?} 2500 {x:?} {y:?} {z:?}", 2.0 * radius);
+        let both: Vec<String> = v.iter().chain(w).map(|v| format!("{v:?}")).collect();
+        let _ = writeln!(velocities, "{id} {}", both.join(" "));
+    }
+    std::fs::write(path, text + &velocities).expect("a packing");
+}
+
+fn close(found: f64, expected: f64, within: f64, what: &str) {
+    let error = (found / expected - 1.0).abs();
+    assert!(
+        error < within,
+        "{what}: {found:e} is not {expected:e}: {error:e}"
+    );
+}
+
+/// Four spheres that bounce, slide and roll on a floor for 0.05 s: `fix wall/gran` of LAMMPS, see
+/// floor.in. Ours is of second order in Δt, LAMMPS' of first.
+#[test]
+fn spheres_on_a_floor_are_those_of_lammps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/all/flat_walls");
+    let scene = here.join("floor.toml").display().to_string();
+    let run = |step: &str| {
+        let out = folder.path().join(step);
+        gshear_mpi(1, &out, &[scene.clone(), format!("--set=time.step={step}")]).digest();
+        let run = RunFile::open_any(&out).expect("a run");
+        run.records(1..2).expect("a frame").swap_remove(0)
+    };
+    let text = include_str!("floor.txt");
+    let rows = text.lines().skip_while(|l| !l.starts_with("ITEM: ATOMS"));
+    let lammps: Vec<Vec<f64>> = rows
+        .skip(1)
+        .map(|row| {
+            let numbers = row.split_whitespace().map(|n| n.parse().expect("a number"));
+            numbers.collect()
+        })
+        .collect();
+    assert_eq!(lammps.len(), 4);
+    let [coarse, fine] = ["4e-7", "1e-7"].map(|step| {
+        let frame = run(step);
+        let mut worst = 0.0_f64;
+        for (grain, row) in frame.grains.iter().zip(&lammps) {
+            for (found, expected) in [
+                (grain.position, &row[1..4]),
+                (grain.velocity, &row[4..7]),
+                (grain.angular_velocity, &row[7..10]),
+            ] {
+                let square = |v: &mut dyn Iterator<Item = f64>| v.map(|x| x * x).sum::<f64>();
+                let apart = square(&mut found.iter().zip(expected).map(|(a, b)| a - b));
+                worst = worst.max((apart / square(&mut expected.iter().copied())).sqrt());
+            }
+        }
+        worst
+    });
+    println!("from LAMMPS: {coarse:e} {fine:e}");
+    assert!(fine < 5e-5 && coarse > 6.0 * fine, "{coarse:e} {fine:e}");
+}
+
+/// Chung & Ooi (2011), test 2: an aluminium sphere of R = 0.1 m at 0.2 m/s on a rigid plane:
+/// 49.74 µm, 11.37 kN, 732 µs. Its modulus is twice that of aluminium, since ours gives way on
+/// both sides.
+#[test]
+fn an_aluminium_sphere_hits_a_rigid_plane() {
+    const RADIUS: f64 = 0.1;
+    const STEP: f64 = 1e-7;
+    let folder = tempfile::tempdir().expect("a folder");
+    let place = [0.5, 0.5, RADIUS + 1e-6];
+    let grain = [[RADIUS; 3], place, [0.0, 0.0, -0.2], [0.0; 3]];
+    write_grains(&folder.path().join("one.data"), [1.0, 1.0], false, &[grain]);
+    let scene = "
+        dimension = 3
+        material = { young_modulus = 140e9, poisson_ratio = 0.3, density = 2699 }
+        contact = { law = 'hertz', friction = 0, normal_damping = 0, tangential_damping = 0 }
+        sample = { packing = 'one.data', boundary = 'free', walls = 'flat' }
+        load.gravity = 1e-3
+        time.step = 1e-7
+        shear.protocol = [{ time = 1e-3 }]
+        output = { series_rows = 10000, frame_rows = 1 }
+    ";
+    let run = run_scene(folder.path(), "one", scene, &[]);
+    let series = run.series();
+    let forces = series.column("normal_force");
+    let heights = series.column("wall_height");
+    let most = forces.iter().fold(0.0_f64, |a, b| a.max(*b));
+    let least = heights.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+    let touching = forces.iter().filter(|force| **force > 0.0).count();
+    close(RADIUS - 0.5 * least, 49.74e-6, 1e-3, "greatest overlap");
+    close(most, 11.37e3, 1e-3, "greatest force");
+    close(touching as f64 * STEP, 732e-6, 2e-3, "time of contact");
+}
+
+/// Sliding throughout an impact: a sphere loses μ(1+e)v_n of its tangential velocity and turns by
+/// 5/2 of it over R, a disk by twice of it, in whatever direction (Chung & Ooi 2011, tests 5 to 8).
+#[test]
+fn impacts_that_slide_throughout() {
+    const RADIUS: f64 = 1e-3;
+    const FRICTION: f64 = 0.1;
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, up, per_spin) in [("disks", 1, 2.0), ("spheres", 2, 2.5)] {
+        let grain = |k: usize| {
+            let (along, across) = (
+                [1.0, -2.0, 1.5][k],
+                if up == 1 { 0.0 } else { [2.0, 0.5, -1.0][k] },
+            );
+            let mut place = [2.5e-3 * (k + 1) as f64, 4e-3, 0.0];
+            place[up] = RADIUS * 1.000_01;
+            let mut velocity = [along, across, 0.0];
+            velocity[up] = -0.5;
+            [[RADIUS; 3], place, velocity, [0.0; 3]]
+        };
+        let grains: Vec<_> = (0..3).map(grain).collect();
+        let data = folder.path().join(format!("{name}.data"));
+        write_grains(&data, [10e-3, 10e-3], up == 1, &grains);
+        let law = match up {
+            1 => {
+                "material.density = 2500\ncontact = { law = 'hooke', normal_stiffness = 1e8, friction = 0.1, damping_ratio = 0 }"
+            }
+            _ => {
+                "material = { young_modulus = 70e9, poisson_ratio = 0.3, density = 2500 }\ncontact = { law = 'hertz', friction = 0.1, restitution = 0.8, impact_speed = 0.5, impact_diameter = 2e-3 }"
+            }
+        };
+        let scene = format!(
+            "dimension = {}\n{law}
+            sample = {{ packing = '{name}.data', boundary = 'free', walls = 'flat' }}
+            load.gravity = 1.0
+            shear.protocol = [{{ time = 1e-4 }}]
+            output.frame_rows = 1",
+            up + 1
+        );
+        let run = run_scene(folder.path(), name, &scene, &["time.step=5e-9"]);
+        let frame = run.records(1..2).expect("a frame").swap_remove(0);
+        for (grain, [_, _, before, _]) in frame.grains.iter().zip(&grains) {
+            let lifted = grain.velocity[up];
+            assert!(lifted > 0.2, "{name}: it bounces: {lifted}");
+            let lost = FRICTION * (lifted - before[up]);
+            let slip = before[..up].iter().map(|v| v * v).sum::<f64>().sqrt();
+            for axis in 0..up {
+                let expected = before[axis] * (1.0 - lost / slip);
+                let off = (grain.velocity[axis] - expected).abs();
+                assert!(off < 2e-3 * lost, "{name}: {:?} {expected}", grain.velocity);
+            }
+            // The bottom of the grain is dragged against its slip.
+            let spin = per_spin * lost / RADIUS;
+            let expected = match up {
+                1 => [0.0, 0.0, -spin * before[0].signum()],
+                _ => [-spin * before[1] / slip, spin * before[0] / slip, 0.0],
+            };
+            for axis in 0..3 {
+                let off = (grain.angular_velocity[axis] - expected[axis]).abs();
+                assert!(
+                    off < 2e-3 * spin,
+                    "{name}: {:?} {expected:?}",
+                    grain.angular_velocity
+                );
+            }
+        }
+    }
+}
+
+/// A grain that slides under its weight rolls in the end: m v + I ω/R stays, whatever the force
+/// between, so that v is 5/7 of the first velocity for a sphere, 2/3 for a disk. It goes on to roll
+/// over many periods of the cell: the normal of a plane does not turn.
+#[test]
+fn a_grain_slides_until_it_rolls() {
+    const RADIUS: f64 = 1e-3;
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, up, inertia) in [("disk", 1, 0.5), ("sphere", 2, 0.4)] {
+        let weight = 2500.0
+            * 9.81
+            * if up == 1 {
+                PI * RADIUS * RADIUS
+            } else {
+                4.0 / 3.0 * PI * RADIUS.powi(3)
+            };
+        let stiffness: f64 = if up == 1 { 1e6 } else { 1e3 };
+        let mut place = [3e-3, 3e-3, 0.0];
+        place[up] = RADIUS - weight / stiffness;
+        let velocity = if up == 1 {
+            [0.1, 0.0, 0.0]
+        } else {
+            [0.08, -0.06, 0.0]
+        };
+        let grain = [[RADIUS; 3], place, velocity, [0.0; 3]];
+        let data = folder.path().join(format!("{name}.data"));
+        write_grains(&data, [10e-3, 10e-3], up == 1, &[grain]);
+        let scene = format!(
+            "dimension = {}
+            material.density = 2500
+            contact = {{ law = 'hooke', normal_stiffness = {stiffness:?}, friction = 0.3, damping_ratio = 0.2 }}
+            sample = {{ packing = '{name}.data', boundary = 'free', walls = 'flat' }}
+            load.gravity = 9.81
+            shear.protocol = [{{ time = 1.0 }}]
+            output.frame_rows = 2",
+            up + 1
+        );
+        let run = run_scene(folder.path(), name, &scene, &[]);
+        let frames = run.records(1..3).expect("frames");
+        let end = &frames[1].grains[0];
+        for axis in 0..up {
+            let spin = [end.angular_velocity[1], -end.angular_velocity[0]][axis];
+            let spin = if up == 1 {
+                -end.angular_velocity[2]
+            } else {
+                spin
+            };
+            let now = end.velocity[axis];
+            let kept = now + inertia * RADIUS * spin;
+            close(kept, velocity[axis], 1e-11, "momentum about the floor");
+            close(RADIUS * spin, now, 1e-6, "rolling");
+            close(now, velocity[axis] / (1.0 + inertia), 1e-6, "velocity");
+        }
+        let way = frames[1].grains[0].image[0] - frames[0].grains[0].image[0];
+        assert!(way >= 2, "{name}: it crosses the seam: {way}");
+        let spin = end.angular_velocity[up];
+        assert!(up == 1 || spin.abs() < 1e-9, "it does not twist: {spin:e}");
+    }
+}
+
+/// Rollers between plates: under a load and with friction they roll at half the velocity of the
+/// upper one and drag it no more; without friction at a plate they stay where they are.
+#[test]
+fn rollers_bear_a_moving_top() {
+    const RADIUS: f64 = 1e-3;
+    const SPEED: f64 = 0.02;
+    let folder = tempfile::tempdir().expect("a folder");
+    for (dimension, length) in [(2, 16e-3), (3, 10e-3)] {
+        let up = dimension - 1;
+        let grain = |k: usize| {
+            let mut place = [2.5e-3 * (k + 1) as f64, 4e-3, 0.0];
+            place[up] = RADIUS;
+            [[RADIUS; 3], place, [0.0; 3], [0.0; 3]]
+        };
+        let grains: Vec<_> = (0..3).map(grain).collect();
+        let data = folder.path().join(format!("rollers-{dimension}.data"));
+        write_grains(&data, [length, 2.0 * RADIUS], dimension == 2, &grains);
+        let law = match dimension {
+            2 => "law = 'hooke'\nnormal_stiffness = 1e6\ndamping_ratio = 0.3",
+            _ => "law = 'hertz'\nrestitution = 0.5\nimpact_speed = 0.1\nimpact_diameter = 2e-3",
+        };
+        let modulus = if dimension == 2 {
+            ""
+        } else {
+            "young_modulus = 1e8\npoisson_ratio = 0.3"
+        };
+        let scene = |at_wall: f64| {
+            format!(
+                "dimension = {dimension}
+                material = [{{ name = 'grains', density = 2500, MODULUS }}, {{ name = 'plate', density = 1000, MODULUS }}]
+                [contact]
+                {law}
+                friction = 0.5
+                [[contact.pair]]
+                materials = ['grains', 'plate']
+                friction = {at_wall:?}
+                [sample]
+                packing = 'rollers-{dimension}.data'
+                walls = 'flat'
+                wall_material = 'plate'
+                [load]
+                pressure = 100.0
+                [shear]
+                protocol = [{{ velocity = {SPEED:?}, time = 0.2 }}]
+                [output]
+                frame_rows = 1",
+            )
+            .replace("MODULUS", &modulus.replace('\n', ", "))
+            .replace(", }", " }")
+        };
+        let at_end = |name: &str, friction: f64| {
+            let name = format!("{name}-{dimension}");
+            let run = run_scene(folder.path(), &name, &scene(friction), &[]);
+            let frame = run.records(1..2).expect("a frame").swap_remove(0);
+            let series = run.series();
+            let last = |of: &str| *series.column(of).last().expect("rows");
+            let force = [last("normal_force"), last("shear_force")];
+            (frame.grains, force, last("energy_residual"))
+        };
+        let load = 100.0
+            * if dimension == 2 {
+                length
+            } else {
+                length * length
+            };
+        let (grains, [normal, shear], residual) = at_end("rough", 0.6);
+        close(normal, load, 1e-6, "the load");
+        assert!(shear.abs() < 1e-6 * load, "{shear:e}");
+        assert!(residual.abs() < 1e-3, "{residual:e}");
+        for grain in grains {
+            close(grain.velocity[0], 0.5 * SPEED, 1e-5, "half the velocity");
+            let spin = if dimension == 2 {
+                -grain.angular_velocity[2]
+            } else {
+                grain.angular_velocity[1]
+            };
+            close(RADIUS * spin, 0.5 * SPEED, 1e-5, "spin");
+        }
+        let (grains, [normal, shear], _) = at_end("smooth", 0.0);
+        close(normal, load, 1e-6, "the load");
+        assert_eq!(shear, 0.0);
+        assert!(grains.iter().all(|grain| grain.velocity[0] == 0.0));
+    }
+}
+
+/// A checkpoint is the packing of another run, whose planes are where they were: the same forces.
+#[test]
+fn a_checkpoint_brings_its_planes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = "
+        material.density = 2500
+        contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
+        sample = { grains = 200, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 20e-3, walls = 'flat' }
+        load.pressure = 1e3
+        pack.tolerance = 1e-4
+        shear = { inertial_number = 0.01, strain = 0.01 }
+    ";
+    let first = run_scene(folder.path(), "first", scene, &[]);
+    let end = |of: &RunFile, row: usize| of.series().column("normal_force")[row];
+    let last = first.series().rows() - 1;
+    let going = scene.replace(
+        "grains = 200, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 20e-3",
+        "packing = 'first/checkpoint.h5'",
+    );
+    let going = going.replace("pack.tolerance = 1e-4", "");
+    let second = run_scene(
+        folder.path(),
+        "second",
+        &going,
+        &["contact.damping_ratio=0"],
+    );
+    let [before, after] = [end(&first, last), end(&second, 0)];
+    // The dampers of the first hold a little of it.
+    assert!((after / before - 1.0).abs() < 0.02, "{before} {after}");
+
+    let said = reducer()
+        .arg("spectrum")
+        .arg(folder.path().join("first"))
+        .output();
+    let said = said.expect("a reducer");
+    let text = String::from_utf8_lossy(&said.stderr);
+    assert_eq!(said.status.code(), Some(2), "{text}");
+    assert!(text.contains("K of a sample between flat walls"), "{text}");
+}
