@@ -325,6 +325,59 @@ fn rollers_bear_a_moving_top() {
     }
 }
 
+/// A sphere at rest on a plane that attracts it: its weight W and the attraction, R* = R, press it
+/// in. DMT: (4/3) E* √R δ^(3/2) = W + 4πγR. JKR: a from W = (4/3) E* a³/R - √(16πγE*a³), δ = a²/R -
+/// √(4πγa/E*).
+#[test]
+fn a_plane_attracts() {
+    const RADIUS: f64 = 1e-3;
+    const GAMMA: f64 = 0.5;
+    let folder = tempfile::tempdir().expect("a folder");
+    let modulus = 1e8 / (2.0 * (1.0 - 0.09));
+    let weight = 2500.0 * 9.81 * 4.0 / 3.0 * PI * RADIUS.powi(3);
+    let dmt = 0.75 * (weight + 4.0 * PI * GAMMA * RADIUS) / (modulus * RADIUS.sqrt());
+    let force = |a: f64| {
+        let cube: f64 = modulus * a * a * a;
+        4.0 / 3.0 * cube / RADIUS - (16.0 * PI * GAMMA * cube).sqrt()
+    };
+    // From the greatest pull on, the force rises with a.
+    let (mut low, mut high) = (
+        (9.0 * PI * GAMMA * RADIUS * RADIUS / modulus).cbrt(),
+        RADIUS,
+    );
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        let is_high = force(middle) > weight;
+        (low, high) = if is_high {
+            (low, middle)
+        } else {
+            (middle, high)
+        };
+    }
+    let jkr = low * low / RADIUS - (4.0 * PI * GAMMA * low / modulus).sqrt();
+    for (adhesion, expected) in [("dmt", dmt.powf(2.0 / 3.0)), ("jkr", jkr)] {
+        let place = [5e-3, 5e-3, RADIUS - expected * 0.9];
+        let grain = [[RADIUS; 3], place, [0.0; 3], [0.0; 3]];
+        let data = folder.path().join(format!("{adhesion}.data"));
+        write_grains(&data, [10e-3, 10e-3], false, &[grain]);
+        let scene = format!(
+            "dimension = 3
+            material = {{ young_modulus = 1e8, poisson_ratio = 0.3, density = 2500 }}
+            contact = {{ law = 'hertz', friction = 0.5, restitution = 0.2, impact_speed = 0.01, impact_diameter = 2e-3, surface_energy = {GAMMA:?}, adhesion = '{adhesion}' }}
+            sample = {{ packing = '{adhesion}.data', boundary = 'free', walls = 'flat' }}
+            load.gravity = 9.81
+            shear.protocol = [{{ time = 0.05 }}]
+            output = {{ series_rows = 10, frame_rows = 1 }}",
+        );
+        let run = run_scene(folder.path(), adhesion, &scene, &[]);
+        let series = run.series();
+        let height = series.column("wall_height").last().expect("rows");
+        close(RADIUS - 0.5 * height, expected, 1e-5, adhesion);
+        let borne = series.column("normal_force").last().expect("rows");
+        close(*borne, weight, 1e-6, "the weight");
+    }
+}
+
 /// A checkpoint is the packing of another run, whose planes are where they were: the same forces.
 #[test]
 fn a_checkpoint_brings_its_planes() {
