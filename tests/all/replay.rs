@@ -126,7 +126,8 @@ fn spheres_under_a_spring_are_replayed() {
     let temporary = tempfile::tempdir().expect("a folder");
     // Contacts of JKR hold grains together that no longer overlap.
     let adhering = ["contact.surface_energy=2.0", "contact.adhesion=jkr"];
-    for (name, sets) in [("run", &[][..]), ("adhering", &adhering)] {
+    let flat = ["sample.walls=flat"];
+    for (name, sets) in [("run", &[][..]), ("adhering", &adhering), ("flat", &flat)] {
         let folder = temporary.path().join(name);
         // The protocol writes a checkpoint at the end of every part.
         let sets = [&["output.keep_checkpoints=true"], sets].concat();

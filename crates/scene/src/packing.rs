@@ -16,6 +16,7 @@ use crate::sample::{Arrangement, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
 use crate::source::read_bytes;
 use crate::walls::PlaneShear;
+use gshear_dem::contact::model::WALL;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::neighbour::{self, Cutoff, LocalExtent};
@@ -625,6 +626,19 @@ impl Packing {
 
     /// Tells the overlap that is furthest outside the law, if one is.
     fn check_overlaps(&self, scene: &Scene, states: &[GrainState]) -> Result<(), Failure> {
+        let of_plane = at_planes(scene, states).find_map(|(g, plane, overlap)| {
+            let radius = states[g].radius;
+            let largest = scene.law.largest_overlap(radius, WALL * radius);
+            (overlap > largest).then_some((&self.atoms[g], plane, overlap, largest))
+        });
+        if let Some((atom, plane, overlap, largest)) = of_plane {
+            let what = format!(
+                "atom {} overlaps the flat wall at {plane:?} m, a bound of the box, by {overlap:.3e} m; the law {} takes {largest:.3e} m",
+                atom.id,
+                scene.law.kind().name,
+            );
+            return Err(wrong(&self.name, atom.line, what));
+        }
         let mut worst = (1.0, None);
         each_touching(scene, states, |[i, j], overlap| {
             let (a, b) = (&states[i], &states[j]);
@@ -686,6 +700,27 @@ fn each_touching_in<D: Dimension>(
     }
 }
 
+/// The grains that touch flat walls, if there are some, with the height of the plane and their
+/// overlap (m).
+fn at_planes<'a>(
+    scene: &Scene,
+    grains: &'a [GrainState],
+) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
+    let up = scene.dimension.axes() - 1;
+    let planes = scene
+        .plane_shear("")
+        .ok()
+        .and_then(PlaneShear::planes_of_file);
+    let touching = move |(g, side): (usize, usize)| {
+        let plane = planes?[side];
+        let outwards = [-1.0, 1.0][side];
+        let overlap = grains[g].radius + outwards * (grains[g].position[up] - plane);
+        (overlap > 0.0).then_some((g, plane, overlap))
+    };
+    let both = (0..grains.len()).flat_map(|g| [(g, 0), (g, 1)]);
+    both.filter_map(touching)
+}
+
 /// The force (N; N/m in 2D) upwards on the top wall that the overlaps of grains at rest exert.
 pub(crate) fn force_on_top(scene: &Scene, grains: &[GrainState]) -> f64 {
     let up = scene.dimension.axes() - 1;
@@ -701,6 +736,16 @@ pub(crate) fn force_on_top(scene: &Scene, grains: &[GrainState]) -> f64 {
         let rise = top.position[up] - other.position[up];
         sum += force * rise / (a.radius + b.radius - overlap);
     });
+    let planes = scene
+        .plane_shear("")
+        .ok()
+        .and_then(PlaneShear::planes_of_file);
+    for (g, plane, overlap) in at_planes(scene, grains) {
+        let radius = grains[g].radius;
+        if planes.is_some_and(|[_, top]| plane == top) {
+            sum += scene.law.normal_stiffness(radius, WALL * radius, overlap) * overlap;
+        }
+    }
     sum
 }
 

@@ -101,6 +101,19 @@ impl PlaneShear {
         }
     }
 
+    /// The heights (m) of the flat walls of a file's grains, infinite where there is none.
+    pub(crate) fn planes_of_file(&self) -> Option<[f64; 2]> {
+        let file = self
+            .origin
+            .file()
+            .filter(|_| self.has_planes() && self.pack.skip)?;
+        let [low, high] = file.edges;
+        Some(match self.confinement {
+            Confinement::FreeSurface => [low, f64::INFINITY],
+            _ => [low, high],
+        })
+    }
+
     /// The planes at which the walls of a sample between these heights (m) are cut from it: centres
     /// below the first are of the bottom, above the second of the top. A free surface has none.
     pub fn planes(&self, sample: &Sample, [low, high]: [f64; 2]) -> [f64; 2] {

@@ -398,12 +398,23 @@ fn a_checkpoint_brings_its_planes() {
         "packing = 'first/checkpoint.h5'",
     );
     let going = going.replace("pack.tolerance = 1e-4", "");
-    let second = run_scene(
-        folder.path(),
-        "second",
-        &going,
-        &["contact.damping_ratio=0"],
+    let (file, out) = (
+        folder.path().join("second.toml"),
+        folder.path().join("second"),
     );
+    std::fs::write(&file, going).expect("a scene");
+    let undamped = [
+        file.display().to_string(),
+        "--set=contact.damping_ratio=0".into(),
+    ];
+    let outcome = gshear_mpi(1, &out, &undamped);
+    outcome.digest();
+    assert!(
+        !outcome.text.contains("not at its load"),
+        "{}",
+        outcome.text
+    );
+    let second = RunFile::open_any(&out).expect("a run");
     let [before, after] = [end(&first, last), end(&second, 0)];
     // The dampers of the first hold a little of it.
     assert!((after / before - 1.0).abs() < 0.02, "{before} {after}");
@@ -416,4 +427,27 @@ fn a_checkpoint_brings_its_planes() {
     let text = String::from_utf8_lossy(&said.stderr);
     assert_eq!(said.status.code(), Some(2), "{text}");
     assert!(text.contains("K of a sample between flat walls"), "{text}");
+}
+
+/// A grain that is far beyond a plane at the start is a mistake of the file.
+#[test]
+fn a_grain_beyond_a_plane_is_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |y: f64| [[1e-3; 3], [3e-3, y, 0.0], [0.0; 3], [0.0; 3]];
+    let data = folder.path().join("low.data");
+    write_grains(&data, [10e-3, 10e-3], true, &[at(5e-3), at(0.5e-3)]);
+    let scene = "
+        material.density = 2500
+        contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
+        sample = { packing = 'low.data', walls = 'flat' }
+        load.pressure = 1e3
+        shear = { inertial_number = 0.01, strain = 0.01 }
+    ";
+    let (file, out) = (folder.path().join("low.toml"), folder.path().join("low"));
+    std::fs::write(&file, scene).expect("a scene");
+    let outcome = gshear_mpi(1, &out, &[file.display().to_string()]);
+    assert_eq!(outcome.code, 2, "{}", outcome.text);
+    let expected = "low.data:12: atom 2 overlaps the flat wall at 0.0 m, a bound of the box, by 5.000e-4 m; the law hooke takes 1.880e-4 m";
+    assert!(outcome.text.contains(expected), "{}", outcome.text);
+    assert!(!out.exists());
 }

@@ -127,7 +127,7 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
 }
 
 /// The radius of a flat wall over that of the grain: 1/R_j is below the rounding of 1/R_i.
-const WALL: f64 = 1e18;
+pub const WALL: f64 = 1e18;
 
 struct Parameters<'a, C> {
     law: &'a C,
