@@ -34,7 +34,6 @@ fn bookkeeping_never_reaches_the_numbers() {
     for (ranks, set) in [
         (1, &["bookkeeping.skin=0.05"][..]),
         (1, &["bookkeeping.skin=0.5", "bookkeeping.rebuild_every=1"]),
-        (1, &["bookkeeping.simd=portable"]),
         (2, &["bookkeeping.skin=0.05", "bookkeeping.rebuild_every=7"]),
         (3, &["bookkeeping.skin=0.3"]),
         (

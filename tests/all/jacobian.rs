@@ -180,6 +180,7 @@ fn the_form_of_the_paper() {
     const H: f64 = 2e-5;
     let (grains, contacts, cell) = spheres_of_the_paper();
     let state = NetworkState {
+        flat: None,
         grains: &grains,
         contacts: &contacts,
         cell,
@@ -243,6 +244,7 @@ fn the_form_of_the_paper() {
 fn translations_are_null_vectors() {
     let (grains, contacts, cell) = spheres_of_the_paper();
     let state = NetworkState {
+        flat: None,
         grains: &grains,
         contacts: &contacts,
         cell,
@@ -285,6 +287,7 @@ fn linear_systems_are_solved() {
             c.history = c.history.map(|t| part * t);
         }
         let state = NetworkState {
+            flat: None,
             grains: &grains,
             contacts: &contacts,
             cell,
@@ -341,6 +344,7 @@ fn linear_systems_are_solved() {
 fn eigenvalues_alone() {
     let (grains, contacts, cell) = spheres_of_the_paper();
     let state = NetworkState {
+        flat: None,
         grains: &grains,
         contacts: &contacts,
         cell,

@@ -248,6 +248,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
     fn jacobian(&mut self, at_rest: bool) -> Jacobian {
         let contacts = self.system.contact_states(self.law);
         let state = NetworkState {
+            flat: None,
             grains: &self.system.grain_states(),
             contacts: &contacts,
             cell: self.system.cell,
@@ -470,6 +471,7 @@ fn random_frame(random: &mut ChaCha8Rng) -> Option<Problem> {
         }
     }
     let state = NetworkState {
+        flat: None,
         grains: &grains,
         contacts: &contacts,
         cell,

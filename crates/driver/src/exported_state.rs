@@ -9,7 +9,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, GrainSample, GrainState};
 use gshear_scene::lammps_data::{Atom, DataFile};
 use gshear_scene::packing::{GrainLimit, Packing, split_frame};
-use gshear_scene::{Arrangement, Boundary, Dimensions, Scene, atom_type};
+use gshear_scene::{Arrangement, Dimensions, atom_type};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, is_hdf5};
 
@@ -98,7 +98,10 @@ impl ExportedState {
                 .file_stem()
                 .map_or("checkpoint".into(), |stem| stem.to_string_lossy().into()),
             cell: header.cell_in(&scene),
-            planes: planes(header, &scene),
+            planes: match header {
+                Header::Shear(shear) => shear.planes(&scene),
+                _ => None,
+            },
             dimension: scene.dimension,
             grains: saved.state.grains.iter().map(grain).collect(),
         })
@@ -131,17 +134,6 @@ impl ExportedState {
             atoms: self.grains.iter().map(atom).collect(),
         }
     }
-}
-
-/// The heights (m) of the flat walls of a checkpoint; below a free surface that of the piston, which
-/// nothing touches.
-fn planes(header: &Header, scene: &Scene) -> Option<[f64; 2]> {
-    let (Header::Shear(shear), Boundary::Walls(of)) = (header, &scene.boundary) else {
-        return None;
-    };
-    let floor = of.floor();
-    let between = [floor, floor + shear.piston.height];
-    of.has_planes().then_some(between)
 }
 
 /// Reads the packing of a scene: a frame of a run, by default the last, a checkpoint, or what

@@ -11,6 +11,7 @@ use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Cell, Sheared, Snapshot};
 use gshear_mpi_exchange::Parallel;
+use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, PackingFile, PeriodicBox, Sample, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
@@ -116,6 +117,16 @@ impl ShearHeader {
             sheared,
             ..sample.cell()
         }
+    }
+
+    /// The heights (m) of the flat walls of this shear; below a free surface that of the piston,
+    /// which nothing touches.
+    pub fn planes(&self, scene: &Scene) -> Option<[f64; 2]> {
+        let of = scene.plane_shear("").ok().filter(|of| of.has_planes())?;
+        let step = self.slider.map_or(0, |slider| slider.step);
+        let rose = Schedule::new(scene, of, self.height).protocol.bottom(step);
+        let floor = of.floor();
+        Some([floor + rose, floor + self.piston.height])
     }
 }
 

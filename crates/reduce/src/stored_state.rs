@@ -9,7 +9,7 @@ use gshear_analysis::stability::Stability;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, ContactState, GrainState};
+use gshear_dem::state::{Cell, ContactState, FlatWalls, GrainState};
 use gshear_driver::header::{Header, Saved};
 use gshear_scene::{Boundary, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
@@ -48,6 +48,7 @@ pub struct StiffnessMatrix {
 pub struct StoredState {
     scene: Scene,
     cell: Cell,
+    flat: Option<(FlatWalls, [f64; 2])>,
     /// Grains by id.
     grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
@@ -67,17 +68,6 @@ impl StoredState {
         }
         let selection = selection.unwrap_or(StateSelection::Frame(Which::Last));
         Self::of_run(&RunFile::open_any(path)?, selection)
-    }
-
-    /// Refuses flat walls: frames do not hold their contacts.
-    fn without_planes(self) -> Result<Self, Failure> {
-        match &self.scene.boundary {
-            Boundary::Walls(of) if of.has_planes() => Err(Failure::input(format!(
-                "{}: K of a sample between flat walls (sample.walls = \"flat\") is not known: frames hold no contacts with them; give walls of grains",
-                self.what
-            ))),
-            _ => Ok(self),
-        }
     }
 
     /// Reads a frame.
@@ -109,15 +99,20 @@ impl StoredState {
             stage: run.stage(),
             step: run.frame_steps()[t],
         };
-        Self {
+        if scene.flat_walls().is_some() {
+            return Err(Failure::input(format!(
+                "{what}: has flat walls, whose contacts no frame holds; give a checkpoint"
+            )));
+        }
+        Ok(Self {
             scene,
             cell: run.cell(t),
+            flat: None,
             grains,
             contacts,
             what,
             origin,
-        }
-        .without_planes()
+        })
     }
 
     /// Assembles K and M.
@@ -126,6 +121,7 @@ impl StoredState {
             grains: &self.grains,
             contacts: &self.contacts,
             cell: self.cell,
+            flat: self.flat,
             masses: &self.scene.materials.masses,
             // Strain steps end at rest.
             at_rest: self.origin.stage == RunStage::Strain,
@@ -213,9 +209,14 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
         ),
         _ => return unfit("the checkpoint is of a stage that its scene does not have"),
     };
-    StoredState {
+    let flat = match &header {
+        Header::Shear(shear) => scene.flat_walls().zip(shear.planes(&scene)),
+        _ => None,
+    };
+    Ok(StoredState {
         scene,
         cell,
+        flat,
         grains: state.grains,
         contacts: state.contacts,
         what,
@@ -224,6 +225,5 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
             stage,
             step,
         },
-    }
-    .without_planes()
+    })
 }

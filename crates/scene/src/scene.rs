@@ -4,7 +4,7 @@
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::{Contact, Law};
-use gshear_dem::state::{Cell, Sheared};
+use gshear_dem::state::{Cell, FlatWalls, Sheared};
 
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
@@ -86,6 +86,15 @@ impl Scene {
                 "{name}: is a scene in a periodic box; this needs one of plane shear, without [box]"
             ))),
         }
+    }
+
+    /// The flat walls of a shear between such.
+    pub fn flat_walls(&self) -> Option<FlatWalls> {
+        self.plane_shear("").ok().filter(|of| of.has_planes())?;
+        Some(FlatWalls {
+            first_id: self.sample.grains,
+            material: self.materials.wall.unwrap_or(0),
+        })
     }
 
     /// The cell in which the grains begin.

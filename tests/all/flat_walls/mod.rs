@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::common::{gshear_mpi, reducer, run_scene};
+use crate::common::{gshear_mpi, reducer, run_scene, succeed};
 use gshear_store::run_reader::RunFile;
 
 /// A LAMMPS data file of grains in a square of this length (m), between planes this far apart (m):
@@ -426,7 +426,65 @@ fn a_checkpoint_brings_its_planes() {
     let said = said.expect("a reducer");
     let text = String::from_utf8_lossy(&said.stderr);
     assert_eq!(said.status.code(), Some(2), "{text}");
-    assert!(text.contains("K of a sample between flat walls"), "{text}");
+    assert!(
+        text.contains("whose contacts no frame holds; give a checkpoint"),
+        "{text}"
+    );
+}
+
+/// K of a sphere that is pressed between two planes: each is a spring k_n along its normal and a
+/// spring k_t of the slip u + θ × r, r = ±R from the centre. Nothing else: the sphere rolls freely
+/// between them, because their normals do not turn with it.
+#[test]
+fn a_sphere_between_planes_is_held_by_its_springs() {
+    const RADIUS: f64 = 1e-3;
+    const NORMAL: f64 = 1e3;
+    const TANGENTIAL: f64 = 400.0;
+    let folder = tempfile::tempdir().expect("a folder");
+    let load = 1e-2;
+    let height = 2.0 * (RADIUS - load / NORMAL);
+    let grain = [[RADIUS; 3], [5e-3, 5e-3, 0.5 * height], [0.0; 3], [0.0; 3]];
+    write_grains(
+        &folder.path().join("one.data"),
+        [10e-3, height],
+        false,
+        &[grain],
+    );
+    let scene = format!(
+        "dimension = 3
+        material.density = 2500
+        contact = {{ law = 'hooke', normal_stiffness = {NORMAL:?}, tangential_stiffness = {TANGENTIAL:?}, friction = 0.5, damping_ratio = 0.2 }}
+        sample = {{ packing = 'one.data', walls = 'flat' }}
+        load.pressure = {:?}
+        shear.protocol = [{{ velocity = 0.0, time = 1e-3 }}]",
+        load / 1e-4
+    );
+    run_scene(folder.path(), "one", &scene, &[]);
+    let matrix = folder.path().join("k.mtx");
+    let mut spectrum = reducer();
+    spectrum
+        .arg("spectrum")
+        .arg(folder.path().join("one/checkpoint.h5"));
+    spectrum.args(["--dense", "--export-matrix"]).arg(&matrix);
+    succeed(spectrum.arg("--out").arg(folder.path().join("spectrum")));
+    let text = std::fs::read_to_string(matrix).expect("K");
+    let mut k = [[0.0; 6]; 6];
+    for line in text.lines().filter(|line| !line.starts_with('%')).skip(1) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let [row, column] = [words[0], words[1]].map(|n| n.parse::<usize>().expect("a place"));
+        k[row - 1][column - 1] = words[2].parse().expect("a number");
+    }
+    let mut expected = [[0.0; 6]; 6];
+    for axis in 0..2 {
+        expected[axis][axis] = 2.0 * TANGENTIAL;
+        expected[3 + axis][3 + axis] = 2.0 * TANGENTIAL * RADIUS * RADIUS;
+    }
+    expected[2][2] = 2.0 * NORMAL;
+    for (row, column) in (0..6).flat_map(|row| (0..6).map(move |column| (row, column))) {
+        let scale = [1.0, RADIUS][usize::from(row > 2)] * [1.0, RADIUS][usize::from(column > 2)];
+        let off = (k[row][column] - expected[row][column]).abs();
+        assert!(off < 1e-9 * NORMAL * scale, "{row} {column}: {k:?}");
+    }
 }
 
 /// A grain that is far beyond a plane at the start is a mistake of the file.

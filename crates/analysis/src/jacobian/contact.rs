@@ -27,6 +27,7 @@ pub struct LinearContact {
     radii: [f64; 2],
     /// Unit normal, from j to i.
     n: Vector,
+    /// |r|, at which n turns with r.
     distance: f64,
     derivatives: Derivatives,
 }

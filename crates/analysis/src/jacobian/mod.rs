@@ -13,9 +13,10 @@ use faer::Mat;
 use faer::sparse::SparseColMat;
 
 use contact::LinearContact;
+use gshear_dem::contact::model::WALL;
 use gshear_dem::contact::stiffness::{SpringState, Stiffness};
 use gshear_dem::dimension::Dimension;
-use gshear_dem::state::{Cell, ContactState, GrainState, Masses, body, length};
+use gshear_dem::state::{Cell, ContactState, FlatWalls, GrainState, Masses, body, length};
 use gshear_spectrum::{Problem, Unfit};
 use pattern::Pattern;
 
@@ -31,6 +32,8 @@ pub struct NetworkState<'a> {
     pub contacts: &'a [ContactState],
     /// The cell, periodic or with walls.
     pub cell: Cell,
+    /// Flat walls, and their heights (m), if there are some.
+    pub flat: Option<(FlatWalls, [f64; 2])>,
     /// Masses of the grains.
     pub masses: &'a Masses,
     /// Whether it is in equilibrium, so that the elastic forces alone decide which contacts are at
@@ -119,6 +122,25 @@ impl Jacobian {
     }
 }
 
+impl NetworkState<'_> {
+    /// The grain of this id; of a flat wall what grain i touches there: a point of it, without a
+    /// radius.
+    fn partner<D: Dimension>(&self, i: &GrainState, id: u32) -> Option<GrainState> {
+        if let Some(grain) = self.grains.get(id as usize) {
+            return Some(*grain);
+        }
+        let (walls, planes) = self.flat?;
+        let mut position = i.position;
+        position[D::UP] = *planes.get(id.checked_sub(walls.first_id)? as usize)?;
+        Some(GrainState {
+            position,
+            radius: 0.0,
+            material: walls.material,
+            ..*i
+        })
+    }
+}
+
 /// Assembles K and M of a state. Contacts are added in the order given, so the result is
 /// deterministic.
 ///
@@ -146,11 +168,13 @@ pub fn assemble<D: Dimension>(
     let touching: Vec<(LinearContact, [Option<usize>; 2])> = contacts
         .iter()
         .filter_map(|c| {
-            let pair = [&grains[c.i as usize], &grains[c.j as usize]];
+            let i = &grains[c.i as usize];
+            let pair = [i, &state.partner::<D>(i, c.j)?];
             let limits = if state.at_rest { [None; 3] } else { c.limits() };
             let idle = c.is_idle() && !state.at_rest;
             let contact = touch::<D>(pair, (c, limits, idle), state.cell, law)?;
-            Some((contact, [c.i, c.j].map(|g| place[g as usize])))
+            let place = |g: u32| place.get(g as usize).copied().flatten();
+            Some((contact, [c.i, c.j].map(place)))
         })
         .collect();
     let pairs = touching
@@ -182,7 +206,7 @@ pub fn assemble<D: Dimension>(
     Jacobian {
         mass: mass.collect(),
         k: pattern.matrix(values),
-        held: free.len() < grains.len(),
+        held: free.len() < grains.len() || state.flat.is_some(),
         grains: free,
         per_grain: D::AXES + D::SPINS,
         axes: D::AXES,
@@ -202,9 +226,15 @@ fn touch<D: Dimension>(
     let distance = length(r);
     let overlap = a.radius + b.radius - distance;
     let n = r.map(|x| x / distance);
+    // A plane has no curvature, and its normal does not turn.
+    let (radius, turns_at) = if b.radius > 0.0 {
+        (b.radius, distance)
+    } else {
+        (WALL * a.radius, f64::INFINITY)
+    };
     let springs = SpringState {
         materials: [a.material, b.material],
-        radii: [a.radius, b.radius],
+        radii: [a.radius, radius],
         overlap,
         history: contact.history,
         torques: contact.torques,
@@ -213,5 +243,5 @@ fn touch<D: Dimension>(
     if overlap <= -law.gap(springs.materials, springs.radii) {
         return None;
     }
-    LinearContact::new::<D>(law, n, distance, (springs, idle))
+    LinearContact::new::<D>(law, n, turns_at, (springs, idle))
 }

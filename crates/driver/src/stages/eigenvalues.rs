@@ -50,6 +50,7 @@ impl GlobalState {
 
     fn jacobian<D: Dimension>(&self, of: &Assembly<'_, D>) -> Jacobian {
         let state = jacobian::NetworkState {
+            flat: None,
             grains: &self.grains,
             contacts: &self.contacts,
             cell: of.system.cell,

@@ -12,7 +12,7 @@ use gshear_dem::drive::{Drive, GrainWalls, Images, Piston, Slider, Top};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants, UpperEnd};
-use gshear_dem::state::{Confinement, FlatWalls, GrainState, SeriesRow, Snapshot, body};
+use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{PackingFile, PlaneShear, Scene};
@@ -115,13 +115,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             None => Above::Wall(GrainWalls::new(top)),
             Some(_) => Above::Images(Images::new(top)),
         };
-        if let Above::Wall(walls) = &mut above
-            && plane_shear.has_planes()
-        {
-            assembly.system.flat = Some(FlatWalls {
-                first_id: scene.sample.grains,
-                material: scene.materials.wall.unwrap_or(0),
-            });
+        assembly.system.flat = scene.flat_walls();
+        if let (Above::Wall(walls), Some(_)) = (&mut above, assembly.system.flat) {
             walls.flat = Some(match plane_shear.confinement {
                 Confinement::FreeSurface => [floor, f64::INFINITY],
                 _ => [floor; 2],
