@@ -73,14 +73,15 @@ pub fn advance<D: Dimension>(
     let (isa, cell) = (system.isa, system.cell);
     let mut fastest = drive.speed();
     let second_kick_deferred = std::mem::take(&mut system.second_kick_deferred);
+    let stretches = drive.stretches();
+    let motion = (step, cell, stretches.unwrap_or([1.0; 2]));
     system.pool.over_owned(
         &mut system.grains,
-        |part| {
-            if second_kick_deferred {
-                isa.run(HalfKickAndDrift::<_, true> { part, step, cell })
-            } else {
-                isa.run(HalfKickAndDrift::<_, false> { part, step, cell })
-            }
+        |part| match (second_kick_deferred, stretches.is_some()) {
+            (true, false) => isa.run(HalfKickAndDrift::<_, true, false> { part, motion }),
+            (false, false) => isa.run(HalfKickAndDrift::<_, false, false> { part, motion }),
+            (true, true) => isa.run(HalfKickAndDrift::<_, true, true> { part, motion }),
+            (false, true) => isa.run(HalfKickAndDrift::<_, false, true> { part, motion }),
         },
         |speed| fastest = greater_or_nan(fastest, speed),
     );
@@ -296,7 +297,7 @@ fn add_forces<D: Dimension>(
         step,
         travelled,
         counting: (is_stressed || budget.is_some()).then(|| Counting {
-            unit: budget.as_ref().map_or(1.0, EnergyBudget::unit),
+            unit: budget.as_ref().map(EnergyBudget::unit),
             step: *full_step,
             height: cell.sheared.map(|of| of.height).filter(|_| is_stressed),
         }),
@@ -327,21 +328,21 @@ fn add_forces<D: Dimension>(
 
 /// Computes v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces.
 /// Returns the greatest speed (m/s), or NaN if one is NaN. `SECOND_KICK_DEFERRED`: gives the
-/// deferred second kick of the last step first.
-struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool> {
+/// deferred second kick of the last step first. `STRETCHED`: [`Drive::stretches`].
+struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool, const STRETCHED: bool> {
     part: OwnedPart<'a, D>,
-    step: f64,
-    cell: Cell,
+    /// Δt (s), the cell, and by what its stretching multiplies.
+    motion: (f64, Cell, [f64; 2]),
 }
 
-impl<D: Dimension, const SECOND_KICK_DEFERRED: bool> Work
-    for HalfKickAndDrift<'_, D, SECOND_KICK_DEFERRED>
+impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STRETCHED: bool> Work
+    for HalfKickAndDrift<'_, D, SECOND_KICK_DEFERRED, STRETCHED>
 {
     type Output = f64;
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) -> f64 {
-        let Self { part, step, cell } = self;
+        let (part, (step, cell, [grows, shrinks])) = (self.part, self.motion);
         // The bits of the squared speed, which are greatest for NaN: integers are compared in one
         // cycle, a chain of floating-point maxima would wait for each result.
         let mut fastest = 0;
@@ -363,8 +364,15 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool> Work
             for axis in 0..D::AXES {
                 r[D::VELOCITY + axis] = v[axis] + dv[axis];
             }
+            if STRETCHED {
+                r[D::UP] *= grows;
+            }
             for axis in 0..D::AXES {
                 r[axis] += step * v[axis];
+            }
+            if STRETCHED {
+                r[D::VELOCITY + D::UP] *= shrinks;
+                r[D::HALF_VELOCITY + D::UP] *= shrinks;
             }
             let mut speed = 0.0;
             for v in &v[..D::AXES] {

@@ -24,8 +24,8 @@ pub struct Images {
     pub felt: WallForces,
     /// Whether the stress is needed in every step.
     needs_stress: bool,
-    /// h/h' of the last step.
-    shrinks: f64,
+    /// h'/h and h/h' of the last step, if they are not 1.
+    stretches: Option<[f64; 2]>,
 }
 
 impl Images {
@@ -37,7 +37,7 @@ impl Images {
             needs_stress: is_loaded || motion.along,
             motion,
             felt: WallForces::default(),
-            shrinks: 1.0,
+            stretches: None,
         }
     }
 
@@ -79,19 +79,20 @@ impl<D: Dimension> Drive<D> for Images {
         Self::stream(velocity, sheared, grains);
         sheared.half_velocity = velocity;
         let (before, height) = (sheared.height, self.motion.piston.height);
-        sheared.stretching = None;
+        (sheared.stretching, self.stretches) = (None, None);
         if height == before {
             return;
         }
-        let grows = height / before;
-        for g in 0..grains.owned {
-            grains.fields_mut(g)[D::UP] *= grows;
-        }
-        self.shrinks = before / height;
+        let shrinks = before / height;
+        self.stretches = Some([height / before, shrinks]);
         sheared.height = height;
         let mut stretching = Stretching::default();
-        stretching.half[D::UP] = (1.0 - self.shrinks) / step;
+        stretching.half[D::UP] = (1.0 - shrinks) / step;
         sheared.stretching = Some(stretching);
+    }
+
+    fn stretches(&self) -> Option<[f64; 2]> {
+        self.stretches
     }
 
     fn predict(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<D>) {
@@ -101,12 +102,6 @@ impl<D: Dimension> Drive<D> for Images {
         let [along, up] = self.motion.predicted(step);
         if let Some(stretching) = &mut sheared.stretching {
             stretching.full[D::UP] = up / sheared.height;
-            for g in 0..grains.owned {
-                let r = grains.fields_mut(g);
-                for at in [D::VELOCITY, D::HALF_VELOCITY] {
-                    r[at + D::UP] *= self.shrinks;
-                }
-            }
         }
         Self::stream(along, sheared, grains);
     }

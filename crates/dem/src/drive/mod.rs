@@ -70,6 +70,11 @@ pub trait Drive<D: Dimension> {
     }
     /// First half kick and drift of the walls, or of the cell.
     fn drift(&mut self, _step: f64, _: &mut Cell, _: &mut Grains<D>) {}
+    /// By what the step multiplies the last coordinates of all grains before they drift, and their
+    /// velocities along it afterwards, after [`Drive::drift`].
+    fn stretches(&self) -> Option<[f64; 2]> {
+        None
+    }
     /// Gives the wall grains, or the cell, their predicted velocities, after the drift.
     fn predict(&mut self, _step: f64, _: &mut Cell, _: &mut Grains<D>) {}
     /// Adds forces of the walls on the grains that are not contacts between grains. Returns a grain

@@ -134,8 +134,8 @@ pub struct Pass<'a, D: Dimension> {
 /// How the dissipation of the contacts is counted for the energy budget, and their stress.
 #[derive(Debug, Clone, Copy)]
 pub struct Counting {
-    /// Energies are counted in whole multiples of this (J/m).
-    pub unit: f64,
+    /// Energies are counted in whole multiples of this (J/m); `None` without an energy budget.
+    pub unit: Option<f64>,
     /// Δt (s), by which powers are multiplied, also if [`Pass::step`] is 0.
     pub step: f64,
     /// The height of the cell (m) if the stress is counted.
@@ -198,7 +198,9 @@ impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
     ) -> PassOutcome {
         let (law, first) = (self, pass.part.first);
         let mut outcome = match (pass.counting, isa.vector()) {
-            (None, Some(vector)) => vector.run(PassWork::<C, false> { law, pass, scratch }),
+            (counting, Some(vector)) if counting.is_none_or(|of| of.unit.is_none()) => {
+                vector.run(PassWork::<C, false> { law, pass, scratch })
+            }
             // The portable arrays always account for the dissipation: one instance a law suffices.
             _ => isa.run(PassWork::<C, true> { law, pass, scratch }),
         };
@@ -313,11 +315,10 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             if pass.jkr().is_some() && !scratch.jumps.is_empty() {
                 scale_jumps::<C, BUDGET>(law, pass, chunk.start, scratch);
             }
-            let mut stress = None;
             if BUDGET {
                 count_dissipation::<C, L>(token, pass, chunk.clone(), scratch, &mut outcome);
-                stress = StressCount::<L>::new(token, pass);
             }
+            let mut stress = StressCount::<L>::new(token, pass);
             let too_strong = add_forces::<C, L>(token, pass, chunk.clone(), scratch, &mut stress);
             outcome.too_strong = outcome.too_strong.or(too_strong);
             if let Some(attraction) = pass.attraction {
@@ -479,7 +480,8 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let c = |v| L::splat(token, v);
     let part = &pass.part;
-    let (unit, step) = pass.counting.map_or((1.0, 0.0), |c| (c.unit, c.step));
+    let counting = pass.counting.and_then(|c| Some((c.unit?, c.step)));
+    let (unit, step) = counting.unwrap_or((1.0, 0.0));
     let owned = chunk.end.min(part.owned_blocks.saturating_sub(part.first));
     let blocks = chunk.start..owned.max(chunk.start);
     for kind in 0..dissipation::KINDS {
