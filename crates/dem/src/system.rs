@@ -104,7 +104,7 @@ pub struct List {
     height: f64,
     /// Positions of the owned grains at the last rebuild.
     origin: Vec<[f64; 3]>,
-    /// Heights of flat walls then (m).
+    /// Heights of planes then (m).
     planes: [f64; 2],
     /// Whether a coordinate is NaN or a grain moved further than half a skin before a rebuild.
     pub unsound: bool,

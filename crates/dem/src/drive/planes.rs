@@ -64,6 +64,10 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.piston.velocity.abs()
     }
 
+    fn planes(&self) -> Option<[f64; 2]> {
+        Some([0.0, self.piston.height])
+    }
+
     fn start(&mut self, load: WallForces) {
         self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
     }

@@ -9,6 +9,7 @@ mod hooke;
 mod images;
 mod mindlin;
 mod mixture;
+mod planes;
 mod protocols;
 mod registered;
 mod shares;
