@@ -301,7 +301,8 @@ impl PackingFile {
 /// What the walls of a sample are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Walls {
-    /// The grains whose centre is within the thickness of a wall of the lowest and of the highest edge.
+    /// The grains whose centre is within the thickness of a wall of the lowest and of the highest
+    /// edge.
     Layers,
     /// Those of a packing of type 2 are the bottom, of type 3 the top.
     Types,

@@ -82,7 +82,7 @@ pub trait Drive<D: Dimension> {
     fn forces(&mut self, _: Isa, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
         None
     }
-    /// The heights (m) of planes that grains touch, if there are some: of the bottom and of the top.
+    /// The heights (m) of planes that grains touch, if there are some: of bottom and top.
     fn planes(&self) -> Option<[f64; 2]> {
         None
     }

@@ -11,9 +11,10 @@ use crate::run::Run;
 
 /// Mass of the top (kg; kg/m in 2D), summed over the ranks; collective.
 ///
-/// That of a wall is the mass of its grains, of a flat one about as much. Images above a cell of height h get that of all grains
-/// times (d̄/h)²: as the cell is stretched through all layers, its frequency is then about that of
-/// a contact, which the time step resolves and the dampers of the contacts damp.
+/// That of a wall is the mass of its grains, of a flat one about as much. Images above a cell of
+/// height h get that of all grains times (d̄/h)²: as the cell is stretched through all layers, its
+/// frequency is then about that of a contact, which the time step resolves and the dampers of the
+/// contacts damp.
 pub(super) fn mass_of_top(
     run: &Run<'_>,
     scene: &Scene,
