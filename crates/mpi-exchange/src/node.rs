@@ -25,7 +25,8 @@ pub const MOST_NUMBERS: usize = 1 << 15;
 #[repr(C, align(128))]
 struct Counter {
     number: AtomicU32,
-    /// 1 if a rank sleeps, or is about to, until the number changes.
+    /// Number of ranks that sleep, or are about to, until the number changes. Only they count it:
+    /// a reset by the rank that raises could lose one that is about to sleep.
     sleeps: AtomicU32,
 }
 
@@ -35,7 +36,6 @@ impl Counter {
         // In one order for all ranks: either this one sees `sleeps`, or the other one the number.
         self.number.store(to as u32, Ordering::SeqCst);
         if self.sleeps.load(Ordering::SeqCst) != 0 {
-            self.sleeps.store(0, Ordering::SeqCst);
             let _ = futex::wake(&self.number, futex::Flags::empty(), i32::MAX as u32);
         }
     }
@@ -73,13 +73,16 @@ impl Counter {
             }
         }
         loop {
-            self.sleeps.store(1, Ordering::SeqCst);
+            self.sleeps.fetch_add(1, Ordering::SeqCst);
             let seen = self.number.load(Ordering::SeqCst);
-            if is_raised(seen) {
+            if !is_raised(seen) {
+                // It ends at once if the number has changed; after an error, too, look again.
+                let _ = futex::wait(&self.number, futex::Flags::empty(), seen, None);
+            }
+            self.sleeps.fetch_sub(1, Ordering::SeqCst);
+            if is_raised(self.number.load(Ordering::SeqCst)) {
                 return;
             }
-            // It ends at once if the number has changed; after an error, too, look again.
-            let _ = futex::wait(&self.number, futex::Flags::empty(), seen, None);
         }
     }
 }

@@ -158,8 +158,8 @@ fn impacts_that_slide_throughout() {
             assert!(lifted > 0.2, "{name}: it bounces: {lifted}");
             let lost = FRICTION * (lifted - before[up]);
             let slip = before[..up].iter().map(|v| v * v).sum::<f64>().sqrt();
-            for axis in 0..up {
-                let expected = before[axis] * (1.0 - lost / slip);
+            for (axis, first) in before.iter().enumerate().take(up) {
+                let expected = first * (1.0 - lost / slip);
                 let off = (grain.velocity[axis] - expected).abs();
                 assert!(off < 2e-3 * lost, "{name}: {:?} {expected}", grain.velocity);
             }
