@@ -421,8 +421,7 @@ pub fn stress<D: Dimension>(
     }
 }
 
-/// This rank's part of a frame: its grains, and the contacts of two grains of which it owns the
-/// first.
+/// This rank's part of a frame: its grains, and the contacts between grains whose first it owns.
 pub fn frame<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairModel,

@@ -305,7 +305,7 @@ pub(crate) fn check(
         let names: Vec<String> = all.names.iter().map(|name| format!("{name:?}")).collect();
         let names = list(&names, "or");
         let what = format!(
-            "sample.walls = \"flat\" with several materials needs that of the walls: {names}"
+            "sample.walls = \"flat\" needs a material where there are several; give {names}"
         );
         c.refuse(&SAMPLE.wall_material, &what);
     }

@@ -626,7 +626,7 @@ impl Packing {
 
     /// Tells the overlap that is furthest outside the law, if one is.
     fn check_overlaps(&self, scene: &Scene, states: &[GrainState]) -> Result<(), Failure> {
-        let of_plane = at_planes(scene, states).find_map(|(g, plane, overlap)| {
+        let of_plane = at_planes(scene, states).find_map(|(g, [_, plane], overlap)| {
             let radius = states[g].radius;
             let largest = scene.law.largest_overlap(radius, WALL * radius);
             (overlap > largest).then_some((&self.atoms[g], plane, overlap, largest))
@@ -700,25 +700,24 @@ fn each_touching_in<D: Dimension>(
     }
 }
 
-/// The grains that touch flat walls, if there are some, with the height of the plane and their
-/// overlap (m).
+/// The grains that touch flat walls, if there are some, with the sign of the side and the height of
+/// the plane, and their overlap (m).
 fn at_planes<'a>(
     scene: &Scene,
     grains: &'a [GrainState],
-) -> impl Iterator<Item = (usize, f64, f64)> + 'a {
+) -> impl Iterator<Item = (usize, [f64; 2], f64)> + 'a {
     let up = scene.dimension.axes() - 1;
     let planes = scene
         .plane_shear("")
         .ok()
         .and_then(PlaneShear::planes_of_file);
-    let touching = move |(g, side): (usize, usize)| {
-        let plane = planes?[side];
-        let outwards = [-1.0, 1.0][side];
-        let overlap = grains[g].radius + outwards * (grains[g].position[up] - plane);
-        (overlap > 0.0).then_some((g, plane, overlap))
+    let sides = planes.map(|[low, high]| [[-1.0, low], [1.0, high]]);
+    let sides = move |g| sides.into_iter().flatten().map(move |side| (g, side));
+    let touching = move |(g, [sign, plane]): (usize, [f64; 2])| {
+        let overlap = grains[g].radius + sign * (grains[g].position[up] - plane);
+        (overlap > 0.0).then_some((g, [sign, plane], overlap))
     };
-    let both = (0..grains.len()).flat_map(|g| [(g, 0), (g, 1)]);
-    both.filter_map(touching)
+    (0..grains.len()).flat_map(sides).filter_map(touching)
 }
 
 /// The force (N; N/m in 2D) upwards on the top wall that the overlaps of grains at rest exert.
@@ -736,13 +735,9 @@ pub(crate) fn force_on_top(scene: &Scene, grains: &[GrainState]) -> f64 {
         let rise = top.position[up] - other.position[up];
         sum += force * rise / (a.radius + b.radius - overlap);
     });
-    let planes = scene
-        .plane_shear("")
-        .ok()
-        .and_then(PlaneShear::planes_of_file);
-    for (g, plane, overlap) in at_planes(scene, grains) {
+    for (g, [sign, _], overlap) in at_planes(scene, grains) {
         let radius = grains[g].radius;
-        if planes.is_some_and(|[_, top]| plane == top) {
+        if sign > 0.0 {
             sum += scene.law.normal_stiffness(radius, WALL * radius, overlap) * overlap;
         }
     }

@@ -941,7 +941,7 @@ fn check_size(
     }
     c.settle()?;
     let needed = derived::least_height(all_layers) * sample.mean_diameter;
-    // Flat walls may hold as few grains as one wants.
+    // Between flat walls one grain is enough.
     if height < needed && !is_flat(c) {
         let least = derived::least_grains(sample, all_layers);
         let mut remedy = if least <= f64::from(u32::MAX) {

@@ -104,8 +104,8 @@ pub struct FlatWalls {
     pub material: u64,
 }
 
-/// What a grain near a flat wall touches: a point of the wall right below or above it. It is no
-/// more than a partner of radius 0 whose contact does not turn and is as flat as its wall.
+/// The point of a flat wall right below or above a grain. To the kernel it is the second grain of a
+/// pair, with radius 0, whose normal does not turn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Foot {
     /// The grain.
