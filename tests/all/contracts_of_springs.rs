@@ -23,6 +23,7 @@ fn linear_springs_keep_the_contracts() {
         ("sliding", &["contact.rolling_friction=0"]),
         ("damped", &["contact.sliding_damping=0.6"]),
         ("attracting", &["contact.attraction=0.3"]),
+        ("flat", &["sample.walls=flat"]),
         (
             "frictionless",
             &["contact.rolling_friction=0", "contact.friction=0"],
