@@ -3,10 +3,11 @@
 
     python3 examples/relax_end_state.py RUN [RUN ...] [--drag 0.2]
 
-Takes the last frame of newtonian.h5 of scenes like configs/bonfanti.toml (spheres, law mindlin) and
-follows overdamped dynamics at the same strain, with a drag on velocities and spins, until no force
-exceeds 3e-8. Prints shear stress and elastic energy, each over that at the start of Newton's
-equations. Forces, stress and energy are those of gshear-mpi; the history does not turn about n.
+Takes the last frame of Newton's equations of scenes like configs/bonfanti.toml (spheres, law
+mindlin) and follows overdamped dynamics at the same strain, with a drag on velocities and spins,
+until no force exceeds 3e-8. Prints shear stress and elastic energy, each over that at the start of
+Newton's equations. Forces, stress and energy are those of gshear-mpi; the history does not turn
+about n.
 """
 
 from __future__ import annotations
@@ -116,7 +117,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=20000, help="most steps of dynamics")
     options = parser.parse_args()
     for path in options.runs:
-        run = Run(path / "newtonian.h5", quiet=True)
+        run = Run(path / "run.h5/newtonian", quiet=True)
         before, state = State(run, 0), State(run, len(run.frames) - 1)
         residual = state.relax(options.drag, 0.4, options.steps)
         print(

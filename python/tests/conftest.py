@@ -102,7 +102,7 @@ def spheres(reduced: Callable[[str], Path]) -> Iterator[Run]:
         yield run
 
 
-@pytest.fixture(params=["aqs.h5", "newtonian.h5"])
+@pytest.fixture(params=["run.h5", "run.h5/newtonian"])
 def box(request: pytest.FixtureRequest, reduced: Callable[[str], Path]) -> Iterator[Run]:
     """A run in a sheared periodic box: strain steps, then Newton's equations."""
     with Run(reduced("box") / request.param, quiet=True) as run:

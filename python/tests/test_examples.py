@@ -86,7 +86,7 @@ def test_stress_and_energy_of_a_relaxation_are_those_of_the_program(
 ) -> None:
     """Of every frame; and what is at rest stays as it is."""
     relaxation = example("relax_end_state")
-    with Run(originals("box") / "newtonian.h5", quiet=True) as run:
+    with Run(originals("box") / "run.h5/newtonian", quiet=True) as run:
         for index, step in enumerate(run.frames.step):
             state = relaxation.State(run, index)
             row = run.series[run.series.step == step].iloc[0]

@@ -174,7 +174,7 @@ def test_ovito_reads_grains_and_contacts(exported: tuple[Run, Callable[[str], Pa
 @pytest.mark.parametrize("name", ["disks", "box"])
 def test_eigenvectors_by_grain(name: str, copy: Callable[[str], Path], tmp_path: Path) -> None:
     folder = copy(name)
-    run = folder / ("aqs.h5" if name == "box" else "run.h5")
+    run = folder / "run.h5"
     stiffness, archive = tmp_path / "K.mtx", tmp_path / "modes.npz"
     reduce = [str(find("gshear-reduce"))]
     of_frame = ["spectrum", str(run), "--frame", "1", "--export-matrix", str(stiffness)]

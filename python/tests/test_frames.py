@@ -71,7 +71,7 @@ def test_indices_and_slices(disks: Run) -> None:
             disks.frame(index)
 
 
-@pytest.mark.parametrize("name", ["disks", "spheres", "box/aqs.h5", "box/newtonian.h5"])
+@pytest.mark.parametrize("name", ["disks", "spheres", "box/run.h5", "box/run.h5/newtonian"])
 def test_arrays_of_many_frames_are_those_of_each(name: str, reduced: Callable[[str], Path]) -> None:
     with Run(reduced(name.split("/")[0]) / name.partition("/")[2]) as run:
         count = len(run.frames)
@@ -127,7 +127,7 @@ def test_strains_of_frames(walls: Run) -> None:
 
 
 def test_strains_of_frames_of_a_box(box: Run) -> None:
-    expected = [0, 8e-3, 16e-3] if box.path.name == "aqs.h5" else [16e-3] * 6
+    expected = [0, 8e-3, 16e-3] if box.stage == "aqs" else [16e-3] * 6
     np.testing.assert_allclose(box.frames.strain, expected, rtol=1e-12)
 
 
@@ -144,7 +144,7 @@ def test_arrays_are_read_when_used(reduced: Callable[[str], Path]) -> None:
     assert {"position", "radius"} <= set(dir(frame))
 
 
-@pytest.mark.parametrize("name", ["disks", "spheres", "box", "box/newtonian.h5"])
+@pytest.mark.parametrize("name", ["disks", "spheres", "box", "box/run.h5/newtonian"])
 def test_contacts_overlap_across_the_seams(name: str, reduced: Callable[[str], Path]) -> None:
     run = Run(reduced(name.split("/")[0]) / name.partition("/")[2], quiet=True)
     for frame in run.frames:
@@ -250,7 +250,7 @@ def test_stress_without_walls_is_of_contacts_and_velocities(
 
 def test_grains_at_rest_feel_no_more_than_the_residual(reduced: Callable[[str], Path]) -> None:
     with Run(reduced("box")) as run:
-        assert run.path.name == "aqs.h5"
+        assert run.stage == "aqs"
         series = run.series.set_index("step")
         for frame in run.frames:
             contacts = frame.contacts

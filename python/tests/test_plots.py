@@ -62,7 +62,7 @@ def test_dmin_map(disks: Run, ax: Axes) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["disks", "spheres", "box/aqs.h5", "disks in a box/aqs.h5", "disks in a box/newtonian.h5"],
+    ["disks", "spheres", "box", "disks in a box", "disks in a box/run.h5/newtonian"],
 )
 def test_maps_fit_together_across_the_boundaries(
     name: str, reduced: Callable[[str], Path], ax: Axes
@@ -179,7 +179,7 @@ def test_series_of_a_box(box: Run, ax: Axes) -> None:
     """Reduced units are not named; runs without a strain are drawn against the time."""
     line = plots.series(ax, box, "shear_stress")
     assert ax.get_ylabel() == "shear stress"
-    column = "strain" if box.path.name == "aqs.h5" else "time"
+    column = "strain" if box.stage == "aqs" else "time"
     assert ax.get_xlabel() == column
     np.testing.assert_array_equal(line.get_xdata(), box.series[column])
     with pytest.raises(RunError, match="a box has no stress ratio"):

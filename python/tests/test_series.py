@@ -54,7 +54,8 @@ def test_series_has_the_bits_of_the_log(walls: Run) -> None:
 
 
 def test_series_of_a_box_is_that_of_the_file(box: Run) -> None:
-    with h5py.File(box.path, locking=False) as file:
+    with h5py.File(box.folder / "run.h5", locking=False) as whole:
+        file = whole["newtonian"] if box.stage == "newtonian" else whole
         names = set(file["observables"])
         assert names | {"step", "time"} == set(box.series)
         for name in names:
@@ -98,7 +99,7 @@ def test_the_file_may_be_open_elsewhere(disks: Run) -> None:
 def test_missing_runs_are_named(tmp_path: Path) -> None:
     with pytest.raises(RunError, match=r"nothing: no such file or folder: give the folder"):
         Run(tmp_path / "nothing")
-    with pytest.raises(RunError, match=r"holds none of run.h5, aqs.h5, newtonian.h5"):
+    with pytest.raises(RunError, match=r"holds no run.h5"):
         Run(tmp_path)
     foreign = tmp_path / "run.h5"
     with h5py.File(foreign, "w") as file:

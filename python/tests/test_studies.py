@@ -266,14 +266,14 @@ def test_one_box(boxes: list[Path], tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     page, found = files_are_linked(tmp_path), numbers(tmp_path, "statement")
     assert "Figure 2: no eigenvalues in time: set newtonian.spectra." in page
-    with Run(boxes[0] / "newtonian.h5", quiet=True) as run:
+    with Run(boxes[0] / "run.h5/newtonian", quiet=True) as run:
         stress = run.series["shear_stress"].to_numpy()
         assert found["drop of the shear stress"] == f"{100 * (1 - stress[-1] / stress[0]):.1f} %"
         np.testing.assert_array_equal(table(tmp_path / "fig-05.csv")["shear_stress"], stress)
         lambda_i = run.parameters["lambda_i"]
     name = "imaginary part of the pair at the start of Newton's equations"
     assert float(found[name]) == pytest.approx(lambda_i, rel=1e-4)
-    with Run(boxes[0] / "aqs.h5", quiet=True) as run:
+    with Run(boxes[0], quiet=True) as run:
         birth = found["strain at which the first complex pair appears"]
         assert float(birth.split()[0]) == pytest.approx(run.parameters["birth_after"], abs=1e-12)
     grains = table(tmp_path / "fig-06.csv")
@@ -286,7 +286,7 @@ def test_several_boxes(boxes: list[Path], tmp_path: Path) -> None:
     assert files_are_linked(tmp_path)
     runs = table(tmp_path / "ensemble-runs.csv")
     for k, path in enumerate(boxes):
-        with Run(path / "newtonian.h5", quiet=True) as run:
+        with Run(path / "run.h5/newtonian", quiet=True) as run:
             series = run.series
         # The change to the mean over the last tenth of the time.
         time, stress = series["time"].to_numpy(), series["shear_stress"].to_numpy()
@@ -298,7 +298,7 @@ def test_several_boxes(boxes: list[Path], tmp_path: Path) -> None:
         assert runs["change_over_pressure"][k] == pytest.approx(change, abs=rounding)
         for form, options in (("", []), ("_paper_form", ["--paper-form"])):
             folder = tmp_path / f"all-{k}{form}"
-            _output.reduce("stability", path / "aqs.h5", folder, *options)
+            _output.reduce("stability", path / "run.h5", folder, *options)
             first = table(folder / "stability.csv").query("pairs > 0").iloc[0]
             assert runs[f"first_frame_with_pair{form}"][k] == first["strain"]
             # ω² = λ.
@@ -318,12 +318,12 @@ def test_wrong_runs_of_bonfanti(
     originals: Originals, copy: Callable[[str], Path], boxes: list[Path], tmp_path: Path
 ) -> None:
     out = ["--out", str(tmp_path / "out")]
-    assert "has no aqs.h5" in refused("bonfanti", originals("disks"), *out)
+    assert "has no strain steps" in refused("bonfanti", originals("disks"), *out)
     stopped = copy("box")
-    with h5py.File(stopped / "newtonian.h5", "r+") as file:
-        del file["parameters"].attrs["digest"]
+    with h5py.File(stopped / "run.h5", "r+") as file:
+        del file["newtonian/parameters"].attrs["digest"]
     message = refused("bonfanti", boxes[0], stopped, *out)
-    assert "newtonian.h5: is not done" in message
+    assert "run.h5/newtonian: is not done" in message
     assert not (tmp_path / "out").exists()
 
 

@@ -7,7 +7,7 @@ use crate::common::{Outcome, beyond_the_digest, gshear_mpi, reducer, succeed};
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::state::length;
 use gshear_scene::Dimensions;
-use gshear_store::file_names::AQS_FILE;
+use gshear_store::file_names::RUN_FILE;
 use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
@@ -43,7 +43,7 @@ fn run(folder: &Path, ranks: usize, parts: &[&[&str]]) -> Outcome {
 fn finished(folder: &Path, parts: &[&[&str]]) -> RunFile {
     let outcome = run(folder, 1, parts);
     assert_eq!(outcome.code, 0, "{}", outcome.text);
-    RunFile::open_any(&folder.join(AQS_FILE)).expect("a run")
+    RunFile::open_any(&folder.join(RUN_FILE)).expect("a run")
 }
 
 /// All digests that a run prints.
@@ -285,7 +285,7 @@ fn every_deformation_is_reported() {
         assert_eq!(outcome.code, 0, "{}", outcome.text);
         // The lock of a program that writes, as HDF5 takes it; programs that other tests start
         // inherit it, so that only `unlock` ends it.
-        let writing = std::fs::File::open(folder.join(AQS_FILE)).expect("the file");
+        let writing = std::fs::File::open(folder.join(RUN_FILE)).expect("the file");
         writing.lock().expect("the lock");
         let mut report = reducer();
         succeed(report.arg("report").arg(&folder));
@@ -342,10 +342,14 @@ fn every_deformation_is_reported() {
             );
         }
     }
-    // A file by its name, and one that stands alone.
+    // Newton's equations by their name, and a file that holds nothing else.
     let folder = temporary.path().join("simple-shear");
-    std::fs::remove_file(folder.join(AQS_FILE)).expect("removed");
-    for of in [folder.join("newtonian.h5"), folder] {
+    let moving = folder.join("run.h5/newtonian");
+    succeed(reducer().arg("report").arg(&moving));
+    let file = hdf5::File::open_rw(folder.join(RUN_FILE)).expect("HDF5");
+    file.unlink("particles").expect("removed");
+    file.close().expect("closed");
+    for of in [moving, folder] {
         let mut report = reducer();
         succeed(report.arg("report").arg(&of));
     }
@@ -385,7 +389,7 @@ fn keeps_the_contracts(of: &[&str], more: &[&str]) {
     assert_eq!(digests(&resumed), expected, "{}", resumed.text);
     assert_eq!(beyond_the_digest(&at("part")), beyond);
     let read = |name: &str| {
-        let run = RunFile::open_any(&at(name).join(AQS_FILE)).expect("a run");
+        let run = RunFile::open_any(&at(name).join(RUN_FILE)).expect("a run");
         let columns = run.series().columns.iter().flatten();
         let boxes: Vec<_> = (0..run.frames()).map(|t| run.box_edges(t)).collect();
         (columns.map(|x| x.to_bits()).collect::<Vec<_>>(), boxes)
@@ -467,7 +471,7 @@ fn strain_steps_stop_within() {
         );
         assert_eq!(digests(&whole).len(), 1, "{}", whole.text);
         let bits = |folder: &Path| -> Vec<Vec<u64>> {
-            let run = RunFile::open_any(&folder.join(AQS_FILE)).expect("a file");
+            let run = RunFile::open_any(&folder.join(RUN_FILE)).expect("a file");
             let bits = |column: &[f64]| column.iter().map(|x| x.to_bits()).collect();
             run.series().columns.iter().map(|of| bits(of)).collect()
         };

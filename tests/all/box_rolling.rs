@@ -40,7 +40,7 @@ fn digest(folder: &Path, scene: &Path, more: &[&str]) -> String {
 /// Σ ½ k_n δ² + ½ F_t²/k_t + ½ M²/k_r of a hooke scene with k_n = 1, k_t = 0.5, k_r = k_t R_r², and
 /// of spheres ½ T²/k_w, k_w = k_r.
 fn has_the_energy_of_its_springs(folder: &Path) {
-    let run = RunFile::open_any(&folder.join("aqs.h5")).expect("a run");
+    let run = RunFile::open_any(&folder.join("run.h5")).expect("a run");
     let last = run.frames() - 1;
     let frame = run.records(last..last + 1).expect("a frame").remove(0);
     let radius = &run.grains().radius;

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::common::{self, Outcome, PROGRAM, gshear_mpi, program, reducer};
-use gshear_store::file_names::NEWTONIAN_FILE;
+use gshear_store::file_names::NEWTONIAN_PART;
 use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
@@ -21,7 +21,7 @@ fn done(outcome: &Outcome) -> &str {
 }
 
 fn newtonian(folder: &Path) -> RunFile {
-    RunFile::open_any(&folder.join(NEWTONIAN_FILE)).expect("a run")
+    RunFile::open_any(&folder.join(NEWTONIAN_PART)).expect("a run")
 }
 
 /// A stretch of Newton's equations from the kept checkpoint: the same frames, to the last bit.
@@ -118,7 +118,7 @@ fn random_places_come_to_rest_on_any_ranks() {
     assert!(!alone.is_empty());
     assert_eq!(alone, digests("two", 2, "random"));
     assert_ne!(alone, digests("lattice", 1, "lattice"));
-    let strained = RunFile::open_any(&temporary.path().join("one/aqs.h5")).expect("a run");
+    let strained = RunFile::open_any(&temporary.path().join("one/run.h5")).expect("a run");
     let first = |name: &str| strained.series().column(name)[0];
     assert!(first("residual") <= 1e-9 && first("pressure") > 0.0);
     assert!((first("solid_fraction") - 0.72).abs() < 1e-12);
@@ -162,7 +162,7 @@ fn a_box_that_fails_keeps_what_led_to_it() {
     let far = [frames, "--set=aqs.strain_step=0.3", "--set=aqs.steps=9"];
     let failed = run(Path::new(SCENE), 1, &at("far"), &far);
     assert_eq!(failed.code, 3, "{}", failed.text);
-    let strained = RunFile::open_any(&at("far/aqs.h5")).expect("a file");
+    let strained = RunFile::open_any(&at("far/run.h5")).expect("a file");
     let rows = failed.text.matches("aqs:   step ").count();
     assert!(rows > 0, "{}", failed.text);
     let steps: Vec<u64> = (0..rows as u64).collect();
@@ -268,7 +268,7 @@ fn a_preparation_stops_when_it_is_asked_to() {
     // Where the box takes on its pressure, the run goes on from a checkpoint.
     let auto = [&pressed[..], &["--resume=auto"]].concat();
     for (ranks, more) in [(1, &pressed[..]), (2, &auto)] {
-        let outcome = asked_to_stop(ranks, &at("pressed"), more, "aqs.h5");
+        let outcome = asked_to_stop(ranks, &at("pressed"), more, "run.h5");
         assert_eq!(outcome.code, 75, "{}", outcome.text);
         let why = "stopped in aqs at step 0; continue";
         assert!(outcome.text.contains(why), "{}", outcome.text);
@@ -278,4 +278,84 @@ fn a_preparation_stops_when_it_is_asked_to() {
     }
     let small = ["--set=aqs.steps=1", "--set=newtonian.rows=10"];
     done(&run(Path::new(SCENE), 1, &at("compressed"), &small));
+}
+
+/// The strain steps and Newton's equations share a file: a kill in the latter loses nothing of the
+/// former, a return to a strain step makes both anew, and the latter goes on where the file is
+/// lost.
+#[test]
+fn both_parts_of_a_box_go_on() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| temporary.path().join(name);
+    let long = ["--set=aqs.steps=3", "--set=newtonian.growth_times=10"];
+    let go_on = |name: &str, ranks: usize, from: &str| {
+        let from = format!("--resume={from}");
+        done(&run(
+            Path::new(SCENE),
+            ranks,
+            &at(name),
+            &[&long[..], &[&from]].concat(),
+        ));
+    };
+    let begin = |name: &str, more: &[&str]| {
+        let outcome = run(Path::new(SCENE), 1, &at(name), &[&long[..], more].concat());
+        assert_eq!(outcome.code, 75, "{}", outcome.text);
+    };
+    let equal = |name: &str, part: &str| {
+        let [one, other] = [&at("whole"), &at(name)].map(|folder| folder.join(part));
+        common::succeed(reducer().arg("compare").args([one, other]));
+    };
+    done(&run(Path::new(SCENE), 1, &at("whole"), &long));
+
+    for ranks in [1, 2] {
+        let name = format!("killed-{ranks}");
+        let mut child = program(ranks)
+            .args([&[SCENE], &long[..]].concat())
+            .arg("--out")
+            .arg(at(&name))
+            .stdout(std::process::Stdio::null())
+            .spawn()
+            .expect("the program starts");
+        let begun = Instant::now();
+        let moves = || {
+            let status = std::fs::read_to_string(at(&name).join("status.json"));
+            status.is_ok_and(|text| text.contains("\"stage\": \"newtonian\""))
+        };
+        while !moves() {
+            assert!(begun.elapsed() < Duration::from_mins(1), "no equations");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        std::thread::sleep(Duration::from_millis(500));
+        child.kill().expect("killed");
+        child.wait().expect("its end");
+        go_on(&name, 3 - ranks, "auto");
+        for part in ["run.h5", NEWTONIAN_PART] {
+            equal(&name, part);
+        }
+        assert!(!at(&name).join("run.h5.journal").exists());
+    }
+
+    begin("returned", &["--stop-at=2"]);
+    std::fs::copy(at("returned/checkpoint.h5"), at("second.h5")).expect("a copy");
+    go_on("returned", 1, "auto");
+    let second = format!("--resume={}", at("second.h5").display());
+    let outcome = gshear_mpi(1, &at("returned"), &[second, "--stop-at=3".into()]);
+    assert_eq!(outcome.code, 75, "{}", outcome.text);
+    assert!(!gshear_store::part::exists(
+        &at("returned").join(NEWTONIAN_PART)
+    ));
+    go_on("returned", 2, "auto");
+    for part in ["run.h5", NEWTONIAN_PART] {
+        equal("returned", part);
+    }
+
+    begin("lost", &["--stop-at=103"]);
+    std::fs::remove_file(at("lost/run.h5")).expect("removed");
+    go_on("lost", 1, "auto");
+    let (alone, whole) = (newtonian(&at("lost")), newtonian(&at("whole")));
+    assert_eq!(alone.digest(), whole.digest());
+    let rows = alone.series().rows();
+    assert!(rows > 10 && rows < whole.series().rows());
+    let all = RunFile::open_any(&at("lost")).expect("a run");
+    assert_eq!(all.series(), alone.series());
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::common::{Outcome, gshear_mpi};
 use gshear_analysis::growth;
-use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
+use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
 use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
@@ -35,7 +35,7 @@ fn newtons_method_finds_the_state_of_overdamped_dynamics() {
         ];
         let outcome = run(&folder, 1, &more);
         assert_eq!(outcome.code, 0, "{}", outcome.text);
-        RunFile::open_any(&folder.join(AQS_FILE)).expect("a file of the run")
+        RunFile::open_any(&folder.join(RUN_FILE)).expect("a file of the run")
     };
     let (newton, overdamped) = (of("newton"), of("overdamped"));
     let fell_back: f64 = newton.series().column("fell_back").iter().sum();
@@ -79,7 +79,7 @@ fn a_complex_pair_grows_as_its_eigenvalue_says() {
     }
     let outcome = gshear_mpi(1, folder.path(), &arguments);
     assert_eq!(outcome.code, 0, "{}", outcome.text);
-    let run = RunFile::open_any(&folder.path().join(NEWTONIAN_FILE)).expect("a file of the run");
+    let run = RunFile::open_any(&folder.path().join(NEWTONIAN_PART)).expect("a file of the run");
     let growth =
         growth::fit(&run.series().time, run.series().column("msd"), 1e-11).expect("growth");
     let of = |name: &str| run.number(name).expect("a complex pair");

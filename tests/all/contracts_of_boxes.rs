@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::common::{Outcome, beyond_the_digest, gshear_mpi};
 use gshear_dem::columns::Column;
-use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE};
+use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
 use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
@@ -127,7 +127,7 @@ fn keeps_the_contracts(dimension: &'static str, sample: &'static str) {
         };
         columns.iter().map(bits).collect::<Vec<_>>()
     };
-    for file in [AQS_FILE, NEWTONIAN_FILE] {
+    for file in [RUN_FILE, NEWTONIAN_PART] {
         assert_eq!(read("part", file), read("one", file), "{file}");
     }
 }

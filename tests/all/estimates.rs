@@ -136,10 +136,10 @@ fn strain_steps_are_those_of_the_run() {
     let words = [scene, "--set=aqs.steps=5", "--stop-at=3"];
     let lines = lines(&said(&words));
     assert!(lines["steps"].ends_with(", aqs 3"), "{}", lines["steps"]);
-    assert!(!lines.contains_key("newtonian.h5"));
+    assert!(!lines.contains_key("run.h5/newtonian"));
     let run = gshear_mpi(1, folder.path(), &words.map(String::from));
     assert_eq!(run.code, 75, "{}", run.text);
-    let path = folder.path().join("aqs.h5");
+    let path = folder.path().join("run.h5");
     let file = RunFile::open_any(&path).expect("a run");
     let content = format!(
         "({} frames, {} rows)",
@@ -147,12 +147,12 @@ fn strain_steps_are_those_of_the_run() {
         file.series().step.len()
     );
     assert!(
-        lines["aqs.h5"].ends_with(&content),
+        lines["run.h5"].ends_with(&content),
         "{}: {content}",
-        lines["aqs.h5"]
+        lines["run.h5"]
     );
     drop(file);
-    within(FILES, bytes(&lines["aqs.h5"]), size(&path), "aqs.h5");
+    within(FILES, bytes(&lines["run.h5"]), size(&path), "run.h5");
 }
 
 /// A time such as `1h 3m` at the end of a text (s).

@@ -71,8 +71,12 @@ fn a_kept_run_in_a_box_is_read_and_continued() {
         assert_eq!(outcome.code, 0, "{}", outcome.text);
         digest(&outcome.text)
     };
-    let file = hdf5::File::open(kept.join("newtonian.h5")).expect("HDF5");
-    let attribute = file.group("parameters").unwrap().attr("digest").unwrap();
+    let file = hdf5::File::open(kept.join("run.h5")).expect("HDF5");
+    let attribute = file
+        .group("newtonian/parameters")
+        .unwrap()
+        .attr("digest")
+        .unwrap();
     let stored = attribute.read_scalar::<hdf5::types::VarLenUnicode>();
     let stored = stored.expect("text").to_string();
     assert_eq!(from(1), Some(stored.clone()));

@@ -198,12 +198,12 @@ fn a_packing_in_a_box_is_strained() {
         let run = RunFile::open_any(&at(out)).expect("a run");
         run.series().column(name).to_vec()
     };
-    export(&at("first/aqs.h5"), &["--frame=2"], &at("box.data"));
+    export(&at("first/run.h5"), &["--frame=2"], &at("box.data"));
     let mut command = reducer();
     let command = command.args(["export", "--frames=0..2", "--format=lammps-dump", "--out"]);
     succeed(command.args([at("box.dump"), at("first")]));
     let digest = from("box.data", "");
-    for packing in ["box.dump", "first@2", "first/aqs.h5@2"] {
+    for packing in ["box.dump", "first@2", "first/run.h5@2"] {
         assert_eq!(from(packing, ""), digest, "{packing}");
     }
     for name in ["shear_stress", "pressure", "solid_fraction"] {

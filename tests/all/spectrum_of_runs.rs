@@ -63,7 +63,7 @@ fn frames_and_checkpoints_have_one_stiffness() {
         ("box", in_box, "aqs.frame_every=1", 6),
     ] {
         let (stop, file, state) = match name {
-            "box" => (5, "aqs.h5", "aqs step 5 in"),
+            "box" => (5, "run.h5", "aqs step 5 in"),
             _ => (60, "run.h5", "step 60 of the shear"),
         };
         let run = folder.path().join(name);
@@ -161,7 +161,7 @@ fn numbers(column: &[String]) -> Vec<f64> {
 }
 
 /// `stability` counts what `spectrum` finds, in both forms of the matrix, and `growth` holds what
-/// newtonian.h5 says.
+/// run.h5/newtonian says.
 #[test]
 fn stability_and_growth_of_boxes_are_what_their_runs_say() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -190,7 +190,7 @@ fn stability_and_growth_of_boxes_are_what_their_runs_say() {
     for (form, options) in [("ours", &[][..]), ("paper", &["--paper-form"][..])] {
         for (k, run) in runs.iter().enumerate() {
             let out = path(folder.path(), &format!("{form}-{k}"));
-            let of_run = path(run, "aqs.h5");
+            let of_run = path(run, "run.h5");
             reduce(&[&["stability", &of_run, "--out", &out], options].concat());
             let counted = table(&Path::new(&out).join("stability.csv"));
             let pairs = numbers(&counted["pairs"]);
@@ -234,7 +234,7 @@ fn stability_and_growth_of_boxes_are_what_their_runs_say() {
     for run in &runs {
         reduce(&["growth", run.to_str().expect("UTF-8")]);
         let growth = table(&run.join("growth.csv"));
-        let moving = RunFile::open_any(&run.join("newtonian.h5")).expect("a run");
+        let moving = RunFile::open_any(&run.join("run.h5/newtonian")).expect("a run");
         let (time, stress) = (
             &moving.series().time,
             moving.series().column("shear_stress"),

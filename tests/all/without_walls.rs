@@ -160,7 +160,7 @@ fn a_jammed_packing_of_a_box_is_sheared() {
     let sheared = "
         material.density = 1
         contact = { law = 'hooke', normal_stiffness = 1, friction = 0, damping_ratio = 0.1 }
-        sample = { packing = 'boxed/aqs.h5', boundary = 'periodic' }
+        sample = { packing = 'boxed/run.h5', boundary = 'periodic' }
         load = { pressure = 1e-3, control = 'volume' }
         shear = { velocity = 1e-3, strain = 1e-3 }
         output = { series_strain = 1e-4, frame_strain = 1e-3 }

@@ -9,6 +9,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, packing_steps};
 use gshear_scene::{Boundary, Motion, Origin, PeriodicBox, PlaneShear, Scene, WallSpeed};
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
+use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, RUN_FILE};
 use gshear_store::run_reader::RunStage;
 use gshear_store::trajectory::{self, Form, file_bytes, waiting_bytes};
 
@@ -340,9 +341,9 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
         output: (frames * share, (counts.rows as f64 * share) as u64),
     });
     let columns = schedule.columns.len();
-    let run = file_of(scene, "run.h5", counts.frames, (counts.rows, columns));
+    let run = file_of(scene, RUN_FILE, counts.frames, (counts.rows, columns));
     let log = FileEstimate {
-        name: "log.csv",
+        name: LOG_FILE,
         bytes: NUMBER * (columns + 1) as f64 * counts.rows as f64,
         content: format!("{} rows", counts.rows),
     };
@@ -404,7 +405,7 @@ fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: 
         });
     }
     let rows = (steps + 1, AqsRow::COLUMNS.len());
-    files.push(file_of(scene, "aqs.h5", frames, rows));
+    files.push(file_of(scene, RUN_FILE, frames, rows));
     let moves = periodic.newtonian.as_ref().filter(|_| last > aqs.steps);
     if let Some(of) = moves {
         // A complex pair, which the strain steps may find, decides how many.
@@ -421,7 +422,7 @@ fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: 
             output: (frames as f64 * frame_bytes(scene), rows),
         });
         let rows = (rows + 1, NewtonianRow::COLUMNS.len());
-        files.push(file_of(scene, "newtonian.h5", frames + 1, rows));
+        files.push(file_of(scene, NEWTONIAN_PART, frames + 1, rows));
     }
     files.push(checkpoints(scene, 2));
     (stages, files)

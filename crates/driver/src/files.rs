@@ -14,9 +14,10 @@ use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::{agree, exists, on_root, told_by_root};
 use gshear_store::dictionary;
 use gshear_store::existing;
-use gshear_store::file_names::{LOG_FILE, SCENE_FILE};
+use gshear_store::file_names::{LOG_FILE, RUN_FILE, SCENE_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
+use gshear_store::part;
 use gshear_store::provenance;
 use gshear_store::text_writer::{self, unwritten};
 use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
@@ -80,7 +81,7 @@ impl Destination<'_> {
 
 /// The content of the files of a stage.
 pub struct Format<'a> {
-    /// The name of the file of frames and time series.
+    /// The part of the file of frames and time series.
     pub name: &'a str,
     /// Columns of the time series.
     pub columns: &'a [Column],
@@ -151,7 +152,7 @@ impl Files {
             None => folder(exchange, out)?,
         }
         let path = out.join(format.name);
-        let is_there = exists(exchange, &path)?;
+        let is_there = told_by_root(exchange, || Ok(part::exists(&path)))?;
         let resumed = before.and_then(|before| before.last).filter(|_| is_there);
         let (trajectory, log, scalars_before) = match resumed {
             Some(last) => {
@@ -177,8 +178,9 @@ impl Files {
                 (trajectory, log, 0)
             }
         };
-        let open = [Some(path), format.shear.map(|_| out.join(LOG_FILE))];
+        let open = [Some(RUN_FILE), format.shear.map(|_| LOG_FILE)];
         let open = open.into_iter().flatten().filter(|_| exchange.rank() == 0);
+        let open = open.map(|name| out.join(name));
         let mut files = Self {
             trajectory,
             log,

@@ -21,11 +21,12 @@ use gshear_store::collective::{agree, on_root};
 use gshear_store::csv_table::rows_up_to;
 use gshear_store::existing;
 use gshear_store::file_names::{
-    AQS_FILE, LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE,
-    STATUS_FILE, is_reduced,
+    LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_PART, RUN_FILE, SCENE_FILE, SPECTRA_FILE, STATUS_FILE,
+    is_reduced,
 };
 use gshear_store::h5;
 use gshear_store::log::Log;
+use gshear_store::part;
 use gshear_store::run_reader::{self, RunFile};
 use gshear_store::text_writer;
 
@@ -37,10 +38,8 @@ use crate::run_record::{RunRecord, id_in_scene};
 use crate::say::say_error;
 use crate::written::{UpToCheckpoint, Written};
 
-/// Files of frames and time series.
-const TRAJECTORIES: [&str; 3] = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE];
 /// What a run writes beside its name and renames.
-const WRITTEN_BESIDE: [&str; 9] = [
+const WRITTEN_BESIDE: [&str; 7] = [
     checkpoint::NAME,
     SCENE_FILE,
     STATUS_FILE,
@@ -48,8 +47,6 @@ const WRITTEN_BESIDE: [&str; 9] = [
     LOG_METADATA_FILE,
     SPECTRA_FILE,
     "run.h5.journal",
-    "aqs.h5.journal",
-    "newtonian.h5.journal",
 ];
 /// How a run enters its folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,7 +69,7 @@ pub struct Contents {
     owners: Vec<FileOwner>,
     /// Stage and step of the newest readable checkpoint.
     stopped: Option<(&'static str, u64)>,
-    /// The scenes of finished files, by name.
+    /// The scenes of finished files, and of their parts, by name.
     finished: Vec<(&'static str, String)>,
 }
 
@@ -109,7 +106,7 @@ impl Contents {
             }
         }
         found.names.sort();
-        for name in TRAJECTORIES {
+        for name in [RUN_FILE, NEWTONIAN_PART] {
             if let Some(owner) = readable(run_reader::owner(&folder.join(name)))? {
                 if owner.finished {
                     found.finished.push((name, owner.scene.clone()));
@@ -272,7 +269,7 @@ fn readable<T>(read: Result<T, Failure>) -> Result<Option<T>, Failure> {
 fn is_of_a_run(name: &str, scene: &str) -> bool {
     let is_part = Path::new(name).extension().is_some_and(|of| of == "part");
     let checkpoint = name.starts_with("checkpoint") && name.contains(".h5") && !is_part;
-    TRAJECTORIES.contains(&name.trim_end_matches(".journal"))
+    name.trim_end_matches(".journal") == RUN_FILE
         || [LOG_FILE, LOG_METADATA_FILE, SPECTRA_FILE].contains(&name)
         || checkpoint
         || (name == SCENE_FILE && id_in_scene(scene).is_some())
@@ -300,7 +297,7 @@ pub struct Claim<'a> {
     pub scene: &'a Scene,
     /// The checkpoint, if the run starts from one.
     pub saved: Option<&'a Saved>,
-    /// Name of the file of the last stage.
+    /// Name of the file, or its part, of the last stage.
     pub last_file: &'static str,
 }
 
@@ -363,8 +360,8 @@ impl RunFolder {
         self.lock = Some(Lock::take(&self.path, options.break_lock, notes)?);
         text_writer::remove_remnants(&self.path, &WRITTEN_BESIDE, Duration::ZERO);
         let saved = claim.saved.filter(|_| claim.entry == Entry::Resume);
-        if let Some((name, ..)) = saved.and_then(|saved| files_of(&saved.header)) {
-            existing::recover(&self.path.join(name), notes)?;
+        if saved.is_some_and(|saved| saved.header.run_stage().is_some()) {
+            existing::recover(&self.path.join(RUN_FILE), notes)?;
         }
         // Another job may have written between the first look and the lock.
         self.check(claim, options, Some(notes))?;
@@ -423,7 +420,7 @@ impl RunFolder {
         let (path, log) = (self.path.join(name), self.path.join(LOG_FILE));
         let counted @ [frames, rows, _] = [written.frames, written.rows, written.scalars];
         let step = header.step();
-        let there = path.exists();
+        let there = part::exists(&path);
         let mut kept = 0;
         if there {
             // The checkpoint's numbers are those of the file beside it, unless that was lost since.
@@ -573,16 +570,16 @@ pub fn free(folder: &Path) -> Option<f64> {
     Some(disk.f_bavail as f64 * disk.f_frsize as f64)
 }
 
-/// The file of frames that a checkpoint continues, its columns, and what it holds; `None` before
-/// there is one, and of a checkpoint with which a stage begins, which makes its files anew.
+/// The file of frames, or its part, that a checkpoint continues, its columns, and what it holds;
+/// `None` before there is one, and of a checkpoint with which a stage begins, which makes its files anew.
 fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Written)> {
     UpToCheckpoint::new(header.step()).last?;
     match header {
         Header::Pack(_) => None,
         Header::Shear(shear) => Some((RUN_FILE, &SeriesRow::COLUMNS[..], &shear.written)),
-        Header::Aqs { written, .. } => Some((AQS_FILE, &AqsRow::COLUMNS[..], written)),
+        Header::Aqs { written, .. } => Some((RUN_FILE, &AqsRow::COLUMNS[..], written)),
         Header::Newtonian { written, .. } => {
-            Some((NEWTONIAN_FILE, &NewtonianRow::COLUMNS[..], written))
+            Some((NEWTONIAN_PART, &NewtonianRow::COLUMNS[..], written))
         }
     }
 }

@@ -11,7 +11,7 @@ use gshear_scene::identity::{KeyChange, changes};
 use gshear_scene::{Boundary, Change, Dimensions, Scene, Source, unlikely};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
-use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
+use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
 
 use crate::ends;
 use crate::exported_state::read_packing;
@@ -126,12 +126,11 @@ impl Task {
         matches!(self.start, Start::Checkpoint(_))
     }
 
-    /// The file of the last stage, whose attribute `digest` marks a finished run.
+    /// The file, or its part, of the last stage, whose attribute `digest` marks a finished run.
     pub(crate) fn last_file(&self) -> &'static str {
         match &self.scene.boundary {
-            Boundary::Walls(_) => RUN_FILE,
-            Boundary::Periodic(periodic) if periodic.newtonian.is_some() => NEWTONIAN_FILE,
-            Boundary::Periodic(_) => AQS_FILE,
+            Boundary::Periodic(periodic) if periodic.newtonian.is_some() => NEWTONIAN_PART,
+            _ => RUN_FILE,
         }
     }
 }

@@ -195,7 +195,7 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
     let (cell, what) = match (&header, &scene.boundary) {
         (Header::Aqs { unfinished, .. }, _) if unfinished.is_some() => {
             return unfit(&format!(
-                "the run was stopped within strain step {}, so the checkpoint's state is not at rest; continue the run, or give aqs.h5 and a frame of it",
+                "the run was stopped within strain step {}, so the checkpoint's state is not at rest; continue the run, or give run.h5 and a frame of it",
                 step + 1
             ));
         }

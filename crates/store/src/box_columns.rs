@@ -1,4 +1,4 @@
-//! Names of the files of a run in a periodic box, and the columns of their time series.
+//! Columns of the time series of a run in a periodic box.
 
 gshear_dem::columns! {
     /// One row of the time series of the strain steps. What was not computed is NaN.
@@ -65,7 +65,7 @@ gshear_dem::columns! {
         kinetic_energy: "J",
         /// energy stored in the contacts
         elastic_energy: "J",
-        /// as in `aqs.h5`
+        /// as of the strain steps
         shear_stress: "Pa",
         /// 1/(dV) Σ r·F over the contacts, in d dimensions
         pressure: "Pa",

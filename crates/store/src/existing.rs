@@ -4,6 +4,7 @@ use super::contact_quantities::TWISTING_HISTORY;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
 use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, SCALARS, contact_dataset};
+use super::part::Part;
 use super::run_reader::owner;
 use super::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -58,10 +59,7 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
 pub(crate) fn unlink_foreign(path: &Path, run_id: Option<&Attribute>) -> Result<(), Failure> {
     let target = journal::target(path);
     let is_own = || match std::fs::metadata(&target) {
-        Ok(found) if found.len() > 0 => {
-            let id = owner(&target).ok().and_then(|owner| owner.run_id);
-            id.is_some() && id.map(Attribute::Text).as_ref() == run_id
-        }
+        Ok(found) if found.len() > 0 => is_of(&target, run_id),
         _ => true,
     };
     if !path.is_symlink() || target.extension().is_some_and(|of| of == "h5") && is_own() {
@@ -69,6 +67,12 @@ pub(crate) fn unlink_foreign(path: &Path, run_id: Option<&Attribute>) -> Result<
     }
     std::fs::remove_file(path)
         .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))
+}
+
+/// Whether a file is of the run with this id.
+pub(crate) fn is_of(path: &Path, run_id: Option<&Attribute>) -> bool {
+    let id = owner(path).ok().and_then(|owner| owner.run_id);
+    id.is_some() && id.map(Attribute::Text).as_ref() == run_id
 }
 
 /// Removes a file without a checkpoint, which may be linked to another disk, and its journal.
@@ -97,7 +101,7 @@ pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3], Fail
     hdf5::silence_errors(true);
     inspect(path, series, 0, 0)?;
     let read = || -> hdf5::Result<[u64; 3]> {
-        let file = sound::open(path)?;
+        let file = Part::of(path).open()?;
         let steps = |name: &str| file.dataset(&format!("{name}/step"))?.read_raw();
         let frames = steps(&format!("{PARTICLES}/position"))?;
         let rows = steps(&format!("{OBSERVABLES}/{}", series[0]))?;
@@ -143,14 +147,14 @@ pub(crate) fn inspect(
     rows: u64,
 ) -> Result<[u64; 4], Failure> {
     let name = path.display();
-    if !path.is_file() {
+    if !Part::of(path).file.is_file() {
         return Err(Failure::input(format!(
             "{name}: there is no such file to continue"
         )));
     }
     let unfit = |why: String| unfit(path, &why);
     let read = || -> hdf5::Result<Result<[u64; 4], Failure>> {
-        let file = sound::open(path)?;
+        let file = Part::of(path).open()?;
         file.group(PARAMETERS)?.attr("scene")?;
         let length = |name: &str| -> hdf5::Result<u64> {
             let shape = file.dataset(name)?.shape();

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// Frames and time series of the shear between walls.
+/// Frames and time series of the shear, or of the strain steps of a box.
 pub const RUN_FILE: &str = "run.h5";
 /// The time series of the shear as text.
 pub const LOG_FILE: &str = "log.csv";
@@ -10,10 +10,8 @@ pub const LOG_FILE: &str = "log.csv";
 pub const LOG_METADATA_FILE: &str = "log.csv-metadata.json";
 /// The scene, with all defaults.
 pub const SCENE_FILE: &str = "scene.toml";
-/// Strain steps of a run in a periodic box.
-pub const AQS_FILE: &str = "aqs.h5";
-/// Newton's equations of a run in a periodic box.
-pub const NEWTONIAN_FILE: &str = "newtonian.h5";
+/// Its part with Newton's equations of a box, which follow the strain steps.
+pub const NEWTONIAN_PART: &str = "run.h5/newtonian";
 /// Eigenvalues in time, one per line.
 pub const SPECTRA_FILE: &str = "spectra.csv";
 /// How far the run has come, for dashboards.
@@ -71,8 +69,12 @@ pub fn is_reduced(name: &str) -> bool {
         }
 }
 
-/// The folder of a run: itself, or that of its file.
+/// The folder of a run: itself, or that of its file, or of a part of that.
 pub fn folder_of(run: &Path) -> &Path {
+    let run = match run.parent() {
+        Some(file) if file.is_file() => file,
+        _ => run,
+    };
     match run.parent() {
         _ if run.is_dir() => run,
         Some(folder) if !folder.as_os_str().is_empty() => folder,

@@ -3,7 +3,7 @@
 //! | module | file |
 //! | --- | --- |
 //! | [`trajectory`] | writes `run.h5`: frames and time series (H5MD), by all ranks together |
-//! | [`run_reader`] | reads `run.h5`, and `aqs.h5` and `newtonian.h5` of periodic boxes |
+//! | [`run_reader`] | reads `run.h5` |
 //! | [`checkpoint`] | writes and reads `checkpoint.h5`, with checksums |
 //! | [`log`] | writes `log.csv`, the time series as text |
 //! | [`status`] | writes and reads `status.json`, how far a run has come |
@@ -16,9 +16,8 @@
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
 //! Most files are written under a temporary name and renamed when complete ([`text_writer`]).
-//! `run.h5`, `aqs.h5`, `newtonian.h5` and `log.csv` grow during a run; a resumed run truncates them
-//! to the rows and frames that its checkpoint counts. `docs/file-formats.md` describes the content
-//! of every file.
+//! `run.h5` and `log.csv` grow during a run; a resumed run truncates them to the rows and frames
+//! that its checkpoint counts. `docs/file-formats.md` describes the content of every file.
 //!
 //! # Example
 //! Print the stress ratio of a run and the number of contacts in its last frame:
@@ -58,6 +57,7 @@ mod layout;
 pub mod log;
 pub mod matrix_market;
 mod parameter;
+pub mod part;
 pub mod provenance;
 pub mod reduced_writer;
 mod room;

@@ -10,6 +10,8 @@ import h5py
 
 from .errors import RunError
 
+# The group of a run.h5 with Newton's equations of a box; all else is in the root.
+NEWTONIAN = "newtonian"
 # A program that writes the file may be in the middle of a flush.
 ATTEMPTS = 20
 PAUSE = 0.1  # s
@@ -27,6 +29,25 @@ def unit(item: h5py.Group | h5py.Dataset) -> str | None:
         return unit(item["value"]) if "value" in item else None
     found = item.attrs.get("unit")
     return None if found is None else text(found)
+
+
+def part_of(path: Path) -> tuple[Path, str]:
+    """Returns the file and the group in it of a path such as `run.h5` or `run.h5/newtonian`."""
+    is_part = path.name == NEWTONIAN and path.parent.is_file()
+    return (path.parent, NEWTONIAN) if is_part else (path, "/")
+
+
+def group_of(file: h5py.File, group: str) -> h5py.Group:
+    """Returns a group of a file; of one that holds Newton's equations alone, those.
+
+    Raises:
+        RunError: The file has no such group.
+    """
+    if group == "/" and "particles" not in file and NEWTONIAN in file:
+        group = NEWTONIAN
+    if group not in file:
+        raise RunError(f"{file.filename}: has no Newton's equations of a box")
+    return file[group]
 
 
 def open_for_reading(path: Path) -> h5py.File:
@@ -75,18 +96,18 @@ class SharedFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path, self._group = part_of(path)
         self._file: h5py.File | None = None
         self._signature: tuple[int, ...] = ()
         self._closed = False
         self.cache: dict[str, Any] = {}
         """What was read from the present state of the file; emptied when the file changes."""
 
-    def open(self) -> h5py.File:
-        """Returns the open file.
+    def open(self) -> h5py.Group:
+        """Returns the open file, or its group if the path names one.
 
         Raises:
-            RunError: The file cannot be opened.
+            RunError: The file cannot be opened, or has no such group.
             ValueError: The run is closed.
         """
         if self._closed:
@@ -98,7 +119,7 @@ class SharedFile:
                     self._release()
                     self._file = open_for_reading(self.path)
                     self._signature = signature
-                return self._file
+                return group_of(self._file, self._group)
             except OSError as error:
                 self._release()
                 absent = isinstance(error, FileNotFoundError)

@@ -67,8 +67,8 @@ class Frame(Columns):
 
     Attributes:
         index: Number of the frame, from 0 on.
-        step: Steps since the start of the shear; in `aqs.h5` strain steps.
-        time: Time (s); in `aqs.h5` the strain.
+        step: Steps since the start of the stage; of a box that is strained strain steps.
+        time: Time (s); of a box that is strained the strain.
         strain: Shear strain γ.
         dimension: 2 for disks, 3 for spheres.
         box: The periodic cell.

@@ -19,6 +19,7 @@ import numpy as np
 from MDAnalysis import Universe
 from MDAnalysis.coordinates.H5MD import H5MDReader, H5PYPicklable
 
+from gshear import _hdf5
 from gshear.run import Run
 
 __all__ = ["RunReader", "universe"]
@@ -32,7 +33,7 @@ class _AnyUnit(dict[Any, None]):
 
 
 class RunReader(H5MDReader):  # type: ignore[misc]
-    """Reads `run.h5`, `aqs.h5` or `newtonian.h5`.
+    """Reads `run.h5`, or `run.h5/newtonian`.
 
     `ts.dimensions` are the box of the frame, tilted by the Lees–Edwards offset. Walls are not told
     from a periodic axis. `ts.data` has the time series at the frame, NaN where it has no row, and
@@ -47,11 +48,13 @@ class RunReader(H5MDReader):  # type: ignore[misc]
     def open_trajectory(self) -> None:
         """Opens the file without locks, as `Run` does, so that both can have it open."""
         self._frame = -1
-        self._file = H5PYPicklable(name=self.filename, mode="r", locking=False)
-        self._particle_group = self._file["particles/trajectory"]
+        name, group = _hdf5.part_of(Path(self.filename))
+        self._file = H5PYPicklable(name=str(name), mode="r", locking=False)
+        self._run = _hdf5.group_of(self._file, group)
+        self._particle_group = self._run["particles/trajectory"]
 
     def _copy_to_data(self) -> None:
-        ts, file, frame = self.ts, self._file, self._frame
+        ts, file, frame = self.ts, self._run, self._frame
         step, ts.time = (
             file[f"particles/trajectory/position/{part}"][frame] for part in ("step", "time")
         )

@@ -214,7 +214,7 @@ def stress_ratio(ax: Axes, run: Run, *, drops: int = 3) -> list[Line2D]:
 def series(ax: Axes, run: Run, column: str, *, against: str | None = None) -> Line2D:
     """Draws a column of the time series against another one, with units on the axes.
 
-    By default that is the strain, or the time in `newtonian.h5`, which has no strain.
+    By default that is the strain, or the time under Newton's equations in a box.
     """
     table = run.series
     against = against or ("strain" if "strain" in table else "time")

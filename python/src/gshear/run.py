@@ -24,8 +24,8 @@ from .scene import Scene
 
 T = TypeVar("T")
 
-# Files that hold frames and time series; a folder with several is read from the first.
-FILES = ("run.h5", "aqs.h5", "newtonian.h5")
+# The file of frames and time series.
+FILE = "run.h5"
 # Since 3.1 pandas reads numbers to their last bit without being told.
 EXACT: dict[str, Any] = (
     {"float_precision": "round_trip"}
@@ -51,7 +51,7 @@ class _Stored(NamedTuple):
 
 
 class Run:
-    """A run between walls (`run.h5`) or in a periodic box (`aqs.h5`, `newtonian.h5`).
+    """A run: frames and time series of a `run.h5`.
 
     Arrays are read when they are used. A run that is under way can be read: what it writes later is
     seen by the next access. Results of `gshear-reduce` are read from its files; if they are missing
@@ -60,15 +60,16 @@ class Run:
     Use it in a `with` statement, or call `close`.
 
     Args:
-        path: Folder of a run, or one of its files. Of a folder with `aqs.h5` and `newtonian.h5` the
-            first is read; give the path of the second to read it.
+        path: Folder of a run, or its `run.h5`. Of a box that is strained step by step that are the
+            strain steps; `newtonian`, or the path `run.h5/newtonian`, is what followed them by
+            Newton's equations.
         results: Folder for what gshear-reduce writes, for runs in folders that cannot be written.
             Default: that of the run.
         quiet: Do not print the commands that are run.
 
     Attributes:
-        path: The HDF5 file.
-        folder: Its folder.
+        path: The HDF5 file, or the part of it, `run.h5/newtonian`.
+        folder: The folder of the file.
         results: Folder for what gshear-reduce writes.
     """
 
@@ -81,7 +82,7 @@ class Run:
     ) -> None:
         self._name = _file_of(Path(path))
         self.path = self._name.absolute()
-        self.folder = self.path.parent
+        self.folder = _hdf5.part_of(self.path)[0].parent
         self.results = self.folder if results is None else Path(results).absolute()
         self.quiet = quiet
         self._file = SharedFile(self.path)
@@ -105,9 +106,31 @@ class Run:
         return f"<Run {self._name}: {len(self.frames)} frames, {len(self.series)} rows>"
 
     @property
-    def hdf5(self) -> h5py.File:
-        """The open file, for what this class does not read. Do not close it, do not keep it."""
+    def hdf5(self) -> h5py.Group:
+        """The open file, or the group of its part, for what this class does not read.
+
+        Do not close it, do not keep it.
+        """
         return self._file.open()
+
+    @property
+    def stage(self) -> str:
+        """`shear`, `aqs` (strain steps of a box) or `newtonian` (Newton's equations after them)."""
+        columns = self._series_units()
+        return (
+            "newtonian" if "msd" in columns else "aqs" if "factorisations" in columns else "shear"
+        )
+
+    @property
+    def newtonian(self) -> Run | None:
+        """What followed the strain steps of a box by Newton's equations; None without.
+
+        Each use opens the file: close it, too.
+        """
+        if _hdf5.NEWTONIAN not in self.hdf5:
+            return None
+        path = self._name / _hdf5.NEWTONIAN
+        return Run(path, results=self.results, quiet=self.quiet)
 
     # What the file says of the run
 
@@ -120,7 +143,7 @@ class Run:
     def parameters(self) -> dict[str, Any]:
         """Attributes of the group `parameters`: identity, provenance and derived quantities."""
 
-        def read(file: h5py.File) -> dict[str, Any]:
+        def read(file: h5py.Group) -> dict[str, Any]:
             attributes = file["parameters"].attrs
             return {name: _python(attributes[name]) for name in attributes}
 
@@ -145,20 +168,20 @@ class Run:
         written row by row.
         """
         log = self.folder / "log.csv"
-        if self.path.name == "run.h5" and log.exists() and not self.finished:
+        if self.stage == "shear" and log.exists() and not self.finished:
             units = {name: unit for name, unit in self._series_units().items() if unit}
             return _with_units(_complete_lines(log), units)
         stored: pd.DataFrame = self._once("series", self._read_series)
         return _with_units(stored.copy(), stored.attrs["units"])
 
-    def _read_series(self, file: h5py.File) -> pd.DataFrame:
+    def _read_series(self, file: h5py.Group) -> pd.DataFrame:
         observables = file["observables"]
         elements = {
             name: item for name, item in observables.items() if "value" in item and "step" in item
         }
         # H5MD sorts names; the log has the order of the declaration.
         log = self.folder / "log.csv"
-        if self.path.name == "run.h5" and log.exists():
+        if self.stage == "shear" and log.exists():
             with log.open(encoding="utf-8") as file_of_log:
                 order = file_of_log.readline().strip().split(",")
             elements = {
@@ -177,7 +200,7 @@ class Run:
         return table
 
     def _series_units(self) -> dict[str, str | None]:
-        def read(file: h5py.File) -> dict[str, str | None]:
+        def read(file: h5py.Group) -> dict[str, str | None]:
             items = {n: i for n, i in file["observables"].items() if "value" in i and "step" in i}
             units = {name: _hdf5.unit(item) for name, item in items.items()}
             for item in list(items.values())[:1]:
@@ -298,7 +321,7 @@ class Run:
     def _stored(self) -> _Stored:
         """The complete frames of the present state of the file."""
 
-        def read(file: h5py.File) -> _Stored:
+        def read(file: h5py.Group) -> _Stored:
             group, contacts = file[GRAINS], file[CONTACTS]
             constants = {n: item for n, item in group.items() if isinstance(item, h5py.Dataset)}
             elements = {n: item for n, item in group.items() if n not in constants}
@@ -334,7 +357,7 @@ class Run:
         name = f"strains of {len(step)} frames"
         return self._once(name, lambda file: self._strain_at(file, step))
 
-    def _strain_at(self, file: h5py.File, step: NDArray[Any]) -> NDArray[np.float64]:
+    def _strain_at(self, file: h5py.Group, step: NDArray[Any]) -> NDArray[np.float64]:
         """Returns γ at steps: that of a row of the series, or linear between and beyond rows."""
         if "strain" not in file["observables"]:
             # Newton's equations in a box, which is not sheared meanwhile.
@@ -476,10 +499,10 @@ class Run:
         """
         frames = len(self.frames)
         index = _position(frame, frames, self.path)
-        is_box = self.path.name != "run.h5"
-        if index == frames - 1 and not is_box:
+        is_shear = self.stage == "shear"
+        if index == frames - 1 and is_shear:
             return self._table("spectrum.csv", ["spectrum"])
-        stage = f"{self.path.stem}-" if is_box else ""
+        stage = "" if is_shear else f"{self.stage}-"
         folder = self.results / f"spectrum-{stage}{index}"
         name = f"{folder.name}/spectrum.csv"
         return self._table(name, ["spectrum", "--frame", str(index)], folder=folder)
@@ -544,7 +567,7 @@ class Run:
     def _is_newer(self, path: Path) -> bool:
         """Whether a result exists and was written after the run."""
         try:
-            return path.stat().st_mtime_ns > self.path.stat().st_mtime_ns
+            return path.stat().st_mtime_ns > self._file.path.stat().st_mtime_ns
         except FileNotFoundError:
             return False
 
@@ -556,7 +579,7 @@ class Run:
     def _scalar_units(self) -> dict[str, str]:
         """Units of the scalars of frames, if the run has computed some."""
 
-        def read(file: h5py.File) -> dict[str, str]:
+        def read(file: h5py.Group) -> dict[str, str]:
             group = file["observables"].get("gshear", {})
             units = {name: _hdf5.unit(item) for name, item in group.items()}
             return {name: unit for name, unit in units.items() if unit}
@@ -564,7 +587,7 @@ class Run:
         found: dict[str, str] = self._once("scalar units", read)
         return found
 
-    def _once(self, name: str, read: Callable[[h5py.File], T]) -> T:
+    def _once(self, name: str, read: Callable[[h5py.Group], T]) -> T:
         """Returns what `read` makes of the file, kept until the file changes."""
         for _ in range(_hdf5.ATTEMPTS):
             file = self._file.open()
@@ -589,8 +612,8 @@ class Frames:
     `frames[i]` is a `Frame`, `frames[a:b:c]` an iterator over frames, which are read one by one.
 
     Attributes:
-        step: [T], steps since the start of the shear; in `aqs.h5` strain steps.
-        time: [T], times (s); in `aqs.h5` strains.
+        step: [T], steps since the start of the stage; of a box that is strained strain steps.
+        time: [T], times (s); of a box that is strained strains.
         strain: [T], shear strains γ.
     """
 
@@ -621,13 +644,12 @@ class Frames:
 
 
 def _file_of(path: Path) -> Path:
-    """Returns the HDF5 file of a run, given the file or its folder."""
-    if path.is_file():
+    """Returns the HDF5 file of a run, given the file, a part of it or its folder."""
+    if _hdf5.part_of(path)[0].is_file():
         return path
-    for name in FILES:
-        if (path / name).is_file():
-            return path / name
-    what = f"holds none of {', '.join(FILES)}" if path.is_dir() else "no such file or folder"
+    if (path / FILE).is_file():
+        return path / FILE
+    what = f"holds no {FILE}" if path.is_dir() else "no such file or folder"
     raise RunError(f"{path}: {what}: give the folder of a run (`--out` of gshear-mpi) or its file")
 
 

@@ -14,7 +14,7 @@ import pandas as pd
 from . import programs
 from ._toml import toml
 from .errors import ProgramFailedError, RunError
-from .run import FILES, Run, read_csv
+from .run import FILE, Run, read_csv
 from .scene import Scene
 
 # A key that only chooses a packing among equals.
@@ -52,7 +52,7 @@ class Sweep(Sequence[Run]):
         if isinstance(runs, (str, os.PathLike)):
             folder = Path(runs)
             inner = sorted(path for path in folder.iterdir() if path.is_dir())
-            paths = [path for path in inner if any((path / file).exists() for file in FILES)]
+            paths = [path for path in inner if (path / FILE).exists()]
             if not paths:
                 raise RunError(f"{folder}: no folder in it holds a run")
         else:

@@ -220,9 +220,8 @@ fn contents(folder: &Path) -> String {
     format!("{files:?}")
 }
 
-/// A file of a run in a periodic box, reduced and exported.
+/// The file of a run in a periodic box, both parts of which are reduced and exported.
 struct BoxFile {
-    name: &'static str,
     /// A whole run.
     run: PathBuf,
     whole: PathBuf,
@@ -231,30 +230,36 @@ struct BoxFile {
 
 impl Subject for BoxFile {
     fn name(&self) -> &'static str {
-        self.name
+        "box"
     }
     fn file(&self) -> &Path {
         &self.whole
     }
     fn read(&self, bytes: &[u8]) -> Result<Option<String>, String> {
-        let name = self.whole.file_name().expect("a name");
         copy(&self.run, &self.folder);
-        std::fs::write(self.folder.join(name), bytes).expect("written");
-        let name = name.to_string_lossy();
-        let mut command = reduce();
-        if name.starts_with("newtonian") {
-            command.arg("growth")
-        } else {
-            command.args(["stability", "--until-pair"])
-        };
-        command.arg(self.folder.join(&*name)).arg("--out");
-        let reported = ended(command.arg(self.folder.join("reduced")), &name)?;
-        let mut export = reduce();
-        export.args(["export", "--format=csv", "--out"]);
-        export.arg(self.folder.join("frames/frames.csv"));
-        let exported = ended(export.arg(self.folder.join(&*name)), &name)?;
-        let read = |of| contents(&self.folder.join(of));
-        Ok((reported.and(exported)).map(|_| read("reduced") + &read("frames")))
+        let file = self.folder.join("run.h5");
+        std::fs::write(&file, bytes).expect("written");
+        let mut said = String::new();
+        for (part, reduced) in [
+            (file.clone(), &["stability", "--until-pair"][..]),
+            (file.join("newtonian"), &["growth"]),
+        ] {
+            let (mut command, mut export) = (reduce(), reduce());
+            command.args(reduced).arg(&part);
+            command.arg("--out").arg(self.folder.join("reduced"));
+            export.args(["export", "--format=csv"]).arg(&part);
+            export
+                .arg("--out")
+                .arg(self.folder.join("frames/frames.csv"));
+            for command in [&mut command, &mut export] {
+                if ended(command, "run.h5")?.is_none() {
+                    return Ok(None);
+                }
+            }
+            let read = |of| contents(&self.folder.join(of));
+            said += &(read("reduced") + &read("frames"));
+        }
+        Ok(Some(said))
     }
 }
 
@@ -395,12 +400,6 @@ fn subjects(folder: &Path) -> Vec<(Box<dyn Subject>, f64)> {
         whole: run.join("checkpoint.h5"),
         folder: at(name),
     };
-    let of_box = |name, file| BoxFile {
-        name,
-        run: cell.clone(),
-        whole: cell.join(file),
-        folder: at(name),
-    };
     let resumed = |name, file| Resumed {
         name,
         run: stopped.clone(),
@@ -426,8 +425,14 @@ fn subjects(folder: &Path) -> Vec<(Box<dyn Subject>, f64)> {
             }),
             0.2,
         ),
-        (Box::new(of_box("aqs", "aqs.h5")), 0.08),
-        (Box::new(of_box("newtonian", "newtonian.h5")), 0.07),
+        (
+            Box::new(BoxFile {
+                whole: cell.join("run.h5"),
+                run: cell.clone(),
+                folder: at("box"),
+            }),
+            0.15,
+        ),
         (
             Box::new(Spectrum {
                 whole: spectrum(&cell),
@@ -571,8 +576,8 @@ fn change_one(dataset: &hdf5::Dataset) {
 }
 
 /// An attribute of `parameters` becomes another one.
-fn change_attribute(file: &hdf5::File, name: &str) {
-    let group = file.group("parameters").expect("the parameters");
+fn change_attribute(file: &hdf5::File, group: &str, name: &str) {
+    let group = file.group(group).expect("the parameters");
     let attribute = group.attr(name).expect("an attribute");
     let kind = attribute.dtype().expect("a type").to_descriptor();
     match kind.expect("a type") {
@@ -636,7 +641,7 @@ fn every_number_is_protected() {
     let folder = tempfile::tempdir().expect("a folder");
     let subjects = subjects(folder.path());
     let mut changed = 0;
-    for name in ["run", "aqs", "newtonian"] {
+    for name in ["run", "box"] {
         let (subject, _) = (subjects.iter())
             .find(|(subject, _)| subject.name() == name)
             .expect("a file");
@@ -645,18 +650,22 @@ fn every_number_is_protected() {
         subject.read(&whole).expect("a good end").expect("read");
         let file = hdf5::File::open(subject.file()).expect("HDF5");
         let names = common::datasets(&file, "");
-        let attributes = file.group("parameters").unwrap().attr_names().unwrap();
+        let groups = ["parameters", "newtonian/parameters"].into_iter();
+        let attributes = groups.filter_map(|name| Some((name, file.group(name).ok()?)));
+        let attributes: Vec<(String, Option<&str>)> = attributes
+            .flat_map(|(name, group)| {
+                let names = group.attr_names().unwrap().into_iter();
+                names.map(move |attribute| (attribute, Some(name)))
+            })
+            .collect();
         let full = |name: &&String| file.dataset(name).expect("a dataset").size() > 0;
-        let names: Vec<&String> = names.iter().filter(full).collect();
-        let attributes = attributes.iter().map(|name| (name, true));
-        for (object, is_attribute) in names.into_iter().map(|n| (n, false)).chain(attributes) {
+        let names = names.iter().filter(full).map(|name| (name.clone(), None));
+        let objects: Vec<_> = names.chain(attributes).collect();
+        for (object, group) in &objects {
             std::fs::write(&path, &whole).expect("written");
-            common::change_file(&path, |file| {
-                if is_attribute {
-                    change_attribute(file, object);
-                } else {
-                    change_one(&file.dataset(object).expect("a dataset"));
-                }
+            common::change_file(&path, |file| match group {
+                Some(group) => change_attribute(file, group, object),
+                None => change_one(&file.dataset(object).expect("a dataset")),
             });
             let bytes = std::fs::read(&path).expect("the file");
             let found = subject
@@ -852,8 +861,7 @@ fn hostile_files_are_refused() {
     let mut refused = 0;
     for (whole, programs) in [
         (walls.join("run.h5"), &of_run[..]),
-        (cell.join("aqs.h5"), &of_box),
-        (cell.join("newtonian.h5"), &of_box[1..2]),
+        (cell.join("run.h5"), &of_box),
         (walls.join("checkpoint.h5"), &[resume]),
         (cell.join("checkpoint.h5"), &[resume]),
         (spectrum, &of_modes),

@@ -33,7 +33,7 @@ fn every_file_carries_the_identity() {
 
     let boxed = ["--set=aqs.steps=1", "--set=newtonian.growth_times=0.01"];
     ended(&run(&at("box"), &[&[BOX][..], &boxed].concat()), 0, &[]);
-    let files = ["aqs.h5", "newtonian.h5"];
+    let files = ["run.h5", "run.h5/newtonian"];
     let ids = files.map(|file| attribute(&at("box").join(file), "run_id"));
     assert!(ids[0].is_some() && ids[0] == ids[1]);
 }

@@ -66,8 +66,10 @@ fn bytes(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 
 /// An attribute of `parameters` that is text.
 fn attribute(file: &Path, name: &str) -> Option<String> {
+    let part = file.ends_with("newtonian").then(|| file.parent()).flatten();
+    let (file, group) = part.map_or((file, ""), |file| (file, "newtonian/"));
     let file = hdf5::File::open(file).expect("a file of the run");
-    let parameters = file.group("parameters").expect("parameters");
+    let parameters = (file.group(&format!("{group}parameters"))).expect("parameters");
     let value = parameters.attr(name).ok()?;
     let value = value.read_scalar::<hdf5::types::VarLenUnicode>();
     Some(value.expect("text").to_string())

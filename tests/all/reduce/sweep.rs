@@ -261,7 +261,7 @@ fn what_cannot_be_compared_is_refused() {
         ),
         (
             &[words(&nothing)],
-            "holds no run (run.h5, aqs.h5 or newtonian.h5), and no folder in it does",
+            "holds no run (run.h5), and no folder in it does",
         ),
         (&[one, words(&absent)], "absent: cannot be read"),
     ] {

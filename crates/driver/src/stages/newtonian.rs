@@ -15,7 +15,7 @@ use gshear_scene::{PeriodicBox, Scene};
 use gshear_store::box_columns::NewtonianRow;
 use gshear_store::collective::exists;
 use gshear_store::collective::gathered;
-use gshear_store::file_names::{NEWTONIAN_FILE, SPECTRA_FILE};
+use gshear_store::file_names::{NEWTONIAN_PART, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
@@ -151,7 +151,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             run.terminal.warn(warning);
         }
         let format = Format {
-            name: NEWTONIAN_FILE,
+            name: NEWTONIAN_PART,
             columns: &NewtonianRow::COLUMNS,
             scene,
             law: assembly.law,
@@ -329,7 +329,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     }
 }
 
-/// Attributes of `newtonian.h5`.
+/// Attributes of `run.h5/newtonian`.
 fn attributes(scene: &Scene, strain: f64, progress: &Progress) -> Vec<(&'static str, Attribute)> {
     let mut attributes = vec![
         ("mean_diameter", scene.sample.mean_diameter),

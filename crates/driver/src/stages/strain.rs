@@ -6,7 +6,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::state::{HeldState, Snapshot};
 use gshear_scene::{Deformation, PeriodicBox, Scene};
 use gshear_store::box_columns::AqsRow;
-use gshear_store::file_names::AQS_FILE;
+use gshear_store::file_names::RUN_FILE;
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
@@ -83,7 +83,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             state,
         });
         let format = Format {
-            name: AQS_FILE,
+            name: RUN_FILE,
             columns: &AqsRow::COLUMNS,
             scene,
             law: assembly.law,

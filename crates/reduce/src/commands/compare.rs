@@ -19,7 +19,7 @@ use gshear_store::trajectory::Form;
 /// order, contacts by their ids. Exit code 0 if everything is equal, 1 if anything differs.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+    /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
     pub(super) a: PathBuf,
     /// Another one
     pub(super) b: PathBuf,

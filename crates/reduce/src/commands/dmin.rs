@@ -21,7 +21,7 @@ use gshear_store::run_reader::{FrameFields, RunFile};
 /// frame, and for grains with fewer than two neighbours or with all neighbours on one line.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+    /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
     pub run: PathBuf,
     /// Folder to write into [default: the run's]
     #[arg(long, value_name = "DIR")]

@@ -54,7 +54,8 @@ pub enum ExportFormat {
 /// own ones.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, aqs.h5 or newtonian.h5, the folder of a run, or a checkpoint
+    /// A run.h5, the folder of a run, run.h5/newtonian for Newton's equations of a box, or a
+    /// checkpoint
     pub run: PathBuf,
     /// Format of the file
     #[arg(long, value_enum)]

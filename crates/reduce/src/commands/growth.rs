@@ -15,7 +15,7 @@ use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_spectrum::{Spectrum, Verdict};
 use gshear_store::csv_table::Table;
-use gshear_store::file_names::{NEWTONIAN_FILE, folder_of};
+use gshear_store::file_names::{NEWTONIAN_PART, folder_of};
 use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Limit of the linear regime: mean square displacement over the square of the mean diameter.
@@ -23,7 +23,7 @@ const LINEAR: f64 = 1e-11;
 /// Largest number of unknowns for which the growing pair is computed, from all eigenvalues.
 const MOST_UNKNOWNS: usize = 3000;
 
-/// Fit the growth of the complex pair in newtonian.h5, and say what became of it
+/// Fit the growth of the complex pair under Newton's equations, and say what became of it
 ///
 /// growth.csv, of one line: ω_i and ω_r fitted to the mean square displacement, the aftermath
 /// (catastrophe, saturation or growing) with the changes of stress, pressure, energy and contacts,
@@ -31,7 +31,7 @@ const MOST_UNKNOWNS: usize = 3000;
 /// growth-grains.csv: |v|² and D²min of every grain; without lines if there is no pair or no frame.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A newtonian.h5, or the folder that holds one
+    /// The folder of a run in a box, or its run.h5/newtonian
     pub run: PathBuf,
     /// Folder to write into [default: the run's]
     #[arg(long, value_name = "DIR")]
@@ -43,14 +43,14 @@ impl Arguments {
     /// A damaged run, a file of another stage, a file that cannot be written.
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
         let path = if self.run.is_dir() {
-            self.run.join(NEWTONIAN_FILE)
+            self.run.join(NEWTONIAN_PART)
         } else {
             self.run.clone()
         };
         let run = RunFile::open_any(&path)?;
         if run.stage() != RunStage::Newtonian {
             return Err(Failure::input(format!(
-                "{}: must be the newtonian.h5 of a run in a box, or its folder",
+                "{}: must be the run.h5/newtonian of a run in a box, or its folder",
                 path.display()
             )));
         }

@@ -11,12 +11,13 @@ use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Failure;
 use gshear_driver::say::fold_for;
 use gshear_scene::identity;
+use gshear_store::part;
 use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Show the content of a run
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+    /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
     pub run: PathBuf,
 }
 
@@ -31,7 +32,7 @@ impl Arguments {
 
 fn describe(run: &RunFile) -> Result<String, Failure> {
     let mut lines = vec![("run", run.path().display().to_string())];
-    let bytes = std::fs::metadata(run.path()).map_or(0, |file| file.len());
+    let bytes = std::fs::metadata(part::file_of(run.path())).map_or(0, |file| file.len());
     lines.push(("size", format!("{:.1} MB", bytes as f64 / 1e6)));
     let state = match run.digest() {
         Some(digest) => format!("ended, digest {digest}"),

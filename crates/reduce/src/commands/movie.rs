@@ -17,7 +17,7 @@ use gshear_store::run_reader::RunFile;
 /// folder of the same name with its frames 00000.png, 00001.png and so on.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run
+    /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
     pub run: PathBuf,
     /// Frames A to B, both included, every Nth of them; .. is all [default: all]
     #[arg(

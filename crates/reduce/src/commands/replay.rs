@@ -13,7 +13,7 @@ use gshear_driver::options::{Options, Outcome};
 use gshear_driver::say::say_error;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
-use gshear_store::file_names::{NEWTONIAN_FILE, RUN_FILE, folder_of};
+use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE, folder_of};
 use gshear_store::run_reader::{self, RunFile, RunStage, Series};
 use gshear_store::text_writer::unwritten;
 
@@ -32,7 +32,7 @@ pub struct Arguments {
     #[arg(long, value_name = "A..B", value_parser = range, required_unless_present = "time")]
     strain: Option<Ends>,
     /// Range of time in s, as 0.1..0.2: as --strain, for a strain that returns. Of a run in a box
-    /// that of Newton's equations; writes newtonian.h5 into the new folder
+    /// that of Newton's equations
     #[arg(long, value_name = "A..B", value_parser = range, conflicts_with = "strain")]
     time: Option<Ends>,
     /// Steps between frames, from the first row on [default: one frame per row]
@@ -65,17 +65,21 @@ impl Arguments {
     /// # Errors
     /// As [`window`].
     pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<(), Failure> {
-        let (rows, kind) = match (self.strain, self.time) {
-            (Some(strain), _) => (Rows::Strain(strain), ""),
-            (None, Some(time)) if has_newtonian(&self.run) => (Rows::Time(time), "newtonian-"),
-            (None, Some(time)) => (Rows::Time(time), "time-"),
+        let (rows, kind, run) = match (self.strain, self.time) {
+            (Some(strain), _) => (Rows::Strain(strain), "", RunFile::open(&self.run)?),
+            (None, Some(time)) => {
+                let run = RunFile::open_any(&self.run)?;
+                match run.stage() {
+                    RunStage::Shear => (Rows::Time(time), "time-", run),
+                    _ => {
+                        let moving = folder_of(&self.run).join(NEWTONIAN_PART);
+                        (Rows::Time(time), "newtonian-", RunFile::open_any(&moving)?)
+                    }
+                }
+            }
             (None, None) => {
                 return Err(Failure::input("replay: give --strain A..B or --time A..B"));
             }
-        };
-        let run = match kind {
-            "newtonian-" => RunFile::open_any(&folder_of(&self.run).join(NEWTONIAN_FILE))?,
-            _ => RunFile::open(&self.run)?,
         };
         let request = ReplayRequest {
             rows,
@@ -98,16 +102,6 @@ impl Arguments {
             run.path().display()
         )
     }
-}
-
-/// Whether a path is of a run in a box: Newton's equations are replayed by their time.
-fn has_newtonian(run: &Path) -> bool {
-    let of_walls = if run.is_dir() {
-        run.join(RUN_FILE).exists()
-    } else {
-        run.file_name().is_some_and(|name| name == RUN_FILE)
-    };
-    !of_walls
 }
 
 /// The rows of the time series that are replayed: from the first to the last in a range.
@@ -146,7 +140,7 @@ pub fn can(run: &RunFile) -> bool {
 }
 
 /// Replays the run from the first to the last row of the time series in the range, into the folder
-/// `out`: the shear between walls into run.h5, Newton's equations in a box into newtonian.h5.
+/// `out`: the shear, or Newton's equations in a box.
 ///
 /// # Errors
 /// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
@@ -160,7 +154,7 @@ pub fn window(run: &RunFile, request: ReplayRequest, out: &Path) -> Result<Repla
         )));
     }
     let (stage, file, set) = match run.stage() {
-        RunStage::Newtonian => ("newtonian", NEWTONIAN_FILE, &["newtonian.spectra=0"][..]),
+        RunStage::Newtonian => ("newtonian", NEWTONIAN_PART, &["newtonian.spectra=0"][..]),
         _ => (
             "shear",
             RUN_FILE,
@@ -212,14 +206,12 @@ fn again(
     set: &[&str],
     (threads, out): (usize, &Path),
 ) -> Result<u64, Failure> {
-    for name in [RUN_FILE, NEWTONIAN_FILE] {
-        let file = out.join(name);
-        if run_reader::owner(&file).is_ok_and(|owner| !owner.replay) {
-            return Err(Failure::input(format!(
-                "{}: is of a run, which a replay would replace; give another folder with --out",
-                file.display()
-            )));
-        }
+    let file = out.join(RUN_FILE);
+    if run_reader::owner(&file).is_ok_and(|owner| !owner.replay) {
+        return Err(Failure::input(format!(
+            "{}: is of a run, which a replay would replace; give another folder with --out",
+            file.display()
+        )));
     }
     let saved = before(folder, stage, window.first)?;
     let from = saved.header.step();

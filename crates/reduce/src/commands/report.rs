@@ -9,7 +9,8 @@ use super::replay::{self, ReplayRequest, Rows};
 use crate::printer::Printer;
 use crate::results::Results;
 use gshear_dem::failure::Failure;
-use gshear_store::file_names::{NEWTONIAN_FILE, folder_of};
+use gshear_store::file_names::{NEWTONIAN_PART, folder_of};
+use gshear_store::part;
 use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Write a report: index.html with all figures, each as SVG with its data as CSV, summary.json
@@ -24,8 +25,8 @@ use gshear_store::run_reader::{RunFile, RunStage};
 /// --columns, --against or --start one run has such a report, too.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, aqs.h5 or newtonian.h5, or the folder of a run; several of them, or the folder of
-    /// a sweep
+    /// A run.h5, run.h5/newtonian, or the folder of a run; several of them, or the folder of a
+    /// sweep
     #[arg(required = true, value_name = "RUN")]
     pub runs: Vec<PathBuf>,
     /// Columns to compare: of the time series, of regions.csv, or of runs.csv; gshear-reduce
@@ -93,8 +94,8 @@ impl Arguments {
 
 /// The page of a box: of its strain steps and, if its folder is given, of Newton's equations.
 fn in_a_box(run: &RunFile, given: &Path, folder: &Path) -> Result<PathBuf, Failure> {
-    let moving = given.join(NEWTONIAN_FILE);
-    let moving = (run.stage() == RunStage::Strain && moving.exists()).then_some(moving);
+    let moving = given.join(NEWTONIAN_PART);
+    let moving = (run.stage() == RunStage::Strain && part::exists(&moving)).then_some(moving);
     let moving = moving.map(|path| RunFile::open_any(&path)).transpose()?;
     let files: Vec<&RunFile> = [run].into_iter().chain(&moving).collect();
     gshear_report::write_box(&files, folder)

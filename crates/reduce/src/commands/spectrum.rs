@@ -35,7 +35,7 @@ const MOST_DENSE: usize = 12_000;
 #[derive(Debug, clap::Args)]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub struct Arguments {
-    /// A run.h5, aqs.h5 or newtonian.h5, the folder of a run, or a checkpoint, from which K and M
+    /// A run.h5, run.h5/newtonian, the folder of a run, or a checkpoint, from which K and M
     /// are assembled
     #[arg(required_unless_present = "matrix", conflicts_with_all = ["matrix", "mass", "null", "group"])]
     pub run: Option<PathBuf>,

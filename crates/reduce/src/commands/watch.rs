@@ -1,4 +1,4 @@
-//! `watch`: curves of a run under way in the terminal, from `log.csv`, or `aqs.h5` of a box, and
+//! `watch`: curves of a run under way in the terminal, from `log.csv`, or `run.h5` of a box, and
 //! `status.json`, which can be read while the run writes.
 
 use std::fs::File;
@@ -13,8 +13,8 @@ use gshear_dem::failure::{Failure, printable};
 use gshear_driver::folder::is_abandoned;
 use gshear_driver::progress::line;
 use gshear_driver::say::fold_for;
-use gshear_store::file_names::{AQS_FILE, LOG_FILE, STATUS_FILE};
-use gshear_store::run_reader::RunFile;
+use gshear_store::file_names::{LOG_FILE, RUN_FILE, STATUS_FILE};
+use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::status::{RunState, Status};
 
 use crate::braille::plot;
@@ -36,7 +36,7 @@ const LEAST: [usize; 2] = [30, 8];
 ///
 /// Reads log.csv and status.json every second, while the run writes: stress ratio and solid
 /// fraction over the strain, or over the time if the strain returns or there is none; of a box the
-/// shear stress, from aqs.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that
+/// shear stress, from run.h5. Ctrl-C leaves the run alone. Without a terminal, and of a run that
 /// has ended, it shows the present state and ends.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
@@ -171,7 +171,7 @@ impl Curves {
     fn new(folder: &Path) -> Self {
         Self {
             log: Tail::new(folder.join(LOG_FILE)),
-            strains: StrainSteps::new(folder.join(AQS_FILE)),
+            strains: StrainSteps::new(folder.join(RUN_FILE)),
             names: ["tau", "phi"],
             over: "strain",
             points: [Vec::new(), Vec::new()],
@@ -292,7 +292,7 @@ impl StrainSteps {
                 found = RunFile::open_any(&self.path);
             }
             match found {
-                Ok(run) => {
+                Ok(run) if run.stage() == RunStage::Strain => {
                     self.signature = signature;
                     let series = run.series();
                     let [strain, stress] =
@@ -302,6 +302,7 @@ impl StrainSteps {
                         rows.map(|((step, strain), stress)| [*step as f64, *strain, *stress]);
                     self.stored = rows.collect();
                 }
+                Ok(_) => {}
                 // Another look finds it whole.
                 Err(_) if status.state == RunState::Running => {}
                 Err(failure) => return Err(failure),

@@ -117,6 +117,8 @@ pub fn is_left_open() -> bool {
 /// written, and the file is [left open](is_left_open).
 pub struct H5File {
     file: hdf5::File,
+    /// The group in which names are; empty: the root.
+    within: &'static str,
     context: Rc<Context>,
 }
 
@@ -180,6 +182,7 @@ impl H5File {
         };
         let file = H5File {
             file,
+            within: "",
             context: Rc::new(context),
         };
         if communicator.is_some() {
@@ -188,19 +191,55 @@ impl H5File {
         Ok(file)
     }
 
+    /// Takes names in a group from now on. What other groups hold is known as raw data.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    pub fn enter(&mut self, group: &'static str) -> Result<(), Failure> {
+        self.within = group;
+        let mut found = Vec::new();
+        let own = format!("/{group}");
+        let looked = (self.file.as_group())
+            .and_then(|root| below(&root, DEEPEST, &own, &mut |dataset| found.push(dataset)));
+        looked.map_err(|e| self.context.failure("/", "look up", &e))?;
+        let others = found.into_iter().map(RawData::of);
+        self.context.raw_data.borrow_mut().extend(others);
+        Ok(())
+    }
+
+    /// The name of an object in the file.
+    fn at(&self, name: &str) -> String {
+        match self.within {
+            "" => name.into(),
+            group => format!("/{group}/{}", name.trim_start_matches('/')),
+        }
+    }
+
+    /// Removes a group of the root, if it is there.
+    ///
+    /// # Errors
+    /// [`Failure::Other`] if HDF5 fails.
+    pub fn remove(&self, group: &str) -> Result<(), Failure> {
+        if !self.file.link_exists(group) {
+            return Ok(());
+        }
+        let removed = self.file.unlink(group);
+        removed.map_err(|e| self.context.failure(group, "remove", &e))
+    }
+
     /// Creates a group and its missing parents.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn group(&self, name: &str) -> Result<(), Failure> {
-        let made = self.file.create_group(name);
+        let made = self.file.create_group(&self.at(name));
         made.map(drop)
             .map_err(|e| self.context.failure(name, "create", &e))
     }
 
     /// Returns whether an object of this name exists. Its group must exist.
     pub fn has(&self, name: &str) -> bool {
-        self.file.link_exists(name)
+        self.file.link_exists(&self.at(name))
     }
 
     /// Returns the failure of an object that holds fewer rows than the checkpoint says.
@@ -216,7 +255,7 @@ impl H5File {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn link(&self, target: &str, name: &str) -> Result<(), Failure> {
-        let made = self.file.link_hard(target, name);
+        let made = self.file.link_hard(&self.at(target), &self.at(name));
         made.map_err(|e| self.context.failure(name, "link", &e))
     }
 
@@ -234,13 +273,14 @@ impl H5File {
         use hdf5::dataset::{AllocTime, FillTime};
         use hdf5::{Extent, SimpleExtents};
         let fixed = |&n: &usize| Extent::fixed(n);
+        let place = &*self.at(name);
         let builder = self.file.new_dataset::<T>();
         let made = match chunk {
             None => builder
                 .shape(SimpleExtents::from_vec(shape.iter().map(fixed).collect()))
                 .fill_time(FillTime::Never)
                 .alloc_time(Some(AllocTime::Early))
-                .create(name),
+                .create(place),
             Some(chunk) => {
                 let rest = shape[1..].iter().map(fixed);
                 let extents = std::iter::once(Extent::resizable(shape[0])).chain(rest);
@@ -251,7 +291,7 @@ impl H5File {
                     // Several ranks may continue a file of one rank; they can write only to
                     // allocated chunks.
                     .alloc_time(Some(AllocTime::Early))
-                    .create(name)
+                    .create(place)
             }
         };
         let dataset = made.map_err(|e| self.context.failure(name, "create", &e))?;
@@ -263,7 +303,7 @@ impl H5File {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
-        let dataset = self.file.dataset(name);
+        let dataset = self.file.dataset(&self.at(name));
         let dataset = dataset.map_err(|e| self.context.failure(name, "open", &e))?;
         self.column::<T>(name, dataset)
     }
@@ -287,7 +327,13 @@ impl H5File {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn attribute(&self, object: &str, name: &str, value: &Attribute) -> Result<(), Failure> {
-        let set = || set_attribute(&self.location(object)?, name, value);
+        let set = || match value {
+            Attribute::Reference(to) => {
+                let to = Attribute::Reference(self.at(to));
+                set_attribute(&self.location(object)?, name, &to)
+            }
+            _ => set_attribute(&self.location(object)?, name, value),
+        };
         let place = format!("{object}@{name}");
         set().map_err(|e| self.context.failure(&place, "write", &e))
     }
@@ -323,7 +369,7 @@ impl H5File {
         let group = if object == "/" {
             self.file.as_group()?
         } else {
-            self.file.group(object)?
+            self.file.group(&self.at(object))?
         };
         Ok((*group).clone())
     }
@@ -500,17 +546,34 @@ pub fn unread(message: String) -> Failure {
 /// # Errors
 /// A damaged structure.
 pub fn walk(file: &hdf5::File) -> hdf5::Result<()> {
-    fn below(group: &hdf5::Group, levels: usize) -> hdf5::Result<()> {
-        for dataset in group.datasets()? {
-            RawData::of(dataset).extents()?;
+    let mut looked = Ok(());
+    let mut look = |dataset| {
+        if looked.is_ok() {
+            looked = RawData::of(dataset).extents().map(drop);
         }
-        let Some(levels) = levels.checked_sub(1) else {
-            return Err("its groups contain each other".into());
-        };
-        let groups = group.groups()?;
-        groups.iter().try_for_each(|group| below(group, levels))
+    };
+    below(&file.as_group()?, DEEPEST, "", &mut look)?;
+    looked
+}
+
+/// Hands over all datasets below a group, but for those below the group `without`.
+fn below(
+    group: &hdf5::Group,
+    levels: usize,
+    without: &str,
+    each: &mut dyn FnMut(hdf5::Dataset),
+) -> hdf5::Result<()> {
+    if group.name() == without {
+        return Ok(());
     }
-    below(file, DEEPEST)
+    group.datasets()?.into_iter().for_each(&mut *each);
+    let Some(levels) = levels.checked_sub(1) else {
+        return Err("its groups contain each other".into());
+    };
+    let groups = group.groups()?;
+    groups
+        .iter()
+        .try_for_each(|group| below(group, levels, without, each))
 }
 
 /// Writes an attribute, replacing one of the same name.

@@ -1,5 +1,5 @@
-//! Reads `run.h5`, `aqs.h5` and `newtonian.h5` (docs/file-formats.md) serially, by blocks of
-//! frames, so that memory does not grow with the length of the run.
+//! Reads `run.h5` (docs/file-formats.md) serially, by blocks of frames, so that memory does not
+//! grow with the length of the run.
 
 mod frames;
 mod open_file;
@@ -21,7 +21,7 @@ use self::verify::FrameSums;
 use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::checksums;
 use crate::contact_quantities::TWISTING_HISTORY;
-use crate::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE};
+use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
     CONTACTS, Form, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain,
 };
@@ -220,19 +220,15 @@ impl RunFile {
         Err(file.wrong(what))
     }
 
-    /// Opens the file of any stage. Of a folder, `run.h5`, or of a run in a periodic box the strain
-    /// steps or else Newton's equations.
+    /// Opens any stage: a `run.h5` or the folder that holds one, of a box its strain steps;
+    /// `run.h5/newtonian`: Newton's equations after them.
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
     /// wrong shape.
     pub fn open_any(run: &Path) -> Result<Self, Failure> {
         let path = if run.is_dir() {
-            let mut files = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE]
-                .map(|name| run.join(name))
-                .into_iter();
-            let there = files.find(|path| path.exists());
-            there.unwrap_or_else(|| run.join(RUN_FILE))
+            run.join(RUN_FILE)
         } else {
             run.to_path_buf()
         };
@@ -393,10 +389,7 @@ impl RunFile {
 
     /// Returns the folder of the file.
     pub fn folder(&self) -> &Path {
-        match self.path.parent() {
-            Some(folder) if !folder.as_os_str().is_empty() => folder,
-            _ => Path::new("."),
-        }
+        folder_of(&self.path)
     }
 
     /// Returns the id of each row of the grains.

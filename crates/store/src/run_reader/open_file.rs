@@ -5,7 +5,7 @@ use std::fmt;
 use std::io::Read as _;
 use std::path::Path;
 
-use hdf5::{Dataset, File, H5Type};
+use hdf5::{Dataset, Group, H5Type};
 
 use super::{Parameter, Series, StoredScalars};
 use crate::checksums::{OF_PARAMETERS, of_parameters};
@@ -15,7 +15,7 @@ use crate::layout::{
     grain_dataset, of_contact,
 };
 use crate::parameter::attributes;
-use crate::sound;
+use crate::part::Part;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -33,7 +33,7 @@ pub fn is_hdf5(path: &Path) -> bool {
 pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 /// An open file and its path for messages.
 pub(super) struct OpenFile<'a> {
-    file: File,
+    file: Group,
     path: &'a Path,
 }
 
@@ -310,10 +310,10 @@ impl<'a> OpenFile<'a> {
     }
 }
 
-fn open_file(path: &Path) -> Result<File, Failure> {
-    let name = path.display();
+fn open_file(path: &Path) -> Result<Group, Failure> {
+    let (name, part) = (path.display(), Part::of(path));
     let mut head = Vec::new();
-    let begin = std::fs::File::open(path)
+    let begin = std::fs::File::open(&part.file)
         .and_then(|file| file.take(SIGNATURE.len() as u64).read_to_end(&mut head));
     begin.map_err(|e| h5::unread(format!("{name}: cannot be read: {e}")))?;
     if head != SIGNATURE {
@@ -321,10 +321,11 @@ fn open_file(path: &Path) -> Result<File, Failure> {
             "{name}: is not an HDF5 file: {FOREIGN}"
         )));
     }
-    sound::open(path).map_err(|e| {
+    part.open().map_err(|e| {
         let reason = one_line(&e);
         let state = match h5::is_refused(&reason) {
             _ if reason.contains("lock file") => "is being written",
+            _ if reason.contains("has no group") => "is missing",
             true => "cannot be opened",
             false => "is damaged",
         };

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::Parameter;
 use super::open_file::OpenFile;
 use crate::journal;
+use crate::part::Part;
 use gshear_dem::failure::Failure;
 
 /// The run that a file of frames and time series belongs to.
@@ -24,7 +25,7 @@ pub struct Owner {
     pub replay: bool,
 }
 
-/// Reads which run a `run.h5`, `aqs.h5` or `newtonian.h5` belongs to.
+/// Reads which run a `run.h5`, or a part of it, belongs to.
 ///
 /// # Errors
 /// [`Failure::Input`] if the file is not of a run, or damaged.
@@ -39,7 +40,8 @@ pub fn owner(path: &Path) -> Result<Owner, Failure> {
         run_id: text("run_id"),
         scene: text("scene").unwrap_or_default(),
         // A file with a journal was not closed: a killed program may have left it in any state.
-        finished: parameters.contains_key("digest") && !journal::path_of(path).exists(),
+        finished: parameters.contains_key("digest")
+            && !journal::path_of(&Part::of(path).file).exists(),
         branch: parameters.contains_key("parent_run_id"),
         begun_at: match parameters.get("begun_at_step") {
             Some(Parameter::Integer(step)) => *step as u64,

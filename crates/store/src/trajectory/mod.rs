@@ -5,14 +5,15 @@ mod resume;
 
 use crate::batch::{Frames, length};
 use crate::checksums::{self, OF_PARAMETERS, of_parameters};
-use crate::collective::{CollectiveOutcome, IdBlocks, agree, of_root, on_root};
-use crate::existing::unlink_foreign;
+use crate::collective::{CollectiveOutcome, IdBlocks, agree, of_root, on_root, told_by_root};
+use crate::existing::{is_of, unlink_foreign};
 use crate::h5::{Attribute, H5File, Slab, by_root};
 use crate::journal::{self, Journal};
 use crate::layout::{
     self, CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, describe,
 };
 pub use crate::layout::{Form, file_bytes, frame_bytes};
+use crate::part::Part;
 use crate::row_table::RowTable;
 use bytemuck::{Pod, Zeroable};
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -63,7 +64,7 @@ impl GrainShape {
     }
 }
 
-/// Content of `run.h5` from the start of the run.
+/// Content of a part of `run.h5` from its start on.
 #[derive(Debug, Clone, Copy)]
 pub struct RunHeader<'a> {
     /// What the contacts are.
@@ -124,7 +125,7 @@ pub struct TrajectoryWriter {
 }
 
 impl TrajectoryWriter {
-    /// Creates the file, replacing an existing one.
+    /// Creates the file, replacing an existing one; a part of it is added to that of the same run.
     ///
     /// # Errors
     /// If the file cannot be written.
@@ -142,13 +143,30 @@ impl TrajectoryWriter {
         let author = of_root(exchange, &header.author.to_string());
         let blocks = IdBlocks::of(exchange, grains);
         let id = header.attributes.iter().find(|(name, _)| *name == "run_id");
-        // In place of a journal of another run, which would bring that run's metadata back.
-        on_root(exchange, || {
-            unlink_foreign(path, id.map(|(_, id)| id))?;
-            Journal::of_nothing().write(path)
+        let id = id.map(|(_, id)| id);
+        let part = Part::of(path);
+        let is_added = told_by_root(exchange, || {
+            Ok(!part.group.is_empty() && is_of(&part.file, id))
         })?;
-        let file = H5File::create(path, exchange)?;
+        let mut file = if is_added {
+            H5File::open(&part.file, exchange)?
+        } else {
+            // In place of a journal of another run, which would bring that run's metadata back.
+            on_root(exchange, || {
+                unlink_foreign(&part.file, id)?;
+                Journal::of_nothing().write(&part.file)
+            })?;
+            H5File::create(&part.file, exchange)?
+        };
+        agree(exchange, file.enter(part.group))?;
+        if is_added {
+            // To which the file returns until the first flush.
+            write_journal(&file, &part.file, exchange)?;
+        }
         let created = (|| {
+            if is_added {
+                file.remove(part.group)?;
+            }
             let layout = Layout {
                 grains: grains as usize,
                 form: header.form,
@@ -165,7 +183,7 @@ impl TrajectoryWriter {
             Datasets::new(&file, Mode::Create, &layout)
         })();
         let columns = agree(exchange, created)?;
-        let mut writer = Self::new(file, path, columns, blocks);
+        let mut writer = Self::new(file, &part.file, columns, blocks);
         writer.write_statics(exchange, header)?;
         Ok(writer)
     }
@@ -419,13 +437,17 @@ impl TrajectoryWriter {
 
     /// Keeps the metadata of this flush, to which the file returns if the program is killed.
     fn write_journal(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        let raw = agree(exchange, self.file.raw_extents())?;
-        let written = match exchange.rank() {
-            0 => Journal::of(&self.path, raw).and_then(|journal| journal.write(&self.path)),
-            _ => Ok(()),
-        };
-        self.file.agree(exchange, CollectiveOutcome::of(written))
+        write_journal(&self.file, &self.path, exchange)
     }
+}
+
+fn write_journal(file: &H5File, path: &Path, exchange: &dyn Parallel) -> Result<(), Failure> {
+    let raw = agree(exchange, file.raw_extents())?;
+    let written = match exchange.rank() {
+        0 => Journal::of(path, raw).and_then(|journal| journal.write(path)),
+        _ => Ok(()),
+    };
+    file.agree(exchange, CollectiveOutcome::of(written))
 }
 
 /// Attributes with names of their own.

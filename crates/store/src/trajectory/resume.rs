@@ -5,6 +5,7 @@ use crate::collective::{CollectiveOutcome, IdBlocks, agree, told_by_root};
 use crate::existing::inspect;
 use crate::h5::H5File;
 use crate::layout::{Datasets, Form, Layout, Mode, PARAMETERS};
+use crate::part::{NEWTONIAN, Part};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
@@ -30,7 +31,9 @@ impl TrajectoryWriter {
         let [grains, contacts, axes, torques] = inspected;
 
         let blocks = IdBlocks::of(exchange, grains);
-        let file = H5File::open(path, exchange)?;
+        let part = Part::of(path);
+        let mut file = H5File::open(&part.file, exchange)?;
+        agree(exchange, file.enter(part.group))?;
         let layout = Layout {
             grains: grains as usize,
             form: Form {
@@ -44,11 +47,15 @@ impl TrajectoryWriter {
             history_unit: "",
         };
         let columns = agree(exchange, Datasets::new(&file, Mode::Open, &layout))?;
-        let mut writer = Self::new(file, path, columns, blocks);
+        let mut writer = Self::new(file, &part.file, columns, blocks);
         (writer.frames_written, writer.contacts_written) = (frames, contacts);
         // A file that was closed has no journal, and a kill while it is cut would damage it.
         writer.write_journal(exchange)?;
         let mut outcome = CollectiveOutcome::default();
+        if part.group.is_empty() {
+            // What follows is made anew.
+            outcome.note(writer.file.remove(NEWTONIAN));
+        }
         for name in AT_THE_END {
             outcome.note(writer.file.remove_attribute(PARAMETERS, name));
         }

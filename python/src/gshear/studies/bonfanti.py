@@ -36,8 +36,8 @@ class Studied:
     """A run in a box.
 
     Attributes:
-        strain: Its strain steps, `aqs.h5`.
-        moving: Newton's equations, `newtonian.h5`; None without.
+        strain: Its strain steps.
+        moving: Newton's equations after them; None without.
         growth: The line of `growth.csv`; NaN without Newton's equations.
         grains: `growth-grains.csv`: |v|² in the growing pair and D²min of the slip; may be empty.
     """
@@ -76,9 +76,6 @@ def study(options: argparse.Namespace) -> Path:
     """
     out = options.out or options.runs[0] / "bonfanti"
     many = len(options.runs) > 1
-    for path in options.runs:
-        if not (path / "aqs.h5").is_file():
-            raise RunError(f"{path}: has no aqs.h5: give the folder of a run in a periodic box")
     runs = [_open(path, done=many) for path in options.runs]
     if not many:
         return _one(_read(*runs[0], out), out)
@@ -90,17 +87,18 @@ def study(options: argparse.Namespace) -> Path:
 
 
 def _open(path: Path, *, done: bool) -> tuple[Run, Run | None]:
-    """Opens both files of a run; if `done`, refuses a run that was stopped."""
-    moving = path / "newtonian.h5"
-    files = [Run(path / "aqs.h5", quiet=True)]
-    files += [Run(moving, quiet=True)] if moving.exists() else []
-    for run in files if done else []:
+    """Opens both parts of a run; if `done`, refuses a run that was stopped."""
+    strain = Run(path, quiet=True)
+    if strain.stage != "aqs":
+        raise RunError(f"{path}: has no strain steps: give the folder of a run in a periodic box")
+    moving = strain.newtonian
+    for run in [strain, *([moving] if moving else [])] if done else []:
         if not run.finished:
             raise RunError(
                 f"{run.path}: is not done, and an ensemble needs the end of each run; "
                 "continue it (--resume) or leave it out"
             )
-    return files[0], files[1] if len(files) > 1 else None
+    return strain, moving
 
 
 def _read(strain: Run, moving: Run | None, folder: Path) -> Studied:

@@ -7,7 +7,7 @@ use crate::scalars;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::Failure;
 use gshear_report::sweep::{Sweep, SweepRun};
-use gshear_store::file_names::{AQS_FILE, NEWTONIAN_FILE, RUN_FILE, STATUS_FILE, folder_of};
+use gshear_store::file_names::{RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
 
@@ -21,15 +21,9 @@ pub struct Request<'a> {
     pub start: f64,
 }
 
-/// Whether a folder holds a file of a run.
-fn holds_run(folder: &Path) -> bool {
-    let mut files = [RUN_FILE, AQS_FILE, NEWTONIAN_FILE].into_iter();
-    files.any(|name| folder.join(name).exists())
-}
-
 /// Whether a folder is that of a run, which may have failed before it wrote a file.
 fn has_begun(folder: &Path) -> bool {
-    holds_run(folder) || folder.join(STATUS_FILE).exists()
+    folder.join(RUN_FILE).exists() || folder.join(STATUS_FILE).exists()
 }
 
 /// The folders in a folder that hold a run, or one that has begun, in the order of their names.
@@ -46,8 +40,7 @@ pub fn runs_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     runs.sort();
     if runs.is_empty() {
         return Err(Failure::input(format!(
-            "{}: holds no run ({RUN_FILE}, {AQS_FILE} or {NEWTONIAN_FILE}), and no folder in it does; \
-             give the folder of a run, or of a sweep",
+            "{}: holds no run ({RUN_FILE}), and no folder in it does; give the folder of a run, or of a sweep",
             folder.display()
         )));
     }
@@ -139,7 +132,7 @@ fn unfinished(path: &Path) -> Result<Result<RunFile, String>, Failure> {
     match (RunFile::open_any(path), why) {
         (Ok(run), _) if run.digest().is_some() => Ok(Ok(run)),
         (Ok(_), why) => Ok(Err(why.unwrap_or_else(|| "has not ended".into()))),
-        (Err(_), Some(why)) if path.is_dir() && !holds_run(path) => Ok(Err(why)),
+        (Err(_), Some(why)) if path.is_dir() && !path.join(RUN_FILE).exists() => Ok(Err(why)),
         (Err(failure), _) => Err(failure),
     }
 }

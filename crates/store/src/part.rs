@@ -1,0 +1,70 @@
+//! The parts of a `run.h5`: the root of the file holds the strain steps of a box or the shear, the
+//! group `newtonian` what follows the strain steps by Newton's equations.
+
+use std::path::{Path, PathBuf};
+
+use hdf5::Group;
+
+use crate::sound;
+
+/// The group of Newton's equations.
+pub(crate) const NEWTONIAN: &str = "newtonian";
+
+/// A file and the group in it that holds a stage.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Part {
+    pub file: PathBuf,
+    /// Empty: the root.
+    pub group: &'static str,
+}
+
+impl Part {
+    /// That of a path: `run.h5`, or `run.h5/newtonian`.
+    pub fn of(path: &Path) -> Self {
+        match path.parent() {
+            Some(file) if path.ends_with(NEWTONIAN) && !path.exists() && !file.is_dir() => Self {
+                file: file.into(),
+                group: NEWTONIAN,
+            },
+            _ => Self {
+                file: path.into(),
+                group: "",
+            },
+        }
+    }
+
+    /// Opens the group for reading. Of a file that holds only the other part, as a replay's, that.
+    pub fn open(&self) -> hdf5::Result<Group> {
+        let file = sound::open(&self.file)?;
+        let is_other = || !file.link_exists("particles") && file.link_exists(NEWTONIAN);
+        match self.group {
+            "" if is_other() => file.group(NEWTONIAN),
+            "" => file.as_group(),
+            group if file.link_exists(group) => file.group(group),
+            _ => Err(format!("{} has no group {}", self.file.display(), self.group).into()),
+        }
+    }
+
+    /// Whether the part is there.
+    pub fn exists(&self) -> bool {
+        let has_group = || {
+            self.open()
+                .is_ok_and(|group| group.name() == format!("/{}", self.group))
+        };
+        match self.group {
+            // One that cannot be opened is in the way, too.
+            "" => self.file.exists() && (sound::open(&self.file).is_err() || has_group()),
+            _ => self.file.exists() && has_group(),
+        }
+    }
+}
+
+/// The file at `path`, or of that part: `run.h5/newtonian`.
+pub fn file_of(path: &Path) -> PathBuf {
+    Part::of(path).file
+}
+
+/// Whether there is a file at `path`, or that part of one: `run.h5/newtonian`.
+pub fn exists(path: &Path) -> bool {
+    Part::of(path).exists()
+}
