@@ -571,7 +571,8 @@ pub fn free(folder: &Path) -> Option<f64> {
 }
 
 /// The file of frames, or its part, that a checkpoint continues, its columns, and what it holds;
-/// `None` before there is one, and of a checkpoint with which a stage begins, which makes its files anew.
+/// `None` before there is one, and of a checkpoint with which a stage begins, which makes its files
+/// anew.
 fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Written)> {
     UpToCheckpoint::new(header.step()).last?;
     match header {
