@@ -7,6 +7,12 @@ use gshear_dem::domain::Solo;
 use gshear_store::checkpoint::{PREVIOUS, read};
 use gshear_store::run_reader::RunFile;
 
+/// A third of the scene's drive.
+const SHORT: &str = "shear.protocol=[{ velocity = 3.0, distance = 2e-3 }, \
+    { velocity = 0.0, time = 1e-4 }, { velocity = 2.0, distance = 1e-3 }]";
+/// A step of its last part.
+const LATE: &str = "--stop-at=1900";
+
 /// Contracts 1, 2 and 3 of spheres with vectors for histories, under a spring and a protocol with a
 /// hold.
 #[test]
@@ -110,11 +116,14 @@ fn spheres_under_a_spring_keep_the_contracts() {
         ("adhering", &[energy, "--set=contact.adhesion=jkr"]),
         ("damped", &tsuji),
     ];
+    let short = format!("--set={SHORT}");
+    let plain = run("plain", 1, &[&short]).digest();
     for (held, sets) in cases {
-        let changed =
-            |name: &str, ranks, further: &[&str]| run(name, ranks, &[sets, further].concat());
+        let changed = |name: &str, ranks, further: &[&str]| {
+            run(name, ranks, &[sets, &[&short], further].concat())
+        };
         let digest = changed(held, 1, &[]).digest();
-        assert_ne!(digest, expected);
+        assert_ne!(digest, plain);
         let apart = |overlap: &f64| *overlap < 0.0;
         let file = hdf5::File::open(folder.path().join(held).join("run.h5")).expect("run.h5");
         let overlaps = file
@@ -135,7 +144,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
         ];
         let quietly = format!("{held}-quietly");
         assert_eq!(changed(&quietly, 2, &without_output).digest(), digest);
-        let stopped = ["--stop-at=6500", "--overwrite"];
+        let stopped = [LATE, "--overwrite"];
         assert_eq!(changed(held, 3, &stopped).code, 75);
         let checkpoint = folder.path().join(held).join("checkpoint.h5");
         let resume = format!("--resume={}", checkpoint.display());
@@ -223,6 +232,7 @@ fn mixtures_keep_the_contracts() {
     .expect("a packing");
     let scene = format!(
         "extends = '{SCENES}/crossing-3d.toml'
+         {SHORT}
          sample = {{ packing = 'mixed.data', walls = 'types', wall_material = 'rough' }}
          [contact]
          pair = [
@@ -330,7 +340,7 @@ fn mixtures_keep_the_contracts() {
         assert_eq!(types.iter().filter(|t| *t == kind).count(), count(of));
     }
 
-    assert_eq!(run("begun", 2, &["--stop-at=6500"]).code, 75);
+    assert_eq!(run("begun", 2, &[LATE]).code, 75);
     let resume = format!(
         "--resume={}",
         folder.path().join("begun/checkpoint.h5").display()
