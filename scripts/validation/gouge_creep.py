@@ -4,9 +4,9 @@
     gouge_creep.py OUT [NAME ...]
 
 Runs configs/gouge-holds-cheap.toml with three seeds into OUT, branches of it, and prints the tables
-of docs/gouge.md. NAME is one or more of impedance, holds, frequencies, long_holds, reload, damping,
-steps, long_steps, figure (default: all). Runs that are there already are not made again. About four
-hours of a core, three of them the steps of 5 mm.
+of docs/gouge.md. NAME is one or more of impedance, holds, frequencies, loads, long_holds, large,
+reload, reslides, damping, steps, long_steps, figure (default: all). Runs that are there already are
+not made again. About four hours of a core, three of them the steps of 5 mm.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from pandas import read_csv
 
 from gshear import Run
 
@@ -35,6 +36,8 @@ TIMES = (1e-4, 1e-3, 3e-3, 10e-3)
 THICK = ("sample.wall_thickness=2", "sample.grains=915")
 # Other frequencies, and amplitudes whose velocities are those of AMPLITUDES.
 FREQUENCIES = (10e3, 40e3)
+# Amplitudes of the load (Pa) at FREQUENCY, another source of agitation.
+LOADS = (0.05e6, 0.1e6, 0.2e6, 0.5e6)
 # Slip at 0.1 m/s (m): windows of the table of the direct effect.
 SLIPS = (0.0, 1e-6, 2.5e-6, 5e-6, 10e-6, 25e-6)
 
@@ -159,6 +162,19 @@ def frequencies(out: Path) -> None:
             print(f"{frequency},{amplitude * FREQUENCY / frequency:g},{means}")
 
 
+def loads(out: Path) -> None:
+    """Holds while the load vibrates, not the wall."""
+    print("amplitude (Pa),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope")
+    for amplitude in LOADS:
+        of = f"pressure=5e6,pressure_amplitude={amplitude},pressure_frequency={FREQUENCY}"
+        rows = []
+        for seed in SEEDS:
+            start = (base(out, seed), 2)
+            parts = [FAST, SLIDE, f"{{velocity=0.0,time=10e-3,{of}}}"]
+            rows.append(relaxation(branch(out, start, f"load-{amplitude:g}", parts), start[0]))
+        print(f"{amplitude:g}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
+
+
 def long_holds(out: Path) -> None:
     """Holds of 100 ms under vibration: whether the logarithm goes on."""
     # Rows are 0.1 ms apart.
@@ -172,6 +188,37 @@ def long_holds(out: Path) -> None:
             folder = branch(out, start, f"long-hold-{amplitude}", parts)
             rows.append(relaxation(folder, start[0], times))
         print(f"{amplitude}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
+
+
+def large(out: Path) -> None:
+    """The same holds with the paper's number of spheres, one packing."""
+    size = ("sample.grains=4815", "sample.length=60e-3", "sample.width=60e-3")
+    print("amplitude (m),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",per factor e")
+    for amplitude in AMPLITUDES[1:]:
+        parts = [FAST, SLIDE, f"{{velocity=0.0,time=10e-3{agitated(amplitude)}}}"]
+        start = (base(out, 1, "large", *size), 2)
+        folder = branch(out, start, f"large-hold-{amplitude}", parts)
+        print(f"{amplitude}," + ",".join(f"{x:.4g}" for x in relaxation(folder, start[0])))
+
+
+def reslides(out: Path) -> None:
+    """Holds of 0.1 to 100 ms and slides after each, all of it under vibration."""
+    for amplitude in AMPLITUDES[2:3]:
+        of = agitated(amplitude)
+        slide = SLIDE[:-1] + of + "}"
+        parts = [FAST, slide]
+        for time in (1e-4, 1e-3, 1e-2, 1e-1):
+            parts += [f"{{velocity=0.0,time={time}{of}}}", slide]
+        folders = [
+            branch(out, (base(out, seed), 1), f"healing-{amplitude}", parts) for seed in SEEDS
+        ]
+        reduced = out / f"healing-{amplitude}" / "rate-state"
+        reducer = os.environ.get("GSHEAR_REDUCE", "gshear-reduce")
+        command = [reducer, "rate-state", *map(str, folders), "--out", str(reduced)]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+        holds = read_csv(reduced / "holds.csv")
+        print(f"reslides at {amplitude} m:")
+        print(holds[["t_hold", "relaxation", "healing", "error"]].to_csv(index=False))
 
 
 def damping(out: Path) -> None:
@@ -297,39 +344,55 @@ def figure(out: Path) -> None:
     """The slopes of all agitated holds over T, in OUT/creep.csv and OUT/creep.svg."""
     import matplotlib.pyplot as plt
 
-    table = ["frequency,amplitude,granular_temperature,error,per_factor_e,error_per_factor_e"]
+    table = ["source,amplitude,granular_temperature,error,per_factor_e,error_per_factor_e"]
     axes = plt.figure(figsize=(6.0, 4.0), layout="constrained").subplots()
-    for frequency in (FREQUENCY, *FREQUENCIES):
+    sources = {
+        "wall, 20 kHz": [(a, f"hold-{a}", "base", SEEDS) for a in AMPLITUDES],
+        **{
+            f"wall, {f / 1e3:g} kHz": [
+                (a * FREQUENCY / f, f"hold-{f:g}-{a}", "base", SEEDS) for a in AMPLITUDES
+            ]
+            for f in FREQUENCIES
+        },
+        "load, 20 kHz": [(a, f"load-{a:g}", "base", SEEDS) for a in LOADS],
+        "wall, 20 kHz, 4815 spheres": [
+            (a, f"large-hold-{a}", "large", SEEDS[:1]) for a in AMPLITUDES[1:]
+        ],
+    }
+    for source, holds in sources.items():
         points = []
-        for amplitude in AMPLITUDES:
-            name = (
-                f"hold-{amplitude}" if frequency == FREQUENCY else f"hold-{frequency:g}-{amplitude}"
-            )
-            rows = [relaxation(out / name / f"seed-{s}", base(out, s)) for s in SEEDS]
+        for amplitude, name, before, seeds in holds:
+            rows = [relaxation(out / name / f"seed-{s}", out / before / f"seed-{s}") for s in seeds]
             rows = np.array(rows)[:, [0, -1]]
-            error = rows.std(axis=0, ddof=1) / np.sqrt(len(SEEDS))
+            error = (
+                rows.std(axis=0, ddof=1) / np.sqrt(len(seeds)) if len(seeds) > 1 else [np.nan] * 2
+            )
             points.append([*rows.mean(axis=0), *error])
-            of = amplitude * FREQUENCY / frequency
             (t, slope, of_t, of_slope) = points[-1]
-            table.append(f"{frequency:g},{of:g},{t:.4g},{of_t:.2g},{slope:.4f},{of_slope:.4f}")
+            cells = f"{amplitude:g},{t:.4g},{of_t:.2g},{slope:.4f},{of_slope:.4f}"
+            table.append(f'"{source}",{cells}'.replace("nan", ""))
         t, slope, of_t, of_slope = np.transpose(points)
-        label = f"{frequency / 1e3:g} kHz"
-        axes.errorbar(t, -slope, of_slope, of_t, fmt="o-", capsize=2, label=label)
+        line = "s" if len(seeds) == 1 else "o-"
+        axes.errorbar(t, -slope, of_slope, of_t, fmt=line, capsize=2, label=source)
     axes.axhline(0.0247, color="black", linestyle="--", label="a of the paper")
     axes.set(xscale="log", xlabel="granular temperature T", xlim=(1e-6, 1e-4), ylim=(0, None))
     axes.xaxis.set_minor_formatter("")
     axes.set_ylabel("fall of μ in a hold, per factor e of time")
-    axes.legend()
+    axes.legend(fontsize="small")
     (out / "creep.csv").write_text("\n".join(table) + "\n")
     axes.figure.savefig(out / "creep.svg", metadata={"Date": None})
+    axes.figure.savefig(out / "creep.png")
 
 
 EXPERIMENTS = (
     impedance,
     holds,
     frequencies,
+    loads,
     long_holds,
+    large,
     reload,
+    reslides,
     damping,
     steps,
     long_steps,
