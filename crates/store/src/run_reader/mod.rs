@@ -189,7 +189,7 @@ impl RunFile {
         match file.stage {
             RunStage::Shear => Ok(file),
             _ => Err(file
-                .wrong("is of a scene with [box]; this command needs the shear of a run, run.h5")),
+                .wrong("is of a scene with [box]; this command needs the shear of a run")),
         }
     }
 
