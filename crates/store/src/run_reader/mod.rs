@@ -188,8 +188,7 @@ impl RunFile {
         let file = Self::open_any(run)?;
         match file.stage {
             RunStage::Shear => Ok(file),
-            _ => Err(file
-                .wrong("is of a scene with [box]; this command needs the shear of a run")),
+            _ => Err(file.wrong("is of a scene with [box]; this command needs the shear of a run")),
         }
     }
 
