@@ -4,26 +4,37 @@
 //! AVX-512, AVX2 with FMA and the portable arrays agree to the last bit. The instruction set
 //! ([`Isa`]) is chosen once, at run time.
 //!
-//! Soundness: a value of [`Avx512`] or [`Avx2`] can only be made from its token, and a token only
-//! if the processor has the instruction set.
+//! Soundness: registers of AVX-512 or AVX2 can only be filled with a token ([`Avx512Token`],
+//! [`Avx2Token`]), and a token can only be made if the processor has the instruction set.
 
 #![allow(
     unsafe_code,
     reason = "intrinsics of the instruction sets and prefetching"
 )]
 
+#[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
 mod avx512;
 mod math;
+#[cfg(not(target_arch = "x86_64"))]
+mod no_avx;
 mod portable;
+#[cfg(target_arch = "x86_64")]
 mod vector;
 
 use bytemuck::{Pod, Zeroable};
 use std::ops::{Add, Deref, DerefMut, Div, Mul, Neg, Sub};
 
+#[cfg(target_arch = "x86_64")]
 pub use avx2::{Avx2, Avx2Token};
+#[cfg(target_arch = "x86_64")]
 pub use avx512::{Avx512, Avx512Token};
 pub use math::{cube_root, inverse, inverse_sqrt, ln};
+#[cfg(not(target_arch = "x86_64"))]
+use no_avx::{self as avx2, self as avx512};
+#[cfg(not(target_arch = "x86_64"))]
+pub use no_avx::{Token as Avx2Token, Token as Avx512Token};
 pub use portable::{Portable, PortableToken};
 
 /// Number of lanes.
@@ -249,20 +260,27 @@ pub trait Lanes:
     fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize);
 }
 
-/// Prefetches the elements of `of` at the second indices of a block of pairs into the second-level
-/// cache: the first one is too small for all of a chunk, and has too few misses under way. Does
-/// nothing on processors other than x86-64.
+/// Prefetches a cache line into the second-level cache: the first one is too small for all of a
+/// chunk, and has too few misses under way. Does nothing on processors other than x86-64.
+#[inline(always)]
+fn prefetch_line(line: *const i8) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: a prefetch neither faults nor changes what the program reads.
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T1>(line);
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = line;
+}
+
+/// Prefetches the elements of `of` at the second indices of a block of pairs.
 #[inline(always)]
 pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
-    #[cfg(target_arch = "x86_64")]
     for &j in &list.within(block, of.len()).j {
         let first = of.as_ptr().wrapping_add(j as usize).cast::<i8>();
         for line in 0..size_of::<T>().div_ceil(64) {
-            // SAFETY: a prefetch neither faults nor changes what the program reads.
-            unsafe {
-                use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
-                _mm_prefetch::<_MM_HINT_T1>(first.wrapping_add(64 * line));
-            }
+            prefetch_line(first.wrapping_add(64 * line));
         }
     }
 }
@@ -270,13 +288,8 @@ pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
 /// [`prefetch`] of a whole slice.
 #[inline(always)]
 pub fn prefetch_all<T>(of: &[T]) {
-    #[cfg(target_arch = "x86_64")]
     for line in (0..size_of_val(of)).step_by(64) {
-        // SAFETY: a prefetch neither faults nor changes what the program reads.
-        unsafe {
-            use std::arch::x86_64::{_MM_HINT_T1, _mm_prefetch};
-            _mm_prefetch::<_MM_HINT_T1>(of.as_ptr().cast::<i8>().wrapping_add(line));
-        }
+        prefetch_line(of.as_ptr().cast::<i8>().wrapping_add(line));
     }
 }
 
