@@ -41,7 +41,7 @@ help:
 	@echo "make million   a million spheres in shear: packs a sample, repeats it, says speed and memory"
 	@echo "make own-law   a program with a contact law of its own (examples/own_law): digests on 1 rank, on 2, and resumed"
 	@echo "make mpich     builds with MPICH, which it installs, into target/mpich; tests exchange and digests"
-	@echo "make wheel     the wheel with both programs into target/wheel/dist, for pip on any Linux with glibc 2.28"
+	@echo "make wheel     the wheel with both programs into target/wheel/dist, for pip on any Linux with glibc 2.28; TARGET=aarch64"
 	@echo "make install   programs, manual pages, completions, scenes and docs into PREFIX=$(PREFIX); make uninstall removes them"
 	@echo "make manual    programs, manual pages and completions into target/, before a sudo make install"
 	@echo "make release   tarball, Debian package, wheel and checksums of this version into target/dist"
@@ -99,8 +99,9 @@ own-law: deps
 mpich: deps
 	@scripts/mpich-test
 
+# TARGET=aarch64 for that processor (docs/howto/install.md).
 wheel:
-	@scripts/wheel
+	@scripts/wheel $(if $(TARGET),--target $(TARGET))
 
 manual: deps
 	@scripts/manual

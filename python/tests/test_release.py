@@ -99,3 +99,26 @@ def test_a_tarball_names_its_commit(tmp_path: Path) -> None:
     git("archive", f"--output={tarball}", "HEAD", "packaging/commit")
     shutil.unpack_archive(tarball, tmp_path)
     assert (tmp_path / "packaging" / "commit").read_text().strip() == git("rev-parse", "HEAD")
+
+
+def test_a_wheel_needs_the_standard_library_of_its_target(tmp_path: Path) -> None:
+    rustc = tmp_path / "rustc"
+    rustc.write_text(f"#!/bin/sh\necho {tmp_path}\n")
+    rustc.chmod(0o755)
+
+    def ask(*arguments: str) -> tuple[int, str]:
+        ran = subprocess.run(
+            ["bash", CHECKOUT / "scripts" / "wheel", "--check", *arguments],  # noqa: S607
+            env=os.environ | {"RUSTC": str(rustc)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        return ran.returncode, ran.stderr
+
+    code, said = ask("--target", "aarch64")
+    assert code == 1
+    assert "rustup target add aarch64-unknown-linux-gnu" in said
+    (tmp_path / "libstd-1.rlib").touch()
+    assert ask("--target", "aarch64") == (0, "")
+    assert ask("--target", "sparc")[0] == 2
