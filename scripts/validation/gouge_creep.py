@@ -381,7 +381,6 @@ def figure(out: Path) -> None:
     axes.legend(fontsize="small")
     (out / "creep.csv").write_text("\n".join(table) + "\n")
     axes.figure.savefig(out / "creep.svg", metadata={"Date": None})
-    axes.figure.savefig(out / "creep.png")
 
 
 EXPERIMENTS = (

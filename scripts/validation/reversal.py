@@ -84,7 +84,6 @@ def main() -> None:
             panel.axhline(0.0, color="black", linewidth=0.5)
     panels[0].legend()
     figure.savefig(given.out, metadata={"Date": None})
-    figure.savefig(given.out.with_suffix(".png"))
 
 
 if __name__ == "__main__":
