@@ -203,21 +203,26 @@ def large(out: Path) -> None:
 
 def reslides(out: Path) -> None:
     """Holds of 0.1 to 100 ms and slides after each, all of it under vibration."""
-    for amplitude in AMPLITUDES[2:3]:
+    for amplitude, start, sets in (
+        (AMPLITUDES[2], "base", ()),
+        (AMPLITUDES[2], "thick", THICK),
+        (AMPLITUDES[1], "thick", THICK),
+    ):
         of = agitated(amplitude)
         slide = SLIDE[:-1] + of + "}"
         parts = [FAST, slide]
         for time in (1e-4, 1e-3, 1e-2, 1e-1):
             parts += [f"{{velocity=0.0,time={time}{of}}}", slide]
         folders = [
-            branch(out, (base(out, seed), 1), f"healing-{amplitude}", parts) for seed in SEEDS
+            branch(out, (base(out, seed, start, *sets), 1), f"healing-{start}-{amplitude}", parts)
+            for seed in SEEDS
         ]
-        reduced = out / f"healing-{amplitude}" / "rate-state"
+        reduced = folders[0].parent / "rate-state"
         reducer = os.environ.get("GSHEAR_REDUCE", "gshear-reduce")
         command = [reducer, "rate-state", *map(str, folders), "--out", str(reduced)]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
         holds = read_csv(reduced / "holds.csv")
-        print(f"reslides at {amplitude} m:")
+        print(f"reslides at {amplitude} m, {start}:")
         print(holds[["t_hold", "relaxation", "healing", "error"]].to_csv(index=False))
 
 
