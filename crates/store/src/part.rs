@@ -41,7 +41,10 @@ impl Part {
             "" if is_other() => file.group(NEWTONIAN),
             "" => file.as_group(),
             group if file.link_exists(group) => file.group(group),
-            _ => Err(format!("{} has no group {}", self.file.display(), self.group).into()),
+            group => Err(format!(
+                "the file has no group {group}: its scene has no [newtonian], or the run has not come to it"
+            )
+            .into()),
         }
     }
 
