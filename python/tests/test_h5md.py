@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 
@@ -62,6 +63,24 @@ def test_mdanalysis_reads_grains_box_and_contacts(run: Run) -> None:
             for name in ("coordination", "sliding_fraction"):
                 if name in series and len(row):
                     assert ts.data[name] == row[name].item()
+        u.trajectory.close()
+
+
+# MDAnalysis copies the interval of frames, which ours do not have.
+@pytest.mark.filterwarnings("ignore:Reader has no dt information")
+@pytest.mark.parametrize("name", ["disks", "box", "box/run.h5/newtonian"])
+def test_other_processes_get_the_same_frames(name: str, originals: Callable[[str], Path]) -> None:
+    """A universe can be pickled, and reads the stage that it was made of."""
+    scene, _, part = name.partition("/")
+    with Run(originals(scene) / part, quiet=True) as run:
+        u = universe(run)
+        again = pickle.loads(pickle.dumps(u))  # noqa: S301
+        assert len(again.trajectory) == len(run.frames) > 1
+        for ts, frame in zip(again.trajectory, run.frames, strict=True):
+            assert np.array_equal(ts.positions, frame.position.astype(np.float32))
+            assert ts.data["step"] == frame.step
+            assert np.array_equal(ts.data["contacts"], frame.contacts.pairs)
+        again.trajectory.close()
         u.trajectory.close()
 
 

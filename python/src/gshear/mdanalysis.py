@@ -50,11 +50,21 @@ class RunReader(H5MDReader):  # type: ignore[misc]
         self._frame = -1
         name, group = _hdf5.part_of(Path(self.filename))
         self._file = H5PYPicklable(name=str(name), mode="r", locking=False)
-        self._run = _hdf5.group_of(self._file, group)
-        self._particle_group = self._run["particles/trajectory"]
+        self._particle_group = _hdf5.group_of(self._file, group)["particles/trajectory"]
+
+    def __getstate__(self) -> dict[str, object]:
+        """What another process needs to open the file again, without locks, too."""
+        opened = ("_file", "_particle_group")
+        return {name: value for name, value in self.__dict__.items() if name not in opened}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        self.__dict__ = state
+        frame = self._frame
+        self.open_trajectory()
+        self._frame = frame
 
     def _copy_to_data(self) -> None:
-        ts, file, frame = self.ts, self._run, self._frame
+        ts, file, frame = self.ts, self._particle_group.parent.parent, self._frame
         step, ts.time = (
             file[f"particles/trajectory/position/{part}"][frame] for part in ("step", "time")
         )
