@@ -206,6 +206,14 @@ fn a_packing_in_a_box_is_strained() {
     for packing in ["box.dump", "first@2", "first/run.h5@2"] {
         assert_eq!(from(packing, ""), digest, "{packing}");
     }
+    // Newton's equations begin where the strain steps end.
+    let moves = "newtonian = { growth_times = 0.01, rows = 2, frames = 2 }";
+    let moving = scene(&format!("{inserted}\n{moves}"), 4);
+    std::fs::write(at("moving.toml"), moving).expect("written");
+    run("moving.toml", 1, "moving", &[]).digest();
+    let last = from("first@4", "");
+    assert_eq!(from("moving/run.h5/newtonian@0", ""), last);
+    assert_eq!(from("first@2", ""), digest);
     for name in ["shear_stress", "pressure", "solid_fraction"] {
         let (first, from) = (column("first", name), column("from", name));
         assert_eq!((first.len(), from.len()), (5, 3));

@@ -4,14 +4,14 @@ use std::path::Path;
 
 /// Frames and time series of the shear, or of the strain steps of a box.
 pub const RUN_FILE: &str = "run.h5";
+/// Its part with Newton's equations of a box, which follow the strain steps.
+pub const NEWTONIAN_PART: &str = "run.h5/newtonian";
 /// The time series of the shear as text.
 pub const LOG_FILE: &str = "log.csv";
 /// Units and meaning of its columns.
 pub const LOG_METADATA_FILE: &str = "log.csv-metadata.json";
 /// The scene, with all defaults.
 pub const SCENE_FILE: &str = "scene.toml";
-/// Its part with Newton's equations of a box, which follow the strain steps.
-pub const NEWTONIAN_PART: &str = "run.h5/newtonian";
 /// Eigenvalues in time, one per line.
 pub const SPECTRA_FILE: &str = "spectra.csv";
 /// How far the run has come, for dashboards.

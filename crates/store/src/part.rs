@@ -48,17 +48,10 @@ impl Part {
         }
     }
 
-    /// Whether the part is there.
+    /// Whether the part is there. A file that cannot be opened is in the way of its root, too.
     pub fn exists(&self) -> bool {
-        let has_group = || {
-            self.open()
-                .is_ok_and(|group| group.name() == format!("/{}", self.group))
-        };
-        match self.group {
-            // One that cannot be opened is in the way, too.
-            "" => self.file.exists() && (sound::open(&self.file).is_err() || has_group()),
-            _ => self.file.exists() && has_group(),
-        }
+        let is_own = |group: Group| group.name() == format!("/{}", self.group);
+        self.file.exists() && self.open().map_or(self.group.is_empty(), is_own)
     }
 }
 

@@ -23,10 +23,11 @@ use gshear_dem::state::Disks;
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
-/// Whether a file begins as HDF5 files do.
+/// Whether a file, or that of its part, begins as HDF5 files do.
 pub fn is_hdf5(path: &Path) -> bool {
     let mut first = [0; SIGNATURE.len()];
-    let read = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut first));
+    let file = std::fs::File::open(Part::of(path).file);
+    let read = file.and_then(|mut file| file.read_exact(&mut first));
     read.is_ok() && first == SIGNATURE
 }
 
