@@ -191,8 +191,8 @@ impl H5File {
         Ok(file)
     }
 
-    /// Takes names in a group from now on; empty: in the root, as before. The datasets outside of it
-    /// count as raw data, so that no journal copies them.
+    /// Takes names in a group from now on; empty: in the root, as before. The datasets outside of
+    /// it count as raw data, so that no journal copies them.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
