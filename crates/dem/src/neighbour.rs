@@ -4,6 +4,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 
 use crate::dimension::Dimension;
+use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work};
 use crate::state::{CandidatePair, Cell, GrainState, Grains, body};
 
 /// The interval along x, by [`Cell::slab_coordinate`], that holds the owned grains and ghosts of a
@@ -220,6 +221,7 @@ impl<D: Dimension> Bins<D> {
 
     /// Calls `visit` with the members of each cell that has any, and with all columns that may be
     /// near them.
+    #[inline(always)]
     fn each_cell(&self, mut visit: impl FnMut(Range<usize>, &[Range<usize>])) {
         let mut columns = Vec::with_capacity(9);
         let [_, y, z] = self.axes.map(|axis| axis.count);
@@ -270,15 +272,13 @@ const WALL: u8 = 2;
 /// order of the cells. Leaves out pairs of two ghosts, which other ranks have, and of two wall
 /// grains, which do not move relative to each other.
 pub fn pairs<D: Dimension>(
+    isa: Isa,
     grains: &Grains<D>,
-    cell: Cell,
-    extent: LocalExtent,
-    cutoff: Cutoff,
+    (cell, extent, cutoff): (Cell, LocalExtent, Cutoff),
 ) -> Vec<CandidatePair> {
-    let Cutoff { greatest, skin } = cutoff;
     let local = grains.local();
     let position: Vec<[f64; 3]> = (0..local).map(|g| grains.position(g)).collect();
-    let bins = Bins::<D>::new(cell, extent, greatest, &position);
+    let bins = Bins::<D>::new(cell, extent, cutoff.greatest, &position);
     let place = |&grain: &u32| {
         let g = grain as usize;
         let is = |class: u8, is: bool| if is { class } else { 0 };
@@ -292,19 +292,56 @@ pub fn pairs<D: Dimension>(
     };
     // In the order of the cells: what lies near is near in memory.
     let placed: Vec<Placed> = bins.member.iter().map(place).collect();
+    isa.run(Search {
+        bins: &bins,
+        placed: &placed,
+        skin: cutoff.skin,
+    })
+}
 
-    let mut pairs = Vec::with_capacity(4 * local);
-    bins.each_cell(|members, columns| {
-        for k in members {
-            let a = &placed[k];
-            for column in columns {
-                // Each pair once, with the first of the two.
-                let after = column.start.max(k + 1)..column.end.max(k + 1);
-                for b in &placed[after] {
-                    let apart = cell.separation::<D>(&b.position, &a.position);
-                    let square = apart.iter().map(|x| x * x).sum::<f64>();
-                    let touch = a.radius + b.radius;
-                    if square < (touch + skin) * (touch + skin) && a.class & b.class == 0 {
+/// The search for pairs, each of which is found from the first of its two in [`Bins::member`].
+struct Search<'a, D: Dimension> {
+    bins: &'a Bins<D>,
+    /// By [`Bins::member`].
+    placed: &'a [Placed],
+    skin: f64,
+}
+
+impl<D: Dimension> Work for Search<'_, D> {
+    type Output = Vec<CandidatePair>;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, token: L::Token) -> Vec<CandidatePair> {
+        let Search { bins, placed, skin } = self;
+        let mut pairs = Vec::with_capacity(4 * placed.len());
+        let mut near = Near::default();
+        bins.each_cell(|members, columns| {
+            near.gather(placed, members.start, columns);
+            for k in members {
+                let a = &placed[k];
+                for (block, [x, y, z, radius]) in near.lanes.iter().enumerate() {
+                    let c = |v| L::splat(token, v);
+                    let load = |of| L::load(token, of);
+                    let mut apart = [load(x), load(y), load(z)];
+                    for (apart, of_a) in apart[..D::AXES].iter_mut().zip(a.position) {
+                        *apart = *apart - c(of_a);
+                    }
+                    bins.cell.nearest_images::<D, L>(token, &mut apart);
+                    let square = D::dot(&apart, &apart);
+                    let reach = load(radius) + c(a.radius + skin);
+                    let mut found = (reach * reach).greater(square).bits();
+                    if found == 0 {
+                        continue;
+                    }
+                    let square = square.to_lanes16();
+                    while found != 0 {
+                        let lane = found.trailing_zeros() as usize;
+                        found &= found - 1;
+                        let other = near.member[block * LANES + lane] as usize;
+                        let b = &placed[other];
+                        if other <= k || a.class & b.class != 0 {
+                            continue;
+                        }
                         let ordered = a.id < b.id;
                         pairs.push(CandidatePair {
                             grains: if ordered {
@@ -312,14 +349,51 @@ pub fn pairs<D: Dimension>(
                             } else {
                                 [b.grain, a.grain]
                             },
-                            gap: square.sqrt() - touch,
+                            gap: square.0[lane].sqrt() - (a.radius + b.radius),
                         });
                     }
                 }
             }
+        });
+        pairs
+    }
+}
+
+/// What may be near the members of a cell, sixteen at a time: positions and radii (m). Nothing is
+/// nearer than the radius NaN, which fills up the last sixteen.
+#[derive(Default)]
+struct Near {
+    lanes: Vec<[Lanes16; 4]>,
+    member: Vec<u32>,
+}
+
+impl Near {
+    /// Gathers the members from `first` on of these columns.
+    #[inline(always)]
+    fn gather(&mut self, placed: &[Placed], first: usize, columns: &[Range<usize>]) {
+        self.lanes.clear();
+        self.member.clear();
+        for column in columns {
+            for k in column.start.max(first)..column.end.max(first) {
+                let lane = self.member.len() % LANES;
+                if lane == 0 {
+                    let zero = Lanes16::ZERO;
+                    self.lanes.push([zero, zero, zero, Lanes16([f64::NAN; LANES])]);
+                }
+                let Placed {
+                    position: [x, y, z],
+                    radius,
+                    ..
+                } = placed[k];
+                if let Some(last) = self.lanes.last_mut() {
+                    for (lanes, value) in last.iter_mut().zip([x, y, z, radius]) {
+                        lanes.0[lane] = value;
+                    }
+                }
+                self.member.push(k as u32);
+            }
         }
-    });
-    pairs
+    }
 }
 
 #[cfg(test)]
@@ -382,7 +456,7 @@ mod tests {
                 greatest: 1.1,
                 skin: 0.1,
             };
-            let found = pairs(&grains, cell, extent, cutoff);
+            let found = pairs(Isa::detect(), &grains, (cell, extent, cutoff));
             let mut expected = Vec::new();
             for a in 0..states.len() {
                 for b in a + 1..states.len() {
@@ -426,7 +500,7 @@ mod tests {
         let furthest = |states: &[GrainState]| {
             let mut grains = Grains::<Two>::default();
             grains.replace(states, &Masses::Equal(1.0), 1.0);
-            let pairs = pairs(&grains, cell, extent, cutoff);
+            let pairs = pairs(Isa::detect(), &grains, (cell, extent, cutoff));
             assert_eq!(pairs.len(), 1000 + 19 * 50);
             let across = |p: &CandidatePair| p.grains[0].abs_diff(p.grains[1]);
             let mut apart: Vec<u32> = pairs.iter().map(across).collect();

@@ -477,7 +477,7 @@ impl<D: Dimension> System<D> {
             return self.replace(exchange, law, drive, grains, contacts);
         }
         self.finish_step();
-        let remembered = self.contacts.remembered(law, &self.grains.id);
+        let remembered = self.contacts.remember(&self.grains.id);
         self.make_list(exchange, law, drive, |_| remembered);
         Ok(())
     }
@@ -541,7 +541,8 @@ impl<D: Dimension> System<D> {
         };
         let extent = self.extent(exchange);
         self.grains.lift_feet();
-        let mut candidates = neighbour::pairs(&self.grains, self.cell, extent, cutoff);
+        let of = (self.cell, extent, cutoff);
+        let mut candidates = neighbour::pairs(self.isa, &self.grains, of);
         self.list.reach = reach(&candidates);
         self.slabs
             .drop_unpaired_ghosts(exchange, &mut self.grains, &mut candidates);

@@ -20,6 +20,7 @@ use gshear_dem::contact::model::WALL;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::failure::Failure;
 use gshear_dem::neighbour::{self, Cutoff, LocalExtent};
+use gshear_dem::simd::Isa;
 use gshear_dem::state::{Confinement, GrainState, Grains, Ids, body, length, nearest_image};
 
 /// Type of the grains of the bottom and of the top wall, where types say what is wall.
@@ -687,7 +688,7 @@ fn each_touching_in<D: Dimension>(
         greatest: 2.0 * sample.radius_max,
         skin: 0.0,
     };
-    let mut pairs = neighbour::pairs(&grains, cell, extent, cutoff);
+    let mut pairs = neighbour::pairs(Isa::detect(), &grains, (cell, extent, cutoff));
     pairs.sort_unstable_by_key(|pair| pair.grains);
     for pair in pairs {
         let pair = pair.grains.map(|g| g as usize);

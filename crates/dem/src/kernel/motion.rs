@@ -212,21 +212,12 @@ impl<L: Lanes> Separation<L> {
     fn new<D: Dimension>(token: L::Token, cell: &Cell, difference: &[Lanes16], sum: L) -> Self {
         let c = |v| L::splat(token, v);
         let mut r = vector::<L>(token, &difference[D::POSITION..], D::AXES);
+        let beyond = cell.nearest_images::<D, L>(token, &mut r);
         let (mut image_velocity, mut stretching) = (None, None);
-        if let Some(sheared) = &cell.sheared {
-            let images = -(r[D::UP] * c(1.0 / sheared.height)).round();
-            r[D::UP] = images.mul_add(c(sheared.height), r[D::UP]);
-            r[0] = images.mul_add(c(sheared.offset), r[0]);
-            image_velocity = Some([
-                images * c(sheared.velocity),
-                images * c(sheared.half_velocity),
-            ]);
+        if let (Some(images), Some(sheared)) = (beyond, &cell.sheared) {
+            let velocities = [sheared.velocity, sheared.half_velocity];
+            image_velocity = Some(velocities.map(|velocity| images * c(velocity)));
             stretching = sheared.stretching;
-        }
-        for axis in 0..D::UP {
-            let period = cell.periods[axis];
-            let images = -(r[axis] * c(1.0 / period)).round();
-            r[axis] = images.mul_add(c(period), r[axis]);
         }
         let square = D::dot(&r, &r);
         let per_distance = inverse_sqrt(token, square);

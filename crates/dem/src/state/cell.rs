@@ -2,6 +2,7 @@
 //! all axes and sheared.
 
 use crate::dimension::Dimension;
+use crate::simd::Lanes;
 
 /// The nearest image of a separation along a periodic axis of `length` (m).
 #[inline]
@@ -96,6 +97,30 @@ impl Cell {
             *r = nearest_image(*r, period);
         }
         r
+    }
+
+    /// [`Cell::separation`] of sixteen differences of positions at a time. Returns by how many
+    /// heights of a sheared cell they were moved.
+    #[inline(always)]
+    pub(crate) fn nearest_images<D: Dimension, L: Lanes>(
+        &self,
+        token: L::Token,
+        r: &mut [L; 3],
+    ) -> Option<L> {
+        let c = |v| L::splat(token, v);
+        let mut beyond = None;
+        if let Some(sheared) = &self.sheared {
+            let images = -(r[D::UP] * c(1.0 / sheared.height)).round();
+            r[D::UP] = images.mul_add(c(sheared.height), r[D::UP]);
+            r[0] = images.mul_add(c(sheared.offset), r[0]);
+            beyond = Some(images);
+        }
+        for axis in 0..D::UP {
+            let period = self.periods[axis];
+            let images = -(r[axis] * c(1.0 / period)).round();
+            r[axis] = images.mul_add(c(period), r[axis]);
+        }
+        beyond
     }
 
     /// Returns to - from (m) of a grain whose image has changed by `crossed`, so that nothing jumps

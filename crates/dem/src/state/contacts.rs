@@ -1,5 +1,6 @@
 //! The half list of candidate pairs and the histories of contacts, in blocks of sixteen pairs.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use crate::contact::TORQUES;
@@ -15,8 +16,9 @@ use super::ContactState;
 /// grains of two threads. Then come pairs of which this rank owns i, then pairs of which it owns j.
 /// In a group the pairs are in the order of the cells. Within every run of 1,024 of them, those of
 /// the same two materials follow each other, in blocks of their own. Of these, contacts come
-/// first, those that slide before the others, followed by the other pairs in order of their gaps,
-/// so that blocks in which nothing touches follow each other, and in most blocks nothing slides.
+/// first, those that slide before the others, followed by the other pairs roughly in order of their
+/// gaps, so that blocks in which nothing touches follow each other, and in most blocks nothing
+/// slides.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
 /// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs
@@ -107,13 +109,14 @@ impl Contacts {
         grains: LocalGrains<'_>,
     ) {
         let LocalGrains {
+            id,
             radius,
             material,
             shares,
             ghosts_move,
             ..
         } = grains;
-        let groups = grouped(candidates, remembered, grains);
+        let groups = grouped(candidates, grains);
         self.has_feet = grains.has_feet;
         self.parameter_lanes = law.parameter_lanes();
         self.history_lanes = law.history_lanes();
@@ -124,27 +127,26 @@ impl Contacts {
         self.touching.clear();
         self.limits.clear();
         self.asleep_until.clear();
-        let known = |c: &ContactState| c.limits().iter().all(Option::is_some);
-        self.limits_are_known = remembered.states.iter().all(known);
+        self.limits_are_known = remembered.limits_are_known();
         let several = material.iter().any(|k| *k != material[0]);
         let kind = |pair: &Listed| {
             let of_both = || law.kind(pair.grains.map(|g| material[g as usize]));
             if several { of_both() } else { 0 }
         };
         let firsts = shares.iter().map(|share| share.start as u32);
-        let mut ordered = Vec::with_capacity(SORTED_TOGETHER);
+        let mut ordered = Ordered::default();
         let mut ends = Vec::with_capacity(groups.len());
         for (k, (group, first_grain)) in groups.iter().zip(firsts.chain([0; 3])).enumerate() {
             let inner = k <= shares.len();
             for run in group.chunks(SORTED_TOGETHER) {
-                contacts_first(run, &mut ordered);
+                let pairs = ordered.contacts_first(run, remembered, id);
                 if several {
-                    ordered.sort_by_key(|pair| kind(pair));
+                    pairs.sort_by_key(kind);
                 }
-                let of_kinds = ordered.chunk_by(|a, b| kind(a) == kind(b));
+                let of_kinds = pairs.chunk_by(|a, b| kind(a) == kind(b));
                 for block in of_kinds.flat_map(|of_kind| of_kind.chunks(LANES)) {
-                    self.kinds.push(kind(block[0]));
-                    self.push(law, block, first_grain, radius);
+                    self.kinds.push(kind(&block[0]));
+                    self.push((law, remembered), block, first_grain, radius);
                     let least = way_to_touch(block.iter().map(|p| p.gap).fold(f64::MAX, f64::min));
                     self.asleep_until.push(if inner {
                         least
@@ -173,7 +175,13 @@ impl Contacts {
     }
 
     /// Appends a block of pairs. Grains are numbered from `first_grain` on.
-    fn push(&mut self, law: &dyn PairModel, block: &[&Listed], first_grain: u32, radius: &[f64]) {
+    fn push(
+        &mut self,
+        (law, remembered): (&dyn PairModel, &Remembered),
+        block: &[Listed],
+        first_grain: u32,
+        radius: &[f64],
+    ) {
         let mut pairs = Pairs::default();
         let mut geometry = [Lanes16([FILLER; LANES]), Lanes16([-0.5 * FILLER; LANES])];
         let (mut touching, mut limits) = (0, [0; 4]);
@@ -188,15 +196,10 @@ impl Contacts {
             geometry[1].0[lane] = radius[i as usize];
             if let Some(contact) = listed.contact {
                 touching |= 1 << lane;
-                let [slides, rolls, twists] = contact.limits().map(Option::unwrap_or_default);
-                let is_at = [slides, rolls, twists, contact.is_idle()];
-                for (lanes, is_at) in limits.iter_mut().zip(is_at) {
+                for (lanes, is_at) in limits.iter_mut().zip(remembered.limits(contact)) {
                     *lanes |= u16::from(is_at) << lane;
                 }
-                let history = law.from_state(contact.all_histories());
-                for (lanes, from) in self.history[first..].iter_mut().zip(history) {
-                    lanes.0[lane] = from;
-                }
+                remembered.put(law, contact, &mut self.history[first..], lane);
             }
         }
         self.pairs.push(pairs);
@@ -299,22 +302,38 @@ impl Contacts {
         }
     }
 
-    /// The touching contacts, for the next list.
-    pub fn remembered(&self, law: &dyn PairModel, id: &[u32]) -> Remembered {
-        let mut first = vec![0; id.len() + 1];
+    /// The touching contacts, for the next list of the same grains. Their histories are gone from
+    /// here then.
+    pub fn remember(&mut self, id: &[u32]) -> Remembered {
+        let mut of = vec![[0; 2]; id.len()];
         for at in self.touching() {
-            first[at.i + 1] += 1;
+            of[at.i][1] += 1;
         }
-        for g in 1..first.len() {
-            first[g] += first[g - 1];
+        let mut end = 0;
+        for [first, count] in &mut of {
+            (*first, end) = (end, end + *count);
+            *count = *first;
         }
-        let mut states = vec![ContactState::new(0, 0, [0.0; 3]); first[id.len()]];
-        let mut end = first.clone();
+        let mut partner = vec![0; end as usize];
+        let mut places = vec![0; end as usize];
         for at in self.touching() {
-            states[end[at.i]] = self.state(law, at, id);
-            end[at.i] += 1;
+            let next = &mut of[at.i][1];
+            partner[*next as usize] = id[at.j];
+            places[*next as usize] = at.block * LANES + at.lane;
+            *next += 1;
         }
-        Remembered { states, first }
+        let room = Vec::with_capacity(self.history.len());
+        Remembered {
+            of,
+            partner,
+            from: Source::List {
+                places,
+                history: std::mem::replace(&mut self.history, room),
+                history_lanes: self.history_lanes,
+                limits: std::mem::take(&mut self.limits),
+                limits_are_known: self.limits_are_known,
+            },
+        }
     }
 
     /// What the elastic energies of the contacts depend on; `overlap`: δ (m).
@@ -340,48 +359,126 @@ impl Contacts {
     }
 }
 
-/// Contacts, those of the same i together.
+/// Contacts before a new list.
 #[derive(Debug, Default)]
 pub struct Remembered {
-    states: Vec<ContactState>,
-    /// The first contact of each local grain as i, if it has any.
-    first: Vec<usize>,
+    /// For each local grain as i, the first of its contacts, and the end of them.
+    of: Vec<[u32; 2]>,
+    /// The id of the other grain.
+    partner: Vec<u32>,
+    from: Source,
+}
+
+/// What remembered contacts are taken from.
+#[derive(Debug)]
+enum Source {
+    States(Vec<ContactState>),
+    List {
+        /// The place of each contact in it: sixteen to a block.
+        places: Vec<usize>,
+        /// As in [`Contacts`].
+        history: Vec<Lanes16>,
+        history_lanes: usize,
+        limits: Vec<[u16; 4]>,
+        limits_are_known: bool,
+    },
+}
+
+impl Default for Source {
+    fn default() -> Self {
+        Self::States(Vec::new())
+    }
 }
 
 impl Remembered {
     /// Contacts that are sorted by i, of local grains with these ids.
     pub fn sorted(states: Vec<ContactState>, id: &[u32]) -> Self {
-        let first_of = |&id: &u32| states.partition_point(|c| c.i < id);
-        let first = id.iter().map(first_of).collect();
-        Self { states, first }
-    }
-
-    /// The contact of the local grain i and the grain of id j.
-    fn find(&self, i: usize, [id_i, id_j]: [u32; 2]) -> Option<&ContactState> {
-        let from = self.states[*self.first.get(i)?..].iter();
-        from.take_while(|c| c.i == id_i).find(|c| c.j == id_j)
-    }
-}
-
-/// A pair of the list, and its state if it is a contact.
-struct Listed<'a> {
-    grains: [u32; 2],
-    /// |r| - R_i - R_j (m); of contacts the least number, of those that slide -∞.
-    gap: f64,
-    contact: Option<&'a ContactState>,
-}
-
-impl<'a> Listed<'a> {
-    fn new(pair: &CandidatePair, contact: Option<&'a ContactState>) -> Self {
+        let contacts_of = |id: &u32| {
+            let first = states.partition_point(|c| c.i < *id);
+            let count = states[first..].iter().take_while(|c| c.i == *id).count();
+            [first, first + count].map(|k| k as u32)
+        };
         Self {
-            grains: pair.grains,
-            gap: contact.map_or(pair.gap, |c| match c.limits() {
-                [Some(true), ..] => f64::NEG_INFINITY,
-                _ => f64::MIN,
-            }),
-            contact,
+            of: id.iter().map(contacts_of).collect(),
+            partner: states.iter().map(|c| c.j).collect(),
+            from: Source::States(states),
         }
     }
+
+    /// The contact of the local grain i and the grain of this id.
+    fn find(&self, i: u32, id: u32) -> Option<u32> {
+        let [first, end] = *self.of.get(i as usize)?;
+        (first..end).find(|&k| self.partner[k as usize] == id)
+    }
+
+    /// See [`Contacts::limits_are_known`].
+    fn limits_are_known(&self) -> bool {
+        let known = |c: &ContactState| c.limits().iter().all(Option::is_some);
+        match &self.from {
+            Source::States(states) => states.iter().all(known),
+            Source::List {
+                places,
+                limits_are_known,
+                ..
+            } => *limits_are_known || places.is_empty(),
+        }
+    }
+
+    /// Whether a contact is at the limits of [`Contacts::limits`], as far as that is known.
+    fn limits(&self, contact: u32) -> [bool; 4] {
+        match &self.from {
+            Source::States(states) => {
+                let state = &states[contact as usize];
+                let [slides, rolls, twists] = state.limits().map(Option::unwrap_or_default);
+                [slides, rolls, twists, state.is_idle()]
+            }
+            Source::List {
+                places,
+                limits,
+                limits_are_known,
+                ..
+            } => {
+                let place = places[contact as usize];
+                let is_at = |lanes: u16| lanes >> (place % LANES) & 1 == 1;
+                let [slides, rolls, twists, idle] = limits[place / LANES].map(is_at);
+                let of_step = |is_at: bool| is_at && *limits_are_known;
+                [of_step(slides), of_step(rolls), of_step(twists), idle]
+            }
+        }
+    }
+
+    /// Puts the history of a contact into a lane.
+    fn put(&self, law: &dyn PairModel, contact: u32, to: &mut [Lanes16], lane: usize) {
+        match &self.from {
+            Source::States(states) => {
+                let history = law.from_state(states[contact as usize].all_histories());
+                for (to, from) in to.iter_mut().zip(history) {
+                    to.0[lane] = from;
+                }
+            }
+            Source::List {
+                places,
+                history,
+                history_lanes,
+                ..
+            } => {
+                let place = places[contact as usize];
+                let from = &history[place / LANES * history_lanes..][..*history_lanes];
+                for (to, from) in to.iter_mut().zip(from) {
+                    to.0[lane] = from.0[place % LANES];
+                }
+            }
+        }
+    }
+}
+
+/// A pair of the list, and the contact that is remembered of it.
+#[derive(Debug, Clone, Copy, Default)]
+struct Listed {
+    grains: [u32; 2],
+    /// |r| - R_i - R_j (m).
+    gap: f64,
+    contact: Option<u32>,
 }
 
 /// Number of pairs among which contacts come first: enough that few blocks hold both kinds, and few
@@ -390,15 +487,17 @@ const SORTED_TOGETHER: usize = 64 * LANES;
 
 /// The pairs of each share, then of the other groups, in the order of the list.
 fn grouped<'a>(
-    candidates: &[CandidatePair],
-    remembered: &'a Remembered,
+    candidates: &'a [CandidatePair],
     grains: LocalGrains<'_>,
-) -> Vec<Vec<Listed<'a>>> {
+) -> Vec<Cow<'a, [CandidatePair]>> {
     let LocalGrains {
         id, owned, shares, ..
     } = grains;
-    let mut groups: Vec<Vec<Listed>> = Vec::new();
-    groups.resize_with(shares.len() + 3, Vec::new);
+    let mut groups = vec![Cow::default(); shares.len() + 3];
+    if shares.len() == 1 && id.len() == owned {
+        groups[0] = candidates.into();
+        return groups;
+    }
     let share_of = |g: usize| shares.partition_point(|share| share.end <= g);
     for pair in candidates {
         let [i, j] = pair.grains.map(|g| g as usize);
@@ -408,19 +507,61 @@ fn grouped<'a>(
             (true, false) => shares.len() + 1,
             (false, _) => shares.len() + 2,
         };
-        groups[group].push(Listed::new(pair, remembered.find(i, [id[i], id[j]])));
+        groups[group].to_mut().push(*pair);
     }
     groups
 }
 
-/// Puts the pairs of a run into the order of the list.
-fn contacts_first<'a, 'b>(run: &'a [Listed<'b>], ordered: &mut Vec<&'a Listed<'b>>) {
-    ordered.clear();
-    ordered.extend(run.iter().filter(|pair| pair.gap == f64::NEG_INFINITY));
-    ordered.extend(run.iter().filter(|pair| pair.gap == f64::MIN));
-    let contacts = ordered.len();
-    ordered.extend(run.iter().filter(|pair| pair.gap > f64::MIN));
-    ordered[contacts..].sort_unstable_by(|a, b| a.gap.total_cmp(&b.gap));
+/// Classes of the pairs of a run: contacts that slide, other contacts, and others by their gaps.
+const CLASSES: usize = 16;
+
+/// The pairs of a run in the order of the list.
+#[derive(Debug, Default)]
+struct Ordered {
+    pairs: Vec<Listed>,
+    found: Vec<(Listed, usize)>,
+}
+
+impl Ordered {
+    /// Sorts a run by classes.
+    fn contacts_first(
+        &mut self,
+        run: &[CandidatePair],
+        remembered: &Remembered,
+        id: &[u32],
+    ) -> &mut [Listed] {
+        let widest = run.iter().fold(f64::MIN_POSITIVE, |a, pair| a.max(pair.gap));
+        let per_gap = (CLASSES - 2) as f64 / widest;
+        self.found.clear();
+        self.found.extend(run.iter().map(|pair| {
+            let [i, j] = pair.grains;
+            let contact = remembered.find(i, id[j as usize]);
+            let class = match contact {
+                Some(contact) => usize::from(!remembered.limits(contact)[0]),
+                None => (2 + (pair.gap * per_gap) as usize).min(CLASSES - 1),
+            };
+            let listed = Listed {
+                grains: pair.grains,
+                gap: contact.map_or(pair.gap, |_| f64::MIN),
+                contact,
+            };
+            (listed, class)
+        }));
+        let mut next = [0; CLASSES];
+        for (_, class) in &self.found {
+            next[*class] += 1;
+        }
+        let mut end = 0;
+        for first in &mut next {
+            (*first, end) = (end, end + *first);
+        }
+        self.pairs.resize(run.len(), Listed::default());
+        for (listed, class) in &self.found {
+            self.pairs[next[*class]] = *listed;
+            next[*class] += 1;
+        }
+        &mut self.pairs
+    }
 }
 
 /// How far (m) two grains with this gap (m) must travel to touch. Slightly less than half of it,
