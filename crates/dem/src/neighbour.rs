@@ -40,7 +40,8 @@ pub struct Cutoff {
 #[derive(Debug, Clone, Copy)]
 struct CellAxis {
     low: f64,
-    width: f64,
+    /// Cells per length (1/m).
+    per_length: f64,
     /// Number of cells, and of cells in a period, if there is one.
     count: usize,
     period: Option<usize>,
@@ -56,7 +57,7 @@ impl CellAxis {
         let cell = period / all as f64;
         Self {
             low: 0.0,
-            width: cell,
+            per_length: all as f64 / period,
             count: ((width / cell) as usize + 4).min(all),
             period: Some(all),
             first: (from / cell).floor() as i64 - 1,
@@ -69,18 +70,19 @@ impl CellAxis {
         let count = (((high - low) / cutoff) as usize).clamp(1, most.max(1));
         Self {
             low,
-            width: (high - low) / count as f64,
+            per_length: count as f64 / (high - low),
             count,
             period: None,
             first: 0,
         }
     }
 
+    #[inline]
     fn cell(&self, x: f64) -> usize {
-        let at = ((x - self.low) / self.width) as i64;
-        let at = match self.period {
-            Some(all) => (at.min(all as i64 - 1) - self.first).rem_euclid(all as i64),
-            None => at,
+        let at = ((x - self.low) * self.per_length) as i64 - self.first;
+        let at = match self.period.map(|all| all as i64) {
+            Some(all) if !(0..all).contains(&at) => at.rem_euclid(all),
+            _ => at,
         };
         (at as usize).min(self.count - 1)
     }
@@ -254,15 +256,45 @@ pub fn sort_by_cells<D: Dimension>(
     *grains = bins.member.iter().map(|&g| grains[g as usize]).collect();
 }
 
-/// What the search for pairs reads of a grain.
+/// What the search for pairs reads of the grains, in the order of the cells: what lies near is near
+/// in memory. Followed by as many of radius NaN as there are lanes: nothing is nearer than that.
 struct Placed {
-    position: [f64; 3],
-    radius: f64,
-    id: u32,
-    /// Local index.
-    grain: u32,
+    /// Positions (m) and radii (m).
+    numbers: [Vec<f64>; 4],
+    id: Vec<u32>,
     /// [`GHOST`], [`WALL`]: two grains that have one of them in common are no pair.
-    class: u8,
+    class: Vec<u8>,
+}
+
+impl Placed {
+    fn new<D: Dimension>(grains: &Grains<D>, member: &[u32]) -> Self {
+        let members = || member.iter().map(|&g| g as usize);
+        let mut numbers = [const { Vec::new() }; 4];
+        for (axis, values) in numbers[..D::AXES].iter_mut().enumerate() {
+            values.extend(members().map(|g| grains.fields(g)[axis]));
+        }
+        numbers[3].extend(members().map(|g| grains.radius[g]));
+        for values in &mut numbers {
+            values.resize(values.len() + LANES, f64::NAN);
+        }
+        let class = |g: usize| {
+            let is = |class: u8, is: bool| if is { class } else { 0 };
+            is(GHOST, g >= grains.owned) + is(WALL, grains.body[g] != body::FREE)
+        };
+        Self {
+            numbers,
+            id: members().map(|g| grains.id[g]).collect(),
+            class: members().map(class).collect(),
+        }
+    }
+
+    /// Sixteen positions or radii from member k on.
+    #[inline(always)]
+    fn lanes<L: Lanes>(&self, token: L::Token, of: usize, k: usize) -> L {
+        let mut lanes = Lanes16::ZERO;
+        lanes.0.copy_from_slice(&self.numbers[of][k..k + LANES]);
+        L::load(token, &lanes)
+    }
 }
 
 const GHOST: u8 = 1;
@@ -279,22 +311,9 @@ pub fn pairs<D: Dimension>(
     let local = grains.local();
     let position: Vec<[f64; 3]> = (0..local).map(|g| grains.position(g)).collect();
     let bins = Bins::<D>::new(cell, extent, cutoff.greatest, &position);
-    let place = |&grain: &u32| {
-        let g = grain as usize;
-        let is = |class: u8, is: bool| if is { class } else { 0 };
-        Placed {
-            position: position[g],
-            radius: grains.radius[g],
-            id: grains.id[g],
-            grain,
-            class: is(GHOST, g >= grains.owned) + is(WALL, grains.body[g] != body::FREE),
-        }
-    };
-    // In the order of the cells: what lies near is near in memory.
-    let placed: Vec<Placed> = bins.member.iter().map(place).collect();
     isa.run(Search {
+        placed: &Placed::new(grains, &bins.member),
         bins: &bins,
-        placed: &placed,
         skin: cutoff.skin,
     })
 }
@@ -302,9 +321,27 @@ pub fn pairs<D: Dimension>(
 /// The search for pairs, each of which is found from the first of its two in [`Bins::member`].
 struct Search<'a, D: Dimension> {
     bins: &'a Bins<D>,
-    /// By [`Bins::member`].
-    placed: &'a [Placed],
+    placed: &'a Placed,
     skin: f64,
+}
+
+impl<D: Dimension> Search<'_, D> {
+    /// Of sixteen members from `other` on, those that are near member k, and all their gaps (m).
+    #[inline(always)]
+    fn near<L: Lanes>(&self, token: L::Token, k: usize, other: usize) -> (u16, L) {
+        let c = |v| L::splat(token, v);
+        let Placed { numbers, .. } = self.placed;
+        let mut apart = [c(0.0); 3];
+        for axis in 0..D::AXES {
+            apart[axis] = self.placed.lanes::<L>(token, axis, other) - c(numbers[axis][k]);
+        }
+        self.bins.cell.nearest_images::<D, L>(token, &mut apart);
+        let square = D::dot(&apart, &apart);
+        let touch = self.placed.lanes::<L>(token, 3, other) + c(numbers[3][k]);
+        let reach = touch + c(self.skin);
+        let is_near = (reach * reach).greater(square);
+        (is_near.bits(), square.sqrt() - touch)
+    }
 }
 
 impl<D: Dimension> Work for Search<'_, D> {
@@ -312,87 +349,42 @@ impl<D: Dimension> Work for Search<'_, D> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) -> Vec<CandidatePair> {
-        let Search { bins, placed, skin } = self;
-        let mut pairs = Vec::with_capacity(4 * placed.len());
-        let mut near = Near::default();
-        bins.each_cell(|members, columns| {
-            near.gather(placed, members.start, columns);
+        let Placed { id, class, .. } = self.placed;
+        let member = &self.bins.member;
+        let mut pairs = Vec::with_capacity(4 * id.len());
+        self.bins.each_cell(|members, columns| {
             for k in members {
-                let a = &placed[k];
-                for (block, [x, y, z, radius]) in near.lanes.iter().enumerate() {
-                    let c = |v| L::splat(token, v);
-                    let load = |of| L::load(token, of);
-                    let mut apart = [load(x), load(y), load(z)];
-                    for (apart, of_a) in apart[..D::AXES].iter_mut().zip(a.position) {
-                        *apart = *apart - c(of_a);
-                    }
-                    bins.cell.nearest_images::<D, L>(token, &mut apart);
-                    let square = D::dot(&apart, &apart);
-                    let reach = load(radius) + c(a.radius + skin);
-                    let mut found = (reach * reach).greater(square).bits();
-                    if found == 0 {
-                        continue;
-                    }
-                    let square = square.to_lanes16();
-                    while found != 0 {
-                        let lane = found.trailing_zeros() as usize;
-                        found &= found - 1;
-                        let other = near.member[block * LANES + lane] as usize;
-                        let b = &placed[other];
-                        if other <= k || a.class & b.class != 0 {
+                for column in columns {
+                    // Each pair once.
+                    let after = column.start.max(k + 1)..column.end;
+                    for block in after.clone().step_by(LANES) {
+                        let (mut near, gap) = self.near::<L>(token, k, block);
+                        if after.end - block < LANES {
+                            near &= (1 << (after.end - block)) - 1;
+                        }
+                        if near == 0 {
                             continue;
                         }
-                        let ordered = a.id < b.id;
-                        pairs.push(CandidatePair {
-                            grains: if ordered {
-                                [a.grain, b.grain]
-                            } else {
-                                [b.grain, a.grain]
-                            },
-                            gap: square.0[lane].sqrt() - (a.radius + b.radius),
-                        });
+                        let gap = gap.to_lanes16();
+                        while near != 0 {
+                            let lane = near.trailing_zeros() as usize;
+                            near &= near - 1;
+                            let other = block + lane;
+                            if class[k] & class[other] != 0 {
+                                continue;
+                            }
+                            let ordered = id[k] < id[other];
+                            let (i, j) = if ordered { (k, other) } else { (other, k) };
+                            pairs.push(CandidatePair {
+                                grains: [member[i], member[j]],
+                                gap: gap.0[lane],
+                            });
+                        }
                     }
                 }
             }
         });
         pairs
-    }
-}
-
-/// What may be near the members of a cell, sixteen at a time: positions and radii (m). Nothing is
-/// nearer than the radius NaN, which fills up the last sixteen.
-#[derive(Default)]
-struct Near {
-    lanes: Vec<[Lanes16; 4]>,
-    member: Vec<u32>,
-}
-
-impl Near {
-    /// Gathers the members from `first` on of these columns.
-    #[inline(always)]
-    fn gather(&mut self, placed: &[Placed], first: usize, columns: &[Range<usize>]) {
-        self.lanes.clear();
-        self.member.clear();
-        for column in columns {
-            for k in column.start.max(first)..column.end.max(first) {
-                let lane = self.member.len() % LANES;
-                if lane == 0 {
-                    let zero = Lanes16::ZERO;
-                    self.lanes.push([zero, zero, zero, Lanes16([f64::NAN; LANES])]);
-                }
-                let Placed {
-                    position: [x, y, z],
-                    radius,
-                    ..
-                } = placed[k];
-                if let Some(last) = self.lanes.last_mut() {
-                    for (lanes, value) in last.iter_mut().zip([x, y, z, radius]) {
-                        lanes.0[lane] = value;
-                    }
-                }
-                self.member.push(k as u32);
-            }
-        }
     }
 }
 

@@ -530,7 +530,9 @@ impl Ordered {
         remembered: &Remembered,
         id: &[u32],
     ) -> &mut [Listed] {
-        let widest = run.iter().fold(f64::MIN_POSITIVE, |a, pair| a.max(pair.gap));
+        let widest = run
+            .iter()
+            .fold(f64::MIN_POSITIVE, |a, pair| a.max(pair.gap));
         let per_gap = (CLASSES - 2) as f64 / widest;
         self.found.clear();
         self.found.extend(run.iter().map(|pair| {
