@@ -6,6 +6,7 @@ use std::ops::Range;
 use crate::dimension::Dimension;
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work};
 use crate::state::{CandidatePair, Cell, GrainState, Grains, body};
+use crate::threads::{self, Workers};
 
 /// The interval along x, by [`Cell::slab_coordinate`], that holds the owned grains and ghosts of a
 /// rank.
@@ -221,14 +222,14 @@ impl<D: Dimension> Bins<D> {
         }
     }
 
-    /// Calls `visit` with the members of each cell that has any, and with all columns that may be
+    /// Calls `visit` with the members of each of these cells that has any, and with all columns that may be
     /// near them.
     #[inline(always)]
-    fn each_cell(&self, mut visit: impl FnMut(Range<usize>, &[Range<usize>])) {
+    fn each_cell(&self, cells: Range<usize>, mut visit: impl FnMut(Range<usize>, &[Range<usize>])) {
         let mut columns = Vec::with_capacity(9);
         let [_, y, z] = self.axes.map(|axis| axis.count);
-        for (index, ends) in self.start.windows(2).enumerate() {
-            let members = ends[0] as usize..ends[1] as usize;
+        for index in cells {
+            let members = self.start[index] as usize..self.start[index + 1] as usize;
             if members.is_empty() {
                 continue;
             }
@@ -305,22 +306,42 @@ const WALL: u8 = 2;
 /// grains, which do not move relative to each other.
 pub fn pairs<D: Dimension>(
     isa: Isa,
+    workers: Option<&Workers>,
     grains: &Grains<D>,
     (cell, extent, cutoff): (Cell, LocalExtent, Cutoff),
 ) -> Vec<CandidatePair> {
     let local = grains.local();
     let position: Vec<[f64; 3]> = (0..local).map(|g| grains.position(g)).collect();
     let bins = Bins::<D>::new(cell, extent, cutoff.greatest, &position);
-    isa.run(Search {
-        placed: &Placed::new(grains, &bins.member),
-        bins: &bins,
-        skin: cutoff.skin,
+    let placed = Placed::new(grains, &bins.member);
+    // The cells of each thread, which hold as many grains.
+    let threads = threads::count(workers);
+    let begin = |part: usize| {
+        let before = (local * part / threads) as u32;
+        bins.start.partition_point(|start| *start < before)
+    };
+    let mut parts = vec![Vec::new(); threads];
+    threads::each(workers, &mut parts, |k, pairs| {
+        *pairs = isa.run(Search {
+            bins: &bins,
+            cells: begin(k)..begin(k + 1),
+            placed: &placed,
+            skin: cutoff.skin,
+        });
+    });
+    let mut parts = parts.into_iter();
+    let first = parts.next().unwrap_or_default();
+    parts.fold(first, |mut pairs, more| {
+        pairs.extend(more);
+        pairs
     })
 }
 
 /// The search for pairs, each of which is found from the first of its two in [`Bins::member`].
 struct Search<'a, D: Dimension> {
     bins: &'a Bins<D>,
+    cells: Range<usize>,
+    /// By [`Bins::member`].
     placed: &'a Placed,
     skin: f64,
 }
@@ -351,8 +372,9 @@ impl<D: Dimension> Work for Search<'_, D> {
     fn run<L: Lanes>(self, token: L::Token) -> Vec<CandidatePair> {
         let Placed { id, class, .. } = self.placed;
         let member = &self.bins.member;
-        let mut pairs = Vec::with_capacity(4 * id.len());
-        self.bins.each_cell(|members, columns| {
+        let [from, to] = [self.cells.start, self.cells.end].map(|k| self.bins.start[k] as usize);
+        let mut pairs = Vec::with_capacity(4 * (to - from));
+        self.bins.each_cell(self.cells.clone(), |members, columns| {
             for k in members {
                 for column in columns {
                     // Each pair once.
@@ -393,6 +415,7 @@ mod tests {
     use super::*;
     use crate::dimension::{Three, Two};
     use crate::state::{Masses, Sheared};
+    use crate::threads::ThreadPool;
     use bytemuck::Zeroable;
 
     /// Compares with a search over all pairs, in narrow and wide cells, with ghosts; `offset` over
@@ -448,7 +471,12 @@ mod tests {
                 greatest: 1.1,
                 skin: 0.1,
             };
-            let found = pairs(Isa::detect(), &grains, (cell, extent, cutoff));
+            let of = (cell, extent, cutoff);
+            let found = pairs(Isa::detect(), None, &grains, of);
+            let pool = ThreadPool::<D>::new(3).unwrap();
+            for isa in [Isa::detect(), Isa::Portable] {
+                assert_eq!(pairs(isa, pool.workers(), &grains, of), found);
+            }
             let mut expected = Vec::new();
             for a in 0..states.len() {
                 for b in a + 1..states.len() {
@@ -492,7 +520,7 @@ mod tests {
         let furthest = |states: &[GrainState]| {
             let mut grains = Grains::<Two>::default();
             grains.replace(states, &Masses::Equal(1.0), 1.0);
-            let pairs = pairs(Isa::detect(), &grains, (cell, extent, cutoff));
+            let pairs = pairs(Isa::detect(), None, &grains, (cell, extent, cutoff));
             assert_eq!(pairs.len(), 1000 + 19 * 50);
             let across = |p: &CandidatePair| p.grains[0].abs_diff(p.grains[1]);
             let mut apart: Vec<u32> = pairs.iter().map(across).collect();

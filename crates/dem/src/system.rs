@@ -542,7 +542,7 @@ impl<D: Dimension> System<D> {
         let extent = self.extent(exchange);
         self.grains.lift_feet();
         let of = (self.cell, extent, cutoff);
-        let mut candidates = neighbour::pairs(self.isa, &self.grains, of);
+        let mut candidates = neighbour::pairs(self.isa, self.pool.workers(), &self.grains, of);
         self.list.reach = reach(&candidates);
         self.slabs
             .drop_unpaired_ghosts(exchange, &mut self.grains, &mut candidates);
@@ -561,6 +561,7 @@ impl<D: Dimension> System<D> {
         self.pool.divide(&candidates, *owned);
         self.contacts.replace(
             self.isa,
+            self.pool.workers(),
             law,
             &candidates,
             &remembered(id),

@@ -40,7 +40,7 @@ pub struct ThreadPool<D: Dimension> {
 
 /// The threads beside the first.
 #[derive(Debug)]
-struct Workers {
+pub struct Workers {
     pool: rayon::ThreadPool,
     /// Number of regions of parallel work that have begun.
     regions: Arc<AtomicU64>,
@@ -64,6 +64,32 @@ impl Workers {
             }
         });
     }
+}
+
+/// Number of threads, the first one included.
+pub fn count(workers: Option<&Workers>) -> usize {
+    workers.map_or(1, |workers| 1 + workers.pool.current_num_threads())
+}
+
+/// Does the work on every part, the first one on this thread.
+pub fn each<T: Send>(
+    workers: Option<&Workers>,
+    parts: &mut [T],
+    work: impl Fn(usize, &mut T) + Sync,
+) {
+    let mut parts = parts.iter_mut().enumerate();
+    let Some(workers) = workers else {
+        return parts.for_each(|(k, part)| work(k, part));
+    };
+    workers.region(|scope| {
+        let (work, first) = (&work, parts.next());
+        for (k, part) in parts {
+            scope.spawn(move |_| work(k, part));
+        }
+        if let Some((k, part)) = first {
+            work(k, part);
+        }
+    });
 }
 
 /// The forces on all local grains by those contacts of one thread that are not within its share;
@@ -136,6 +162,11 @@ impl<D: Dimension> ThreadPool<D> {
     /// Number of threads.
     pub fn threads(&self) -> usize {
         1 + self.partial.len()
+    }
+
+    /// The threads beside the first.
+    pub fn workers(&self) -> Option<&Workers> {
+        self.workers.as_ref()
     }
 
     /// Divides the owned grains among the threads, so that all have as much to do. Must be called

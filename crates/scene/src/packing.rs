@@ -688,7 +688,7 @@ fn each_touching_in<D: Dimension>(
         greatest: 2.0 * sample.radius_max,
         skin: 0.0,
     };
-    let mut pairs = neighbour::pairs(Isa::detect(), &grains, (cell, extent, cutoff));
+    let mut pairs = neighbour::pairs(Isa::detect(), None, &grains, (cell, extent, cutoff));
     pairs.sort_unstable_by_key(|pair| pair.grains);
     for pair in pairs {
         let pair = pair.grains.map(|g| g as usize);

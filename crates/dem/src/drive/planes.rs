@@ -156,6 +156,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.force.resize(radius.len(), Zeroable::zeroed());
         self.contacts.replace(
             isa,
+            None,
             self.law.as_ref(),
             &pairs,
             &Remembered::default(),

@@ -132,6 +132,12 @@ impl PairList {
         self.blocks.push(pairs);
     }
 
+    /// Appends the blocks of another list, which are gone from there then.
+    pub fn append(&mut self, other: &mut Self) {
+        self.blocks.append(&mut other.blocks);
+        self.below.append(&mut other.below);
+    }
+
     /// The blocks.
     pub fn blocks(&self) -> &[Pairs] {
         &self.blocks

@@ -6,6 +6,7 @@ use std::ops::Range;
 use crate::contact::TORQUES;
 use crate::contact::model::{Elastic, PairModel};
 use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs};
+use crate::threads::{self, Workers};
 
 use super::ContactState;
 
@@ -103,60 +104,52 @@ impl Contacts {
     pub fn replace(
         &mut self,
         isa: Isa,
+        workers: Option<&Workers>,
         law: &dyn PairModel,
         candidates: &[CandidatePair],
         remembered: &Remembered,
         grains: LocalGrains<'_>,
     ) {
-        let LocalGrains {
-            id,
-            radius,
-            material,
-            shares,
-            ghosts_move,
-            ..
-        } = grains;
+        let shares = grains.shares;
         let groups = grouped(candidates, grains);
+        self.clear();
         self.has_feet = grains.has_feet;
         self.parameter_lanes = law.parameter_lanes();
         self.history_lanes = law.history_lanes();
-        self.pairs.clear();
-        self.geometry.clear();
-        self.kinds.clear();
-        self.history.clear();
-        self.touching.clear();
-        self.limits.clear();
-        self.asleep_until.clear();
         self.limits_are_known = remembered.limits_are_known();
-        let several = material.iter().any(|k| *k != material[0]);
-        let kind = |pair: &Listed| {
-            let of_both = || law.kind(pair.grains.map(|g| material[g as usize]));
-            if several { of_both() } else { 0 }
+        let of_group = |(group, pairs)| {
+            let runs = <[CandidatePair]>::chunks(pairs, SORTED_TOGETHER);
+            runs.map(move |pairs| Run { group, pairs })
         };
-        let firsts = shares.iter().map(|share| share.start as u32);
-        let mut ordered = Ordered::default();
-        let mut ends = Vec::with_capacity(groups.len());
-        for (k, (group, first_grain)) in groups.iter().zip(firsts.chain([0; 3])).enumerate() {
-            let inner = k <= shares.len();
-            for run in group.chunks(SORTED_TOGETHER) {
-                let pairs = ordered.contacts_first(run, remembered, id);
-                if several {
-                    pairs.sort_by_key(kind);
-                }
-                let of_kinds = pairs.chunk_by(|a, b| kind(a) == kind(b));
-                for block in of_kinds.flat_map(|of_kind| of_kind.chunks(LANES)) {
-                    self.kinds.push(kind(&block[0]));
-                    self.push((law, remembered), block, first_grain, radius);
-                    let least = way_to_touch(block.iter().map(|p| p.gap).fold(f64::MAX, f64::min));
-                    self.asleep_until.push(if inner {
-                        least
-                    } else {
-                        2.0 * least - ghosts_move
-                    });
-                }
-            }
-            ends.push(self.geometry.len());
+        let runs: Vec<Run> = (groups.iter().map(|pairs| &**pairs).enumerate())
+            .flat_map(of_group)
+            .collect();
+        // A part for every thread.
+        let (threads, history_lanes) = (threads::count(workers), self.history_lanes);
+        let mut parts: Vec<(Self, Vec<usize>)> = Vec::new();
+        parts.resize_with(threads, || {
+            let part = Self {
+                history_lanes,
+                ..Self::default()
+            };
+            (part, Vec::new())
+        });
+        std::mem::swap(self, &mut parts[0].0);
+        let begin = |part: usize| runs.len() * part / threads;
+        threads::each(workers, &mut parts, |k, (part, blocks)| {
+            *blocks = part.push_runs(law, &runs[begin(k)..begin(k + 1)], (remembered, grains));
+        });
+        let mut ends = vec![0; groups.len()];
+        let of_parts = parts.iter().flat_map(|(_, blocks)| blocks);
+        for (run, blocks) in runs.iter().zip(of_parts) {
+            ends[run.group] += blocks;
         }
+        for k in 1..ends.len() {
+            ends[k] += ends[k - 1];
+        }
+        let mut parts = parts.into_iter().map(|(part, _)| part);
+        *self = parts.next().unwrap_or_default();
+        parts.for_each(|part| self.append(part));
         self.shares = shares
             .iter()
             .enumerate()
@@ -172,6 +165,73 @@ impl Contacts {
         self.parameters
             .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
         law.set_parameters(isa, (&self.geometry, &self.kinds), &mut self.parameters);
+    }
+
+    /// Removes all blocks.
+    fn clear(&mut self) {
+        self.pairs.clear();
+        self.geometry.clear();
+        self.kinds.clear();
+        self.history.clear();
+        self.touching.clear();
+        self.limits.clear();
+        self.asleep_until.clear();
+    }
+
+    /// Appends the blocks of another list.
+    fn append(&mut self, mut other: Self) {
+        self.pairs.append(&mut other.pairs);
+        self.geometry.append(&mut other.geometry);
+        self.kinds.append(&mut other.kinds);
+        self.history.append(&mut other.history);
+        self.touching.append(&mut other.touching);
+        self.limits.append(&mut other.limits);
+        self.asleep_until.append(&mut other.asleep_until);
+    }
+
+    /// Appends the blocks of some runs. Returns how many each has.
+    fn push_runs(
+        &mut self,
+        law: &dyn PairModel,
+        runs: &[Run<'_>],
+        (remembered, grains): (&Remembered, LocalGrains<'_>),
+    ) -> Vec<usize> {
+        let LocalGrains {
+            id,
+            radius,
+            material,
+            shares,
+            ghosts_move,
+            ..
+        } = grains;
+        let several = material.iter().any(|k| *k != material[0]);
+        let kind = |pair: &Listed| {
+            let of_both = || law.kind(pair.grains.map(|g| material[g as usize]));
+            if several { of_both() } else { 0 }
+        };
+        let mut ordered = Ordered::default();
+        let mut push_run = |run: &Run<'_>| {
+            let before = self.geometry.len();
+            let first_grain = shares.get(run.group).map_or(0, |share| share.start as u32);
+            let inner = run.group <= shares.len();
+            let pairs = ordered.contacts_first(run.pairs, remembered, id);
+            if several {
+                pairs.sort_by_key(kind);
+            }
+            let of_kinds = pairs.chunk_by(|a, b| kind(a) == kind(b));
+            for block in of_kinds.flat_map(|of_kind| of_kind.chunks(LANES)) {
+                self.kinds.push(kind(&block[0]));
+                self.push((law, remembered), block, first_grain, radius);
+                let least = way_to_touch(block.iter().map(|p| p.gap).fold(f64::MAX, f64::min));
+                self.asleep_until.push(if inner {
+                    least
+                } else {
+                    2.0 * least - ghosts_move
+                });
+            }
+            self.geometry.len() - before
+        };
+        runs.iter().map(&mut push_run).collect()
     }
 
     /// Appends a block of pairs. Grains are numbered from `first_grain` on.
@@ -481,7 +541,14 @@ struct Listed {
     contact: Option<u32>,
 }
 
-/// Number of pairs among which contacts come first: enough that few blocks hold both kinds, and few
+/// Pairs of a group among which contacts come first.
+#[derive(Clone, Copy)]
+struct Run<'a> {
+    group: usize,
+    pairs: &'a [CandidatePair],
+}
+
+/// Number of pairs of a run: enough that few blocks hold both kinds, and few
 /// enough that their data stay in the cache.
 const SORTED_TOGETHER: usize = 64 * LANES;
 
