@@ -35,6 +35,7 @@ mod places;
 mod properties;
 mod reduce;
 mod reduced_protocols;
+mod removal;
 mod replay;
 mod runs_of_protocols;
 mod scalars;

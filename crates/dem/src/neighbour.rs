@@ -258,7 +258,8 @@ pub fn sort_by_cells<D: Dimension>(
 }
 
 /// What the search for pairs reads of the grains, in the order of the cells: what lies near is near
-/// in memory. Followed by as many of radius NaN as there are lanes: nothing is nearer than that.
+/// in memory. Followed by as many of radius NaN as there are lanes: nothing is nearer than that,
+/// nor than a grain that was removed.
 struct Placed {
     /// Positions (m) and radii (m).
     numbers: [Vec<f64>; 4],
@@ -274,7 +275,10 @@ impl Placed {
         for (axis, values) in numbers[..D::AXES].iter_mut().enumerate() {
             values.extend(members().map(|g| grains.fields(g)[axis]));
         }
-        numbers[3].extend(members().map(|g| grains.radius[g]));
+        numbers[3].extend(members().map(|g| match grains.body[g] {
+            body::REMOVED => f64::NAN,
+            _ => grains.radius[g],
+        }));
         for values in &mut numbers {
             values.resize(values.len() + LANES, f64::NAN);
         }

@@ -12,7 +12,7 @@ use crate::drive::{Piston, Top, WallForces};
 use crate::failure::Failure;
 use crate::kernel::ContactForces;
 use crate::state::{
-    Cell, ContactSample, FlowRow, GrainSample, ImposedRow, SeriesRow, StressRow, body,
+    Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, SeriesRow, StressRow, body,
 };
 use crate::system::System;
 
@@ -43,6 +43,19 @@ impl SampleConstants {
         walls: f64,
         energy: f64,
     ) -> Self {
+        let mut constants = Self {
+            walls,
+            free_volume: 0.0,
+            free_grains: 0,
+            energy: FixedPoint::new(energy),
+            motion: FixedPoint::new(system.cell.periods[0]),
+        };
+        constants.count(exchange, system);
+        constants
+    }
+
+    /// Measures the free grains anew. Collective.
+    pub fn count<D: Dimension>(&mut self, exchange: &dyn Exchange, system: &System<D>) {
         let volume = FixedPoint::new(base::<D>(system.cell) * system.cell.periods[0]);
         let mut sum = Accumulator::default();
         let mut count = 0;
@@ -53,14 +66,8 @@ impl SampleConstants {
                 count += 1;
             }
         }
-        let [free_volume] = volume.total(exchange, [sum]);
-        Self {
-            walls,
-            free_volume,
-            free_grains: crate::domain::total(exchange, count),
-            energy: FixedPoint::new(energy),
-            motion: FixedPoint::new(system.cell.periods[0]),
-        }
+        [self.free_volume] = volume.total(exchange, [sum]);
+        self.free_grains = crate::domain::total(exchange, count);
     }
 }
 
@@ -72,28 +79,66 @@ impl SampleConstants {
 pub fn check_between<D: Dimension>(
     exchange: &dyn Exchange,
     system: &System<D>,
-    [bottom, top]: [f64; 2],
+    planes: [f64; 2],
 ) -> Result<(), Failure> {
+    match beyond(exchange, system, planes) {
+        None => Ok(()),
+        Some(said) => Err(Failure::numbers(format!(
+            "{said}: the wall has a hole; give a greater sample.wall_thickness, a packing whose walls have none, or sample.outside = \"remove\""
+        ))),
+    }
+}
+
+/// Removes the free grains that are beyond one of these planes, as [`check_between`] has them.
+/// Returns what it would say, the same on all ranks. Collective.
+pub fn remove_beyond<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    planes: [f64; 2],
+) -> Option<String> {
+    let said = beyond(exchange, system, planes)?;
+    let grains = system.grains_mut();
+    for g in 0..grains.owned {
+        if let Some(is_above) = passed(grains, g, planes) {
+            grains.remove(g, is_above);
+        }
+    }
+    system.list.due = true;
+    Some(said)
+}
+
+/// Whether the wall that a free grain has passed is the upper one; `None` if it has passed none.
+fn passed<D: Dimension>(grains: &Grains<D>, g: usize, [bottom, top]: [f64; 2]) -> Option<bool> {
+    let height = grains.fields(g)[D::UP];
+    let is_beyond = grains.body[g] == body::FREE && (height < bottom || height > top);
+    is_beyond.then_some(height > top)
+}
+
+/// The free grains beyond these planes: the step, that of the lowest id and its place, and how many
+/// there are. Collective.
+fn beyond<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &System<D>,
+    planes: [f64; 2],
+) -> Option<String> {
     let grains = &system.grains;
-    let height = |g: usize| grains.fields(g)[D::UP];
-    let is_beyond =
-        |g: &usize| grains.body[*g] == body::FREE && (height(*g) < bottom || height(*g) > top);
-    let beyond = || (0..grains.owned).filter(is_beyond);
+    let wall = |g: usize| passed(grains, g, planes);
+    let beyond = || (0..grains.owned).filter(|g| wall(*g).is_some());
     let count = crate::domain::total(exchange, beyond().count() as u64);
     if count == 0 {
-        return Ok(());
+        return None;
     }
     let first = beyond().min_by_key(|g| grains.id[*g]);
     let id = first.map_or(f64::INFINITY, |g| grains.id[g].into());
     let lowest = -exchange.maximum(-id);
     let message = first.filter(|_| id == lowest).map_or(String::new(), |g| {
-        let wall = if height(g) < bottom { "bottom" } else { "top" };
+        let wall = if wall(g) == Some(true) { "top" } else { "bottom" };
         let others = match count - 1 {
             0 => String::new(),
             n => format!(", and {n} more have"),
         };
         format!(
-            "grain {} of radius {:.4e} m at {} has left the space between the walls through the {wall} wall{others}: the wall has a hole; give a greater sample.wall_thickness, or a packing whose walls have none",
+            "grain {} of radius {:.4e} m at {} has left the space between the walls through the {wall} wall{others}",
             system.id(g),
             grains.radius[g],
             system.place(g),
@@ -101,11 +146,8 @@ pub fn check_between<D: Dimension>(
     });
     let said = exchange.gather(message.as_bytes());
     let said = said.concat();
-    let steps = system.steps;
-    Err(Failure::numbers(format!(
-        "step {steps}: {}",
-        String::from_utf8_lossy(&said)
-    )))
+    let said = String::from_utf8_lossy(&said);
+    Some(format!("step {}: {said}", system.steps))
 }
 
 /// Area of a wall (m²; length, m, in 2D).

@@ -6,7 +6,7 @@ use std::path::Path;
 use gshear_analysis::moments::extent;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, GrainSample, GrainState};
+use gshear_dem::state::{Cell, GrainSample, GrainState, body};
 use gshear_scene::lammps_data::{Atom, DataFile};
 use gshear_scene::packing::{GrainLimit, Packing, split_frame};
 use gshear_scene::{Arrangement, Dimensions, atom_type};
@@ -62,7 +62,10 @@ impl ExportedState {
             cell: run.cell(t),
             planes: None,
             dimension: run.dimension(),
-            grains: frame.grains.iter().enumerate().map(grain).collect(),
+            grains: (frame.grains.iter().enumerate())
+                .filter(|(_, of)| !run.is_removed(of))
+                .map(grain)
+                .collect(),
         })
     }
 
@@ -103,7 +106,10 @@ impl ExportedState {
                 _ => None,
             },
             dimension: scene.dimension,
-            grains: saved.state.grains.iter().map(grain).collect(),
+            grains: (saved.state.grains.iter())
+                .filter(|g| g.body != body::REMOVED)
+                .map(grain)
+                .collect(),
         })
     }
 

@@ -134,7 +134,9 @@ impl<'a> Packing<'a> {
     /// The whole packing, with its step as the title.
     pub fn new(run: &'a RunFile, frame: &'a FrameRecords) -> Self {
         let planar = run.dimension() == Dimensions::Two;
-        let mut order: Vec<usize> = (0..frame.grains.len()).collect();
+        let mut order: Vec<usize> = (0..frame.grains.len())
+            .filter(|&g| !run.is_removed(&frame.grains[g]))
+            .collect();
         let far = |g: usize| view(planar, frame.grains[g].position).1;
         order.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
         order.drain(..order.len().saturating_sub(MOST));

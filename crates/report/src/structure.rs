@@ -165,7 +165,8 @@ impl Sums<'_> {
         if !self.walls {
             height = edge / LAYERS as f64;
         }
-        for (grain, &r) in frame.grains.iter().zip(&self.run.grains().radius) {
+        let grains = frame.grains.iter().zip(&self.run.grains().radius);
+        for (grain, &r) in grains.filter(|(grain, _)| !self.run.is_removed(grain)) {
             let z = grain.position[axes - 1] - bottom;
             let layer = |z: f64| ((z / height).floor().max(0.0) as usize).min(LAYERS - 1);
             for k in layer(z - r)..=layer(z + r) {
@@ -210,7 +211,7 @@ impl Sums<'_> {
         let (axes, cell) = (self.axes, self.run.cell(t));
         let bodies = &self.run.grains().body;
         let free: Vec<[f64; 3]> = (frame.grains.iter().zip(bodies))
-            .filter(|(_, of)| u32::from(**of) == body::FREE)
+            .filter(|(grain, of)| u32::from(**of) == body::FREE && !self.run.is_removed(grain))
             .map(|(grain, _)| grain.position)
             .collect();
         let up = |place: &[f64; 3]| place[axes - 1];

@@ -26,6 +26,9 @@ const CONFINEMENTS: [(&str, Confinement); 3] = [
     ("free", Confinement::FreeSurface),
 ];
 const BOUNDARY_NAMES: [&str; CONFINEMENTS.len()] = names(&CONFINEMENTS);
+/// Whether a grain that passes a wall is removed.
+const OUTSIDE: [(&str, bool); 2] = [("end", false), ("remove", true)];
+const OUTSIDE_NAMES: [&str; OUTSIDE.len()] = names(&OUTSIDE);
 const WALLS_NAMES: [&str; Walls::NAMES.len()] = names(&Walls::NAMES);
 
 /// Whether a grading curve is of the mass or of the number of grains.
@@ -195,6 +198,8 @@ table! {
             otherwise: "those of their grains",
             change: Change::Never,
         },
+        /// what happens to a grain that passes a wall: it ends the run, or is removed
+        outside: Text(&OUTSIDE_NAMES) { default: OUTSIDE_NAMES[0], change: Change::Never },
         /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min
         wall_thickness: Number(LAYERS) { default: "1.0", change: Change::Never },
     }
@@ -356,7 +361,12 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     let arrangement = arrangement(c, dimension, periodic);
     if periodic {
         let why = "is of walls, but sample.boundary = \"periodic\"";
-        for key in [&keys.walls, &keys.wall_thickness, &keys.wall_material] {
+        for key in [
+            &keys.walls,
+            &keys.wall_thickness,
+            &keys.wall_material,
+            &keys.outside,
+        ] {
             c.useless(key, why);
         }
     }
@@ -397,6 +407,11 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
 /// Whether the walls are planes.
 pub(crate) fn is_flat(c: &mut Checker<'_>) -> bool {
     c.named(&SAMPLE.walls, &Walls::NAMES) == Some(Walls::Flat)
+}
+
+/// Whether grains that pass a wall are removed.
+pub(crate) fn removes(c: &mut Checker<'_>) -> bool {
+    c.named(&SAMPLE.outside, &OUTSIDE) == Some(true)
 }
 
 /// What bounds the sample below and above.
@@ -512,6 +527,7 @@ pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Grains 
         &keys.walls,
         &keys.wall_thickness,
         &keys.wall_material,
+        &keys.outside,
     ] {
         c.useless(key, why);
     }

@@ -11,7 +11,7 @@ use crate::checker::Checker;
 use crate::derived;
 use crate::grains::Sample;
 use crate::load::{self, Control, LOAD, Load};
-use crate::output::{self, ANALYSIS, Analysis, Output};
+use crate::output::{self, ANALYSIS, Analysis, OUTPUT, Output};
 use crate::protocol::{self, SHEAR, Shear};
 use crate::sample::{self, Origin, ReadPacking, SAMPLE, Walls, walls_of};
 use crate::table::table;
@@ -50,6 +50,8 @@ pub struct PlaneShear {
     pub walls: Walls,
     /// Thickness of each wall over d̄; 0 without walls, and of flat ones.
     pub wall_layers: f64,
+    /// Whether a grain that passes a wall while the sample is sheared is removed.
+    pub removes: bool,
     /// The load on the top wall, and gravity.
     pub load: Load,
     /// The compression.
@@ -194,7 +196,15 @@ pub(crate) fn check(
         let what = "says what the top wall does, and so do the parts of shear.protocol; leave it out, and give them wall_velocity = 0";
         c.refuse(&LOAD.control, what);
     }
-    let output = output::check(c, has_protocol);
+    let removes = confinement != Confinement::Images && sample::removes(c);
+    if removes {
+        refuse_with_removal(c);
+    }
+    let mut output = output::check(c, has_protocol);
+    if removes {
+        output.energy = false;
+        c.fill(&OUTPUT.energy, false);
+    }
     let analysis = output::check_analysis(c, dimension, has_protocol, &output);
     c.settle()?;
 
@@ -225,6 +235,7 @@ pub(crate) fn check(
         confinement,
         walls,
         wall_layers,
+        removes,
         load,
         pack,
         shear,
@@ -239,6 +250,22 @@ fn refuse_scalars(c: &mut Checker<'_>, boundary: &str) {
     if c.flag(&ANALYSIS.scalars) == Some(true) {
         let what = format!("needs walls, but sample.boundary = {boundary:?}; leave it out");
         c.refuse(&ANALYSIS.scalars, &what);
+    }
+}
+
+/// Refuses what needs all of the grains.
+fn refuse_with_removal(c: &mut Checker<'_>) {
+    for (key, needs) in [
+        (
+            &OUTPUT.energy,
+            "what removed grains take away is not in the energy budget",
+        ),
+        (&ANALYSIS.scalars, "scalars of frames are of all grains"),
+    ] {
+        if c.is_given(key) && c.flag(key) == Some(true) {
+            let what = format!("{needs}, but sample.outside = \"remove\"; leave it out");
+            c.refuse(key, &what);
+        }
     }
 }
 

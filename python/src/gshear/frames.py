@@ -104,6 +104,13 @@ class Frame(Columns):
         unwrapped: NDArray[np.float64] = self.position + self["image"] @ self.box.vectors
         return unwrapped
 
+    @property
+    def removed(self) -> NDArray[np.bool_]:
+        """[N], which grains had passed a wall and were removed (`sample.outside` of the scene)."""
+        gradient = self.box.gradient
+        beyond: NDArray[np.bool_] = self["image"][:, gradient] != 0
+        return beyond & (not self.box.periodic[gradient])
+
     def __repr__(self) -> str:
         return (
             f"<Frame {self.index}: step {self.step}, strain {self.strain:.6g}, "

@@ -158,7 +158,7 @@ pub type History = [f64; 3 + TORQUES];
 
 /// Most blocks that a law is given at once: enough for the processor to overlap them, few enough
 /// for its first-level cache.
-pub const CHUNK: usize = 8;
+pub const CHUNK: usize = 4;
 
 /// Number of quantities that a loop of a law may pass to the next loop.
 pub const CARRY: usize = 4;

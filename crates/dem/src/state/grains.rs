@@ -16,6 +16,9 @@ pub mod body {
     pub const BOTTOM: u32 = 1;
     /// The top wall.
     pub const TOP: u32 = 2;
+    /// None any more: the grain passed a wall and was removed. It rests where it was, and nothing
+    /// touches it.
+    pub const REMOVED: u32 = 3;
 }
 
 /// Units of the contact forces, powers of two.
@@ -189,7 +192,8 @@ impl<D: Dimension> Grains<D> {
     ) -> Vec<CandidatePair> {
         let mut pairs = Vec::new();
         for grain in 0..self.owned {
-            for (side, plane) in planes.into_iter().enumerate() {
+            let is_free = self.body[grain] == body::FREE;
+            for (side, plane) in planes.into_iter().enumerate().filter(|_| is_free) {
                 let distance = (self.fields(grain)[D::UP] - plane).abs();
                 let gap = distance - self.radius[grain];
                 if gap >= reach {
@@ -323,6 +327,16 @@ impl<D: Dimension> Grains<D> {
                 [0.0; 2]
             });
         }
+    }
+
+    /// Removes an owned grain that has passed a wall, the upper or the lower one, which its image
+    /// along the last axis then says. The next list has none of its contacts.
+    pub fn remove(&mut self, g: usize, is_above: bool) {
+        self.body[g] = body::REMOVED;
+        self.fields_mut(g)[D::POSITION + D::AXES..].fill(0.0);
+        self.force[g] = D::Force::zeroed();
+        self.half_kick[g] = [0.0; 2];
+        self.image[g][D::UP] = if is_above { 1 } else { -1 };
     }
 
     /// The record of a grain.

@@ -12,7 +12,7 @@ use crate::contact::{History, TORQUES};
 pub struct GrainState {
     /// Id.
     pub id: u32,
-    /// 0 free, 1 bottom wall, 2 top wall.
+    /// 0 free, 1 bottom wall, 2 top wall, 3 removed.
     pub body: u32,
     /// Wrapped position (m).
     pub position: [f64; 3],
@@ -27,7 +27,8 @@ pub struct GrainState {
     /// Torque of the last step (N m; N in 2D).
     pub torque: [f64; 3],
     /// Image in which it is: the position plus these multiples of the edges of the box moves
-    /// without jumps.
+    /// without jumps. Along an axis that is bounded by walls, 1 or -1 for a grain that was removed
+    /// because it passed the upper or the lower one, else 0.
     pub image: Image,
     /// Number of its material.
     pub material: u64,

@@ -30,6 +30,9 @@ use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::status::Standing;
 
+/// Steps between looks for grains that have passed a wall, where these are removed.
+const REMOVAL_STEPS: u64 = 100;
+
 /// What is above the sample, and moves.
 enum Above {
     /// A wall, and one below. Nothing is a wall without grains, which rests.
@@ -71,6 +74,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     above: Above,
     /// What bounds the sample.
     confinement: Confinement,
+    /// Whether grains that pass a wall are removed.
+    removes: bool,
     /// Height of the plane under the bottom wall at the start (m); the piston's counts from there.
     floor: f64,
     /// Constants of the sample for the time series.
@@ -157,6 +162,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             assembly,
             above,
             confinement: plane_shear.confinement,
+            removes: plane_shear.removes,
             floor,
             frame,
             mass,
@@ -231,10 +237,36 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         ]
     }
 
-    /// Ends the run if a free grain has passed a wall. Collective.
+    /// Ends the run if a free grain has passed a wall, unless such grains are removed. Collective.
     fn check_between(&self, exchange: &dyn Exchange) -> Result<(), Failure> {
+        match self.outer_planes() {
+            Some(planes) if !self.removes => {
+                observe::check_between(exchange, &self.assembly.system, planes)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Removes the free grains that have passed a wall. Before a step, whose number alone decides
+    /// when, so that output does not. Collective.
+    fn remove_beyond(&mut self, run: &Run<'_>) {
+        let Some(planes) = self.outer_planes() else {
+            return;
+        };
+        let system = &mut self.assembly.system;
+        let Some(said) = observe::remove_beyond(run.exchange, system, planes) else {
+            return;
+        };
+        self.frame.count(run.exchange, system);
+        self.mass = mass_of(run, self.scene, &system.grain_states(), body::FREE);
+        run.terminal.warn(format!("{said}; removed"));
+    }
+
+    /// Heights of the planes that no free grain is to pass (m): the lower edge of the bottom, and
+    /// the upper edge of the top, infinite below a free surface.
+    fn outer_planes(&self) -> Option<[f64; 2]> {
         if let Above::Images(_) = self.above {
-            return Ok(());
+            return None;
         }
         let top = self.above.top();
         let bottom = self.floor + top.bottom_displacement();
@@ -242,7 +274,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             Confinement::FreeSurface => f64::INFINITY,
             _ => self.floor + top.piston.height,
         };
-        observe::check_between(exchange, &self.assembly.system, [bottom, top])
+        Some([bottom, top])
     }
 
     /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
@@ -345,6 +377,9 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
+        if self.removes && self.step.is_multiple_of(REMOVAL_STEPS) {
+            self.remove_beyond(run);
+        }
         let sampled = self.due(self.step + 1).contains(&true);
         let stop = stop || run.asked_to_stop();
         let stop = self.assembly.advance(self.above.drive(), sampled, stop)?;

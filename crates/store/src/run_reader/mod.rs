@@ -31,8 +31,8 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
-    BoxEdges, Cell, Confinement, Disks, FlowRow, FrameRecords, ImposedRow, SeriesRow, Sheared,
-    StressRow, series_columns,
+    BoxEdges, Cell, Confinement, Disks, FlowRow, FrameRecords, GrainSample, ImposedRow, SeriesRow,
+    Sheared, StressRow, series_columns,
 };
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Dimensions, ReadPacking, Source};
@@ -369,6 +369,11 @@ impl RunFile {
     /// Returns whether walls bound the sample, or one below a free surface.
     pub fn has_walls(&self) -> bool {
         !self.is_box
+    }
+
+    /// Returns whether this grain of a frame had passed a wall and was removed.
+    pub fn is_removed(&self, grain: &GrainSample) -> bool {
+        self.has_walls() && grain.image[self.dimension.axes() - 1] != 0
     }
 
     /// Returns whether nothing is above the sample.

@@ -21,7 +21,7 @@ use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, GrainState, Ids};
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, GrainState, Ids, body};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
@@ -49,7 +49,11 @@ impl GrainShape {
     pub fn new(grain: &GrainState, mass: f64) -> Self {
         Self {
             id: grain.id,
-            body: grain.body,
+            body: match grain.body {
+                // Frames say when.
+                body::REMOVED => body::FREE,
+                body => body,
+            },
             radius: grain.radius,
             mass,
             material: grain.material,

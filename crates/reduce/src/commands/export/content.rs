@@ -150,6 +150,8 @@ pub struct ExportedFrame {
     pub strain: f64,
     /// Steps and time (s) since the start of the shear, grains and contacts.
     pub records: FrameRecords,
+    /// Rows of the grains that had not been removed.
+    pub present: Vec<usize>,
     /// `[N][components]` Values of the computed fields, in the order of [`ExportedRun::shapes`].
     pub fields: Vec<Vec<f64>>,
 }
@@ -294,8 +296,8 @@ impl<'a> ExportedRun<'a> {
     pub fn bounds(&self, frame: &ExportedFrame) -> [[f64; 2]; 3] {
         let up = self.axes() - 1;
         let radius = &self.grains().radius;
-        let grains = frame.records.grains.iter().zip(radius);
-        let ends = grains.map(|(grain, r)| (grain.position[up], *r));
+        let at = |g: usize| frame.records.grains[g].position[up];
+        let ends = frame.present.iter().map(|&g| (at(g), radius[g]));
         let extent = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
         let cell = self.run.cell(frame.number);
         let extent = cell.sheared.map_or(extent, |of| [0.0, of.height]);
@@ -348,9 +350,12 @@ impl<'a> ExportedRun<'a> {
                 _ => None,
             };
             let fields = self.fields(number, before.as_ref(), &records);
+            let grains = records.grains.iter().enumerate();
+            let present = grains.filter(|(_, grain)| !self.run.is_removed(grain));
             let frame = ExportedFrame {
                 number,
                 strain: self.strains[number],
+                present: present.map(|(g, _)| g).collect(),
                 records,
                 fields,
             };

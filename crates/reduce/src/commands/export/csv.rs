@@ -108,7 +108,7 @@ impl FrameWriter for CsvWriter {
         let (records, constants, ids) = (&frame.records, run.grains(), run.ids());
         let of_frame: [&dyn TableCell; 4] =
             [&frame.number, &records.step, &records.time, &frame.strain];
-        for (g, grain) in records.grains.iter().enumerate() {
+        for &g in &frame.present {
             let table = &mut self.grains;
             table.cells(&of_frame);
             table.cells(&[
@@ -118,7 +118,7 @@ impl FrameWriter for CsvWriter {
                 &constants.mass[g],
             ]);
             for (_, value) in &self.grain_columns {
-                table.cells(&[&value(grain)]);
+                table.cells(&[&value(&records.grains[g])]);
             }
             for value in run.field_values(frame, g) {
                 table.cells(&[&value]);

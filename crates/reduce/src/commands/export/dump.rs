@@ -59,7 +59,7 @@ impl DumpWriter {
     fn write_grains(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
         let file = &mut self.grains;
         let grains = &frame.records.grains;
-        Self::head(file, run, frame, ("ATOMS", grains.len()))?;
+        Self::head(file, run, frame, ("ATOMS", frame.present.len()))?;
         write!(
             file,
             "ITEM: ATOMS id type x y z vx vy vz omegax omegay omegaz radius mass ix iy iz"
@@ -68,12 +68,12 @@ impl DumpWriter {
             write!(file, " {name}")?;
         }
         writeln!(file)?;
-        for (g, grain) in grains.iter().enumerate() {
+        for &g in &frame.present {
             write!(file, "{} {}", run.ids()[g] + 1, run.atom_type(g))?;
             for value in run.state_values(frame, g) {
                 write!(file, " {value:?}")?;
             }
-            let [x, y, z] = grain.image;
+            let [x, y, z] = grains[g].image;
             write!(file, " {x} {y} {z}")?;
             for value in run.field_values(frame, g) {
                 write!(file, " {value:?}")?;

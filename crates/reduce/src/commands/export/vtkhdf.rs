@@ -233,7 +233,7 @@ impl VtkWriter {
         self.append_step(frame.records.time)?;
         let of_point = self.append_geometry(run, frame)?;
         self.append_point_data(run, frame, &of_point)?;
-        let (form, grains) = (run.form(), frame.records.grains.len());
+        let (form, grains) = (run.form(), frame.present.len());
         for (quantity, column) in &mut self.cell_data {
             // Of vertices nothing is known.
             let none = std::iter::repeat_n(f64::NAN, grains * quantity.width(form));
@@ -282,8 +282,12 @@ impl VtkWriter {
         frame: &ExportedFrame,
     ) -> hdf5::Result<Vec<usize>> {
         let (grains, contacts) = (&frame.records.grains, &frame.records.contacts);
-        let mut of_point: Vec<usize> = (0..grains.len()).collect();
-        let mut points: Vec<f64> = grains.iter().flat_map(|g| g.position).collect();
+        let mut of_point = frame.present.clone();
+        let mut points: Vec<f64> = of_point.iter().flat_map(|&g| grains[g].position).collect();
+        let mut point_of = vec![0; grains.len()];
+        for (point, &g) in of_point.iter().enumerate() {
+            point_of[g] = point;
+        }
         let mut lines = Vec::with_capacity(2 * contacts.len());
         for contact in contacts {
             let (image, moved) = run.nearest_image(frame, contact.i, contact.j);
@@ -292,14 +296,14 @@ impl VtkWriter {
                 points.extend(image);
                 of_point.len() - 1
             } else {
-                contact.j as usize
+                point_of[contact.j as usize]
             };
-            lines.extend([i64::from(contact.i), end as i64]);
+            lines.extend([point_of[contact.i as usize] as i64, end as i64]);
         }
         let count = of_point.len() as i64;
         self.steps.number_of_points.append(&[count])?;
         self.points.append(&points)?;
-        let vertices: Vec<i64> = (0..grains.len() as i64).collect();
+        let vertices: Vec<i64> = (0..frame.present.len() as i64).collect();
         let [of_vertices, of_lines, polygons, strips] = &mut self.cells;
         of_vertices.append(&vertices, 1)?;
         of_lines.append(&lines, 2)?;

@@ -21,7 +21,6 @@ impl XyzWriter {
 
     fn write(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> std::io::Result<()> {
         let file = &mut self.0;
-        let grains = &frame.records.grains;
         let edges = run.edges(frame);
         let lattice = edges.as_flattened().iter();
         let lattice: Vec<String> = lattice.map(|side| format!("{side:?}")).collect();
@@ -29,7 +28,7 @@ impl XyzWriter {
         let pbc = run
             .periodic()
             .map(|periodic| if periodic { "T" } else { "F" });
-        writeln!(file, "{}", grains.len())?;
+        writeln!(file, "{}", frame.present.len())?;
         write!(
             file,
             "Lattice=\"{}\" Origin=\"{ox:?} {oy:?} {oz:?}\" pbc=\"{}\" \
@@ -48,7 +47,7 @@ impl XyzWriter {
         let units = run.units().map(|units| format!(" units=\"{units}\""));
         writeln!(file, "{}", units.unwrap_or_default())?;
         let constants = run.grains();
-        for g in 0..grains.len() {
+        for &g in &frame.present {
             // ASE knows chemical symbols only; X is its dummy.
             write!(file, "X")?;
             for value in run.state_values(frame, g) {
