@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gshear import Box, Frame, Run, RunError
+from gshear import Box, Frame, Run, RunError, simulate
 from gshear.programs import find
 
 # Sums of some hundred contacts in another order than that of the program, which rounds forces.
@@ -199,6 +199,32 @@ def test_unwrapped_positions_follow_the_walls(walls: Run) -> None:
         last = frame.unwrapped
         images += int(np.count_nonzero(frame.image))
     assert images > 0
+
+
+def test_removed_grains_are_told(tmp_path: Path, walls: Run) -> None:
+    assert not any(frame.removed.any() for frame in walls.frames)
+    # A bottom with a hole, and above it a grain that falls.
+    bottom = [(2, x + 0.5, 0.5) for x in range(10) if x not in (5, 6)]
+    rows = [f"{n} {t} 1 2500 {x} {y} 0" for n, (t, x, y) in enumerate([*bottom, (1, 6, 7)], 1)]
+    head = "a hole\n\n9 atoms\n2 atom types\n0 10 xlo xhi\n0 8 ylo yhi\n-1 1 zlo zhi"
+    (tmp_path / "hole.data").write_text("\n".join([head, "", "Atoms # sphere", "", *rows, ""]))
+    scene = """
+        material.density = 2500
+        contact = { law = "hooke", normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.3 }
+        sample = { packing = "hole.data", boundary = "free", outside = "remove" }
+        load.gravity = 9.81
+        shear.protocol = [{ time = 2.0 }]
+        output.frame_rows = 10
+    """
+    (tmp_path / "hole.toml").write_text(scene)
+    with Run(simulate(tmp_path / "hole.toml", tmp_path / "out", ranks=1, quiet=True)) as run:
+        removed = [frame.removed for frame in run.frames]
+        lowest = [frame.position[8, 1] for frame in run.frames]
+    assert not removed[0].any()
+    assert removed[-1].tolist() == [False] * 8 + [True]
+    # It rests where it was removed.
+    assert [r[8] for r in removed] == [y < 0 for y in lowest]
+    assert lowest[-1] == lowest[-2] < 0
 
 
 def test_coordination_is_that_of_the_series(walls: Run) -> None:

@@ -10,6 +10,7 @@ mod box_deformations;
 mod box_rolling;
 mod box_runs;
 mod box_stages;
+mod branches;
 mod checkpoint;
 #[path = "../common/mod.rs"]
 mod common;

@@ -256,6 +256,45 @@ fn a_packing_in_a_box_is_strained() {
     assert!(missing.text.contains(&said), "{}", missing.text);
 }
 
+/// Grains of a file that overlap are moved apart before the first row, by either method.
+#[test]
+fn a_packing_in_a_box_is_brought_to_rest_first() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    for (name, box_of, z) in [
+        ("2", "0 10 ylo yhi\n-0.5 0.5 zlo zhi", 0),
+        ("3", "0 10 ylo yhi\n0 10 zlo zhi", 5),
+    ] {
+        let text = format!(
+            "two grains\n\n2 atoms\n1 atom types\n0 10 xlo xhi\n{box_of}\n\nAtoms # sphere\n\n1 1 1 1 3 5 {z}\n2 1 1 1 3.95 5 {z}\n"
+        );
+        std::fs::write(at("two.data"), text).expect("written");
+        for (ranks, method) in [(1, "newton"), (2, "newton"), (1, "overdamped")] {
+            let scene = format!(
+                "
+                dimension = {name}
+                material.density = 1.0
+                contact = {{ law = 'hooke', normal_stiffness = 1.0, friction = 0.5, damping_ratio = 0.1 }}
+                sample.packing = 'two.data'
+                box.deformation = 'simple-shear'
+                relax = {{ tolerance = 1e-9, drag = 0.05, method = '{method}' }}
+                aqs = {{ strain_step = 1e-3, steps = 1, frame_every = 1 }}
+                "
+            );
+            std::fs::write(at("two.toml"), scene).expect("written");
+            let out = at(&format!("{name}-{ranks}-{method}"));
+            gshear_mpi(ranks, &out, &[at("two.toml").display().to_string()]).digest();
+            let run = RunFile::open_any(&out).expect("a run");
+            let frame = run.records(0..1).expect("a frame").swap_remove(0);
+            let apart = frame.grains[1].position[0] - frame.grains[0].position[0];
+            assert!(apart > 1.0 - 1e-6, "{name}, {method}: {apart}");
+            let first = |name: &str| run.series().column(name)[0];
+            assert!(first("pressure").abs() < 1e-8, "{name}, {method}");
+            assert!(first("residual") <= 1e-9, "{name}, {method}");
+        }
+    }
+}
+
 /// A line of a data file with another id, if it is of an atom.
 fn renumbered(line: &str, of: impl Fn(u64) -> u64) -> String {
     match line.split_once(' ').map(|(id, row)| (id.parse(), row)) {

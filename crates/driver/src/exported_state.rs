@@ -23,7 +23,7 @@ pub struct ExportedState {
     pub name: String,
     /// The cell.
     pub cell: Cell,
-    /// Heights of flat walls (m).
+    /// Heights of flat walls (m), infinite where there is none.
     planes: Option<[f64; 2]>,
     /// Disks or spheres.
     pub dimension: Dimensions,
@@ -119,8 +119,13 @@ impl ExportedState {
         let up = self.dimension.axes() - 1;
         let atoms = || self.grains.iter().map(|(atom, _)| atom);
         let ends = atoms().map(|a| (a.position[up], 0.5 * a.diameter));
-        let of_grains = || extent(ends.flat_map(|(at, r)| [at - r, at + r]));
-        let edges = self.planes.unwrap_or_else(of_grains);
+        let of_grains = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
+        let mut edges = of_grains;
+        for (edge, plane) in edges.iter_mut().zip(self.planes.into_iter().flatten()) {
+            if plane.is_finite() {
+                *edge = plane;
+            }
+        }
         let sheared = self.cell.sheared;
         let edges = sheared.map_or(edges, |sheared| [0.0, sheared.height]);
         let largest = atoms().fold(0.0, |r: f64, a| r.max(0.5 * a.diameter));

@@ -9,7 +9,7 @@ use gshear_dem::budget::SavedBudget;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, Sheared, Snapshot};
+use gshear_dem::state::{Cell, Confinement, Sheared, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, PackingFile, PeriodicBox, Sample, Scene, Source};
@@ -119,14 +119,17 @@ impl ShearHeader {
         }
     }
 
-    /// The heights (m) of the flat walls of this shear; below a free surface that of the piston,
-    /// which nothing touches.
+    /// The heights (m) of the flat walls of this shear; infinite for a top that is not there.
     pub fn planes(&self, scene: &Scene) -> Option<[f64; 2]> {
         let of = scene.plane_shear("").ok().filter(|of| of.has_planes())?;
         let step = self.slider.map_or(0, |slider| slider.step);
         let rose = Schedule::new(scene, of, self.height).protocol.bottom(step);
         let floor = of.floor();
-        Some([floor + rose, floor + self.piston.height])
+        let top = match of.confinement {
+            Confinement::FreeSurface => f64::INFINITY,
+            _ => floor + self.piston.height,
+        };
+        Some([floor + rose, top])
     }
 }
 

@@ -32,7 +32,8 @@ impl FrameSeries {
     /// the contacts of the frames, which agrees within rounding.
     ///
     /// # Errors
-    /// A damaged run; a stored scalar without its row in the time series.
+    /// A damaged run; a stored scalar, or a frame between flat walls, without its row in the time
+    /// series.
     pub fn of(run: &RunFile) -> Result<Self, Failure> {
         match run.stored_scalars() {
             Some(stored) => Self::stored(run, stored),
@@ -59,17 +60,23 @@ impl FrameSeries {
     /// Computes the scalars from the frames.
     ///
     /// # Errors
-    /// A damaged run.
+    /// A damaged run; a frame between flat walls without its row in the time series.
     pub fn of_frames(run: &RunFile) -> Result<Self, Failure> {
         let strain = match column_at(run, "strain", run.frame_steps()) {
             Some(strain) => strain,
             None => run.frame_strains()?,
         };
+        let recorded = column_at(run, "stress_ratio", run.frame_steps());
+        if recorded.is_none() && run.has_flat_walls() {
+            return Err(run.wrong(
+                "a frame has no row in the time series, which τ is taken from between flat walls, whose contacts no frame holds; run it with frames at rows (output.frame_strain a whole number of output.series_strain)",
+            ));
+        }
         let (tau, scalars) = compute(run)?.into_iter().unzip();
         Ok(FrameSeries {
             step: run.frame_steps().to_vec(),
             strain,
-            tau: column_at(run, "stress_ratio", run.frame_steps()).unwrap_or(tau),
+            tau: recorded.unwrap_or(tau),
             scalars,
         })
     }

@@ -73,6 +73,14 @@ fn wrong(name: &str, line: usize, what: impl Display) -> Failure {
     })
 }
 
+/// The line of another atom, for messages; nothing of a state that is no text.
+fn in_line(line: usize) -> String {
+    match line {
+        0 => String::new(),
+        line => format!(" (line {line})"),
+    }
+}
+
 /// So many copies beside each other along the axes, in a box as many times as long.
 fn replicated(
     name: &str,
@@ -614,9 +622,11 @@ impl Packing {
         };
         if lowest.position[up] <= highest.position[up] {
             let what = format!(
-                "atom {} of type {TOP_TYPE} is not above atom {} of type {BOTTOM_TYPE} (line {}): the types are taken as top and bottom wall; \
+                "atom {} of type {TOP_TYPE} is not above atom {} of type {BOTTOM_TYPE}{}: the types are taken as top and bottom wall; \
                  give sample.walls = \"layers\" if they are not",
-                lowest.id, highest.id, highest.line,
+                lowest.id,
+                highest.id,
+                in_line(highest.line),
             );
             return Err(wrong(&self.name, lowest.line, what));
         }
@@ -654,10 +664,10 @@ impl Packing {
         let (a, b) = (&self.atoms[i], &self.atoms[j]);
         let (first, second) = if a.line < b.line { (a, b) } else { (b, a) };
         let what = format!(
-            "atom {} overlaps atom {} (line {}) by {overlap:.3e} m, {:.1} % of the sum of their radii; the law {} takes {largest:.3e} m",
+            "atom {} overlaps atom {}{} by {overlap:.3e} m, {:.1} % of the sum of their radii; the law {} takes {largest:.3e} m",
             first.id,
             second.id,
-            second.line,
+            in_line(second.line),
             200.0 * overlap / (a.diameter + b.diameter),
             scene.law.kind().name,
         );

@@ -509,3 +509,87 @@ fn a_grain_beyond_a_plane_is_refused() {
     assert!(outcome.text.contains(expected), "{}", outcome.text);
     assert!(!out.exists());
 }
+
+/// A checkpoint of a free surface has a bound below, its plane, and above it the highest grain: so
+/// its export is a packing for other boundaries, too.
+#[test]
+fn a_free_surface_on_a_plane_is_a_packing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = "
+        material.density = 2500
+        contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
+        sample = { grains = 60, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 10e-3, boundary = 'free', walls = 'flat' }
+        load = { gravity = 9.81, incline = 35 }
+        pack.tolerance = 1e-3
+        shear.protocol = [{ time = 0.1, bottom_amplitude = 1e-4, bottom_frequency = 100 }]
+        output.frame_rows = 1
+    ";
+    let run = run_scene(folder.path(), "flow", scene, &[]);
+    let frame = run.records(1..2).expect("a frame").swap_remove(0);
+    let tops = frame.grains.iter().zip(&run.grains().radius);
+    let highest = tops.fold(0.0_f64, |most, (grain, r)| most.max(grain.position[1] + r));
+    let data = folder.path().join("flow.data");
+    let checkpoint = folder.path().join("flow/checkpoint.h5");
+    let mut export = reducer();
+    export.args(["export", "--format=lammps-data", "--out"]);
+    succeed(export.arg(&data).arg(&checkpoint));
+    let text = std::fs::read_to_string(&data).expect("a packing");
+    let bounds = text.lines().find(|line| line.ends_with("ylo yhi"));
+    let high = bounds.and_then(|line| line.split(' ').nth(1)?.parse().ok());
+    assert_eq!(high, Some(highest), "{text}");
+    for packing in [&data, &checkpoint] {
+        let set = format!("sample.packing={}", packing.display());
+        let keys = ["grains", "radius_min", "radius_max", "length"];
+        let none: Vec<String> = keys
+            .iter()
+            .map(|key| format!("sample.{key}=none"))
+            .collect();
+        let mut all = vec![
+            &set[..],
+            "pack.tolerance=none",
+            "shear.protocol=[{ time = 1e-3 }]",
+        ];
+        all.extend(none.iter().map(String::as_str));
+        let name = packing
+            .extension()
+            .map_or("", |of| of.to_str().unwrap_or(""));
+        let again = run_scene(folder.path(), name, scene, &all);
+        assert_eq!(again.grains().count(), 60);
+    }
+}
+
+/// τ of frames between rows is not known: no frame holds the contacts with planes.
+#[test]
+fn frames_between_rows_have_no_stress_ratio() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = "
+        material.density = 2500
+        contact = { law = 'hooke', normal_stiffness = 1e7, friction = 0.4, restitution = 0.5 }
+        sample = { grains = 120, radius_min = 0.4e-3, radius_max = 0.6e-3, length = 10e-3, walls = 'flat' }
+        load.pressure = 1e4
+        pack.tolerance = 1e-3
+        shear = { inertial_number = 0.1, strain = 0.03 }
+        output = { frame_strain = 0.005, series_strain = 0.002 }
+    ";
+    run_scene(folder.path(), "beside", scene, &[]);
+    run_scene(folder.path(), "at", scene, &["output.series_strain=0.005"]);
+    let regions = |name: &str| {
+        let mut regions = reducer();
+        regions.arg("regions").arg(folder.path().join(name));
+        regions.output().expect("the program starts")
+    };
+    let refused = regions("beside");
+    assert_eq!(refused.status.code(), Some(2));
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(
+        said.contains("a frame has no row in the time series"),
+        "{said}"
+    );
+    assert!(!folder.path().join("beside/regions.csv").exists());
+    assert_eq!(regions("at").status.code(), Some(0));
+    let table = std::fs::read_to_string(folder.path().join("at/regions.csv")).expect("a table");
+    let ratios: Vec<&str> = (table.lines().skip(1))
+        .filter_map(|line| line.split(',').nth(3))
+        .collect();
+    assert!(ratios.len() > 4 && !ratios.contains(&"NaN"), "{table}");
+}

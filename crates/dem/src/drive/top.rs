@@ -189,9 +189,7 @@ impl Slider {
     fn pull(&self, segment: &Segment) -> Option<f64> {
         let now = self.state.step;
         match self.spring {
-            Some(stiffness) => {
-                Some(stiffness * (self.protocol.position(now) - self.state.displacement))
-            }
+            Some(stiffness) => Some(stiffness * (self.drive_position() - self.state.displacement)),
             None => segment.force(now),
         }
     }

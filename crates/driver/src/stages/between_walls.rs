@@ -6,6 +6,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::{Confinement, GrainState, Snapshot};
 use gshear_scene::insertion::Lattice;
+use gshear_scene::schedule::Schedule;
 use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
 use gshear_store::checkpoint;
 
@@ -106,7 +107,10 @@ fn begin(
     let (height, grains) = match (start, &plane_shear.origin) {
         (Start::Checkpoint(mut saved), _) => {
             checkpoint::to_both_holders(run.exchange, &mut saved.state);
-            return Ok((saved.header, saved.state));
+            let before = saved.scene(&[])?;
+            let mut header = saved.header;
+            change_top(run, [&before, scene], &mut header, &saved.state.grains)?;
+            return Ok((header, saved.state));
         }
         (Start::Grains(grains), Origin::Packing(file)) => (file.height(), grains),
         (_, Origin::Packing(_)) => unreachable!("a packing that was not read"),
@@ -123,6 +127,44 @@ fn begin(
         Header::Pack(header)
     };
     Ok((header, state))
+}
+
+/// Gives the top what a branch changes of it: its mass, by the densities, and where its drive is, if
+/// it has no spring any more. Collective.
+fn change_top(
+    run: &Run<'_>,
+    [before, now]: [&Scene; 2],
+    header: &mut Header,
+    grains: &[GrainState],
+) -> Result<(), Failure> {
+    let [of_before, of_now] = [before.plane_shear("")?, now.plane_shear("")?];
+    let is_heavier = before.materials.masses != now.materials.masses;
+    match header {
+        Header::Pack(pack) if is_heavier => {
+            pack.piston.mass *= mass_of_layer(now) / mass_of_layer(before);
+        }
+        Header::Shear(shear) => {
+            let slider = &mut shear.slider;
+            if is_heavier {
+                let of = (grains, shear.height);
+                let times =
+                    mass_of_top(run, now, of_now, of) / mass_of_top(run, before, of_before, of);
+                shear.piston.mass *= times;
+                shear.piston.acceleration /= times;
+                for slider in slider.iter_mut() {
+                    slider.acceleration /= times;
+                }
+            }
+            if let (Some(_), None, Some(slider)) =
+                (of_before.shear.spring, of_now.shear.spring, slider)
+            {
+                let protocol = Schedule::new(now, of_now, shear.height).protocol;
+                slider.pulled = slider.displacement - protocol.position(slider.step);
+            }
+        }
+        _ => {}
+    }
+    Ok(())
 }
 
 fn of_grains(grains: Vec<GrainState>) -> Snapshot {

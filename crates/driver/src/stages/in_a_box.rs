@@ -2,6 +2,7 @@
 //! equilibrium, then moved by Newton's equations.
 
 use gshear_dem::clock::Clock;
+use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
 use gshear_scene::{PeriodicBox, Scene};
@@ -32,6 +33,7 @@ pub fn run<D: LawSpace>(
     let law = scene.force::<D>();
     let law = law.as_ref();
     let begins = !matches!(start, Start::Checkpoint(_));
+    let is_filed = matches!(start, Start::Grains(_));
     let Some((header, state)) = begin::<D>(run, scene, periodic, start)? else {
         run.terminal.unprepared();
         return Ok(Outcome::Stopped);
@@ -51,6 +53,10 @@ pub fn run<D: LawSpace>(
     // Keeps the forces of the state, because a run without a stop does not compute them again here.
     let state = HeldState { grains, contacts };
     RestState { cell, state }.put_back(&mut assembly)?;
+    if is_filed {
+        // A packing of a file has none.
+        assembly.initial_forces(&mut NoWalls, false)?;
+    }
 
     let (mut assembly, progress, resumed) = if let Header::Newtonian { step, progress, .. } = header
     {

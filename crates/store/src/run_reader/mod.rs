@@ -371,6 +371,11 @@ impl RunFile {
         !self.is_box
     }
 
+    /// Returns whether the walls are planes, which no grain belongs to.
+    pub fn has_flat_walls(&self) -> bool {
+        self.has_walls() && self.grains.body.iter().all(|body| *body == 0)
+    }
+
     /// Returns whether this grain of a frame had passed a wall and was removed.
     pub fn is_removed(&self, grain: &GrainSample) -> bool {
         self.has_walls() && grain.image[self.dimension.axes() - 1] != 0
