@@ -1,7 +1,7 @@
 //! Shear without walls, through the real program: load and volume, the energy budget, displacements
 //! over the edges of the cell, and packings of boxes.
 
-use crate::common::{gshear_mpi, run_scene};
+use crate::common::{gshear_mpi, reducer, run_scene, succeed};
 use gshear_dem::dimension::Two;
 use gshear_store::run_reader::RunFile;
 
@@ -178,4 +178,75 @@ fn a_jammed_packing_of_a_box_is_sheared() {
     }
     let offset = |run: &RunFile, t: usize| run.box_edges(t)[1][0];
     assert_eq!(offset(&flow, 0), offset(&strained, strained.frames() - 1));
+}
+
+/// A flow goes on from its checkpoint or its last frame, also in copies above each other: the
+/// energy of its fluctuations is that of before but for a step and the springs of the contacts, and
+/// nothing jumps. Of a file of another program the stream is that of its velocities.
+#[test]
+fn a_flow_goes_on_as_a_packing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let shear = [
+        "shear.inertial_number=none",
+        "shear.velocity=0.5",
+        "output.energy=false",
+    ];
+    let whole = [&shear[..], &["shear.strain=0.3"]].concat();
+    let first = run_scene(folder.path(), "first", FLOW, &whole);
+    let energy = |run: &RunFile, row: usize| run.series().column("kinetic_energy")[row];
+    let last = energy(&first, first.series().rows() - 1);
+    let mut export = reducer();
+    export.args(["export", "--format=lammps-dump", "--frame=last"]);
+    let dump = folder.path().join("last.dump");
+    succeed(
+        export
+            .arg(folder.path().join("first"))
+            .arg("--out")
+            .arg(&dump),
+    );
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let frame = format!("{}@{}", at("first/run.h5"), first.frames() - 1);
+    let mut found = Vec::new();
+    for (name, packing, copies, within) in [
+        ("checkpoint", &at("first/checkpoint.h5"), [1, 1], 0.01),
+        ("frame", &frame, [1, 1], 0.01),
+        ("copies", &at("first/checkpoint.h5"), [2, 3], 0.01),
+        // A line through 150 velocities is off by a tenth; streams counted twice give 19 times as much.
+        ("dump", &at("last.dump"), [1, 1], 1.0),
+    ] {
+        let packing = format!("sample.packing={packing}");
+        let copied = format!("sample.replicate={copies:?}");
+        let mut set = [&shear[..], &[&packing, &copied, "shear.strain=0.01"]].concat();
+        let keys = [
+            "sample.grains",
+            "sample.radius_min",
+            "sample.radius_max",
+            "sample.length",
+        ];
+        let none = keys.map(|key| format!("{key}=none"));
+        set.extend(none.iter().map(String::as_str));
+        set.extend([
+            "pack.tolerance=none",
+            "output.frame_strain=0",
+            "output.series_strain=1e-9",
+        ]);
+        // Images of a higher cell are as much faster.
+        let velocity = format!("shear.velocity={}", 0.5 * f64::from(copies[1]));
+        set.push(&velocity);
+        let run = run_scene(folder.path(), name, FLOW, &set);
+        let count = f64::from(copies[0] * copies[1]);
+        let [before, after] = [0, 1].map(|row| energy(&run, row) / count);
+        println!("{name}: {last:e} {before:e} {after:e}");
+        assert!(
+            (before / last - 1.0).abs() < within,
+            "{name}: {before:e} {last:e}"
+        );
+        assert!(
+            (after / before - 1.0).abs() < 0.01,
+            "{name}: {after:e} {before:e}"
+        );
+        found.push(before);
+    }
+    assert_eq!(found[1], found[0]);
+    assert!((found[2] / found[0] - 1.0).abs() < 1e-9, "{found:?}");
 }

@@ -11,7 +11,7 @@ use gshear_scene::lammps_data::{Atom, DataFile};
 use gshear_scene::packing::{GrainLimit, Packing, split_frame};
 use gshear_scene::{Arrangement, Dimensions, atom_type};
 use gshear_store::checkpoint;
-use gshear_store::run_reader::{RunFile, is_hdf5};
+use gshear_store::run_reader::{RunFile, RunStage, is_hdf5};
 
 use crate::header::{Header, Saved};
 
@@ -25,6 +25,8 @@ pub struct ExportedState {
     pub cell: Cell,
     /// Heights of flat walls (m), infinite where there is none.
     planes: Option<[f64; 2]>,
+    /// Velocity along x of the image above (m/s), if it is known.
+    stream: Option<f64>,
     /// Disks or spheres.
     pub dimension: Dimensions,
     /// The grains, but for their density, and their masses (kg; kg/m in 2D).
@@ -61,6 +63,7 @@ impl ExportedState {
             name: format!("frame-{t}"),
             cell: run.cell(t),
             planes: None,
+            stream: stream_of(run, frame.step),
             dimension: run.dimension(),
             grains: (frame.grains.iter().enumerate())
                 .filter(|(_, of)| !run.is_removed(of))
@@ -105,6 +108,7 @@ impl ExportedState {
                 Header::Shear(shear) => shear.planes(&scene),
                 _ => None,
             },
+            stream: header.cell_in(&scene).sheared.map(|of| of.velocity),
             dimension: scene.dimension,
             grains: (saved.state.grains.iter())
                 .filter(|g| g.body != body::REMOVED)
@@ -141,10 +145,24 @@ impl ExportedState {
                 (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
             },
             tilt,
+            stream: self.stream,
             types: atoms().fold(3, |n, a| n.max(a.kind)),
             atoms: self.grains.iter().map(atom).collect(),
         }
     }
+}
+
+/// Velocity along x of the images above a cell without walls (m/s) in this step of its shear, if the
+/// time series has a row of it; those of a box rest.
+fn stream_of(run: &RunFile, step: u64) -> Option<f64> {
+    if run.has_walls() {
+        return None;
+    }
+    if run.stage() != RunStage::Shear {
+        return Some(0.0);
+    }
+    let row = run.series().step.binary_search(&step).ok()?;
+    Some(run.series().column("slip_rate")[row])
 }
 
 /// Reads the packing of a scene: a frame of a run, by default the last, a checkpoint, or what

@@ -16,6 +16,8 @@ pub struct DataFile {
     pub bounds: [[f64; 2]; 3],
     /// xy, xz, yz of a tilted box.
     pub tilt: [f64; 3],
+    /// Velocity along x of the image above (m/s), if it is known; no file has it.
+    pub stream: Option<f64>,
     /// Number of types.
     pub types: u32,
     /// In the order of the section `Atoms`.
@@ -528,6 +530,7 @@ impl DataHeader {
         let count = self.atoms.ok_or_else(|| missing("N atoms"))?;
         let file = DataFile {
             tilt: self.tilt,
+            stream: None,
             types: self.types.ok_or_else(|| missing("n atom types"))?,
             bounds: [
                 bounds(0, "lo hi xlo xhi")?,
@@ -559,6 +562,7 @@ mod tests {
         DataFile {
             bounds: [[0.0, 48e-6], [-1e-9, 0.1 + 0.2], [-0.5, 0.5]],
             tilt: [1e-6 / 3.0, 0.0, 0.0],
+            stream: None,
             types: 3,
             atoms: (0..4).map(atom).collect(),
         }

@@ -71,6 +71,7 @@ pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile, F
             return Ok(DataFile {
                 bounds,
                 tilt,
+                stream: None,
                 types: atoms.iter().map(|a| a.kind).max().unwrap_or(1),
                 atoms,
             });
@@ -246,6 +247,7 @@ pub fn parse_list(name: &str, text: &str) -> Result<DataFile, Failure> {
     Ok(DataFile {
         bounds: periods.map(|length| [0.0, length]),
         tilt: [0.0; 3],
+        stream: None,
         types: 1,
         atoms,
     })

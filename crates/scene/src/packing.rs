@@ -81,7 +81,36 @@ fn in_line(line: usize) -> String {
     }
 }
 
-/// So many copies beside each other along the axes, in a box as many times as long.
+/// The axis along which a cell is sheared: y of disks, z of spheres.
+fn gradient(atoms: &[Atom]) -> usize {
+    1 + usize::from(atoms.iter().any(|atom| atom.position[2] != 0.0))
+}
+
+/// The velocity along x (m/s) of the image above with which these grains stream: of the straight
+/// line of least squares through their velocities over the height.
+fn streaming(data: &DataFile) -> f64 {
+    let up = gradient(&data.atoms);
+    let [low, high] = data.bounds[up];
+    let count = data.atoms.len() as f64;
+    let mean = |of: fn(&Atom, usize) -> f64| {
+        data.atoms.iter().map(|atom| of(atom, up)).sum::<f64>() / count
+    };
+    let [height, velocity] = [|a: &Atom, up| a.position[up], |a: &Atom, _| a.velocity[0]].map(mean);
+    let (mut above, mut below) = (0.0, 0.0);
+    for atom in &data.atoms {
+        let higher = atom.position[up] - height;
+        above += higher * (atom.velocity[0] - velocity);
+        below += higher * higher;
+    }
+    if below > 0.0 {
+        above / below * (high - low)
+    } else {
+        0.0
+    }
+}
+
+/// So many copies beside each other along the axes, in a box as many times as long. Those above
+/// each other stream as images do.
 fn replicated(
     name: &str,
     mut data: DataFile,
@@ -115,7 +144,9 @@ fn replicated(
         );
         return Err(wrong(name, 0, what));
     }
+    let up = gradient(&data.atoms);
     for (axis, copies) in copies.into_iter().enumerate() {
+        let faster = data.stream.filter(|_| axis == up).unwrap_or(0.0);
         let [low, high] = data.bounds[axis];
         let [xy, xz, yz] = data.tilt;
         let edge = [
@@ -131,6 +162,7 @@ fn replicated(
                 for (x, edge) in atom.position.iter_mut().zip(edge) {
                     *x += edge * f64::from(copy);
                 }
+                atom.velocity[0] += faster * f64::from(copy);
                 // As LAMMPS numbers copies.
                 let before = last.saturating_mul(u64::from(copy));
                 atom.id = atom.id.saturating_add(before);
@@ -138,6 +170,9 @@ fn replicated(
             }));
         }
         data.bounds[axis][1] = low + (high - low) * f64::from(copies);
+        if axis == up {
+            data.stream = data.stream.map(|stream| stream * f64::from(copies));
+        }
         for (k, to) in [(0, 1), (1, 2), (2, 2)] {
             if to == axis {
                 data.tilt[k] *= f64::from(copies);
@@ -405,6 +440,10 @@ impl Packing {
         arrangement: Arrangement,
         limit: &GrainLimit,
     ) -> Result<Self, Failure> {
+        let mut data = data;
+        if arrangement.boxed {
+            data.stream = data.stream.or_else(|| Some(streaming(&data)));
+        }
         let data = replicated(name, data, arrangement.copies, limit)?;
         let mut packing = Self::new(name, path, data, arrangement)?;
         packing.file.content = content;
@@ -469,6 +508,7 @@ impl Packing {
             length: periods[0],
             width: (!planar).then_some(periods[1]),
             boxed: offset.map(|offset| [periods[up], nearest_image(offset, periods[0])]),
+            stream: data.stream.unwrap_or(0.0),
             edges: if arrangement.flat {
                 data.bounds[up]
             } else {
@@ -1162,6 +1202,7 @@ mod tests {
         let data = DataFile {
             bounds: [[1.0, 1.0 + length], [2.0, 2.0 + height], [-1.0, 1.0]],
             tilt: [tilt, 0.0, 0.0],
+            stream: None,
             types: 1,
             atoms: (1..=30).map(atom).collect(),
         };

@@ -275,6 +275,9 @@ pub struct PackingFile {
     /// L (m) along the last axis of a periodic box, and its Lees–Edwards offset (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub boxed: Option<[f64; 2]>,
+    /// Velocity along x of the image above in that box (m/s).
+    #[serde(default)]
+    pub stream: f64,
     /// Coordinates of the lowest and of the highest edge of a grain, along the last axis (m); those
     /// of the file's box for flat walls.
     pub edges: [f64; 2],

@@ -509,6 +509,7 @@ fn spheres() -> Vec<u8> {
     let file = lammps_data::DataFile {
         bounds: [[0.0, 5e-3], [0.0, 5e-3], [0.0, 10e-3]],
         tilt: [0.0; 3],
+        stream: None,
         types: 1,
         atoms: (0..200).map(atom).collect(),
     };

@@ -197,9 +197,10 @@ fn falling(scene: &Scene, plane_shear: &PlaneShear, height: f64, starts: u32) ->
 /// The shear of a sample with this top, from its first step.
 fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHeader {
     let offset = scene.cell().sheared.map_or(0.0, |of| of.offset);
+    let stream = scene.packing().map_or(0.0, |file| file.stream);
     ShearHeader {
         step: 0,
-        images: (plane_shear.confinement == Confinement::Images).then_some([offset, 0.0]),
+        images: (plane_shear.confinement == Confinement::Images).then_some([offset, stream]),
         height: height_between(scene, plane_shear, &piston),
         piston,
         slider: None,
