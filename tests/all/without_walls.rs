@@ -181,8 +181,8 @@ fn a_jammed_packing_of_a_box_is_sheared() {
 }
 
 /// A flow goes on from its checkpoint or its last frame, also in copies above each other: the
-/// energy of its fluctuations is that of before but for a step and the springs of the contacts, and
-/// nothing jumps. Of a file of another program the stream is that of its velocities.
+/// energy of its fluctuations is that of before (the checkpoint is some steps after the last row),
+/// and nothing jumps. Of a file of another program the stream is that of its velocities.
 #[test]
 fn a_flow_goes_on_as_a_packing() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -209,7 +209,7 @@ fn a_flow_goes_on_as_a_packing() {
     let mut found = Vec::new();
     for (name, packing, copies, within) in [
         ("checkpoint", &at("first/checkpoint.h5"), [1, 1], 0.01),
-        ("frame", &frame, [1, 1], 0.01),
+        ("frame", &frame, [1, 1], 1e-9),
         ("copies", &at("first/checkpoint.h5"), [2, 3], 0.01),
         // A line through 150 velocities is off by a tenth; streams counted twice give 19 times as much.
         ("dump", &at("last.dump"), [1, 1], 1.0),
@@ -247,6 +247,5 @@ fn a_flow_goes_on_as_a_packing() {
         );
         found.push(before);
     }
-    assert_eq!(found[1], found[0]);
     assert!((found[2] / found[0] - 1.0).abs() < 1e-9, "{found:?}");
 }

@@ -212,17 +212,19 @@ fn parsed(name: &str, bytes: &[u8], frame: Option<usize>) -> Result<DataFile, Fa
     }
     // Comments may be in any other encoding.
     let text = String::from_utf8_lossy(bytes);
-    if lammps_dump::is_dump(&text) {
-        return lammps_dump::parse(name, &text, frame);
+    // A byte order mark says nothing in UTF-8.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(&text);
+    if lammps_dump::is_dump(text) {
+        return lammps_dump::parse(name, text, frame);
     }
     if let Some(frame) = frame {
         let what = format!("holds one state; leave out @{frame}");
         return Err(wrong(name, 0, what));
     }
-    if lammps_dump::is_list(&text) {
-        return lammps_dump::parse_list(name, &text);
+    if lammps_dump::is_list(text) {
+        return lammps_dump::parse_list(name, text);
     }
-    lammps_data::parse(name, &text)
+    lammps_data::parse(name, text)
 }
 
 /// The bytes of a file, unpacked if gzip has packed them.
@@ -1084,7 +1086,7 @@ mod tests {
             assert_eq!(refused(text.as_bytes(), None), expected);
         }
         let marked = "\u{feff}1 2 3 4\n".as_bytes();
-        let expected = "f: the header lacks the line `N atoms`";
+        let expected = "f: a list of spheres x y z r lacks its box; begin it with the line ##PERIODIC:: L_x L_y L_z";
         assert_eq!(refused(marked, None), expected);
         let expected = "f: holds one state; leave out @3";
         assert_eq!(refused(TEXT.as_bytes(), Some(3)), expected);
