@@ -74,6 +74,26 @@ pub struct Eigenvalue {
     pub verdict: Verdict,
 }
 
+impl Eigenvalue {
+    /// Rounding moves λ by about its condition times ε; at an exceptional point of two eigenvalues
+    /// by √ε, of more by more, and the condition grows accordingly. An imaginary part below either
+    /// is no evidence.
+    fn judged(problem: &Problem, value: c64, residual: f64, condition: f64) -> Self {
+        let relative = value / problem.norm();
+        let rounding = 10.0 * condition * residual.max(f64::EPSILON);
+        let verdict = match Verdict::of_value(relative, 1.0) {
+            Verdict::Pair if relative.im.abs() <= rounding => Verdict::Doubtful,
+            verdict => verdict,
+        };
+        Self {
+            value,
+            residual,
+            condition,
+            verdict,
+        }
+    }
+}
+
 /// Greatest residual accepted for an eigenvalue; see [`Spectrum::refine`].
 pub const RESIDUAL: f64 = 1e-12;
 /// Greatest number of solves to reach it.
@@ -173,13 +193,7 @@ impl Spectrum {
             } else {
                 condition
             };
-            let verdict = judge(value / problem.norm(), residual, condition);
-            eigenvalues.push(Eigenvalue {
-                value,
-                residual,
-                condition,
-                verdict,
-            });
+            eigenvalues.push(Eigenvalue::judged(problem, value, residual, condition));
         }
         Spectrum {
             eigenvalues,
@@ -230,12 +244,7 @@ impl Spectrum {
             return false;
         }
         self.right.col_mut(k).copy_from(w.col(0));
-        self.eigenvalues[k] = Eigenvalue {
-            value,
-            residual,
-            condition: old.condition,
-            verdict: judge(value / problem.norm(), residual, old.condition),
-        };
+        self.eigenvalues[k] = Eigenvalue::judged(problem, value, residual, old.condition);
         true
     }
 
@@ -251,14 +260,12 @@ impl Spectrum {
         kept: impl Fn(&Eigenvalue) -> bool,
         key: impl Fn(&Eigenvalue) -> f64,
     ) -> Spectrum {
-        let mut order: Vec<usize> = (0..self.eigenvalues.len())
-            .filter(|&k| kept(&self.eigenvalues[k]))
-            .collect();
+        let all = 0..self.eigenvalues.len();
+        let mut order: Vec<usize> = all.filter(|&k| kept(&self.eigenvalues[k])).collect();
         order.sort_by(|&a, &b| {
             let [a, b] = [a, b].map(|k| &self.eigenvalues[k]);
-            key(a)
-                .total_cmp(&key(b))
-                .then(b.value.im.total_cmp(&a.value.im))
+            let upper_first = b.value.im.total_cmp(&a.value.im);
+            key(a).total_cmp(&key(b)).then(upper_first)
         });
         let picked =
             |from: &Mat<c64>| Mat::from_fn(from.nrows(), order.len(), |i, j| from[(i, order[j])]);
@@ -299,19 +306,6 @@ pub(crate) fn joined<T: Scalar>(a: &Mat<T>, b: &Mat<T>) -> Mat<T> {
             b[(i, j - first)]
         }
     })
-}
-
-/// The verdict on λ/‖A‖.
-///
-/// Rounding moves λ by about its condition times ε; at an exceptional point of two eigenvalues by
-/// √ε, of more by more, and the condition grows accordingly. An imaginary part below either is no
-/// evidence.
-fn judge(value: c64, residual: f64, condition: f64) -> Verdict {
-    let rounding = 10.0 * condition * residual.max(f64::EPSILON);
-    match Verdict::of_value(value, 1.0) {
-        Verdict::Pair if value.im.abs() <= rounding => Verdict::Doubtful,
-        verdict => verdict,
-    }
 }
 
 /// Returns the participation ratio (Σ p)² / (N Σ p²) of N grains, p = |v|² summed over the unknowns

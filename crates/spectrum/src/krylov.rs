@@ -302,10 +302,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         let mut converged = 0;
         let mut at_floor = false;
         for part in &schur.blocks {
-            at_floor = part
-                .values
-                .iter()
-                .all(|value| value.norm() < self.settings.floor);
+            let mut values = part.values.iter();
+            at_floor = values.all(|value| value.norm() < self.settings.floor);
             if at_floor {
                 break;
             }
@@ -320,22 +318,16 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         self.locked = converged;
         let ends = || schur.blocks.iter().map(|part| part.start + part.size);
         if converged >= self.settings.count || at_floor || converged == used && used == self.n {
-            let wanted = self
-                .settings
-                .count
-                .min(if at_floor { converged } else { used });
+            let most = if at_floor { converged } else { used };
+            let wanted = self.settings.count.min(most);
             if wanted == 0 {
                 return Some((Mat::zeros(self.n, 0), Vec::new()));
             }
-            let end = ends()
-                .find(|&end| end >= wanted)
-                .expect("the last block ends at `used`");
-            let values = schur
-                .blocks
-                .iter()
-                .flat_map(|part| &part.values[..part.size]);
-            let values = values.take(end).copied().collect();
-            return Some((self.turned(&schur.q, end), values));
+            let end = ends().find(|&end| end >= wanted);
+            let end = end.expect("the last block ends at `used`");
+            let blocks = schur.blocks.iter();
+            let values = blocks.flat_map(|part| &part.values[..part.size]).take(end);
+            return Some((self.turned(&schur.q, end), values.copied().collect()));
         }
 
         let count = self.settings.count.min(used);

@@ -68,7 +68,6 @@ impl<'a, T: Scalar> Lu<'a, T> {
         let largest = values
             .iter()
             .fold(shift.widened().norm(), |most, v| most.max(v.abs()));
-        let mut place = vec![0; symbolic.size()];
         let mut updates: Vec<Vec<T>> = symbolic.fronts.iter().map(|_| Vec::new()).collect();
         let mut factors = Vec::with_capacity(symbolic.fronts.len());
         for (s, front) in symbolic.fronts.iter().enumerate() {
@@ -87,16 +86,9 @@ impl<'a, T: Scalar> Lu<'a, T> {
             (0..width).for_each(|j| panel[j * height + j] -= shift);
             for &child in &front.children {
                 let from = &symbolic.fronts[child].reach;
+                let place: Vec<usize> = from.iter().map(|&pivot| front.place(pivot)).collect();
                 let added = std::mem::take(&mut updates[child]);
-                places(front, from, &mut place);
-                add(
-                    &added,
-                    &place[..from.len()],
-                    width,
-                    &mut panel,
-                    &mut rows,
-                    &mut update,
-                );
+                add(&added, &place, width, [&mut panel, &mut rows, &mut update]);
             }
             let factor = Factor::eliminate(panel, rows, &mut update, [width, reach], par);
             if !factor.regular(width, LEAST_PIVOT * largest) {
@@ -159,38 +151,19 @@ impl<'a, T: Scalar> Lu<'a, T> {
         let mut inner = vec![T::of(0.0); n * columns];
         for (j, column) in inner.chunks_exact_mut(n.max(1)).enumerate() {
             let from = x.rb().col(j);
-            column
-                .iter_mut()
-                .zip(order)
-                .for_each(|(to, &i)| *to = from[i]);
+            for (to, &i) in column.iter_mut().zip(order) {
+                *to = from[i];
+            }
         }
         let mut scratch = Vec::new();
-        work(
-            MatMut::from_column_major_slice_mut(&mut inner, n, columns),
-            &mut scratch,
-        );
+        let permuted = MatMut::from_column_major_slice_mut(&mut inner, n, columns);
+        work(permuted, &mut scratch);
         for (j, column) in inner.chunks_exact(n.max(1)).enumerate() {
             let mut to = x.rb_mut().col_mut(j);
-            column
-                .iter()
-                .zip(order)
-                .for_each(|(from, &i)| to[i] = *from);
-        }
-    }
-}
-
-/// Writes to `place` the index within `front` of each unknown of `from`, which ascend.
-fn places(front: &Front, from: &[usize], place: &mut [usize]) {
-    let mut later = 0;
-    for (&pivot, place) in from.iter().zip(place) {
-        *place = if pivot < front.begin + front.width {
-            pivot - front.begin
-        } else {
-            while front.reach[later] < pivot {
-                later += 1;
+            for (from, &i) in column.iter().zip(order) {
+                to[i] = *from;
             }
-            front.width + later
-        };
+        }
     }
 }
 
@@ -200,9 +173,7 @@ fn add<T: Scalar>(
     added: &[T],
     place: &[usize],
     width: usize,
-    panel: &mut [T],
-    rows: &mut [T],
-    update: &mut [T],
+    [panel, rows, update]: [&mut Vec<T>; 3],
 ) {
     let count = place.len();
     let (height, reach) = (panel.len() / width, rows.len() / width);
@@ -210,10 +181,9 @@ fn add<T: Scalar>(
     for (column, &j) in added.chunks_exact(count.max(1)).zip(place) {
         if j < width {
             let to = &mut panel[j * height..(j + 1) * height];
-            place
-                .iter()
-                .zip(column)
-                .for_each(|(&i, value)| to[i] += *value);
+            for (&i, value) in place.iter().zip(column) {
+                to[i] += *value;
+            }
             continue;
         }
         let to = &mut rows[(j - width) * width..(j - width + 1) * width];
@@ -237,12 +207,8 @@ impl<T: Scalar> Factor<T> {
         let (mut pivot, mut inverse) = (vec![0usize; width], vec![0usize; width]);
         let columns = MatMut::from_column_major_slice_mut(&mut panel, width + reach, width);
         let (mut square, mut below) = columns.split_at_row_mut(width);
-        let mut memory = MemBuffer::new(lu_in_place_scratch::<usize, T>(
-            width,
-            width,
-            par,
-            Spec::default(),
-        ));
+        let needed = lu_in_place_scratch::<usize, T>(width, width, par, Spec::default());
+        let mut memory = MemBuffer::new(needed);
         let (info, _) = lu_in_place(
             square.rb_mut(),
             &mut pivot,
@@ -254,10 +220,9 @@ impl<T: Scalar> Factor<T> {
         let mut scratch = vec![T::of(0.0); width];
         for column in rows.chunks_exact_mut(width) {
             scratch.copy_from_slice(column);
-            column
-                .iter_mut()
-                .zip(&pivot)
-                .for_each(|(to, &i)| *to = scratch[i]);
+            for (to, &i) in column.iter_mut().zip(&pivot) {
+                *to = scratch[i];
+            }
         }
         if reach > 0 {
             let mut right = MatMut::from_column_major_slice_mut(&mut rows, width, reach);
@@ -282,7 +247,7 @@ impl<T: Scalar> Factor<T> {
         // Not `!(pivot <= least)`, which NaN would pass.
         pivots
             .into_iter()
-            .all(|pivot| pivot.is_finite() && pivot > least)
+            .all(|size| size.is_finite() && size > least)
     }
 
     /// The square that holds L₁₁ and U₁₁; L₂₁; U₁₂.
@@ -290,11 +255,8 @@ impl<T: Scalar> Factor<T> {
         let (width, reach) = (front.width, front.reach.len());
         let columns = MatRef::from_column_major_slice(&self.panel, width + reach, width);
         let (square, below) = columns.split_at_row(width);
-        (
-            square,
-            below,
-            MatRef::from_column_major_slice(&self.rows, width, reach),
-        )
+        let right = MatRef::from_column_major_slice(&self.rows, width, reach);
+        (square, below, right)
     }
 
     /// Solves with P and L₁₁, and subtracts L₂₁ times the result from the later unknowns.
@@ -305,10 +267,9 @@ impl<T: Scalar> Factor<T> {
             let mut column = pivots.rb_mut().col_mut(j);
             scratch.clear();
             scratch.extend(self.pivot.iter().map(|&i| column[i]));
-            scratch
-                .iter()
-                .enumerate()
-                .for_each(|(i, value)| column[i] = *value);
+            for (i, value) in scratch.iter().enumerate() {
+                column[i] = *value;
+            }
         }
         solve_unit_lower_triangular_in_place(square, pivots.rb_mut(), par);
         subtract_from_later(front, x, below, scratch, par);
@@ -378,11 +339,9 @@ fn subtract_from_later<T: Scalar>(
     matmul(product, Accum::Replace, block, pivots, T::of(1.0), par);
     for (j, product) in scratch.chunks_exact(reach).enumerate() {
         let mut column = x.rb_mut().col_mut(j);
-        front
-            .reach
-            .iter()
-            .zip(product)
-            .for_each(|(&i, value)| column[i] -= *value);
+        for (&i, value) in front.reach.iter().zip(product) {
+            column[i] -= *value;
+        }
     }
 }
 

@@ -67,20 +67,12 @@ pub fn nested_dissection(pattern: &SymmetricPattern) -> Vec<usize> {
     let mut start = vec![0];
     let mut neighbour: Vec<i32> = Vec::new();
     for (a, member) in members.iter().enumerate() {
-        let first = neighbour.len();
-        neighbour.extend(pattern.column(member[0]).iter().map(|&i| node[i] as i32));
-        let own = &mut neighbour[first..];
+        let rows = pattern.column(member[0]).iter().map(|&i| node[i] as i32);
+        let mut own: Vec<i32> = rows.filter(|b| *b != a as i32).collect();
         own.sort_unstable();
-        let mut kept = first;
-        for at in first..neighbour.len() {
-            let b = neighbour[at];
-            if b != a as i32 && (kept == first || neighbour[kept - 1] != b) {
-                neighbour[kept] = b;
-                kept += 1;
-            }
-        }
-        neighbour.truncate(kept);
-        start.push(kept as i32);
+        own.dedup();
+        neighbour.extend(own);
+        start.push(neighbour.len() as i32);
     }
     let graph = feral_metis::CscPattern::new(members.len(), &start, &neighbour)
         .expect("columns of sorted rows");

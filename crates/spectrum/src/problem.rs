@@ -130,7 +130,8 @@ impl Problem {
         let unknowns = k.ncols();
         check(k, mass, null)?;
         let mut touched = vec![false; unknowns];
-        for entry in k.triplet_iter().filter(|entry| *entry.val != 0.0) {
+        let nonzero = || k.triplet_iter().filter(|entry| *entry.val != 0.0);
+        for entry in nonzero() {
             touched[entry.row] = true;
             touched[entry.col] = true;
         }
@@ -138,14 +139,11 @@ impl Problem {
         let mut place = vec![usize::MAX; unknowns];
         active.iter().enumerate().for_each(|(at, &j)| place[j] = at);
         let root_mass: Vec<f64> = active.iter().map(|&j| mass[j].sqrt()).collect();
-        let entries: Vec<_> = k
-            .triplet_iter()
-            .filter(|entry| *entry.val != 0.0)
-            .map(|entry| {
-                let (i, j) = (place[entry.row], place[entry.col]);
-                Triplet::new(i, j, entry.val / (root_mass[i] * root_mass[j]))
-            })
-            .collect();
+        let entries = nonzero().map(|entry| {
+            let (i, j) = (place[entry.row], place[entry.col]);
+            Triplet::new(i, j, entry.val / (root_mass[i] * root_mass[j]))
+        });
+        let entries: Vec<_> = entries.collect();
         let a = SparseColMat::try_new_from_triplets(active.len(), active.len(), &entries)
             .expect("indices within the matrix");
         let mut problem = Problem {
@@ -204,9 +202,9 @@ impl Problem {
             y.fill(T::of(0.0));
             for j in 0..self.size() {
                 let (rows, values) = (self.a.row_idx_of_col_raw(j), self.a.val_of_col(j));
-                rows.iter()
-                    .zip(values)
-                    .for_each(|(&i, &a)| y[i] += T::of(a) * x[j]);
+                for (&i, &a) in rows.iter().zip(values) {
+                    y[i] += T::of(a) * x[j];
+                }
             }
         }
     }

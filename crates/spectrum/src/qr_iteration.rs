@@ -38,34 +38,53 @@ fn block_start<T: ComplexField + Copy>(
     first
 }
 
+/// Splits the block of two of H that begins in this row.
+type Split<T> = fn(&mut DMatrix<T>, &mut DMatrix<T>, usize);
+
+/// Steps on the last block, between rows `first` and `last` (the next two arguments) of H and V,
+/// until it falls apart; the last argument is whether the shift is exceptional. Blocks of two are
+/// left to `split`, if there is one. `size`: of an entry. Returns false without convergence.
+fn deflated<T: ComplexField + Copy>(
+    h: &mut DMatrix<T>,
+    v: &mut DMatrix<T>,
+    size: impl Fn(T) -> f64,
+    split: Option<Split<T>>,
+    step: impl Fn(&mut DMatrix<T>, &mut DMatrix<T>, usize, usize, bool),
+) -> bool {
+    let norm = h.iter().map(|&z| size(z)).fold(0.0, f64::max);
+    let (mut end, mut iteration) = (h.nrows(), 0);
+    while end > 0 {
+        let last = end - 1;
+        let first = block_start(h, last, &size, norm, iteration > PATIENT);
+        match split {
+            Some(split) if first + 1 == last => split(h, v, first),
+            _ if first == last => {}
+            _ => {
+                iteration += 1;
+                if iteration > MOST {
+                    return false;
+                }
+                step(h, v, first, last, iteration % EXCEPTIONAL == 0);
+                continue;
+            }
+        }
+        (end, iteration) = (first, 0);
+    }
+    true
+}
+
 /// Reduces H ← QᴴHQ to upper triangular form and V ← VQ, with single Wilkinson shifts. Returns
 /// false if it does not converge.
 pub fn complex(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>) -> bool {
-    let n = h.nrows();
-    let mut end = n;
-    let mut iteration = 0;
     let size = |z: c64| z.re.abs() + z.im.abs();
-    let norm = h.iter().map(|&z| size(z)).fold(0.0, f64::max);
-    while end > 1 {
-        let last = end - 1;
-        let first = block_start(h, last, size, norm, iteration > PATIENT);
-        if first == last {
-            end -= 1;
-            iteration = 0;
-            continue;
-        }
-        iteration += 1;
-        if iteration > MOST {
-            return false;
-        }
-        let shift = if iteration % EXCEPTIONAL == 0 {
+    deflated(h, v, size, None, |h, v, first, last, exceptional| {
+        let shift = if exceptional {
             h[(last, last)] + c64::new(0.75 * size(h[(last, last - 1)]), 0.0)
         } else {
             wilkinson(h, last)
         };
         step(h, v, first, last, shift);
-    }
-    true
+    })
 }
 
 /// The eigenvalue of the last 2 × 2 block that is nearer to its last entry.
@@ -125,29 +144,7 @@ fn step(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>, first: usize, last: usize, s
 /// VQ, by Francis' double shift (Golub & Van Loan 2013, section 7.5). Returns false if it does not
 /// converge.
 pub fn real(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
-    let n = h.nrows();
-    let norm = h.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-    let mut end = n;
-    let mut iteration = 0;
-    while end > 0 {
-        let last = end - 1;
-        let first = block_start(h, last, f64::abs, norm, iteration > PATIENT);
-        if first == last {
-            end -= 1;
-            iteration = 0;
-        } else if first + 1 == last {
-            split(h, v, first);
-            end -= 2;
-            iteration = 0;
-        } else {
-            iteration += 1;
-            if iteration > MOST {
-                return false;
-            }
-            double_step(h, v, first, last, iteration % EXCEPTIONAL == 0);
-        }
-    }
-    true
+    deflated(h, v, f64::abs, Some(split), double_step)
 }
 
 /// Makes the 2 × 2 block at `at` triangular if its eigenvalues are real.

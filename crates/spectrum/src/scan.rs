@@ -32,19 +32,16 @@ pub struct Scan {
 pub fn bendixson(problem: &Problem) -> Rectangle {
     let n = problem.size();
     let a = problem.matrix();
-    let transposed = a
-        .transpose()
-        .to_col_major()
-        .expect("memory for the transpose");
+    let transposed = a.transpose().to_col_major();
+    let transposed = transposed.expect("memory for the transpose");
     let mut diagonal = vec![0.0; n];
     let (mut symmetric, mut skew) = (vec![0.0; n], vec![0.0; n]);
     let mut column = vec![0.0; n];
     for j in 0..n {
-        let of = |i: usize| (transposed.row_idx_of_col_raw(i), transposed.val_of_col(i));
-        let (rows, values) = of(j);
-        rows.iter()
-            .zip(values)
-            .for_each(|(&i, value)| column[i] = *value);
+        let rows = transposed.row_idx_of_col_raw(j);
+        for (&i, value) in rows.iter().zip(transposed.val_of_col(j)) {
+            column[i] = *value;
+        }
         for (&i, value) in a.row_idx_of_col_raw(j).iter().zip(a.val_of_col(j)) {
             if i == j {
                 diagonal[j] = *value;
@@ -62,15 +59,14 @@ pub fn bendixson(problem: &Problem) -> Rectangle {
             column[i] = 0.0;
         }
     }
-    let low = (0..n)
-        .map(|j| diagonal[j] - symmetric[j])
-        .fold(f64::INFINITY, f64::min);
-    let high = (0..n)
-        .map(|j| diagonal[j] + symmetric[j])
-        .fold(f64::NEG_INFINITY, f64::max);
+    let low = (0..n).map(|j| diagonal[j] - symmetric[j]);
+    let high = (0..n).map(|j| diagonal[j] + symmetric[j]);
     let height = skew.into_iter().fold(0.0, f64::max);
     Rectangle {
-        re: [low, high],
+        re: [
+            low.fold(f64::INFINITY, f64::min),
+            high.fold(f64::NEG_INFINITY, f64::max),
+        ],
         im: [-height, height],
     }
 }
@@ -170,9 +166,8 @@ impl Cover {
     }
 
     fn holds(&self, z: c64) -> bool {
-        self.disks
-            .iter()
-            .any(|(centre, radius)| (z - centre).norm() < *radius)
+        let mut disks = self.disks.iter();
+        disks.any(|(centre, radius)| (z - centre).norm() < *radius)
     }
 
     /// Distance from a grid point to the corner of its cell.
@@ -192,9 +187,8 @@ impl Cover {
     fn uncovered(&self) -> Option<c64> {
         let half_diagonal = self.half_diagonal();
         let covered = |z: c64| {
-            self.disks
-                .iter()
-                .find(|(centre, radius)| (z - centre).norm() + half_diagonal < *radius)
+            let mut disks = self.disks.iter();
+            disks.find(|(centre, radius)| (z - centre).norm() + half_diagonal < *radius)
         };
         let mut y = 0.0;
         while y <= self.height + self.pitch {
@@ -205,12 +199,8 @@ impl Cover {
                     // On the real axis the shift may lie further on, since its disk reaches to both
                     // sides.
                     None => {
-                        let mut ahead = self
-                            .disks
-                            .iter()
-                            .map(|disk| disk.1)
-                            .filter(|r| r.is_finite());
-                        let ahead = ahead.next_back().unwrap_or(0.0);
+                        let radii = self.disks.iter().map(|disk| disk.1);
+                        let ahead = radii.rev().find(|r| r.is_finite()).unwrap_or(0.0);
                         return Some(c64::new((x + 0.7 * ahead).min(self.re[1].max(x)), 0.0));
                     }
                     // Continue where this disk ends at this height.

@@ -1,11 +1,11 @@
 //! Shift-and-invert: the operator (A - σI)⁻¹ and the eigenvalues nearest a shift.
 
 use faer::reborrow::{Reborrow, ReborrowMut};
-use faer::{Mat, MatMut, Par, c64};
+use faer::{Mat, MatMut, MatRef, Par, c64};
 
 use crate::eigenvalues::{Eigenvalue, Spectrum};
-use crate::krylov::{self, Settings, Stalled, Subspace};
-use crate::lu::{Lu, Singular};
+use crate::krylov::{self, Settings, Stalled};
+use crate::lu::Lu;
 use crate::problem::Problem;
 use crate::scalar::Scalar;
 use crate::symbolic::Symbolic;
@@ -57,10 +57,8 @@ impl Nearest {
         if eigenvalues.len() + problem.null().ncols() >= problem.size() {
             return f64::INFINITY;
         }
-        let mut distances: Vec<f64> = eigenvalues
-            .iter()
-            .map(|e| (e.value - self.shift).norm())
-            .collect();
+        let distances = eigenvalues.iter().map(|e| (e.value - self.shift).norm());
+        let mut distances: Vec<f64> = distances.collect();
         distances.sort_by(f64::total_cmp);
         let outer = distances.len() - distances.len().div_ceil(4);
         let gaps = distances[outer.saturating_sub(1)..].windows(2);
@@ -104,20 +102,14 @@ fn nearest_in<T: Scalar>(
     request: Request,
 ) -> Result<Nearest, Failed> {
     let mut inverse = Inverse::<T>::near(problem, symbolic, request.shift, request.par)?;
-    let settings = settings(request, problem.size());
     let n = problem.size();
-    let mut solve = |adjoint: bool, x: MatMut<'_, T>| {
-        if adjoint {
-            inverse.apply_adjoint(x);
-        } else {
-            inverse.apply(x);
-        }
-    };
+    let settings = settings(request, n);
+    let mut solve = |adjoint: bool, x: MatMut<'_, T>| inverse.apply(adjoint, x);
     let right = krylov::largest(n, |x| solve(false, x), settings).map_err(Failed::Stalled)?;
     let wanted = right.basis.ncols();
     let (right, left) = if request.left {
-        let both = krylov::matched(n, right, solve, settings).map_err(Failed::Stalled)?;
-        let [right, left] = both;
+        let both = krylov::matched(n, right, solve, settings);
+        let [right, left] = both.map_err(Failed::Stalled)?;
         (right, Some(left))
     } else {
         (right, None)
@@ -135,8 +127,8 @@ fn nearest_in<T: Scalar>(
     Ok(Nearest {
         spectrum,
         shift: inverse.shift,
-        solves: both().map(|one: &Subspace<T>| one.applied).sum(),
-        restarts: both().map(|one: &Subspace<T>| one.restarts).sum(),
+        solves: both().map(|one| one.applied).sum(),
+        restarts: both().map(|one| one.restarts).sum(),
         factorisations: inverse.attempts,
     })
 }
@@ -197,9 +189,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
                 refine: false,
             };
             let error = inverse.backward_error();
-            if error > GOOD {
-                inverse.refine = true;
-            }
+            inverse.refine = error > GOOD;
             if error < USELESS {
                 return Ok(inverse);
             }
@@ -207,47 +197,41 @@ impl<'a, T: Scalar> Inverse<'a, T> {
         Err(Failed::Factors)
     }
 
-    /// Computes x ← (A - σI)⁻¹ x.
-    pub fn apply(&mut self, mut x: MatMut<'_, T>) {
+    /// Computes x ← (A - σI)⁻¹ x, or x ← (A - σI)⁻ᴴ x.
+    pub fn apply(&mut self, adjoint: bool, mut x: MatMut<'_, T>) {
         self.problem.project(x.rb_mut());
-        if self.refine {
-            let right = x.rb().to_owned();
-            self.lu.solve(x.rb_mut());
-            let mut rest = self.residual(x.rb().to_owned(), &right);
-            self.lu.solve(rest.as_mut());
+        if adjoint {
+            conjugate(x.rb_mut());
+        }
+        let right = self.refine.then(|| x.rb().to_owned());
+        self.solve(adjoint, x.rb_mut());
+        if let Some(right) = right {
+            let mut rest = self.residual(adjoint, x.rb(), &right);
+            self.solve(adjoint, rest.as_mut());
             x += &rest;
-        } else {
-            self.lu.solve(x.rb_mut());
+        }
+        if adjoint {
+            conjugate(x.rb_mut());
         }
         self.problem.project(x);
     }
 
-    /// Computes x ← (A - σI)⁻ᴴ x.
-    pub fn apply_adjoint(&mut self, mut x: MatMut<'_, T>) {
-        self.problem.project(x.rb_mut());
-        conjugate(x.rb_mut());
-        if self.refine {
-            let right = x.rb().to_owned();
-            self.lu.solve_transposed(x.rb_mut());
-            let mut image = Mat::zeros(x.nrows(), x.ncols());
-            self.problem.apply_transposed(x.rb(), image.as_mut());
-            let shift = T::narrowed(self.shift);
-            let mut rest = Mat::from_fn(x.nrows(), x.ncols(), |i, j| {
-                right[(i, j)] - image[(i, j)] + shift * x[(i, j)]
-            });
-            self.lu.solve_transposed(rest.as_mut());
-            x += &rest;
+    fn solve(&self, transposed: bool, x: MatMut<'_, T>) {
+        if transposed {
+            self.lu.solve_transposed(x);
         } else {
-            self.lu.solve_transposed(x.rb_mut());
+            self.lu.solve(x);
         }
-        conjugate(x.rb_mut());
-        self.problem.project(x);
     }
 
-    /// b - (A - σI) x.
-    fn residual(&self, x: Mat<T>, right: &Mat<T>) -> Mat<T> {
+    /// b - (A - σI) x, or with Aᵀ.
+    fn residual(&self, transposed: bool, x: MatRef<'_, T>, right: &Mat<T>) -> Mat<T> {
         let mut image = Mat::zeros(x.nrows(), x.ncols());
-        self.problem.apply(x.as_ref(), image.as_mut());
+        if transposed {
+            self.problem.apply_transposed(x, image.as_mut());
+        } else {
+            self.problem.apply(x, image.as_mut());
+        }
         let shift = T::narrowed(self.shift);
         Mat::from_fn(x.nrows(), x.ncols(), |i, j| {
             right[(i, j)] - image[(i, j)] + shift * x[(i, j)]
@@ -261,7 +245,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
         let mut x = right.clone();
         self.lu.solve(x.as_mut());
         let size = (self.problem.norm() + self.shift.norm()) * x.norm_l2() + right.norm_l2();
-        let error = self.residual(x, &right).norm_l2() / size;
+        let error = self.residual(false, x.as_ref(), &right).norm_l2() / size;
         if error.is_nan() { f64::INFINITY } else { error }
     }
 }
@@ -273,11 +257,5 @@ fn conjugate<T: Scalar>(mut x: MatMut<'_, T>) {
     for j in 0..x.ncols() {
         let mut column = x.rb_mut().col_mut(j);
         (0..column.nrows()).for_each(|i| column[i] = T::narrowed(column[i].widened().conj()));
-    }
-}
-
-impl From<Singular> for Failed {
-    fn from(_: Singular) -> Self {
-        Failed::Factors
     }
 }

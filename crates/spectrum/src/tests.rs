@@ -8,10 +8,8 @@ use rand_chacha::ChaCha8Rng;
 use super::*;
 
 fn sparse(n: usize, entries: &[(usize, usize, f64)]) -> SparseColMat<usize, f64> {
-    let entries: Vec<_> = entries
-        .iter()
-        .map(|&(i, j, v)| Triplet::new(i, j, v))
-        .collect();
+    let entries = entries.iter().map(|&(i, j, v)| Triplet::new(i, j, v));
+    let entries: Vec<_> = entries.collect();
     SparseColMat::try_new_from_triplets(n, n, &entries).expect("indices within the matrix")
 }
 
@@ -75,15 +73,11 @@ fn planted(
     }
     let n = values.len();
     let mut dense = Mat::<f64>::zeros(n, n);
-    let mut at = 0;
-    for &(a, b) in blocks {
-        dense[(at, at)] = a;
-        at += 1;
-        if b != 0.0 {
-            dense[(at, at)] = a;
-            dense[(at - 1, at)] = b;
-            dense[(at, at - 1)] = -b;
-            at += 1;
+    for (at, value) in values.iter().enumerate() {
+        dense[(at, at)] = value.re;
+        if value.im > 0.0 {
+            dense[(at, at + 1)] = value.im;
+            dense[(at + 1, at)] = -value.im;
         }
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -113,28 +107,19 @@ fn assert_nearest(problem: &Problem, found: &Spectrum, exact: &[c64], shift: c64
     let distance = |z: &c64| (z - shift).norm();
     let mut rest: Vec<c64> = exact.to_vec();
     rest.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-    let farthest = found
-        .eigenvalues
-        .iter()
-        .map(|e| distance(&e.value))
-        .fold(0.0, f64::max);
+    let distances = found.eigenvalues.iter().map(|e| distance(&e.value));
+    let farthest = distances.fold(0.0, f64::max);
     for e in &found.eigenvalues {
         assert!(e.residual <= 1e-12, "{e:?}");
-        let best = (0..rest.len())
-            .min_by(|&a, &b| {
-                (rest[a] - e.value)
-                    .norm()
-                    .total_cmp(&(rest[b] - e.value).norm())
-            })
-            .expect("no more than there are");
+        let apart = |k: usize| (rest[k] - e.value).norm();
+        let best = (0..rest.len()).min_by(|&a, &b| apart(a).total_cmp(&apart(b)));
+        let best = best.expect("no more than there are");
         let error = (rest.remove(best) - e.value).norm() / problem.norm();
         assert!(error < tolerance, "{e:?}: {error:e}");
     }
     // None of the remaining ones is nearer than those found.
-    assert!(
-        rest.iter()
-            .all(|z| distance(z) >= farthest - 1e-9 * problem.norm())
-    );
+    let least = farthest - 1e-9 * problem.norm();
+    assert!(rest.iter().all(|z| distance(z) >= least));
 }
 
 #[test]
@@ -170,10 +155,10 @@ fn convection_and_diffusion_on_a_square() {
             entries.push((other * side + i, other * side + j, *entry.val));
         }
     }
-    let exact: Vec<c64> = values
+    let exact = values
         .iter()
-        .flat_map(|a| values.iter().map(move |b| a + b))
-        .collect();
+        .flat_map(|a| values.iter().map(move |b| a + b));
+    let exact: Vec<c64> = exact.collect();
     let problem = problem(&sparse(side * side, &entries));
     // All but those on the diagonal are double, because a + b = b + a.
     let found = near(&problem, c64::new(0.0, 0.0), 25);
@@ -208,12 +193,8 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
     assert!(grown.complete);
     let within = |of: &Spectrum| {
         let inside = |e: &&Eigenvalue| e.value.im >= 0.002 * problem.norm();
-        let mut values: Vec<c64> = of
-            .eigenvalues
-            .iter()
-            .filter(inside)
-            .map(|e| e.value)
-            .collect();
+        let inside = of.eigenvalues.iter().filter(inside);
+        let mut values: Vec<c64> = inside.map(|e| e.value).collect();
         values.sort_by(|a, b| a.re.total_cmp(&b.re));
         values
     };
@@ -225,11 +206,8 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
         assert_nearest(&problem, &found, &exact, shift, 1e-12);
         for (at, e) in found.eigenvalues.iter().enumerate() {
             let same = |other: &Eigenvalue| (other.value - e.value).norm() < 1e-9;
-            let other = dense
-                .eigenvalues
-                .iter()
-                .position(same)
-                .expect("it is there");
+            let other = dense.eigenvalues.iter().position(same);
+            let other = other.expect("it is there");
             let condition = dense.eigenvalues[other].condition;
             assert!(
                 (e.condition / condition - 1.0).abs() < 1e-6,
@@ -424,14 +402,9 @@ fn zero_modes_are_set_apart() {
     let translation = Mat::from_fn(n + 2, 1, |i, _| if i < n { 1.0 } else { 0.0 });
     let fit = Problem::new(&k, &vec![2.0; n + 2], translation.as_ref()).expect("fit");
     assert_eq!((fit.size(), fit.rattling(), fit.null().ncols()), (n, 2, 1));
-    let exact: Vec<c64> = (1..n)
-        .map(|k| {
-            c64::new(
-                1.0 - (k as f64 * std::f64::consts::TAU / n as f64).cos(),
-                0.0,
-            )
-        })
-        .collect();
+    let angle = |k: usize| k as f64 * std::f64::consts::TAU / n as f64;
+    let exact = (1..n).map(|k| c64::new(1.0 - angle(k).cos(), 0.0));
+    let exact: Vec<c64> = exact.collect();
     let found = near(&fit, c64::new(0.0, 0.0), 6);
     assert_ne!(found.shift, c64::new(0.0, 0.0));
     assert_nearest(&fit, &found.spectrum, &exact, c64::new(0.0, 0.0), 1e-12);
@@ -463,9 +436,7 @@ fn eigenvalues_of_high_multiplicity_are_all_found() {
 
 #[test]
 fn participation_counts_grains() {
-    let v: Vec<c64> = [3.0, 4.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-        .map(|x| c64::new(0.0, x))
-        .into();
+    let v = [3.0, 4.0, 5.0, 0.0, 0.0, 0.0, 0.0, 0.0].map(|x| c64::new(0.0, x));
     assert_eq!(participation(&v, &[0, 0, 1, 1, 2, 2, 3, 3]), 0.5);
     assert_eq!(participation(&v[..1], &[0]), 1.0);
 }
