@@ -123,34 +123,27 @@ pub struct Regime {
     pub bins: Bins,
 }
 
-/// Choices of the statistics that LH leave open.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Choices {
-    /// How GR regions are counted.
-    pub regions: GrReading,
-    /// Width of the ranges.
-    pub bins: Bins,
-}
-
 impl Regime {
-    /// Takes the rows with γ ≥ `onset` and finds their phases.
+    /// Takes the rows with γ ≥ `onset` and finds their phases. LH leave open how GR regions are
+    /// counted and how wide the ranges are.
     pub fn from(
         onset: f64,
         strain: &[f64],
         tau: &[f64],
         scalars: &[FrameScalars],
-        choices: Choices,
+        reading: GrReading,
+        bins: Bins,
     ) -> Self {
         let first = strain.partition_point(|strain| *strain < onset);
         let (strain, tau) = (strain[first..].to_vec(), tau[first..].to_vec());
         let scalars = scalars[first..].to_vec();
-        let phases = phase_measures::of(&strain, &tau, &scalars, choices.regions);
+        let phases = phase_measures::of(&strain, &tau, &scalars, reading);
         Regime {
             strain,
             tau,
             scalars,
             phases,
-            bins: choices.bins,
+            bins,
         }
     }
 
@@ -172,9 +165,8 @@ impl Regime {
             Subject::TopTenth => intervals(|s| s.dmin_top_tenth),
             Subject::Phase(quantity, length) => {
                 let phases = self.phases.iter().filter(|phase| length.has(phase));
-                phases
-                    .map(|phase| row(phase.phase.change, quantity.of(phase)))
-                    .collect()
+                let rows = phases.map(|of| row(of.phase.change, quantity.of(of)));
+                rows.collect()
             }
         }
     }
@@ -188,12 +180,11 @@ impl Regime {
         quantity: Quantity,
     ) -> Vec<(ValueRange, Correlation)> {
         let long = self.phases.iter().filter(|phase| Length::Long.has(phase));
-        let rows: Vec<KeyedPair> = long
-            .map(|phase| KeyedPair {
-                by: by.of(phase) / unit,
-                pair: [phase.phase.change, quantity.of(phase)],
-            })
-            .collect();
+        let rows = long.map(|phase| KeyedPair {
+            by: by.of(phase) / unit,
+            pair: [phase.phase.change, quantity.of(phase)],
+        });
+        let rows: Vec<KeyedPair> = rows.collect();
         let ranges = self.bins.around(rows.iter().map(|row| row.by));
         ranges::correlations(&rows, &ranges)
     }

@@ -77,25 +77,12 @@ impl FrameScalars {
 
     /// The scalars of the GR regions: their numbers by [`MinPoints`], and mean and median |θ|.
     fn of_regions(&self, reduction: Reduction) -> [f64; 4] {
+        let [_, _, one, two, _, _, mean, median, rest @ ..] = self.columns();
+        let [a, b, c, d, e, f, g, h] = rest;
         match reduction {
-            Reduction::Net => [
-                self.regions,
-                self.regions_of_two,
-                self.region_angle_mean,
-                self.region_angle_median,
-            ],
-            Reduction::Losses => [
-                self.loss_regions,
-                self.loss_regions_of_two,
-                self.loss_region_angle_mean,
-                self.loss_region_angle_median,
-            ],
-            Reduction::GreatestLoss => [
-                self.greatest_loss_regions,
-                self.greatest_loss_regions_of_two,
-                self.greatest_loss_region_angle_mean,
-                self.greatest_loss_region_angle_median,
-            ],
+            Reduction::Net => [one, two, mean, median],
+            Reduction::Losses => [a, b, c, d],
+            Reduction::GreatestLoss => [e, f, g, h],
         }
     }
 }

@@ -1,6 +1,10 @@
 //! Growth rate ω_i and frequency ω_r of an oscillatory instability, fitted to its mean square
 //! displacement (BO eqs 9 and 10, figure 3).
 
+use nalgebra::{DMatrix, DVector};
+
+use crate::moments::joint_moments;
+
 /// ω_r and ω_i fitted to M(t) = e^(2ω_i t) (a + b cos 2ω_r t + c sin 2ω_r t), in the reciprocal
 /// unit of time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,11 +43,8 @@ pub fn fit(time: &[f64], msd: &[f64], linear: f64) -> Option<Growth> {
     if rows.len() < 3 {
         return None;
     }
-    let points: Vec<[f64; 2]> = rows
-        .clone()
-        .filter(|&k| msd[k] > 0.0)
-        .map(|k| [time[k], msd[k].ln()])
-        .collect();
+    let positive = rows.clone().filter(|&k| msd[k] > 0.0);
+    let points: Vec<[f64; 2]> = positive.map(|k| [time[k], msd[k].ln()]).collect();
     let first = slope(&thinned(&points))?;
     let (from, to) = (time[begin], time[end - 1]);
     let decades = first * (to - from) / std::f64::consts::LN_10;
@@ -64,12 +65,11 @@ pub fn fit(time: &[f64], msd: &[f64], linear: f64) -> Option<Growth> {
 /// Slope of the least-squares line fitted together with an oscillation of frequency `omega` and its
 /// harmonics, which the logarithm of M generates.
 fn slope_beside(points: &[[f64; 2]], omega: f64) -> Option<f64> {
-    use nalgebra::{DMatrix, DVector};
     const HARMONICS: usize = 6;
     let start = points.first()?[0];
     let length = points.last()?[0] - start;
-    let row = |k: usize, column: usize| {
-        let t = points[k][0] - start;
+    let row = |t: f64, column: usize| {
+        let t = t - start;
         match (column, column / 2) {
             (0, _) => 1.0,
             (1, _) => t / length,
@@ -77,10 +77,24 @@ fn slope_beside(points: &[[f64; 2]], omega: f64) -> Option<f64> {
             (_, n) => (n as f64 * omega * t).sin(),
         }
     };
-    let of = DMatrix::from_fn(points.len(), 2 + 2 * HARMONICS, row);
+    let (_, _, factors) = least_squares(points, 2 + 2 * HARMONICS, row)?;
+    Some(factors[1] / length)
+}
+
+/// The functions `of`, of a time and a number, fitted to points: their values at the points as a
+/// matrix of columns, the points' values, and the factors of the functions.
+fn least_squares(
+    points: &[[f64; 2]],
+    functions: usize,
+    of: impl Fn(f64, usize) -> f64,
+) -> Option<(DMatrix<f64>, DVector<f64>, DVector<f64>)> {
+    let of = DMatrix::from_fn(points.len(), functions, |k, column| {
+        of(points[k][0], column)
+    });
     let to = DVector::from_fn(points.len(), |k, _| points[k][1]);
     let normal = (of.transpose() * &of).cholesky()?;
-    Some(normal.solve(&(of.transpose() * to))[1] / length)
+    let factors = normal.solve(&(of.transpose() * &to));
+    Some((of, to, factors))
 }
 
 /// Averages of the points over 400 equal intervals, so that dense rows do not outweigh sparse ones.
@@ -108,11 +122,7 @@ fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 
 /// Slope of the least-squares line.
 fn slope(points: &[[f64; 2]]) -> Option<f64> {
-    let n = points.len() as f64;
-    let mean = |k: usize| points.iter().map(|p| p[k]).sum::<f64>() / n;
-    let (x, y) = (mean(0), mean(1));
-    let spread: f64 = points.iter().map(|p| (p[0] - x).powi(2)).sum();
-    let both: f64 = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum();
+    let (_, [spread, both]) = joint_moments(points);
     (spread > 0.0).then_some(both / spread)
 }
 
@@ -121,16 +131,11 @@ fn frequency(time: &[f64], msd: &[f64], omega_i: f64) -> Option<f64> {
     let dense = densest(time)?;
     let (time, msd) = (&time[dense.clone()], &msd[dense]);
     let start = time[0];
-    let values: Vec<[f64; 2]> = time
-        .iter()
-        .zip(msd)
-        .map(|(t, m)| [t - start, m * (-2.0 * omega_i * (t - start)).exp()])
-        .collect();
+    let value = |(t, m): (&f64, &f64)| [t - start, m * (-2.0 * omega_i * (t - start)).exp()];
+    let values: Vec<[f64; 2]> = time.iter().zip(msd).map(value).collect();
     let mean = values.iter().map(|v| v[1]).sum::<f64>() / values.len() as f64;
-    let rises = values
-        .windows(2)
-        .filter(|w| w[0][1] < mean && w[1][1] >= mean);
-    let rises: Vec<f64> = rises.map(|w| w[0][0]).collect();
+    let is_rise = |w: &&[[f64; 2]]| w[0][1] < mean && w[1][1] >= mean;
+    let rises: Vec<f64> = values.windows(2).filter(is_rise).map(|w| w[0][0]).collect();
     let (first, last) = (rises.first()?, rises.last()?);
     if rises.len() < 3 {
         return None;
@@ -156,11 +161,8 @@ fn frequency(time: &[f64], msd: &[f64], omega_i: f64) -> Option<f64> {
 /// The longest run of rows at the least interval.
 fn densest(time: &[f64]) -> Option<std::ops::Range<usize>> {
     let gaps: Vec<f64> = time.windows(2).map(|w| w[1] - w[0]).collect();
-    let least = gaps
-        .iter()
-        .copied()
-        .filter(|gap| *gap > 0.0)
-        .fold(f64::INFINITY, f64::min);
+    let positive = gaps.iter().copied().filter(|gap| *gap > 0.0);
+    let least = positive.fold(f64::INFINITY, f64::min);
     let (mut best, mut begin) = (0..0, 0);
     for (k, gap) in gaps.iter().enumerate() {
         if *gap > 1.001 * least {
@@ -174,19 +176,15 @@ fn densest(time: &[f64]) -> Option<std::ops::Range<usize>> {
 
 /// Sum of squared residuals of a + b cos ωt + c sin ωt.
 fn residual(values: &[[f64; 2]], omega: f64) -> f64 {
-    use nalgebra::{DMatrix, DVector};
-    let row = |k: usize, column: usize| match column {
+    let row = |t: f64, column: usize| match column {
         0 => 1.0,
-        1 => (omega * values[k][0]).cos(),
-        _ => (omega * values[k][0]).sin(),
+        1 => (omega * t).cos(),
+        _ => (omega * t).sin(),
     };
-    let of = DMatrix::from_fn(values.len(), 3, row);
-    let to = DVector::from_fn(values.len(), |k, _| values[k][1]);
-    let normal = of.transpose() * &of;
-    match normal.cholesky() {
-        Some(factor) => (&of * factor.solve(&(of.transpose() * &to)) - to).norm_squared(),
-        None => f64::INFINITY,
-    }
+    let fitted = least_squares(values, 3, row);
+    fitted.map_or(f64::INFINITY, |(of, to, factors)| {
+        (of * factors - to).norm_squared()
+    })
 }
 
 #[cfg(test)]

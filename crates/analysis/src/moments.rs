@@ -44,6 +44,16 @@ pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
+/// Returns the means of x and y of points, and the sums of (x - x̄)² and of (x - x̄)(y - ȳ), whose
+/// ratio is the slope of the least-squares line.
+pub fn joint_moments(points: &[[f64; 2]]) -> ([f64; 2], [f64; 2]) {
+    let n = points.len() as f64;
+    let [x, y] = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n);
+    let spread = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
+    let both = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum();
+    ([x, y], [spread, both])
+}
+
 /// Returns the least and the greatest value, NaN left out; ∞ and -∞ without values.
 pub fn extent(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
     let ends = [f64::INFINITY, f64::NEG_INFINITY];

@@ -103,24 +103,18 @@ impl PhaseStatistics {
 /// value that is not finite ends a phase and belongs to none. A stretch of constant τ has no phase.
 pub fn find(strain: &[f64], tau: &[f64]) -> Vec<Phase> {
     let mut phases = Vec::new();
-    let mut from = 0;
-    while from < tau.len() {
-        if !tau[from].is_finite() {
-            from += 1;
-            continue;
+    let rows: Vec<usize> = (0..tau.len()).collect();
+    for finite in rows.split(|&row| !tau[row].is_finite()) {
+        if let [first, .., last] = finite {
+            find_finite(strain, tau, [*first, *last], &mut phases);
         }
-        let to = (from..tau.len())
-            .find(|&k| !tau[k].is_finite())
-            .unwrap_or(tau.len());
-        find_finite(strain, tau, from, to, &mut phases);
-        from = to;
     }
     phases
 }
 
-/// The phases within the rows `from` … `to - 1`, all of them finite.
-fn find_finite(strain: &[f64], tau: &[f64], from: usize, to: usize, phases: &mut Vec<Phase>) {
-    let mut start = from;
+/// The phases from the row `first` to the row `last`, with finite values between them.
+fn find_finite(strain: &[f64], tau: &[f64], [first, last]: [usize; 2], phases: &mut Vec<Phase>) {
+    let mut start = first;
     let mut kind = None;
     let mut close = |start: usize, end: usize, kind: PhaseKind| {
         let (strain, change) = ([strain[start], strain[end]], tau[end] - tau[start]);
@@ -132,7 +126,7 @@ fn find_finite(strain: &[f64], tau: &[f64], from: usize, to: usize, phases: &mut
             kind,
         });
     };
-    for k in from + 1..to {
+    for k in first + 1..=last {
         let now = if tau[k] < tau[k - 1] {
             PhaseKind::Slip
         } else if tau[k] > tau[k - 1] {
@@ -148,7 +142,7 @@ fn find_finite(strain: &[f64], tau: &[f64], from: usize, to: usize, phases: &mut
         }
     }
     if let Some(kind) = kind {
-        close(start, to - 1, kind);
+        close(start, last, kind);
     }
 }
 

@@ -13,12 +13,8 @@ pub fn mark<const D: u32>(grains: &Disks, touching: &[ContactSample], rattler: &
         contacts[contact.j as usize] += 1;
     }
     rattler.clear();
-    rattler.extend(
-        contacts
-            .iter()
-            .zip(&grains.body)
-            .map(|(&contacts, &body)| contacts <= if body == 0 { D } else { D - 1 }),
-    );
+    let of_bodies = contacts.iter().zip(&grains.body);
+    rattler.extend(of_bodies.map(|(&of, &body)| of <= if body == 0 { D } else { D - 1 }));
 }
 
 #[cfg(test)]

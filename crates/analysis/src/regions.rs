@@ -150,11 +150,10 @@ impl Regions {
         }
         let epsilon = EPSILON * grains.mean_radius();
         for reading in MinPoints::ALL {
-            let labels = &mut found.labels[reading as usize];
             let (length, points) = (grains.length, &self.points);
-            found.counts[reading as usize] =
-                self.dbscan
-                    .clusters(length, epsilon, reading.count(), points, labels);
+            let (least, labels) = (reading.count(), &mut found.labels[reading as usize]);
+            let count = self.dbscan.clusters(length, epsilon, least, points, labels);
+            found.counts[reading as usize] = count;
         }
     }
 

@@ -27,16 +27,7 @@ gshear_dem::columns! {
 
 impl Stability {
     /// Of a state without eigenvalues.
-    pub const UNKNOWN: Self = Self {
-        pairs: f64::NAN,
-        pairs_negative: f64::NAN,
-        negative: f64::NAN,
-        imaginary_greatest: f64::NAN,
-        pair_real: f64::NAN,
-        real_least: f64::NAN,
-        real_greatest: f64::NAN,
-        growth_rate: f64::NAN,
-    };
+    pub const UNKNOWN: Self = Self::from_columns([f64::NAN; Self::COLUMNS.len()]);
 
     /// Finds all eigenvalues by the dense QR algorithm on one thread, and counts them.
     ///

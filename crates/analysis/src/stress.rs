@@ -94,10 +94,8 @@ pub fn largest_principal([xx, yy, xy]: [f64; 3]) -> f64 {
 
 /// Returns σ_p of every grain, `[N]` (Pa).
 pub fn largest_principals(grains: &Disks, frame: &Frame) -> Vec<f64> {
-    tensors(grains, frame)
-        .into_iter()
-        .map(largest_principal)
-        .collect()
+    let tensors = tensors(grains, frame).into_iter();
+    tensors.map(largest_principal).collect()
 }
 
 #[cfg(test)]

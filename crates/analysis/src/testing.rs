@@ -29,9 +29,8 @@ pub fn contact(i: u32, j: u32) -> ContactSample {
 /// Returns contacts that leave no rattler among n ≥ 5 grains.
 pub fn enough_contacts(n: usize) -> Vec<ContactSample> {
     let n = n as u32;
-    (0..n)
-        .flat_map(|i| [contact(i, (i + 1) % n), contact(i, (i + 2) % n)])
-        .collect()
+    let of = |i: u32| [contact(i, (i + 1) % n), contact(i, (i + 2) % n)];
+    (0..n).flat_map(of).collect()
 }
 
 /// Returns points drawn uniformly from `width` × `height` around the periodic boundary x = 0, not
@@ -39,9 +38,8 @@ pub fn enough_contacts(n: usize) -> Vec<ContactSample> {
 pub fn scattered(seed: u64, n: usize, width: f64, height: f64) -> Vec<Vector2<f64>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut uniform = |extent: f64| extent * (random.random::<f64>() - 0.5);
-    (0..n)
-        .map(|_| Vector2::new(uniform(width), uniform(height)))
-        .collect()
+    let mut point = |_| Vector2::new(uniform(width), uniform(height));
+    (0..n).map(&mut point).collect()
 }
 
 /// Returns F r for every point r.
@@ -51,15 +49,11 @@ pub fn mapped(points: &[Vector2<f64>], map: Matrix2<f64>) -> Vec<Vector2<f64>> {
 
 /// Returns a frame of these points, wrapped into [0, L_x), without rattlers.
 pub fn frame(grains: &Disks, points: &[Vector2<f64>]) -> Frame {
+    let place = |r: &Vector2<f64>| [r.x.rem_euclid(grains.length), r.y];
+    let image = |r: &Vector2<f64>| r.x.div_euclid(grains.length) as i64;
     Frame {
-        position: points
-            .iter()
-            .map(|r| [r.x.rem_euclid(grains.length), r.y])
-            .collect(),
-        image: points
-            .iter()
-            .map(|r| r.x.div_euclid(grains.length) as i64)
-            .collect(),
+        position: points.iter().map(place).collect(),
+        image: points.iter().map(image).collect(),
         contacts: enough_contacts(points.len()),
         ..Frame::default()
     }

@@ -15,12 +15,14 @@
 //! The last terms of dF_t and dM_r are the rotation of the history with n, and about n. In two
 //! dimensions the third component of a vector is zero, and rotations have only that component.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::History;
 use gshear_dem::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use gshear_dem::dimension::Dimension;
 
-type Vector = [f64; 3];
-type Matrix = [Vector; 3];
+type Vector = Vector3<f64>;
+type Matrix = Matrix3<f64>;
 
 /// A contact with positive overlap and the derivatives of its force.
 pub struct LinearContact {
@@ -43,9 +45,10 @@ impl LinearContact {
     ) -> Option<Self> {
         if D::SPINS == 3 {
             // The force routine does the same: rounding has left a small component along n.
+            let projected = |of: Vector| (of - n * of.dot(&n)).into();
             let [x, y, z, twist] = springs.torques;
-            springs.history = projected(springs.history, n);
-            let [x, y, z] = projected([x, y, z], n);
+            springs.history = projected(springs.history.into());
+            let [x, y, z] = projected([x, y, z].into());
             springs.torques = [x, y, z, twist];
         }
         let mut derivatives = if idle {
@@ -73,21 +76,17 @@ impl LinearContact {
     /// Returns the blocks that the contact adds to K.
     pub fn stiffness<D: Dimension>(&self, history: History) -> Stiffnesses {
         let (n, d) = (self.n, &self.derivatives);
-        let plane = matrix(|a, b| unit(a, b) - n[a] * n[b]);
+        let (cross, normal) = (n.cross_matrix(), n.transpose());
+        let plane = Matrix::identity() - n * normal;
         let turned = match history {
             History::Turned => 1.0,
             History::Unturned => 0.0,
         };
         let friction = self.linear(&d.tangential, turned);
-        let friction_by_r = matrix(|a, b| friction.way[a][b] + friction.r[a][b]);
-        let friction_by_s = product(&friction.way, &cross(n));
-        let force_by_r = matrix(|a, b| {
-            friction_by_r[a][b] - d.normal_slope * n[a] * n[b]
-                + d.normal / self.distance * plane[a][b]
-        });
+        let friction_by_r = friction.way + friction.r;
+        let friction_by_s = friction.way * cross;
         // n × dF_t + dn × F_t.
-        let turn = product(&cross(d.tangential.value), &plane);
-        let moved = product(&cross(n), &friction_by_r);
+        let turn = Vector::from(d.tangential.value).cross_matrix() * plane;
         let (rolling, twisting) = (self.linear(&d.rolling, turned), &d.twisting);
         let (twist, twist_slope) = (twisting.value[0], twisting.slope[0]);
         Stiffnesses {
@@ -97,16 +96,15 @@ impl LinearContact {
                 &[0, 1, 2, 3, 4, 5]
             },
             radii: self.radii,
-            force_by_r,
+            force_by_r: friction_by_r - d.normal_slope * n * normal
+                + d.normal / self.distance * plane,
             force_by_s: friction_by_s,
-            moment_by_r: matrix(|a, b| moved[a][b] - turn[a][b] / self.distance),
-            moment_by_s: product(&cross(n), &friction_by_s),
-            moment_by_twist: product(&cross(n), &friction.twist),
+            moment_by_r: cross * friction_by_r - turn / self.distance,
+            moment_by_s: cross * friction_by_s,
+            moment_by_twist: cross * friction.twist,
             force_by_twist: friction.twist,
-            torque_by_r: matrix(|a, b| {
-                rolling.r[a][b] - twist_slope * n[a] * n[b] + twist / self.distance * plane[a][b]
-            }),
-            torque_by_turn: matrix(|a, b| rolling.way[a][b] - twisting.along * n[a] * n[b]),
+            torque_by_r: rolling.r - twist_slope * n * normal + twist / self.distance * plane,
+            torque_by_turn: rolling.way - twisting.along * n * normal,
             torque_by_twist: rolling.twist,
         }
     }
@@ -114,17 +112,14 @@ impl LinearContact {
     /// The derivatives of a force or torque in the tangent plane; `turned`: 1 where it turns with
     /// the pair, else 0.
     fn linear(&self, of: &SpringForce, turned: f64) -> Linear {
-        let n = self.n;
-        let way = matrix(|a, b| {
-            let along = of.direction[a] * of.direction[b];
-            -(of.across * (unit(a, b) - along) + of.along * along)
-        });
-        let way = product(&way, &matrix(|a, b| unit(a, b) - n[a] * n[b]));
-        let across = product(&cross(n), &matrix(|a, _| of.value[a]));
+        let (n, normal) = (self.n, self.n.transpose());
+        let [value, slope, direction] = [of.value, of.slope, of.direction].map(Vector::from);
+        let along = direction * direction.transpose();
+        let way = -(of.across * (Matrix::identity() - along) + of.along * along);
         Linear {
-            r: matrix(|a, b| -of.slope[a] * n[b] - turned / self.distance * n[a] * of.value[b]),
-            way,
-            twist: matrix(|a, b| 0.5 * turned * across[a][0] * n[b]),
+            r: -slope * normal - turned / self.distance * n * value.transpose(),
+            way: way * (Matrix::identity() - n * normal),
+            twist: 0.5 * turned * (n.cross_matrix() * value) * normal,
         }
     }
 }
@@ -138,8 +133,8 @@ struct Linear {
 }
 
 /// A force of one component as a vector along a unit vector; across it there is no stiffness.
-fn along(of: SpringForce, direction: Vector) -> SpringForce {
-    let vector = |of: Vector| direction.map(|t| of[0] * t);
+fn along(of: SpringForce, direction: [f64; 3]) -> SpringForce {
+    let vector = |of: [f64; 3]| direction.map(|t| of[0] * t);
     SpringForce {
         value: vector(of.value),
         slope: vector(of.slope),
@@ -147,15 +142,6 @@ fn along(of: SpringForce, direction: Vector) -> SpringForce {
         across: 0.0,
         ..of
     }
-}
-
-fn projected(of: Vector, n: Vector) -> Vector {
-    let along = dot(of, n);
-    std::array::from_fn(|k| of[k] - along * n[k])
-}
-
-fn unit(a: usize, b: usize) -> f64 {
-    f64::from(u8::from(a == b))
 }
 
 /// Derivatives of the force and torque of a contact, from which [`Self::entry`] makes the four
@@ -187,38 +173,21 @@ impl Stiffnesses {
     pub fn entry(&self, [a, b]: [usize; 2], [row, column]: [usize; 2]) -> f64 {
         let (row, column) = (self.unknowns[row], self.unknowns[column]);
         let sign = |g: usize| if g == 0 { 1.0 } else { -1.0 };
-        let (f, q) = (row % 3, column % 3);
+        let at = (row % 3, column % 3);
         match (row < 3, column < 3) {
-            (true, true) => -sign(a) * sign(b) * self.force_by_r[f][q],
+            (true, true) => -sign(a) * sign(b) * self.force_by_r[at],
             (true, false) => {
-                -sign(a) * (self.radii[b] * self.force_by_s[f][q] + self.force_by_twist[f][q])
+                -sign(a) * (self.radii[b] * self.force_by_s[at] + self.force_by_twist[at])
             }
             (false, true) => {
-                let torque = sign(a) * self.torque_by_r[f][q];
-                sign(b) * (self.radii[a] * self.moment_by_r[f][q] - torque)
+                let torque = sign(a) * self.torque_by_r[at];
+                sign(b) * (self.radii[a] * self.moment_by_r[at] - torque)
             }
             (false, false) => {
-                let friction = self.radii[b] * self.moment_by_s[f][q] + self.moment_by_twist[f][q];
-                let torque = sign(b) * self.torque_by_turn[f][q] + self.torque_by_twist[f][q];
+                let friction = self.radii[b] * self.moment_by_s[at] + self.moment_by_twist[at];
+                let torque = sign(b) * self.torque_by_turn[at] + self.torque_by_twist[at];
                 self.radii[a] * friction - sign(a) * torque
             }
         }
     }
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn matrix(of: impl Fn(usize, usize) -> f64) -> Matrix {
-    std::array::from_fn(|a| std::array::from_fn(|b| of(a, b)))
-}
-
-/// The matrix of v ×.
-fn cross([x, y, z]: Vector) -> Matrix {
-    [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-}
-
-fn product(left: &Matrix, right: &Matrix) -> Matrix {
-    matrix(|a, b| (0..3).map(|k| left[a][k] * right[k][b]).sum())
 }

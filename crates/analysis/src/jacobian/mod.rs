@@ -165,21 +165,18 @@ pub fn assemble<D: Dimension>(
         place[g.id as usize] = Some(free.len());
         free.push(g.id);
     }
-    let touching: Vec<(LinearContact, [Option<usize>; 2])> = contacts
-        .iter()
-        .filter_map(|c| {
-            let i = &grains[c.i as usize];
-            let pair = [i, &state.partner::<D>(i, c.j)?];
-            let limits = if state.at_rest { [None; 3] } else { c.limits() };
-            let idle = c.is_idle() && !state.at_rest;
-            let contact = touch::<D>(pair, (c, limits, idle), state.cell, law)?;
-            let place = |g: u32| place.get(g as usize).copied().flatten();
-            Some((contact, [c.i, c.j].map(place)))
-        })
-        .collect();
-    let pairs = touching
-        .iter()
-        .filter_map(|(_, [i, j])| Some([(*i)?, (*j)?]));
+    let touching = contacts.iter().filter_map(|c| {
+        let i = &grains[c.i as usize];
+        let pair = [i, &state.partner::<D>(i, c.j)?];
+        let limits = if state.at_rest { [None; 3] } else { c.limits() };
+        let idle = c.is_idle() && !state.at_rest;
+        let contact = touch::<D>(pair, (c, limits, idle), state.cell, law)?;
+        let place = |g: u32| place.get(g as usize).copied().flatten();
+        Some((contact, [c.i, c.j].map(place)))
+    });
+    let touching: Vec<(LinearContact, [Option<usize>; 2])> = touching.collect();
+    let places = touching.iter().map(|(_, places)| places);
+    let pairs = places.filter_map(|[i, j]| Some([(*i)?, (*j)?]));
     let pattern = Pattern::new(free.len(), D::AXES + D::SPINS, pairs);
     let mut values = vec![0.0; pattern.entries()];
     for (contact, places) in &touching {
@@ -243,5 +240,5 @@ fn touch<D: Dimension>(
     if overlap <= -law.gap(springs.materials, springs.radii) {
         return None;
     }
-    LinearContact::new::<D>(law, n, turns_at, (springs, idle))
+    LinearContact::new::<D>(law, n.into(), turns_at, (springs, idle))
 }

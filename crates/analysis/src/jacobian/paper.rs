@@ -31,7 +31,7 @@ pub fn paper_form(jacobian: &Jacobian, radius: impl Fn(u32) -> f64) -> SparseCol
             1.0
         }
     };
-    let entry = |(force, unknown, value): (usize, usize, f64)| {
+    let entry = |force: usize, unknown: usize, value: f64| {
         let sign = if rotation(force) == rotation(unknown) {
             1.0
         } else {
@@ -41,11 +41,8 @@ pub fn paper_form(jacobian: &Jacobian, radius: impl Fn(u32) -> f64) -> SparseCol
         let value = sign * value / (lever(force) * lever(unknown) * mass);
         Triplet::new(place(unknown), place(force), value)
     };
-    let entries: Vec<_> = jacobian
-        .k
-        .triplet_iter()
-        .map(|e| entry((e.row, e.col, *e.val)))
-        .collect();
+    let entries = jacobian.k.triplet_iter();
+    let entries: Vec<_> = entries.map(|e| entry(e.row, e.col, *e.val)).collect();
     let n = jacobian.unknowns();
     SparseColMat::try_new_from_triplets(n, n, &entries).expect("indices within the matrix")
 }

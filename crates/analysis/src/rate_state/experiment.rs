@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::evolution_law::Evolution;
 use super::fit::{Fit, chi_squared, fit};
 use super::slider_record::SliderRecord;
-use super::steps_and_holds::{self, Healing, Hold, Peaks, Steady, VelocityStep};
+use super::steps_and_holds::{self, Healing, Hold, Steady, VelocityStep};
 use super::window::FitWindow;
 
 /// A record with everything measured on it without a law.
@@ -24,12 +24,11 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Measures a record. `d_c` (m): see [`Peaks::d_c`].
+    /// Measures a record. `d_c` (m): see [`steps_and_holds::holds`].
     pub fn of(record: SliderRecord, d_c: Option<f64>) -> Self {
         let steady = steps_and_holds::steady_segments(&record);
-        let peaks = Peaks { d_c };
-        let steps = steps_and_holds::steps(&record, &steady, peaks);
-        let holds = steps_and_holds::holds(&record, &steady, peaks);
+        let steps = steps_and_holds::steps(&record, &steady, d_c);
+        let holds = steps_and_holds::holds(&record, &steady, d_c);
         let healing = steps_and_holds::healing(&holds);
         Experiment {
             record,

@@ -11,6 +11,7 @@ use super::evolution_law::{Evolution, RateStateLaw};
 use super::noise::correlation;
 use super::steps_and_holds::student;
 use super::window::FitWindow;
+use crate::moments::joint_moments;
 
 /// An estimate with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -146,10 +147,7 @@ pub fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
     problem.at = problem.guess();
     problem = problem.minimized()?;
     let noise = problem.noise(&problem.residuals_of_windows()?);
-    problem.roots = noise
-        .iter()
-        .map(|segments| segments.iter().map(|s| s.variance.sqrt().recip()).collect())
-        .collect();
+    problem.roots = by_segment(&noise, |noise| noise.variance.sqrt().recip());
     problem.minimized()?.result()
 }
 
@@ -194,10 +192,14 @@ struct FitProblem<'a> {
 
 fn equal_weights(windows: &[FitWindow]) -> Vec<Vec<f64>> {
     let root = |means: &Range<usize>| (means.len().max(1) as f64).sqrt().recip();
-    windows
-        .iter()
-        .map(|window| window.segments.iter().map(root).collect())
-        .collect()
+    let of = |window: &FitWindow| window.segments.iter().map(root).collect();
+    windows.iter().map(of).collect()
+}
+
+/// `[windows][segments]`.
+fn by_segment(noise: &[Vec<Noise>], value: fn(&Noise) -> f64) -> Vec<Vec<f64>> {
+    let of = |segments: &Vec<Noise>| segments.iter().map(value).collect();
+    noise.iter().map(of).collect()
 }
 
 impl FitProblem<'_> {
@@ -224,11 +226,8 @@ impl FitProblem<'_> {
             window.drive.iter().enumerate().filter_map(of)
         });
         let (points, distances): (Vec<[f64; 2]>, Vec<f64>) = slides.unzip();
-        let n = points.len() as f64;
-        let [x, y] = [0, 1].map(|c| points.iter().map(|p| p[c]).sum::<f64>() / n);
-        let spread: f64 = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
-        let moment: f64 = points.iter().map(|p| (p[0] - x) * (p[1] - y)).sum();
-        let slope = if spread > 1e-6 { moment / spread } else { 0.0 };
+        let ([x, y], [spread, both]) = joint_moments(&points);
+        let slope = if spread > 1e-6 { both / spread } else { 0.0 };
         let longest = distances.into_iter().fold(0.0, f64::max);
         let mut best = (f64::INFINITY, Vector4::zeros());
         for a in [0.003, 0.01, 0.03] {
@@ -245,10 +244,8 @@ impl FitProblem<'_> {
     }
 
     fn means(&self) -> usize {
-        self.windows
-            .iter()
-            .map(|window| window.friction.len())
-            .sum()
+        let windows = self.windows.iter();
+        windows.map(|window| window.friction.len()).sum()
     }
 
     /// Weighted residuals of all means; each is `FAILED` if the integration fails.
@@ -278,14 +275,9 @@ impl FitProblem<'_> {
             };
             j.set_column(c, &((moved(h) - moved(-h)) / (2.0 * h)));
         }
-        let roots = self
-            .windows
-            .iter()
-            .zip(&self.roots)
-            .flat_map(|(window, roots)| {
-                let segments = window.segments.iter().zip(roots);
-                segments.flat_map(|(means, root)| std::iter::repeat_n(-root, means.len()))
-            });
+        let windows = self.windows.iter().zip(&self.roots);
+        let segments = windows.flat_map(|(window, roots)| window.segments.iter().zip(roots));
+        let roots = segments.flat_map(|(means, root)| std::iter::repeat_n(-root, means.len()));
         j.set_column(3, &OVector::<f64, Dyn>::from_iterator(self.means(), roots));
         j
     }
@@ -327,16 +319,13 @@ impl FitProblem<'_> {
                 freedom: (residuals.len() as f64 / (2 * correlation.window + 1) as f64).max(1.0),
             }
         };
-        self.windows
-            .iter()
-            .zip(residuals)
-            .map(|(window, residuals)| {
-                let segments = window.segments.iter();
-                segments
-                    .map(|means| of(&residuals[means.clone()]))
-                    .collect()
-            })
-            .collect()
+        let of_window = |(window, residuals): (&FitWindow, &Vec<f64>)| {
+            let segments = window.segments.iter();
+            segments
+                .map(|means| of(&residuals[means.clone()]))
+                .collect()
+        };
+        self.windows.iter().zip(residuals).map(of_window).collect()
     }
 
     fn result(self) -> Result<Fit, String> {
@@ -365,10 +354,7 @@ impl FitProblem<'_> {
             rms: (square / count).sqrt(),
             effective,
             residuals,
-            noise: noise
-                .iter()
-                .map(|segments| segments.iter().map(|noise| noise.variance).collect())
-                .collect(),
+            noise: by_segment(&noise, |noise| noise.variance),
         })
     }
 
@@ -396,10 +382,8 @@ impl FitProblem<'_> {
         let part = |(square, weight, noise): (Matrix4<f64>, f64, Noise)| {
             let taken = (square * inverse).trace();
             let variance = noise.variance * (1.0 + taken / noise.freedom);
-            (
-                inverse * square * inverse * (weight * variance),
-                noise.freedom,
-            )
+            let part = inverse * square * inverse * (weight * variance);
+            (part, noise.freedom)
         };
         Ok(Covariance(squares.into_iter().map(part).collect()))
     }

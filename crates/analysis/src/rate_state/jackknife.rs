@@ -27,10 +27,8 @@ pub fn jackknife(records: &[SliderRecord], groups: &[Vec<usize>], all: &Fitted) 
         return None;
     }
     let spread = |(law, fit): &(Evolution, Result<Fit, String>)| {
-        let spread = fit
-            .clone()
-            .and_then(|fit| with_spread(records, groups, fit));
-        (*law, spread)
+        let fit = fit.clone();
+        (*law, fit.and_then(|fit| with_spread(records, groups, fit)))
     };
     Some(Fitted {
         name: "all (jackknife)",
@@ -41,10 +39,8 @@ pub fn jackknife(records: &[SliderRecord], groups: &[Vec<usize>], all: &Fitted) 
 }
 
 fn with_spread(records: &[SliderRecord], groups: &[Vec<usize>], full: Fit) -> Result<Fit, String> {
-    let windows: Vec<FitWindow> = groups
-        .iter()
-        .map(|group| whole(records, group.iter().copied()))
-        .collect();
+    let of_group = |group: &Vec<usize>| whole(records, group.iter().copied());
+    let windows: Vec<FitWindow> = groups.iter().map(of_group).collect();
     let (mut variance, mut freedom) = ([0.0; 5], 0.0);
     for (e, group) in groups.iter().enumerate() {
         let mut without = Vec::new();

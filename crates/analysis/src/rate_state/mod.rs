@@ -36,7 +36,7 @@ pub use slider::RateStateSlider;
 pub use slider_record::{SliderRecord, merge};
 pub use stack::{SlipInterval, Stack, stacks};
 pub use steps_and_holds::{
-    Healing, Hold, PeakGrowth, Peaks, Reslide, Steady, VelocityStep, healing, holds, peak_growth,
+    Healing, Hold, PeakGrowth, Reslide, Steady, VelocityStep, healing, holds, peak_growth,
     reload_stiffness, steady_segments, steps,
 };
 pub use window::{FitWindow, modelled};

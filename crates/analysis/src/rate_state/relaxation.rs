@@ -64,10 +64,8 @@ impl Course {
         let rows: Vec<_> = self.rows.iter().filter(within).collect();
         let mean = |k: usize| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64;
         // A mean would be that of earlier times at the end of a hold, which cuts the window.
-        let points: Vec<_> = rows
-            .iter()
-            .map(|row| [(row[0] / time).ln(), row[1]])
-            .collect();
+        let points = rows.iter().map(|row| [(row[0] / time).ln(), row[1]]);
+        let points: Vec<_> = points.collect();
         let change = line(&points).map_or_else(|| mean(1), |(at, ..)| at);
         (!rows.is_empty()).then(|| [change, mean(2)])
     }
@@ -113,9 +111,7 @@ fn of_group(group: &[Course]) -> Vec<Relaxation> {
     let duration = group[0].duration;
     let decades = FIRST_DECADE..=LAST_DECADE;
     let times = decades.flat_map(|k| MANTISSAS.map(|m| m * 10f64.powi(k)));
-    let times = times
-        .filter(|t| *t < duration * (1.0 - SAME))
-        .chain([duration]);
+    let before = times.filter(|t| *t < duration * (1.0 - SAME));
     let at = |time: f64| {
         let means = group.iter().filter_map(|of| of.at(time));
         let (changes, temperatures): (Vec<f64>, Vec<f64>) = means.map(|[c, t]| (c, t)).unzip();
@@ -135,5 +131,5 @@ fn of_group(group: &[Course]) -> Vec<Relaxation> {
             temperature: mean(&temperatures),
         })
     };
-    times.filter_map(at).collect()
+    before.chain([duration]).filter_map(at).collect()
 }

@@ -1,5 +1,6 @@
 //! A spring slider that obeys the rate-and-state law: the forward model of the fits.
 
+use differential_equations::ode::solve_ode;
 use differential_equations::prelude::*;
 
 use super::drive_segment::DriveSegment;
@@ -105,14 +106,7 @@ impl RateStateSlider {
             now: start,
         };
         let y = [start.ln_v, start.ln_theta];
-        let solved = differential_equations::ode::solve_ode(
-            &mut method,
-            &system,
-            0.0,
-            duration,
-            &y,
-            &mut output,
-        );
+        let solved = solve_ode(&mut method, &system, 0.0, duration, &y, &mut output);
         let missing = output.times.len();
         match solved {
             Ok(_) if missing == 0 && output.now.is_moderate() => Ok(output.now),

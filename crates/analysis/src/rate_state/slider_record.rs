@@ -79,10 +79,8 @@ impl SliderRecord {
     pub fn halves(&self, segment: usize) -> [Range<usize>; 2] {
         let rows = self.rows(segment);
         let middle = self.begin(segment) + 0.5 * self.drive[segment].duration;
-        let at = self
-            .time
-            .partition_point(|t| *t <= middle)
-            .clamp(rows.start, rows.end);
+        let at = self.time.partition_point(|t| *t <= middle);
+        let at = at.clamp(rows.start, rows.end);
         [rows.start..at, at..rows.end]
     }
 
@@ -161,22 +159,19 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
     for time in &joined.time {
         let at = |values: fn(&SliderRecord) -> &[f64]| -> Vec<f64> {
             let since = time - first.time[0];
-            members
-                .iter()
-                .map(|r| interpolated(&r.time, values(r), r.time[0] + since))
-                .collect()
+            let at = |r: &&SliderRecord| interpolated(&r.time, values(r), r.time[0] + since);
+            members.iter().map(at).collect()
         };
         let friction = at(|r| &r.friction);
         let moments = Moments::of(&friction);
         joined.friction.push(moments.mean);
         joined.deviation.push(moments.deviation());
         joined.slip.push(moments::mean(&at(|r| &r.slip)));
-        let temperature = moments::mean(&at(|r| &r.temperature));
-        joined.temperature.push(temperature);
+        let temperatures = at(|r| &r.temperature);
+        joined.temperature.push(moments::mean(&temperatures));
     }
     if let (Some(segment), Some(time)) = (joined.drive.last_mut(), joined.time.last()) {
-        let begin = first.begin(first.drive.len() - 1);
-        segment.duration = time - begin;
+        segment.duration = time - first.begin(first.drive.len() - 1);
     }
     joined
 }

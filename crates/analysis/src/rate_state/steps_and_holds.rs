@@ -5,7 +5,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::noise::block_error;
 use super::slider_record::SliderRecord;
-use crate::moments::{Moments, grouped, mean};
+use crate::moments::{Moments, grouped, joint_moments, mean};
 
 /// Steady friction, averaged over the latter half of a slide.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,16 +22,6 @@ pub struct Steady {
     pub scatter: f64,
     /// Slip over the whole segment (m).
     pub slip: f64,
-}
-
-/// How peaks are found: as the extreme of μ in the first half of a segment.
-///
-/// If `d_c` is known, the search covers only the first 2 D_c of slip, and μ is averaged over 0.05
-/// D_c first. The extreme of single rows would exceed the peak by part of their scatter.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Peaks {
-    /// D_c (m), if known.
-    pub d_c: Option<f64>,
 }
 
 /// Slip in which peaks are searched, in D_c.
@@ -75,7 +65,7 @@ pub struct Hold {
 pub struct Reslide {
     /// V_r (m/s).
     pub velocity: f64,
-    /// Peak strength: the greatest μ after the hold, as [`Peaks`] finds it.
+    /// Peak strength: the greatest μ after the hold, as [`holds`] finds it.
     pub peak: f64,
     /// Slip at the peak since the end of the hold (m).
     pub slip_at_peak: f64,
@@ -127,12 +117,16 @@ pub fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
     (0..record.drive.len()).map(of).collect()
 }
 
-/// Returns the velocity steps: changes from one slide to the next.
-pub fn steps(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> Vec<VelocityStep> {
+/// Returns the velocity steps: changes from one slide to the next. `d_c` (m): see [`holds`].
+pub fn steps(
+    record: &SliderRecord,
+    steady: &[Option<Steady>],
+    d_c: Option<f64>,
+) -> Vec<VelocityStep> {
     let of = |segment: usize| {
         let (before, after) = (steady[segment - 1]?, steady[segment]?);
         let up = after.velocity > before.velocity;
-        let extreme = peaks.extreme(record, segment, up)?;
+        let extreme = extreme(record, segment, up, d_c)?;
         Some(VelocityStep {
             segment,
             velocities: [before.velocity, after.velocity],
@@ -153,8 +147,11 @@ pub fn steps(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> 
     (1..record.drive.len()).filter_map(of).collect()
 }
 
-/// Returns the holds that follow a slide.
-pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> Vec<Hold> {
+/// Returns the holds that follow a slide. Peaks are the greatest μ in the first half of a segment.
+///
+/// If D_c (m) is known, the search covers only the first 2 D_c of slip, and μ is averaged over 0.05
+/// D_c first. The extreme of single rows would exceed the peak by part of their scatter.
+pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], d_c: Option<f64>) -> Vec<Hold> {
     let of = |segment: usize| {
         let before = steady[segment - 1]?;
         let rows = record.rows(segment);
@@ -164,7 +161,7 @@ pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], peaks: Peaks) -> 
         let reslide = || {
             let after = segment + 1;
             let drive = record.drive.get(after).filter(|drive| !drive.is_hold())?;
-            let found = peaks.extreme(record, after, true)?;
+            let found = extreme(record, after, true, d_c)?;
             Some(Reslide {
                 velocity: drive.velocity,
                 peak: found.friction,
@@ -198,18 +195,14 @@ pub fn reload_stiffness(record: &SliderRecord, segment: usize) -> Option<f64> {
     let [half, _] = record.halves(segment);
     let before = half.start.checked_sub(1)?;
     let start = record.friction[before];
-    let greatest = record.friction[half.clone()]
-        .iter()
-        .copied()
-        .reduce(f64::max)?;
+    let of_half = record.friction[half.clone()].iter().copied();
+    let greatest = of_half.reduce(f64::max)?;
     let risen = start + RELOAD * (greatest - start);
     let rises = half.take_while(|row| record.friction[*row] < risen);
     let begin = record.begin(segment);
     let share = |row: usize| (record.time[row] - begin).max(0.0) / drive.duration;
-    let points: Vec<_> = std::iter::once(before)
-        .chain(rises)
-        .map(|row| [share(row), record.friction[row]])
-        .collect();
+    let rows = std::iter::once(before).chain(rises);
+    let points: Vec<_> = rows.map(|row| [share(row), record.friction[row]]).collect();
     let (_, slope, _) = line(&points).filter(|_| points.len() > 2)?;
     (slope > 0.0).then_some(slope / drive.distance())
 }
@@ -223,37 +216,40 @@ struct Extreme {
     error: f64,
 }
 
-impl Peaks {
-    /// The maximum or the minimum of μ in a segment.
-    fn extreme(self, record: &SliderRecord, segment: usize, greatest: bool) -> Option<Extreme> {
-        let [half, rest] = record.halves(segment);
-        if half.is_empty() || rest.is_empty() {
-            return None;
-        }
-        let start = record.slip[half.start];
-        let slipped = record.slip[rest.end - 1] - record.slip[rest.start];
-        let per_row = slipped / (rest.len() as f64 - 1.0).max(1.0);
-        let (mut end, mut length) = (half.end, 1);
-        if let Some(d_c) = self.d_c.filter(|_| per_row > 0.0) {
-            let within = |row: &usize| record.slip[*row] - start <= PEAK_WITHIN * d_c;
-            let near = half.clone().take_while(within).count();
-            length = ((PEAK_MEAN * d_c / per_row) as usize).clamp(1, half.len().min(rest.len()));
-            end = half.start + near.max(length);
-        }
-        let means = record.friction[half.start..end].windows(length).map(mean);
-        let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
-        let (at, extreme) = if greatest {
-            means.enumerate().max_by(order)?
-        } else {
-            means.enumerate().min_by(order)?
-        };
-        let of_rest: Vec<f64> = record.friction[rest].windows(length).map(mean).collect();
-        Some(Extreme {
-            friction: extreme,
-            slip: record.slip[half.start + at + length / 2],
-            error: Moments::of(&of_rest).deviation(),
-        })
+/// The maximum or the minimum of μ in a segment; see [`holds`].
+fn extreme(
+    record: &SliderRecord,
+    segment: usize,
+    greatest: bool,
+    d_c: Option<f64>,
+) -> Option<Extreme> {
+    let [half, rest] = record.halves(segment);
+    if half.is_empty() || rest.is_empty() {
+        return None;
     }
+    let start = record.slip[half.start];
+    let slipped = record.slip[rest.end - 1] - record.slip[rest.start];
+    let per_row = slipped / (rest.len() as f64 - 1.0).max(1.0);
+    let (mut end, mut length) = (half.end, 1);
+    if let Some(d_c) = d_c.filter(|_| per_row > 0.0) {
+        let within = |row: &usize| record.slip[*row] - start <= PEAK_WITHIN * d_c;
+        let near = half.clone().take_while(within).count();
+        length = ((PEAK_MEAN * d_c / per_row) as usize).clamp(1, half.len().min(rest.len()));
+        end = half.start + near.max(length);
+    }
+    let means = record.friction[half.start..end].windows(length).map(mean);
+    let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
+    let (at, extreme) = if greatest {
+        means.enumerate().max_by(order)?
+    } else {
+        means.enumerate().min_by(order)?
+    };
+    let of_rest: Vec<f64> = record.friction[rest].windows(length).map(mean).collect();
+    Some(Extreme {
+        friction: extreme,
+        slip: record.slip[half.start + at + length / 2],
+        error: Moments::of(&of_rest).deviation(),
+    })
 }
 
 /// Fits Δμ against ln t_hold for each pair of velocities with at least two different durations.
@@ -307,8 +303,8 @@ pub struct PeakGrowth {
 pub fn peak_growth<'a>(holds: impl IntoIterator<Item = &'a Hold>) -> Vec<PeakGrowth> {
     // Those of equal protocols differ by rounding only.
     let near = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
-    let mut holds: Vec<(&Hold, Reslide)> = holds
-        .into_iter()
+    let holds = holds.into_iter();
+    let mut holds: Vec<_> = holds
         .filter_map(|hold| Some((hold, hold.reslide?)))
         .collect();
     holds.sort_by(|(a, _), (b, _)| {
@@ -325,9 +321,8 @@ pub fn peak_growth<'a>(holds: impl IntoIterator<Item = &'a Hold>) -> Vec<PeakGro
         let points: Vec<[f64; 3]> = group.iter().map(point).collect();
         let flat: Vec<[f64; 2]> = points.iter().map(|p| [p[0], p[1]]).collect();
         let (intercept, slope, _) = line(&flat)?;
-        let mean = flat.iter().map(|p| p[0]).sum::<f64>() / flat.len() as f64;
+        let ([mean, _], [spread, _]) = joint_moments(&flat);
         let square = |x: f64| (x - mean) * (x - mean);
-        let spread: f64 = points.iter().map(|p| square(p[0])).sum();
         let variance: f64 = points.iter().map(|p| square(p[0]) * p[2] * p[2]).sum();
         Some(PeakGrowth {
             duration: hold.duration,
@@ -347,17 +342,13 @@ pub fn peak_growth<'a>(holds: impl IntoIterator<Item = &'a Hold>) -> Vec<PeakGro
 /// Intercept, slope and its 95 % interval of the least-squares line; `None` if all x are equal.
 pub(super) fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
     let n = points.len() as f64;
-    let mean = |c: usize| points.iter().map(|p| p[c]).sum::<f64>() / n;
-    let [x0, y0] = [mean(0), mean(1)];
-    let sum = |f: &dyn Fn(f64, f64) -> f64| -> f64 {
-        points.iter().map(|[x, y]| f(x - x0, y - y0)).sum()
-    };
-    let spread = sum(&|x, _| x * x);
+    let ([x0, y0], [spread, both]) = joint_moments(points);
     if points.len() < 2 || spread <= 1e-12 * n * (1.0 + x0 * x0) {
         return None;
     }
-    let slope = sum(&|x, y| x * y) / spread;
-    let rest = sum(&|x, y| (y - slope * x) * (y - slope * x));
+    let slope = both / spread;
+    let square = |[x, y]: &[f64; 2]| ((y - y0) - slope * (x - x0)).powi(2);
+    let rest: f64 = points.iter().map(square).sum();
     let freedom = n - 2.0;
     let interval = (freedom > 0.0).then(|| {
         let half = student(freedom) * (rest / freedom / spread).sqrt();

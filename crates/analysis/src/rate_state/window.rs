@@ -58,10 +58,10 @@ impl FitWindow {
                 window.friction.push(mean(&record.friction[group.clone()]));
                 let place = window.time.len();
                 window.groups.push(place..place + group.len());
-                let times = record.time[group]
-                    .iter()
-                    .map(|time| (time - begin).max(0.0));
-                window.time.extend(times);
+                let times = record.time[group].iter();
+                window
+                    .time
+                    .extend(times.map(|time| (time - begin).max(0.0)));
             }
             window.segments.push(from..window.groups.len());
         }
@@ -74,12 +74,9 @@ impl FitWindow {
     /// If the integration fails; see [`RateStateSlider::motion`].
     pub fn model(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
         let start = law.steady(self.drive[0].velocity);
-        let states =
-            RateStateSlider::new(*law, self.stiffness).motion(&self.drive, start, &self.time)?;
-        Ok(states
-            .into_iter()
-            .map(|state| law.friction(state))
-            .collect())
+        let slider = RateStateSlider::new(*law, self.stiffness);
+        let states = slider.motion(&self.drive, start, &self.time)?;
+        Ok(states.into_iter().map(|of| law.friction(of)).collect())
     }
 
     /// Returns μ of the law averaged over the same groups of rows as `friction`.

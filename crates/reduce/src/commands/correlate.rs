@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::printer::Printer;
 use crate::results::Results;
 use crate::scalars::FrameSeries;
-use gshear_analysis::correlate::{CONFIGURATIONS, Choices, Quantity, Regime, Subject, subjects};
+use gshear_analysis::correlate::{CONFIGURATIONS, Quantity, Regime, Subject, subjects};
 use gshear_analysis::phase_measures::PhaseMeasures;
 use gshear_analysis::ranges::{Bins, ValueRange};
 use gshear_analysis::regions::{GrReading, MinPoints, Reduction};
@@ -84,26 +84,21 @@ impl Arguments {
             tau,
             scalars,
         } = FrameSeries::of(&run)?;
-        let regime = Regime::from(self.from, &strain, &tau, &scalars, self.choices());
+        let reading = GrReading {
+            reduction: self.reduction.into(),
+            min_points: match self.min_points {
+                1 => MinPoints::Itself,
+                _ => MinPoints::OneNeighbour,
+            },
+        };
+        let bins = match self.bins {
+            RangeWidth::Decades => Bins::Decades,
+            RangeWidth::HalfDecades => Bins::HalfDecades,
+        };
+        let regime = Regime::from(self.from, &strain, &tau, &scalars, reading, bins);
         results.table("measures.csv", &measures(&regime, &step), printer)?;
         let unit = run.grains().mean_radius().powi(2);
         results.table("correlations.csv", &correlations(&regime, unit), printer)
-    }
-
-    fn choices(&self) -> Choices {
-        Choices {
-            regions: GrReading {
-                reduction: self.reduction.into(),
-                min_points: match self.min_points {
-                    1 => MinPoints::Itself,
-                    _ => MinPoints::OneNeighbour,
-                },
-            },
-            bins: match self.bins {
-                RangeWidth::Decades => Bins::Decades,
-                RangeWidth::HalfDecades => Bins::HalfDecades,
-            },
-        }
     }
 }
 

@@ -95,8 +95,7 @@ fn steps_and_holds_are_measured() {
     let law = law(Evolution::Aging);
     let record = synthetic(&law, &drive, 2e-4);
     let steady = steady_segments(&record);
-    let peaks = Peaks { d_c: None };
-    let holds = holds(&record, &steady, peaks);
+    let holds = holds(&record, &steady, None);
     let durations: Vec<f64> = holds.iter().map(|hold| hold.duration).collect();
     assert_eq!(durations, [1.0, 10.0, 100.0]);
     for hold in &holds {
@@ -118,7 +117,7 @@ fn steps_and_holds_are_measured() {
     );
     assert!(healing(&holds)[0].interval.expect("of three holds")[1] > law.b * 0.9);
 
-    let steps = steps(&record, &steady, peaks);
+    let steps = steps(&record, &steady, None);
     assert_eq!(steps.len(), 1);
     let (step, ln) = (steps[0], f64::ln(5.0));
     assert!((step.net[0] / ln - (law.a - law.b)).abs() < 1e-4);
@@ -178,9 +177,7 @@ fn peaks_are_not_those_of_the_noise() {
     let clean = synthetic(&law(Evolution::Aging), &drive, 1e-3);
     let healing = |record: &SliderRecord, d_c: Option<f64>| {
         let steady = steady_segments(record);
-        holds(record, &steady, Peaks { d_c })[0]
-            .reslide
-            .expect("a reslide")
+        holds(record, &steady, d_c)[0].reslide.expect("a reslide")
     };
     let [raw, mean] = [None, Some(0.0053)].map(|d_c| healing(&clean, d_c).healing);
     assert!((mean / raw - 0.975).abs() < 0.02, "{mean} {raw}");
@@ -334,7 +331,7 @@ fn peaks_grow_by_a_with_the_velocity_of_the_slide() {
                 segment(velocity, 2.0),
             ];
             let record = synthetic(&law, &drive, 1e-5);
-            holds(&record, &steady_segments(&record), Peaks { d_c: None })
+            holds(&record, &steady_segments(&record), None)
         })
         .collect();
     let [growth] = peak_growth(&tests)[..] else {
