@@ -31,35 +31,25 @@ pub fn of_changes(phases: &[Phase]) -> String {
     };
     let counts = |kind: PhaseKind| {
         let mut counts = vec![0u64; (last - first + 1) as usize];
-        phases
-            .iter()
-            .filter(|phase| phase.kind == kind)
-            .for_each(|phase| counts[(bin(phase) - first) as usize] += 1);
+        for phase in phases.iter().filter(|phase| phase.kind == kind) {
+            counts[(bin(phase) - first) as usize] += 1;
+        }
         counts
     };
     let kinds = [(PhaseKind::Stick, STICK), (PhaseKind::Slip, SLIP)]
         .map(|(kind, colour)| (counts(kind), colour));
-    let most = kinds
-        .iter()
-        .flat_map(|(counts, _)| counts)
-        .copied()
-        .max()
-        .unwrap_or(1);
+    let most = kinds.iter().flat_map(|(counts, _)| counts).max();
     // Below log10(1) = 0, so that a bin with one phase is visible above an empty bin.
     let floor = -0.3;
     let x = [(first - 1) as f64 / BINS, (last + 2) as f64 / BINS];
-    let y = [floor, (most as f64).log10() + 0.2];
+    let y = [floor, most.map_or(0.0, |most| (*most as f64).log10()) + 0.2];
     figure(LAYOUT, x, y, |plot| {
         let (x_ticks, y_ticks) = (ticks::decades(x[0], x[1], 12), ticks::decades(0.0, y[1], 8));
         plot.grid(&x_ticks, &y_ticks);
         for (counts, colour) in &kinds {
             let mut stairs = vec![[first as f64 / BINS, floor]];
             for (k, &count) in counts.iter().enumerate() {
-                let height = if count == 0 {
-                    floor
-                } else {
-                    (count as f64).log10()
-                };
+                let height = (count as f64).log10().max(floor);
                 let left = (first + k as i64) as f64 / BINS;
                 stairs.extend([[left, height], [left + 1.0 / BINS, height]]);
             }

@@ -29,36 +29,25 @@ impl Axis {
     pub fn of(run: &RunFile) -> Self {
         let series = run.series();
         let (name, label, factor) = match run.stage() {
-            RunStage::Newtonian => return Self::over_time(series, "time"),
+            RunStage::Newtonian => ("time", "time", 1.0),
             RunStage::Strain => {
                 let (name, label, factor) = &Deformation::of(run).axis;
                 (&**name, &**label, *factor)
             }
             RunStage::Shear if is_imposed(run) || run.has_free_surface() => {
-                return Self::over_time(series, "time (s)");
+                ("time", "time (s)", 1.0)
             }
             RunStage::Shear if is_driven(run) => ("slip", "slip (mm)", 1e3),
             RunStage::Shear => ("strain", "shear strain γ (%)", 100.0),
         };
-        Self::over(series, name, label, factor)
-    }
-
-    /// A column of the time series, drawn in another unit.
-    fn over(series: &Series, name: &'static str, label: &'static str, factor: f64) -> Self {
-        let column = series.column(name).to_vec();
+        let column = match name {
+            "time" => series.time.clone(),
+            _ => series.column(name).to_vec(),
+        };
         Self {
             values: column.iter().map(|x| factor * x).collect(),
             label,
             column: (name, column),
-        }
-    }
-
-    fn over_time(series: &Series, label: &'static str) -> Self {
-        let time = series.time.clone();
-        Self {
-            values: time.clone(),
-            label,
-            column: ("time", time),
         }
     }
 

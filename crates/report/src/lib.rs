@@ -163,12 +163,8 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
         )
     };
     let svg = stress_ratio::whole(&axis, tau, phases, summary.drop.as_ref());
-    let mut figures = vec![ReportFigure::new(
-        "stress-strain",
-        caption,
-        svg,
-        of_tau.clone(),
-    )];
+    let whole = ReportFigure::new("stress-strain", caption, svg, of_tau.clone());
+    let mut figures = vec![whole];
     let event = summary.event.as_ref();
     let shown = event.map(|event| event.drop).or(summary.drop);
     if let Some(drop) = &shown {
@@ -188,16 +184,12 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
         let svg = stress_ratio::around(&axis, tau, phases, drop, frames);
         figures.push(ReportFigure::new("largest-drop", caption, svg, of_tau));
     }
-    let is_imposed = summary::is_imposed(run);
     if summary::has_phases(run, phases) {
-        figures.push(ReportFigure::new(
-            "phase-histogram",
-            "Number of stick and slip phases by the magnitude of their change of τ.",
-            histogram::of_changes(phases),
-            histogram::data(phases),
-        ));
+        let caption = "Number of stick and slip phases by the magnitude of their change of τ.";
+        let (svg, data) = (histogram::of_changes(phases), histogram::data(phases));
+        figures.push(ReportFigure::new("phase-histogram", caption, svg, data));
     }
-    if is_imposed {
+    if summary::is_imposed(run) {
         figures.extend(imposed::figures(run));
     }
     figures.extend(history::figures(run, &axis));
@@ -210,16 +202,11 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
 fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
     let (earlier, later) = (&event.earlier, &event.later);
     let view = MapView::of(grains, later, event.centre());
-    let [before, after] = [earlier, later].map(|frame| Map {
-        grains,
-        frame,
-        view,
-    });
+    let [before, after] = [earlier, later].map(|frame| Map::new(grains, frame, view));
     let greatest = map::scale_of_forces(&[earlier, later]);
     let [t, u] = event.frames;
-    let [from, to] = event
-        .strain
-        .map(|strain| format!("γ = {:.5} %", 100.0 * strain));
+    let shown = |strain: f64| format!("γ = {:.5} %", 100.0 * strain);
+    let [from, to] = event.strain.map(shown);
     let between = format!("frames {t} to {u}: {from} to {to}");
     let part = if grains.count() > map::MOST_GRAINS {
         " The sample is large: only the part around the greatest D²<sub>min</sub> is shown."

@@ -128,15 +128,21 @@ pub fn scale_of_forces(frames: &[&Frame]) -> f64 {
 /// A frame and the part of it that is shown.
 #[derive(Clone, Copy)]
 pub struct Map<'a> {
-    /// The constants of the grains.
-    pub grains: &'a Disks,
-    /// The frame whose positions are shown.
-    pub frame: &'a Frame,
-    /// The part.
-    pub view: MapView,
+    grains: &'a Disks,
+    frame: &'a Frame,
+    view: MapView,
 }
 
-impl Map<'_> {
+impl<'a> Map<'a> {
+    /// The part `view` of a frame of these grains.
+    pub fn new(grains: &'a Disks, frame: &'a Frame, view: MapView) -> Self {
+        Self {
+            grains,
+            frame,
+            view,
+        }
+    }
+
     /// Draws the normal forces as lines between the centres of touching grains, with width and
     /// colour by F_n. `greatest`: F_n (N/m) at the end of the scale, so that two frames can share
     /// one.
@@ -315,12 +321,7 @@ mod tests {
             x: [0.0, 20.0],
             y: [0.0, 10.0],
         };
-        let map = Map {
-            grains: &grains,
-            frame: &frame,
-            view,
-        };
-        let svg = map.forces(1.0, "");
+        let svg = Map::new(&grains, &frame, view).forces(1.0, "");
         let lines = svg.lines().filter(|line| line.starts_with("<polyline"));
         let points = lines.filter_map(|line| line.split("points=\"").nth(1)?.split('"').next());
         let numbers = |points: &str| -> Vec<f64> {

@@ -1,6 +1,5 @@
 //! Movies of a run: the pictures of a report, frame after frame on the same scales.
 
-use std::fmt;
 use std::str::FromStr;
 
 use rayon::prelude::*;
@@ -31,29 +30,16 @@ pub enum Field {
     Velocity,
 }
 
-impl Field {
-    const ALL: [(&'static str, Self); 3] = [
-        ("force", Self::Force),
-        ("dmin", Self::Dmin),
-        ("velocity", Self::Velocity),
-    ];
-}
-
 impl FromStr for Field {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.iter().find(|(name, _)| *name == text);
-        found
-            .map(|(_, field)| *field)
-            .ok_or_else(|| "write force, dmin or velocity".into())
-    }
-}
-
-impl fmt::Display for Field {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let found = Self::ALL.iter().find(|(_, field)| field == self);
-        f.write_str(found.map_or("", |(name, _)| name))
+        match text {
+            "force" => Ok(Self::Force),
+            "dmin" => Ok(Self::Dmin),
+            "velocity" => Ok(Self::Velocity),
+            _ => Err("write force, dmin or velocity".into()),
+        }
     }
 }
 
@@ -150,11 +136,9 @@ impl<'a> Movie<'a> {
         mut write: impl FnMut(Picture) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         self.each(|movie, frames| {
-            let drawn: Vec<Picture> = frames
-                .par_iter()
-                .map(|shown| movie.picture(shown, width))
-                .collect::<Result<_, _>>()?;
-            drawn.into_iter().try_for_each(&mut write)
+            let drawn = frames.par_iter().map(|shown| movie.picture(shown, width));
+            let mut drawn = drawn.collect::<Result<Vec<_>, _>>()?.into_iter();
+            drawn.try_for_each(&mut write)
         })
     }
 
@@ -164,25 +148,20 @@ impl<'a> Movie<'a> {
         mut take: impl FnMut(&Self, &[Shown]) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let has_dmin = self.fields.contains(&Field::Dmin);
-        let before = self.numbers[0]
-            .checked_sub(self.stride)
-            .filter(|_| has_dmin);
-        let mut last = before
-            .map(|number| Ok((number, self.read(number)?)))
-            .transpose()?;
+        let read = |number: usize| Ok((number, self.read(number)?));
+        let before = self.numbers[0].checked_sub(self.stride);
+        let mut last = before.filter(|_| has_dmin).map(read).transpose()?;
         for numbers in self.numbers.chunks(rayon::current_num_threads().max(1)) {
             let contents = numbers.iter().map(|number| self.read(*number));
             let contents = contents.collect::<Result<Vec<_>, Failure>>()?;
-            let dmin = |k: usize| match k.checked_sub(1) {
+            let before = |k: usize| match k.checked_sub(1) {
+                Some(k) => Some((numbers[k], &contents[k])),
+                None => last.as_ref().map(|(number, content)| (*number, content)),
+            };
+            let dmin = |k: usize| match before(k) {
                 _ if !has_dmin => Vec::new(),
-                Some(before) => self.dmin(
-                    [numbers[before], numbers[k]],
-                    [&contents[before], &contents[k]],
-                ),
-                None => last.as_ref().map_or_else(
-                    || vec![f64::NAN; self.run.grains().count()],
-                    |(number, before)| self.dmin([*number, numbers[k]], [before, &contents[k]]),
-                ),
+                Some((at, before)) => self.dmin([at, numbers[k]], [before, &contents[k]]),
+                None => vec![f64::NAN; self.run.grains().count()],
             };
             let dmin: Vec<Vec<f64>> = (0..numbers.len()).into_par_iter().map(dmin).collect();
             let frames = numbers.iter().zip(contents).zip(dmin);
@@ -231,11 +210,7 @@ impl<'a> Movie<'a> {
                 let grains = self.run.grains();
                 let centre = [0.5 * grains.length, 0.5 * self.run.height()];
                 let view = MapView::of(grains, frame, centre);
-                let map = Map {
-                    grains,
-                    frame,
-                    view,
-                };
+                let map = Map::new(grains, frame, view);
                 let range = |field: &Field| match field {
                     Field::Force => [0.0, map::scale_of_forces(&[frame])],
                     Field::Dmin if shown.dmin.iter().all(|x| x.is_nan()) => [f64::NAN; 2],
@@ -251,10 +226,8 @@ impl<'a> Movie<'a> {
                     Field::Dmin if shown.dmin.iter().all(|x| x.is_nan()) => [f64::NAN; 2],
                     field => packing.range_of(&self.values(*field, shown, frame)),
                 };
-                (
-                    [packing.x, packing.y],
-                    self.fields.iter().map(range).collect(),
-                )
+                let ranges = self.fields.iter().map(range).collect();
+                ([packing.x, packing.y], ranges)
             }
         }
     }
@@ -271,14 +244,11 @@ impl<'a> Movie<'a> {
     /// The pictures of a frame, below each other if they are wide, else side by side.
     fn picture(&self, shown: &Shown, width: Option<u32>) -> Result<Picture, Failure> {
         let fields = self.fields.iter().zip(&self.ranges);
-        let drawn: Vec<String> = fields
-            .map(|(field, range)| self.drawn(*field, *range, shown))
-            .collect();
+        let drawn = fields.map(|(field, range)| self.drawn(*field, *range, shown));
+        let drawn: Vec<String> = drawn.collect();
         let pixels = |scale: f32| -> Result<Vec<Pixmap>, Failure> {
-            drawn
-                .iter()
-                .map(|svg| drawing::pixels(svg, scale))
-                .collect()
+            let drawn = drawn.iter();
+            drawn.map(|svg| drawing::pixels(svg, scale)).collect()
         };
         let mut parts = pixels(1.0)?;
         let below = 2 * parts[0].width() >= 3 * parts[0].height();
@@ -329,12 +299,7 @@ impl<'a> Movie<'a> {
         };
         match &shown.content {
             Content::Disks(frame) => {
-                let view = MapView { x, y };
-                let map = Map {
-                    grains: self.run.grains(),
-                    frame,
-                    view,
-                };
+                let map = Map::new(self.run.grains(), frame, MapView { x, y });
                 match field {
                     Field::Force => map.forces(range[1], &title),
                     Field::Dmin => map.dmin(&shown.dmin, range, &title),

@@ -71,16 +71,13 @@ impl MovieFile {
         }
         match self.sink.as_mut() {
             Some(Sink::Mp4(child, _)) => {
-                let input = child
-                    .stdin
-                    .as_mut()
-                    .map(|input| input.write_all(&picture.rgb));
+                let input = child.stdin.as_mut();
+                let added = input.map_or(Ok(()), |input| input.write_all(&picture.rgb));
                 // What ffmpeg says when it ends explains a broken pipe.
-                match input.unwrap_or(Ok(())) {
-                    Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-                        return Err(unwritten(&self.path, &e));
-                    }
-                    _ => {}
+                if let Err(e) = added
+                    && e.kind() != ErrorKind::BrokenPipe
+                {
+                    return Err(unwritten(&self.path, &e));
                 }
             }
             Some(Sink::Png(writer, palette, _)) => {
@@ -115,9 +112,8 @@ impl MovieFile {
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .stderr(Stdio::piped());
-        let child = command
-            .spawn()
-            .map_err(|e| unwritten(&self.path, &format!("{FFMPEG}: {e}")))?;
+        let child = command.spawn();
+        let child = child.map_err(|e| unwritten(&self.path, &format!("{FFMPEG}: {e}")))?;
         Ok(Sink::Mp4(child, part))
     }
 
@@ -153,10 +149,8 @@ impl MovieFile {
                 let status = child.wait().map_err(|e| unwritten(&self.path, &e))?;
                 if !status.success() {
                     let last = said.lines().last().unwrap_or_default();
-                    return Err(unwritten(
-                        &self.path,
-                        &format!("{FFMPEG} ended with {status}: {last}"),
-                    ));
+                    let what = format!("{FFMPEG} ended with {status}: {last}");
+                    return Err(unwritten(&self.path, &what));
                 }
                 part
             }

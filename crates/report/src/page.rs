@@ -25,11 +25,7 @@ pub fn html(
             "{what}: a run of gshear-mpi that was stopped early or is still running; the report covers what it has written."
         ),
     };
-    let mut body = String::new();
-    for figure in figures {
-        let data = format!("{}.csv", figure.name);
-        body += &self::figure(&figure.name, &figure.caption, &data, &figure.svg);
-    }
+    let body = self::figures(figures);
     let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
     let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));
     let body = format!(
@@ -82,6 +78,13 @@ pub fn figure(name: &str, caption: &str, data: &str, svg: &str) -> String {
     )
 }
 
+/// Returns the figures of a report, each with the file of its numbers.
+pub fn figures(figures: &[ReportFigure]) -> String {
+    let of =
+        |of: &ReportFigure| figure(&of.name, &of.caption, &format!("{}.csv", of.name), &of.svg);
+    figures.iter().map(of).collect()
+}
+
 /// Returns links to the tables of a figure and to its drawings, which are beside the page.
 pub fn links(figure: &str, tables: &[impl AsRef<str>]) -> String {
     let drawings = ["pdf", "png"].map(|end| format!("{figure}.{end}"));
@@ -109,10 +112,7 @@ fn title(run: &RunFile) -> String {
 
 /// Returns what is said of any run.
 pub fn identity(run: &RunFile) -> Facts {
-    let of_grains = match run.dimension().axes() {
-        2 => "Disks",
-        _ => "Spheres",
-    };
+    let of_grains = ["Disks", "Spheres"][run.dimension().axes() - 2];
     let all = run.grains().count();
     let walls = run.grains().body.iter().filter(|body| **body != 0).count();
     let grains = match walls {
@@ -159,11 +159,9 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
     let name = "τ in the latter half: mean, standard deviation";
     facts.push((name, format!("{mean}, {deviation}")));
     let none = !summary::has_phases(run, &summary.phases);
-    let kinds = [
-        (PhaseKind::Stick, "Stick phases"),
-        (PhaseKind::Slip, "Slip phases"),
-    ];
-    for (kind, name) in kinds.into_iter().filter(|_| !none) {
+    let names = ["Stick phases", "Slip phases"].into_iter();
+    let kinds = [PhaseKind::Stick, PhaseKind::Slip].into_iter().zip(names);
+    for (kind, name) in kinds.filter(|_| !none) {
         let [long, short] = summary.count(kind);
         let all = long + short;
         let text = format!("{all}: {long} long (more than 3 Δγ), {short} short");
@@ -202,18 +200,11 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
 
 /// A caption without marks, as the text of a picture that is not seen.
 fn alternative(caption: &str) -> String {
-    let mut text = String::new();
-    let mut inside = false;
-    for c in caption.chars() {
-        match c {
-            '<' => inside = true,
-            '>' => inside = false,
-            '"' => {}
-            c if !inside => text.push(c),
-            _ => {}
-        }
-    }
-    text
+    let parts = caption.split('<');
+    let text: String = parts
+        .map(|part| part.split_once('>').map_or(part, |of| of.1))
+        .collect();
+    text.replace('"', "")
 }
 
 fn number(value: f64) -> String {
@@ -226,10 +217,9 @@ fn number(value: f64) -> String {
 
 /// Returns a table of names and values, both HTML.
 pub fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
-    let rows = rows
-        .into_iter()
-        .map(|(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n"));
-    format!("<table>\n{}</table>\n", rows.collect::<String>())
+    let row = |(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n");
+    let rows: String = rows.into_iter().map(row).collect();
+    format!("<table>\n{rows}</table>\n")
 }
 
 /// Text between tags. Own code because three replacements are not worth a crate.

@@ -331,14 +331,12 @@ fn as_spheres(svg: &str) -> String {
         let (before, rest) = line.split_once("fill=\"#")?;
         let (colour, after) = rest.split_once('"')?;
         colours.insert(colour.to_string());
-        Some(format!(
-            "<circle {before}fill=\"url(#sphere-{colour})\"{after}"
-        ))
+        let fill = format!("fill=\"url(#sphere-{colour})\"");
+        Some(format!("<circle {before}{fill}{after}"))
     };
-    let body: Vec<String> = svg
-        .lines()
-        .map(|line| shaded(line, &mut colours).unwrap_or_else(|| line.into()))
-        .collect();
+    let lines = svg.lines();
+    let body = lines.map(|line| shaded(line, &mut colours).unwrap_or_else(|| line.into()));
+    let body: Vec<String> = body.collect();
     let mixed = |colour: &str, with: f64, part: f64| {
         let channel = |k: usize| {
             let value = u8::from_str_radix(&colour[2 * k..2 * k + 2], 16).map_or(0.0, f64::from);

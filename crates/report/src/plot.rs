@@ -143,17 +143,15 @@ impl Plot<'_> {
     /// Draws a line through data points.
     pub fn line(&mut self, points: &[[f64; 2]], colour: RGBColor, width: f64) {
         let path = self.path(points);
-        self.backend
-            .draw_path(path, &stroke(colour, width))
-            .expect(IN_MEMORY);
+        let drawn = self.backend.draw_path(path, &stroke(colour, width));
+        drawn.expect(IN_MEMORY);
     }
 
     /// Fills a polygon of data points.
     pub fn area(&mut self, points: &[[f64; 2]], colour: RGBColor, opacity: f64) {
         let path = self.path(points);
-        self.backend
-            .fill_polygon(path, &colour.mix(opacity))
-            .expect(IN_MEMORY);
+        let drawn = self.backend.fill_polygon(path, &colour.mix(opacity));
+        drawn.expect(IN_MEMORY);
     }
 
     /// Draws a disk around a data point, with an outline if given; `radius` in pixels.
@@ -166,13 +164,13 @@ impl Plot<'_> {
     ) {
         let centre = to_canvas(self.pixel(centre));
         let radius = (radius * CANVAS).round() as u32;
-        self.backend
-            .draw_circle(centre, radius, &fill, true)
-            .expect(IN_MEMORY);
+        let drawn = self.backend.draw_circle(centre, radius, &fill, true);
+        drawn.expect(IN_MEMORY);
         if let Some(outline) = outline {
-            self.backend
-                .draw_circle(centre, radius, &stroke(outline, 0.5), false)
-                .expect(IN_MEMORY);
+            let drawn = self
+                .backend
+                .draw_circle(centre, radius, &stroke(outline, 0.5), false);
+            drawn.expect(IN_MEMORY);
         }
     }
 
@@ -356,22 +354,23 @@ impl Plot<'_> {
     }
 
     fn pixel_line(&mut self, [from, to]: [[f64; 2]; 2], colour: RGBColor, width: f64) {
-        self.backend
-            .draw_line(to_canvas(from), to_canvas(to), &stroke(colour, width))
-            .expect(IN_MEMORY);
+        let drawn = self
+            .backend
+            .draw_line(to_canvas(from), to_canvas(to), &stroke(colour, width));
+        drawn.expect(IN_MEMORY);
     }
 
     fn pixel_box(&mut self, [a, b]: [[f64; 2]; 2], colour: RGBColor, opacity: f64) {
-        self.backend
-            .draw_rect(to_canvas(a), to_canvas(b), &colour.mix(opacity), true)
-            .expect(IN_MEMORY);
+        let drawn = self
+            .backend
+            .draw_rect(to_canvas(a), to_canvas(b), &colour.mix(opacity), true);
+        drawn.expect(IN_MEMORY);
     }
 
     fn text(&mut self, at: [f64; 2], text: &str, (side, height): (HPos, VPos)) {
         let style = font(FONT, &INK).pos(Pos::new(side, height));
-        self.backend
-            .draw_text(text, &style, to_canvas(at))
-            .expect(IN_MEMORY);
+        let drawn = self.backend.draw_text(text, &style, to_canvas(at));
+        drawn.expect(IN_MEMORY);
     }
 
     /// Writes the name of an axis, or what takes its place.
@@ -383,17 +382,15 @@ impl Plot<'_> {
         colour: RGBColor,
     ) {
         let style = font(FONT + 1.0, &colour).pos(Pos::new(side, height));
-        self.backend
-            .draw_text(text, &style, to_canvas(at))
-            .expect(IN_MEMORY);
+        let drawn = self.backend.draw_text(text, &style, to_canvas(at));
+        drawn.expect(IN_MEMORY);
     }
 
     fn vertical_text(&mut self, at: [f64; 2], text: &str) {
         let style = font(FONT + 1.0, &INK).pos(Pos::new(HPos::Center, VPos::Center));
         let style = style.transform(FontTransform::Rotate270);
-        self.backend
-            .draw_text(text, &style, to_canvas(at))
-            .expect(IN_MEMORY);
+        let drawn = self.backend.draw_text(text, &style, to_canvas(at));
+        drawn.expect(IN_MEMORY);
     }
 }
 

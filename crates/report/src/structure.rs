@@ -77,11 +77,7 @@ pub fn figures(
     let mean_diameter = 2.0 * run.grains().mean_radius();
     let (walls, shears) = (run.has_walls(), run.stage() == RunStage::Shear);
     let ends = if walls { ends } else { [0.0, run.height()] };
-    let across = if walls {
-        0.25 * (ends[1] - ends[0])
-    } else {
-        0.45 * run.height()
-    };
+    let across = if walls { 0.25 } else { 0.45 } * (ends[1] - ends[0]);
     let [x, y] = run.periods();
     let farthest = (FARTHEST * mean_diameter).min(across).min(0.5 * x.min(y));
     let bins = (farthest / mean_diameter * BINS_PER_DIAMETER as f64) as usize;
@@ -135,9 +131,8 @@ fn chosen(run: &RunFile) -> Vec<usize> {
     let all = frames - frames / 2;
     let most = (MOST_GRAINS / run.grains().count().max(1)).clamp(1, MOST_FRAMES);
     let many = all.min(most);
-    (1..=many)
-        .map(|k| frames / 2 + k * all / many - 1)
-        .collect()
+    let number = |k: usize| frames / 2 + k * all / many - 1;
+    (1..=many).map(number).collect()
 }
 
 fn separation(axes: usize, cell: Cell, a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {

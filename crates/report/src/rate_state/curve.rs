@@ -39,10 +39,8 @@ impl Curve {
     ) -> Self {
         let points = |e: &Experiment| -> Vec<[f64; 2]> {
             let place = |row: usize| [x(row), y(e, e.record.friction[row])];
-            rows.clone()
-                .map(place)
-                .filter(|p| p[0].is_finite() && p[1].is_finite())
-                .collect()
+            let places = rows.clone().map(place);
+            places.filter(|p| p.iter().all(|x| x.is_finite())).collect()
         };
         let record = &view.experiment.record;
         let edges = |row: usize| {
@@ -50,19 +48,13 @@ impl Curve {
             let [low, high] = [mean - reach, mean + reach].map(|f| y(view.experiment, f));
             [x(row), low, high]
         };
-        let band = rows
-            .clone()
-            .map(edges)
-            .filter(|e| e.iter().all(|v| v.is_finite()));
+        let band = rows.clone().map(edges);
+        let models = view.models.iter();
         Curve {
             name,
             points: points(view.experiment),
-            band: band.collect(),
-            models: view
-                .models
-                .iter()
-                .map(|(law, model)| (*law, points(model)))
-                .collect(),
+            band: band.filter(|e| e.iter().all(|v| v.is_finite())).collect(),
+            models: models.map(|(law, model)| (*law, points(model))).collect(),
         }
     }
 }
@@ -80,8 +72,15 @@ fn colour_at(k: usize, n: usize) -> RGBColor {
     FORCE.at(1.0 - 0.7 * k as f64 / (n.max(2) - 1) as f64)
 }
 
-/// Draws the curves on one pair of axes, laws on top of the data.
-pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&str; 2]) -> String {
+/// Draws the curves on one pair of axes, laws on top of the data. `ticks_of`: about so many ticks
+/// of a range.
+pub(super) fn draw(
+    curves: &[Curve],
+    x: [f64; 2],
+    ticks_of: fn(f64, f64, usize) -> Vec<Tick>,
+    labels: [&str; 2],
+) -> String {
+    let x_ticks = ticks_of(x[0], x[1], 9);
     // The jump at the left end does not count for the scale.
     let begin = x[0] + 0.005 * (x[1] - x[0]);
     let within = |p: &&[f64; 2]| (begin..=x[1]).contains(&p[0]);
@@ -97,7 +96,7 @@ pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&st
     let n = curves.len();
     figure(LAYOUT, x, y, |plot| {
         let y_ticks = ticks::round(y[0], y[1], 6);
-        plot.grid(x_ticks, &y_ticks);
+        plot.grid(&x_ticks, &y_ticks);
         for (k, curve) in curves.iter().enumerate() {
             band(plot, &curve.band, colour_at(k, n));
         }
@@ -108,12 +107,11 @@ pub(super) fn draw(curves: &[Curve], x: [f64; 2], x_ticks: &[Tick], labels: [&st
             thinned(plot, points, colour_of(*law), 1.6);
         }
         plot.clip();
-        plot.axes(x_ticks, &y_ticks, labels[0], labels[1]);
+        plot.axes(&x_ticks, &y_ticks, labels[0], labels[1]);
         let step = n.div_ceil(NAMED).max(1);
         let named = curves.iter().enumerate().step_by(step);
-        let mut legend: Vec<(RGBColor, &str)> = named
-            .map(|(k, c)| (colour_at(k, n), c.name.as_str()))
-            .collect();
+        let named = named.map(|(k, c)| (colour_at(k, n), &*c.name));
+        let mut legend: Vec<(RGBColor, &str)> = named.collect();
         let models = curves.iter().flat_map(|c| &c.models);
         legend.extend(law_legend(models.map(|(law, _)| *law)));
         plot.legend(&legend);

@@ -11,16 +11,13 @@ use gshear_analysis::rate_state::{Evolution, Experiment, Healing, Hold, peak_gro
 /// Draws Δμ against ln t_hold: measured with ±2 standard errors, the fitted line, and the laws.
 pub(super) fn healing(views: &[View]) -> Option<String> {
     let point = |hold: &Hold| {
-        Some([
-            hold.duration.log10(),
-            hold.reslide?.healing,
-            hold.reslide?.error,
-        ])
+        let reslide = hold.reslide?;
+        Some([hold.duration.log10(), reslide.healing, reslide.error])
     };
-    let fits: Vec<_> = views
-        .iter()
-        .flat_map(|view| view.experiment.healing.iter().map(move |h| (view, h)))
-        .collect();
+    let mut fits: Vec<(&View, &Healing)> = Vec::new();
+    for view in views {
+        fits.extend(view.experiment.healing.iter().map(|of| (view, of)));
+    }
     if fits.is_empty() {
         return None;
     }
@@ -35,10 +32,8 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
         .iter()
         .flat_map(|(view, healing)| {
             let of = |(law, model): &(Evolution, Experiment)| {
-                let points = healing
-                    .holds
-                    .iter()
-                    .filter_map(|k| point(model.holds.get(*k)?));
+                let holds = healing.holds.iter();
+                let points = holds.filter_map(|k| point(model.holds.get(*k)?));
                 let mut points: Vec<[f64; 2]> = points.map(|p| [p[0], p[1]]).collect();
                 points.sort_by(|a, b| a[0].total_cmp(&b[0]));
                 (*law, points)
@@ -46,9 +41,8 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
             view.models.iter().map(of).collect::<Vec<_>>()
         })
         .collect();
-    let heights = points
-        .iter()
-        .flat_map(|p| [p[1] - 2.0 * p[2], p[1] + 2.0 * p[2]]);
+    let ends = |[_, value, error]: &[f64; 3]| [value - 2.0 * error, value + 2.0 * error];
+    let heights = points.iter().flat_map(ends);
     let of_models = models.iter().flat_map(|(_, m)| m.iter().map(|p| p[1]));
     let y = padded(heights.chain(of_models), 0.08);
     let x_ticks = hold_ticks(x, &points);
@@ -63,13 +57,9 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
             let at = |x: f64| [x, healing.intercept + healing.slope * x * ln_10];
             plot.line(&[at(x[0]), at(x[1])], GREY, 1.2);
         }
-        for [at, value, error] in &points {
-            plot.line(
-                &[[*at, value - 2.0 * error], [*at, value + 2.0 * error]],
-                INK,
-                1.2,
-            );
-            plot.disk([*at, *value], 4.0, INK, None);
+        for point in &points {
+            plot.line(&ends(point).map(|end| [point[0], end]), INK, 1.2);
+            plot.disk([point[0], point[1]], 4.0, INK, None);
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, "hold time (s)", "healing Δμ");

@@ -26,10 +26,9 @@ pub struct View<'a> {
 pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
     let mut figures = Vec::new();
     for (k, view) in views.iter().enumerate() {
-        let name = if views.len() == 1 {
-            "fit.svg".to_string()
-        } else {
-            format!("fit-{k}.svg")
+        let name = match views.len() {
+            1 => "fit.svg".to_string(),
+            _ => format!("fit-{k}.svg"),
         };
         figures.push((name, fit_over_data(view)));
     }
@@ -40,10 +39,8 @@ pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
     add("holds.svg", holds(views));
     add("reslides.svg", reslides(views, best, None));
     let offset = peak_offset(views);
-    add(
-        "reslides-normalised.svg",
-        offset.and_then(|c| reslides(views, best, Some(c))),
-    );
+    let normalised = offset.and_then(|c| reslides(views, best, Some(c)));
+    add("reslides-normalised.svg", normalised);
     add("healing.svg", healing(views));
     figures
 }
@@ -51,13 +48,8 @@ pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
 /// Returns a page with these figures, names and SVG, and a table of names and texts. `place`: where
 /// the tables are.
 pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> String {
-    let mut body = format!(
-        "{}<h2>Figures</h2>\n",
-        page::table(rows.iter().map(|row| {
-            let [name, text] = row.each_ref().map(|text| page::escape(text));
-            (name, text)
-        }))
-    );
+    let escaped = |row: &[String; 2]| row.each_ref().map(|text| page::escape(text)).into();
+    let mut body = page::table(rows.iter().map(escaped)) + "<h2>Figures</h2>\n";
     for (name, svg) in figures {
         let caption = CAPTIONS.iter().find(|(start, _)| name.starts_with(start));
         let name = name.trim_end_matches(".svg");
@@ -102,8 +94,7 @@ fn fit_over_data(view: &View) -> String {
         n => format!("mean of {n} runs, 2σ"),
     };
     let x = padded(curve.points.iter().map(|p| p[0]), 0.0);
-    let x_ticks = ticks::round(x[0], x[1], 9);
-    draw(&[curve], x, &x_ticks, ["slip (mm)", "friction μ"])
+    draw(&[curve], x, ticks::round, ["slip (mm)", "friction μ"])
 }
 
 /// Draws μ - μ_ss against slip since each velocity step.
@@ -114,35 +105,20 @@ fn steps(views: &[View]) -> Option<String> {
         for (n, step) in view.experiment.steps.iter().enumerate() {
             let rows = record.rows(step.segment);
             let start = record.slip[rows.start - 1];
-            let name = format!(
-                "{} → {} m/s",
-                short(step.velocities[0]),
-                short(step.velocities[1])
-            );
-            let before = step.segment - 1;
-            let above = above_steady(before);
-            let reference = move |e: &Experiment, friction: f64| {
-                let is_known = n < e.steps.len();
-                if is_known {
-                    above(e, friction)
-                } else {
-                    f64::NAN
-                }
+            let [before, after] = step.velocities.map(short);
+            let name = format!("{before} → {after} m/s");
+            let above = above_steady(step.segment - 1);
+            let reference = move |e: &Experiment, friction: f64| match e.steps.get(n) {
+                Some(_) => above(e, friction),
+                None => f64::NAN,
             };
             let slip = |row: usize| 1e3 * (record.slip[row] - start);
             curves.push(Curve::of(view, name, &rows, slip, reference));
         }
     }
+    let labels = ["slip since the velocity step (mm)", "μ − μ_{ss}(V_{1})"];
     let x = [0.0, longest(&curves)];
-    (x[1] > 0.0).then(|| {
-        let x_ticks = ticks::round(x[0], x[1], 9);
-        draw(
-            &curves,
-            x,
-            &x_ticks,
-            ["slip since the velocity step (mm)", "μ − μ_{ss}(V_{1})"],
-        )
-    })
+    (x[1] > 0.0).then(|| draw(&curves, x, ticks::round, labels))
 }
 
 /// The greatest slip that a curve reaches.
@@ -171,25 +147,13 @@ fn holds(views: &[View]) -> Option<String> {
         let begin = record.begin(hold.segment);
         let name = format!("{} s from {} m/s", short(hold.duration), short(hold.before));
         let time = |row: usize| (record.time[row] - begin).log10();
-        Curve::of(
-            view,
-            name,
-            &record.rows(hold.segment),
-            time,
-            above_steady(hold.segment - 1),
-        )
+        let (rows, above) = (record.rows(hold.segment), above_steady(hold.segment - 1));
+        Curve::of(view, name, &rows, time, above)
     };
     let curves: Vec<Curve> = all_holds(views).into_iter().map(of).collect();
     let x = extent(curves.iter().flat_map(|c| &c.points).map(|p| p[0]));
-    (x[0] < x[1]).then(|| {
-        let x_ticks = ticks::decades(x[0], x[1], 9);
-        draw(
-            &curves,
-            x,
-            &x_ticks,
-            ["time since the start of the hold (s)", "μ − μ_{ss}"],
-        )
-    })
+    let labels = ["time since the start of the hold (s)", "μ − μ_{ss}"];
+    (x[0] < x[1]).then(|| draw(&curves, x, ticks::decades, labels))
 }
 
 /// Greatest slip shown after a hold, in D_c.
@@ -212,11 +176,8 @@ fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<S
         let start = record.slip[rows.start - 1];
         let ratio = reslide.velocity / hold.before;
         let scale = offset.map_or(1.0, |c| (c + ratio.ln()).recip());
-        let name = format!(
-            "{} s, V_{{r}}/V_{{i}}: {}",
-            short(hold.duration),
-            short(ratio)
-        );
+        let [duration, times] = [hold.duration, ratio].map(short);
+        let name = format!("{duration} s, V_{{r}}/V_{{i}}: {times}");
         let slip = |row: usize| (record.slip[row] - start) / unit;
         let above = above_steady(hold.segment - 1);
         curves.push(Curve::of(view, name, &rows, slip, move |e, f| {
@@ -229,10 +190,7 @@ fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<S
         Some(c) => format!("(μ − μ_{{ss}})/({c:.2} + ln(V_{{r}}/V_{{i}}))"),
         None => "μ − μ_{ss}".to_string(),
     };
-    (x[1] > 0.0).then(|| {
-        let x_ticks = ticks::round(x[0], x[1], 9);
-        draw(&curves, x, &x_ticks, [x_label, &y_label])
-    })
+    (x[1] > 0.0).then(|| draw(&curves, x, ticks::round, [x_label, &y_label]))
 }
 
 /// A number with three significant digits.

@@ -56,10 +56,8 @@ pub fn colours(count: usize) -> Vec<RGBColor> {
 /// The entries of a legend; of many names every second, third, …, none of a single one.
 pub fn legend<'n>(names: &'n [String], colours: &[RGBColor]) -> Vec<(RGBColor, &'n str)> {
     let step = names.len().div_ceil(MOST_NAMES).max(1);
-    let entries = colours
-        .iter()
-        .copied()
-        .zip(names.iter().map(String::as_str));
+    let names_of = names.iter().map(String::as_str);
+    let entries = colours.iter().copied().zip(names_of);
     let named = entries.filter(|(_, name)| !name.is_empty() && names.len() > 1);
     named.step_by(step).collect()
 }

@@ -19,6 +19,7 @@ use crate::history::Axis;
 use crate::page::{self, escape};
 use crate::panels::{Compared, PANELS};
 use crate::plot::{Layout, figure};
+use crate::summary::finite_moments;
 use crate::ticks;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::moments::{Moments, distinct, grouped};
@@ -80,13 +81,8 @@ impl SweepRun {
             let first = first_row(series.rows(), start);
             let [strain, tau] = ["strain", "stress_ratio"].map(|name| series.column(name));
             let found = phases::find(&strain[first..], &tau[first..]);
-            let values = PhaseStatistics::of(&found).columns();
-            means.extend(
-                PhaseStatistics::COLUMNS
-                    .iter()
-                    .map(|of| of.name)
-                    .zip(values),
-            );
+            let names = PhaseStatistics::COLUMNS.iter().map(|of| of.name);
+            means.extend(names.zip(PhaseStatistics::of(&found).columns()));
         }
         let of_frames = FrameScalars::COLUMNS.iter().enumerate().map(|(k, column)| {
             let values: Vec<f64> = scalars.iter().map(|row| row.columns()[k]).collect();
@@ -120,9 +116,7 @@ fn first_row(rows: usize, start: f64) -> usize {
 
 /// Mean of the finite values from the share `start` on.
 fn later_mean(values: &[f64], start: f64) -> f64 {
-    let later = values[first_row(values.len(), start)..].iter();
-    let finite: Vec<f64> = later.copied().filter(|value| value.is_finite()).collect();
-    Moments::of(&finite).mean
+    finite_moments(&values[first_row(values.len(), start)..]).mean
 }
 
 /// Runs with the same values of all keys but the seed.
@@ -136,7 +130,7 @@ impl Group<'_> {
     /// Moments of a column over the runs.
     fn moments(&self, column: &str) -> Moments {
         let values = self.runs.iter().map(|run| run.means[column]);
-        Moments::of(&values.filter(|x| x.is_finite()).collect::<Vec<_>>())
+        finite_moments(&values.collect::<Vec<_>>())
     }
 }
 
@@ -242,11 +236,8 @@ impl<'a> Sweep<'a> {
         let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_string();
         let name = last(&self.keys[k]);
         let same = self.keys.iter().filter(|key| last(key) == name);
-        let name = if same.count() > 1 {
-            self.keys[k].clone()
-        } else {
-            name
-        };
+        let is_shared = same.count() > 1;
+        let name = if is_shared { &self.keys[k] } else { &name };
         name.replace('_', " ")
     }
 
@@ -271,13 +262,11 @@ impl<'a> Sweep<'a> {
         };
         let is_tied = |k: usize| {
             let sets = |keys: &[usize]| self.sets(keys);
-            self.against
-                .is_some_and(|of| sets(&[of]) == sets(&[k]) && sets(&[of, k]) == sets(&[k]))
+            let is_of = |of: usize| sets(&[of]) == sets(&[k]) && sets(&[of, k]) == sets(&[k]);
+            self.against.is_some_and(is_of)
         };
-        for k in (0..self.keys.len())
-            .rev()
-            .filter(|k| Some(*k) != self.against)
-        {
+        let all_keys = (0..self.keys.len()).rev();
+        for k in all_keys.filter(|k| Some(*k) != self.against) {
             let others: Vec<usize> = keys.iter().copied().filter(|other| *other != k).collect();
             if (lacks(k) || is_tied(k)) && self.sets(&others) == all {
                 keys = others;
@@ -333,9 +322,8 @@ impl<'a> Sweep<'a> {
 
     /// A table with a line per group: the keys, means of columns with their errors, number of runs.
     fn table_of_means(&self, columns: &[String]) -> String {
-        let names = columns
-            .iter()
-            .flat_map(|name| [name.clone(), format!("{name}{}", dictionary::ERROR)]);
+        let both = |name: &String| [name.clone(), format!("{name}{}", dictionary::ERROR)];
+        let names = columns.iter().flat_map(both);
         Table::of(self.groups())
             .columns(&self.keys, |group| {
                 let values = group.values.iter().map(|value| text(*value));
@@ -392,16 +380,17 @@ impl<'a> Sweep<'a> {
             self.runs.len(),
             100.0 * start
         );
-        let skipped = skipped
+        let left_out = |why: &String| format!("<p>Left out: {}</p>\n", escape(why));
+        let skipped: String = skipped.iter().map(left_out).collect();
+        let labels = self.columns.iter().map(|column| self.label(column));
+        let head = self
+            .keys
             .iter()
-            .map(|why| format!("<p>Left out: {}</p>\n", escape(why)));
-        let head = (0..self.keys.len()).map(|k| self.keys[k].clone());
-        let head = head
+            .cloned()
             .chain(["runs".into()])
-            .chain(self.columns.iter().map(|c| self.label(c)));
-        let head: String = head
-            .map(|name| format!("<th>{}</th>", marked(&name)))
-            .collect();
+            .chain(labels);
+        let head = head.map(|name| format!("<th>{}</th>", marked(&name)));
+        let head: String = head.collect();
         let row = |group: &Group<'_>| {
             let keys = group.values.iter().map(|value| escape(&shown(*value)));
             let means = self.columns.iter().map(|column| {
@@ -413,14 +402,11 @@ impl<'a> Sweep<'a> {
             format!("<tr>{cells}</tr>\n")
         };
         let rows: String = groups.iter().map(row).collect();
-        let mut body = format!(
-            "{}<h2>Means</h2>\n<div class=\"wide\"><table>\n<tr>{head}</tr>\n{rows}</table></div>\n<h2>Figures</h2>\n",
-            skipped.collect::<String>()
+        let body = format!(
+            "{skipped}<h2>Means</h2>\n<div class=\"wide\"><table>\n<tr>{head}</tr>\n{rows}</table></div>\n\
+             <h2>Figures</h2>\n{}",
+            page::figures(figures)
         );
-        for figure in figures {
-            let data = format!("{}.csv", figure.name);
-            body += &page::figure(&figure.name, &figure.caption, &data, &figure.svg);
-        }
         page::document(&escape(title), &lead, &body)
     }
 
@@ -446,10 +432,8 @@ impl<'a> Sweep<'a> {
             points
         };
         let lines: Vec<Vec<[f64; 3]>> = lines.iter().map(points).collect();
-        let ends = lines
-            .iter()
-            .flatten()
-            .flat_map(|[_, y, error]| [y - error, y + error]);
+        let ends = |[_, y, error]: &[f64; 3]| [y - error, y + error];
+        let ends = lines.iter().flatten().flat_map(ends);
         let (x, y) = (places.range(), padded(ends, 0.08));
         if lines.iter().all(Vec::is_empty) {
             return None;
@@ -471,17 +455,12 @@ impl<'a> Sweep<'a> {
         });
         let tied = (0..self.keys.len()).filter(|k| !telling.contains(k));
         let tied: Vec<&str> = tied.map(|k| &*self.keys[k]).collect();
-        let tied = if tied.is_empty() {
-            String::new()
-        } else {
-            format!(" Keys that follow from the others: {}.", tied.join(", "))
-        };
-        let caption = format!(
-            "Mean of {} against {}; bars: standard error over seeds.{}",
-            escape(column),
-            escape(name),
-            escape(&tied)
-        );
+        let mut caption =
+            format!("Mean of {column} against {name}; bars: standard error over seeds.");
+        if !tied.is_empty() {
+            caption += &format!(" Keys that follow from the others: {}.", tied.join(", "));
+        }
+        let caption = escape(&caption);
         let data = self.table_of_means(&[column.to_string()]);
         let name = format!("{column}-means");
         Some(ReportFigure::new(name, caption, svg, data))
@@ -498,10 +477,8 @@ impl<'a> Sweep<'a> {
             return None;
         }
         let telling = self.telling();
-        let names: Vec<String> = groups
-            .iter()
-            .map(|of| self.named(of, telling.iter().copied()))
-            .collect();
+        let name = |of: &Group<'_>| self.named(of, telling.iter().copied());
+        let names: Vec<String> = groups.iter().map(name).collect();
         let colours = colours(groups.len());
         let entries = legend(&names, &colours);
         let layout = LAYOUT.with_legend(entries.iter().map(|of| of.1));
@@ -522,10 +499,8 @@ impl<'a> Sweep<'a> {
             plot.axes(&x_ticks, &y_ticks, axis.label, &self.label(column));
             plot.legend(&entries);
         });
-        let rows = self
-            .runs
-            .iter()
-            .flat_map(|run| (0..run.step.len()).map(move |k| (run, k)));
+        let rows_of = |run: &'a SweepRun| (0..run.step.len()).map(move |k| (run, k));
+        let rows = self.runs.iter().flat_map(rows_of);
         let data = Table::of(rows)
             .column("run", |(run, _)| run.name.clone())
             .column("step", |(run, k)| run.step[*k])
@@ -565,10 +540,8 @@ fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>, Failur
     let usual = PANELS.compared.iter().map(|of| of.column.clone());
     let found: Vec<String> = usual.filter(|name| all_have(name)).collect();
     if found.is_empty() {
-        let kinds = grouped(runs, |a, b| a.stage == b.stage);
-        let kinds = kinds
-            .iter()
-            .map(|of| format!("{} (stage {})", of[0].name, of[0].stage.name()));
+        let kinds = grouped(runs, |a, b| a.stage == b.stage).into_iter();
+        let kinds = kinds.map(|of| format!("{} (stage {})", of[0].name, of[0].stage.name()));
         return Err(Failure::input(format!(
             "the runs have no column in common: {}; give runs of one kind, or --columns",
             kinds.collect::<Vec<_>>().join(", ")

@@ -103,11 +103,8 @@ impl<'a> Places<'a> {
             Some(true) if self.values.len() > 8 => ticks::decades(low, high, 8),
             _ => {
                 let short = |value| shown(value).chars().take(24).collect();
-                let ticks = self
-                    .values
-                    .iter()
-                    .map(|value| (self.at(*value), short(*value)));
-                ticks.collect()
+                let values = self.values.iter();
+                values.map(|of| (self.at(*of), short(*of))).collect()
             }
         }
     }
