@@ -167,9 +167,8 @@ impl Plot<'_> {
         let drawn = self.backend.draw_circle(centre, radius, &fill, true);
         drawn.expect(IN_MEMORY);
         if let Some(outline) = outline {
-            let drawn = self
-                .backend
-                .draw_circle(centre, radius, &stroke(outline, 0.5), false);
+            let line = stroke(outline, 0.5);
+            let drawn = self.backend.draw_circle(centre, radius, &line, false);
             drawn.expect(IN_MEMORY);
         }
     }
@@ -354,16 +353,14 @@ impl Plot<'_> {
     }
 
     fn pixel_line(&mut self, [from, to]: [[f64; 2]; 2], colour: RGBColor, width: f64) {
-        let drawn = self
-            .backend
-            .draw_line(to_canvas(from), to_canvas(to), &stroke(colour, width));
+        let (from, to) = (to_canvas(from), to_canvas(to));
+        let drawn = self.backend.draw_line(from, to, &stroke(colour, width));
         drawn.expect(IN_MEMORY);
     }
 
     fn pixel_box(&mut self, [a, b]: [[f64; 2]; 2], colour: RGBColor, opacity: f64) {
-        let drawn = self
-            .backend
-            .draw_rect(to_canvas(a), to_canvas(b), &colour.mix(opacity), true);
+        let (a, b) = (to_canvas(a), to_canvas(b));
+        let drawn = self.backend.draw_rect(a, b, &colour.mix(opacity), true);
         drawn.expect(IN_MEMORY);
     }
 

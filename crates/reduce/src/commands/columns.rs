@@ -22,37 +22,33 @@ impl Arguments {
     /// # Errors
     /// [`Failure::Input`] if there is no such table.
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
-        print(self.table.as_deref(), self.dimension.into(), printer)
-    }
-}
-
-/// Prints the columns of all tables in `axes` dimensions, or of `table` alone.
-fn print(table: Option<&str>, axes: usize, printer: &mut Printer) -> Result<(), Failure> {
-    let all = dictionary::tables(axes);
-    let is_wanted = |of: &&TableDescription| {
-        let name = of.file.split(':').next().unwrap_or(of.file);
-        table.is_none_or(|wanted| [of.file, name].contains(&wanted))
-    };
-    let chosen: Vec<&TableDescription> = all.iter().filter(is_wanted).collect();
-    if let (Some(table), true) = (table, chosen.is_empty()) {
-        let known: Vec<&str> = all.iter().map(|of| of.file).collect();
-        return Err(Failure::input(format!(
-            "{table}: there is no such table; give one of {}",
-            known.join(", ")
-        )));
-    }
-    for (k, of) in chosen.iter().enumerate() {
-        if k > 0 {
-            writeln!(printer)?;
+        let (table, axes) = (self.table.as_deref(), self.dimension.into());
+        let all = dictionary::tables(axes);
+        let is_wanted = |of: &&TableDescription| {
+            let name = of.file.split(':').next().unwrap_or(of.file);
+            table.is_none_or(|wanted| [of.file, name].contains(&wanted))
+        };
+        let chosen: Vec<&TableDescription> = all.iter().filter(is_wanted).collect();
+        if let (Some(table), true) = (table, chosen.is_empty()) {
+            let known: Vec<&str> = all.iter().map(|of| of.file).collect();
+            return Err(Failure::input(format!(
+                "{table}: there is no such table; give one of {}",
+                known.join(", ")
+            )));
         }
-        writeln!(printer, "{}: one line per {}", of.file, of.lines)?;
-        let widest = of.columns.iter().map(|column| column.name.len()).max();
-        let width = widest.unwrap_or(0);
-        for column in &of.columns {
-            let unit = column.unit_in(axes).unwrap_or_else(|| "-".into());
-            let (name, meaning) = (column.name, column.doc);
-            writeln!(printer, "  {name:<width$}  {unit:<7}  {meaning}")?;
+        for (k, of) in chosen.iter().enumerate() {
+            if k > 0 {
+                writeln!(printer)?;
+            }
+            writeln!(printer, "{}: one line per {}", of.file, of.lines)?;
+            let widest = of.columns.iter().map(|column| column.name.len()).max();
+            let width = widest.unwrap_or(0);
+            for column in &of.columns {
+                let unit = column.unit_in(axes).unwrap_or_else(|| "-".into());
+                let (name, meaning) = (column.name, column.doc);
+                writeln!(printer, "  {name:<width$}  {unit:<7}  {meaning}")?;
+            }
         }
+        Ok(())
     }
-    Ok(())
 }

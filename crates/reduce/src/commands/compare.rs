@@ -1,6 +1,7 @@
 //! `compare`: compares two runs field by field, to the last bit.
 
 use std::cmp::Ordering;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -207,11 +208,8 @@ pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
     }
     parameters(a, b, &mut found);
     let grains = found.count("number of grains", a.grains().count(), b.grains().count());
-    let rows = found.count(
-        "rows of the time series",
-        a.series().rows(),
-        b.series().rows(),
-    );
+    let [x, y] = [a, b].map(|run| run.series().rows());
+    let rows = found.count("rows of the time series", x, y);
     let frames = found.count("number of frames", a.frames(), b.frames());
 
     let dimension = a.dimension();
@@ -265,7 +263,7 @@ pub fn series(a: &RunFile, b: &RunFile, rows: &[[usize; 2]]) -> Vec<FieldCompari
     };
     let mut fields = vec![
         compared("series step", &|[i, j]| {
-            [a.step[i] as f64, b.step[j] as f64]
+            [a.step[i], b.step[j]].map(|step| step as f64)
         }),
         compared("series time", &|[i, j]| [a.time[i], b.time[j]]),
     ];
@@ -277,9 +275,7 @@ pub fn series(a: &RunFile, b: &RunFile, rows: &[[usize; 2]]) -> Vec<FieldCompari
 }
 
 fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
-    let mut names: Vec<&String> = a.parameters().keys().chain(b.parameters().keys()).collect();
-    names.sort_unstable();
-    names.dedup();
+    let names: BTreeSet<_> = a.parameters().keys().chain(b.parameters().keys()).collect();
     for name in names {
         match (a.parameters().get(name), b.parameters().get(name)) {
             (Some(x), Some(y)) if x == y => {}
@@ -296,9 +292,8 @@ fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
         }
     }
     // Settings come before parameters that differ between any two runs.
-    found
-        .asides
-        .sort_by_key(|line| PROVENANCE.iter().any(|name| line.starts_with(name)));
+    let is_provenance = |line: &String| PROVENANCE.iter().any(|name| line.starts_with(name));
+    found.asides.sort_by_key(is_provenance);
 }
 
 /// Compares the fields of frames, read in blocks.
@@ -308,9 +303,9 @@ fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldCompari
     for first in (0..frames).step_by(length) {
         let range = first..frames.min(first + length);
         let pairs = a.records(range.clone())?.into_iter().zip(b.records(range)?);
-        pairs
-            .enumerate()
-            .for_each(|(k, (x, y))| fields.see(first + k, &x, &y));
+        for (k, (x, y)) in pairs.enumerate() {
+            fields.see(first + k, &x, &y);
+        }
     }
     Ok(fields.fields)
 }
@@ -376,26 +371,18 @@ impl FrameComparison {
                 (None, Some(_)) => Ordering::Greater,
                 (None, None) => return,
             };
-            let sample = if order == Ordering::Greater {
-                &b[0]
-            } else {
-                &a[0]
-            };
+            let [in_a, in_b] = [Ordering::Greater, Ordering::Less].map(|other| order != other);
+            let sample = if in_a { &a[0] } else { &b[0] };
             let at = Location::ContactOf(t, sample.i, sample.j);
-            pairs.see(
-                (order != Ordering::Greater).into(),
-                (order != Ordering::Less).into(),
-                at,
-            );
-            if order == Ordering::Equal {
+            pairs.see(in_a.into(), in_b.into(), at);
+            if in_a && in_b {
                 for (field, of) in contacts.iter_mut().zip(of_contacts(self.form)) {
                     let [x, y] = [&a[0], &b[0]].map(|contact| of.values(self.form, contact));
-                    let values = x.zip(y);
-                    values.for_each(|(x, y)| field.see(x, y, at));
+                    x.zip(y).for_each(|(x, y)| field.see(x, y, at));
                 }
             }
-            a = &a[usize::from(order != Ordering::Greater)..];
-            b = &b[usize::from(order != Ordering::Less)..];
+            a = &a[usize::from(in_a)..];
+            b = &b[usize::from(in_b)..];
         }
     }
 }

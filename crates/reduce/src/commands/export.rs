@@ -11,6 +11,7 @@ mod npz;
 mod vtkhdf;
 mod xyz;
 
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -21,9 +22,11 @@ use crate::results::Results;
 use gshear_dem::failure::Failure;
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunFile;
+use gshear_store::text_writer::PartFile;
 
 use content::{ExportedFrame, ExportedModes, ExportedRun, GrainField};
 use data_file::Reader;
+use vtkhdf::VtkWriter;
 
 /// Format of the exported file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -164,9 +167,7 @@ impl Arguments {
         };
         Ok(match self.format {
             ExportFormat::LammpsDump => Box::new(dump::DumpWriter::create(&named("dump"))?),
-            ExportFormat::Vtkhdf => {
-                Box::new(vtkhdf::VtkWriter::create(&named("vtkhdf"), exported)?)
-            }
+            ExportFormat::Vtkhdf => Box::new(VtkWriter::create(&named("vtkhdf"), exported)?),
             ExportFormat::Xyz => Box::new(xyz::XyzWriter::create(&named("xyz"))?),
             ExportFormat::Npz => Box::new(npz::NpzWriter::new(&named("npz"))),
             ExportFormat::Csv => Box::new(csv::CsvWriter::create(&named("csv"), exported)?),
@@ -184,6 +185,11 @@ trait FrameWriter {
 
     /// Closes the files, gives them their names and returns their paths.
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure>;
+}
+
+/// Writes numbers, each after a space, in the shortest form that reads back to the same bits.
+fn write_numbers(file: &mut PartFile, mut of: impl Iterator<Item = f64>) -> io::Result<()> {
+    of.try_for_each(|value| write!(file, " {value:?}"))
 }
 
 /// The path of a second file beside `path`: `NAME-contacts.ENDING`.

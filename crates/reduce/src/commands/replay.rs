@@ -81,14 +81,10 @@ impl Arguments {
                 return Err(Failure::input("replay: give --strain A..B or --time A..B"));
             }
         };
-        let request = ReplayRequest {
-            rows,
-            every: self.every,
-            threads,
-        };
         let (Rows::Strain([from, to]) | Rows::Time([from, to])) = rows;
         let beside = || run.folder().join(format!("replay-{kind}{from}-{to}"));
-        let found = window(&run, request, &self.out.clone().unwrap_or_else(beside))?;
+        let out = self.out.clone().unwrap_or_else(beside);
+        let found = window(&run, rows, self.every, threads, &out)?;
         let steps = found.run.frame_steps();
         writeln!(
             printer,
@@ -113,17 +109,6 @@ pub enum Rows {
     Time(Ends),
 }
 
-/// The part of a run to replay.
-#[derive(Debug, Clone, Copy)]
-pub struct ReplayRequest {
-    /// Its rows.
-    pub rows: Rows,
-    /// Steps between frames; `None`: one frame per row of the time series.
-    pub every: Option<u64>,
-    /// Number of threads; the results do not depend on it.
-    pub threads: usize,
-}
-
 /// Result of a replay.
 pub struct Replayed {
     /// The replayed part.
@@ -140,13 +125,20 @@ pub fn can(run: &RunFile) -> bool {
 }
 
 /// Replays the run from the first to the last row of the time series in the range, into the folder
-/// `out`: the shear, or Newton's equations in a box.
+/// `out`: the shear, or Newton's equations in a box. `every`: steps between frames, `None` for one
+/// frame per row; the results do not depend on the number of `threads`.
 ///
 /// # Errors
 /// [`Failure::Input`] if the range has fewer than two rows or no checkpoint before it;
 /// [`Failure::Numbers`] if the time series differs from the stored one.
-pub fn window(run: &RunFile, request: ReplayRequest, out: &Path) -> Result<Replayed, Failure> {
-    let window = steps(run, request)?;
+pub fn window(
+    run: &RunFile,
+    rows: Rows,
+    every: Option<u64>,
+    threads: usize,
+    out: &Path,
+) -> Result<Replayed, Failure> {
+    let window = steps(run, rows, every)?;
     if same_folder(out, run.folder()) {
         return Err(Failure::input(format!(
             "{}: holds the run itself; give another folder with --out",
@@ -161,7 +153,7 @@ pub fn window(run: &RunFile, request: ReplayRequest, out: &Path) -> Result<Repla
             &["analysis.scalars=false", "output.progress_lines=0"][..],
         ),
     };
-    let from = again(run.folder(), stage, window, set, (request.threads, out))?;
+    let from = again(run.folder(), stage, window, set, (threads, out))?;
     let again = RunFile::open_any(&out.join(file))?;
     let rows = equal_rows(run, &again)?;
     Ok(Replayed {
@@ -172,9 +164,9 @@ pub fn window(run: &RunFile, request: ReplayRequest, out: &Path) -> Result<Repla
 }
 
 /// Returns the steps of the first and the last row of the time series in the range.
-fn steps(run: &RunFile, request: ReplayRequest) -> Result<ReplayWindow, Failure> {
+fn steps(run: &RunFile, rows: Rows, every: Option<u64>) -> Result<ReplayWindow, Failure> {
     let series = run.series();
-    let (what, values, [from, to]) = match request.rows {
+    let (what, values, [from, to]) = match rows {
         Rows::Strain(range) => ("strains", series.column("strain"), range),
         Rows::Time(range) => ("times", &series.time[..], range),
     };
@@ -187,13 +179,10 @@ fn steps(run: &RunFile, request: ReplayRequest) -> Result<ReplayWindow, Failure>
             ends[0], ends[1]
         )));
     };
-    let every = request
-        .every
-        .unwrap_or_else(|| series.step[first + 1] - series.step[first]);
     Ok(ReplayWindow {
         first: series.step[first],
         last: series.step[last],
-        every,
+        every: every.unwrap_or_else(|| series.step[first + 1] - series.step[first]),
     })
 }
 
@@ -216,15 +205,12 @@ fn again(
     let saved = before(folder, stage, window.first)?;
     let from = saved.header.step();
     let set = [&["output.keep_checkpoints=false"], set].concat();
-    let set: Vec<String> = set.into_iter().map(Into::into).collect();
-    let task = Task::replay(saved, &set)?;
+    let task = Task::replay(saved, &set.into_iter().map(Into::into).collect::<Vec<_>>())?;
     // The files get their place when they are whole.
     let unmade = |e: std::io::Error| unwritten(out, &e);
     std::fs::create_dir_all(out).map_err(unmade)?;
-    let part = tempfile::Builder::new()
-        .prefix("replay.")
-        .tempdir_in(out)
-        .map_err(unmade)?;
+    let part = tempfile::Builder::new().prefix("replay.").tempdir_in(out);
+    let part = part.map_err(unmade)?;
     let options = Options {
         out: part.path().to_path_buf(),
         threads,
@@ -265,10 +251,8 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved, Failure> {
         match Saved::read(&Solo, path) {
             Ok(saved) => {
                 if let Some(failure) = damaged {
-                    say_error(&format!(
-                        "note: {failure}; replaying from {}",
-                        path.display()
-                    ));
+                    let path = path.display();
+                    say_error(&format!("note: {failure}; replaying from {path}"));
                 }
                 return Ok(saved);
             }

@@ -5,7 +5,7 @@ mod sweep;
 use std::path::{Path, PathBuf};
 
 use super::rate_state::{self, Laws};
-use super::replay::{self, ReplayRequest, Rows};
+use super::replay::{self, Rows};
 use crate::printer::Printer;
 use crate::results::Results;
 use gshear_dem::failure::Failure;
@@ -83,12 +83,7 @@ impl Arguments {
         let name = if is_sweep { "report" } else { "sweep-report" };
         let beside = || Results::of(None, folder_of(first)).place(name);
         let folder = self.out.clone().unwrap_or_else(beside);
-        let request = sweep::Request {
-            columns: &self.columns,
-            against: self.against.as_deref(),
-            start: self.start.unwrap_or(START),
-        };
-        sweep::write(&self.runs, &request, &folder, printer)
+        sweep::write(self, self.start.unwrap_or(START), &folder, printer)
     }
 }
 
@@ -105,14 +100,8 @@ fn in_a_box(run: &RunFile, given: &Path, folder: &Path) -> Result<PathBuf, Failu
 /// Velocity steps and holds under a spring are reduced into `folder`/rate-state.
 fn between_walls(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf, Failure> {
     let missing = gshear_report::window_without_frames(run)?.filter(|_| replay::can(run));
-    let again = |time| {
-        let request = ReplayRequest {
-            rows: Rows::Time(time),
-            every: None,
-            threads,
-        };
-        replay::window(run, request, &folder.join("replay"))
-    };
+    let out = folder.join("replay");
+    let again = |time| replay::window(run, Rows::Time(time), None, threads, &out);
     let replayed = missing.map(again).transpose()?;
     let replayed = replayed.as_ref().map(|of| &of.run);
     let mut rate_state = None;

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use super::correlate::GrainReduction;
-use super::replay::{self, ReplayRequest, Rows};
+use super::replay::{self, Rows};
 use crate::printer::Printer;
 use crate::results::Results;
 use crate::scalars::FrameSeries;
@@ -94,12 +94,9 @@ impl Arguments {
         let reduction = self.reduction.into();
         let mut steps = map_steps(run, &rows, (step, strain), reduction)?;
         if steps.is_empty() && replay::can(run) {
-            let window = ReplayRequest {
-                rows: Rows::Strain([stages.begin, stages.end].map(|row| strain[row])),
-                every: None,
-                threads,
-            };
-            let replayed = replay::window(run, window, &results.place("replay"))?;
+            let window = Rows::Strain([stages.begin, stages.end].map(|row| strain[row]));
+            let out = results.place("replay");
+            let replayed = replay::window(run, window, None, threads, &out)?;
             steps = map_steps(&replayed.run, &rows, (step, strain), reduction)?;
         }
         let grains = run.grains();
@@ -109,9 +106,8 @@ impl Arguments {
             tables.push(("stages-grains.csv", of_grains(grains, &steps)));
             tables.push(("stages-contacts.csv", of_contacts(grains, &steps)));
         }
-        let mut tables = tables.iter();
         // Of disks.
-        tables.try_for_each(|(name, csv)| results.table_in(2, name, csv, printer))
+        (tables.iter()).try_for_each(|(name, csv)| results.table_in(2, name, csv, printer))
     }
 }
 
@@ -160,8 +156,8 @@ fn map_steps(
 ) -> Result<Vec<MapStep>, Failure> {
     let grains = run.grains();
     let read = |t: usize| {
-        run.block_of(t..t + 1, FrameFields::Forces)
-            .map(|mut frames| Stressed::new(grains, frames.swap_remove(0)))
+        let frames = run.block_of(t..t + 1, FrameFields::Forces);
+        frames.map(|mut frames| Stressed::new(grains, frames.swap_remove(0)))
     };
     let mut steps = Vec::new();
     let mut scratch = ScalarScratch::default();
@@ -172,15 +168,8 @@ fn map_steps(
         };
         let (earlier, later) = (read(earlier)?, read(later)?);
         frame_scalars(grains, &earlier, &later, &mut scratch);
-        let mut displacement = Vec::new();
-        let rattlers = scratch.non_affine.rattlers();
-        displacement::non_affine(
-            grains,
-            &earlier.frame,
-            &later.frame,
-            rattlers,
-            &mut displacement,
-        );
+        let (rattlers, mut field) = (scratch.non_affine.rattlers(), Vec::new());
+        displacement::non_affine(grains, &earlier.frame, &later.frame, rattlers, &mut field);
         steps.push(MapStep {
             number: steps.len() + 1,
             stage,
@@ -189,7 +178,7 @@ fn map_steps(
             force_change: scratch.regions.changes().to_vec(),
             regions: scratch.regions.grains(reduction).to_vec(),
             dmin: scratch.dmin.clone(),
-            displacement,
+            displacement: field,
             frame: later.frame,
         });
     }

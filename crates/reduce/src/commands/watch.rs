@@ -48,73 +48,67 @@ impl Arguments {
     /// # Errors
     /// A folder without a run, output that cannot be written.
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
-        watch(&self.run, printer)
-    }
-}
-
-/// Shows the run until it ends; without a terminal, prints one line.
-fn watch(run: &Path, printer: &mut Printer) -> Result<(), Failure> {
-    let folder = folder_of(run);
-    let mut curves = Curves::new(folder);
-    let term = Term::stdout();
-    let shown = term.is_term() && term.size_checked().is_some();
-    let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-    let (mut drawn, mut size) = (0, term.size());
-    loop {
-        let begun = Instant::now();
-        let status = Status::read(folder);
-        // After the status: a run that ends writes it before it gives up its lock.
-        let state = status.as_ref().map(|status| status.state);
-        let running = state == Some(RunState::Running);
-        let killed = running && is_abandoned(folder);
-        curves.read(status.as_ref())?;
-        if status.is_none() && curves.rows() == 0 {
-            let what = if run.exists() {
-                format!("holds neither {STATUS_FILE} nor {LOG_FILE}")
-            } else {
-                "no such folder".into()
-            };
-            let name = if run.exists() { folder } else { run };
-            return Err(Failure::input(format!(
-                "{}: {what}; give the folder of a run",
-                name.display()
-            )));
-        }
-        let width = if shown {
-            usize::from(term.size().1).saturating_sub(1)
-        } else {
-            usize::MAX
-        };
-        let mut text = vec![headline(status.as_ref(), killed, width, shown && colours)];
-        if shown {
-            let height = usize::from(term.size().0);
-            text.extend(curves.pictures(width.min(WIDEST), height.saturating_sub(3)));
-            // The last picture is drawn over, but for one that the terminal has broken anew.
-            if size != term.size() {
-                size = term.size();
-                write!(printer, "\x1b[H\x1b[2J")?;
-            } else if drawn > 0 {
-                write!(printer, "\x1b[{drawn}A")?;
+        let run = &self.run;
+        let folder = folder_of(run);
+        let mut curves = Curves::new(folder);
+        let term = Term::stdout();
+        let shown = term.is_term() && term.size_checked().is_some();
+        let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+        let (mut drawn, mut size) = (0, term.size());
+        loop {
+            let begun = Instant::now();
+            let status = Status::read(folder);
+            // After the status: a run that ends writes it before it gives up its lock.
+            let state = status.as_ref().map(|status| status.state);
+            let running = state == Some(RunState::Running);
+            let killed = running && is_abandoned(folder);
+            curves.read(status.as_ref())?;
+            if status.is_none() && curves.rows() == 0 {
+                let (name, what) = if run.exists() {
+                    let what = format!("holds neither {STATUS_FILE} nor {LOG_FILE}");
+                    (folder, what)
+                } else {
+                    (&**run, "no such folder".into())
+                };
+                let what = format!("{}: {what}; give the folder of a run", name.display());
+                return Err(Failure::input(what));
             }
-            drawn = text.len();
-        }
+            let width = if shown {
+                usize::from(term.size().1).saturating_sub(1)
+            } else {
+                usize::MAX
+            };
+            let mut text = vec![headline(status.as_ref(), killed, width, shown && colours)];
+            if shown {
+                let height = usize::from(term.size().0);
+                text.extend(curves.pictures(width.min(WIDEST), height.saturating_sub(3)));
+                // The last picture is drawn over, but for one that the terminal has broken anew.
+                if size != term.size() {
+                    size = term.size();
+                    write!(printer, "\x1b[H\x1b[2J")?;
+                } else if drawn > 0 {
+                    write!(printer, "\x1b[{drawn}A")?;
+                }
+                drawn = text.len();
+            }
 
-        for line in &text {
-            let clear = if shown { "\x1b[2K" } else { "" };
-            writeln!(printer, "{clear}{line}")?;
+            for line in &text {
+                let clear = if shown { "\x1b[2K" } else { "" };
+                writeln!(printer, "{clear}{line}")?;
+            }
+            if shown {
+                write!(printer, "\x1b[J")?;
+            }
+            if killed || state == Some(RunState::Stopped) {
+                let next = format!("continue with --resume {}", folder.display());
+                writeln!(printer, "{}", fold_for(&term, &printable(&next)))?;
+            }
+            printer.flush()?;
+            if !shown || !running || killed {
+                return Ok(());
+            }
+            std::thread::sleep(INTERVAL.saturating_sub(begun.elapsed()));
         }
-        if shown {
-            write!(printer, "\x1b[J")?;
-        }
-        if killed || state == Some(RunState::Stopped) {
-            let next = format!("continue with --resume {}", folder.display());
-            writeln!(printer, "{}", fold_for(&term, &printable(&next)))?;
-        }
-        printer.flush()?;
-        if !shown || !running || killed {
-            return Ok(());
-        }
-        std::thread::sleep(INTERVAL.saturating_sub(begun.elapsed()));
     }
 }
 
@@ -236,9 +230,10 @@ impl Curves {
 /// Whether the terminal takes more than ASCII.
 fn speaks_utf8() -> bool {
     let names = ["LC_ALL", "LC_CTYPE", "LANG"];
-    let value = names
+    let mut values = names
         .into_iter()
-        .find_map(|name| std::env::var(name).ok().filter(|v| !v.is_empty()));
+        .filter_map(|name| std::env::var(name).ok());
+    let value = values.find(|value| !value.is_empty());
     let value = value.unwrap_or_default().to_lowercase();
     value.contains("utf-8") || value.contains("utf8")
 }
@@ -294,13 +289,10 @@ impl StrainSteps {
             match found {
                 Ok(run) if run.stage() == RunStage::Strain => {
                     self.signature = signature;
-                    let series = run.series();
-                    let [strain, stress] =
-                        ["strain", "shear_stress"].map(|name| series.column(name));
-                    let rows = series.step.iter().zip(strain).zip(stress);
-                    let rows =
-                        rows.map(|((step, strain), stress)| [*step as f64, *strain, *stress]);
-                    self.stored = rows.collect();
+                    let (step, column) = (&run.series().step, |name| run.series().column(name));
+                    let (strain, stress) = (column("strain"), column("shear_stress"));
+                    let row = |k: usize| [step[k] as f64, strain[k], stress[k]];
+                    self.stored = (0..step.len()).map(row).collect();
                 }
                 Ok(_) => {}
                 // Another look finds it whole.

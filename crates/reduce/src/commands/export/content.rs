@@ -12,7 +12,7 @@ use gshear_analysis::regions::{GrReading, Regions};
 use gshear_analysis::stress;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{BoxEdges, ContactSample, Disks, Frame, FrameRecords, GrainSample};
+use gshear_dem::state::{BoxEdges, ContactSample, Frame, FrameRecords};
 use gshear_scene::{Dimensions, atom_type};
 use gshear_store::contact_quantities::of_contacts;
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -93,8 +93,7 @@ impl ExportedModes {
             return Err(other(&format!("step {}, which has no frame", file.step)));
         };
         let mut vectors = Vec::new();
-        let is_new = |at: &usize| !numbers[..*at].contains(&numbers[*at]);
-        for k in (0..numbers.len()).filter(is_new).map(|at| numbers[at]) {
+        for k in distinct(numbers.iter().copied()) {
             let Mode {
                 displacement,
                 rotation,
@@ -136,7 +135,8 @@ fn component_names(name: &str, components: usize) -> impl Iterator<Item = String
 
 /// A run, and what is exported of it.
 pub struct ExportedRun<'a> {
-    run: &'a RunFile,
+    /// The file of the run.
+    pub file: &'a RunFile,
     fields: Vec<GrainField>,
     modes: Option<ExportedModes>,
     strains: Vec<f64>,
@@ -175,41 +175,29 @@ impl<'a> ExportedRun<'a> {
         let several = run.material().iter().any(|material| *material > 0);
         let material = several.then_some(GrainField::Material);
         Ok(Self {
-            run,
+            file: run,
             fields: distinct(fields.iter().copied().chain(material)),
             modes,
             strains: run.frame_strains()?,
         })
     }
 
-    /// The constants of the grains.
-    pub fn grains(&self) -> &Disks {
-        self.run.grains()
-    }
-
     /// The type of a grain's atom.
     pub fn atom_type(&self, g: usize) -> u32 {
-        atom_type(self.grains().body[g].into(), self.run.material()[g].into())
-    }
-
-    /// The id of each row of the grains.
-    pub fn ids(&self) -> &[u32] {
-        self.run.ids()
+        atom_type(
+            self.file.grains().body[g].into(),
+            self.file.material()[g].into(),
+        )
     }
 
     /// Number of dimensions.
     pub fn axes(&self) -> usize {
-        self.run.dimension().axes()
-    }
-
-    /// What its contacts are.
-    pub fn form(&self) -> Form {
-        self.run.form()
+        self.file.dimension().axes()
     }
 
     /// The computed fields.
     pub fn shapes(&self) -> Vec<FieldShape> {
-        let dimension = self.run.dimension();
+        let dimension = self.file.dimension();
         let names = self.fields.iter().flat_map(|field| field.names(dimension));
         let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
         let shape = |name: &str, components| FieldShape {
@@ -232,7 +220,7 @@ impl<'a> ExportedRun<'a> {
         frame: &ExportedFrame,
         grain: usize,
     ) -> impl Iterator<Item = f64> + use<> {
-        let (of, fixed) = (&frame.records.grains[grain], self.grains());
+        let (of, fixed) = (&frame.records.grains[grain], self.file.grains());
         let vectors = [of.position, of.velocity, of.angular_velocity];
         let constants = [fixed.radius[grain], fixed.mass[grain]];
         vectors.into_iter().flatten().chain(constants)
@@ -244,7 +232,7 @@ impl<'a> ExportedRun<'a> {
         frame: &'f ExportedFrame,
         grain: usize,
     ) -> impl Iterator<Item = f64> + 'f {
-        let grains = self.grains().count();
+        let grains = self.file.grains().count();
         frame.fields.iter().flat_map(move |values| {
             let components = values.len() / grains;
             values[grain * components..][..components].iter().copied()
@@ -253,13 +241,13 @@ impl<'a> ExportedRun<'a> {
 
     /// Units of lengths, times and masses; a box may have any consistent ones.
     pub fn units(&self) -> Option<&'static str> {
-        (self.run.stage() == RunStage::Shear).then_some("m s kg")
+        (self.file.stage() == RunStage::Shear).then_some("m s kg")
     }
 
     /// Which axes are periodic.
     pub fn periodic(&self) -> [bool; 3] {
-        let is_box = !self.run.has_walls();
-        match self.run.dimension() {
+        let is_box = !self.file.has_walls();
+        match self.file.dimension() {
             Dimensions::Two => [true, is_box, false],
             Dimensions::Three => [true, true, is_box],
         }
@@ -268,7 +256,7 @@ impl<'a> ExportedRun<'a> {
     /// Displacement along x of the image above (m), by which the box is tilted; `None` between
     /// walls.
     pub fn tilt(&self, frame: &ExportedFrame) -> Option<f64> {
-        let sheared = self.run.cell(frame.number).sheared;
+        let sheared = self.file.cell(frame.number).sheared;
         sheared.map(|sheared| sheared.offset)
     }
 
@@ -284,26 +272,23 @@ impl<'a> ExportedRun<'a> {
 
     /// The name, the version and the origin, on one line.
     pub fn title(&self) -> String {
-        format!(
-            "{}; {}",
-            self.run.path().display(),
-            gshear_store::provenance::printed()
-        )
+        let path = self.file.path().display();
+        format!("{path}; {}", gshear_store::provenance::printed())
     }
 
     /// Lower and upper bounds along each axis (m): the period, or the extent of the grains. In 2D
     /// the box is as thick as the greatest grain.
     pub fn bounds(&self, frame: &ExportedFrame) -> [[f64; 2]; 3] {
         let up = self.axes() - 1;
-        let radius = &self.grains().radius;
+        let radius = &self.file.grains().radius;
         let at = |g: usize| frame.records.grains[g].position[up];
         let ends = frame.present.iter().map(|&g| (at(g), radius[g]));
         let extent = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
-        let cell = self.run.cell(frame.number);
+        let cell = self.file.cell(frame.number);
         let extent = cell.sheared.map_or(extent, |of| [0.0, of.height]);
         let periods = cell.periods;
         let largest = radius.iter().copied().fold(0.0, f64::max);
-        match self.run.dimension() {
+        match self.file.dimension() {
             Dimensions::Two => [[0.0, periods[0]], extent, [-largest, largest]],
             Dimensions::Three => [[0.0, periods[0]], [0.0, periods[1]], extent],
         }
@@ -313,8 +298,8 @@ impl<'a> ExportedRun<'a> {
     /// than the one in the box.
     pub fn nearest_image(&self, frame: &ExportedFrame, i: u32, j: u32) -> ([f64; 3], bool) {
         let [from, to] = [i, j].map(|g| frame.records.grains[g as usize].position);
-        let cell = self.run.cell(frame.number);
-        let apart = match self.run.dimension() {
+        let cell = self.file.cell(frame.number);
+        let apart = match self.file.dimension() {
             Dimensions::Two => cell.separation::<Two>(&to, &from),
             Dimensions::Three => cell.separation::<Three>(&to, &from),
         };
@@ -324,11 +309,8 @@ impl<'a> ExportedRun<'a> {
         let periodic = self.periodic();
         let moved =
             |axis: usize| periodic[axis] && (image[axis] - to[axis]).abs() > 0.25 * lengths[axis];
-        if (0..self.axes()).any(moved) {
-            (image, true)
-        } else {
-            (to, false)
-        }
+        let moved = (0..self.axes()).any(moved);
+        (if moved { image } else { to }, moved)
     }
 
     /// Calls `each` for these frames, in order.
@@ -338,20 +320,20 @@ impl<'a> ExportedRun<'a> {
         mut each: impl FnMut(&ExportedFrame) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         let compares = self.fields.iter().any(|field| field.compares());
-        let read = |t: usize| Ok(self.run.records(t..t + 1)?.swap_remove(0));
+        let read = |t: usize| Ok(self.file.records(t..t + 1)?.swap_remove(0));
         let mut last: Option<(usize, FrameRecords)> = None;
         for &number in numbers {
             let records = read(number)?;
-            let before = match (compares, number.checked_sub(1)) {
-                (true, Some(before)) => match last.take() {
+            let before = match number.checked_sub(1).filter(|_| compares) {
+                Some(before) => match last.take() {
                     Some((at, frame)) if at == before => Some(frame),
                     _ => Some(read(before)?),
                 },
-                _ => None,
+                None => None,
             };
             let fields = self.fields(number, before.as_ref(), &records);
             let grains = records.grains.iter().enumerate();
-            let present = grains.filter(|(_, grain)| !self.run.is_removed(grain));
+            let present = grains.filter(|(_, grain)| !self.file.is_removed(grain));
             let frame = ExportedFrame {
                 number,
                 strain: self.strains[number],
@@ -377,7 +359,14 @@ impl<'a> ExportedRun<'a> {
             GrainField::Regions => vec![self.regions(before, now)],
             GrainField::Contacts => vec![self.contacts(now)],
             GrainField::Material => {
-                vec![self.run.material().iter().copied().map(f64::from).collect()]
+                vec![
+                    self.file
+                        .material()
+                        .iter()
+                        .copied()
+                        .map(f64::from)
+                        .collect(),
+                ]
             }
         });
         let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
@@ -386,34 +375,36 @@ impl<'a> ExportedRun<'a> {
     }
 
     fn stress(&self, number: usize, now: &FrameRecords) -> Vec<Vec<f64>> {
-        let cell = self.run.cell(number);
-        match self.run.dimension() {
+        let cell = self.file.cell(number);
+        match self.file.dimension() {
             Dimensions::Two => {
-                let tensors = stress::in_cell::<Two>(self.grains(), cell, now);
+                let tensors = stress::in_cell::<Two>(self.file.grains(), cell, now);
                 let planar: Vec<_> = tensors.iter().map(|s| [s[0], s[1], s[3]]).collect();
                 columns_of(&planar)
             }
-            Dimensions::Three => columns_of(&stress::in_cell::<Three>(self.grains(), cell, now)),
+            Dimensions::Three => {
+                columns_of(&stress::in_cell::<Three>(self.file.grains(), cell, now))
+            }
         }
     }
 
     fn dmin(&self, number: usize, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
-        let grains = self.grains();
+        let grains = self.file.grains();
         let Some(before) = before else {
             return vec![f64::NAN; grains.count()];
         };
-        if is_planar(self.run) {
+        if is_planar(self.file) {
             return dmin::between(grains, &planar(before), &planar(now));
         }
         let radius = dmin::RADIUS * grains.mean_radius();
-        between(self.run, [number - 1, number], [before, now], radius)
+        between(self.file, [number - 1, number], [before, now], radius)
     }
 
     fn regions(&self, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
-        let mut inside = vec![0.0; self.grains().count()];
+        let mut inside = vec![0.0; self.file.grains().count()];
         if let Some(before) = before {
             let mut regions = Regions::default();
-            regions.find(self.grains(), &planar(before), &planar(now));
+            regions.find(self.file.grains(), &planar(before), &planar(now));
             let reading = GrReading::default();
             let labels = regions.labels(reading);
             for (&grain, label) in regions.grains(reading.reduction).iter().zip(labels) {
@@ -424,7 +415,7 @@ impl<'a> ExportedRun<'a> {
     }
 
     fn contacts(&self, now: &FrameRecords) -> Vec<f64> {
-        let mut count = vec![0.0; self.grains().count()];
+        let mut count = vec![0.0; self.file.grains().count()];
         for contact in &now.contacts {
             for grain in [contact.i, contact.j] {
                 count[grain as usize] += 1.0;
@@ -436,9 +427,8 @@ impl<'a> ExportedRun<'a> {
 
 /// The columns of an array of rows.
 fn columns_of<const K: usize>(rows: &[[f64; K]]) -> Vec<Vec<f64>> {
-    (0..K)
-        .map(|k| rows.iter().map(|row| row[k]).collect())
-        .collect()
+    let column = |k: usize| rows.iter().map(|row| row[k]).collect();
+    (0..K).map(column).collect()
 }
 
 /// A frame of disks.
@@ -465,25 +455,24 @@ pub fn contact_values(form: Form, contact: &ContactSample) -> impl Iterator<Item
     of_contacts(form).flat_map(move |of| of.values(form, contact))
 }
 
-/// Name and value of a number of a grain's state.
-pub type GrainColumn = (&'static str, fn(&GrainSample) -> f64);
+/// Names of position, velocity and angular velocity of a grain, which [`ExportedRun::state_values`]
+/// begins with.
+pub const STATE: [&str; 9] = [
+    "x",
+    "y",
+    "z",
+    "velocity_x",
+    "velocity_y",
+    "velocity_z",
+    "angular_velocity_x",
+    "angular_velocity_y",
+    "angular_velocity_z",
+];
 
-/// Position, velocity and angular velocity of a grain, those that move in `axes` dimensions.
-pub fn grain_columns(axes: usize) -> Vec<GrainColumn> {
-    let all: [GrainColumn; 9] = [
-        ("x", |g| g.position[0]),
-        ("y", |g| g.position[1]),
-        ("z", |g| g.position[2]),
-        ("velocity_x", |g| g.velocity[0]),
-        ("velocity_y", |g| g.velocity[1]),
-        ("velocity_z", |g| g.velocity[2]),
-        ("angular_velocity_x", |g| g.angular_velocity[0]),
-        ("angular_velocity_y", |g| g.angular_velocity[1]),
-        ("angular_velocity_z", |g| g.angular_velocity[2]),
-    ];
-    let planar = [0, 1, 3, 4, 8];
+/// Which of them change in `axes` dimensions.
+pub fn moving(axes: usize) -> &'static [usize] {
     match axes {
-        2 => planar.map(|k| all[k]).into(),
-        _ => all.into(),
+        2 => &[0, 1, 3, 4, 8],
+        _ => &[0, 1, 2, 3, 4, 5, 6, 7, 8],
     }
 }

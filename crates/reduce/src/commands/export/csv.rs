@@ -9,9 +9,7 @@ use gshear_store::csv_table::TableCell;
 use gshear_store::dictionary;
 use gshear_store::text_writer::{PartFile, unwritten};
 
-use super::content::{
-    ExportedFrame, ExportedRun, GrainColumn, contact_names, contact_values, grain_columns,
-};
+use super::content::{ExportedFrame, ExportedRun, STATE, contact_names, contact_values, moving};
 use super::{FrameWriter, contacts_beside};
 
 /// Columns that say which frame a line belongs to.
@@ -20,7 +18,6 @@ const FRAME: [&str; 4] = ["frame", "step", "time", "strain"];
 /// Writes both tables.
 pub struct CsvWriter {
     grains: TableStream,
-    grain_columns: Vec<GrainColumn>,
     contacts: TableStream,
 }
 
@@ -81,31 +78,26 @@ impl CsvWriter {
     /// Files that cannot be created.
     pub fn create(path: &Path, run: &ExportedRun) -> Result<Self, Failure> {
         let axes = run.axes();
-        let of_grain = grain_columns(axes);
-        let named = of_grain.iter().map(|(name, _)| *name);
+        let named = moving(axes).iter().map(|k| STATE[*k]);
         let fields = run.field_names();
         let grains = (FRAME.into_iter())
             .chain(["id", "body", "radius", "mass"])
             .chain(named)
             .chain(fields.iter().map(String::as_str));
-        let named: Vec<String> = contact_names(run.form()).collect();
+        let named: Vec<String> = contact_names(run.file.form()).collect();
         let named = named.iter().map(String::as_str);
         let contacts = FRAME.into_iter().chain(["i", "j"]).chain(named);
+        let beside = contacts_beside(path);
         Ok(Self {
             grains: TableStream::create(("frames.csv", axes), path, grains)?,
-            contacts: TableStream::create(
-                ("frames-contacts.csv", axes),
-                &contacts_beside(path),
-                contacts,
-            )?,
-            grain_columns: of_grain,
+            contacts: TableStream::create(("frames-contacts.csv", axes), &beside, contacts)?,
         })
     }
 }
 
 impl FrameWriter for CsvWriter {
     fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
-        let (records, constants, ids) = (&frame.records, run.grains(), run.ids());
+        let (records, constants, ids) = (&frame.records, run.file.grains(), run.file.ids());
         let of_frame: [&dyn TableCell; 4] =
             [&frame.number, &records.step, &records.time, &frame.strain];
         for &g in &frame.present {
@@ -117,8 +109,9 @@ impl FrameWriter for CsvWriter {
                 &constants.radius[g],
                 &constants.mass[g],
             ]);
-            for (_, value) in &self.grain_columns {
-                table.cells(&[&value(&records.grains[g])]);
+            let state: Vec<f64> = run.state_values(frame, g).collect();
+            for k in moving(run.axes()) {
+                table.cells(&[&state[*k]]);
             }
             for value in run.field_values(frame, g) {
                 table.cells(&[&value]);
@@ -129,7 +122,7 @@ impl FrameWriter for CsvWriter {
             let table = &mut self.contacts;
             table.cells(&of_frame);
             table.cells(&[&ids[contact.i as usize], &ids[contact.j as usize]]);
-            for value in contact_values(run.form(), contact) {
+            for value in contact_values(run.file.form(), contact) {
                 table.cells(&[&value]);
             }
             table.end_line()?;

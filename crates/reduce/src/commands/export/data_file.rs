@@ -86,11 +86,8 @@ fn data_file(
     density: &[&str],
     volume: impl Fn(f64) -> f64,
 ) -> String {
-    let title = format!(
-        "{program} data file: {}; {}",
-        state.title,
-        provenance::printed()
-    );
+    let (title, origin) = (&state.title, provenance::printed());
+    let title = format!("{program} data file: {title}; {origin}");
     let boxed = state.cell.sheared.is_some();
     let periodic = match (state.dimension, boxed) {
         (Dimensions::Two, false) => ", dimension 2, periodic along x",
@@ -98,13 +95,11 @@ fn data_file(
         (Dimensions::Three, false) => ", periodic along x and y",
         (Dimensions::Three, true) => ", periodic along x, y and z",
     };
+    let walls = " Types: 1 free grains, 2 bottom wall, 3 top wall.";
     let (types, units) = if boxed {
         ("", "Units of the scene")
     } else {
-        (
-            " Types: 1 free grains, 2 bottom wall, 3 top wall.",
-            "SI units",
-        )
+        (walls, "SI units")
     };
     let what = format!("atom_style sphere{periodic}.{types}");
     let units = format!("{units}; the id is that of the run plus 1.");

@@ -7,7 +7,7 @@ use gshear_dem::failure::Failure;
 use gshear_store::text_writer::PartFile;
 
 use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values};
-use super::{FrameWriter, contacts_beside};
+use super::{FrameWriter, contacts_beside, write_numbers};
 
 /// Writes both files.
 pub struct DumpWriter {
@@ -34,10 +34,9 @@ impl DumpWriter {
         writeln!(file, "ITEM: TIMESTEP\n{}", frame.records.step)?;
         writeln!(file, "ITEM: NUMBER OF {}\n{}", count.0, count.1)?;
         // LAMMPS needs a period along z in 2D.
-        let periodic = run.periodic().into_iter().enumerate();
-        let is_periodic = |(axis, periodic)| periodic || axis >= run.axes();
-        let kinds = periodic.map(|of| if is_periodic(of) { " pp" } else { " ff" });
-        let kinds: String = kinds.collect();
+        let mut periodic = run.periodic();
+        periodic[run.axes()..].fill(true);
+        let kinds: String = periodic.map(|of| if of { " pp" } else { " ff" }).concat();
         let mut bounds = run.bounds(frame);
         let Some(tilt) = run.tilt(frame) else {
             writeln!(file, "ITEM: BOX BOUNDS{kinds}")?;
@@ -69,15 +68,11 @@ impl DumpWriter {
         }
         writeln!(file)?;
         for &g in &frame.present {
-            write!(file, "{} {}", run.ids()[g] + 1, run.atom_type(g))?;
-            for value in run.state_values(frame, g) {
-                write!(file, " {value:?}")?;
-            }
+            write!(file, "{} {}", run.file.ids()[g] + 1, run.atom_type(g))?;
+            write_numbers(file, run.state_values(frame, g))?;
             let [x, y, z] = grains[g].image;
             write!(file, " {x} {y} {z}")?;
-            for value in run.field_values(frame, g) {
-                write!(file, " {value:?}")?;
-            }
+            write_numbers(file, run.field_values(frame, g))?;
             writeln!(file)?;
         }
         Ok(())
@@ -88,16 +83,14 @@ impl DumpWriter {
         let contacts = &frame.records.contacts;
         Self::head(file, run, frame, ("ENTRIES", contacts.len()))?;
         write!(file, "ITEM: ENTRIES batom1 batom2")?;
-        for name in contact_names(run.form()) {
+        for name in contact_names(run.file.form()) {
             write!(file, " {name}")?;
         }
         writeln!(file)?;
         for contact in contacts {
-            let [i, j] = [contact.i, contact.j].map(|row| run.ids()[row as usize] + 1);
+            let [i, j] = [contact.i, contact.j].map(|row| run.file.ids()[row as usize] + 1);
             write!(file, "{i} {j}")?;
-            for value in contact_values(run.form(), contact) {
-                write!(file, " {value:?}")?;
-            }
+            write_numbers(file, contact_values(run.file.form(), contact))?;
             writeln!(file)?;
         }
         Ok(())

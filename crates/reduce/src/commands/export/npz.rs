@@ -39,25 +39,15 @@ trait Element: NoUninit {
     const KIND: &'static str;
 }
 
-impl Element for f64 {
-    const KIND: &'static str = "<f8";
+macro_rules! elements {
+    ($($element:ty: $kind:literal),*) => {$(
+        impl Element for $element {
+            const KIND: &'static str = $kind;
+        }
+    )*};
 }
 
-impl Element for i64 {
-    const KIND: &'static str = "<i8";
-}
-
-impl Element for u64 {
-    const KIND: &'static str = "<u8";
-}
-
-impl Element for u32 {
-    const KIND: &'static str = "<u4";
-}
-
-impl Element for u8 {
-    const KIND: &'static str = "|u1";
-}
+elements!(f64: "<f8", i64: "<i8", u64: "<u8", u32: "<u4", u8: "|u1");
 
 /// Bytes of magic number, version and length of the header.
 const BEFORE: usize = 10;
@@ -140,7 +130,7 @@ impl FrameWriter for NpzWriter {
         self.append("bounds", 1, &[3, 2], run.bounds(frame).as_flattened());
         self.append("edges", 1, &[3, 3], run.edges(frame).as_flattened());
         if is_first {
-            self.append_constants(run.grains(), run.ids());
+            self.append_constants(run.file.grains(), run.file.ids());
         }
         let n = records.grains.len();
         let vectors = |value: fn(&GrainSample) -> [f64; 3]| -> Vec<f64> {
@@ -169,7 +159,7 @@ impl FrameWriter for NpzWriter {
         self.append("contact_offset", 1, &[], &[offset]);
         let pairs: Vec<u32> = contacts.iter().flat_map(|c| [c.i, c.j]).collect();
         self.append("contact_pair", contacts.len(), &[2], &pairs);
-        let form = run.form();
+        let form = run.file.form();
         for of in of_contacts(form) {
             let width = of.width(form);
             let shape = if width == 1 { &[][..] } else { &[width] };

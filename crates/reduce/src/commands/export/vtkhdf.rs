@@ -199,9 +199,9 @@ impl VtkWriter {
         let ids = Column::create(&point_group, "id", 1)?;
         point_offsets.push(Column::of_steps(&of_points, "id", 1)?);
         let (mut cell_data, mut cell_offsets) = (Vec::new(), Vec::new());
-        for quantity in of_contacts(run.form()) {
+        for quantity in of_contacts(run.file.form()) {
             let name = quantity.column.name;
-            let column = Column::create(&cell_group, name, quantity.width(run.form()))?;
+            let column = Column::create(&cell_group, name, quantity.width(run.file.form()))?;
             cell_offsets.push(Column::of_steps(&of_cells, name, 1)?);
             cell_data.push((quantity, column));
         }
@@ -233,7 +233,7 @@ impl VtkWriter {
         self.append_step(frame.records.time)?;
         let of_point = self.append_geometry(run, frame)?;
         self.append_point_data(run, frame, &of_point)?;
-        let (form, grains) = (run.form(), frame.present.len());
+        let (form, grains) = (run.file.form(), frame.present.len());
         for (quantity, column) in &mut self.cell_data {
             // Of vertices nothing is known.
             let none = std::iter::repeat_n(f64::NAN, grains * quantity.width(form));
@@ -318,7 +318,7 @@ impl VtkWriter {
         frame: &ExportedFrame,
         of_point: &[usize],
     ) -> hdf5::Result<()> {
-        let (grains, constants) = (&frame.records.grains, run.grains());
+        let (grains, constants) = (&frame.records.grains, run.file.grains());
         let mut columns = self.point_data.iter_mut();
         for ((_, value), column) in STATE.iter().zip(columns.by_ref()) {
             let values: Vec<f64> = of_point.iter().flat_map(|&g| value(&grains[g])).collect();
@@ -332,7 +332,7 @@ impl VtkWriter {
             let values: Vec<f64> = of_point.iter().flat_map(of_grain).collect();
             column.append(&values)?;
         }
-        let ids: Vec<i64> = of_point.iter().map(|&g| run.ids()[g].into()).collect();
+        let ids: Vec<i64> = of_point.iter().map(|&g| run.file.ids()[g].into()).collect();
         self.ids.append(&ids)
     }
 

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use gshear_dem::failure::Failure;
 use gshear_store::text_writer::PartFile;
 
-use super::FrameWriter;
 use super::content::{ExportedFrame, ExportedRun};
+use super::{FrameWriter, write_numbers};
 
 /// Writes the file.
 pub struct XyzWriter(PartFile);
@@ -25,9 +25,7 @@ impl XyzWriter {
         let lattice = edges.as_flattened().iter();
         let lattice: Vec<String> = lattice.map(|side| format!("{side:?}")).collect();
         let [ox, oy, oz] = run.bounds(frame).map(|[low, _]| low);
-        let pbc = run
-            .periodic()
-            .map(|periodic| if periodic { "T" } else { "F" });
+        let pbc = run.periodic().map(|of| if of { "T" } else { "F" });
         writeln!(file, "{}", frame.present.len())?;
         write!(
             file,
@@ -46,17 +44,13 @@ impl XyzWriter {
         )?;
         let units = run.units().map(|units| format!(" units=\"{units}\""));
         writeln!(file, "{}", units.unwrap_or_default())?;
-        let constants = run.grains();
+        let constants = run.file.grains();
         for &g in &frame.present {
             // ASE knows chemical symbols only; X is its dummy.
             write!(file, "X")?;
-            for value in run.state_values(frame, g) {
-                write!(file, " {value:?}")?;
-            }
-            write!(file, " {} {}", run.ids()[g], constants.body[g])?;
-            for value in run.field_values(frame, g) {
-                write!(file, " {value:?}")?;
-            }
+            write_numbers(file, run.state_values(frame, g))?;
+            write!(file, " {} {}", run.file.ids()[g], constants.body[g])?;
+            write_numbers(file, run.field_values(frame, g))?;
             writeln!(file)?;
         }
         Ok(())

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::Arguments;
 use crate::printer::Printer;
 use crate::scalars;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -10,16 +11,6 @@ use gshear_report::sweep::{Sweep, SweepRun};
 use gshear_store::file_names::{RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::{RunState, Status};
-
-/// The report of several runs.
-pub struct Request<'a> {
-    /// Columns to compare; empty for the usual ones.
-    pub columns: &'a [String],
-    /// The key that means are drawn against.
-    pub against: Option<&'a str>,
-    /// Share of the rows that means leave out.
-    pub start: f64,
-}
 
 /// Whether a folder is that of a run, which may have failed before it wrote a file.
 fn has_begun(folder: &Path) -> bool {
@@ -33,10 +24,10 @@ fn has_begun(folder: &Path) -> bool {
 pub fn runs_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let unread = |e: std::io::Error| Failure::input(format!("{}: {e}", folder.display()));
     let entries = std::fs::read_dir(folder).map_err(unread)?.flatten();
-    let folders = entries
-        .map(|entry| entry.path())
-        .filter(|path| path.is_dir());
-    let mut runs: Vec<PathBuf> = folders.filter(|path| has_begun(path)).collect();
+    let paths = entries.map(|entry| entry.path());
+    let mut runs: Vec<_> = paths
+        .filter(|path| path.is_dir() && has_begun(path))
+        .collect();
     runs.sort();
     if runs.is_empty() {
         return Err(Failure::input(format!(
@@ -53,17 +44,18 @@ pub fn is_of_runs(path: &Path) -> bool {
 }
 
 /// Compares runs and writes their report into `folder`. Runs that have not ended by themselves are
-/// left out, and a line says so. `given`: runs, and folders of runs.
+/// left out, and a line says so. `start`: share of the rows that means leave out.
 ///
 /// # Errors
 /// No finished run, columns or keys that the runs lack, a run that is given twice, files that
 /// cannot be read or written.
 pub fn write(
-    given: &[PathBuf],
-    request: &Request<'_>,
+    arguments: &Arguments,
+    start: f64,
     folder: &Path,
     printer: &mut Printer,
 ) -> Result<(), Failure> {
+    let (given, columns) = (&arguments.runs, &arguments.columns);
     let mut paths = Vec::new();
     for path in given {
         if is_of_runs(path) {
@@ -76,7 +68,7 @@ pub fn write(
     let (mut runs, mut skipped) = (Vec::new(), Vec::new());
     for (path, name) in paths.iter().zip(names) {
         match unfinished(path)? {
-            Ok(run) => runs.push(read(name, &run, request)?),
+            Ok(run) => runs.push(read(name, &run, start, columns)?),
             Err(why) => skipped.push(format!("{name}: {why}")),
         }
     }
@@ -87,16 +79,15 @@ pub fn write(
             skipped.len()
         )));
     }
-    let sweep = Sweep::new(&runs, request.columns, request.against)?;
+    let sweep = Sweep::new(&runs, columns, arguments.against.as_deref())?;
     for why in &skipped {
         writeln!(printer, "left out {why}")?;
     }
-    let title = given[0].display().to_string();
-    let title = match given.len() {
-        1 => title,
-        n => format!("{title} and {} more", n - 1),
+    let title = match &given[..] {
+        [first, rest @ .., _] => format!("{} and {} more", first.display(), rest.len() + 1),
+        _ => given[0].display().to_string(),
     };
-    let written = sweep.write(&title, request.start, &skipped, folder)?;
+    let written = sweep.write(&title, start, &skipped, folder)?;
     written.iter().try_for_each(|path| printer.wrote(path))
 }
 
@@ -105,9 +96,7 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
     let short = |path: &PathBuf| {
         let folder = folder_of(path);
         let whole = folder.canonicalize().unwrap_or_else(|_| folder.into());
-        whole
-            .file_name()
-            .map(|name| name.to_string_lossy().into_owned())
+        Some(whole.file_name()?.to_string_lossy().into_owned())
     };
     let mut names: Vec<Option<String>> = paths.iter().map(short).collect();
     names.sort();
@@ -137,14 +126,12 @@ fn unfinished(path: &Path) -> Result<Result<RunFile, String>, Failure> {
     }
 }
 
-fn read(name: String, run: &RunFile, request: &Request<'_>) -> Result<SweepRun, Failure> {
-    let mut columns = FrameScalars::COLUMNS.iter();
-    let is_asked = columns.any(|column| request.columns.iter().any(|name| name == column.name));
-    let scalars = if is_asked {
+fn read(name: String, run: &RunFile, start: f64, columns: &[String]) -> Result<SweepRun, Failure> {
+    let mut of_frames = FrameScalars::COLUMNS.iter();
+    let scalars = if of_frames.any(|of| columns.iter().any(|name| name == of.name)) {
         scalars::of_any(run)?
     } else {
         Vec::new()
     };
-    let (start, columns) = (request.start, request.columns);
     Ok(SweepRun::of(name, run, start, columns, &scalars))
 }
