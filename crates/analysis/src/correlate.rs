@@ -88,13 +88,11 @@ pub enum Subject {
 pub fn subjects() -> impl Iterator<Item = Subject> {
     use Quantity::{DminMax, DminSum, Duration, TopMax, TopSum};
     let lengths = [Length::All, Length::Long, Length::Short];
-    let of_phases = |quantities: &'static [Quantity], length| {
-        let subject = move |quantity: &Quantity| Subject::Phase(*quantity, length);
-        quantities.iter().map(subject)
-    };
-    let measures = lengths.map(|length| of_phases(&[DminMax, TopMax, DminSum, TopSum], length));
-    let durations = lengths.map(|length| of_phases(&[Duration], length));
-    let phases = measures.into_iter().chain(durations).flatten();
+    let measures = lengths.map(|length| {
+        [DminMax, TopMax, DminSum, TopSum].map(|quantity| Subject::Phase(quantity, length))
+    });
+    let durations = lengths.map(|length| Subject::Phase(Duration, length));
+    let phases = measures.into_iter().flatten().chain(durations);
     [Subject::Greatest, Subject::TopTenth]
         .into_iter()
         .chain(phases)

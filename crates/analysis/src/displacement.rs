@@ -38,15 +38,12 @@ pub fn non_affine(
     let count = included().count() as f64;
     let height = |n: usize| earlier.position[n][1];
     let middle = included().map(height).sum::<f64>() / count;
-    let spread = included()
-        .map(|n| (height(n) - middle).powi(2))
-        .sum::<f64>();
+    let square = |n: usize| (height(n) - middle).powi(2);
+    let spread = included().map(square).sum::<f64>();
     let fit = [0, 1].map(|k| {
         let mean = included().map(|n| field[n][k]).sum::<f64>() / count;
-        let slope = included()
-            .map(|n| field[n][k] * (height(n) - middle))
-            .sum::<f64>()
-            / spread;
+        let product = |n: usize| field[n][k] * (height(n) - middle);
+        let slope = included().map(product).sum::<f64>() / spread;
         // If all grains have the same height, there is no slope.
         (mean, if slope.is_finite() { slope } else { 0.0 })
     });

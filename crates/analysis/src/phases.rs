@@ -149,13 +149,8 @@ fn find_finite(strain: &[f64], tau: &[f64], [first, last]: [usize; 2], phases: &
 /// Returns the slip with the greatest loss of τ; the first one if several are equal.
 pub fn largest_drop(phases: &[Phase]) -> Option<&Phase> {
     let slips = phases.iter().filter(|phase| phase.kind == PhaseKind::Slip);
-    slips.reduce(|most, phase| {
-        if phase.change < most.change {
-            phase
-        } else {
-            most
-        }
-    })
+    // Of equal ones `min_by` returns the first.
+    slips.min_by(|a, b| a.change.total_cmp(&b.change))
 }
 
 #[cfg(test)]
@@ -169,10 +164,8 @@ mod tests {
         for phase in &found {
             assert_eq!(phase.strain, [phase.start as f64, phase.end as f64]);
         }
-        found
-            .iter()
-            .map(|p| (p.start, p.end, p.change, p.kind))
-            .collect()
+        let all = found.iter();
+        all.map(|p| (p.start, p.end, p.change, p.kind)).collect()
     }
 
     use PhaseKind::{Slip, Stick};
@@ -219,10 +212,8 @@ mod tests {
         let tau = [0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0, -1.0, 0.0];
         let strain: Vec<f64> = (0..9).map(|k| 0.5 * f64::from(k)).collect();
         let found = find(&strain, &tau);
-        let lengths: Vec<_> = found
-            .iter()
-            .map(|p| (p.duration(), p.duration_strain(), p.is_long()))
-            .collect();
+        let length = |p: &Phase| (p.duration(), p.duration_strain(), p.is_long());
+        let lengths: Vec<_> = found.iter().map(length).collect();
         assert_eq!(lengths, [(3, 1.5, false), (4, 2.0, true), (1, 0.5, false)]);
     }
 

@@ -69,11 +69,8 @@ impl Bins {
             guess + i32::from(value >= self.edge(guess + 1))
         };
         let numbers = values.filter(|v| v.is_finite() && *v > 0.0).map(number);
-        let ends = numbers.fold(None, |ends: Option<(i32, i32)>, k| {
-            let (low, high) = ends.unwrap_or((k, k));
-            Some((low.min(k), high.max(k)))
-        });
-        let Some((low, high)) = ends else {
+        let numbers: Vec<i32> = numbers.collect();
+        let (Some(&low), Some(&high)) = (numbers.iter().min(), numbers.iter().max()) else {
             return Vec::new();
         };
         (low.max(high - 23)..=high).map(|k| self.range(k)).collect()
@@ -147,9 +144,8 @@ mod tests {
     fn a_value_is_in_the_range_of_its_sign_that_begins_with_it() {
         let of = |bins: Bins, value: f64| -> Vec<usize> {
             let ranges = bins.of_stress_changes();
-            (0..ranges.len())
-                .filter(|k| ranges[*k].contains(value))
-                .collect()
+            let holding = (0..ranges.len()).filter(|k| ranges[*k].contains(value));
+            holding.collect()
         };
         let decades = |value: f64| of(Bins::Decades, value);
         let halves = |value: f64| of(Bins::HalfDecades, value);

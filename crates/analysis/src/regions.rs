@@ -249,14 +249,9 @@ mod tests {
         regions.find(&grains, &earlier, &later);
         // Grain 101: -6; 200: -5; then 100 and 102: -3 each, of which the lower id counts.
         assert_eq!(regions.grains(NET), [100, 101, 200]);
-        assert_eq!(
-            regions.labels(reading(NET, MinPoints::Itself)),
-            [Some(0), Some(0), Some(1)]
-        );
-        assert_eq!(
-            regions.labels(reading(NET, MinPoints::OneNeighbour)),
-            [Some(0), Some(0), None]
-        );
+        let labels = MinPoints::ALL.map(|of| regions.labels(reading(NET, of)));
+        assert_eq!(labels[0], [Some(0), Some(0), Some(1)]);
+        assert_eq!(labels[1], [Some(0), Some(0), None]);
         assert_eq!(counts(&regions, NET), [2, 1]);
         let mut angles = Vec::new();
         regions.angles(NET, &grains, &later, &mut angles);

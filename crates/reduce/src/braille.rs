@@ -88,14 +88,9 @@ fn dots(points: &[[f64; 2]], [x, y]: [[f64; 2]; 2], [wide, high]: [usize; 2]) ->
 /// The number of a pattern; `dot(down, right)` of its four rows and two columns.
 fn pattern(dot: impl Fn(usize, usize) -> bool) -> u32 {
     // The bits: three rows of the left and of the right column, then the fourth row.
-    let bits = [[0, 3], [1, 4], [2, 5], [6, 7]];
-    let mut pattern = 0;
-    for (down, of_row) in bits.iter().enumerate() {
-        for (right, bit) in of_row.iter().enumerate() {
-            pattern |= u32::from(dot(down, right)) << bit;
-        }
-    }
-    pattern
+    let bits: [[u32; 2]; 4] = [[0, 3], [1, 4], [2, 5], [6, 7]];
+    let value = |down: usize, right: usize| u32::from(dot(down, right)) << bits[down][right];
+    (0..4).map(|down| value(down, 0) | value(down, 1)).sum()
 }
 
 fn number(value: f64) -> String {

@@ -207,10 +207,8 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
     }));
     facts.extend(run.number("fell_back").map(|steps| {
         let name = "Strain steps for which Newton's method did not converge";
-        (
-            name,
-            format!("{steps} of {}", strain.len().saturating_sub(1)),
-        )
+        let all = strain.len().saturating_sub(1);
+        (name, format!("{steps} of {all}"))
     }));
     let axis = Axis::of(run);
     let mut figures = measured.figures(&axis, series);

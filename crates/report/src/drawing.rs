@@ -142,9 +142,8 @@ fn macron_over(letter: char) -> String {
     let [wide, bar] = [letter, MACRON]
         .map(|of| f64::from(face.glyph_hor_advance(glyph(of)).unwrap_or_default()) / em);
     let [back, on] = [-f64::midpoint(wide, bar), (wide - bar) / 2.0];
-    let top = face
-        .glyph_bounding_box(glyph(letter))
-        .map_or(0, |of| of.y_max);
+    let bounds = face.glyph_bounding_box(glyph(letter));
+    let top = bounds.map_or(0, |of| of.y_max);
     let higher = (top - face.x_height().unwrap_or(top)).max(0);
     let lift = f64::from(higher) / em;
     // The second shift needs a character, here one of no width.

@@ -74,12 +74,11 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
         let numbers = [frames / 2, frames - 1];
         let earlier = run.records(numbers[0]..numbers[0] + 1)?.swap_remove(0);
         let interval = run.interval(numbers, [&earlier, &last]);
-        let moved: Vec<f64> = (0..last.grains.len())
-            .map(|n| match run.dimension() {
-                Dimensions::Two => interval.displacement::<Two>(n)[0],
-                Dimensions::Three => interval.displacement::<Three>(n)[0],
-            })
-            .collect();
+        let moved = |n: usize| match run.dimension() {
+            Dimensions::Two => interval.displacement::<Two>(n)[0],
+            Dimensions::Three => interval.displacement::<Three>(n)[0],
+        };
+        let moved: Vec<f64> = (0..last.grains.len()).map(moved).collect();
         let when = " in the latter half of the run";
         pictures.push(packing.figure(
             ("grains-displacement", "displacement_x"),

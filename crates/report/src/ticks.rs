@@ -16,10 +16,9 @@ pub fn round(low: f64, high: f64, wanted: usize) -> Vec<Tick> {
     let raw = span / wanted.max(1) as f64;
     let power = raw.log10().floor();
     let unit = 10f64.powf(power);
-    let factor = [1.0, 2.0, 5.0]
-        .into_iter()
-        .find(|factor| factor * unit >= raw * 0.999)
-        .unwrap_or(10.0);
+    let mut factors = [1.0, 2.0, 5.0].into_iter();
+    let factor = factors.find(|factor| factor * unit >= raw * 0.999);
+    let factor = factor.unwrap_or(10.0);
     let step = factor * unit;
     let decimals = if factor == 10.0 { -power - 1.0 } else { -power }.max(0.0) as usize;
     let first = (low / step - 1e-9).ceil() as i64;
@@ -58,23 +57,17 @@ pub fn decades(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let (first, last) = ((low - 1e-9).ceil() as i64, (high + 1e-9).floor() as i64);
     let step = ((last - first).max(0) as usize / most.max(1) + 1) as i64;
     let tick = |k: i64| {
-        (
-            k as f64,
-            format!("10^{{{}}}", k.to_string().replace('-', "−")),
-        )
+        let power = k.to_string().replace('-', "−");
+        (k as f64, format!("10^{{{power}}}"))
     };
-    (first..=last)
-        .filter(|k| k.rem_euclid(step) == 0)
-        .map(tick)
-        .collect()
+    let shown = (first..=last).filter(|k| k.rem_euclid(step) == 0);
+    shown.map(tick).collect()
 }
 
 /// Returns ticks of `low` … `high` as parts of that range, as they lie on a colour bar.
 pub fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
-    ticks
-        .into_iter()
-        .map(|(value, label)| ((value - low) / (high - low), label))
-        .collect()
+    let on_bar = |(value, label)| ((value - low) / (high - low), label);
+    ticks.into_iter().map(on_bar).collect()
 }
 
 /// Returns the factor and the SI prefix that give a value one to three digits before the decimal

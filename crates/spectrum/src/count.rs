@@ -35,12 +35,7 @@ impl Rectangle {
 
     fn corners(&self) -> [c64; 4] {
         let ([a, b], [c, d]) = (self.re, self.im);
-        [
-            c64::new(a, c),
-            c64::new(b, c),
-            c64::new(b, d),
-            c64::new(a, d),
-        ]
+        [[a, c], [b, c], [b, d], [a, d]].map(|[re, im]| c64::new(re, im))
     }
 }
 

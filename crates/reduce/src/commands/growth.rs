@@ -100,16 +100,11 @@ fn of_run(run: &RunFile, slip: Option<&[Vec<f64>; 2]>) -> String {
 }
 
 fn of_grains(slip: Option<&[Vec<f64>; 2]>) -> String {
-    let rows = slip.into_iter().flat_map(|[weight, dmin]| {
-        let values = weight.iter().zip(dmin);
-        values
-            .enumerate()
-            .map(|(n, (weight, dmin))| (n, *weight, *dmin))
-    });
-    Table::of(rows)
-        .column("grain", |(n, ..)| *n)
-        .column("eigenvector_square", |(_, weight, _)| *weight)
-        .column("dmin", |(.., dmin)| *dmin)
+    let slip = slip.into_iter();
+    Table::of(slip.flat_map(|[weight, dmin]| weight.iter().zip(dmin).enumerate()))
+        .column("grain", |(n, _)| *n)
+        .column("eigenvector_square", |(_, (weight, _))| *weight)
+        .column("dmin", |(_, (_, dmin))| *dmin)
         .csv()
 }
 

@@ -62,11 +62,10 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
         width => format!(" × {width:.4e} m"),
     };
     let of_height = if walls {
-        "(periodic) × {} at the start"
+        format!("(periodic) × {height:.4e} m at the start")
     } else {
-        "× {} (periodic)"
+        format!("× {height:.4e} m (periodic)")
     };
-    let of_height = of_height.replace("{}", &format!("{height:.4e} m"));
     lines.push(("box", format!("{length:.4e} m{width} {of_height}")));
     if let Some(lengths) = lengths_at_the_end(run)
         && (lengths[0] != length || lengths.last() != Some(&height))

@@ -107,11 +107,8 @@ pub fn write(
         dictionary::write_table(&folder.join(name), csv, 3)?;
     }
     let drawn = figures::all(&reduction.views(), reduction.fitted[0].best());
-    let page = figures::page(
-        &drawn,
-        &page_rows(&reduction),
-        &folder.display().to_string(),
-    );
+    let place = folder.display().to_string();
+    let page = figures::page(&drawn, &page_rows(&reduction), &place);
     let figures = drawn.iter().map(|(name, svg)| (folder.join(name), &**svg));
     let written = drawing::write_all(&figures.collect::<Vec<_>>())?;
     let json = format!("{:#}\n", tables::json(&reduction));
@@ -162,17 +159,13 @@ fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Re
         };
         fitted[0].fits.iter().filter_map(of).collect()
     };
-    let name = |k: usize| runs[k].path().display().to_string();
+    let name = |k: &usize| runs[*k].path().display().to_string();
+    let names = |group: &Vec<usize>| group.iter().map(name).collect();
+    let experiment = |record| Experiment::of(record, d_c);
     Ok(Reduction {
         models: records.iter().map(models).collect(),
-        experiments: records
-            .into_iter()
-            .map(|r| Experiment::of(r, d_c))
-            .collect(),
-        runs: groups
-            .iter()
-            .map(|group| group.iter().map(|k| name(*k)).collect())
-            .collect(),
+        experiments: records.into_iter().map(experiment).collect(),
+        runs: groups.iter().map(names).collect(),
         stacks,
         relaxations,
         direct_effect: direct_effect.or(of_fit),

@@ -337,14 +337,11 @@ fn all_pairs(
     } else {
         let count = arguments.count.unwrap_or(100) as usize;
         let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
-        writeln!(
-            printer,
-            "scan: {} shifts, {} solves",
-            found.disks, found.solves
-        )?;
-        let (all, null) = (found.spectrum.eigenvalues.len(), problem.null().ncols());
-        let n = problem.size();
-        writeln!(printer, "scan: {} of {} eigenvalues", all + null, n)?;
+        let (disks, solves) = (found.disks, found.solves);
+        writeln!(printer, "scan: {disks} shifts, {solves} solves")?;
+        let (all, n) = (found.spectrum.eigenvalues.len(), problem.size());
+        let all = all + problem.null().ncols();
+        writeln!(printer, "scan: {all} of {n} eigenvalues")?;
         found.spectrum
     };
     let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();

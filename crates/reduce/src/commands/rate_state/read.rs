@@ -40,9 +40,8 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
     let series = run.series();
     let mut imposed = series.has(IMPOSED).then(|| series.column(IMPOSED).to_vec());
     // Friction is undefined in rows in which the slider touches nothing.
-    let whole: Vec<bool> = (0..time.len())
-        .map(|row| columns.iter().all(|column| column[row].is_finite()))
-        .collect();
+    let is_whole = |row: usize| columns.iter().all(|column| column[row].is_finite());
+    let whole: Vec<bool> = (0..time.len()).map(is_whole).collect();
     for values in columns.iter_mut().chain([&mut time]).chain(&mut imposed) {
         let mut keep = whole.iter();
         values.retain(|_| keep.next() == Some(&true));
@@ -70,13 +69,10 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
             "observables/normal_force: its mean is {force:e} N, must be positive: the slider must press on the sample"
         )));
     }
+    let measured = [time, slip.clone(), friction.clone()];
     let record = SliderRecord {
         temperature: temperature(run, rate, kinetic),
-        ..SliderRecord::of_run(
-            spring / force,
-            drive,
-            [time, slip.clone(), friction.clone()],
-        )
+        ..SliderRecord::of_run(spring / force, drive, measured)
     };
     let tested = tested(&record).map_err(|what| run.wrong(what))?;
     if let Some(imposed) = imposed {
@@ -114,10 +110,8 @@ fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
 fn temperature(run: &RunFile, rate: &[f64], kinetic: &[f64]) -> Vec<f64> {
     let grains = run.grains();
     let of_free = grains.mass.iter().zip(&grains.body);
-    let masses: Vec<f64> = of_free
-        .filter(|(_, body)| **body == 0)
-        .map(|(m, _)| *m)
-        .collect();
+    let of_free = of_free.filter(|(_, body)| **body == 0);
+    let masses: Vec<f64> = of_free.map(|(m, _)| *m).collect();
     let count = masses.len() as f64;
     let mass = masses.iter().sum::<f64>() / count;
     let diameter = 2.0 * grains.mean_radius();
