@@ -98,7 +98,7 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     text.push_str("\nparameters\n");
     let one_line = run.parameters().iter().filter(|(name, _)| *name != "scene");
     for (name, value) in one_line {
-        writeln!(text, "  {name:<20}{value}").expect("a string grows");
+        writeln!(text, "  {name:<19} {value}").expect("a string grows");
     }
     text.push_str("\nscene\n");
     for line in run.scene().lines() {

@@ -173,10 +173,12 @@ fn steps(run: &RunFile, rows: Rows, every: Option<u64>) -> Result<ReplayWindow, 
     let within = |row: &usize| values[*row] >= from && values[*row] <= to;
     let mut rows = (0..series.rows()).filter(within);
     let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
-        let ends = [values.first(), values.last()].map(|end| end.copied().unwrap_or(f64::NAN));
+        let extent = match (values.first(), values.last()) {
+            (Some(first), Some(last)) => format!("it goes from {first} to {last}"),
+            _ => "it has none".into(),
+        };
         return Err(run.wrong(format!(
-            "has fewer than two rows of the time series between the {what} {from} and {to}; it goes from {} to {}",
-            ends[0], ends[1]
+            "has fewer than two rows of the time series between the {what} {from} and {to}; {extent}"
         )));
     };
     Ok(ReplayWindow {
