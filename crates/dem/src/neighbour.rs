@@ -222,25 +222,20 @@ impl<D: Dimension> Bins<D> {
         }
     }
 
-    /// Calls `visit` with the members of each of these cells that has any, and with all columns that may be
-    /// near them.
-    #[inline(always)]
-    fn each_cell(&self, cells: Range<usize>, mut visit: impl FnMut(Range<usize>, &[Range<usize>])) {
-        let mut columns = Vec::with_capacity(9);
-        let [_, y, z] = self.axes.map(|axis| axis.count);
-        for index in cells {
-            let members = self.start[index] as usize..self.start[index + 1] as usize;
-            if members.is_empty() {
-                continue;
-            }
-            let here = match D::AXES {
-                2 => [index / y, index % y, 0],
-                _ => [index / (y * z), index / z % y, index % z],
-            };
-            columns.clear();
-            self.each_column(here, |column| columns.push(column));
-            visit(members, &columns);
+    /// The members of a cell; if it has any, `columns` then holds all that may be near them.
+    fn near_cell(&self, cell: usize, columns: &mut Vec<Range<usize>>) -> Range<usize> {
+        let members = self.start[cell] as usize..self.start[cell + 1] as usize;
+        if members.is_empty() {
+            return members;
         }
+        let [_, y, z] = self.axes.map(|axis| axis.count);
+        let here = match D::AXES {
+            2 => [cell / y, cell % y, 0],
+            _ => [cell / (y * z), cell / z % y, cell % z],
+        };
+        columns.clear();
+        self.each_column(here, |column| columns.push(column));
+        members
     }
 }
 
@@ -378,9 +373,10 @@ impl<D: Dimension> Work for Search<'_, D> {
         let member = &self.bins.member;
         let [from, to] = [self.cells.start, self.cells.end].map(|k| self.bins.start[k] as usize);
         let mut pairs = Vec::with_capacity(4 * (to - from));
-        self.bins.each_cell(self.cells.clone(), |members, columns| {
-            for k in members {
-                for column in columns {
+        let mut columns = Vec::with_capacity(9);
+        for cell in self.cells.clone() {
+            for k in self.bins.near_cell(cell, &mut columns) {
+                for column in &columns {
                     // Each pair once.
                     let after = column.start.max(k + 1)..column.end;
                     for block in after.clone().step_by(LANES) {
@@ -409,7 +405,7 @@ impl<D: Dimension> Work for Search<'_, D> {
                     }
                 }
             }
-        });
+        }
         pairs
     }
 }

@@ -215,8 +215,10 @@ impl<L: Lanes> Separation<L> {
         let beyond = cell.nearest_images::<D, L>(token, &mut r);
         let (mut image_velocity, mut stretching) = (None, None);
         if let (Some(images), Some(sheared)) = (beyond, &cell.sheared) {
-            let velocities = [sheared.velocity, sheared.half_velocity];
-            image_velocity = Some(velocities.map(|velocity| images * c(velocity)));
+            image_velocity = Some([
+                images * c(sheared.velocity),
+                images * c(sheared.half_velocity),
+            ]);
             stretching = sheared.stretching;
         }
         let square = D::dot(&r, &r);
