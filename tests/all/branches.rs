@@ -138,3 +138,38 @@ fn a_wall_without_its_spring_goes_on_from_its_place() {
         assert!(worst < 1e-2, "{kind}: {worst}");
     }
 }
+
+/// Energies are counted in a unit of the law, so a branch with another one begins its budget anew.
+#[test]
+fn the_energy_budget_begins_anew_with_other_contacts() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    std::fs::write(at("scene.toml"), scene("walls")).expect("a scene");
+    run(
+        folder.path(),
+        "before",
+        &[&at("scene.toml"), "--stop-at=500"],
+    );
+    for (name, set, anew) in [
+        ("stiffer", "contact.normal_stiffness=2e7", true),
+        ("rough", "contact.friction=0.6", true),
+        ("heavier", "material.density=5000", true),
+        ("loaded", "load.pressure=1.1e4", false),
+    ] {
+        let mut program = crate::common::program(1);
+        program
+            .arg("--resume")
+            .arg(at("before"))
+            .arg("--branch")
+            .arg(at(name));
+        let output = program.args(["--stop-at=1000", "--set", set]).output();
+        let output = output.expect("the program starts");
+        assert_eq!(output.status.code(), Some(75), "{output:?}");
+        let branch = RunFile::open_any(&folder.path().join(name)).expect("a run");
+        let column = |name: &str| branch.series().column(name);
+        let begun = column("work_drive")[0] == 0.0 && column("dissipated_friction")[0] == 0.0;
+        assert_eq!(begun, anew, "{name}");
+        let last = column("energy_residual").last().expect("a row").abs();
+        assert!(last < 0.02, "{name}: {last}");
+    }
+}

@@ -242,3 +242,39 @@ fn removal_keeps_the_contracts() {
             .any(|frame| frame.grains.iter().any(|g| window.is_removed(g)))
     );
 }
+
+/// A top wall that no grain holds any more ends the run.
+#[test]
+fn a_wall_that_comes_down_ends_the_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    write_packing(&folder.path().join("disks.data"), true);
+    // Of the free grains only that above the hole, and a top of one row.
+    let text = std::fs::read_to_string(folder.path().join("disks.data")).expect("the packing");
+    let lines = text.lines().filter(|line| !line.starts_with("10 1 "));
+    let lines = lines.map(|line| match line {
+        "10 atoms" => "19 atoms".into(),
+        "2 atom types" => "3 atom types".into(),
+        line => line.to_string(),
+    });
+    let top = (0..10).map(|k| {
+        let x = RADIUS * f64::from(2 * k + 1);
+        format!("{} 3 0.002 2500 {x:?} 0.018 0.0", 10 + k)
+    });
+    let data: Vec<String> = lines.chain(top).collect();
+    std::fs::write(folder.path().join("top.data"), data.join("\n")).expect("written");
+    let scene = "
+        material.density = 2500
+        contact = { law = 'hooke', normal_stiffness = 1e6, damping_ratio = 0.3, friction = 0 }
+        sample = { packing = 'top.data', outside = 'remove' }
+        load = { pressure = 100, gravity = 9.81 }
+        time.step = 4e-6
+        shear = { velocity = 1e-3, strain = 1 }
+        output.frame_strain = 0
+    ";
+    std::fs::write(folder.path().join("top.toml"), scene).expect("a scene");
+    let arguments = [folder.path().join("top.toml").display().to_string()];
+    let ended = gshear_mpi(1, &folder.path().join("top"), &arguments);
+    assert_eq!(ended.code, 3, "{}", ended.text);
+    let said = "the top wall has come down to the bottom wall";
+    assert!(ended.text.contains(said), "{}", ended.text);
+}

@@ -86,27 +86,35 @@ fn gradient(atoms: &[Atom]) -> usize {
     1 + usize::from(atoms.iter().any(|atom| atom.position[2] != 0.0))
 }
 
-/// The velocity along x (m/s) of the image above with which these grains stream: of the straight
-/// line of least squares through their velocities over the height.
-fn streaming(data: &DataFile) -> f64 {
+/// Finds with what velocity along x (m/s) of the image above the grains stream: by the straight line
+/// of least squares, weighed by volume, through their velocities over the height. Takes from them
+/// the velocity of that line at the lower edge, at which images of the bottom rest.
+fn find_stream(data: &mut DataFile) {
     let up = gradient(&data.atoms);
     let [low, high] = data.bounds[up];
-    let count = data.atoms.len() as f64;
-    let mean = |of: fn(&Atom, usize) -> f64| {
-        data.atoms.iter().map(|atom| of(atom, up)).sum::<f64>() / count
+    // Weight, height and velocity.
+    let of_atom = |atom: &Atom| {
+        let volume = atom.diameter.powi(1 + up as i32);
+        (volume, atom.position[up] - low, atom.velocity[0])
     };
-    let [height, velocity] = [|a: &Atom, up| a.position[up], |a: &Atom, _| a.velocity[0]].map(mean);
+    let mut sums = [0.0; 3];
+    for (weight, height, velocity) in data.atoms.iter().map(of_atom) {
+        for (sum, value) in sums.iter_mut().zip([1.0, height, velocity]) {
+            *sum += weight * value;
+        }
+    }
+    let [height, velocity] = [sums[1], sums[2]].map(|sum| sum / sums[0]);
     let (mut above, mut below) = (0.0, 0.0);
-    for atom in &data.atoms {
-        let higher = atom.position[up] - height;
-        above += higher * (atom.velocity[0] - velocity);
-        below += higher * higher;
+    for (weight, at, v) in data.atoms.iter().map(of_atom) {
+        above += weight * (at - height) * (v - velocity);
+        below += weight * (at - height) * (at - height);
     }
-    if below > 0.0 {
-        above / below * (high - low)
-    } else {
-        0.0
+    let rate = if below > 0.0 { above / below } else { 0.0 };
+    let drift = velocity - rate * height;
+    for atom in &mut data.atoms {
+        atom.velocity[0] -= drift;
     }
+    data.stream = Some(rate * (high - low));
 }
 
 /// So many copies beside each other along the axes, in a box as many times as long. Those above
@@ -443,8 +451,8 @@ impl Packing {
         limit: &GrainLimit,
     ) -> Result<Self, Failure> {
         let mut data = data;
-        if arrangement.boxed {
-            data.stream = data.stream.or_else(|| Some(streaming(&data)));
+        if arrangement.boxed && data.stream.is_none() {
+            find_stream(&mut data);
         }
         let data = replicated(name, data, arrangement.copies, limit)?;
         let mut packing = Self::new(name, path, data, arrangement)?;

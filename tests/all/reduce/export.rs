@@ -267,3 +267,25 @@ fn what_cannot_be_exported_is_refused() {
         format!("error: --frame last: {path}/run.h5 has no frames\n")
     );
 }
+
+/// Where a file cannot be written to its end, an export says so and leaves nothing.
+#[test]
+fn a_file_that_cannot_grow_is_a_failure() {
+    let (_folder, path) = folder_with(&Fixture::small());
+    let formats = ["lammps-data", "lammps-dump", "vtkhdf", "xyz", "npz", "csv"];
+    for format in formats {
+        let out = format!("{path}/cut");
+        // Half a kilobyte or one, as the shell counts.
+        let command = format!(
+            "trap '' XFSZ; ulimit -f 1; exec \"$0\" export '{path}' --format {format} --out '{out}'"
+        );
+        let output = std::process::Command::new("sh")
+            .args(["-c", &command, crate::common::REDUCER])
+            .output()
+            .expect("a shell");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{format}: {said}");
+        assert!(said.starts_with("error: "), "{format}: {said}");
+        assert!(!Path::new(&out).exists(), "{format}");
+    }
+}

@@ -109,7 +109,7 @@ fn begin(
             checkpoint::to_both_holders(run.exchange, &mut saved.state);
             let before = saved.scene(&[])?;
             let mut header = saved.header;
-            change_top(run, [&before, scene], &mut header, &saved.state.grains)?;
+            take_changes(run, [&before, scene], &mut header, &saved.state.grains)?;
             return Ok((header, saved.state));
         }
         (Start::Grains(grains), Origin::Packing(file)) => (file.height(), grains),
@@ -129,9 +129,10 @@ fn begin(
     Ok((header, state))
 }
 
-/// Gives the top what a branch changes of it: its mass, by the densities, and where its drive is, if
-/// it has no spring any more. Collective.
-fn change_top(
+/// Gives a branch what its changes mean for the top: its mass, by the densities, and where its drive
+/// is, if it has no spring any more. The energy budget begins anew with other contacts or masses.
+/// Collective.
+fn take_changes(
     run: &Run<'_>,
     [before, now]: [&Scene; 2],
     header: &mut Header,
@@ -144,6 +145,9 @@ fn change_top(
             pack.piston.mass *= mass_of_layer(now) / mass_of_layer(before);
         }
         Header::Shear(shear) => {
+            if before.materials != now.materials {
+                shear.energy_budget = None;
+            }
             let slider = &mut shear.slider;
             if is_heavier {
                 let of = (grains, shear.height);

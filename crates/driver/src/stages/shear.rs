@@ -278,12 +278,19 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     }
 
     /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
-    /// more than half a mean diameter. A top that moves at an imposed velocity or by a servo does
-    /// not fly, and a vibrating bottom may throw it on purpose.
+    /// more than half a mean diameter, or it has come down to the bottom. A top that moves at an
+    /// imposed velocity or by a servo does not fly, and a vibrating bottom may throw it on purpose.
     fn check_top(&self) -> Result<(), Failure> {
         let Above::Wall(GrainWalls { motion, .. }) = &self.above else {
             return Ok(());
         };
+        let layer = motion.piston.height - self.frame.walls - motion.bottom_displacement();
+        if layer <= 0.0 && self.confinement == Confinement::Walls {
+            return Err(Failure::numbers(format!(
+                "step {}: the top wall has come down to the bottom wall: no grain between them holds it; give walls without holes, or end the run before",
+                self.step
+            )));
+        }
         let now = motion.slider.state.step;
         let protocol = &self.schedule.protocol;
         let is_driven = protocol.segment_before(now).normal_velocity().is_some();

@@ -216,13 +216,13 @@ impl<'a, D: Dimension> Strain<'a, D> {
             return Ok(());
         }
         self.unrecorded = Some(found);
+        self.progress.offset = self.assembly.system.cell.sheared.map_or(0.0, |s| s.offset);
         if prepares {
             self.begin_stretching();
             return Ok(());
         }
         let progress = &mut self.progress;
         progress.steps += 1;
-        progress.offset = self.assembly.system.cell.sheared.map_or(0.0, |s| s.offset);
         if let Some(stretched) = &mut progress.stretched {
             stretched.lengths = self.assembly.system.cell.lengths::<D>();
         }

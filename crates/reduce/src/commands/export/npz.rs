@@ -101,10 +101,18 @@ impl NpzWriter {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
             .large_file(true);
-        for array in &self.arrays {
-            archive.start_file(format!("{}.npy", array.name), options)?;
-            archive.write_all(&array.header()?)?;
-            archive.write_all(&array.bytes)?;
+        let mut write = || -> Result<(), Box<dyn std::error::Error>> {
+            for array in &self.arrays {
+                archive.start_file(format!("{}.npy", array.name), options)?;
+                archive.write_all(&array.header()?)?;
+                archive.write_all(&array.bytes)?;
+            }
+            Ok(())
+        };
+        if let Err(e) = write() {
+            // Dropped, it would try to end the file, and print that this failed, too.
+            std::mem::forget(archive);
+            return Err(e);
         }
         archive.finish()?;
         Ok(())

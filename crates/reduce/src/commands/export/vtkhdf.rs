@@ -348,6 +348,8 @@ impl VtkWriter {
             let count = steps.group.new_attr::<i64>().create("NSteps")?;
             count.write_scalar(&frames)?;
             drop(steps);
+            // What cannot be written is noticed here; to close it says nothing.
+            file.flush()?;
             file.close()
         };
         (part, close())
