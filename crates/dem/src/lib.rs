@@ -171,3 +171,4 @@ pub mod step;
 pub mod system;
 pub mod threads;
 pub mod wave;
+pub mod workers;

@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::dimension::Dimension;
 use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work};
 use crate::state::{CandidatePair, Cell, GrainState, Grains, body};
-use crate::threads::{self, Workers};
+use crate::workers::{self, Workers};
 
 /// The interval along x, by [`Cell::slab_coordinate`], that holds the owned grains and ghosts of a
 /// rank.
@@ -314,13 +314,13 @@ pub fn pairs<D: Dimension>(
     let bins = Bins::<D>::new(cell, extent, cutoff.greatest, &position);
     let placed = Placed::new(grains, &bins.member);
     // The cells of each thread, which hold as many grains.
-    let threads = threads::count(workers);
+    let threads = workers::count(workers);
     let begin = |part: usize| {
         let before = (local * part / threads) as u32;
         bins.start.partition_point(|start| *start < before)
     };
     let mut parts = vec![Vec::new(); threads];
-    threads::each(workers, &mut parts, |k, pairs| {
+    workers::each(workers, &mut parts, |k, pairs| {
         *pairs = isa.run(Search {
             bins: &bins,
             cells: begin(k)..begin(k + 1),

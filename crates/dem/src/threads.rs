@@ -4,9 +4,6 @@
 //! of threads does not change a bit.
 
 use std::ops::Range;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
 
@@ -15,6 +12,7 @@ use crate::failure::Failure;
 use crate::kernel::{ContactForces, Counting, PairForce, Pass, PassOutcome, Samples, Scratch};
 use crate::simd::Isa;
 use crate::state::{BlockRange, CandidatePair, Cell, Contacts, Grains, Image, Units};
+use crate::workers::Workers;
 
 /// Number of grains whose forces a thread clears and adds together.
 const PAGE: usize = 256;
@@ -36,60 +34,6 @@ pub struct ThreadPool<D: Dimension> {
     partial: Vec<PartialForces<D>>,
     /// The first page that each thread gathers, so that all have as much to add.
     gathered_from: Vec<usize>,
-}
-
-/// The threads beside the first.
-#[derive(Debug)]
-pub struct Workers {
-    pool: rayon::ThreadPool,
-    /// Number of regions of parallel work that have begun.
-    regions: Arc<AtomicU64>,
-}
-
-/// How long an idle thread waits for the next region of a step before it sleeps. To wake a thread
-/// takes longer than most waits.
-const AWAKE: Duration = Duration::from_micros(500);
-
-impl Workers {
-    /// Runs `work`, which may spawn, and waits for what it spawned.
-    fn region<'scope>(&self, work: impl FnOnce(&rayon::Scope<'scope>)) {
-        self.regions.fetch_add(1, Ordering::Release);
-        self.pool.in_place_scope(work);
-        let regions = self.regions.clone();
-        let here = regions.load(Ordering::Relaxed);
-        self.pool.spawn_broadcast(move |_| {
-            let end = Instant::now() + AWAKE;
-            while regions.load(Ordering::Acquire) == here && Instant::now() < end {
-                std::thread::yield_now();
-            }
-        });
-    }
-}
-
-/// Number of threads, the first one included.
-pub fn count(workers: Option<&Workers>) -> usize {
-    workers.map_or(1, |workers| 1 + workers.pool.current_num_threads())
-}
-
-/// Does the work on every part, the first one on this thread.
-pub fn each<T: Send>(
-    workers: Option<&Workers>,
-    parts: &mut [T],
-    work: impl Fn(usize, &mut T) + Sync,
-) {
-    let mut parts = parts.iter_mut().enumerate();
-    let Some(workers) = workers else {
-        return parts.for_each(|(k, part)| work(k, part));
-    };
-    workers.region(|scope| {
-        let (work, first) = (&work, parts.next());
-        for (k, part) in parts {
-            scope.spawn(move |_| work(k, part));
-        }
-        if let Some((k, part)) = first {
-            work(k, part);
-        }
-    });
 }
 
 /// The forces on all local grains by those contacts of one thread that are not within its share;
@@ -127,26 +71,9 @@ impl<D: Dimension> ThreadPool<D> {
     /// # Errors
     /// If the threads cannot be started.
     pub fn new(threads: usize) -> Result<Self, Failure> {
-        let shares = vec![0..0; threads.max(1)];
-        if threads <= 1 {
-            return Ok(Self {
-                workers: None,
-                shares,
-                scratch: Box::default(),
-                partial: Vec::new(),
-                gathered_from: Vec::new(),
-            });
-        }
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads - 1)
-            .build()
-            .map_err(|e| Failure::Other(format!("{threads} threads: {e}")))?;
         Ok(Self {
-            workers: Some(Workers {
-                pool,
-                regions: Arc::default(),
-            }),
-            shares,
+            workers: Workers::start(threads)?,
+            shares: vec![0..0; threads.max(1)],
             scratch: Box::default(),
             partial: (1..threads)
                 .map(|_| PartialForces {

@@ -69,8 +69,10 @@ pub fn figures(
     let radius = &run.grains().radius;
     let start = run.records(first..first + 1)?.swap_remove(0);
     let reach = |sign: f64| {
-        let end = start.grains.iter().zip(radius);
-        end.map(move |(grain, r)| sign * grain.position[axes - 1] + r)
+        let grains = start.grains.iter().zip(radius);
+        let present = grains.filter(|(grain, _)| !run.is_removed(grain));
+        present
+            .map(move |(grain, r)| sign * grain.position[axes - 1] + r)
             .fold(f64::NEG_INFINITY, f64::max)
     };
     let ends = [-reach(-1.0), reach(1.0)];

@@ -10,6 +10,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::run_reader::is_hdf5;
 use gshear_dem::failure::Failure;
 use tempfile::{Builder, NamedTempFile};
 
@@ -104,12 +105,26 @@ pub struct PartFile {
     writer: BufWriter<NamedTempFile>,
 }
 
+/// Whether a file is one of those that only `gshear-mpi` makes.
+fn is_original(path: &Path) -> bool {
+    let is_of = |file: hdf5::File| file.group("h5md").is_ok() || file.attr("format").is_ok();
+    hdf5::silence_errors(true);
+    is_hdf5(path) && hdf5::File::open(path).is_ok_and(is_of)
+}
+
 impl PartFile {
     /// Creates the file and, if missing, its folder.
     ///
     /// # Errors
-    /// [`Failure::Other`] if the folder or the file cannot be written.
+    /// [`Failure::Input`] in place of a run or a checkpoint; [`Failure::Other`] if the folder or the
+    /// file cannot be written.
     pub fn create(path: &Path) -> Result<Self, Failure> {
+        if is_original(path) {
+            return Err(Failure::input(format!(
+                "{}: is a run or a checkpoint, which would be lost; give another file",
+                path.display()
+            )));
+        }
         let folder = folder_of(path);
         let file = std::fs::create_dir_all(folder).and_then(|()| beside(path));
         if let Some(name) = path.file_name().and_then(|name| name.to_str()) {

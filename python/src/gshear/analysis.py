@@ -145,7 +145,8 @@ def fabric(normals: ArrayLike, weights: ArrayLike | None = None) -> Array:
 def rattlers(contacts: Contacts, least: int | None = None) -> NDArray[np.bool_]:
     """Finds the free grains that nothing holds, [N].
 
-    Grains with too few contacts are left out, with their contacts, until there are none.
+    Grains with too few contacts are left out, with their contacts, until there are none. Grains
+    that were removed are none of them.
 
     Args:
         contacts: Contacts of a frame.
@@ -154,6 +155,7 @@ def rattlers(contacts: Contacts, least: int | None = None) -> NDArray[np.bool_]:
     """
     frame, pairs = contacts.frame, contacts.pairs
     needed = np.where(frame.body == 0, frame.dimension + 1 if least is None else least, 0)
+    needed[frame.removed] = 0
     held = np.ones(len(needed), dtype=bool)
     while True:
         ends = pairs[held[pairs].all(axis=1)].ravel()
@@ -186,8 +188,11 @@ def profiles(frames: Iterable[Frame], layers: int = 20) -> pd.DataFrame:
         raise ValueError("profiles need one frame or more of a run between walls")
     axis, dimension = frames[0].box.gradient, frames[0].dimension
     heights = [frame.position[:, axis] for frame in frames]
-    radius = frames[0].radius
-    low, high = (f([f(z + s * radius) for z in heights]) for f, s in ((np.min, -1), (np.max, 1)))
+    radius, present = frames[0].radius, [~frame.removed for frame in frames]
+    low, high = (
+        f([f((z + s * radius)[there]) for z, there in zip(heights, present, strict=True)])
+        for f, s in ((np.min, -1), (np.max, 1))
+    )
     edges = np.linspace(low, high, layers + 1)
     middles = (edges[1:] + edges[:-1]) / 2
 
@@ -200,7 +205,7 @@ def profiles(frames: Iterable[Frame], layers: int = 20) -> pd.DataFrame:
             below = np.pi * radius[:, None] ** 3 * (2 / 3 + u - u**3 / 3)
         return np.diff(below, axis=1)
 
-    shares = [volumes(z) for z in heights]
+    shares = [volumes(z) * there[:, None] for z, there in zip(heights, present, strict=True)]
     base = frames[0].box.edges[0] * (frames[0].box.edges[1] if dimension == 3 else 1.0)
     filled = np.sum([share.sum(axis=0) for share in shares], axis=0)
     with np.errstate(invalid="ignore"):
@@ -267,7 +272,7 @@ def coarse_grained(frame: Frame, points: ArrayLike, width: float) -> Fields:
         phi: Array = np.exp(-(r**2).sum(axis=-1) / (2 * width**2)) / scale
         return phi
 
-    mass = weight(frame.position) * frame.mass
+    mass = weight(frame.position) * np.where(frame.removed, 0.0, frame.mass)
     density = mass.sum(axis=-1)
     with np.errstate(invalid="ignore"):
         velocity = mass @ frame.velocity / density[..., None]

@@ -108,8 +108,10 @@ class Frame(Columns):
     def removed(self) -> NDArray[np.bool_]:
         """[N], which grains had passed a wall and were removed (`sample.outside` of the scene)."""
         gradient = self.box.gradient
+        if self.box.periodic[gradient] or "image" not in self:
+            return np.zeros(len(self.radius), dtype=np.bool_)
         beyond: NDArray[np.bool_] = self["image"][:, gradient] != 0
-        return beyond & (not self.box.periodic[gradient])
+        return beyond
 
     def __repr__(self) -> str:
         return (

@@ -397,7 +397,7 @@ def draw_grains(ax: Axes, run: Run, frame: Frame, *, y: float | None = None) -> 
         The grains; those that cross a periodic boundary are drawn at both sides. In a sheared box
         those above and below are moved by the Lees–Edwards offset.
     """
-    grains, rows = _grains(ax, frame, np.ones(len(frame.radius), dtype=bool), y)
+    grains, rows = _grains(ax, frame, ~frame.removed, y)
     grains.set(
         facecolors=np.where(frame.body[rows] > 0, WALL, GRAIN).tolist(),
         edgecolors=EDGE,
@@ -466,7 +466,8 @@ def _window(frame: Frame) -> NDArray[np.float64]:
     window = np.stack([np.zeros(2), box.edges[axes]])
     for k, axis in enumerate(axes):
         if not box.periodic[axis]:
-            x, radius = frame.position[:, axis], frame.radius
+            there = ~frame.removed
+            x, radius = frame.position[there, axis], frame.radius[there]
             window[:, k] = (x - radius).min(), (x + radius).max()
     return window
 

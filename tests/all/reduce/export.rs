@@ -289,3 +289,17 @@ fn a_file_that_cannot_grow_is_a_failure() {
         assert!(!Path::new(&out).exists(), "{format}");
     }
 }
+
+/// The run itself is no place for its export.
+#[test]
+fn an_export_does_not_replace_its_run() {
+    let (_folder, path) = folder_with(&Fixture::small());
+    let run = format!("{path}/run.h5");
+    let before = std::fs::read(&run).expect("a run");
+    for format in ["csv", "vtkhdf", "npz", "xyz"] {
+        let said = refused(&["export", &path, "--format", format, "--out", &run]);
+        let expected = "is a run or a checkpoint, which would be lost; give another file";
+        assert!(said.contains(expected), "{format}: {said}");
+        assert!(std::fs::read(&run).expect("a run") == before, "{format}");
+    }
+}

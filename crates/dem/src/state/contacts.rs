@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::contact::TORQUES;
 use crate::contact::model::{Elastic, PairModel};
 use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs};
-use crate::threads::{self, Workers};
+use crate::workers::{self, Workers};
 
 use super::ContactState;
 
@@ -125,7 +125,7 @@ impl Contacts {
             .flat_map(of_group)
             .collect();
         // A part for every thread.
-        let (threads, history_lanes) = (threads::count(workers), self.history_lanes);
+        let (threads, history_lanes) = (workers::count(workers), self.history_lanes);
         let mut parts: Vec<(Self, Vec<usize>)> = Vec::new();
         parts.resize_with(threads, || {
             let part = Self {
@@ -136,7 +136,7 @@ impl Contacts {
         });
         std::mem::swap(self, &mut parts[0].0);
         let begin = |part: usize| runs.len() * part / threads;
-        threads::each(workers, &mut parts, |k, (part, blocks)| {
+        workers::each(workers, &mut parts, |k, (part, blocks)| {
             *blocks = part.push_runs(law, &runs[begin(k)..begin(k + 1)], (remembered, grains));
         });
         let mut ends = vec![0; groups.len()];
