@@ -262,3 +262,46 @@ fn a_flow_goes_on_as_a_packing() {
     assert!((found[2] / found[0] - 1.0).abs() < 1e-9, "{found:?}");
     assert!((found[4] / found[3] - 1.0).abs() < 1e-9, "{found:?}");
 }
+
+/// The profile of the solid fraction is that of the height that each frame has.
+#[test]
+fn the_profile_of_a_report_is_of_each_frames_height() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = [
+        "shear.inertial_number=0.2",
+        "output.frame_strain=0.1",
+        "output.energy=false",
+    ];
+    let flow = run_scene(folder.path(), "flow", FLOW, &set);
+    let out = folder.path().join("flow");
+    succeed(reducer().arg("report").arg(&out));
+    let table = std::fs::read_to_string(out.join("report/fraction-profile.csv"));
+    let table = table.expect("a profile");
+    let column = |line: &str| line.split(',').nth(1).and_then(|x| x.parse().ok());
+    let fractions: Vec<f64> = table.lines().skip(1).filter_map(column).collect();
+    assert!(fractions.len() > 10, "{table}");
+    // The area of every disk within the cell.
+    let inside = |t: usize| {
+        let frame = flow.records(t..t + 1).expect("a frame").swap_remove(0);
+        let height = flow.box_edges(t)[1][1];
+        let below = |at: f64, y: f64, r: f64| {
+            let u = ((at - y) / r).clamp(-1.0, 1.0);
+            r * r * ((-u).acos() + u * (1.0 - u * u).sqrt())
+        };
+        let grains = frame.grains.iter().zip(&flow.grains().radius);
+        let area = grains.map(|(grain, &r)| {
+            below(height, grain.position[1], r) - below(0.0, grain.position[1], r)
+        });
+        (area.sum::<f64>() / (11e-3 * height), height)
+    };
+    let latter: Vec<(f64, f64)> = (flow.frames() / 2..flow.frames()).map(inside).collect();
+    let mean_of =
+        |of: fn(&(f64, f64)) -> f64| latter.iter().map(of).sum::<f64>() / latter.len() as f64;
+    let (expected, height) = (mean_of(|of| of.0), mean_of(|of| of.1));
+    assert!(
+        height > 1.03 * flow.box_edges(0)[1][1],
+        "it dilates: {height}"
+    );
+    let found = mean(&fractions);
+    assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+}

@@ -40,7 +40,7 @@ struct Sums<'a> {
     frames: usize,
     /// Lower and upper end of the layers along the last axis (m).
     ends: [f64; 2],
-    /// Volume (m³; m² in 2D) of the grains in each layer, and times their velocity along x.
+    /// Share of each layer that grains fill, and times their velocity along x (m/s), over the frames.
     layers: Vec<[f64; 2]>,
     /// Counts of F_n and of |F_t|, over the mean F_n of the frame.
     forces: [Vec<u64>; 2],
@@ -78,7 +78,9 @@ pub fn figures(
     let ends = [-reach(-1.0), reach(1.0)];
     let mean_diameter = 2.0 * run.grains().mean_radius();
     let (walls, shears) = (run.has_walls(), run.stage() == RunStage::Shear);
-    let ends = if walls { ends } else { [0.0, run.height()] };
+    let heights = frames.iter().map(|&t| run.box_edges(t)[axes - 1][axes - 1]);
+    let mean_height = heights.sum::<f64>() / frames.len() as f64;
+    let ends = if walls { ends } else { [0.0, mean_height] };
     let across = if walls { 0.25 } else { 0.45 } * (ends[1] - ends[0]);
     let [x, y] = run.periods();
     let farthest = (FARTHEST * mean_diameter).min(across).min(0.5 * x.min(y));
@@ -158,6 +160,7 @@ impl Sums<'_> {
     /// a grain is beyond an edge of this is that of its image, whose velocity differs.
     fn profile(&mut self, t: usize, frame: &FrameRecords) {
         let (mut height, bottom, axes) = (self.layer_height(), self.ends[0], self.axes);
+        let base = self.base();
         let edge = self.run.box_edges(t)[axes - 1][axes - 1];
         if !self.walls {
             height = edge / LAYERS as f64;
@@ -169,8 +172,9 @@ impl Sums<'_> {
             for k in layer(z - r)..=layer(z + r) {
                 let [low, high] = [k as f64 * height - z, (k + 1) as f64 * height - z];
                 let volume = below(high, r, axes) - below(low, r, axes);
-                self.layers[k][0] += volume;
-                self.layers[k][1] += volume * grain.velocity[0];
+                let share = volume / (base * height);
+                self.layers[k][0] += share;
+                self.layers[k][1] += share * grain.velocity[0];
             }
         }
     }
@@ -270,12 +274,11 @@ impl Sums<'_> {
             ("velocity-profile", caption),
             ("velocity_x", "velocity"),
             "velocity (m/s)",
-            |[volume, moved]| moved / volume,
+            |[share, moved]| moved / share,
         )
     }
 
     fn fractions(&self, of: &str) -> Option<ReportFigure> {
-        let layer = self.base() * self.layer_height() * self.frames as f64;
         let outermost = if self.walls {
             "belong to the walls"
         } else {
@@ -288,7 +291,7 @@ impl Sums<'_> {
             ("fraction-profile", caption),
             ("solid_fraction", "solid fraction"),
             "solid fraction",
-            |[volume, _]| volume / layer,
+            |[share, _]| share / self.frames as f64,
         )
     }
 
