@@ -1,7 +1,7 @@
 //! Flow below a free surface, through the real program: balances of momentum and of energy, arrest,
 //! branches, packings with a bottom, and what such runs refuse.
 
-use crate::common::{program, reducer, run_scene, succeed};
+use crate::common::{gshear_mpi, program, reducer, run_scene, succeed};
 use gshear_store::run_reader::RunFile;
 
 /// Disks of friction 0.5 on a slope on which they flow.
@@ -251,4 +251,72 @@ fn commands_know_a_free_surface() {
     let page = std::fs::read_to_string(page).expect("a report");
     assert!(page.contains("Flow below a free surface") && page.contains("mean-velocity.csv"));
     assert!(!page.contains("Stick phases"));
+}
+
+/// Grains that fall fast are resumed and replayed as they fell, and begun from a file: the first
+/// list lasts for their speed, not only for that of walls.
+#[test]
+fn fast_grains_go_on() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    for (name, law, dimension, row) in [
+        (
+            "2",
+            "normal_stiffness = 2e4",
+            2,
+            "0 0.01 ylo yhi\n-0.001 0.001 zlo zhi",
+        ),
+        (
+            "3",
+            "normal_stiffness = 20",
+            3,
+            "0 0.01 ylo yhi\n0 0.01 zlo zhi",
+        ),
+    ] {
+        // A row of grains that fall onto a plane at 0.2 m/s.
+        let of_row = |k: u32| {
+            let x = 1e-3 * f64::from(k) + 5e-4;
+            if dimension == 2 {
+                format!("{} 1 0.0006 2500 {x:?} 0.008 0\n", k + 1)
+            } else {
+                format!("{} 1 0.0006 2500 {x:?} 0.005 0.008\n", k + 1)
+            }
+        };
+        let fall = |k: u32| match dimension {
+            2 => format!("{} 0.1 -0.2 0 0 0 0\n", k + 1),
+            _ => format!("{} 0.1 0 -0.2 0 0 0\n", k + 1),
+        };
+        let atoms: String = (0..10).map(of_row).collect();
+        let velocities: String = (0..10).map(fall).collect();
+        let data = format!(
+            "x\n\n10 atoms\n1 atom types\n0 0.01 xlo xhi\n{row}\n\nAtoms # sphere\n\n{atoms}\nVelocities\n\n{velocities}"
+        );
+        std::fs::write(at("fall.data"), data).expect("written");
+        let scene = format!(
+            "
+            dimension = {dimension}
+            material.density = 2500
+            contact = {{ law = 'hooke', {law}, friction = 0.3, damping_ratio = 0.1 }}
+            sample = {{ packing = 'fall.data', boundary = 'free', walls = 'flat' }}
+            load.gravity = 0.1
+            shear.protocol = [{{ time = 0.03 }}, {{ time = 0.03 }}]
+            output = {{ keep_checkpoints = true, series_rows = 20 }}
+            "
+        );
+        let whole = run_scene(folder.path(), &format!("whole-{name}"), &scene, &[]);
+        let digest = whole.text("digest").expect("a digest").to_string();
+        let last = whole.series().step[whole.series().rows() - 1];
+        let scene = at(&format!("whole-{name}.toml"));
+        let out = folder.path().join(format!("stopped-{name}"));
+        let stop = format!("--stop-at={}", last / 3);
+        assert_eq!(gshear_mpi(1, &out, &[scene, stop]).code, 75);
+        let resume = format!("--resume={}", out.display());
+        assert_eq!(gshear_mpi(1, &out, &[resume]).digest(), digest);
+        let mut replay = reducer();
+        replay.arg("replay").arg(at(&format!("whole-{name}")));
+        replay
+            .args(["--time=0.035..0.04", "--out"])
+            .arg(at(&format!("again-{name}")));
+        succeed(&mut replay);
+    }
 }

@@ -255,6 +255,11 @@ impl List {
         self.skin = self.skin.max(skin);
     }
 
+    /// Makes the next list last for some steps of this length (m), as far as the slabs allow.
+    pub fn expect(&mut self, way: f64) {
+        self.skin = self.skin.max((4.0 * way).min(self.range[1]));
+    }
+
     /// Makes every skin at least this (m), as far as the slabs allow. A skin that the scene gives
     /// stays.
     pub fn at_least(&mut self, skin: f64) {

@@ -17,8 +17,8 @@ use super::ContactState;
 /// grains of two threads. Then come pairs of which this rank owns i, then pairs of which it owns j.
 /// In a group the pairs are in the order of the cells. Within every run of 1,024 of them, those of
 /// the same two materials follow each other, in blocks of their own. Of these, contacts come
-/// first, those that slide before the others, followed by the other pairs roughly in order of their
-/// gaps, so that blocks in which nothing touches follow each other, and in most blocks nothing
+/// first, those that slide before the others, followed by the other pairs in classes of their gaps,
+/// so that blocks in which nothing touches follow each other, and in most blocks nothing
 /// slides.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
@@ -579,8 +579,9 @@ fn grouped<'a>(
     groups
 }
 
-/// Classes of the pairs of a run: contacts that slide, other contacts, and others by their gaps.
-const CLASSES: usize = 16;
+/// Classes of the pairs of a run: contacts that slide, other contacts, and others by their gaps, few
+/// enough in a class to fill less than a block.
+const CLASSES: usize = 128;
 
 /// The pairs of a run in the order of the list.
 #[derive(Debug, Default)]

@@ -6,7 +6,7 @@ use gshear_dem::failure::Failure;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe;
 use gshear_dem::state::{
-    Cell, ContactSample, ContactState, GrainSample, GrainState, HeldState, Snapshot,
+    Cell, ContactSample, ContactState, GrainSample, GrainState, HeldState, Snapshot, length,
 };
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::System;
@@ -48,13 +48,16 @@ impl<'a, D: Dimension> Assembly<'a, D> {
         }
     }
 
-    /// Replaces the grains and contacts.
+    /// Replaces the grains and contacts; the first list lasts for some steps at their speeds.
     pub fn replace(
         &mut self,
         drive: &mut dyn Drive<D>,
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
     ) -> Result<(), Failure> {
+        let fastest = grains.iter().map(|g| length(g.velocity));
+        let fastest = self.exchange.maximum(fastest.fold(drive.speed(), f64::max));
+        self.system.list.expect(fastest * self.system.step);
         (self.system).replace(self.exchange, self.law, drive, grains, contacts)
     }
 
