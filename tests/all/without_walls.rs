@@ -221,7 +221,8 @@ fn a_flow_goes_on_as_a_packing() {
         ("checkpoint", &at("first/checkpoint.h5"), [1, 1], 0.01),
         ("frame", &frame, [1, 1], 1e-9),
         ("copies", &at("first/checkpoint.h5"), [2, 3], 0.01),
-        // A line through 150 velocities is off by a tenth; streams counted twice give 19 times as much.
+        // A line through 150 velocities is off by a tenth; streams counted twice give 19 times as
+        // much.
         ("dump", &at("last.dump"), [1, 1], 0.3),
         // The same from -V/2 to V/2.
         ("centred", &at("centred.dump"), [1, 1], 0.3),

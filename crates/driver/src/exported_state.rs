@@ -152,8 +152,8 @@ impl ExportedState {
     }
 }
 
-/// Velocity along x of the images above a cell without walls (m/s) in this step of its shear, if the
-/// time series has a row of it; those of a box rest.
+/// Velocity along x of the images above a cell without walls (m/s) in this step of its shear, if
+/// the time series has a row of it; those of a box rest.
 fn stream_of(run: &RunFile, step: u64) -> Option<f64> {
     if run.has_walls() {
         return None;

@@ -40,7 +40,8 @@ struct Sums<'a> {
     frames: usize,
     /// Lower and upper end of the layers along the last axis (m).
     ends: [f64; 2],
-    /// Share of each layer that grains fill, and times their velocity along x (m/s), over the frames.
+    /// Share of each layer that grains fill, and times their velocity along x (m/s), summed over
+    /// the frames.
     layers: Vec<[f64; 2]>,
     /// Counts of F_n and of |F_t|, over the mean F_n of the frame.
     forces: [Vec<u64>; 2],

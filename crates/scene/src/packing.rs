@@ -86,9 +86,9 @@ fn gradient(atoms: &[Atom]) -> usize {
     1 + usize::from(atoms.iter().any(|atom| atom.position[2] != 0.0))
 }
 
-/// Finds with what velocity along x (m/s) of the image above the grains stream: by the straight line
-/// of least squares, weighed by volume, through their velocities over the height. Takes from them
-/// the velocity of that line at the lower edge, at which images of the bottom rest.
+/// Finds with what velocity along x (m/s) of the image above the grains stream: by the straight
+/// line of least squares, weighed by volume, through their velocities over the height. Takes from
+/// them the velocity of that line at the lower edge, at which images of the bottom rest.
 fn find_stream(data: &mut DataFile) {
     let up = gradient(&data.atoms);
     let [low, high] = data.bounds[up];

@@ -115,10 +115,9 @@ impl Cell {
             r[0] = images.mul_add(c(sheared.offset), r[0]);
             beyond = Some(images);
         }
-        for axis in 0..D::UP {
-            let period = self.periods[axis];
-            let images = -(r[axis] * c(1.0 / period)).round();
-            r[axis] = images.mul_add(c(period), r[axis]);
+        for (r, period) in r[..D::UP].iter_mut().zip(self.periods) {
+            let images = -(*r * c(1.0 / period)).round();
+            *r = images.mul_add(c(period), *r);
         }
         beyond
     }

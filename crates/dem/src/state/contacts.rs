@@ -579,8 +579,8 @@ fn grouped<'a>(
     groups
 }
 
-/// Classes of the pairs of a run: contacts that slide, other contacts, and others by their gaps, few
-/// enough in a class to fill less than a block.
+/// Classes of the pairs of a run: contacts that slide, other contacts, and others by their gaps.
+/// Those of a class fill less than a block.
 const CLASSES: usize = 128;
 
 /// The pairs of a run in the order of the list.

@@ -129,9 +129,9 @@ fn begin(
     Ok((header, state))
 }
 
-/// Gives a branch what its changes mean for the top: its mass, by the densities, and where its drive
-/// is, if it has no spring any more. The energy budget begins anew with other contacts or masses.
-/// Collective.
+/// Gives a branch what its changes mean for the top: its mass, by the densities, and where its
+/// drive is, if it has no spring any more. The energy budget begins anew with other contacts or
+/// masses. Collective.
 fn take_changes(
     run: &Run<'_>,
     [before, now]: [&Scene; 2],
