@@ -35,8 +35,6 @@ pub struct Task {
     /// The identity and history of the run.
     pub record: RunRecord,
     entry: Entry,
-    /// The scene of the checkpoint, if the run starts from one.
-    before: Option<Scene>,
 }
 
 impl Task {
@@ -48,9 +46,8 @@ impl Task {
         Ok(Self {
             scene: saved.scene(set)?,
             record: saved.record.clone(),
-            start: Start::Checkpoint(Box::new(saved)),
+            start: Start::Checkpoint(Box::new(saved), None),
             entry: Entry::Resume,
-            before: None,
         })
     }
 
@@ -86,7 +83,7 @@ impl Task {
     /// The checkpoint that the run starts from, if it does.
     pub(crate) fn saved(&self) -> Option<&Saved> {
         match &self.start {
-            Start::Checkpoint(saved) => Some(saved),
+            Start::Checkpoint(saved, _) => Some(saved),
             Start::Insertion | Start::Grains(_) => None,
         }
     }
@@ -97,7 +94,11 @@ impl Task {
     /// Such an end, or such a drive.
     pub(crate) fn check_ends(&self, stop_at: Option<u64>) -> Result<(), Failure> {
         let header = self.saved().map(|saved| &saved.header);
-        ends::check(header, self.before.as_ref(), &self.scene, stop_at)
+        let before = match &self.start {
+            Start::Checkpoint(_, before) => before.as_deref(),
+            Start::Insertion | Start::Grains(_) => None,
+        };
+        ends::check(header, before, &self.scene, stop_at)
     }
 
     /// What the run asks of its folder.
@@ -123,7 +124,7 @@ impl Task {
 
     /// Whether it starts from a checkpoint.
     pub fn is_resumed(&self) -> bool {
-        matches!(self.start, Start::Checkpoint(_))
+        matches!(self.start, Start::Checkpoint(..))
     }
 
     /// The file, or its part, of the last stage, whose attribute `digest` marks a finished run.
@@ -172,7 +173,6 @@ pub fn from_the_start(
     Ok(Task {
         record: RunRecord::new(&scene),
         entry: Entry::New,
-        before: None,
         scene,
         start,
     })
@@ -349,10 +349,9 @@ fn from_checkpoint(saved: Saved, wanted: Changes<'_>) -> Result<Task, Failure> {
     };
     Ok(Task {
         scene,
-        start: Start::Checkpoint(Box::new(saved)),
+        start: Start::Checkpoint(Box::new(saved), Some(Box::new(before))),
         record,
         entry,
-        before: Some(before),
     })
 }
 

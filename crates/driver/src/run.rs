@@ -29,8 +29,8 @@ pub enum Start {
     Insertion,
     /// The grains of the scene's packing.
     Grains(Vec<GrainState>),
-    /// A checkpoint.
-    Checkpoint(Box<Saved>),
+    /// A checkpoint, and its scene, where that of the run may differ.
+    Checkpoint(Box<Saved>, Option<Box<Scene>>),
 }
 
 /// Whether a checkpoint is due after a step. A stop always writes one.

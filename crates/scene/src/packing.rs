@@ -81,7 +81,7 @@ fn in_line(line: usize) -> String {
     }
 }
 
-/// The axis along which a cell is sheared: y of disks, z of spheres.
+/// The axis along which a cell is sheared: y of disks, which are in the plane z = 0, z of spheres.
 fn gradient(atoms: &[Atom]) -> usize {
     1 + usize::from(atoms.iter().any(|atom| atom.position[2] != 0.0))
 }
@@ -359,8 +359,7 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
 /// Whether the grains are disks: all in the plane z = 0, or in a box no thicker than `thinnest`
 /// (m).
 fn is_planar(name: &str, atoms: &[Atom], z: [f64; 2], thinnest: f64) -> Result<bool, Failure> {
-    let flat = atoms.iter().all(|a| a.position[2] == 0.0);
-    let planar = flat || z[1] - z[0] <= (1.0 + 1e-9) * thinnest;
+    let planar = gradient(atoms) == 1 || z[1] - z[0] <= (1.0 + 1e-9) * thinnest;
     let [low, high] = z;
     if planar && (low > 0.0 || high < 0.0) {
         let what = format!(
@@ -445,12 +444,11 @@ impl Packing {
 
     fn arranged(
         (name, path): (&str, &Path),
-        data: DataFile,
+        mut data: DataFile,
         content: String,
         arrangement: Arrangement,
         limit: &GrainLimit,
     ) -> Result<Self, Failure> {
-        let mut data = data;
         if arrangement.boxed && data.stream.is_none() {
             find_stream(&mut data);
         }

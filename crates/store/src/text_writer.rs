@@ -116,8 +116,8 @@ impl PartFile {
     /// Creates the file and, if missing, its folder.
     ///
     /// # Errors
-    /// [`Failure::Input`] in place of a run or a checkpoint; [`Failure::Other`] if the folder or
-    /// the file cannot be written.
+    /// [`Failure::Input`] if the path is that of a run or a checkpoint; [`Failure::Other`] if the
+    /// folder or the file cannot be written.
     pub fn create(path: &Path) -> Result<Self, Failure> {
         if is_original(path) {
             return Err(Failure::input(format!(

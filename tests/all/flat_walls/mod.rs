@@ -378,22 +378,24 @@ fn a_plane_attracts() {
     }
 }
 
+/// Disks between planes.
+const DISKS: &str = "
+    material.density = 2500
+    contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
+    sample = { grains = 200, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 20e-3, walls = 'flat' }
+    load.pressure = 1e3
+    pack.tolerance = 1e-4
+    shear = { inertial_number = 0.01, strain = 0.01 }
+";
+
 /// A checkpoint is the packing of another run, whose planes are where they were: the same forces.
 #[test]
 fn a_checkpoint_brings_its_planes() {
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = "
-        material.density = 2500
-        contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
-        sample = { grains = 200, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 20e-3, walls = 'flat' }
-        load.pressure = 1e3
-        pack.tolerance = 1e-4
-        shear = { inertial_number = 0.01, strain = 0.01 }
-    ";
-    let first = run_scene(folder.path(), "first", scene, &[]);
+    let first = run_scene(folder.path(), "first", DISKS, &[]);
     let end = |of: &RunFile, row: usize| of.series().column("normal_force")[row];
     let last = first.series().rows() - 1;
-    let going = scene.replace(
+    let going = DISKS.replace(
         "grains = 200, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 20e-3",
         "packing = 'first/checkpoint.h5'",
     );
@@ -562,17 +564,11 @@ fn a_free_surface_on_a_plane_is_a_packing() {
 #[test]
 fn frames_between_rows_have_no_stress_ratio() {
     let folder = tempfile::tempdir().expect("a folder");
-    let scene = "
-        material.density = 2500
-        contact = { law = 'hooke', normal_stiffness = 1e7, friction = 0.4, restitution = 0.5 }
-        sample = { grains = 120, radius_min = 0.4e-3, radius_max = 0.6e-3, length = 10e-3, walls = 'flat' }
-        load.pressure = 1e4
-        pack.tolerance = 1e-3
-        shear = { inertial_number = 0.1, strain = 0.03 }
-        output = { frame_strain = 0.005, series_strain = 0.002 }
-    ";
-    run_scene(folder.path(), "beside", scene, &[]);
-    run_scene(folder.path(), "at", scene, &["output.series_strain=0.005"]);
+    for (name, rows) in [("beside", "0.002"), ("at", "0.005")] {
+        let rows = format!("output.series_strain={rows}");
+        let set = ["shear.strain=0.03", "output.frame_strain=0.005", &rows];
+        run_scene(folder.path(), name, DISKS, &set);
+    }
     let regions = |name: &str| {
         let mut regions = reducer();
         regions.arg("regions").arg(folder.path().join(name));

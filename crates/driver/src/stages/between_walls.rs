@@ -105,12 +105,13 @@ fn begin(
     start: Start,
 ) -> Result<(Header, Snapshot), Failure> {
     let (height, grains) = match (start, &plane_shear.origin) {
-        (Start::Checkpoint(mut saved), _) => {
+        (Start::Checkpoint(mut saved, before), _) => {
             checkpoint::to_both_holders(run.exchange, &mut saved.state);
-            let before = saved.scene(&[])?;
-            let mut header = saved.header;
-            take_changes(run, [&before, scene], &mut header, &saved.state.grains)?;
-            return Ok((header, saved.state));
+            if let Some(before) = &before {
+                let scenes = [before, scene];
+                take_changes(run, scenes, &mut saved.header, &saved.state.grains)?;
+            }
+            return Ok((saved.header, saved.state));
         }
         (Start::Grains(grains), Origin::Packing(file)) => (file.height(), grains),
         (_, Origin::Packing(_)) => unreachable!("a packing that was not read"),

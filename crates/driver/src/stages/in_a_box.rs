@@ -32,7 +32,7 @@ pub fn run<D: LawSpace>(
 ) -> Result<Outcome, Failure> {
     let law = scene.force::<D>();
     let law = law.as_ref();
-    let begins = !matches!(start, Start::Checkpoint(_));
+    let begins = !matches!(start, Start::Checkpoint(..));
     let is_filed = matches!(start, Start::Grains(_));
     let Some((header, state)) = begin::<D>(run, scene, periodic, start)? else {
         run.terminal.unprepared();
@@ -107,7 +107,7 @@ fn begin<D: LawSpace>(
         ..Progress::default()
     };
     let prepared = match start {
-        Start::Checkpoint(mut saved) => {
+        Start::Checkpoint(mut saved, _) => {
             checkpoint::to_both_holders(run.exchange, &mut saved.state);
             return Ok(Some((saved.header, saved.state)));
         }
