@@ -86,6 +86,9 @@ def test_what_has_no_spectrum_is_refused() -> None:
         power_spectrum(np.arange(7.0), segments=6)
     with pytest.raises(ValueError, match="give a series"):
         power_spectrum(np.zeros((4, 4)))
+    for wrong in ({"segments": 0}, {"spacing": 0.0}, {"spacing": np.nan}):
+        with pytest.raises(ValueError, match="give 1 or more, and above 0"):
+            power_spectrum(np.arange(9.0), **wrong)
 
 
 def test_autocorrelations_in_closed_form() -> None:
@@ -118,6 +121,8 @@ def test_planted_avalanches() -> None:
     np.testing.assert_array_equal(large["waiting"], [np.nan, 40])
     assert len(avalanches(np.arange(5.0))) == 0
     assert avalanches([1.0, 0.0])["duration"].tolist() == [1]
+    with pytest.raises(ValueError, match="give one each"):
+        avalanches(values, time[:5])
 
 
 def test_avalanches_of_the_stress_ratio_are_the_slip_phases(walls: Run) -> None:

@@ -44,6 +44,8 @@ def test_what_makes_no_movie_is_refused(copy: Callable[[str], Path]) -> None:
     run = copy("disks")
     with pytest.raises(ValueError, match="has no frames in their order"):
         gshear.movie(run, frames=range(5, 0, -1))
+    with pytest.raises(ValueError, match="has no frames in their order"):
+        gshear.movie(run, frames=range(-2, 2))
     with pytest.raises(ProgramFailedError, match="write force, dmin or velocity"):
         gshear.movie(run, fields=["colour"], quiet=True)
     assert not list(run.glob("movie*"))

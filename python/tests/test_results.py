@@ -69,6 +69,8 @@ def test_dmin_of_slices_and_negative_frames(disks: Run) -> None:
     assert several.shape == (5, len(disks.frame(0).id))
     np.testing.assert_array_equal(several[1], disks.dmin(11))
     np.testing.assert_array_equal(disks.dmin(-1), disks.dmin(49))
+    np.testing.assert_array_equal(disks.dmin(slice(9, 2, -3)), disks.dmin(slice(3, 10, 3))[::-1])
+    assert len(disks.dmin(slice(2, 9, -3))) == 0
     with pytest.raises(IndexError, match="no frame 50"):
         disks.dmin(50)
 
@@ -93,6 +95,8 @@ def test_drops_are_the_slip_phases_by_size(walls: Run) -> None:
     assert drops["delta_tau_p"].tolist() == sorted(slips)
     assert drops["delta_tau_p"].iloc[0] == slips.min() < 0
     assert walls.drops(3)["phase"].tolist() == drops["phase"][:3].tolist()
+    with pytest.raises(ValueError, match="give 0 or more"):
+        walls.drops(-1)
 
 
 def test_tables_of_disks(disks: Run) -> None:
@@ -278,6 +282,8 @@ def test_places_of_programs(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
 
 
 def test_a_bad_scene_hands_on_the_message(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="ranks is 0; give 1 or more"):
+        simulate(tmp_path / "no.toml", tmp_path / "out", ranks=0, quiet=True)
     with pytest.raises(ProgramFailedError, match=r"no.toml") as caught:
         simulate(tmp_path / "no.toml", tmp_path / "out", ranks=1, quiet=True)
     assert caught.value.exit_code == 2

@@ -140,11 +140,17 @@ def test_what_is_no_sweep_is_refused(folder: Path, tmp_path: Path) -> None:
         Sweep(tmp_path)
     with pytest.raises(RunError, match="one run or more"):
         Sweep([])
+    one = next(path for path in sorted(folder.iterdir()) if (path / "run.h5").exists())
+    with pytest.raises(RunError, match="is given more than once"):
+        Sweep([one, one])
     with Sweep(folder, quiet=True) as sweep:
         with pytest.raises(KeyError):
             sweep.table(["stres_ratio"])
         with pytest.raises(ValueError, match="from 0 to below 1"):
             sweep.table(["stress_ratio"], start=1.5)
+        with pytest.raises(ValueError, match="give the measure another name"):
+            sweep.table(measures={sweep.keys[0]: lambda _: 1.0})
+        pd.testing.assert_frame_equal(sweep.means("stress_ratio"), sweep.means(["stress_ratio"]))
 
 
 def test_figures_of_a_sweep(folder: Path) -> None:

@@ -124,7 +124,7 @@ fn of_a_servo(case: &Case, varies: bool) {
     };
     let [force, pressure] = ["normal_force", "pressure"].map(|of| run.number(of).expect("a load"));
     let gain = number("servo_gain =") * pressure / force;
-    let most = number("servo_speed_max =");
+    let scale = gain * force;
     let load = if varies {
         column("imposed_normal_force").to_vec()
     } else {
@@ -132,8 +132,7 @@ fn of_a_servo(case: &Case, varies: bool) {
     };
     let rows = column("normal_force").iter().zip(&load);
     let follows = |((force, load), velocity): ((&f64, &f64), &f64)| {
-        let expected = (gain * (force - load)).clamp(-most, most);
-        (velocity - expected).abs() < 1e-9 * most
+        (velocity - gain * (force - load)).abs() < 1e-9 * scale
     };
     let followed = rows
         .zip(column("wall_velocity"))

@@ -194,5 +194,5 @@ fn a_run_that_fails_does_not_keep_the_others_from_running() {
     );
     let listed = run(&config, 1, &out, &["--sweep=list", SHORT]);
     let found: Vec<&str> = states(&listed).iter().map(|line| line[1]).collect();
-    assert_eq!(found, ["new", "done"]);
+    assert_eq!(found, ["failed", "done"]);
 }

@@ -3,6 +3,7 @@
 
 use super::frame_scalars::FrameScalars;
 use super::phase_measures::{self, Measured, PhaseMeasures};
+use super::phases;
 use super::ranges::{self, Bins, KeyedPair, ValueRange};
 use super::regions::GrReading;
 use super::spearman::Correlation;
@@ -109,7 +110,7 @@ pub const CONFIGURATIONS: [Quantity; 3] = [
 /// The stick-slip regime of a run: the series from the onset strain on, with its phases.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Regime {
-    /// `[L]` γ, ascending.
+    /// `[L]` γ.
     pub strain: Vec<f64>,
     /// `[L]` τ.
     pub tau: Vec<f64>,
@@ -122,7 +123,7 @@ pub struct Regime {
 }
 
 impl Regime {
-    /// Takes the rows with γ ≥ `onset` and finds their phases. LH leave open how GR regions are
+    /// Takes the rows from γ = `onset` on and finds their phases. LH leave open how GR regions are
     /// counted and how wide the ranges are.
     pub fn from(
         onset: f64,
@@ -132,7 +133,7 @@ impl Regime {
         reading: GrReading,
         bins: Bins,
     ) -> Self {
-        let first = strain.partition_point(|strain| *strain < onset);
+        let first = phases::onset(strain, onset);
         let (strain, tau) = (strain[first..].to_vec(), tau[first..].to_vec());
         let scalars = scalars[first..].to_vec();
         let phases = phase_measures::of(&strain, &tau, &scalars, reading);

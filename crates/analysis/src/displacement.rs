@@ -7,7 +7,8 @@ use super::neighbourhood::separation;
 use gshear_dem::state::{Disks, Frame};
 
 /// Returns the displacement of a grain from one frame to a later one (m), however often it crossed
-/// the boundary; `length` is L_x (m). If a frame has no images, it is the shortest.
+/// the boundary; `length` is L_x (m). If a frame has no images, it is the shortest. NaN of a grain
+/// that was removed.
 pub fn between(length: f64, earlier: &Frame, later: &Frame, grain: usize) -> [f64; 2] {
     let [from, to] = [earlier, later].map(|frame| frame.position[grain]);
     match (earlier.image.get(grain), later.image.get(grain)) {
@@ -34,7 +35,7 @@ pub fn non_affine(
 ) {
     field.clear();
     field.extend((0..grains.count()).map(|n| between(grains.length, earlier, later, n)));
-    let included = || (0..field.len()).filter(|n| !left_out[*n]);
+    let included = || (0..field.len()).filter(|n| !left_out[*n] && field[*n][0].is_finite());
     let count = included().count() as f64;
     let height = |n: usize| earlier.position[n][1];
     let middle = included().map(height).sum::<f64>() / count;

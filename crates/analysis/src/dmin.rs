@@ -35,8 +35,8 @@ pub struct NonAffine {
     gradient: Vec<Matrix2<f64>>,
 }
 
-/// Position of a grain in the earlier frame (NaN for a rattler, so that it is no one's neighbour)
-/// and its displacement (m).
+/// Position of a grain in the earlier frame (NaN for a rattler or a grain that is removed, so that
+/// it is no one's neighbour) and its displacement (m).
 #[derive(Debug, Clone, Copy)]
 struct Moving {
     place: [f64; 2],
@@ -54,8 +54,8 @@ impl NonAffine {
     ///   over all grains.
     /// - `dmin`: result, `[N]` (m²), divided by the number of neighbours N_i as B1 is printed.
     ///
-    /// Rattlers of the earlier frame are neither centres nor neighbours. The result is NaN for
-    /// rattlers, for grains with fewer than two neighbours, and for neighbours on one line
+    /// Rattlers of the earlier frame, and grains that are removed in the later one, are neither
+    /// centres nor neighbours. The result is NaN for them, for grains with fewer than two neighbours, and for neighbours on one line
     /// (singular Y). Separations are nearest images along x and displacements follow the images of
     /// the grains, so the periodic boundary has no effect.
     pub fn between(
@@ -71,11 +71,14 @@ impl NonAffine {
         self.near.update(length, radius, &earlier.position);
         self.moving.clear();
         let grains = self.rattler.iter().zip(&earlier.position).enumerate();
-        self.moving
-            .extend(grains.map(|(n, (rattler, from))| Moving {
-                place: if *rattler { [f64::NAN; 2] } else { *from },
-                displacement: displacement::between(length, earlier, later, n),
-            }));
+        self.moving.extend(grains.map(|(n, (rattler, from))| {
+            let displacement = displacement::between(length, earlier, later, n);
+            let left_out = *rattler || displacement[0].is_nan();
+            Moving {
+                place: if left_out { [f64::NAN; 2] } else { *from },
+                displacement,
+            }
+        }));
         self.sum_moments(length, radius);
         self.gradient.clear();
         let sums = self.moments.iter().zip(&self.neighbours);
@@ -342,6 +345,11 @@ mod tests {
             later.contacts.clear();
             let mut rattler = Vec::new();
             rattlers::mark::<2>(&grains, &earlier.contacts, &mut rattler);
+            // Removed grains count as little as rattlers.
+            for n in (5..600).step_by(37) {
+                later.position[n] = [f64::NAN; 2];
+                rattler[n] = true;
+            }
             let values = between(&grains, &earlier, &later);
             assert!(rattler.contains(&true) && rattler.contains(&false));
             for (i, value) in values.into_iter().enumerate() {

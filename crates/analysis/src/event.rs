@@ -28,6 +28,11 @@ impl Interval<'_> {
         edges
     }
 
+    /// Returns whether a grain had passed a wall and was removed before the later frame.
+    fn removes<D: Dimension>(&self, grain: usize) -> bool {
+        self.cells[1].sheared.is_none() && self.frames[1].grains[grain].image[D::UP] != 0
+    }
+
     /// Returns how far the copy of a grain moves that is inside the box in the earlier frame (m).
     pub fn displacement<D: Dimension>(&self, grain: usize) -> [f64; 3] {
         let [from, to] = self.frames.map(|frame| &frame.grains[grain]);
@@ -130,7 +135,8 @@ fn residual<D: Dimension>(pairs: &[[Vector3<f64>; 2]], radius: f64) -> f64 {
     left.sum::<f64>() / pairs.len() as f64
 }
 
-/// [`non_affine`] in so many dimensions, without the rattlers of the earlier frame.
+/// [`non_affine`] in so many dimensions, without the rattlers of the earlier frame and the grains
+/// that are removed in the later one.
 pub fn between_frames(
     axes: usize,
     grains: &Disks,
@@ -141,10 +147,14 @@ pub fn between_frames(
     let contacts = &interval.frames[0].contacts;
     if axes == 2 {
         rattlers::mark::<2>(grains, contacts, &mut rattler);
-        non_affine::<Two>(interval, radius, |n| !rattler[n])
+        non_affine::<Two>(interval, radius, |n| {
+            !rattler[n] && !interval.removes::<Two>(n)
+        })
     } else {
         rattlers::mark::<3>(grains, contacts, &mut rattler);
-        non_affine::<Three>(interval, radius, |n| !rattler[n])
+        non_affine::<Three>(interval, radius, |n| {
+            !rattler[n] && !interval.removes::<Three>(n)
+        })
     }
 }
 

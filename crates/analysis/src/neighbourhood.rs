@@ -57,7 +57,9 @@ impl NearPairs {
             let places = self.found_at.iter().zip(position);
             places.fold(true, |stayed, (from, to)| {
                 let d = separation(length, *from, *to);
-                stayed && (d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin)
+                let is_near = d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin;
+                // A removed grain is near none.
+                stayed && (is_near || to[0].is_nan())
             })
         };
         let same =

@@ -96,6 +96,12 @@ impl PhaseStatistics {
     }
 }
 
+/// Returns the first row from which on a regime counts: γ, which may return, has come to `onset`.
+pub fn onset(strain: &[f64], onset: f64) -> usize {
+    let is_there = |strain: &f64| *strain >= onset;
+    strain.iter().position(is_there).unwrap_or(strain.len())
+}
+
 /// Returns the phases of τ(γ), both `[L]`. The interval of the rows is the Δγ in which t_p is
 /// counted.
 ///

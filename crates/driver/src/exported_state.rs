@@ -66,7 +66,7 @@ impl ExportedState {
             stream: stream_of(run, frame.step),
             dimension: run.dimension(),
             grains: (frame.grains.iter().enumerate())
-                .filter(|(_, of)| !run.is_removed(of))
+                .filter(|(_, of)| !run.is_removed(&of.image))
                 .map(grain)
                 .collect(),
         })
@@ -160,6 +160,10 @@ fn stream_of(run: &RunFile, step: u64) -> Option<f64> {
     }
     if run.stage() != RunStage::Shear {
         return Some(0.0);
+    }
+    // The first step changes the grains' velocities by that of the images.
+    if step == 0 {
+        return None;
     }
     let row = run.series().step.binary_search(&step).ok()?;
     Some(run.series().column("slip_rate")[row])

@@ -7,6 +7,7 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
 use gshear_scene::sweep::Member;
+use gshear_store::status::{RunState, Status};
 
 use crate::calibration;
 use crate::estimate::{Estimate, bytes};
@@ -72,9 +73,13 @@ impl<'a> Sweep<'a> {
         let mut doubted: Vec<(String, usize, usize)> = Vec::new();
         for (k, member) in self.members.iter().enumerate() {
             let task = self.task(exchange, member)?;
-            let found = resume_if_begun(exchange, &self.folder(member), task)?;
+            let folder = self.folder(member);
+            let failed =
+                || Status::read(&folder).is_some_and(|status| status.state == RunState::Failed);
+            let found = resume_if_begun(exchange, &folder, task)?;
             let state = match &found {
                 Resumable::Finished => "done",
+                Resumable::Task(_) if failed() => "failed",
                 Resumable::Task(task) if task.is_resumed() => "stopped",
                 Resumable::Task(_) => "new",
             };

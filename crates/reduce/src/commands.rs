@@ -110,6 +110,14 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Parses a shear strain.
+fn strain(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if f64::is_finite(value) => Ok(value),
+        _ => Err("must be a strain, such as 0.1".into()),
+    }
+}
+
 /// Runs the command once. Returns the runs that it reads, and the exit code.
 fn once<'a>(
     arguments: &'a Arguments,

@@ -18,7 +18,7 @@ const TALLEST: f64 = 900.0;
 /// on larger files.
 pub const MOST_GRAINS: usize = 20_000;
 /// Greatest number of decades of D²min on the colour bar.
-const DECADES: f64 = 8.0;
+pub const DECADES: f64 = 8.0;
 
 /// The part of the sample that is shown (m).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -84,7 +84,7 @@ impl MapView {
 /// A table of the contacts of a frame, with the centres of both grains (m) and F_n (N/m).
 pub fn data_of_contacts(frame: &Frame) -> String {
     let forces: Vec<f64> = frame.contacts.iter().map(|c| c.normal_force).collect();
-    data_of("normal_force", frame, &forces)
+    data_of("contact_force", frame, &forces)
 }
 
 /// A table of the contacts of the later frame with the change of their force (N/m).
@@ -105,9 +105,10 @@ fn data_of(name: &str, frame: &Frame, values: &[f64]) -> String {
         .csv()
 }
 
-/// A table of the grains: centre and radius (m), and D²min (m²).
+/// A table of the grains that are not removed: centre and radius (m), and D²min (m²).
 pub fn data_of_grains(grains: &Disks, frame: &Frame, dmin: &[f64]) -> String {
-    Table::of(0..grains.count())
+    let present = |n: &usize| frame.position[*n][0].is_finite();
+    Table::of((0..grains.count()).filter(present))
         .column("id", |n| *n)
         .columns(["x", "y"], |n| frame.position[*n])
         .column("radius", |n| grains.radius[*n])
@@ -306,6 +307,29 @@ mod tests {
             mass: vec![1.0; count],
             length,
         }
+    }
+
+    #[test]
+    fn removed_grains_are_not_shown() {
+        let grains = disks(3, 1.0, 20.0);
+        let frame = Frame {
+            position: vec![[4.0, 5.0], [f64::NAN; 2], [8.0, 6.0]],
+            ..Frame::default()
+        };
+        let view = MapView::of(&grains, &frame, [10.0, 5.0]);
+        assert_eq!(view.y, [4.0, 7.0]);
+        let map = Map::new(&grains, &frame, view);
+        let dmin = [0.5, f64::NAN, 0.1];
+        for svg in [
+            map.forces(1.0, ""),
+            map.dmin(&dmin, map.range_of_dmin(&dmin), ""),
+        ] {
+            let disks = svg.lines().filter(|line| line.starts_with("<circle"));
+            assert_eq!(disks.count(), 2, "{svg}");
+        }
+        let data = data_of_grains(&grains, &frame, &dmin);
+        let ids = data.lines().skip(1).map(|line| line.split(',').next());
+        assert_eq!(ids.collect::<Vec<_>>(), [Some("0"), Some("2")]);
     }
 
     #[test]

@@ -224,7 +224,8 @@ impl<'a> Movie<'a> {
                 let range = |field: &Field| match field {
                     Field::Force => [0.0, packing.greatest_force()],
                     Field::Dmin if shown.dmin.iter().all(|x| x.is_nan()) => [f64::NAN; 2],
-                    field => packing.range_of(&self.values(*field, shown, frame)),
+                    Field::Dmin => packing.range_of_levels(&self.values(*field, shown, frame)),
+                    Field::Velocity => packing.range_of(&self.values(*field, shown, frame)),
                 };
                 let ranges = self.fields.iter().map(range).collect();
                 ([packing.x, packing.y], ranges)

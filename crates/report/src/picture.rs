@@ -14,6 +14,7 @@ use gshear_store::run_reader::{RunFile, RunStage};
 
 use super::ReportFigure;
 use super::colour::{FORCE, Scale, VIRIDIS, WALL};
+use super::map::DECADES;
 use super::plot::{Layout, Plot, figure};
 
 /// Width of the drawing (px), and the greatest height.
@@ -67,7 +68,7 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             ("grains-velocity", "velocity_x"),
             ("velocity along x", "m/s"),
             "",
-            &velocity,
+            (&velocity, packing.range_of(&velocity)),
         ));
     }
     if frames > 2 {
@@ -84,7 +85,7 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             ("grains-displacement", "displacement_x"),
             ("displacement along x", "m"),
             when,
-            &moved,
+            (&moved, packing.range_of(&moved)),
         ));
         let (grains, mean) = (run.grains(), run.grains().mean_radius());
         let axes = run.dimension().axes();
@@ -94,13 +95,13 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
             ("grains-dmin", "log10_dmin_over_square"),
             ("log_{10} D²_{min}/r̄²", ""),
             when,
-            &over_square,
+            (&over_square, packing.range_of_levels(&over_square)),
         ));
     }
     if !last.contacts.is_empty() {
         let data = Table::of(&last.contacts)
             .columns(["i", "j"], |c| [c.i, c.j])
-            .column("normal_force", |c| c.normal_force)
+            .column("contact_force", |c| c.normal_force)
             .csv();
         let name = if planar { "forces" } else { "forces-3d" };
         let caption = format!(
@@ -134,7 +135,7 @@ impl<'a> Packing<'a> {
     pub fn new(run: &'a RunFile, frame: &'a FrameRecords) -> Self {
         let planar = run.dimension() == Dimensions::Two;
         let mut order: Vec<usize> = (0..frame.grains.len())
-            .filter(|&g| !run.is_removed(&frame.grains[g]))
+            .filter(|&g| !run.is_removed(&frame.grains[g].image))
             .collect();
         let far = |g: usize| view(planar, frame.grains[g].position).1;
         order.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
@@ -220,13 +221,13 @@ impl<'a> Packing<'a> {
         (name, column): (&'static str, &'static str),
         (label, unit): (&str, &str),
         when: &str,
-        values: &[f64],
+        (values, range): (&[f64], [f64; 2]),
     ) -> ReportFigure {
         let of = label.replace("_{10}", "<sub>10</sub>");
         let of = of.replace("_{min}", "<sub>min</sub>");
         let note = self.note();
         let caption = format!("Grains of the last frame by their {of}{when}. {note}");
-        let svg = self.grains(values, self.range_of(values), (label, unit));
+        let svg = self.grains(values, range, (label, unit));
         ReportFigure::new(name, caption, svg, self.table(column, values))
     }
 
@@ -238,6 +239,12 @@ impl<'a> Packing<'a> {
     pub fn range_of(&self, values: &[f64]) -> [f64; 2] {
         let known = self.order.iter().filter(|g| self.is_free(**g));
         range_of(known.map(|g| values[*g]))
+    }
+
+    /// The same of logarithms of D²min, which is zero but for rounding where neighbours move alike.
+    pub fn range_of_levels(&self, values: &[f64]) -> [f64; 2] {
+        let [low, high] = self.range_of(values);
+        [low.max(high - DECADES), high]
     }
 
     /// Draws the grains by their values.
@@ -284,7 +291,8 @@ impl<'a> Packing<'a> {
     pub fn forces(&self, high: f64) -> String {
         let force = |k: usize| self.frame.contacts[k].normal_force;
         let (grains, radius) = (&self.frame.grains, &self.run.grains().radius);
-        let svg = self.drawn(&FORCE, [0.0, high], ("normal force", "N"), |plot| {
+        let unit = if self.planar { "N/m" } else { "N" };
+        let svg = self.drawn(&FORCE, [0.0, high], ("normal force", unit), |plot| {
             let pixels = plot.scale();
             for &g in self.order.iter().filter(|g| !self.is_free(**g)) {
                 plot.disk(self.seen(g), radius[g] * pixels, WALL, None);

@@ -71,7 +71,7 @@ pub fn figures(
     let start = run.records(first..first + 1)?.swap_remove(0);
     let reach = |sign: f64| {
         let grains = start.grains.iter().zip(radius);
-        let present = grains.filter(|(grain, _)| !run.is_removed(grain));
+        let present = grains.filter(|(grain, _)| !run.is_removed(&grain.image));
         present
             .map(move |(grain, r)| sign * grain.position[axes - 1] + r)
             .fold(f64::NEG_INFINITY, f64::max)
@@ -167,7 +167,7 @@ impl Sums<'_> {
             height = edge / LAYERS as f64;
         }
         let grains = frame.grains.iter().zip(&self.run.grains().radius);
-        for (grain, &r) in grains.filter(|(grain, _)| !self.run.is_removed(grain)) {
+        for (grain, &r) in grains.filter(|(grain, _)| !self.run.is_removed(&grain.image)) {
             let z = grain.position[axes - 1] - bottom;
             let layer = |z: f64| ((z / height).floor().max(0.0) as usize).min(LAYERS - 1);
             for k in layer(z - r)..=layer(z + r) {
@@ -213,7 +213,9 @@ impl Sums<'_> {
         let (axes, cell) = (self.axes, self.run.cell(t));
         let bodies = &self.run.grains().body;
         let free: Vec<[f64; 3]> = (frame.grains.iter().zip(bodies))
-            .filter(|(grain, of)| u32::from(**of) == body::FREE && !self.run.is_removed(grain))
+            .filter(|(grain, of)| {
+                u32::from(**of) == body::FREE && !self.run.is_removed(&grain.image)
+            })
             .map(|(grain, _)| grain.position)
             .collect();
         let up = |place: &[f64; 3]| place[axes - 1];

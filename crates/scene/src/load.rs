@@ -63,7 +63,7 @@ table! {
         servo_speed_max: Number(POSITIVE) {
             unit: "m/s",
             condition: "with `\"servo\"`",
-            otherwise: "`servo_gain` times P",
+            otherwise: "none",
         },
     }
 }
@@ -101,7 +101,7 @@ pub enum Control {
     Servo {
         /// Velocity over error of the pressure (m/(s Pa)).
         gain: f64,
-        /// Greatest speed (m/s).
+        /// Greatest speed (m/s); infinite if there is none.
         speed_max: f64,
     },
 }
@@ -279,9 +279,9 @@ pub(crate) fn derive_servo(
         );
         c.refuse(&LOAD.servo_gain, &what);
     }
-    let speed_max = c.number(&LOAD.servo_speed_max);
-    let speed_max = speed_max.unwrap_or(gain * load.pressure);
     c.fill(&LOAD.servo_gain, gain);
-    c.fill(&LOAD.servo_speed_max, speed_max);
-    Control::Servo { gain, speed_max }
+    Control::Servo {
+        gain,
+        speed_max: c.number(&LOAD.servo_speed_max).unwrap_or(f64::INFINITY),
+    }
 }

@@ -98,14 +98,17 @@ fn find_stream(data: &mut DataFile) {
         (volume, atom.position[up] - low, atom.velocity[0])
     };
     let mut sums = [0.0; 3];
-    for (weight, height, velocity) in data.atoms.iter().map(of_atom) {
+    // In the order of their ids, which a file need not have.
+    let mut atoms: Vec<&Atom> = data.atoms.iter().collect();
+    atoms.sort_by_key(|atom| atom.id);
+    for (weight, height, velocity) in atoms.iter().map(|atom| of_atom(atom)) {
         for (sum, value) in sums.iter_mut().zip([1.0, height, velocity]) {
             *sum += weight * value;
         }
     }
     let [height, velocity] = [sums[1], sums[2]].map(|sum| sum / sums[0]);
     let (mut above, mut below) = (0.0, 0.0);
-    for (weight, at, v) in data.atoms.iter().map(of_atom) {
+    for (weight, at, v) in atoms.iter().map(|atom| of_atom(atom)) {
         above += weight * (at - height) * (v - velocity);
         below += weight * (at - height) * (at - height);
     }

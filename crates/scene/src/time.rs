@@ -108,8 +108,10 @@ pub(crate) fn derive(
         (None, None) => (default, &keys.step),
     };
     if step > limit && !c.flag_or_default(&keys.force) {
+        // Rounded down, so that the number said is allowed.
+        let allowed = limit * (1.0 - 5e-4);
         let what = format!(
-            "{} s is over the stability limit of {limit:.3e} s; give less, or leave it out for {default:.3e} s, or run it all the same with time.force = true",
+            "{} s is over the stability limit of {allowed:.3e} s; give less, or leave it out for {default:.3e} s, or run it all the same with time.force = true",
             show(step)
         );
         c.refuse(key, &what);

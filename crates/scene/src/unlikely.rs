@@ -85,6 +85,8 @@ const DENSE_FLOW: f64 = 0.1;
 const LAYERS: f64 = 6.0;
 /// Mean diameters (m), from dust to pebbles.
 const SIZES: std::ops::RangeInclusive<f64> = 1e-8..=0.2;
+/// Least velocity, over that of the shear, with which a servo answers twice its load.
+const PROMPT: f64 = 0.1;
 /// Greatest weight of the sample over its load.
 const WEIGHT: f64 = 1.0;
 
@@ -273,6 +275,15 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
         ));
     }
     doubts.extend(intervals(walls, &schedule));
+    if let Control::Servo { gain, .. } = load.control {
+        let share = gain * load.pressure / (given / schedule.inertial_number(1.0));
+        if share < PROMPT {
+            doubts.push(format!(
+                "load.servo_gain is {gain:.3e} m/(s Pa): twice the load moves the wall with {:.1} % of the shear velocity only, so a sample that dilates is far above its load; give more, for which contact dampers or time.step may have to be less, or load.control = \"mass\"",
+                100.0 * share
+            ));
+        }
+    }
     if !SIZES.contains(&diameter) {
         doubts.push(format!(
             "the mean diameter is {diameter:.3e} m: sand has 1e-4 to 2e-3, gouge 1e-6 to 1e-4; \"0.8 mm\" is a way to write a radius"
@@ -322,6 +333,7 @@ mod tests {
             load.stiffness_number=50 | presses grains together by about 2.00 %
             sample.length=8e-6 | 5.3 grains long
             load.gravity=1e9 | times its load
+            load.control=servo load.servo_gain=1e-12 | of the shear velocity only
             sample.radius_min=0.3 sample.radius_max=0.5 sample.length=30 | the mean diameter is 8.000e-1 m
             ",
         ) {

@@ -154,7 +154,9 @@ impl Problem {
             null: Mat::zeros(0, 0),
             norm: OnceLock::new(),
         };
-        problem.null = problem.orthonormal_null(null)?;
+        // Without stiffness nothing is left of null vectors.
+        let left = if problem.size() == 0 { 0 } else { null.ncols() };
+        problem.null = problem.orthonormal_null(null.subcols(0, left))?;
         Ok(problem)
     }
 

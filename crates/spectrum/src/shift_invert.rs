@@ -19,6 +19,8 @@ const ATTEMPTS: i32 = 8;
 const GOOD: f64 = 1e-14;
 /// Backward error above which the factors are discarded.
 const USELESS: f64 = 1e-9;
+/// Rounding error of the eigenvalues over ‖A‖ above which the shift is too near to one of them.
+const LOST: f64 = 1e-12;
 
 /// Which eigenvalues are wanted.
 #[derive(Debug, Clone, Copy)]
@@ -38,7 +40,7 @@ pub struct Request {
 pub struct Nearest {
     /// Eigenvalues and vectors.
     pub spectrum: Spectrum,
-    /// The shift used, which differs from the requested one if A - σI was singular.
+    /// The shift used, which differs from the requested one if A - σI was singular or nearly so.
     pub shift: c64,
     /// Number of solves, one per vector.
     pub solves: usize,
@@ -101,11 +103,31 @@ fn nearest_in<T: Scalar>(
     symbolic: &Symbolic,
     request: Request,
 ) -> Result<Nearest, Failed> {
-    let mut inverse = Inverse::<T>::near(problem, symbolic, request.shift, request.par)?;
     let n = problem.size();
     let settings = settings(request, n);
-    let mut solve = |adjoint: bool, x: MatMut<'_, T>| inverse.apply(adjoint, x);
-    let right = krylov::largest(n, |x| solve(false, x), settings).map_err(Failed::Stalled)?;
+    let (mut shift, mut attempts) = (request.shift, 0);
+    let (mut inverse, right) = loop {
+        let mut inverse = Inverse::<T>::near(problem, symbolic, shift, request.par)?;
+        inverse.attempts += attempts;
+        attempts = inverse.attempts;
+        let solve = |x: MatMut<'_, T>| inverse.apply(false, x);
+        let right = krylov::largest(n, solve, settings).map_err(Failed::Stalled)?;
+        // Rounding errors are those of the greatest θ = 1/(λ - σ): with a far greater one the others
+        // are lost.
+        let sizes = || right.values.iter().map(|value| value.norm());
+        let (nearest, farthest) = (
+            sizes().fold(0.0, f64::max),
+            sizes().fold(f64::MAX, f64::min),
+        );
+        let reach = 1.0 / farthest;
+        let error = 2.0 * f64::EPSILON * nearest * reach * reach;
+        if error <= LOST * problem.norm() || attempts >= ATTEMPTS as usize {
+            break (inverse, right);
+        }
+        let apart = 1e-3 * (reach * reach / problem.norm()).min(reach);
+        shift = request.shift + apart * f64::from(attempts as u32);
+    };
+    let solve = |adjoint: bool, x: MatMut<'_, T>| inverse.apply(adjoint, x);
     let wanted = right.basis.ncols();
     let (right, left) = if request.left {
         let both = krylov::matched(n, right, solve, settings);

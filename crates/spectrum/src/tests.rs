@@ -388,6 +388,21 @@ fn a_singular_shift_is_moved() {
     assert_nearest(&problem, &found.spectrum, &exact, at, 1e-12);
 }
 
+/// A shift that is an eigenvalue to rounding: its θ is so great that rounding drowns the others,
+/// though no pivot tells.
+#[test]
+fn a_shift_at_an_eigenvalue_is_moved() {
+    let mut values: Vec<(f64, f64)> = (0..80).map(|k| (1.0 + f64::from(k), 0.0)).collect();
+    values.extend((0..20).map(|k| (4.5 + 3.0 * f64::from(k), 0.3)));
+    let (k, exact) = planted(&values, 150, 9);
+    let problem = problem(&k);
+    for at in [exact[30], exact[60]] {
+        let found = near(&problem, at, 20);
+        assert!((found.shift - at).norm() < 1e-2 * problem.norm());
+        assert_nearest(&problem, &found.spectrum, &exact, found.shift, 1e-11);
+    }
+}
+
 #[test]
 fn zero_modes_are_set_apart() {
     // A ring of springs (with translation as zero mode) and two unknowns without springs

@@ -103,7 +103,8 @@ fn coordinates(
     if lines.next()? {
         return Err(lines.wrong(format!("more than the {count} entries announced")));
     }
-    Ok(matrix(rows, columns, &entries))
+    of_entries(rows, columns, &entries)
+        .ok_or_else(|| lines.wrong(format!("there is no memory for {rows} × {columns}")))
 }
 
 fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize, f64>, Failure> {
@@ -162,7 +163,15 @@ pub fn matrix(
     columns: usize,
     entries: &[Triplet<usize, usize, f64>],
 ) -> SparseColMat<usize, f64> {
-    SparseColMat::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
+    of_entries(rows, columns, entries).expect("indices within the matrix")
+}
+
+fn of_entries(
+    rows: usize,
+    columns: usize,
+    entries: &[Triplet<usize, usize, f64>],
+) -> Option<SparseColMat<usize, f64>> {
+    SparseColMat::try_new_from_triplets(rows, columns, entries).ok()
 }
 
 /// The lines of a file, with their numbers for messages.

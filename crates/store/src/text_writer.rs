@@ -10,6 +10,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::file_names::{LOG_FILE, SCENE_FILE, STATUS_FILE};
 use crate::run_reader::is_hdf5;
 use gshear_dem::failure::Failure;
 use tempfile::{Builder, NamedTempFile};
@@ -107,23 +108,30 @@ pub struct PartFile {
 
 /// Whether a file is one of those that only `gshear-mpi` makes.
 fn is_original(path: &Path) -> bool {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let is_of_a_run = name.is_some_and(|name| {
+        let beside = |other| path.with_file_name(other).exists();
+        [LOG_FILE, SCENE_FILE, STATUS_FILE].contains(&name) && path.exists() && beside(SCENE_FILE)
+    });
     let is_of = |file: hdf5::File| file.group("h5md").is_ok() || file.attr("format").is_ok();
     hdf5::silence_errors(true);
-    is_hdf5(path) && hdf5::File::open(path).is_ok_and(is_of)
+    is_of_a_run || is_hdf5(path) && hdf5::File::open(path).is_ok_and(is_of)
 }
 
 impl PartFile {
     /// Creates the file and, if missing, its folder.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the path is that of a run or a checkpoint; [`Failure::Other`] if the
-    /// folder or the file cannot be written.
+    /// [`Failure::Input`] if the path is that of a file of a run, or of a device or a pipe;
+    /// [`Failure::Other`] if the folder or the file cannot be written.
     pub fn create(path: &Path) -> Result<Self, Failure> {
+        let wrong = |what: &str| Failure::input(format!("{}: {what}", path.display()));
+        let place = path.metadata();
+        if place.is_ok_and(|place| !place.is_file() && !place.is_dir()) {
+            return Err(wrong("is a device or a pipe; give a file"));
+        }
         if is_original(path) {
-            return Err(Failure::input(format!(
-                "{}: is a run or a checkpoint, which would be lost; give another file",
-                path.display()
-            )));
+            return Err(wrong("is of a run, which would be lost; give another file"));
         }
         let folder = folder_of(path);
         let file = std::fs::create_dir_all(folder).and_then(|()| beside(path));

@@ -47,6 +47,8 @@ def power_spectrum(
         the spacing).
     """
     x = _numbers(values)
+    if segments < 1 or not spacing > 0:
+        raise ValueError(f"segments is {segments}, spacing {spacing}; give 1 or more, and above 0")
     length = 2 * (len(x) // (segments + 1)) if segments > 1 else len(x)
     if length < 4:
         raise ValueError(f"{len(x)} values are too few for {segments} segments")
@@ -96,6 +98,8 @@ def avalanches(
     """
     x = np.asarray(values, dtype=np.float64)
     t = np.arange(len(x)) if time is None else np.asarray(time, dtype=np.float64)
+    if t.shape != x.shape:
+        raise ValueError(f"{x.shape} values have {t.shape} times; give one each")
     falls = np.concatenate([[False], np.diff(x) < 0, [False]])
     start, end = np.flatnonzero(np.diff(falls)).reshape(-1, 2).T
     large = x[start] - x[end] >= least
@@ -259,6 +263,8 @@ def coarse_grained(frame: Frame, points: ArrayLike, width: float) -> Fields:
         width: Standard deviation of the weight (m), about a diameter or more, and much less than a
             period: the nearest image of a grain counts alone.
     """
+    if not width > 0:
+        raise ValueError(f"width is {width}; give a length above 0")
     given = np.asarray(points, dtype=np.float64)
     dimension, contacts = frame.dimension, frame.contacts
     if given.shape[-1:] != (dimension,):

@@ -40,14 +40,14 @@ def movie(
         quiet: Do not print the command.
 
     Raises:
-        ValueError: `frames` are none, or go backwards.
+        ValueError: `frames` are none, go backwards, or begin below 0.
         ProgramFailedError: gshear-reduce refused what is asked for.
     """
     path = run.path if isinstance(run, Run) else Path(run)
     words = [str(programs.find("gshear-reduce")), "movie", str(path)]
     words += ["--fields", ",".join(fields), "--rate", str(rate)]
     if frames is not None:
-        if len(frames) == 0 or frames.step < 1:
+        if len(frames) == 0 or frames.step < 1 or frames[0] < 0:
             raise ValueError(f"{frames} has no frames in their order; give range(first, end, step)")
         words += ["--frames", f"{frames[0]}..{frames[-1]}:{frames.step}"]
     words += [] if out is None else ["--out", os.fspath(out)]

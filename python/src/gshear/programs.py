@@ -192,9 +192,12 @@ def simulate(
 
     Raises:
         TypeError: A value has a type that no key of a scene has.
+        ValueError: `ranks` is less than 1.
         ProgramNotFoundError: gshear-mpi or mpirun is missing.
         ProgramFailedError: The run failed or stopped early (exit code 75).
     """
+    if ranks < 1:
+        raise ValueError(f"ranks is {ranks}; give 1 or more")
     program = find("gshear-mpi")
     command: list[str | os.PathLike[str]] = []
     if ranks != 1:

@@ -397,7 +397,12 @@ class Run:
 
         Args:
             count: At most so many.
+
+        Raises:
+            ValueError: `count` is negative.
         """
+        if count is not None and operator.index(count) < 0:
+            raise ValueError(f"count is {count}; give 0 or more")
         phases = self.phases()
         slips = phases[phases["kind"] == "slip"]
         drops = slips.sort_values("delta_tau_p", kind="stable", ignore_index=True)
@@ -445,6 +450,11 @@ class Run:
                 self._reduce(["dmin", "--radius", repr(float(radius))], path.parent)
         with _hdf5.open_for_reading(path) as file:
             try:
+                if isinstance(index, slice) and (rows := range(frames)[index]).step < 0:
+                    # HDF5 reads forwards.
+                    forwards = slice(rows[-1], rows[0] + 1, -rows.step) if rows else slice(0)
+                    backwards: NDArray[np.float64] = file["dmin/value"][forwards][::-1]
+                    return backwards
                 values: NDArray[np.float64] = file["dmin/value"][index]
             except OSError as error:
                 raise RunError(f"{path}: is damaged; remove it: {error}") from error
@@ -526,12 +536,12 @@ class Run:
 
     def _are_measures(self, table: pd.DataFrame) -> bool:
         """Whether every phase starts and ends at this run's frames, with this run's change of τ."""
-        strains, tau = self.frames.strain, self._stress_ratio_of_frames()
-        ends = table[["start_strain", "end_strain"]].to_numpy()
-        at = np.searchsorted(strains, ends * (1 - 1e-9))
-        if at.max(initial=-1) >= len(strains):
+        steps, tau = self.frames.step, self._stress_ratio_of_frames()
+        ends = table[["start_step", "end_step"]].to_numpy()
+        at = np.searchsorted(steps, ends)
+        if at.max(initial=-1) >= len(steps):
             return False
-        return np.allclose(strains[at], ends, rtol=1e-9, atol=0) and _equal(
+        return np.array_equal(steps[at], ends) and _equal(
             table["delta_tau_p"], tau[at[:, 1]] - tau[at[:, 0]]
         )
 

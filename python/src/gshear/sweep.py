@@ -59,6 +59,10 @@ class Sweep(Sequence[Run]):
             paths = [Path(path) for path in runs]
         if not paths:
             raise RunError("a sweep needs one run or more")
+        places = [path.resolve() for path in paths]
+        if len(set(places)) < len(places):
+            twice = next(path for path in places if places.count(path) > 1)
+            raise RunError(f"{twice} is given more than once")
         runs_of_all = [Run(path, quiet=quiet) for path in paths]
         self._runs = [run for run in runs_of_all if run.finished]
         self._quiet = quiet
@@ -119,12 +123,16 @@ class Sweep(Sequence[Run]):
 
         Raises:
             KeyError: If a run has no such column.
+            ValueError: A wrong share, or a measure with the name of a key.
         """
         if not 0.0 <= start < 1.0:
             raise ValueError(f"start is {start}; give a share of the rows from 0 to below 1")
-        columns = list(columns)
+        columns = [columns] if isinstance(columns, str) else list(columns)
         stored = [name for name in columns if all(name in run.series for run in self._runs)]
         computed = self._computed([name for name in columns if name not in stored], start)
+        known = [name for name in measures or {} if name in self.keys]
+        if known:
+            raise ValueError(f"{known[0]} is a key of the scenes; give the measure another name")
         rows = []
         for k, (run, values) in enumerate(zip(self._runs, self._values, strict=True)):
             row = {"run": run.folder.name, **values}

@@ -8,6 +8,7 @@ use gshear_scene::lammps_data::{DataFile, parse};
 
 use super::fixture::Fixture;
 use super::{are_described, done, folder_with, refused};
+use crate::common::succeed;
 
 fn read(path: &str) -> DataFile {
     parse("exported", &std::fs::read_to_string(path).expect(path)).expect("what was written")
@@ -290,16 +291,29 @@ fn a_file_that_cannot_grow_is_a_failure() {
     }
 }
 
-/// The run itself is no place for its export.
+/// The files of the run itself are no place for its export, nor is what is no file.
 #[test]
 fn an_export_does_not_replace_its_run() {
     let (_folder, path) = folder_with(&Fixture::small());
-    let run = format!("{path}/run.h5");
-    let before = std::fs::read(&run).expect("a run");
+    for name in ["scene.toml", "log.csv", "status.json"] {
+        std::fs::write(format!("{path}/{name}"), "of the run").expect("a file");
+    }
     for format in ["csv", "vtkhdf", "npz", "xyz"] {
-        let said = refused(&["export", &path, "--format", format, "--out", &run]);
-        let expected = "is a run or a checkpoint, which would be lost; give another file";
-        assert!(said.contains(expected), "{format}: {said}");
-        assert!(std::fs::read(&run).expect("a run") == before, "{format}");
+        for name in ["run.h5", "scene.toml", "log.csv", "status.json"] {
+            let file = format!("{path}/{name}");
+            let before = std::fs::read(&file).expect("a file");
+            let said = refused(&["export", &path, "--format", format, "--out", &file]);
+            let expected = "is of a run, which would be lost; give another file";
+            assert!(said.contains(expected), "{format}: {said}");
+            assert!(std::fs::read(&file).expect("a file") == before, "{format}");
+        }
+        let pipe = format!("{path}/pipe-{format}");
+        succeed(std::process::Command::new("mkfifo").arg(&pipe));
+        let said = refused(&["export", &path, "--format", format, "--out", &pipe]);
+        assert!(
+            said.contains("is a device or a pipe; give a file"),
+            "{said}"
+        );
+        assert!(!Path::new(&pipe).is_file());
     }
 }

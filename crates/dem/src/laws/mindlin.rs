@@ -302,7 +302,8 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 t[0] = t[0] * inverse(token, s).select(sliding, one);
             }
             response.sliding = sliding.bits();
-            let s = one.select(sliding, s);
+            // Without overlap s may be too great for its square.
+            let s = one.select(sliding, s).select(touching, zero);
             let stiffness = self.secant(token, root, s);
             for k in 0..spins {
                 (-(stiffness * t[k])).store(&mut response.tangential[k]);

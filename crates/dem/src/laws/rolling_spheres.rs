@@ -16,8 +16,9 @@
 //! spring that slides (`contact::set_back`). The histories, M and T, turn with the pair as that of
 //! F_t.
 //!
-//! Where two spheres touch, F_n and with it the limits begin at 0, but not the dashpots, so the
-//! sliders slide: M begins as C (ω_i-ω_j), and the torque at 0.
+//! Where two spheres touch, the spring begins unloaded, but not the dashpot. If that is beyond the
+//! limit, the slider slides, and the spring is set back at once. With most laws F_n and with it the
+//! limits begin at 0: then M begins as C (ω_i-ω_j), and the torque at 0.
 //!
 //! LAMMPS counts in forces R_r apart: its k_roll is k, its γ_roll is C_r/R_r², its k_twist and
 //! γ_twist are k_w and C_w, its μ_twist is μ_w R_r (m). It sets a twisting torque beyond its limit
@@ -27,8 +28,8 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CHUNK, ContactLaw, History, Jump, PairMotion, TORQUES, Turning, add_damping,
-    dissipation, exceeds, set_back, vector,
+    Blocks, CARRY, CHUNK, ContactLaw, History, Jump, PairMotion, Response, TORQUES, Turning,
+    add_damping, dissipation, exceeds, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -171,22 +172,25 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 response.tangential = [Lanes16::ZERO; 3];
                 response.sliding = 0;
             }
-            let (p, history) = (&p[C::PARAMETERS..], &mut history[C::HISTORY..]);
+            let (all, p, history) = (p, &p[C::PARAMETERS..], &mut history[C::HISTORY..]);
             let touching = load(&motion.overlap).greater(zero);
             let normal = load(&response.normal);
             let jumps = blocks.jumps.iter().filter(|jump| jump.0 == block);
             // Of the spring and of spring and damper, at the beginning of the step and at its end
             // without limit.
-            let (begins, touched) =
-                begins_at(token, (motion, turning), history, blocks.per_step, jumps);
+            let begins = begins_at(token, (motion, turning), history, blocks.per_step, jumps);
+            let (normal, set_back) = self.at_first::<L>(token, (all, normal), motion, &begins);
             let mut sprung = [zero; TORQUES];
-            let (mut before, mut earlier, mut trial) = (sprung, sprung, sprung);
+            let (mut before, mut earlier, mut trial, mut at_first) =
+                (sprung, sprung, sprung, sprung);
             for k in 0..TORQUES {
                 let (stiffness, damping) = (load(&p[STIFFNESS + k / 3]), load(&p[DAMPING + k / 3]));
                 let (increment, velocity) =
                     (load(&turning.increment[k]), load(&turning.velocity[k]));
                 let gained = moves * velocity - per_half_step * increment;
-                before[k] = load(&history[k]) + damping * begins[k];
+                let set_back = set_back[k / 3] * begins.velocity[k];
+                before[k] = load(&history[k]) + damping * set_back;
+                at_first[k] = damping * (set_back - begins.velocity[k]);
                 sprung[k] = (-stiffness).mul_add(increment, before[k]);
                 trial[k] = (-damping).mul_add(velocity, sprung[k]);
                 earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
@@ -197,7 +201,9 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             (response.rolls, response.twists) = (rolls.bits(), twists.bits());
             let mut dissipated = zero;
             for k in 0..TORQUES {
-                cut[k].store(&mut turning.torque[k]);
+                // A torque that begins with a jump acts for ½ + θ of the step.
+                let torque = begins.beyond_a_step.mul_add(at_first[k], cut[k]);
+                torque.store(&mut turning.torque[k]);
                 let (stiffness, damping) = (load(&p[STIFFNESS + k / 3]), load(&p[DAMPING + k / 3]));
                 let viscous = damping * load(&turning.velocity[k]);
                 let at_limit = if k / 3 == 0 { rolls } else { twists };
@@ -210,8 +216,12 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                     let way = load(&turning.increment[k]).select(touching, zero);
                     let lost = (before[k] + after).mul_add(way, gained);
                     dissipated = c(-0.5).mul_add(lost, dissipated);
-                    let power = touched * viscous * load(&turning.velocity[k]);
-                    add_damping(token, response, power.select(touching, zero));
+                    let power = viscous * load(&turning.velocity[k]);
+                    // Of a pair that has opened, half of the last step's was too much.
+                    let too_much = c(-0.5).select(stored.abs().greater(zero), zero);
+                    let share = begins.share.select(touching, too_much);
+                    let counts = share.abs().greater(zero);
+                    add_damping(token, response, (share * power).select(counts, zero));
                 }
                 after.store(&mut history[k]);
             }
@@ -266,6 +276,74 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
 }
 
 impl<C: ContactLaw<Space = Three>> Resisting<C> {
+    /// F_n that limits the torques at the end of the step, of pairs that come to touch in it for the
+    /// whole velocity, and the part of the dashpots of rolling and of twisting that is beyond their
+    /// limits where they begin, by which the springs are set back.
+    #[inline(always)]
+    fn at_first<L: Lanes>(
+        &self,
+        token: L::Token,
+        (parameters, mut normal): (&[Lanes16], L),
+        motion: &PairMotion,
+        begins: &Begins<L>,
+    ) -> (L, [L; 2]) {
+        let c = |v| L::splat(token, v);
+        let [x, y, z, twist] = begins.velocity;
+        let rolling = [x, y, z];
+        let squares = Three::dot(&rolling, &rolling);
+        let has_begun = squares.max(twist.abs()).greater(c(0.0)).bits() != 0;
+        if !has_begun && begins.touches.bits() == 0 {
+            return (normal, [c(0.0); 2]);
+        }
+        let mut begun = normal;
+        if begins.touches.bits() != 0 {
+            let velocity = L::load(token, &motion.normal_velocity) / (c(0.5) + begins.part);
+            let least = c(f64::MIN_POSITIVE);
+            let at_touch = self.normal_force(token, parameters, [least, velocity]);
+            let overlap = L::load(token, &motion.overlap);
+            let whole = self.normal_force(token, parameters, [overlap, velocity]);
+            begun = at_touch.select(begins.touches, normal);
+            normal = whole.select(begins.touches, normal);
+        }
+        let own = &parameters[C::PARAMETERS..];
+        let mut parts = [squares.sqrt(), twist.abs()];
+        for k in 0..2 {
+            let limit = L::load(token, &own[ARM + k]) * begun;
+            let size = L::load(token, &own[DAMPING + k]) * parts[k];
+            let within = limit / size.max(c(SOFTEST));
+            parts[k] = (c(1.0) - within).max(c(0.0));
+        }
+        (normal, parts)
+    }
+
+    /// F_n at this δ (m) and v_n (m/s).
+    #[inline(always)]
+    fn normal_force<L: Lanes>(
+        &self,
+        token: L::Token,
+        parameters: &[Lanes16],
+        [overlap, velocity]: [L; 2],
+    ) -> L {
+        let mut motion = PairMotion::ZERO;
+        overlap.store(&mut motion.overlap);
+        velocity.store(&mut motion.normal_velocity);
+        let mut response = Response::NONE;
+        self.law.evaluate::<L, false>(
+            token,
+            &mut Blocks {
+                parameters: &parameters[..C::PARAMETERS],
+                history: &mut [Lanes16::ZERO; 3][..C::HISTORY],
+                motion: &[motion],
+                turning: &mut [],
+                per_step: 0.0,
+                carry: &mut [[Lanes16::ZERO; CARRY]],
+                response: std::slice::from_mut(&mut response),
+                jumps: &[],
+            },
+        );
+        L::load(token, &response.normal)
+    }
+
     /// Evaluates the law itself, with its own parameters and histories in a row.
     #[inline(always)]
     fn evaluate_law<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
@@ -321,23 +399,42 @@ fn cut<L: Lanes>(
     ([x, y, z, twist], [rolls, twists])
 }
 
-/// ω_i - ω_j where a torque begins, in contacts without history: at the touch, a part θ of the step
-/// ago. There increments are of this part, and v_n has been multiplied by ½ + θ. 0 elsewhere. Also
-/// the part of the dampers' power in the step, which the kernel divides by ½ + θ.
+/// Where torques begin, in contacts without history.
+struct Begins<L: Lanes> {
+    /// ω_i - ω_j there (rad/s): at the touch, a part θ of the step ago. 0 of other contacts.
+    velocity: [L; TORQUES],
+    /// Which of them touch for the first time, F_n beginning without overlap.
+    touches: L::Mask,
+    /// θ of these, and θ - ½, 0 of others.
+    part: L,
+    beyond_a_step: L,
+    /// The part of the dampers' power in the step, by the rule of trapezoids ½ + θ, before the
+    /// kernel divides it by that.
+    share: L,
+}
+
+/// Finds where torques begin. There increments are of the part θ, and v_n has been multiplied by
+/// ½ + θ.
 #[inline(always)]
 fn begins_at<'j, L: Lanes>(
     token: L::Token,
     (motion, turning): (&PairMotion, &Turning),
     history: &[Lanes16],
     per_step: f64,
-    jumps: impl Iterator<Item = &'j Jump>,
-) -> ([L; TORQUES], L) {
+    mut jumps: impl Iterator<Item = &'j Jump>,
+) -> Begins<L> {
     let c = |v| L::splat(token, v);
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let (zero, half, one) = (c(0.0), c(0.5), c(1.0));
-    let mut begins = [zero; TORQUES];
+    let mut begins = Begins {
+        velocity: [zero; TORQUES],
+        touches: L::mask(token, 0),
+        part: one,
+        beyond_a_step: zero,
+        share: one,
+    };
     if per_step == 0.0 {
-        return (begins, one);
+        return begins;
     }
     let mut size = zero;
     for lanes in &history[..TORQUES] {
@@ -346,25 +443,35 @@ fn begins_at<'j, L: Lanes>(
     let overlap = load(&motion.overlap);
     let least = c(f64::MIN_POSITIVE);
     let has_none = least.greater(size).and(overlap.greater(zero));
-    // (½ + θ)/θ ≥ 3/2 of a pair that comes to touch.
+    let first_jump = jumps.next();
+    if has_none.bits() == 0 && first_jump.is_none() {
+        return begins;
+    }
+    // Of a pair that comes to touch (½ + θ)/θ ≥ 3/2, but for its acceleration in the step.
     let way = load(&motion.normal_velocity) * c(-1.0 / per_step);
     let ratio = way / overlap.max(least);
     let mut part = half / (ratio - one).max(half);
-    let touches = has_none.and(ratio.greater(c(1.5)));
-    let mut share = (part * (half + part)).select(touches, one);
-    for &(_, lane, factor) in jumps {
-        let (mut parts, mut shares) = (part.to_lanes16(), share.to_lanes16());
+    let mut touches = has_none.and(ratio.greater(c(1.25)));
+    for &(_, lane, factor) in first_jump.into_iter().chain(jumps) {
+        touches = L::mask(token, touches.bits() & !(1 << lane));
+        let mut parts = part.to_lanes16();
         parts.0[lane] = factor - 0.5;
-        shares.0[lane] = (factor - 0.5) / factor;
-        (part, share) = (load(&parts), load(&shares));
+        part = load(&parts);
     }
-    for (k, begins) in begins.iter_mut().enumerate() {
+    let factor = half + part;
+    for k in 0..TORQUES {
         let of_half_step = c(2.0 * per_step) * load(&turning.increment[k]);
         let velocity = load(&turning.velocity[k]);
         let begun = c(-2.0).mul_add(part, one).mul_add(velocity, of_half_step);
-        *begins = begun.select(has_none, zero);
+        begins.velocity[k] = begun.select(has_none, zero);
     }
-    (begins, share)
+    Begins {
+        touches,
+        part,
+        beyond_a_step: (part - half).select(touches, zero),
+        share: (factor * factor).select(touches, one),
+        ..begins
+    }
 }
 
 impl<C: ContactLaw + Stiffness> Stiffness for Resisting<C> {

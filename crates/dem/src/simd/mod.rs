@@ -106,6 +106,15 @@ pub struct Pairs {
     pub j: [u32; LANES],
 }
 
+/// Makes room for so many elements and few more, in an empty vector: growing by itself it would
+/// double.
+pub fn make_room<T>(vector: &mut Vec<T>, count: usize) {
+    let more = count + count / 16;
+    if vector.capacity() < count || vector.capacity() / 2 > more {
+        *vector = Vec::with_capacity(more);
+    }
+}
+
 /// Pairs of indices in blocks of sixteen, with an upper bound of the indices of each block. One
 /// check of the bound allows unchecked access with all indices of the block.
 #[derive(Debug, Default)]
@@ -130,6 +139,12 @@ impl PairList {
         assert!(most < u32::MAX, "an index has to be below {}", u32::MAX);
         self.below.push(most + 1);
         self.blocks.push(pairs);
+    }
+
+    /// Makes room for so many blocks.
+    pub fn make_room(&mut self, blocks: usize) {
+        make_room(&mut self.blocks, blocks);
+        make_room(&mut self.below, blocks);
     }
 
     /// Appends the blocks of another list, which are gone from there then.

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::contact::TORQUES;
 use crate::contact::model::{Elastic, PairModel};
-use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs};
+use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs, make_room};
 use crate::workers::{self, Workers};
 
 use super::ContactState;
@@ -135,6 +135,8 @@ impl Contacts {
             (part, Vec::new())
         });
         std::mem::swap(self, &mut parts[0].0);
+        let blocks = runs.iter().map(|run| run.pairs.len().div_ceil(LANES));
+        parts[0].0.make_room(blocks.sum());
         let begin = |part: usize| runs.len() * part / threads;
         workers::each(workers, &mut parts, |k, (part, blocks)| {
             *blocks = part.push_runs(law, &runs[begin(k)..begin(k + 1)], (remembered, grains));
@@ -162,9 +164,21 @@ impl Contacts {
         self.owned_blocks = ends[shares.len() + 1];
         let blocks = self.geometry.len();
         self.parameters.clear();
+        make_room(&mut self.parameters, blocks * self.parameter_lanes);
         self.parameters
             .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
         law.set_parameters(isa, (&self.geometry, &self.kinds), &mut self.parameters);
+    }
+
+    /// Makes room for so many blocks.
+    fn make_room(&mut self, blocks: usize) {
+        self.pairs.make_room(blocks);
+        make_room(&mut self.geometry, blocks);
+        make_room(&mut self.kinds, blocks);
+        make_room(&mut self.history, blocks * self.history_lanes);
+        make_room(&mut self.touching, blocks);
+        make_room(&mut self.limits, blocks);
+        make_room(&mut self.asleep_until, blocks);
     }
 
     /// Removes all blocks.
@@ -382,13 +396,12 @@ impl Contacts {
             places[*next as usize] = at.block * LANES + at.lane;
             *next += 1;
         }
-        let room = Vec::with_capacity(self.history.len());
         Remembered {
             of,
             partner,
             from: Source::List {
                 places,
-                history: std::mem::replace(&mut self.history, room),
+                history: std::mem::take(&mut self.history),
                 history_lanes: self.history_lanes,
                 limits: std::mem::take(&mut self.limits),
                 limits_are_known: self.limits_are_known,

@@ -52,7 +52,7 @@ pub struct Frame {
     pub step: u64,
     /// Time since the start of the shear (s).
     pub time: f64,
-    /// `[N, 2]` wrapped into [0, L_x) along x (m).
+    /// `[N, 2]` wrapped into [0, L_x) along x (m); NaN of a removed grain.
     pub position: Vec<[f64; 2]>,
     /// `[N]` image along x; empty if it is not known.
     pub image: Vec<i64>,

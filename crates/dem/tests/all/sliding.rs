@@ -294,9 +294,17 @@ fn a_force_turns_with_its_pair_about_the_normal() {
 }
 
 /// Two equal spheres that roll on each other, and twist, without slip: damped oscillators whose
-/// period and decay are those of k_r, C_r and of k_w, C_w.
+/// period and decay are those of k_r, C_r and of k_w, C_w. They lie together from the start, or come
+/// to touch within a step, when F_n begins as that of the damper.
 #[test]
 fn spheres_oscillate_against_each_other() {
+    for approach in [0.0, 0.05] {
+        oscillate(approach);
+    }
+}
+
+/// `approach`: the velocity (in the units of the laws) with which they come together.
+fn oscillate(approach: f64) {
     const RADIUS: f64 = 0.5;
     let (name, law) = laws().swap_remove(0);
     let mass = law
@@ -320,32 +328,114 @@ fn spheres_oscillate_against_each_other() {
         let (rate, decay) = ((stiffness / moment).sqrt(), 0.5 * damping / moment);
         let turning = (rate * rate - decay * decay).sqrt();
         let (spin, end) = (1e-3, 3.0 / rate);
-        let expected = spin
-            * (-decay * end).exp()
-            * ((turning * end).cos() - decay / turning * (turning * end).sin());
+        let expected = |end: f64| {
+            spin * (-decay * end).exp()
+                * ((turning * end).cos() - decay / turning * (turning * end).sin())
+        };
         let errors = [400, 800].map(|steps| {
+            let step = end / f64::from(steps);
+            // A part of a step before they touch, and as much more at the end.
+            let before = if approach > 0.0 { 20.3 * step } else { 0.0 };
+            let distance = if approach > 0.0 {
+                RADIUS + 0.5 * approach * before
+            } else {
+                0.99 * RADIUS
+            };
             let grain = |side: f64| {
                 [
-                    n.map(|n| side * 0.99 * RADIUS * n),
-                    [0.0; 3],
+                    n.map(|n| side * distance * n),
+                    n.map(|n| -0.5 * side * approach * n),
                     axis.map(|a| 0.5 * side * spin * a),
                 ]
             };
-            let step = end / f64::from(steps);
             let of = [grain(1.0), grain(-1.0)];
-            // Without any torque, they would begin as if they had just touched.
-            let histories = ([0.0; 3], [1e-30; 4]);
+            let histories = ([0.0; 3], [0.0; 4]);
             let mut pair =
                 Couple::of_radii([RADIUS; 2], law.as_ref(), &contact, step, of, histories);
-            (0..steps).for_each(|_| pair.advance());
+            (0..steps + 20).for_each(|_| pair.advance());
             let [a, b] = [0, 1].map(|g| pair.system.grains().state(g).angular_velocity);
             let found: f64 = (0..3).map(|k| (a[k] - b[k]) * axis[k]).sum();
-            (found - expected).abs() / spin
+            let touched = f64::from(steps + 20) * step - before;
+            (found - expected(touched)).abs() / spin
         });
-        assert!(errors[1] < 1e-5, "{name}: {errors:?}, {expected}");
+        assert!(errors[1] < 1e-5, "{name} {approach}: {errors:?}");
         assert!(
             (3.5..4.5).contains(&(errors[0] / errors[1])),
             "{name}: {errors:?}"
         );
     }
+}
+
+/// Two equal spheres meet head on while they twist, so fast that the dashpot of twisting is beyond
+/// its limit, which begins as that of the damped F_n; later the limit is above it. Beside the law as
+/// a differential equation.
+#[test]
+fn a_torque_beyond_its_limit_is_set_back_at_the_touch() {
+    const RADIUS: f64 = 0.5;
+    let law = Springs {
+        normal_stiffness: 1.0,
+        tangential_stiffness: 0.4,
+        density: 1.5,
+        damping_ratio: 0.1,
+        sliding_damping: 0.5,
+    };
+    let contact = Contact {
+        rolling_friction: 0.0,
+        twisting_friction: 1.0,
+        ..RESISTING
+    };
+    let (spin, approach, end) = (0.5, 0.05, 1.0);
+    let mass = law
+        .masses()
+        .of(0, 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3));
+    let arm = 0.5 * RADIUS;
+    let k_w = 0.3 * arm * arm;
+    let of_pair = 0.2 * mass * RADIUS * RADIUS;
+    let c_w = 2.0 * 0.1 * (of_pair * k_w).sqrt();
+    let gamma = 2.0 * 0.1 * (0.5 * mass).sqrt();
+    let (mut overlap, mut v, mut turning, mut spring) = (0.0, approach, spin, 0.0);
+    let fine = 1e-6;
+    let mut stuck = 0;
+    for k in 0..(end / fine) as u32 {
+        let normal: f64 = overlap + gamma * v;
+        let limit = normal * arm;
+        let trial: f64 = spring - c_w * turning;
+        let torque = trial.clamp(-limit, limit);
+        assert!(
+            k > 0 || trial < -limit,
+            "it is beyond the limit at the touch"
+        );
+        stuck += u32::from(torque == trial);
+        spring = torque + c_w * turning - fine * k_w * turning;
+        turning += fine * torque / of_pair;
+        v -= fine * normal / (0.5 * mass);
+        overlap += fine * v;
+    }
+    assert!(stuck > 10_000);
+
+    let n = [0.0, 0.6, 0.8];
+    let errors = [200, 400].map(|steps| {
+        let step = end / f64::from(steps);
+        let distance = RADIUS + 0.5 * approach * 20.3 * step;
+        let grain = |side: f64| {
+            [
+                n.map(|n| side * distance * n),
+                n.map(|n| -0.5 * side * approach * n),
+                n.map(|n| 0.5 * side * spin * n),
+            ]
+        };
+        let of = [grain(1.0), grain(-1.0)];
+        let histories = ([0.0; 3], [0.0; 4]);
+        let mut pair = Couple::of_radii([RADIUS; 2], &law, &contact, step, of, histories);
+        // The end is between two steps.
+        let spins = [20, 1].map(|more| {
+            let steps = if more == 20 { steps + more } else { more };
+            (0..steps).for_each(|_| pair.advance());
+            let [a, b] = [0, 1].map(|g| pair.system.grains().state(g).angular_velocity);
+            (0..3).map(|k| (a[k] - b[k]) * n[k]).sum::<f64>()
+        });
+        let found = spins[0] + 0.3 * (spins[1] - spins[0]);
+        (found - turning).abs() / spin
+    });
+    assert!(errors.iter().all(|error| *error < 1e-6), "{errors:?}");
 }

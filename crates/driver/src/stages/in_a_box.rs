@@ -2,6 +2,7 @@
 //! equilibrium, then moved by Newton's equations.
 
 use gshear_dem::clock::Clock;
+use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
@@ -33,7 +34,11 @@ pub fn run<D: LawSpace>(
     let law = scene.force::<D>();
     let law = law.as_ref();
     let begins = !matches!(start, Start::Checkpoint(..));
-    let is_filed = matches!(start, Start::Grains(_));
+    let mut laws = scene.materials.laws.iter();
+    let attracts = laws.any(|(_, contact)| contact.attraction != Attraction::default());
+    // A packing of a file has no forces, and one that is prepared those without attraction.
+    let is_unloaded =
+        matches!(start, Start::Grains(_)) || attracts && matches!(start, Start::Insertion);
     let Some((header, state)) = begin::<D>(run, scene, periodic, start)? else {
         run.terminal.unprepared();
         return Ok(Outcome::Stopped);
@@ -53,8 +58,7 @@ pub fn run<D: LawSpace>(
     // Keeps the forces of the state, because a run without a stop does not compute them again here.
     let state = HeldState { grains, contacts };
     RestState { cell, state }.put_back(&mut assembly)?;
-    if is_filed {
-        // A packing of a file has none.
+    if is_unloaded {
         assembly.initial_forces(&mut NoWalls, false)?;
     }
 

@@ -210,10 +210,11 @@ impl<D: Dimension> Assembly<'_, D> {
                 )));
             }
             let mut drive = Overdamped { drag: relax.drag };
-            for _ in 0..LOOK {
+            let more = LOOK.min(relax.max_steps - *steps);
+            for _ in 0..more {
                 self.advance(&mut drive, false, false)?;
             }
-            *steps += LOOK;
+            *steps += more;
             return Ok(false);
         }
         stop(&mut self.system);

@@ -260,9 +260,12 @@ impl Terminal {
             ));
         }
         if let Control::Servo { gain, speed_max } = plane_shear.load.control {
-            self.say(format!(
-                "load:  a servo of {gain:.4e} m/(s Pa), at most {speed_max:.4e} m/s"
-            ));
+            let most = if speed_max.is_finite() {
+                format!(", at most {speed_max:.4e} m/s")
+            } else {
+                String::new()
+            };
+            self.say(format!("load:  a servo of {gain:.4e} m/(s Pa){most}"));
         }
         if let Some(warning) = unlikely::intervals(plane_shear, schedule) {
             self.warn(warning);

@@ -28,7 +28,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Shear strain at which the stick-slip regime begins
-    #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+    #[arg(long, value_name = "STRAIN", default_value_t = 0.0, value_parser = super::strain)]
     from: f64,
     /// minPts of DBSCAN, the point itself counted: with 1 a single grain is a region, with 2 it
     /// is noise

@@ -24,7 +24,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Shear strain from which on phases are found
-    #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+    #[arg(long, value_name = "STRAIN", default_value_t = 0.0, value_parser = super::strain)]
     from: f64,
     /// N in τ = S/N
     #[arg(long, value_enum, default_value_t = NormalForce::Measured)]
@@ -61,7 +61,7 @@ impl Arguments {
             NormalForce::Imposed => over_imposed(&run)?,
         };
         let all = series.column("strain");
-        let first = all.partition_point(|strain| *strain < self.from);
+        let first = phases::onset(all, self.from);
         let reading = TauReading {
             every: self.every,
             average: self.average,

@@ -217,6 +217,16 @@ fn shown(e: Estimate, digits: usize) -> String {
     }
 }
 
+/// Returns a length with its interval, of any scale.
+fn shown_length(e: Estimate) -> String {
+    let [low, high] = e.interval;
+    if e.determined {
+        format!("{:.3e} ({low:.3e} … {high:.3e})", e.value)
+    } else {
+        "not determined".into()
+    }
+}
+
 /// Returns the table of the page: names and texts.
 fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
     let mut rows = Vec::new();
@@ -256,7 +266,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
                 shown(fit.a, 5),
                 shown(fit.b, 5),
                 shown(fit.a_minus_b, 5),
-                shown(fit.d_c, 6)
+                shown_length(fit.d_c)
             ),
             Err(why) => format!("none: {why}"),
         };
@@ -389,7 +399,7 @@ fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failur
                 "{name:<18}{law:<7}{:<30}{:<30}{:<33}{:<10.2e}{:>9.1}",
                 shown(fit.a, 5),
                 shown(fit.b, 5),
-                shown(fit.d_c, 6),
+                shown_length(fit.d_c),
                 fit.rms,
                 chi.unwrap_or(f64::NAN)
             )?,

@@ -25,6 +25,8 @@ use gshear_store::spectrum_writer::{self, Columns, StateOrigin, Unknown};
 const DENSE: usize = 3000;
 /// Unknowns above which --dense is refused: memory grows with the square, time with the cube.
 const MOST_DENSE: usize = 12_000;
+/// Greatest shift over ‖A‖: with greater ones the eigenvalues are equally far.
+const FARTHEST: f64 = 100.0;
 
 /// Compute eigenvalues of K v = λ M v, of a run or of matrix files
 ///
@@ -43,7 +45,7 @@ pub struct Arguments {
     #[arg(long, value_name = "K", requires = "run")]
     frame: Option<Which>,
     /// The frame nearest to this shear strain
-    #[arg(long, value_name = "GAMMA", requires = "run", conflicts_with = "frame")]
+    #[arg(long, value_name = "GAMMA", requires = "run", conflicts_with = "frame", value_parser = super::strain)]
     strain: Option<f64>,
     /// Use the matrix J of the appendix of Bonfanti et al., in which histories do not turn with the
     /// contacts, not K
@@ -313,6 +315,13 @@ fn solve(
     if arguments.all_pairs {
         return all_pairs(arguments, problem, &symbolic, par, printer);
     }
+    let (far, norm) = (arguments.shift.norm(), problem.norm());
+    if far > FARTHEST * norm {
+        return Err(Failure::input(format!(
+            "--shift: all eigenvalues are within {norm:.3e} of 0, so that at {far:.3e} none is nearer than another; give a shift within {:.3e}",
+            FARTHEST * norm
+        )));
+    }
     let request = Request {
         shift: arguments.shift,
         count: arguments.count.unwrap_or(20) as usize,
@@ -410,7 +419,7 @@ fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<(), Failu
         let moved = (found.shift - wished).norm();
         writeln!(
             printer,
-            "K - σM is singular at the shift: moved by {moved:.3e}"
+            "K - σM is singular at the shift, or nearly so: moved by {moved:.3e}"
         )?;
     }
     writeln!(

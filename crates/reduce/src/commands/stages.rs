@@ -41,7 +41,7 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Shear strain at which the stick-slip regime begins
-    #[arg(long, value_name = "STRAIN", default_value_t = 0.0)]
+    #[arg(long, value_name = "STRAIN", default_value_t = 0.0, value_parser = super::strain)]
     from: f64,
     /// Reduction of force of a grain, by which the grains of GR regions are chosen
     #[arg(long, value_enum, default_value_t = GrainReduction::Net)]
@@ -79,10 +79,14 @@ impl Arguments {
         let run = &RunFile::open_between_walls(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
         let series = FrameSeries::of(run)?;
-        let first = series.strain.partition_point(|gamma| *gamma < self.from);
+        let first = phases::onset(&series.strain, self.from);
         let (step, strain) = (&series.step[first..], &series.strain[first..]);
         let tau = &series.tau[first..];
         let found = phases::find(strain, tau);
+        if series.strain.len() < 2 {
+            let frames = series.strain.len();
+            return Err(run.wrong(format!("has {frames} frames; give a run with two or more")));
+        }
         let Some(largest) = phases::largest_drop(&found) else {
             return Err(run.wrong(format!(
                 "τ never decreases from γ = {} on, so there is no drop; give a lesser --from",
@@ -94,7 +98,15 @@ impl Arguments {
         let reduction = self.reduction.into();
         let mut steps = map_steps(run, &rows, (step, strain), reduction)?;
         if steps.is_empty() && replay::can(run) {
-            let window = Rows::Strain([stages.begin, stages.end].map(|row| strain[row]));
+            let of_run = run.series();
+            let time = |row: usize| {
+                of_run
+                    .step
+                    .binary_search(&step[row])
+                    .map(|k| of_run.time[k])
+            };
+            let ends = [stages.begin, stages.end].map(|row| time(row).unwrap_or(f64::NAN));
+            let window = Rows::Time(ends);
             let out = results.place("replay");
             let replayed = replay::window(run, window, None, threads, &out)?;
             steps = map_steps(&replayed.run, &rows, (step, strain), reduction)?;

@@ -177,9 +177,15 @@ impl RunFile {
             let what = "this command needs disks; for spheres use dmin, compare or export, or commands on the time series";
             return Err(self.wrong(what));
         }
-        let mut position = self.planar(&self.position, &range)?.into_iter();
+        let mut position = self.planar(&self.position, &range)?;
         let of_frame = self.grains.count().max(1);
         let images = self.images(&range)?;
+        for (place, image) in position.iter_mut().flatten().zip(&images) {
+            if self.is_removed(image) {
+                *place = [f64::NAN; 2];
+            }
+        }
+        let mut position = position.into_iter();
         let mut images = images.chunks(of_frame);
         let (mut velocity, mut spins) = (Vec::new(), Vec::new());
         if fields == FrameFields::All {

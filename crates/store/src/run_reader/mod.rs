@@ -31,7 +31,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{
-    BoxEdges, Cell, Confinement, Disks, FlowRow, FrameRecords, GrainSample, ImposedRow, SeriesRow,
+    BoxEdges, Cell, Confinement, Disks, FlowRow, FrameRecords, Image, ImposedRow, SeriesRow,
     Sheared, StressRow, series_columns,
 };
 use gshear_scene::schedule::Schedule;
@@ -376,9 +376,9 @@ impl RunFile {
         self.has_walls() && self.grains.body.iter().all(|body| *body == 0)
     }
 
-    /// Returns whether this grain of a frame had passed a wall and was removed.
-    pub fn is_removed(&self, grain: &GrainSample) -> bool {
-        self.has_walls() && grain.image[self.dimension.axes() - 1] != 0
+    /// Returns whether a grain of a frame with this image had passed a wall and was removed.
+    pub fn is_removed(&self, image: &Image) -> bool {
+        self.has_walls() && image[self.dimension.axes() - 1] != 0
     }
 
     /// Returns whether nothing is above the sample.

@@ -333,7 +333,7 @@ impl<'a> ExportedRun<'a> {
             };
             let fields = self.fields(number, before.as_ref(), &records);
             let grains = records.grains.iter().enumerate();
-            let present = grains.filter(|(_, grain)| !self.file.is_removed(grain));
+            let present = grains.filter(|(_, grain)| !self.file.is_removed(&grain.image));
             let frame = ExportedFrame {
                 number,
                 strain: self.strains[number],
