@@ -70,7 +70,7 @@ run() {
     arguments+=(--threads "$threads")
     # The program's own clock stops it in time, whether or not a signal of the batch system arrives.
     if [[ -n $left ]]; then
-        local time=$((left - ${MARGIN:-180}))
+        local time=$((left - 10#${MARGIN:-180}))
         if [[ -z ${MARGIN:-} ]] && ((time < left / 2)); then
             time=$((left / 2))
         fi

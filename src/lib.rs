@@ -30,7 +30,7 @@ resumes those that were stopped. Reduce results with gshear-reduce.
 Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a checkpoint by a signal, \
 --walltime or --stop-at (continue with --resume); 1 any other failure.
 
-SIGTERM, SIGINT, SIGHUP, SIGUSR1 and SIGUSR2 stop the run at a checkpoint.")]
+SIGTERM, SIGINT, SIGHUP, SIGUSR1, SIGUSR2 and SIGXCPU stop the run at a checkpoint.")]
 #[expect(clippy::struct_excessive_bools, reason = "flags of a command line")]
 pub struct CommandLine {
     /// Scene; see docs/config.md

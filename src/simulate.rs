@@ -19,7 +19,9 @@ use gshear_driver::sweep::Sweep;
 use gshear_driver::version;
 use gshear_mpi_exchange::World;
 use gshear_scene::Source;
+use gshear_scene::packing::split_frame;
 use gshear_store::collective::agree;
+use gshear_store::file_names::is_reduced;
 use gshear_store::{h5, provenance};
 
 use crate::{AUTO, Choice, CommandLine};
@@ -182,12 +184,34 @@ fn finished(world: &World, folder: &Path) -> Outcome {
     Outcome::Done
 }
 
+/// Whether a packing is the run in this folder, or was made of it.
+fn is_within(packing: &Path, folder: &Path) -> bool {
+    let (file, _) = split_frame(packing);
+    let name = file.file_name().and_then(|name| name.to_str());
+    let of_a_run = name.is_some_and(|name| name.ends_with(".h5") || is_reduced(name));
+    let place = if file.is_dir() {
+        Some(&*file)
+    } else {
+        file.parent().filter(|_| of_a_run)
+    };
+    place.is_some_and(|place| same_folder(place, folder))
+}
+
 fn check_or_run(
     world: &World,
     arguments: &CommandLine,
     options: &Options,
     task: Task,
 ) -> Result<Outcome, Failure> {
+    let begins_with = task.scene.packing().map(|file| file.path.as_path());
+    if let Some(path) =
+        begins_with.filter(|path| options.overwrite && is_within(path, &options.out))
+    {
+        return Err(Failure::input(format!(
+            "--overwrite would remove {}, with which the run begins; give another folder with --out",
+            path.display()
+        )));
+    }
     if arguments.check {
         return check(world, &task, options).map(|()| Outcome::Done);
     }

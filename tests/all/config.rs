@@ -106,7 +106,8 @@ fn a_packing_is_found_beside_the_base() {
     write(
         folder.path(),
         &[
-            ("bases/base.toml", &base),
+            // As editors on Windows save it, with a byte order mark.
+            ("bases/base.toml", &format!("\u{feff}{base}")),
             ("own.toml", "extends = \"bases/base.toml\""),
         ],
     );

@@ -435,3 +435,26 @@ fn a_strain_step_out_of_the_law_names_its_grains() {
         }
     }
 }
+
+/// A batch system may limit the size of files.
+#[test]
+fn a_limit_of_the_size_of_files_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("out");
+    let command = format!(
+        "ulimit -f 300; exec \"$0\" {} --set=output.frame_strain=1e-4 --out {}",
+        concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml"),
+        out.display()
+    );
+    let mut shell = std::process::Command::new("sh");
+    let ended = shell
+        .args(["-c", &command, crate::common::PROGRAM])
+        .output();
+    let ended = ended.expect("a shell");
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert_eq!(ended.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("error: ") && said.contains("File too large"),
+        "{said}"
+    );
+}

@@ -320,3 +320,35 @@ fn fast_grains_go_on() {
         succeed(&mut replay);
     }
 }
+
+/// The bottom of a run with several materials is one again in a run that begins with it.
+#[test]
+fn a_bottom_of_several_materials_is_a_packing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = |sample: &str| {
+        format!(
+            "
+            dimension = 2
+            material = [{{ name = 'a', density = 2500.0 }}, {{ name = 'b', density = 5000.0, fraction = 0.4 }}]
+            contact = {{ law = 'hooke', normal_stiffness = 1e6, friction = 0.4, restitution = 0.5 }}
+            sample = {{ {sample}, boundary = 'free' }}
+            load.gravity = 9.81
+            shear.protocol = [{{ time = 2e-4 }}]
+            output = {{ series_rows = 2, frame_rows = 2 }}
+            "
+        )
+    };
+    let drawn = "grains = 200, radius_min = 0.4e-3, radius_max = 0.6e-3, length = 9e-3";
+    let first = scene(drawn) + "pack.tolerance = 1e-3";
+    let first = run_scene(folder.path(), "first", &first, &[]);
+    let packing = folder.path().join("first");
+    let again = scene(&format!(
+        "packing = '{}', walls = 'types'",
+        packing.display()
+    ));
+    let again = again.replace(", fraction = 0.4", "");
+    let again = run_scene(folder.path(), "again", &again, &[]);
+    assert_eq!(again.grains().body, first.grains().body);
+    assert_eq!(again.material(), first.material());
+    assert_eq!(again.grains().mass, first.grains().mass);
+}

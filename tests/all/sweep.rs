@@ -196,3 +196,37 @@ fn a_run_that_fails_does_not_keep_the_others_from_running() {
     let found: Vec<&str> = states(&listed).iter().map(|line| line[1]).collect();
     assert_eq!(found, ["failed", "done"]);
 }
+
+/// Paths of a sweep are from the folder of its file, numbers differ by value, and names of folders
+/// are those that file systems have.
+#[test]
+fn values_of_a_sweep_are_those_of_its_file() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let packing = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.data");
+    std::fs::copy(packing, temporary.path().join("grains.data")).expect("a packing");
+    let out = temporary.path().join("out");
+    let list = |sweep: &str| {
+        let config = config(temporary.path(), sweep);
+        let none = ["grains", "radius_min", "radius_max", "length"];
+        let mut set: Vec<String> = none.map(|key| format!("--set=sample.{key}=none")).into();
+        set.extend(["--set=pack.tolerance=none", "--sweep=list"].map(String::from));
+        let set: Vec<&str> = set.iter().map(String::as_str).collect();
+        run(&config, 1, &out, &set)
+    };
+    let listed = list("[sweep]\n'sample.packing' = ['grains.data']\n");
+    assert_eq!(states(&listed)[0][1..], ["new", "packing-grains.data"]);
+    let twice = list("[sweep]\n'contact.friction' = [0.1, 1e-1]\n");
+    assert!(
+        twice.code == 2 && twice.text.contains("has 1e-1 twice"),
+        "{}",
+        twice.text
+    );
+    let title = "x".repeat(300);
+    let long = list(&format!("[sweep]\ntitle = ['{title}']\n"));
+    let expected = "a folder whose name has ";
+    assert!(
+        long.code == 2 && long.text.contains(expected),
+        "{}",
+        long.text
+    );
+}

@@ -196,18 +196,20 @@ impl List {
         self.travelled += way + self.rounding;
         // The next step may be up to twice as fast.
         let margin = 2.0 * (step * fastest + more);
-        if self.bound + margin > half {
+        self.unsound |= fastest.is_nan();
+        let is_near = |bound: f64, part: f64| bound + margin > part * half;
+        let looks = is_near(self.bound, 0.9);
+        if looks {
             // One at infinity moves by a NaN, which `max` leaves out.
             let planes = planes.into_iter().flatten().zip(self.planes);
             let of_planes = planes.fold(0.0, |most: f64, (now, then)| most.max((now - then).abs()));
             let of_grains = self.displacement(grains, cell).max(of_planes);
             let exact = of_grains + 0.5 * self.cutoff() * self.strain(cell);
             self.bound = exact;
-            self.unsound = exact.is_nan() || exact > half;
+            self.unsound |= exact.is_nan() || exact > half;
         }
-        self.unsound |= fastest.is_nan();
         // Slightly early, which avoids looking at every grain in every step.
-        self.bound + margin > 0.9 * half
+        looks && is_near(self.bound, 0.8)
     }
 
     /// The strain of the cell since the last rebuild, at most: by this part a pair may have

@@ -286,8 +286,15 @@ fn create<D: Dimension>(
     attributes.extend(format.attributes.iter().cloned());
     // L_x, height, 0; in three dimensions L_x, L_y, height.
     let mut edges = [0.0; 3];
-    edges[..D::UP].copy_from_slice(&system.cell.periods[..D::UP]);
-    let of_box = || system.cell.sheared.map_or(0.0, |sheared| sheared.height);
+    // Strain steps may change the cell before a stop and after it.
+    let is_strained = format.shear.is_none() && format.name == RUN_FILE;
+    let cell = if is_strained {
+        format.scene.cell()
+    } else {
+        system.cell
+    };
+    edges[..D::UP].copy_from_slice(&cell.periods[..D::UP]);
+    let of_box = || cell.sheared.map_or(0.0, |sheared| sheared.height);
     edges[D::UP] = format.shear.map_or_else(of_box, |shear| shear.height);
     let author = format.scene.author.as_deref();
     let user = match (exchange.rank(), author) {

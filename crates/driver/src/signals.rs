@@ -3,11 +3,11 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU, SIGXFSZ};
 
 use gshear_dem::failure::Failure;
 
-/// Catches SIGTERM, SIGINT, SIGHUP, SIGUSR1 and SIGUSR2, which the run reads after each step. A
+/// Catches SIGTERM, SIGINT, SIGHUP, SIGUSR1, SIGUSR2 and SIGXCPU, which the run reads after each step. A
 /// second SIGINT or SIGTERM ends the program at once.
 #[derive(Clone)]
 pub struct Signals(Arc<AtomicBool>);
@@ -30,9 +30,10 @@ impl Signals {
             signal_hook::flag::register_conditional_shutdown(signal, 1, flag.clone())
                 .map_err(failed)?;
         }
+        outlive_full_files();
         // A run under nohup goes on when its terminal closes.
         let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
-        for signal in [SIGTERM, SIGINT, SIGUSR1, SIGUSR2]
+        for signal in [SIGTERM, SIGINT, SIGUSR1, SIGUSR2, SIGXCPU]
             .into_iter()
             .chain(hangup)
         {
@@ -45,6 +46,12 @@ impl Signals {
     pub fn received(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
+}
+
+/// Makes a write beyond the limit of the size of files fail with a reason; its signal would end the
+/// program without one.
+pub fn outlive_full_files() {
+    let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
 }
 
 /// Whether the process was started with this signal ignored.

@@ -8,6 +8,7 @@ use std::process::{self, ExitCode};
 use clap::Parser;
 use gshear_dem::failure::printable;
 use gshear_driver::say::{say, say_error};
+use gshear_driver::signals::outlive_full_files;
 use gshear_driver::version;
 use gshear_store::provenance;
 
@@ -63,6 +64,7 @@ pub fn reduce(commit: &'static str) -> ExitCode {
         Err(e) => e.exit(),
     };
     start_again_without_locks();
+    outlive_full_files();
     let mut output = BufWriter::new(Output {
         to: stdout().lock(),
         draws: matches!(arguments.command, Command::Watch { .. }),

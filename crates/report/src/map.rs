@@ -325,7 +325,8 @@ mod tests {
             map.dmin(&dmin, map.range_of_dmin(&dmin), ""),
         ] {
             let disks = svg.lines().filter(|line| line.starts_with("<circle"));
-            assert_eq!(disks.count(), 2, "{svg}");
+            // Each is filled and outlined.
+            assert_eq!(disks.count(), 4, "{svg}");
         }
         let data = data_of_grains(&grains, &frame, &dmin);
         let ids = data.lines().skip(1).map(|line| line.split(',').next());

@@ -398,6 +398,8 @@ pub struct Packing {
     pub file: PackingFile,
     /// Sorted by id, as the rows of a run.
     atoms: Vec<Atom>,
+    /// Whether it is the state of a run, whose types are known.
+    is_state: bool,
 }
 
 impl Packing {
@@ -442,7 +444,11 @@ impl Packing {
     ) -> Result<Self, Failure> {
         let (name, absolute) = named(path)?;
         let content = hash(lammps_data::write("", &[], &data).as_bytes());
-        Self::arranged((&name, &absolute), data, content, arrangement, limit)
+        let packing = Self::arranged((&name, &absolute), data, content, arrangement, limit)?;
+        Ok(Self {
+            is_state: true,
+            ..packing
+        })
     }
 
     fn arranged(
@@ -538,6 +544,7 @@ impl Packing {
             name: name.into(),
             file,
             atoms,
+            is_state: false,
         })
     }
 
@@ -609,11 +616,15 @@ impl Packing {
     }
 
     /// The materials of the atoms by their types. Types 2 and 3, if there are both, may be those of
-    /// walls, which have no type of their material.
+    /// walls, which have no type of their material; type 2 alone that of a bottom.
     fn materials(&self, scene: &Scene) -> Result<Vec<u64>, Failure> {
         let all = &scene.materials;
         let walls = [BOTTOM_TYPE, TOP_TYPE];
-        let has_walls = (walls.iter()).all(|kind| self.atoms.iter().any(|a| a.kind == *kind));
+        let both = || (walls.iter()).all(|kind| self.atoms.iter().any(|a| a.kind == *kind));
+        let to_a_bottom = scene
+            .plane_shear("")
+            .is_ok_and(|of| of.walls == Walls::Types && of.confinement == Confinement::FreeSurface);
+        let has_walls = self.is_state || to_a_bottom || both();
         let material = |a: &Atom| match all.of_type(a.kind.into()) {
             Some(material) => Ok(material),
             None if all.names.len() == 1 => Ok(0),

@@ -113,7 +113,7 @@ impl Source {
             name: path.display().to_string(),
             folder: path.parent().unwrap_or(Path::new("")).into(),
             start,
-            padded: " ".repeat(start) + &text,
+            padded: " ".repeat(start) + text.strip_prefix('\u{feff}').unwrap_or(&text),
         });
     }
 

@@ -2,8 +2,8 @@
 
 use std::collections::HashSet;
 
-use toml::Spanned;
 use toml::de::{DeTable, DeValue};
+use toml::{Spanned, Value};
 
 use super::keys::resolve;
 use super::source::{Input, Source};
@@ -12,6 +12,11 @@ use gshear_dem::failure::Failure;
 
 /// Runs of a sweep. All are listed, and checked before the first one runs.
 pub const MOST_RUNS: usize = 10_000;
+
+/// Longest name of a folder (bytes).
+const LONGEST_NAME: usize = 255;
+/// The key whose values are paths from the folder of the file.
+const PACKING: &str = "sample.packing";
 
 /// A run of a sweep.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,7 +47,8 @@ struct Axis {
     offset: usize,
     place: String,
     path: String,
-    values: Vec<String>,
+    /// As the file has them, and as of `--set`.
+    values: Vec<[String; 2]>,
 }
 
 /// The runs of a configuration with a sweep, `None` of one without: every value with every other,
@@ -90,6 +96,14 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
     let all = product(&axes);
     let mut seen = HashSet::new();
     for member in &all {
+        if member.name.len() > LONGEST_NAME {
+            let last = &axes[axes.len() - 1];
+            let what = format!(
+                "gives a run a folder whose name has {} characters, more than {LONGEST_NAME}; make the values shorter, or split the sweep",
+                member.name.len()
+            );
+            return refuse(last.offset, &last.path, &what);
+        }
         if !seen.insert(&member.name) {
             let last = &axes[axes.len() - 1];
             let what = format!(
@@ -144,12 +158,24 @@ fn axes(
             );
             return refuse(offset, &path, &what);
         }
-        let texts = list
-            .iter()
-            .map(|v| input.source.slice(v.span()).to_string());
-        let values: Vec<String> = texts.collect();
+        let both = |v: &Spanned<DeValue<'_>>| {
+            let text = input.source.slice(v.span()).to_string();
+            let file = v.get_ref().as_str().filter(|_| path == PACKING);
+            let given = match file.filter(|file| *file != TAKE_AWAY) {
+                // A path of --set is from the working directory.
+                Some(file) => {
+                    let file = input.folder(offset).join(file);
+                    Value::from(file.display().to_string()).to_string()
+                }
+                None => text.clone(),
+            };
+            [text, given]
+        };
+        let values: Vec<[String; 2]> = list.iter().map(both).collect();
         let mut seen = HashSet::new();
-        if let Some(twice) = values.iter().find(|value| !seen.insert(*value)) {
+        let number = |text: &str| text.replace('_', "").parse::<f64>().ok();
+        let same = |text: &str| number(text).map_or(text.to_string(), |x| format!("{x:?}"));
+        if let Some([twice, _]) = values.iter().find(|[text, _]| !seen.insert(same(text))) {
             let what = format!("has {} twice", shortened(twice));
             return refuse(offset, &path, &what);
         }
@@ -207,8 +233,8 @@ fn product(axes: &[Axis]) -> Vec<Member> {
         places: Vec::new(),
     }];
     for (axis, name) in axes.iter().zip(&names) {
-        let longer = |member: &Member, value: &String| {
-            let own = format!("{name}-{}", in_a_path(value));
+        let longer = |member: &Member, [text, value]: &[String; 2]| {
+            let own = format!("{name}-{}", in_a_path(text));
             let mut set = member.set.clone();
             set.push(format!("{}={value}", axis.path));
             let mut places = member.places.clone();

@@ -335,3 +335,27 @@ fn a_sweep_resumes_from_the_checkpoint_before() {
     );
     ended(&refused, 2, &["is of another run"]);
 }
+
+/// A run that begins with the one in its own folder does not remove that.
+#[test]
+fn a_packing_is_not_overwritten_by_its_run() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path().join("run");
+    run(&folder, &[SCENE, SHORT]).digest();
+    let before = bytes(&folder);
+    let none = ["grains", "radius_min", "radius_max", "length"];
+    let none = none.map(|key| format!("--set=sample.{key}=none"));
+    for packing in ["", "/run.h5@1", "/checkpoint.h5"] {
+        let packing = format!("--set=sample.packing={}{packing}", folder.display());
+        let mut arguments = vec![SCENE, SHORT, "--overwrite", "--set=pack.tolerance=none"];
+        arguments.extend(none.iter().map(String::as_str));
+        arguments.push(&packing);
+        let refused = run(&folder, &arguments);
+        ended(
+            &refused,
+            2,
+            &["--overwrite would remove ", "give another folder"],
+        );
+        assert!(bytes(&folder) == before);
+    }
+}

@@ -298,8 +298,11 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     }
 
     fn save_due(&self) -> Save {
-        let looks = self.step.is_multiple_of(LOOK);
-        if looks && self.due.window.is_none() {
+        if self.due.window.is_some() {
+            Save::No
+        } else if self.is_done() {
+            Save::Now
+        } else if self.step.is_multiple_of(LOOK) {
             Save::IfOld
         } else {
             Save::No

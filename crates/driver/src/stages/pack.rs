@@ -222,11 +222,12 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
     /// Raises the load once the bottom bears it, and checks whether the sample is at rest, every
     /// [`CHECK_INTERVAL`] steps.
     fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
-        if self.step == 0 || !self.step.is_multiple_of(CHECK_INTERVAL) {
-            return Ok(());
-        }
         let (scene, exchange) = (self.scene, run.exchange);
         let PlaneShear { load, pack, .. } = self.plane_shear;
+        let is_last = self.step == pack.max_steps;
+        if self.step == 0 || !(is_last || self.step.is_multiple_of(CHECK_INTERVAL)) {
+            return Ok(());
+        }
         let tolerance = pack.tolerance;
         let grains = f64::from(scene.sample.grains);
         let kinetic =

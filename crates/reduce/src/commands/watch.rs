@@ -13,6 +13,7 @@ use gshear_dem::failure::{Failure, printable};
 use gshear_driver::folder::is_abandoned;
 use gshear_driver::progress::line;
 use gshear_driver::say::fold_for;
+use gshear_store::checkpoint;
 use gshear_store::file_names::{LOG_FILE, RUN_FILE, STATUS_FILE};
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::status::{RunState, Status};
@@ -100,7 +101,14 @@ impl Arguments {
                 write!(printer, "\x1b[J")?;
             }
             if killed || state == Some(RunState::Stopped) {
-                let next = format!("continue with --resume {}", folder.display());
+                let has_state = [checkpoint::NAME, checkpoint::PREVIOUS]
+                    .iter()
+                    .any(|name| folder.join(name).exists());
+                let next = if has_state {
+                    format!("continue with --resume {}", folder.display())
+                } else {
+                    "there is no checkpoint yet: begin again with --resume auto".into()
+                };
                 writeln!(printer, "{}", fold_for(&term, &printable(&next)))?;
             }
             printer.flush()?;
