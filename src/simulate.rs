@@ -188,7 +188,7 @@ fn finished(world: &World, folder: &Path) -> Outcome {
 fn is_within(packing: &Path, folder: &Path) -> bool {
     let (file, _) = split_frame(packing);
     let name = file.file_name().and_then(|name| name.to_str());
-    let of_a_run = name.is_some_and(|name| name.ends_with(".h5") || is_reduced(name));
+    let of_a_run = file.extension().is_some_and(|of| of == "h5") || name.is_some_and(is_reduced);
     let place = if file.is_dir() {
         Some(&*file)
     } else {

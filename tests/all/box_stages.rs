@@ -119,3 +119,47 @@ fn a_box_is_at_rest_under_its_attraction() {
         assert_eq!(contacts[0], contacts[1], "{method}");
     }
 }
+
+/// Strain steps are quasi-static: dampers leave the stresses of contacts that stick as they are, also
+/// of those across the edge along which the box is sheared.
+#[test]
+fn dampers_do_not_act_in_strain_steps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = |sample: &str, damping: f64| {
+        format!(
+            "
+            material.density = 1.0
+            contact = {{ law = 'hooke', friction = 10.0, normal_stiffness = 1.0, damping_ratio = {damping} }}
+            sample = {{ {sample} }}
+            relax = {{ tolerance = 1e-12, drag = 0.1 }}
+            aqs = {{ strain_step = 1e-4, steps = 3, frame_every = 1 }}
+            box = {{ deformation = 'simple-shear'"
+        )
+    };
+    let drawn = scene("grains = 100, radius_min = 0.5, radius_max = 0.7", 0.0);
+    run_scene(
+        folder.path(),
+        "first",
+        &(drawn + ", solid_fraction = 0.88 }"),
+        &[],
+    );
+    let [still, damped] = [0.0, 0.8].map(|damping| {
+        let packing = format!(
+            "packing = '{}'",
+            folder.path().join("first/run.h5@0").display()
+        );
+        let name = format!("damping-{damping}");
+        run_scene(
+            folder.path(),
+            &name,
+            &(scene(&packing, damping) + " }"),
+            &[],
+        )
+    });
+    let [still, damped] = [&still, &damped].map(|run| run.series().column("shear_stress").to_vec());
+    let change = still[3] - still[0];
+    assert!(change > 0.0);
+    for (a, b) in still.iter().zip(&damped) {
+        assert!((a - b).abs() < 1e-9 * change, "{still:?} {damped:?}");
+    }
+}

@@ -27,7 +27,7 @@ use gshear_store::file_names::{
 use gshear_store::h5;
 use gshear_store::log::Log;
 use gshear_store::part;
-use gshear_store::run_reader::{self, RunFile};
+use gshear_store::run_reader::{self, RunFile, RunStage};
 use gshear_store::text_writer;
 
 use crate::header::{Header, Saved};
@@ -481,7 +481,7 @@ impl RunFolder {
 
     /// Once, before this run writes its first file: removes those of an earlier run. Where frames
     /// and rows are cut back to an older checkpoint, that one becomes the newest first, because no
-    /// later one fits the files any more. Collective.
+    /// later one fits the files any more; kept ones after it are removed. Collective.
     ///
     /// # Errors
     /// [`Failure::Other`] if a file can be neither removed nor linked.
@@ -492,8 +492,31 @@ impl RunFolder {
             Ok(())
         };
         let cut_back = self.cut_back_to.take();
-        let newest = cut_back.map_or(Ok(()), |path| checkpoint::make_newest(&path, &self.path));
-        agree(exchange, removed.and(newest))
+        let go_back = |path: PathBuf| {
+            self.remove_later(&path)?;
+            checkpoint::make_newest(&path, &self.path)
+        };
+        agree(exchange, removed.and(cut_back.map_or(Ok(()), go_back)))
+    }
+
+    /// Removes the kept checkpoints after this one: the run may go on in another way, and makes them
+    /// again if it does not.
+    fn remove_later(&self, path: &Path) -> Result<(), Failure> {
+        let [header, _] = checkpoint::read_texts(path)?;
+        let (header, _) = Header::parse(&header)?;
+        let (stage, step) = (header.stage(), header.step());
+        let mut later = checkpoint::kept(&self.path, stage);
+        later.retain(|(kept, _)| *kept > step);
+        if stage == RunStage::Strain.name() {
+            later.extend(checkpoint::kept(&self.path, RunStage::Newtonian.name()));
+        }
+        for (_, path) in later {
+            let removed = fs::remove_file(&path);
+            removed.map_err(|e| {
+                Failure::other(format!("{}: cannot be removed: {e}", path.display()))
+            })?;
+        }
+        Ok(())
     }
 
     /// Checks that the folder is still there and this run still holds its lock. Collective.

@@ -106,8 +106,16 @@ fn nearest_in<T: Scalar>(
     let n = problem.size();
     let settings = settings(request, n);
     let (mut shift, mut attempts) = (request.shift, 0);
+    let mut found = None;
     let (mut inverse, right) = loop {
-        let mut inverse = Inverse::<T>::near(problem, symbolic, shift, request.par)?;
+        let mut inverse = match (
+            Inverse::<T>::near(problem, symbolic, shift, request.par),
+            found,
+        ) {
+            (Ok(inverse), _) => inverse,
+            (Err(_), Some(found)) => break found,
+            (Err(failed), None) => return Err(failed),
+        };
         inverse.attempts += attempts;
         attempts = inverse.attempts;
         let solve = |x: MatMut<'_, T>| inverse.apply(false, x);
@@ -115,17 +123,18 @@ fn nearest_in<T: Scalar>(
         // Rounding errors are those of the greatest θ = 1/(λ - σ): with a far greater one the others
         // are lost.
         let sizes = || right.values.iter().map(|value| value.norm());
-        let (nearest, farthest) = (
-            sizes().fold(0.0, f64::max),
-            sizes().fold(f64::MAX, f64::min),
-        );
-        let reach = 1.0 / farthest;
+        let nearest = sizes().fold(0.0, f64::max);
+        // Null vectors have none.
+        let all = sizes().filter(|size| *size > 1e-3 * f64::EPSILON * nearest);
+        let farthest = 1.0 / all.fold(f64::MAX, f64::min);
+        let reach = farthest.min(problem.norm() + shift.norm());
         let error = 2.0 * f64::EPSILON * nearest * reach * reach;
         if error <= LOST * problem.norm() || attempts >= ATTEMPTS as usize {
             break (inverse, right);
         }
         let apart = 1e-3 * (reach * reach / problem.norm()).min(reach);
         shift = request.shift + apart * f64::from(attempts as u32);
+        found = Some((inverse, right));
     };
     let solve = |adjoint: bool, x: MatMut<'_, T>| inverse.apply(adjoint, x);
     let wanted = right.basis.ncols();

@@ -4,6 +4,7 @@ use super::{
     BOX, SCENE, SHORT, attribute, bytes, ended, id_of_checkpoint, plain, resume, run, stopped,
 };
 use crate::common::{Outcome, reducer, same_run};
+use gshear_store::checkpoint;
 
 #[test]
 fn resume_finds_the_newest_good_checkpoint() {
@@ -358,4 +359,34 @@ fn a_packing_is_not_overwritten_by_its_run() {
         );
         assert!(bytes(&folder) == before);
     }
+}
+
+/// Going back to an older checkpoint removes the kept ones after it, which may be of another way to
+/// go on; the same way makes them again.
+#[test]
+fn kept_checkpoints_are_of_the_run_that_goes_on() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path().join("run");
+    let keep = [
+        "--set=output.keep_checkpoints=true",
+        "--set=output.checkpoint_strain=0.02",
+    ];
+    let whole = run(&folder, &[&[SCENE, SHORT], &keep[..]].concat());
+    let kept = || -> Vec<u64> {
+        let all = checkpoint::kept(&folder, "shear");
+        all.into_iter().map(|(step, _)| step).collect()
+    };
+    let all = kept();
+    assert!(all.len() > 3, "{all:?}");
+    let from = folder.join(checkpoint::kept_name("shear", all[1]));
+    let stop = format!("--stop-at={}", all[1] + 1);
+    let back = run(&folder, &[&resume(&from), &stop]);
+    assert_eq!(back.code, 75, "{}", back.text);
+    // The stop has one, too.
+    let of_stop = all[1] + 1;
+    assert_eq!(kept(), [all[0], all[1], of_stop]);
+    assert_eq!(run(&folder, &[&resume(&folder)]).digest(), whole.digest());
+    let mut again = kept();
+    again.retain(|step| *step != of_stop);
+    assert_eq!(again, all);
 }

@@ -167,7 +167,8 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             let path = run.options.out.join(SPECTRA_FILE);
             // In another folder than the checkpoint's the file begins anew.
             let there = exists(exchange, &path)?;
-            let last = goes_on.filter(|_| there).map(|r| r.step as f64 * step);
+            let last = before.filter(|_| there).and_then(|before| before.last);
+            let last = last.map(|last| last as f64 * step);
             Some(SpectraFile::open(exchange, &path, last)?)
         };
         let motion = if let Some(resumed) = &resumed {

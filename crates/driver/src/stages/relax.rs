@@ -220,7 +220,12 @@ impl<D: Dimension> Assembly<'_, D> {
         stop(&mut self.system);
         self.rebuild()?;
         self.initial_forces(&mut NoWalls, false)?;
-        Ok(true)
+        // Without motion no damper acts, which may have held a spring.
+        let is_at_rest = self.residual(0.0) <= relax.tolerance;
+        if !is_at_rest {
+            self.begin_overdamped(relax)?;
+        }
+        Ok(is_at_rest)
     }
 
     /// The greatest |F| or |T|/R on a grain, without the `drag` (1/time) that the forces contain.
@@ -256,8 +261,9 @@ impl<D: Dimension> Assembly<'_, D> {
         let (axes, spins) = (D::AXES, D::SPINS);
         let step = system.step;
         if let Some(sheared) = &mut system.cell.sheared {
-            sheared.velocity = shear / step;
-            sheared.half_velocity = sheared.velocity;
+            // Velocities of the full step are 0, as those of the grains: no damper acts.
+            sheared.velocity = 0.0;
+            sheared.half_velocity = shear / step;
         }
         system.shear(shear);
         let cell = system.cell;
@@ -277,6 +283,7 @@ impl<D: Dimension> Assembly<'_, D> {
                 fields[D::HALF_SPIN + k] = turn[3 - spins + k] / step;
             }
             cell.wrap_last_axis::<D>(fields, image);
+            fields[D::VELOCITY] = 0.0;
         }
         self.follow()
     }
