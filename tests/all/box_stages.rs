@@ -120,8 +120,8 @@ fn a_box_is_at_rest_under_its_attraction() {
     }
 }
 
-/// Strain steps are quasi-static: dampers leave the stresses of contacts that stick as they are, also
-/// of those across the edge along which the box is sheared.
+/// Strain steps are quasi-static: dampers leave the stresses of contacts that stick as they are,
+/// also of those across the edge along which the box is sheared.
 #[test]
 fn dampers_do_not_act_in_strain_steps() {
     let folder = tempfile::tempdir().expect("a folder");

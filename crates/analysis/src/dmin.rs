@@ -55,9 +55,10 @@ impl NonAffine {
     /// - `dmin`: result, `[N]` (m²), divided by the number of neighbours N_i as B1 is printed.
     ///
     /// Rattlers of the earlier frame, and grains that are removed in the later one, are neither
-    /// centres nor neighbours. The result is NaN for them, for grains with fewer than two neighbours, and for neighbours on one line
-    /// (singular Y). Separations are nearest images along x and displacements follow the images of
-    /// the grains, so the periodic boundary has no effect.
+    /// centres nor neighbours. The result is NaN for them, for grains with fewer than two
+    /// neighbours, and for neighbours on one line (singular Y). Separations are nearest images
+    /// along x and displacements follow the images of the grains, so the periodic boundary has no
+    /// effect.
     pub fn between(
         &mut self,
         grains: &Disks,

@@ -499,8 +499,8 @@ impl RunFolder {
         agree(exchange, removed.and(cut_back.map_or(Ok(()), go_back)))
     }
 
-    /// Removes the kept checkpoints after this one: the run may go on in another way, and makes them
-    /// again if it does not.
+    /// Removes the kept checkpoints after this one: the run may go on in another way, and makes
+    /// them again if it does not.
     fn remove_later(&self, path: &Path) -> Result<(), Failure> {
         let [header, _] = checkpoint::read_texts(path)?;
         let (header, _) = Header::parse(&header)?;

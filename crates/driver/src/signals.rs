@@ -7,8 +7,8 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU, SI
 
 use gshear_dem::failure::Failure;
 
-/// Catches SIGTERM, SIGINT, SIGHUP, SIGUSR1, SIGUSR2 and SIGXCPU, which the run reads after each step. A
-/// second SIGINT or SIGTERM ends the program at once.
+/// Catches SIGTERM, SIGINT, SIGHUP, SIGUSR1, SIGUSR2 and SIGXCPU, which the run reads after each
+/// step. A second SIGINT or SIGTERM ends the program at once.
 #[derive(Clone)]
 pub struct Signals(Arc<AtomicBool>);
 

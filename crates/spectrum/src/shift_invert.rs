@@ -120,8 +120,8 @@ fn nearest_in<T: Scalar>(
         attempts = inverse.attempts;
         let solve = |x: MatMut<'_, T>| inverse.apply(false, x);
         let right = krylov::largest(n, solve, settings).map_err(Failed::Stalled)?;
-        // Rounding errors are those of the greatest θ = 1/(λ - σ): with a far greater one the others
-        // are lost.
+        // Rounding errors are those of the greatest θ = 1/(λ - σ): with a far greater one the
+        // others are lost.
         let sizes = || right.values.iter().map(|value| value.norm());
         let nearest = sizes().fold(0.0, f64::max);
         // Null vectors have none.

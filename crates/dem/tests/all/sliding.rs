@@ -294,8 +294,8 @@ fn a_force_turns_with_its_pair_about_the_normal() {
 }
 
 /// Two equal spheres that roll on each other, and twist, without slip: damped oscillators whose
-/// period and decay are those of k_r, C_r and of k_w, C_w. They lie together from the start, or come
-/// to touch within a step, when F_n begins as that of the damper.
+/// period and decay are those of k_r, C_r and of k_w, C_w. They lie together from the start, or
+/// come to touch within a step, when F_n begins as that of the damper.
 #[test]
 fn spheres_oscillate_against_each_other() {
     for approach in [0.0, 0.05] {
@@ -367,8 +367,8 @@ fn oscillate(approach: f64) {
 }
 
 /// Two equal spheres meet head on while they twist, so fast that the dashpot of twisting is beyond
-/// its limit, which begins as that of the damped F_n; later the limit is above it. Beside the law as
-/// a differential equation.
+/// its limit, which begins as that of the damped F_n; later the limit is above it. Beside the law
+/// as a differential equation.
 #[test]
 fn a_torque_beyond_its_limit_is_set_back_at_the_touch() {
     const RADIUS: f64 = 0.5;
