@@ -277,8 +277,8 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
 
 impl<C: ContactLaw<Space = Three>> Resisting<C> {
     /// F_n that limits the torques at the end of the step, of pairs that come to touch in it for
-    /// the whole velocity, and the part of the dashpots of rolling and of twisting that is beyond their
-    /// limits where they begin, by which the springs are set back.
+    /// the whole velocity, and the part of the dashpots of rolling and of twisting that is beyond
+    /// their limits where they begin, by which the springs are set back.
     #[inline(always)]
     fn at_first<L: Lanes>(
         &self,
