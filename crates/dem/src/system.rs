@@ -196,7 +196,6 @@ impl List {
         self.travelled += way + self.rounding;
         // The next step may be up to twice as fast.
         let margin = 2.0 * (step * fastest + more);
-        self.unsound |= fastest.is_nan();
         let is_near = |bound: f64, part: f64| bound + margin > part * half;
         let looks = is_near(self.bound, 0.9);
         if looks {
@@ -206,8 +205,9 @@ impl List {
             let of_grains = self.displacement(grains, cell).max(of_planes);
             let exact = of_grains + 0.5 * self.cutoff() * self.strain(cell);
             self.bound = exact;
-            self.unsound |= exact.is_nan() || exact > half;
+            self.unsound = exact.is_nan() || exact > half;
         }
+        self.unsound |= fastest.is_nan();
         // Slightly early, which avoids looking at every grain in every step.
         looks && is_near(self.bound, 0.8)
     }

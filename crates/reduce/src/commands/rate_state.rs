@@ -208,23 +208,22 @@ fn seconds(duration: f64) -> String {
 }
 
 /// Writes an estimate with its interval.
-fn shown(e: Estimate, digits: usize) -> String {
-    let [low, high] = e.interval;
+fn shown(e: Estimate, number: impl Fn(f64) -> String) -> String {
+    let [low, high] = e.interval.map(&number);
     if e.determined {
-        format!("{:.digits$} ({low:.digits$} … {high:.digits$})", e.value)
+        format!("{} ({low} … {high})", number(e.value))
     } else {
         "not determined".into()
     }
 }
 
-/// Returns a length with its interval, of any scale.
-fn shown_length(e: Estimate) -> String {
-    let [low, high] = e.interval;
-    if e.determined {
-        format!("{:.3e} ({low:.3e} … {high:.3e})", e.value)
-    } else {
-        "not determined".into()
-    }
+fn decimals(x: f64) -> String {
+    format!("{x:.5}")
+}
+
+/// A length may have any scale.
+fn length(x: f64) -> String {
+    format!("{x:.3e}")
 }
 
 /// Returns the table of the page: names and texts.
@@ -263,10 +262,10 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
         let text = match fit {
             Ok(fit) => format!(
                 "a = {}; b = {}; a - b = {}; D_c (m) = {}",
-                shown(fit.a, 5),
-                shown(fit.b, 5),
-                shown(fit.a_minus_b, 5),
-                shown_length(fit.d_c)
+                shown(fit.a, decimals),
+                shown(fit.b, decimals),
+                shown(fit.a_minus_b, decimals),
+                shown(fit.d_c, length)
             ),
             Err(why) => format!("none: {why}"),
         };
@@ -397,9 +396,9 @@ fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failur
             Ok(fit) => writeln!(
                 printer,
                 "{name:<18}{law:<7}{:<30}{:<30}{:<33}{:<10.2e}{:>9.1}",
-                shown(fit.a, 5),
-                shown(fit.b, 5),
-                shown_length(fit.d_c),
+                shown(fit.a, decimals),
+                shown(fit.b, decimals),
+                shown(fit.d_c, length),
                 fit.rms,
                 chi.unwrap_or(f64::NAN)
             )?,
