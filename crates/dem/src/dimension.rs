@@ -37,6 +37,9 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     const HALF_SPIN: usize = 3 * Self::AXES;
     /// Angular velocity of the full step (rad/s); predicted while the forces are computed.
     const SPIN: usize = 3 * Self::AXES + Self::SPINS;
+    /// Radius (m), if a record has room for it; then where [`Dimension::load`] gives that of the
+    /// second grain. That of the first is at its place in the differences.
+    const RADIUS: Option<[usize; 2]> = None;
     /// Index of the angular velocities of the second grain in what [`Dimension::load`] gives of it:
     /// of the half step, then of the full step.
     const SPINS_OF_J: usize;
@@ -208,6 +211,7 @@ impl Dimension for Three {
     const SPINS: usize = 3;
     const INERTIA: f64 = 0.4;
     const SPINS_OF_J: usize = Self::HALF_SPIN - 8;
+    const RADIUS: Option<[usize; 2]> = Some([15, 7]);
     type Record = [CacheLine; 2];
     type Force = Force3;
     type Fields = [Lanes16; 16];
@@ -242,9 +246,8 @@ impl Dimension for Three {
         of_j: &mut [Lanes16; 8],
     ) {
         let (lines, _) = differences.as_chunks_mut();
-        let of_j = if FRICTION { Some(of_j) } else { None };
         L::differences::<0, 2>(token, records, list, block, &mut lines[0], None);
-        L::differences::<1, 2>(token, records, list, block, &mut lines[1], of_j);
+        L::differences::<1, 2>(token, records, list, block, &mut lines[1], Some(of_j));
     }
 
     #[inline(always)]

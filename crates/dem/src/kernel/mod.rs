@@ -239,6 +239,8 @@ pub struct Scratch<D: Dimension> {
     overlap: [Lanes16; CHUNK],
     /// n.
     direction: [[Lanes16; 3]; CHUNK],
+    /// R_i + R_j and R_i (m), if the records have radii.
+    radii: [[Lanes16; 2]; CHUNK],
     carry: [[Lanes16; CARRY]; CHUNK],
     response: [Response; CHUNK],
     turning: [Turning; CHUNK],
@@ -270,6 +272,7 @@ impl<D: Dimension> Default for Scratch<D> {
             motion: [PairMotion::ZERO; CHUNK],
             overlap: [Lanes16::ZERO; CHUNK],
             direction: [[Lanes16::ZERO; 3]; CHUNK],
+            radii: [[Lanes16::ZERO; 2]; CHUNK],
             carry: [[Lanes16::ZERO; CARRY]; CHUNK],
             response: [Response::NONE; CHUNK],
             turning: [Turning::ZERO; CHUNK],
@@ -340,7 +343,9 @@ fn prefetch_blocks<D: Dimension>(pass: &Pass<'_, D>, blocks: Range<usize>) {
     let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
     prefetch_all(&part.history[of(part.history_lanes)]);
     prefetch_all(&part.parameters[of(part.parameter_lanes)]);
-    prefetch_all(&part.geometry[of(1)]);
+    if D::RADIUS.is_none() {
+        prefetch_all(&part.geometry[of(1)]);
+    }
     for block in blocks {
         let block = part.first + block;
         prefetch(pass.record, part.pairs, block);
@@ -462,6 +467,8 @@ fn scale_jumps<C: ContactLaw, const BUDGET: bool>(
 
 /// Energies below this many units are counted sixteen at a time.
 const MOST_UNITS: f64 = (1u64 << 50) as f64;
+/// Greater ones in multiples of this, and what is left.
+const MANY_UNITS: f64 = (1u64 << 25) as f64;
 
 /// Adds up the dissipation of the contacts.
 #[inline(always)]
@@ -491,12 +498,19 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
             _ => c(1.0 / unit),
         };
         for response in &scratch.response[..blocks.len()] {
-            let units = load(&response.dissipated[kind]) * per_unit;
-            let few = c(MOST_UNITS).greater(units.abs());
-            if few.bits() != u16::MAX {
-                count_many(&units.to_lanes16(), few.bits(), outcome, kind);
+            let mut units = load(&response.dissipated[kind]) * per_unit;
+            if c(MOST_UNITS).greater(units.abs()).bits() != u16::MAX {
+                let few = c(MANY_UNITS * MOST_UNITS).greater(units.abs());
+                if few.bits() != u16::MAX {
+                    count_most(&units.to_lanes16(), few.bits(), outcome, kind);
+                }
+                units = units.select(few, c(0.0));
+                let multiple = (units * c(1.0 / MANY_UNITS)).round();
+                let many = L::total(multiple.count(L::no_counts(token)));
+                outcome.dissipated[kind] += many * MANY_UNITS as i128;
+                units = multiple.mul_add(c(-MANY_UNITS), units);
             }
-            sums = units.select(few, c(0.0)).count(sums);
+            sums = units.count(sums);
         }
         outcome.dissipated[kind] += L::total(sums);
     }
@@ -510,7 +524,7 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
 
 /// Counts the energies (in units) of the lanes that are not in `few`.
 #[cold]
-fn count_many(units: &Lanes16, few: u16, outcome: &mut PassOutcome, kind: usize) {
+fn count_most(units: &Lanes16, few: u16, outcome: &mut PassOutcome, kind: usize) {
     for lane in (0..LANES).filter(|lane| few >> lane & 1 == 0) {
         let units = units.0[lane].round_ties_even();
         if units.abs() < 2f64.powi(100) {
@@ -605,7 +619,10 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         };
         let [slides, rolls, twists] = at_limit.map(|lanes| lanes & touched);
         contacts.limits[block] = [slides, rolls, twists, idle];
-        let radii = &contacts.geometry[block];
+        let radii = match C::Space::RADIUS {
+            Some(_) => &scratch.radii[k],
+            None => &contacts.geometry[block],
+        };
         let (mut force, mut on_i, mut on_j) =
             forces_of_pair::<C, L>(token, &n, (touching, normal), (response, turning), radii);
         let mut greatest = force[0].abs();

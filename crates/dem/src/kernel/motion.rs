@@ -10,8 +10,8 @@ use crate::contact::{
     ContactLaw, Jump, PairMotion, TORQUES, Turning, is_curved, store_vector, vector,
 };
 use crate::dimension::{Dimension, Three};
-use crate::simd::{LANES, Lanes, Lanes16, Mask, inverse_sqrt};
-use crate::state::{Cell, Stretching, Units, way_to_touch};
+use crate::simd::{LANES, Lanes, Lanes16, Mask, Pairs, inverse_sqrt};
+use crate::state::{Cell, FILLER, Stretching, Units, way_to_touch};
 
 /// Computes the relative motion of the pairs; in three dimensions also rotates the tangential part
 /// of their histories with n. Returns the number of blocks up to the last in which a pair touches
@@ -37,8 +37,9 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     if attracts {
         scratch.jumps.clear();
     }
-    let blocks = contacts.geometry[chunk.clone()]
-        .iter()
+    let blocks = scratch
+        .radii
+        .iter_mut()
         .zip(&mut contacts.touching[chunk.clone()])
         .zip(scratch.difference.iter().zip(&scratch.of_j))
         .zip(scratch.motion.iter_mut().zip(&mut scratch.turning))
@@ -47,6 +48,15 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     for (k, ((((radii, touching), (difference, of_j)), (motion, turning)), places)) in blocks {
         let (direction, overlap) = places;
         let difference = difference.as_ref();
+        let block = chunk.start + k;
+        let radii = if let Some([of_i, of_second]) = C::Space::RADIUS {
+            let of_pair = [&difference[of_i], &of_j[of_second]];
+            let pairs = &contacts.pairs.blocks()[contacts.first + block];
+            *radii = radii_of::<L>(token, of_pair, pairs);
+            radii
+        } else {
+            &contacts.geometry[block]
+        };
         let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
         let mut pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
         if has_feet {
@@ -82,7 +92,6 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         if before | *touching != 0 {
             active = k + 1;
         } else {
-            let block = chunk.start + k;
             let inner = contacts.first + block < contacts.inner;
             contacts.asleep_until[block] = asleep_until(motion, pass.travelled.filter(|_| inner));
         }
@@ -100,6 +109,19 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         }
     }
     active
+}
+
+/// R_i + R_j and R_i (m) of a block of pairs from the radii of its grains, as they are in
+/// [`crate::state::Contacts::geometry`], which would have to come from memory.
+#[inline(always)]
+fn radii_of<L: Lanes>(token: L::Token, of_pair: [&Lanes16; 2], pairs: &Pairs) -> [Lanes16; 2] {
+    let [r_i, r_j] = [L::load(token, of_pair[0]), L::load(token, of_pair[1])];
+    let mut sum = r_i + r_j;
+    // A block is filled up from its end.
+    if pairs.i[LANES - 1] == pairs.j[LANES - 1] {
+        sum = sum.select(L::mask(token, pairs.of_two()), L::splat(token, FILLER));
+    }
+    [sum.to_lanes16(), *of_pair[0]]
 }
 
 /// Updates the mask of touching pairs. Returns the pairs that touch for the first time, and the
@@ -214,11 +236,13 @@ impl<L: Lanes> Separation<L> {
         let mut r = vector::<L>(token, &difference[D::POSITION..], D::AXES);
         let beyond = cell.nearest_images::<D, L>(token, &mut r);
         let (mut image_velocity, mut stretching) = (None, None);
-        if let (Some(images), Some(sheared)) = (beyond, &cell.sheared) {
-            image_velocity = Some([
-                images * c(sheared.velocity),
-                images * c(sheared.half_velocity),
-            ]);
+        if let Some(sheared) = &cell.sheared {
+            if let Some(images) = beyond {
+                image_velocity = Some([
+                    images * c(sheared.velocity),
+                    images * c(sheared.half_velocity),
+                ]);
+            }
             stretching = sheared.stretching;
         }
         let square = D::dot(&r, &r);

@@ -327,7 +327,11 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
                 &records.get_unchecked(pairs.j[lane + k] as usize)[LINE],
             );
             of_j[k] = _mm256_load_pd(b.0.as_ptr().add(from));
-            difference[k] = _mm256_sub_pd(_mm256_load_pd(a.0.as_ptr().add(from)), of_j[k]);
+            let of_i = _mm256_load_pd(a.0.as_ptr().add(from));
+            difference[k] = _mm256_sub_pd(of_i, of_j[k]);
+            if LINE == 1 && from == 4 {
+                difference[k] = _mm256_blend_pd::<0b1000>(difference[k], of_i);
+            }
         }
         [transpose(difference), transpose(of_j)]
     }

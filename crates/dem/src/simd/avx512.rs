@@ -274,7 +274,9 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
                 &records.get_unchecked(pairs.j[first + k] as usize)[LINE],
             );
             of_j[k] = _mm512_load_pd(b.0.as_ptr());
-            difference[k] = _mm512_sub_pd(_mm512_load_pd(a.0.as_ptr()), of_j[k]);
+            let of_i = _mm512_load_pd(a.0.as_ptr());
+            let subtracted = if LINE == 1 { 0x7f } else { 0xff };
+            difference[k] = _mm512_mask_sub_pd(of_i, subtracted, of_i, of_j[k]);
         }
         [transpose(difference), transpose(of_j)]
     }

@@ -106,6 +106,14 @@ pub struct Pairs {
     pub j: [u32; LANES],
 }
 
+impl Pairs {
+    /// The lanes of two different indices: the others fill up a block.
+    pub fn of_two(&self) -> u16 {
+        let lanes = (0..LANES).filter(|&lane| self.i[lane] != self.j[lane]);
+        lanes.fold(0, |mask, lane| mask | 1 << lane)
+    }
+}
+
 /// Makes room for so many elements and few more, in an empty vector: growing by itself it would
 /// double.
 pub fn make_room<T>(vector: &mut Vec<T>, count: usize) {
@@ -245,7 +253,8 @@ pub trait Lanes:
     /// |1 - x y²| < 0.0682.
     fn inverse_sqrt_start(self) -> Self;
     /// Transposes `records[i] - records[j]` of a block of pairs, one cache line of each: `out[k]`
-    /// gets field k of the sixteen differences, `of_j[k]` that of the sixteen records j.
+    /// gets field k of the sixteen differences, `of_j[k]` that of the sixteen records j. Of a second
+    /// line the last field is that of the sixteen records i.
     ///
     /// # Panics
     /// If an index of the list is outside `records`.

@@ -235,7 +235,12 @@ impl Lanes for Portable {
                 &records[pairs.j[lane] as usize][LINE],
             );
             for field in 0..8 {
-                out[field].0[lane] = a.0[field] - b.0[field];
+                let subtracted = if LINE == 1 && field == 7 {
+                    0.0
+                } else {
+                    b.0[field]
+                };
+                out[field].0[lane] = a.0[field] - subtracted;
                 if let Some(of_j) = &mut of_j {
                     of_j[field].0[lane] = b.0[field];
                 }

@@ -2,7 +2,7 @@
 //! all axes and sheared.
 
 use crate::dimension::Dimension;
-use crate::simd::Lanes;
+use crate::simd::{Lanes, Mask};
 
 /// The nearest image of a separation along a periodic axis of `length` (m).
 #[inline]
@@ -108,6 +108,17 @@ impl Cell {
         r: &mut [L; 3],
     ) -> Option<L> {
         let c = |v| L::splat(token, v);
+        let mut furthest = c(0.0);
+        if let Some(sheared) = &self.sheared {
+            furthest = (r[D::UP] * c(1.0 / sheared.height)).abs();
+        }
+        for (r, period) in r[..D::UP].iter().zip(self.periods) {
+            furthest = furthest.max((*r * c(1.0 / period)).abs());
+        }
+        // Few pairs are across an edge.
+        if c(0.5).greater(furthest).bits() == u16::MAX {
+            return None;
+        }
         let mut beyond = None;
         if let Some(sheared) = &self.sheared {
             let images = -(r[D::UP] * c(1.0 / sheared.height)).round();

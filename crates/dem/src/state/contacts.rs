@@ -755,7 +755,7 @@ impl<'a> BlockRange<'a> {
 }
 
 /// R_i + R_j of lanes that fill up a block: negative, so that they never touch.
-const FILLER: f64 = -1.0;
+pub const FILLER: f64 = -1.0;
 
 /// The place of a touching contact in the list, and its grains.
 #[derive(Debug, Clone, Copy)]

@@ -285,6 +285,9 @@ impl<D: Dimension> Grains<D> {
         put(D::HALF_VELOCITY, &g.velocity[axes.clone()]);
         put(D::HALF_SPIN, &g.angular_velocity[spins.clone()]);
         put(D::SPIN, &g.angular_velocity[spins.clone()]);
+        if let Some([at, _]) = D::RADIUS {
+            put(at, &[g.radius]);
+        }
         self.record.push(record);
         let mut force = D::Force::zeroed();
         let sums = &mut force[..];
@@ -333,7 +336,7 @@ impl<D: Dimension> Grains<D> {
     /// along the last axis then says. The next list has none of its contacts.
     pub fn remove(&mut self, g: usize, is_above: bool) {
         self.body[g] = body::REMOVED;
-        self.fields_mut(g)[D::POSITION + D::AXES..].fill(0.0);
+        self.fields_mut(g)[D::VELOCITY..D::SPIN + D::SPINS].fill(0.0);
         self.force[g] = D::Force::zeroed();
         self.half_kick[g] = [0.0; 2];
         self.image[g][D::UP] = if is_above { 1 } else { -1 };

@@ -26,7 +26,7 @@ mod snapshot;
 
 pub use cell::{BoxEdges, Cell, Image, Sheared, Stretching, length, nearest_image};
 pub use contacts::{
-    BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Touching, way_to_touch,
+    BlockRange, CandidatePair, Contacts, FILLER, LocalGrains, Remembered, Touching, way_to_touch,
 };
 pub use frame::{Disks, Frame, FrameRecords};
 pub use grains::{FlatWalls, Foot, Grains, Masses, Units, body};

@@ -12,7 +12,7 @@ use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::simd::{Isa, LANES, Lanes, Lanes16, Portable, PortableToken};
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::system::{ListSettings, Outside, Setup, System};
 
 type Law = Hertz<true>;
 type Vector = [f64; 3];
@@ -430,4 +430,24 @@ fn the_law_is_that_of_lammps() {
             );
         }
     }
+}
+
+#[test]
+fn spheres_at_one_place_are_no_pair_that_fills_up_a_block() {
+    const RADIUS: f64 = 1e-3;
+    let at = |x: f64| {
+        sphere(
+            u32::from(x > 10e-3),
+            RADIUS,
+            [x, 10e-3, 10e-3],
+            [0.0; 3],
+            [0.0; 3],
+        )
+    };
+    let grains = vec![at(10e-3), at(10e-3 + 2.0 * RADIUS)];
+    let mut pair = Spin::new(&GLASS, 0.5, 1e-6, grains, Vec::new());
+    let one = pair.system.grains_mut().fields_mut(0)[..3].to_vec();
+    pair.system.grains_mut().fields_mut(1)[..3].copy_from_slice(&one);
+    let outside = forces(&Solo, &mut pair.system, &pair.law, &mut NoWalls, 0.0, None);
+    assert!(matches!(outside, Some(Outside::Pair(..))), "{outside:?}");
 }
