@@ -13,10 +13,9 @@ use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::keys::{Key, KeyReader};
 use gshear_dem::laws::mixture::pair_force;
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
-use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
 use gshear_dem::step::forces;
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::system::{Setup, System};
 use gshear_spectrum::{Problem, Request, Spectrum, Symbolic, nearest};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -138,19 +137,8 @@ impl<'a, D: Dimension> Packing<'a, D> {
             })
             .expect("one packing of many");
         let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings {
-                skin: Some(0.1),
-                rebuild_every: 0,
-            },
-            cell,
-            largest_radius: 0.53,
             mean_diameter: 1.0,
-            masses: MASSES,
-            step: STEP,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
+            ..Setup::new(cell, 0.53, MASSES, STEP).with_skin(0.1)
         };
         let mut system = System::new(&Solo, setup).expect("one rank");
         system

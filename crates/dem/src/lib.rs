@@ -68,18 +68,8 @@
 //!     material: 0,
 //! };
 //! let grains = vec![grain(0, 4e-3, 0.1), grain(1, 6.1e-3, 0.0), grain(2, 8.2e-3, -0.1)];
-//! let mut system = System::<Two>::new(&Solo, Setup {
-//!     isa: Isa::detect(),
-//!     list: ListSettings::default(),
-//!     cell: Cell::between_walls([20e-3, f64::INFINITY]),
-//!     largest_radius: 1e-3,
-//!     mean_diameter: 2e-3,
-//!     masses: law.masses(),
-//!     step: 1e-6,
-//!     gravity: [0.0; 2],
-//!     typical_force: 1.0,
-//!     threads: 1,
-//! })?;
+//! let cell = Cell::between_walls([20e-3, f64::INFINITY]);
+//! let mut system = System::<Two>::new(&Solo, Setup::new(cell, 1e-3, law.masses(), 1e-6))?;
 //! system.replace(&Solo, force, &mut NoWalls, grains, Vec::new())?;
 //! initial_forces(&Solo, &mut system, force, &mut NoWalls, None)?;
 //!

@@ -349,6 +349,31 @@ pub struct Setup {
     pub threads: usize,
 }
 
+impl Setup {
+    /// Grains of about this radius (m) without gravity, on one thread. `step`: Δt (s).
+    pub fn new(cell: Cell, radius: f64, masses: Masses, step: f64) -> Self {
+        Self {
+            isa: Isa::detect(),
+            list: ListSettings::default(),
+            cell,
+            largest_radius: radius,
+            mean_diameter: 2.0 * radius,
+            masses,
+            step,
+            gravity: [0.0; 2],
+            typical_force: 1.0,
+            threads: 1,
+        }
+    }
+
+    /// With a skin of this many d̄ that does not adapt.
+    #[must_use]
+    pub fn with_skin(mut self, skin: f64) -> Self {
+        self.list.skin = Some(skin);
+        self
+    }
+}
+
 impl<D: Dimension> System<D> {
     /// A system without grains.
     ///

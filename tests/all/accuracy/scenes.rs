@@ -110,16 +110,15 @@ pub fn system<const F: bool, const R: bool>(
         rebuild_every: 0,
     };
     let setup = Setup {
-        isa,
         list,
-        cell: Cell::between_walls([length, f64::INFINITY]),
-        largest_radius: radii.fold(0.0, f64::max),
         mean_diameter: 2.0 * mean,
-        masses: Masses::Density(law.density),
-        step,
-        gravity: [0.0; 2],
-        typical_force: 1.0,
-        threads: 1,
+        isa,
+        ..Setup::new(
+            Cell::between_walls([length, f64::INFINITY]),
+            radii.fold(0.0, f64::max),
+            Masses::Density(law.density),
+            step,
+        )
     };
     let mut system = System::new(&Solo, setup).unwrap();
     let mut drive = NoWalls;

@@ -8,7 +8,6 @@ use gshear_dem::domain::Solo;
 use gshear_dem::drive::{Drive, NoWalls};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::ContactForces;
-use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
 use gshear_dem::system::{ListSettings, Outside, Setup, System};
@@ -81,16 +80,14 @@ impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
             rebuild_every: 0,
         };
         let setup = Setup {
-            isa: Isa::detect(),
             list,
-            cell: Cell::between_walls([setting.length; 2]),
-            largest_radius: radii.fold(0.0, f64::max),
             mean_diameter: 2.0 * mean,
-            masses: Masses::Density(setting.density),
-            step: setting.step,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
+            ..Setup::new(
+                Cell::between_walls([setting.length; 2]),
+                radii.fold(0.0, f64::max),
+                Masses::Density(setting.density),
+                setting.step,
+            )
         };
         let mut system = System::new(&Solo, setup)?;
         system.replace(&Solo, &law, &mut drive, grains, contacts)?;

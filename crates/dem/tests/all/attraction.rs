@@ -1,19 +1,13 @@
 //! Attraction beside the laws: closed forms of impact, detachment and rest.
 
-use bytemuck::Zeroable;
 use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::contact::jkr::Jkr;
 use gshear_dem::dimension::{Dimension, Three, Two};
-use gshear_dem::domain::Solo;
-use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::laws::hooke::Springs;
 use gshear_dem::laws::{Contact, Law, LawSpace, hertz, hooke};
-use gshear_dem::simd::Isa;
-use gshear_dem::state::{Cell, GrainState};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+
+use crate::common::{Rig, minus, norm};
 
 const RADII: [f64; 2] = [1.0e-3, 1.5e-3];
 /// k (N/m; Pa in 2D) and F_c (N; N/m in 2D): F_c/k is a thousandth of a radius.
@@ -45,89 +39,34 @@ fn attracting(friction: f64) -> Contact {
 }
 
 /// Two grains beside each other along x, the first at rest.
-struct Pair<D: LawSpace> {
-    system: System<D>,
-    law: Box<dyn PairForce<D>>,
-    samples: ContactForces,
-}
+struct Pair<D: LawSpace>(Rig<D>);
 
 impl<D: LawSpace> Pair<D> {
     /// With an overlap (m), a velocity (m/s) of the second, and Δt (s).
     fn new(law: &Law, contact: &Contact, overlap: f64, velocity: [f64; 3], step: f64) -> Self {
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings {
-                skin: Some(0.2),
-                rebuild_every: 0,
-            },
-            cell: Cell::between_walls([0.05; 2]),
-            largest_radius: RADII[1],
-            mean_diameter: RADII[0] + RADII[1],
-            masses: law.masses(),
-            step,
-            gravity: [0.0; 2],
-            typical_force: FORCE,
-            threads: 1,
-        };
-        let grain = |id: u32, x: f64, velocity| GrainState {
-            id,
-            position: [x, 0.02, if D::AXES == 3 { 0.02 } else { 0.0 }],
-            velocity,
-            radius: RADII[id as usize],
-            ..GrainState::zeroed()
-        };
         let distance = RADII[0] + RADII[1] - overlap;
-        let grains = vec![
-            grain(0, 0.02, [0.0; 3]),
-            grain(1, 0.02 + distance, velocity),
-        ];
+        let of = [[[0.0; 3]; 3], [[distance, 0.0, 0.0], velocity, [0.0; 3]]];
+        let masses = law.masses();
         let law = D::pair_force(law, contact).expect("a law of this dimension");
-        let mut system = System::new(&Solo, setup).expect("one rank");
-        system
-            .replace(&Solo, law.as_ref(), &mut NoWalls, grains, Vec::new())
-            .expect("a list");
-        let mut samples = ContactForces::default();
-        let given = Some(&mut samples);
-        initial_forces(&Solo, &mut system, law.as_ref(), &mut NoWalls, given).expect("sound");
-        Self {
-            system,
-            law,
-            samples,
-        }
+        Self(Rig::couple(law, (masses, step), RADII, of, Vec::new()))
     }
 
     fn advance(&mut self, steps: usize) {
-        for _ in 0..steps {
-            let request = StepRequest::sampled(&mut self.samples);
-            advance(
-                &Solo,
-                &mut self.system,
-                self.law.as_ref(),
-                &mut NoWalls,
-                request,
-            )
-            .expect("sound");
-        }
+        (0..steps).for_each(|_| self.0.advance());
     }
 
     /// δ (m) and the velocity (m/s) at which the pair separates.
     fn motion(&mut self) -> [f64; 2] {
-        let [a, b] = self.system.grain_states()[..] else {
+        let [a, b] = self.0.system.grain_states()[..] else {
             panic!("two grains");
         };
-        let r: Vec<f64> = (0..3).map(|k| b.position[k] - a.position[k]).collect();
-        let overlap = RADII[0] + RADII[1] - r.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let overlap = RADII[0] + RADII[1] - norm(minus(b.position, a.position));
         [overlap, b.velocity[0] - a.velocity[0]]
     }
 
     /// F_n and |F_t| of the contact, if the grains touch.
     fn forces(&self) -> Option<[f64; 2]> {
-        let at = self.system.contacts.touching().next()?;
-        let tangential = (0..D::SPINS).map(|k| self.samples.tangential[at.block][k].0[at.lane]);
-        Some([
-            self.samples.normal[at.block].0[at.lane],
-            tangential.map(|f| f * f).sum::<f64>().sqrt(),
-        ])
+        (self.0.contact_force()).map(|(normal, tangential)| [normal, norm(tangential)])
     }
 }
 
@@ -400,7 +339,7 @@ fn damped_and_frictional_impacts_with_jkr_are_of_second_order() {
         let mut pair = Pair::<Three>::new(&law, &contact, start, velocity, step);
         pair.advance(steps);
         assert!(pair.forces().is_none());
-        let grain = pair.system.grain_states()[0];
+        let grain = pair.0.system.grain_states()[0];
         let rim = grain.angular_velocity.map(|w| w * grain.radius);
         [grain.velocity, rim].map(|v| v.map(|v| v / speed))
     };

@@ -1,13 +1,123 @@
-//! A gas in a sheared periodic box, dense enough that its grains touch; its laws and random
-//! numbers.
+//! Grains on one rank with their law and walls, and a gas in a sheared periodic box, dense enough
+//! that its grains touch.
 
 use bytemuck::Zeroable;
 use gshear_dem::dimension::Dimension;
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::{Drive, NoWalls};
+use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::Springs;
-use gshear_dem::simd::Isa;
-use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
-use gshear_dem::system::{ListSettings, Setup};
+use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared};
+use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::system::{ListSettings, Setup, System};
+
+pub type Vector = [f64; 3];
+
+pub fn dot(a: Vector, b: Vector) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub fn norm(a: Vector) -> f64 {
+    dot(a, a).sqrt()
+}
+
+pub fn cross(a: Vector, b: Vector) -> Vector {
+    std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+}
+
+pub fn minus(a: Vector, b: Vector) -> Vector {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+/// Contacts with this μ and nothing else.
+pub fn frictional(friction: f64) -> Contact {
+    Contact {
+        friction,
+        ..Contact::NONE
+    }
+}
+
+/// Grains on one rank, and the forces of the last step.
+pub struct Rig<D: Dimension, W = NoWalls> {
+    pub system: System<D>,
+    pub law: Box<dyn PairForce<D>>,
+    pub walls: W,
+    pub samples: ContactForces,
+}
+
+impl<D: Dimension, W: Drive<D>> Rig<D, W> {
+    pub fn new(
+        setup: Setup,
+        law: Box<dyn PairForce<D>>,
+        walls: W,
+        (grains, contacts): (Vec<GrainState>, Vec<ContactState>),
+    ) -> Self {
+        let system = System::new(&Solo, setup).expect("one rank");
+        let mut rig = Self {
+            system,
+            law,
+            walls,
+            samples: ContactForces::default(),
+        };
+        let (law, walls) = (rig.law.as_ref(), &mut rig.walls);
+        let made = rig.system.replace(&Solo, law, walls, grains, contacts);
+        made.expect("a list");
+        let samples = Some(&mut rig.samples);
+        initial_forces(&Solo, &mut rig.system, law, walls, samples).expect("sound");
+        rig
+    }
+
+    pub fn advance(&mut self) {
+        let request = StepRequest::sampled(&mut self.samples);
+        let (law, walls) = (self.law.as_ref(), &mut self.walls);
+        advance(&Solo, &mut self.system, law, walls, request).expect("sound");
+    }
+
+    /// F_n and F_t of the contact, if two grains touch.
+    pub fn contact_force(&self) -> Option<(f64, Vector)> {
+        let at = self.system.contacts.touching().next()?;
+        let mut tangential = [0.0; 3];
+        for (f, lanes) in tangential[..D::SPINS]
+            .iter_mut()
+            .zip(&self.samples.tangential[at.block])
+        {
+            *f = lanes.0[at.lane];
+        }
+        Some((self.samples.normal[at.block].0[at.lane], tangential))
+    }
+}
+
+impl<D: Dimension> Rig<D> {
+    /// Two grains in a wide cell: their radii, places about its middle, velocities and spins.
+    pub fn couple(
+        law: Box<dyn PairForce<D>>,
+        (masses, step): (Masses, f64),
+        radii: [f64; 2],
+        of: [[Vector; 3]; 2],
+        contacts: Vec<ContactState>,
+    ) -> Self {
+        let largest = radii[0].max(radii[1]);
+        let grain = |id: usize| {
+            let [place, velocity, angular_velocity] = of[id];
+            let mut position = [0.0; 3];
+            for (axis, x) in position[..D::AXES].iter_mut().enumerate() {
+                *x = 15.0 * largest + place[axis];
+            }
+            GrainState {
+                id: id as u32,
+                radius: radii[id],
+                position,
+                velocity,
+                angular_velocity,
+                ..GrainState::zeroed()
+            }
+        };
+        let cell = Cell::between_walls([30.0 * largest; 2]);
+        let setup = Setup::new(cell, largest, masses, step).with_skin(0.1);
+        Self::new(setup, law, NoWalls, (vec![grain(0), grain(1)], contacts))
+    }
+}
 
 /// Greatest radius (m), and distance between the sites of the lattice on which the gas begins (m).
 pub const RADIUS: f64 = 1e-3;
@@ -37,28 +147,21 @@ pub fn springs<D: Dimension>() -> Springs {
 /// `side` grains along every axis; the images above move with `velocity` (m/s).
 pub fn setup<D: Dimension>(side: usize, velocity: f64, list: ListSettings) -> Setup {
     let length = side as f64 * SPACING;
-    Setup {
-        isa: Isa::detect(),
-        list,
-        cell: Cell {
-            periods: match D::AXES {
-                2 => [length, f64::INFINITY],
-                _ => [length; 2],
-            },
-            sheared: Some(Sheared {
-                offset: 0.3 * RADIUS,
-                velocity,
-                half_velocity: velocity,
-                ..Sheared::upright(length)
-            }),
+    let cell = Cell {
+        periods: match D::AXES {
+            2 => [length, f64::INFINITY],
+            _ => [length; 2],
         },
-        largest_radius: RADIUS,
-        mean_diameter: 2.0 * RADIUS,
-        masses: Masses::Density(DENSITY),
-        step: 2e-7,
-        gravity: [0.0; 2],
-        typical_force: 1.0,
-        threads: 1,
+        sheared: Some(Sheared {
+            offset: 0.3 * RADIUS,
+            velocity,
+            half_velocity: velocity,
+            ..Sheared::upright(length)
+        }),
+    };
+    Setup {
+        list,
+        ..Setup::new(cell, RADIUS, Masses::Density(DENSITY), 2e-7)
     }
 }
 

@@ -11,7 +11,6 @@ use gshear_dem::laws::hertz::{Hertz, Spheres};
 use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::observe;
 use gshear_dem::protocol::Protocol;
-use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{ListSettings, Setup, System};
@@ -36,20 +35,17 @@ fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Acce
         _ => length,
     };
     let setup = Setup {
-        isa: Isa::detect(),
-        // Lists are then rebuilt after steps with and without access.
         list: ListSettings {
             skin: Some(0.1),
             rebuild_every: 7,
         },
-        cell: Cell::between_walls([length, width]),
-        largest_radius: 1.01 * RADIUS,
         mean_diameter: 2.0 * RADIUS,
-        masses: Masses::Density(DENSITY),
-        step,
-        gravity: [0.0; 2],
-        typical_force: 1.0,
-        threads: 1,
+        ..Setup::new(
+            Cell::between_walls([length, width]),
+            1.01 * RADIUS,
+            Masses::Density(DENSITY),
+            step,
+        )
     };
     let mass = DENSITY * D::volume(RADIUS);
     let per_layer = SIDE.pow(D::UP as u32);

@@ -5,17 +5,16 @@ use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::ContactForces;
-use gshear_dem::laws::Contact;
 use gshear_dem::laws::hertz::Hertz;
 use gshear_dem::laws::hertz::Spheres;
-use gshear_dem::simd::{Isa, LANES, Lanes, Lanes16, Portable, PortableToken};
+use gshear_dem::simd::{LANES, Lanes, Lanes16, Portable, PortableToken};
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
-use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
-use gshear_dem::system::{ListSettings, Outside, Setup, System};
+use gshear_dem::step::forces;
+use gshear_dem::system::{Outside, Setup};
+
+use crate::common::{Rig, Vector, cross, dot, frictional, norm};
 
 type Law = Hertz<true>;
-type Vector = [f64; 3];
 
 const GLASS: Spheres = Spheres {
     young_modulus: 48e9,
@@ -25,87 +24,31 @@ const GLASS: Spheres = Spheres {
     tangential_damping: 0.0,
 };
 
-fn contact(friction: f64) -> Contact {
-    Contact {
-        friction,
-        ..Contact::NONE
-    }
-}
-
-fn dot(a: Vector, b: Vector) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
-}
-
 fn map(a: Vector, b: Vector, f: impl Fn(f64, f64) -> f64) -> Vector {
     [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])]
 }
 
-fn norm(a: Vector) -> f64 {
-    dot(a, a).sqrt()
+/// Spheres in a wide box.
+fn rig(
+    spheres: &Spheres,
+    friction: f64,
+    step: f64,
+    grains: Vec<GrainState>,
+    contacts: Vec<ContactState>,
+) -> Rig<Three> {
+    let largest = grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
+    let (cell, masses) = (
+        Cell::between_walls([20.0 * largest; 2]),
+        Masses::Density(spheres.density),
+    );
+    let setup = Setup::new(cell, largest, masses, step).with_skin(0.1);
+    let law = Box::new(Law::new(spheres, &frictional(friction)));
+    Rig::new(setup, law, NoWalls, (grains, contacts))
 }
 
-/// Spheres in a wide box, on one rank.
-struct Spin {
-    system: System<Three>,
-    law: Law,
-    samples: ContactForces,
-}
-
-impl Spin {
-    fn new(
-        spheres: &Spheres,
-        friction: f64,
-        step: f64,
-        grains: Vec<GrainState>,
-        contacts: Vec<ContactState>,
-    ) -> Self {
-        let largest = grains.iter().fold(0.0, |r: f64, g| r.max(g.radius));
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings {
-                skin: Some(0.1),
-                rebuild_every: 0,
-            },
-            cell: Cell::between_walls([20.0 * largest; 2]),
-            largest_radius: largest,
-            mean_diameter: 2.0 * largest,
-            masses: Masses::Density(spheres.density),
-            step,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        };
-        let mut system = System::new(&Solo, setup).expect("one rank");
-        let law = Law::new(spheres, &contact(friction));
-        system
-            .replace(&Solo, &law, &mut NoWalls, grains, contacts)
-            .expect("a list");
-        let mut samples = ContactForces::default();
-        initial_forces(&Solo, &mut system, &law, &mut NoWalls, Some(&mut samples)).expect("sound");
-        Self {
-            system,
-            law,
-            samples,
-        }
-    }
-
-    fn advance(&mut self) {
-        let wanted = StepRequest::sampled(&mut self.samples);
-        advance(&Solo, &mut self.system, &self.law, &mut NoWalls, wanted).expect("sound");
-    }
-
-    fn force(&self) -> f64 {
-        let at = self.system.contacts.touching().next();
-        at.map_or(0.0, |at| self.samples.normal[at.block].0[at.lane])
-    }
+/// F_n of the contact, if there is one.
+fn normal_force(pair: &Rig<Three>) -> f64 {
+    pair.contact_force().map_or(0.0, |(normal, _)| normal)
 }
 
 fn sphere(id: u32, radius: f64, position: Vector, velocity: Vector, spin: Vector) -> GrainState {
@@ -129,13 +72,13 @@ fn glass_spheres_collide_as_hertz_says() {
         sphere(0, RADIUS, at(-RADIUS), [10.0, 0.0, 0.0], [0.0; 3]),
         sphere(1, RADIUS, at(RADIUS), [-10.0, 0.0, 0.0], [0.0; 3]),
     ];
-    let mut pair = Spin::new(&GLASS, 0.0, step, grains, Vec::new());
+    let mut pair = rig(&GLASS, 0.0, step, grains, Vec::new());
     let (mut greatest, mut steps, mut nearest) = (0.0f64, 0, f64::INFINITY);
     loop {
         pair.advance();
         let [a, b] = [0, 1].map(|g| pair.system.grains().state(g).position[0]);
         nearest = nearest.min(b - a);
-        greatest = greatest.max(pair.force());
+        greatest = greatest.max(normal_force(&pair));
         if b - a > 2.0 * RADIUS {
             break;
         }
@@ -169,9 +112,9 @@ fn gross_slip_in_any_direction() {
         sphere(0, RADIUS, side(1.0), moving(1.0), [0.0; 3]),
         sphere(1, RADIUS, side(-1.0), moving(-1.0), [0.0; 3]),
     ];
-    let mut pair = Spin::new(&stiff, FRICTION, 2e-10, grains, Vec::new());
+    let mut pair = rig(&stiff, FRICTION, 2e-10, grains, Vec::new());
     (0..100_000).for_each(|_| pair.advance());
-    assert_eq!(pair.force(), 0.0);
+    assert_eq!(normal_force(&pair), 0.0);
     let end = pair.system.grains().state(0);
     assert!((dot(end.velocity, n) / v_n - 1.0).abs() < 2e-3);
     // The spring has to be loaded first, and n turns by a milliradian.
@@ -212,7 +155,7 @@ fn history_turns_with_the_contact() {
         ];
         let contacts = vec![ContactState::new(0, 1, u)];
         let step = 1e-6;
-        let mut pair = Spin::new(&GLASS, 1e6, step, grains, contacts);
+        let mut pair = rig(&GLASS, 1e6, step, grains, contacts);
         let spin = axis.map(|a| a * turn / step * distance / (2.0 * RADIUS));
         for k in 1..=steps {
             for (g, sign) in [(0, 1.0), (1, -1.0)] {
@@ -225,10 +168,17 @@ fn history_turns_with_the_contact() {
                 r[Three::HALF_SPIN..Three::HALF_SPIN + 3].copy_from_slice(&spin);
                 r[Three::SPIN..Three::SPIN + 3].copy_from_slice(&spin);
             }
-            let outside = forces(&Solo, &mut pair.system, &pair.law, &mut NoWalls, step, None);
+            let outside = forces(
+                &Solo,
+                &mut pair.system,
+                pair.law.as_ref(),
+                &mut NoWalls,
+                step,
+                None,
+            );
             assert_eq!(outside, None);
         }
-        let after = pair.system.contact_states(&pair.law)[0].history;
+        let after = pair.system.contact_states(pair.law.as_ref())[0].history;
         norm(map(after, u, |a, b| a - b)) / norm(u)
     };
     let errors = [200, 400, 800].map(error);
@@ -266,7 +216,7 @@ fn motion_in_contact_is_of_second_order() {
                 [-200.0, 400.0, 100.0],
             ),
         ];
-        let mut pair = Spin::new(&damped, 1e3, 1e-5 / steps as f64, grains, Vec::new());
+        let mut pair = rig(&damped, 1e3, 1e-5 / steps as f64, grains, Vec::new());
         (0..steps).for_each(|_| pair.advance());
         pair.system.grains().state(0)
     };
@@ -302,7 +252,7 @@ fn the_law_is_that_of_lammps() {
         normal_damping: 2e7,
         tangential_damping: 1e7,
     };
-    let law = Law::new(&spheres, &contact(0.5));
+    let law = Law::new(&spheres, &frictional(0.5));
     let radius = DIAMETERS.map(|d| 0.5 * d);
     let mut x = [
         [0.0, 0.0, 0.0],
@@ -445,9 +395,16 @@ fn spheres_at_one_place_are_no_pair_that_fills_up_a_block() {
         )
     };
     let grains = vec![at(10e-3), at(10e-3 + 2.0 * RADIUS)];
-    let mut pair = Spin::new(&GLASS, 0.5, 1e-6, grains, Vec::new());
+    let mut pair = rig(&GLASS, 0.5, 1e-6, grains, Vec::new());
     let one = pair.system.grains_mut().fields_mut(0)[..3].to_vec();
     pair.system.grains_mut().fields_mut(1)[..3].copy_from_slice(&one);
-    let outside = forces(&Solo, &mut pair.system, &pair.law, &mut NoWalls, 0.0, None);
+    let outside = forces(
+        &Solo,
+        &mut pair.system,
+        pair.law.as_ref(),
+        &mut NoWalls,
+        0.0,
+        None,
+    );
     assert!(matches!(outside, Some(Outside::Pair(..))), "{outside:?}");
 }

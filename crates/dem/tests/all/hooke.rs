@@ -3,18 +3,13 @@
 
 use std::f64::consts::PI;
 
-use bytemuck::Zeroable;
 use gshear_dem::dimension::Two;
-use gshear_dem::domain::Solo;
-use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::Hooke;
 use gshear_dem::laws::hooke::Springs;
-use gshear_dem::simd::Isa;
-use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::state::{ContactState, Masses};
+
+use crate::common::Rig;
 
 type Law = Hooke<Two, true, true>;
 
@@ -73,70 +68,35 @@ fn approach(s: &State) -> ([f64; 2], f64, f64) {
 impl Impact {
     /// Hands on the state and F_n after every step of `step` (s), until told to stop.
     fn run(&self, step: f64, mut look: impl FnMut(u64, &State, f64) -> bool) {
-        const LENGTH: f64 = 20e-3;
-        // Away from the seam.
-        const CENTRE: f64 = 10e-3;
         let springs = Springs {
             damping_ratio: self.damping_ratio,
             sliding_damping: 0.0,
             ..SPRINGS
         };
-        let law = Law::new(&springs, &self.contact);
+        let law = Box::new(Law::new(&springs, &self.contact));
         let n = [self.angle.cos(), self.angle.sin()];
         let distance = RADII[0] + RADII[1] - self.overlap;
-        let grain = |id: u32, position: [f64; 2], [u, v]: [f64; 2]| GrainState {
-            id,
-            radius: RADII[id as usize],
-            position: [CENTRE + position[0], position[1], 0.0],
-            velocity: [u, v, 0.0],
-            angular_velocity: [0.0, 0.0, self.spin[id as usize]],
-            ..GrainState::zeroed()
-        };
         let moving = [
             self.approach * n[0] + self.sideways * n[1],
             self.approach * n[1] - self.sideways * n[0],
+            0.0,
         ];
-        let grains = vec![
-            grain(0, [distance * n[0], distance * n[1]], [0.0; 2]),
-            grain(1, [0.0; 2], moving),
+        let apart = [distance * n[0], distance * n[1], 0.0];
+        let of = [
+            [apart, [0.0; 3], [0.0, 0.0, self.spin[0]]],
+            [[0.0; 3], moving, [0.0, 0.0, self.spin[1]]],
         ];
-        let contacts = vec![ContactState::new(
-            0,
-            1,
-            [self.history[0], 0.0, self.history[1]],
-        )];
-        let list = ListSettings {
-            skin: Some(0.1),
-            rebuild_every: 0,
-        };
-        let setup = Setup {
-            isa: Isa::detect(),
-            list,
-            cell: Cell::between_walls([LENGTH, f64::INFINITY]),
-            largest_radius: RADII[1],
-            mean_diameter: 1.7e-3,
-            masses: Masses::Density(SPRINGS.density),
-            step,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        };
-        let mut system = System::new(&Solo, setup).expect("one rank is not too many");
-        let mut drive = NoWalls;
-        system
-            .replace(&Solo, &law, &mut drive, grains, contacts)
-            .expect("a list");
-        initial_forces(&Solo, &mut system, &law, &mut drive, None).expect("sound forces");
-        let mut samples = ContactForces::default();
+        let contact = ContactState::new(0, 1, [self.history[0], 0.0, self.history[1]]);
+        let masses = Masses::Density(SPRINGS.density);
+        let mut pair = Rig::couple(law, (masses, step), RADII, of, vec![contact]);
         for k in 1.. {
-            let wanted = StepRequest::sampled(&mut samples);
-            advance(&Solo, &mut system, &law, &mut drive, wanted).expect("a sound step");
+            pair.advance();
             let mut state = [0.0; 10];
-            for (to, g) in state.chunks_mut(5).zip(system.grain_states()) {
+            for (to, g) in state.chunks_mut(5).zip(pair.system.grain_states()) {
                 let ([x, y, _], [u, v, _]) = (g.position, g.velocity);
                 to.copy_from_slice(&[x, y, u, v, g.angular_velocity[2]]);
             }
-            if !look(k, &state, samples.normal[0].0[0]) {
+            if !look(k, &state, pair.samples.normal[0].0[0]) {
                 break;
             }
         }

@@ -9,10 +9,9 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hertz::{Hertz, Spheres};
 use gshear_dem::laws::hooke::{Hooke, Springs};
-use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::system::{Setup, System};
 
 const RADIUS: f64 = 1e-3;
 /// Edges of the box (m), and the time step (s).
@@ -57,18 +56,7 @@ fn straight<D: Dimension>(law: &dyn PairForce<D>, sheared: bool) {
     let start: Vec<GrainState> = (0..4).map(grain).collect();
     let mut system = System::<D>::new(
         &Solo,
-        Setup {
-            isa: Isa::detect(),
-            list: ListSettings::default(),
-            cell,
-            largest_radius: RADIUS,
-            mean_diameter: 2.0 * RADIUS,
-            masses: Masses::Density(2500.0),
-            step: STEP,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        },
+        Setup::new(cell, RADIUS, Masses::Density(2500.0), STEP),
     )
     .expect("one rank");
     (system.replace(&Solo, law, &mut NoWalls, start.clone(), Vec::new())).expect("a list");

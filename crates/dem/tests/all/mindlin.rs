@@ -1,20 +1,13 @@
 //! The smoothed Mindlin law: values by hand, closed forms of an impact, energies, order in Δt.
 
-use bytemuck::Zeroable;
 use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response, dissipation};
 use gshear_dem::dimension::{Dimension, Three, Two};
-use gshear_dem::domain::Solo;
-use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::ContactForces;
-use gshear_dem::laws::Contact;
 use gshear_dem::laws::mindlin::Mindlin;
 use gshear_dem::laws::mindlin::MindlinSprings;
-use gshear_dem::simd::{Isa, LANES, Lanes, Lanes16, Portable, PortableToken};
-use gshear_dem::state::{Cell, GrainState, Masses};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::simd::{LANES, Lanes, Lanes16, Portable, PortableToken};
+use gshear_dem::state::Masses;
 
-type Vector = [f64; 3];
+use crate::common::{Rig, Vector, frictional, minus, norm};
 
 /// In BO's units: k_n = 1, m = 1, the small spheres' diameter 1.
 const SPRINGS: MindlinSprings = MindlinSprings {
@@ -23,17 +16,6 @@ const SPRINGS: MindlinSprings = MindlinSprings {
     masses: Masses::Equal(1.0),
 };
 const RADII: [f64; 2] = [0.5, 0.7];
-
-fn contact(friction: f64) -> Contact {
-    Contact {
-        friction,
-        ..Contact::NONE
-    }
-}
-
-fn norm(v: Vector) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
 
 /// One evaluation: F_n, F_t, history, sliding, losses. `deeper`: by how much the overlap has grown
 /// in the step.
@@ -44,7 +26,7 @@ fn evaluate<D: Dimension>(
     history: Vector,
     slip: Vector,
 ) -> (f64, Vector, Vector, bool, [f64; dissipation::KINDS]) {
-    let law = Mindlin::<D, true>::new(&SPRINGS, &contact(friction));
+    let law = Mindlin::<D, true>::new(&SPRINGS, &frictional(friction));
     let lanes = |v| Portable::splat(PortableToken, v);
     let splat = |v: f64| Lanes16([v; LANES]);
     let mut parameters = [Lanes16::ZERO; 1];
@@ -200,67 +182,9 @@ fn energies_lost() {
     }
 }
 
-/// Two grains in a wide box.
-struct Couple<D: Dimension> {
-    system: System<D>,
-    law: Mindlin<D, true>,
-    samples: ContactForces,
-}
-
-impl<D: Dimension> Couple<D> {
-    /// Position, velocity, spin of each; `step`: Δt.
-    fn new(friction: f64, step: f64, of: [[Vector; 3]; 2]) -> Self {
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings {
-                skin: Some(0.1),
-                rebuild_every: 0,
-            },
-            cell: Cell::between_walls([20.0; 2]),
-            largest_radius: RADII[1],
-            mean_diameter: 1.2,
-            masses: SPRINGS.masses,
-            step,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        };
-        let grain = |id: usize| {
-            let [position, velocity, angular_velocity] = of[id];
-            GrainState {
-                id: id as u32,
-                radius: RADII[id],
-                position: position.map(|x| 10.0 + x),
-                velocity,
-                angular_velocity,
-                ..GrainState::zeroed()
-            }
-        };
-        let mut system = System::new(&Solo, setup).expect("one rank");
-        let law = Mindlin::new(&SPRINGS, &contact(friction));
-        system
-            .replace(
-                &Solo,
-                &law,
-                &mut NoWalls,
-                vec![grain(0), grain(1)],
-                Vec::new(),
-            )
-            .expect("a list");
-        let mut samples = ContactForces::default();
-        initial_forces(&Solo, &mut system, &law, &mut NoWalls, Some(&mut samples)).expect("sound");
-        Self {
-            system,
-            law,
-            samples,
-        }
-    }
-
-    fn advance(&mut self) {
-        let wanted = StepRequest::sampled(&mut self.samples);
-        let (system, law) = (&mut self.system, &self.law);
-        advance(&Solo, system, law, &mut NoWalls, wanted).expect("sound");
-    }
+fn couple<D: Dimension>(friction: f64, step: f64, of: [[Vector; 3]; 2]) -> Rig<D> {
+    let law = Mindlin::<D, true>::new(&SPRINGS, &frictional(friction));
+    Rig::couple(Box::new(law), (SPRINGS.masses, step), RADII, of, Vec::new())
 }
 
 /// Peak overlap (5m*v²/(4k_n))^(2/5), all energy back, and 2.9432 δ_max/v for the time.
@@ -276,7 +200,7 @@ fn a_head_on_impact() {
     ];
     let errors = [1000, 2000].map(|steps| {
         let step = time / f64::from(steps);
-        let mut pair = Couple::<Three>::new(0.5, step, of);
+        let mut pair = couple::<Three>(0.5, step, of);
         let (mut peak, mut energy, mut steps) = (0.0f64, 0.0f64, 0);
         loop {
             pair.advance();
@@ -309,7 +233,7 @@ fn a_head_on_impact() {
 /// contact slides at the end.
 fn is_of_second_order<D: Dimension>(friction: f64, of: [[Vector; 3]; 2]) -> bool {
     let end = |steps: usize| {
-        let mut pair = Couple::<D>::new(friction, 4.0 / steps as f64, of);
+        let mut pair = couple::<D>(friction, 4.0 / steps as f64, of);
         (0..steps).for_each(|_| pair.advance());
         assert!(pair.system.contacts.touching().next().is_some());
         (
@@ -320,7 +244,7 @@ fn is_of_second_order<D: Dimension>(friction: f64, of: [[Vector; 3]; 2]) -> bool
     let (reference, sliding) = end(12800);
     let errors = [200, 400, 800].map(|steps| {
         let (found, _) = end(steps);
-        let off = |a: Vector, b: Vector| norm([a[0] - b[0], a[1] - b[1], a[2] - b[2]]);
+        let off = |a: Vector, b: Vector| norm(minus(a, b));
         off(found.angular_velocity, reference.angular_velocity)
             + off(found.velocity, reference.velocity)
     });

@@ -6,10 +6,9 @@ use gshear_dem::domain::Solo;
 use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::{Hooke, Springs};
-use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::system::{Setup, System};
 
 const SPRINGS: Springs = Springs {
     normal_stiffness: 1.0,
@@ -37,21 +36,13 @@ where
         ..GrainState::zeroed()
     };
     let width = if D::AXES == 2 { f64::INFINITY } else { 10.0 };
-    let setup = Setup {
-        isa: Isa::detect(),
-        list: ListSettings {
-            skin: Some(0.02),
-            rebuild_every: 0,
-        },
-        cell: Cell::between_walls([10.0, width]),
-        largest_radius: 0.5,
-        mean_diameter: 1.0,
-        masses: Masses::Density(1.0),
-        step: 0.05,
-        gravity: [0.0; 2],
-        typical_force: 1.0,
-        threads: 1,
-    };
+    let setup = Setup::new(
+        Cell::between_walls([10.0, width]),
+        0.5,
+        Masses::Density(1.0),
+        0.05,
+    )
+    .with_skin(0.02);
     let piston = Piston {
         height: 12.0,
         velocity: -SPEED,

@@ -11,10 +11,9 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Protocol};
-use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::system::{Setup, System};
 use gshear_dem::wave::Wave;
 
 const RADIUS: f64 = 1e-3;
@@ -65,21 +64,13 @@ where
             2 => f64::INFINITY,
             _ => length,
         };
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings {
-                skin: Some(0.1),
-                rebuild_every: 0,
-            },
-            cell: Cell::between_walls([length, width]),
-            largest_radius: RADIUS,
-            mean_diameter: 2.0 * RADIUS,
-            masses: Masses::Density(DENSITY),
+        let setup = Setup::new(
+            Cell::between_walls([length, width]),
+            RADIUS,
+            Masses::Density(DENSITY),
             step,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        };
+        )
+        .with_skin(0.1);
         let height = (layers + 1) as f64 * SPACING + gap;
         let per_layer = SIDE.pow(D::UP as u32);
         let piston = Piston {

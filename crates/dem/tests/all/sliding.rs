@@ -1,22 +1,15 @@
 //! Friction, rolling and twisting resistance of spheres: of second order in Δt where contacts slide
 //! and their direction turns, and objective: forces turn with a pair that turns as a rigid body.
 
-use bytemuck::Zeroable;
 use gshear_dem::dimension::Three;
-use gshear_dem::domain::Solo;
-use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::laws::hooke::Springs;
 use gshear_dem::laws::mindlin::MindlinSprings;
 use gshear_dem::laws::tsuji::TsujiSpheres;
 use gshear_dem::laws::{Constants, Contact};
-use gshear_dem::simd::Isa;
-use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::state::{ContactState, Masses};
 
-type Vector = [f64; 3];
+use crate::common::{Rig, Vector, cross, minus, norm};
 
 const RADII: [f64; 2] = [0.5, 0.7];
 
@@ -84,101 +77,30 @@ fn all_contacts() -> impl Iterator<Item = ((&'static str, Box<dyn Constants>), b
     laws().into_iter().map(|law| (law, false)).chain(with)
 }
 
-struct Couple {
-    system: System<Three>,
-    law: Box<dyn PairForce<Three>>,
-    samples: ContactForces,
+/// Position, velocity and spin of each, and the histories of their contact.
+fn couple(
+    radii: [f64; 2],
+    law: &dyn Constants,
+    contact: &Contact,
+    step: f64,
+    of: [[Vector; 3]; 2],
+    (history, torques): (Vector, [f64; 4]),
+) -> Rig<Three> {
+    let contacts = vec![ContactState {
+        torques,
+        ..ContactState::new(0, 1, history)
+    }];
+    let (masses, law) = (
+        law.masses(),
+        law.spheres(contact).expect("a law of spheres"),
+    );
+    Rig::couple(law, (masses, step), radii, of, contacts)
 }
 
-impl Couple {
-    /// Position, velocity and spin of each, and the histories of their contact.
-    fn new(
-        law: &dyn Constants,
-        contact: &Contact,
-        step: f64,
-        of: [[Vector; 3]; 2],
-        histories: (Vector, [f64; 4]),
-    ) -> Self {
-        Self::of_radii(RADII, law, contact, step, of, histories)
-    }
-
-    fn of_radii(
-        radii: [f64; 2],
-        law: &dyn Constants,
-        contact: &Contact,
-        step: f64,
-        of: [[Vector; 3]; 2],
-        (history, torques): (Vector, [f64; 4]),
-    ) -> Self {
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings {
-                skin: Some(0.1),
-                rebuild_every: 0,
-            },
-            cell: Cell::between_walls([20.0; 2]),
-            largest_radius: RADII[1],
-            mean_diameter: 1.2,
-            masses: law.masses(),
-            step,
-            gravity: [0.0; 2],
-            typical_force: 1e-3,
-            threads: 1,
-        };
-        let grain = |id: usize| {
-            let [position, velocity, angular_velocity] = of[id];
-            GrainState {
-                id: id as u32,
-                radius: radii[id],
-                position: position.map(|x| 10.0 + x),
-                velocity,
-                angular_velocity,
-                ..GrainState::zeroed()
-            }
-        };
-        let law = law.spheres(contact).expect("a law of spheres");
-        let mut system = System::new(&Solo, setup).expect("one rank");
-        let contacts = vec![ContactState {
-            torques,
-            ..ContactState::new(0, 1, history)
-        }];
-        let grains = vec![grain(0), grain(1)];
-        system
-            .replace(&Solo, law.as_ref(), &mut NoWalls, grains, contacts)
-            .expect("a list");
-        let mut samples = ContactForces::default();
-        let given = Some(&mut samples);
-        initial_forces(&Solo, &mut system, law.as_ref(), &mut NoWalls, given).expect("sound");
-        Self {
-            system,
-            law,
-            samples,
-        }
-    }
-
-    fn advance(&mut self) {
-        let request = StepRequest::sampled(&mut self.samples);
-        let (system, law) = (&mut self.system, self.law.as_ref());
-        advance(&Solo, system, law, &mut NoWalls, request).expect("sound");
-    }
-
-    /// Whether it is at the limits of friction, rolling and twisting.
-    fn at_limits(&self) -> [bool; 3] {
-        let [slides, rolls, twists, _] = self.system.contacts.limits[0];
-        [slides, rolls, twists].map(|lanes| lanes != 0)
-    }
-}
-
-fn norm(v: Vector) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-fn minus(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn cross(a: Vector, b: Vector) -> Vector {
-    std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+/// Whether it is at the limits of friction, rolling and twisting.
+fn at_limits(pair: &Rig<Three>) -> [bool; 3] {
+    let [slides, rolls, twists, _] = pair.system.contacts.limits[0];
+    [slides, rolls, twists].map(|lanes| lanes != 0)
 }
 
 /// Two spheres pressed together with spins, which slide from the first step on while the direction
@@ -221,10 +143,10 @@ fn a_direction_that_turns_is_followed_to_second_order() {
         let end = |steps: usize| {
             let step = 0.8 / steps as f64;
             let histories = (history, torques);
-            let mut pair = Couple::new(law.as_ref(), &contact, step, of, histories);
+            let mut pair = couple(RADII, law.as_ref(), &contact, step, of, histories);
             for _ in 0..steps {
                 pair.advance();
-                assert_eq!(pair.at_limits(), [true, resists, resists], "{name}");
+                assert_eq!(at_limits(&pair), [true, resists, resists], "{name}");
             }
             pair.system.grains().state(0)
         };
@@ -274,7 +196,7 @@ fn a_force_turns_with_its_pair_about_the_normal() {
             ..RESISTING
         };
         let torques = if resists { [x, y, z, 1e-4] } else { [0.0; 4] };
-        let mut pair = Couple::new(law.as_ref(), &contact, step, of, (history, torques));
+        let mut pair = couple(RADII, law.as_ref(), &contact, step, of, (history, torques));
         (0..STEPS).for_each(|_| pair.advance());
         let contacts = pair.system.contact_states(pair.law.as_ref());
         let found = contacts[0].history;
@@ -350,8 +272,7 @@ fn oscillate(approach: f64) {
             };
             let of = [grain(1.0), grain(-1.0)];
             let histories = ([0.0; 3], [0.0; 4]);
-            let mut pair =
-                Couple::of_radii([RADIUS; 2], law.as_ref(), &contact, step, of, histories);
+            let mut pair = couple([RADIUS; 2], law.as_ref(), &contact, step, of, histories);
             (0..steps + 20).for_each(|_| pair.advance());
             let [a, b] = [0, 1].map(|g| pair.system.grains().state(g).angular_velocity);
             let found: f64 = (0..3).map(|k| (a[k] - b[k]) * axis[k]).sum();
@@ -426,7 +347,7 @@ fn a_torque_beyond_its_limit_is_set_back_at_the_touch() {
         };
         let of = [grain(1.0), grain(-1.0)];
         let histories = ([0.0; 3], [0.0; 4]);
-        let mut pair = Couple::of_radii([RADIUS; 2], &law, &contact, step, of, histories);
+        let mut pair = couple([RADIUS; 2], &law, &contact, step, of, histories);
         // The end is between two steps.
         let spins = [20, 1].map(|more| {
             let steps = if more == 20 { steps + more } else { more };

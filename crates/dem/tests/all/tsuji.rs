@@ -4,18 +4,13 @@
 use gshear_dem::budget::{EnergyBalance, EnergyBudget, SampleState};
 use gshear_dem::dimension::{Dimension, Three};
 use gshear_dem::domain::Solo;
-use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::laws::mindlin::MindlinSprings;
 use gshear_dem::laws::tsuji::TsujiSpheres;
 use gshear_dem::laws::{Constants, Contact};
-use gshear_dem::simd::Isa;
-use gshear_dem::state::{Cell, GrainState, Masses};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::state::{GrainState, Masses};
 
-type Vector = [f64; 3];
+use crate::common::{Rig, Vector, frictional, norm};
 
 const RADII: [f64; 2] = [1.0e-3, 1.5e-3];
 
@@ -33,17 +28,6 @@ fn spheres(young_modulus: f64, restitution: f64, tangential_damping_ratio: f64) 
     }
 }
 
-fn sliding(friction: f64) -> Contact {
-    Contact {
-        friction,
-        ..Contact::NONE
-    }
-}
-
-fn norm(v: Vector) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
 /// Steps of a collision that lasts as long as without dampers.
 const STEPS: u32 = 32_000;
 /// The gap (m) between the spheres at the start: more than the rounding of their positions.
@@ -51,11 +35,7 @@ const GAP: f64 = 1e-12;
 
 /// Two spheres that are about to touch, the second in the direction n from the first, which is at
 /// rest.
-struct Impact {
-    system: System<Three>,
-    law: Box<dyn PairForce<Three>>,
-    samples: ContactForces,
-}
+struct Impact(Rig<Three>);
 
 impl Impact {
     fn new(
@@ -90,48 +70,14 @@ impl Impact {
         spins: [Vector; 2],
     ) -> Self {
         let law = of.spheres(contact).expect("a law of spheres");
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings {
-                skin: Some(0.1),
-                rebuild_every: 0,
-            },
-            cell: Cell::between_walls([0.05; 2]),
-            largest_radius: RADII[1],
-            mean_diameter: RADII[0] + RADII[1],
-            masses: of.masses(),
-            step,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        };
-        let grain = |id: u32, at: f64, velocity: Vector| GrainState {
-            id,
-            body: 0,
-            position: n.map(|n| 0.02 + at * n),
-            velocity,
-            angular_velocity: spins[id as usize],
-            radius: RADII[id as usize],
-            force: [0.0; 3],
-            torque: [0.0; 3],
-            image: [0; 3],
-            material: 0,
-        };
         let distance = RADII[0] + RADII[1] + GAP;
-        let grains = vec![grain(0, 0.0, [0.0; 3]), grain(1, distance, velocity)];
-        let mut system = System::new(&Solo, setup).expect("one rank");
-        system
-            .replace(&Solo, law.as_ref(), &mut NoWalls, grains, Vec::new())
-            .expect("a list");
-        system.budget = Some(EnergyBudget::new(system.grains().units, RADII[1]));
-        let mut samples = ContactForces::default();
-        let given = Some(&mut samples);
-        initial_forces(&Solo, &mut system, law.as_ref(), &mut NoWalls, given).expect("sound");
-        Self {
-            system,
-            law,
-            samples,
-        }
+        let of_two = [
+            [[0.0; 3], [0.0; 3], spins[0]],
+            [n.map(|n| distance * n), velocity, spins[1]],
+        ];
+        let mut rig = Rig::couple(law, (of.masses(), step), RADII, of_two, Vec::new());
+        rig.system.budget = Some(EnergyBudget::new(rig.system.grains().units, RADII[1]));
+        Self(rig)
     }
 
     /// Head on, at this speed (m/s).
@@ -151,35 +97,35 @@ impl Impact {
     }
 
     fn after(&mut self, steps: u32) -> [GrainState; 2] {
-        for _ in 0..steps {
-            let request = StepRequest::sampled(&mut self.samples);
-            let law = self.law.as_ref();
-            advance(&Solo, &mut self.system, law, &mut NoWalls, request).expect("sound");
-        }
-        assert_eq!(self.system.contacts.touching().count(), 0);
-        self.system.grain_states().try_into().expect("two spheres")
+        (0..steps).for_each(|_| self.0.advance());
+        assert_eq!(self.0.system.contacts.touching().count(), 0);
+        self.0
+            .system
+            .grain_states()
+            .try_into()
+            .expect("two spheres")
     }
 
     /// The energy budget, and the kinetic energy (J).
     fn energies(&mut self) -> (EnergyBalance, f64) {
-        let (isa, masses) = (self.system.isa, self.system.masses.clone());
-        let kinetic = self.system.grain_states().into_iter().map(|g| {
+        let (isa, masses) = (self.0.system.isa, self.0.system.masses.clone());
+        let kinetic = self.0.system.grain_states().into_iter().map(|g| {
             let (speed, rim) = (norm(g.velocity), g.radius * norm(g.angular_velocity));
             0.5 * masses.of(0, Three::volume(g.radius)) * (speed * speed + 0.4 * rim * rim)
         });
         let kinetic = kinetic.sum();
-        let mut budget = self.system.budget.take().expect("a budget");
+        let mut budget = self.0.system.budget.take().expect("a budget");
         let sample = SampleState {
-            contacts: &self.system.contacts,
-            overlap: &self.samples.overlap,
+            contacts: &self.0.system.contacts,
+            overlap: &self.0.samples.overlap,
             load: 0.0,
             height: 0.0,
             kinetic,
             potential: 0.0,
             gravity: [0.0; 2],
         };
-        let entry = budget.balance(&Solo, isa, self.law.as_ref(), sample);
-        self.system.budget = Some(budget);
+        let entry = budget.balance(&Solo, isa, self.0.law.as_ref(), sample);
+        self.0.system.budget = Some(budget);
         (entry, kinetic)
     }
 }
@@ -222,7 +168,7 @@ fn gross_slip_converges() {
         };
         let (n, velocity) = ([1.0, 0.0, 0.0], [-0.1, 0.6, 0.8]);
         let still = [[0.0; 3]; 2];
-        let mut impact = Impact::in_steps(steps, of, &sliding(FRICTION), n, velocity, still);
+        let mut impact = Impact::in_steps(steps, of, &frictional(FRICTION), n, velocity, still);
         let [a, b] = impact.after(3 * steps);
         let [away, y, z] = std::array::from_fn(|k| b.velocity[k] - a.velocity[k]);
         let lost = FRICTION * (0.1 + away);
@@ -254,7 +200,7 @@ fn the_energy_budget_closes() {
             twisting_friction: mu / 2.0,
             twisting_stiffness: Some(2e6),
             twisting_damping_ratio: 0.002,
-            ..sliding(0.3)
+            ..frictional(0.3)
         };
         let mut impact = Impact::new(spheres(1e10, 0.6, ratio), &contact, n, velocity, spins);
         let (_, before) = impact.energies();
@@ -286,7 +232,7 @@ fn the_energy_budget_of_mindlin_closes() {
     };
     let errors = [2e-8, 1e-8].map(|step| {
         let still = [[0.0; 3]; 2];
-        let mut impact = Impact::of_law(&law, step, &sliding(0.3), n, velocity, still);
+        let mut impact = Impact::of_law(&law, step, &frictional(0.3), n, velocity, still);
         let (_, before) = impact.energies();
         impact.after((3e-5 / step) as u32);
         let (entry, after) = impact.energies();
@@ -324,7 +270,7 @@ fn impacts_are_those_of_lammps() {
             twisting_friction: mu_w,
             twisting_stiffness: Some(k_w),
             twisting_damping_ratio: eta_w,
-            ..sliding(0.4)
+            ..frictional(0.4)
         };
         let (s, c) = angle.to_radians().sin_cos();
         let velocity = std::array::from_fn(|k| SPEED * (s * aside[k] - c * n[k]));

@@ -10,10 +10,9 @@ use gshear_dem::laws::Contact;
 use gshear_dem::laws::hertz::{Hertz, Spheres};
 use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::protocol::{Along, Imposed, Normal, Protocol};
-use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::system::{Setup, System};
 use gshear_dem::wave::Wave;
 
 const RADIUS: f64 = 0.5;
@@ -56,21 +55,7 @@ impl<'l, D: Dimension> Rig<'l, D> {
             periods: [lengths[0], width],
             sheared: Some(Sheared::upright(height)),
         };
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings {
-                skin: Some(0.3),
-                ..ListSettings::default()
-            },
-            cell,
-            largest_radius: RADIUS,
-            mean_diameter: 2.0 * RADIUS,
-            masses: Masses::Density(DENSITY),
-            step,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        };
+        let setup = Setup::new(cell, RADIUS, Masses::Density(DENSITY), step).with_skin(0.3);
         let piston = Piston {
             height,
             velocity: 0.0,

@@ -494,9 +494,8 @@ mod tests {
     use gshear_dem::domain::Solo;
     use gshear_dem::laws::Contact;
     use gshear_dem::laws::hooke::{Hooke, Springs};
-    use gshear_dem::simd::Isa;
     use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
-    use gshear_dem::system::{ListSettings, Setup};
+    use gshear_dem::system::Setup;
 
     /// Grains that fly through the box are as far from their start as in free flight.
     #[test]
@@ -514,21 +513,15 @@ mod tests {
             ..Sheared::upright(16e-3)
         };
         let (step, velocity) = (1e-5, [-0.31, 0.23]);
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings::default(),
-            cell: Cell {
+        let setup = Setup::new(
+            Cell {
                 periods: [20e-3, f64::INFINITY],
                 sheared: Some(sheared),
             },
-            largest_radius: 1e-3,
-            mean_diameter: 2e-3,
-            masses: Masses::Density(2500.0),
+            1e-3,
+            Masses::Density(2500.0),
             step,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        };
+        );
         let system = System::<Two>::new(&Solo, setup).expect("one rank");
         let mut assembly = Assembly::of(&Solo, &law, system);
         let grain = |id: u32| GrainState {

@@ -359,9 +359,8 @@ mod tests {
     use gshear_dem::kernel::PairForce;
     use gshear_dem::laws::Contact;
     use gshear_dem::laws::hooke::{Hooke, Springs};
-    use gshear_dem::simd::Isa;
     use gshear_dem::state::{GrainState, Masses};
-    use gshear_dem::system::{ListSettings, Setup};
+    use gshear_dem::system::Setup;
 
     const SIDE: usize = 8;
     const SPACING: f64 = 0.98;
@@ -389,18 +388,12 @@ mod tests {
             periods: [1.0, f64::INFINITY],
             sheared: Some(Sheared::upright(1.0)),
         };
-        let setup = Setup {
-            isa: Isa::detect(),
-            list: ListSettings::default(),
-            cell: cell.with_lengths::<Two>(lengths),
-            largest_radius: 0.5,
-            mean_diameter: 1.0,
-            masses: Masses::Density(SPRINGS.density),
-            step: 0.01,
-            gravity: [0.0; 2],
-            typical_force: 1.0,
-            threads: 1,
-        };
+        let setup = Setup::new(
+            cell.with_lengths::<Two>(lengths),
+            0.5,
+            Masses::Density(SPRINGS.density),
+            0.01,
+        );
         let grain = |id: usize| {
             let (row, column) = (id / SIDE, id % SIDE);
             let x = SPACING * (column as f64 + 0.25 + 0.5 * (row % 2) as f64);
