@@ -128,7 +128,8 @@ pub struct Response {
     pub rolls: u16,
     /// Lanes at the limit of twisting.
     pub twists: u16,
-    /// Lanes with an overlap outside the law.
+    /// Lanes with an overlap outside the law, set by the kernel where there is a
+    /// [`ContactLaw::LARGEST_OVERLAP`].
     pub beyond: u16,
     /// Dissipation by [`dissipation`], if an energy budget is kept; also of contacts that have just
     /// opened, and 0 elsewhere.
@@ -178,6 +179,9 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     /// Whether rolling torques can arise. In three dimensions their history is the last
     /// [`TORQUES`] numbers, and `FRICTION` is set.
     const ROLLING: bool;
+    /// The largest overlap within the law over the diameter of the smaller grain; infinite if the
+    /// law itself sets [`Response::beyond`].
+    const LARGEST_OVERLAP: f64 = f64::INFINITY;
 
     /// Computes the parameters of pairs of radii r_i, r_j (m), one [`Lanes16`] each.
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]);

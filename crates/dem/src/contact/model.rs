@@ -140,7 +140,7 @@ impl<C: ContactLaw> Work for Parameters<'_, C> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) {
-        let blocks = self.out.chunks_exact_mut(C::PARAMETERS);
+        let blocks = self.out.chunks_exact_mut(C::PARAMETERS.max(1));
         for ([sum, r_i], out) in self.geometry.iter().zip(blocks) {
             // The sum is negative in lanes that fill up a block.
             let (sum, r_i) = (L::load(token, sum).abs(), L::load(token, r_i));

@@ -44,8 +44,10 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         .zip(scratch.difference.iter().zip(&scratch.of_j))
         .zip(scratch.motion.iter_mut().zip(&mut scratch.turning))
         .zip(scratch.direction.iter_mut().zip(&mut scratch.overlap))
+        .zip(&mut scratch.response)
         .enumerate();
-    for (k, ((((radii, touching), (difference, of_j)), (motion, turning)), places)) in blocks {
+    for (k, (((((radii, touching), of_records), of_motion), places), response)) in blocks {
+        let ((difference, of_j), (motion, turning)) = (of_records, of_motion);
         let (direction, overlap) = places;
         let difference = difference.as_ref();
         let block = chunk.start + k;
@@ -89,6 +91,10 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let lengths = [pair.overlap, approach, sum, r_i];
         let (new, since_jump) =
             touch::<L, BUDGET>(token, jkr.as_ref(), lengths, touching, (motion, overlap));
+        if C::LARGEST_OVERLAP < f64::INFINITY {
+            let largest = L::splat(token, 2.0 * C::LARGEST_OVERLAP) * smaller([sum, r_i]);
+            response.beyond = L::load(token, &motion.overlap).greater(largest).bits();
+        }
         if before | *touching != 0 {
             active = k + 1;
         } else {
@@ -122,6 +128,15 @@ fn radii_of<L: Lanes>(token: L::Token, of_pair: [&Lanes16; 2], pairs: &Pairs) ->
         sum = sum.select(L::mask(token, pairs.of_two()), L::splat(token, FILLER));
     }
     [sum.to_lanes16(), *of_pair[0]]
+}
+
+/// The radius of the smaller grain (m), from R_i + R_j and R_i (m).
+#[inline(always)]
+fn smaller<L: Lanes>([sum, r_i]: [L; 2]) -> L {
+    let r_j = sum - r_i;
+    // A flat wall is larger than any grain.
+    let is_smaller = r_i.greater(r_j).and(is_curved([sum, r_i]));
+    r_j.select(is_smaller, r_i)
 }
 
 /// Updates the mask of touching pairs. Returns the pairs that touch for the first time, and the

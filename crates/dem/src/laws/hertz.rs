@@ -343,8 +343,6 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
 const RADIUS: usize = 0;
 /// [`Damper::of_pair`]: m*γ_n (kg/(m s)) of a viscoelastic damper.
 const DAMPING: usize = 1;
-/// Largest overlap (m).
-const LARGEST: usize = 2;
 
 // Indices in `Blocks::carry`: √(δR*), and F_n over it (Pa m).
 const ROOT: usize = 0;
@@ -355,21 +353,20 @@ const NO_AREA: f64 = 1e-290;
 
 impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     type Space = Three;
-    const PARAMETERS: usize = 3;
+    const PARAMETERS: usize = 2;
     const HISTORY: usize = if FRICTION { 3 } else { 0 };
     const HISTORY_UNIT: &'static str = "m";
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = false;
+    const LARGEST_OVERLAP: f64 = LARGEST_OVERLAP;
 
     #[inline(always)]
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let [of_i, of_j] = self.densities.map(c);
         let (m_i, m_j) = (of_i * Three::power(r_i), of_j * Three::power(r_j));
-        let smaller = r_i.select(r_j.greater(r_i), r_j);
         (r_i * r_j / (r_i + r_j)).store(&mut out[RADIUS]);
         D::of_pair(token, c(self.damping), m_i * m_j / (m_i + m_j)).store(&mut out[DAMPING]);
-        (c(2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
     }
 
     fn largest_force(&self, radius: f64) -> f64 {
@@ -399,7 +396,6 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
             per_root.store(&mut carry[NORMAL]);
             let normal = root * per_root;
             normal.store(&mut response.normal);
-            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
             if BUDGET {
                 let dissipated = root.mul_add(elastic, -normal) * v_n;
                 dissipated

@@ -231,10 +231,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
 // Places in the parameters of a pair.
 /// γ_n (kg/(m s)).
 const DAMPING: usize = 0;
-/// Largest overlap (m).
-const LARGEST: usize = 1;
 /// Rows of the law without rolling.
-const PLAIN: usize = 2;
+const PLAIN: usize = 1;
 
 impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     for Hooke<D, FRICTION, ROLLING>
@@ -244,6 +242,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     const HISTORY: usize = if FRICTION { D::SPINS } else { 0 } + ROLLING as usize;
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
+    const LARGEST_OVERLAP: f64 = LARGEST_OVERLAP;
 
     #[inline(always)]
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
@@ -251,10 +250,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         let [of_i, of_j] = self.densities.map(c);
         let (m_i, m_j) = (of_i * D::power(r_i), of_j * D::power(r_j));
         let reduced_mass = m_i * m_j / (m_i + m_j);
-        let smaller = r_i.select(r_j.greater(r_i), r_j);
         (c(2.0 * self.damping_ratio) * (c(self.normal_stiffness) * reduced_mass).sqrt())
             .store(&mut out[DAMPING]);
-        (c(2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
         if ROLLING {
             self.rolling.parameters(token, r_i, r_j, &mut out[PLAIN..]);
         }
@@ -279,7 +276,6 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             let k_n = c(self.normal_stiffness);
             let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
             normal.store(&mut response.normal);
-            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
             if BUDGET {
                 let dissipated = k_n.mul_add(overlap, -normal) * v_n;
                 dissipated
@@ -438,9 +434,9 @@ mod tests {
     };
     const RADII: [f64; 2] = [0.5e-3, 1e-3];
 
-    /// The response of two disks of `RADII`: F_n, F_t and M; sliding and beyond; the new history.
+    /// The response of two disks of `RADII`: F_n, F_t and M; whether they slide; the new history.
     /// `motion` is in the order of `PairMotion`.
-    fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], [bool; 2], [f64; 2]) {
+    fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], bool, [f64; 2]) {
         response_of(&SPRINGS, motion, history)
     }
 
@@ -449,7 +445,7 @@ mod tests {
         springs: &Springs,
         motion: [f64; 6],
         history: [f64; 2],
-    ) -> ([f64; 3], [bool; 2], [f64; 2]) {
+    ) -> ([f64; 3], bool, [f64; 2]) {
         type Law = Hooke<Two, true, true>;
         let law = Law::new(springs, &CONTACT);
         let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
@@ -483,7 +479,7 @@ mod tests {
         let [r] = response;
         (
             [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]),
-            [r.sliding != 0, r.beyond != 0],
+            r.sliding != 0,
             history.map(|lanes| lanes.0[3]),
         )
     }
@@ -499,7 +495,7 @@ mod tests {
 
     #[test]
     fn springs_and_dampers_below_the_limits() {
-        let ([normal, tangential, rolling], flags, history) =
+        let ([normal, tangential, rolling], slides, history) =
             response([1e-6, -0.01, 0.002, 1e-8, 3.0, 2e-6], [0.05, 1e-6]);
         let m = reduced_mass();
         close(normal, 2.0 + 2.0 * 0.2 * (2e6 * m).sqrt() * 0.01);
@@ -512,19 +508,19 @@ mod tests {
         let inertia = |r: f64| 1.5 * std::f64::consts::PI * 2500.0 * r.powi(4);
         let i_r = inertia(0.5e-3) * inertia(1e-3) / (inertia(0.5e-3) + inertia(1e-3));
         close(rolling, history[1] - 2.0 * 0.3 * (i_r * k_r).sqrt() * 3.0);
-        assert_eq!(flags, [false, false]);
+        assert!(!slides);
     }
 
     #[test]
     fn limits_are_kept_and_remembered_without_dampers() {
-        let ([normal, tangential, rolling], flags, history) =
+        let ([normal, tangential, rolling], slides, history) =
             response([1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
         close(normal, 2.0);
         close(tangential, -0.4 * 2.0);
         close(history[0], tangential);
         close(rolling, -0.1 * (0.5e-3 / 1.5) * 2.0);
         close(history[1], rolling);
-        assert_eq!(flags, [true, false]);
+        assert!(slides);
     }
 
     /// The share of the damper adds to the limit, and the spring keeps it without the damper.
@@ -535,13 +531,13 @@ mod tests {
                 sliding_damping: share,
                 ..SPRINGS
             };
-            let ([_, tangential, rolling], flags, history) =
+            let ([_, tangential, rolling], slides, history) =
                 response_of(&springs, [1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
             let gamma_t = 2.0 * 0.2 * (0.5e6 * reduced_mass()).sqrt();
             close(history[0], -0.4 * 2.0);
             close(tangential, -0.4 * 2.0 - share * gamma_t * 5.0);
             close(rolling, -0.1 * (0.5e-3 / 1.5) * 2.0);
-            assert_eq!(flags, [true, false]);
+            assert!(slides);
         }
         let springs = Springs {
             sliding_damping: 1.0,
@@ -559,12 +555,6 @@ mod tests {
     fn separating_disks_do_not_attract() {
         let ([normal, tangential, _], ..) = response([1e-9, 1.0, 0.1, 1e-9, 0.0, 0.0], [0.3, 0.0]);
         assert_eq!([normal, tangential], [0.0, 0.0]);
-    }
-
-    #[test]
-    fn the_largest_overlap() {
-        let beyond = |overlap| response([overlap, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 2]).1[1];
-        assert!(!beyond(0.93e-4 * 1.0) && beyond(0.95e-4));
     }
 
     #[test]

@@ -150,10 +150,6 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
     }
 }
 
-// Place in the parameters of a pair.
-/// Largest overlap (m).
-const LARGEST: usize = 0;
-
 // Index in `Blocks::carry`: √δ.
 const ROOT: usize = 0;
 
@@ -162,17 +158,14 @@ const NO_OVERLAP: f64 = 1e-200;
 
 impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     type Space = D;
-    const PARAMETERS: usize = 1;
+    const PARAMETERS: usize = 0;
     const HISTORY: usize = if FRICTION { D::SPINS } else { 0 };
     const HISTORY_UNIT: &'static str = "m";
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = false;
+    const LARGEST_OVERLAP: f64 = LARGEST_OVERLAP;
 
-    #[inline(always)]
-    fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
-        let smaller = r_i.select(r_j.greater(r_i), r_j);
-        (L::splat(token, 2.0 * LARGEST_OVERLAP) * smaller).store(&mut out[LARGEST]);
-    }
+    fn parameters<L: Lanes>(&self, _: L::Token, _: L, _: L, _: &mut [Lanes16]) {}
 
     /// F_t may be greater than F_n, but more than twice as great only in contacts of tiny F_n.
     fn largest_force(&self, radius: f64) -> f64 {
@@ -184,10 +177,9 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
-        for (((p, motion), carry), response) in blocks
-            .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.motion)
+        for ((motion, carry), response) in blocks
+            .motion
+            .iter()
             .zip(&mut *blocks.carry)
             .zip(&mut *blocks.response)
         {
@@ -196,7 +188,6 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
             let root = depth * inverse_sqrt(token, depth);
             root.store(&mut carry[ROOT]);
             (c(self.normal_stiffness) * depth * root).store(&mut response.normal);
-            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
             if BUDGET {
                 response.dissipated = [Lanes16::ZERO; dissipation::KINDS];
             }

@@ -125,6 +125,7 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     // The motion across n is needed.
     const FRICTION: bool = true;
     const ROLLING: bool = true;
+    const LARGEST_OVERLAP: f64 = C::LARGEST_OVERLAP;
 
     #[inline(always)]
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {

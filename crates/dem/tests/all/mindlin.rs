@@ -4,7 +4,7 @@ use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response, dissi
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::laws::mindlin::Mindlin;
 use gshear_dem::laws::mindlin::MindlinSprings;
-use gshear_dem::simd::{LANES, Lanes, Lanes16, Portable, PortableToken};
+use gshear_dem::simd::{LANES, Lanes16, Portable, PortableToken};
 use gshear_dem::state::Masses;
 
 use crate::common::{Rig, Vector, frictional, minus, norm};
@@ -27,21 +27,13 @@ fn evaluate<D: Dimension>(
     slip: Vector,
 ) -> (f64, Vector, Vector, bool, [f64; dissipation::KINDS]) {
     let law = Mindlin::<D, true>::new(&SPRINGS, &frictional(friction));
-    let lanes = |v| Portable::splat(PortableToken, v);
     let splat = |v: f64| Lanes16([v; LANES]);
-    let mut parameters = [Lanes16::ZERO; 1];
-    law.parameters(
-        PortableToken,
-        lanes(RADII[0]),
-        lanes(RADII[1]),
-        &mut parameters,
-    );
     let mut lanes = history.map(splat);
     let mut response = [Response::NONE];
     law.evaluate::<Portable, true>(
         PortableToken,
         &mut Blocks {
-            parameters: &parameters,
+            parameters: &[],
             history: &mut lanes[..D::SPINS],
             per_step: 0.0,
             turning: &mut [],

@@ -1,13 +1,18 @@
 //! Friction, rolling and twisting resistance of spheres: of second order in Δt where contacts slide
 //! and their direction turns, and objective: forces turn with a pair that turns as a rigid body.
 
-use gshear_dem::dimension::Three;
+use gshear_dem::dimension::{Dimension, Three};
+use gshear_dem::domain::Solo;
+use gshear_dem::drive::NoWalls;
+use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::laws::hooke::Springs;
 use gshear_dem::laws::mindlin::MindlinSprings;
 use gshear_dem::laws::tsuji::TsujiSpheres;
 use gshear_dem::laws::{Constants, Contact};
 use gshear_dem::state::{ContactState, Masses};
+use gshear_dem::step::forces;
+use gshear_dem::system::Outside;
 
 use crate::common::{Rig, Vector, cross, minus, norm};
 
@@ -359,4 +364,38 @@ fn a_torque_beyond_its_limit_is_set_back_at_the_touch() {
         (found - turning).abs() / spin
     });
     assert!(errors.iter().all(|error| *error < 1e-6), "{errors:?}");
+}
+
+/// Two grains a little within the largest overlap of a law, then a little beyond it.
+fn ends_at_the_largest_overlap<D: Dimension>(
+    name: &str,
+    of: &dyn Constants,
+    law: Option<Box<dyn PairForce<D>>>,
+) {
+    let Some(law) = law else {
+        return;
+    };
+    let most = of.largest_overlap(RADII[0], RADII[1]);
+    let distance = |part: f64| RADII[0] + RADII[1] - part * most;
+    let places = [
+        [[0.0; 3]; 3],
+        [[distance(0.999), 0.0, 0.0], [0.0; 3], [0.0; 3]],
+    ];
+    let mut pair = Rig::couple(law, (of.masses(), 0.01), RADII, places, Vec::new());
+    pair.system.grains_mut().fields_mut(1)[0] -= 0.002 * most;
+    let law = pair.law.as_ref();
+    let outside = forces(&Solo, &mut pair.system, law, &mut NoWalls, 0.0, None);
+    assert!(
+        matches!(outside, Some(Outside::Pair(..))),
+        "{name}: {outside:?}"
+    );
+}
+
+#[test]
+fn every_law_ends_at_its_largest_overlap() {
+    for ((name, law), resists) in all_contacts() {
+        let contact = if resists { RESISTING } else { Contact::NONE };
+        ends_at_the_largest_overlap(name, law.as_ref(), law.spheres(&contact));
+        ends_at_the_largest_overlap(name, law.as_ref(), law.disks(&Contact::NONE));
+    }
 }
