@@ -40,6 +40,8 @@ read_arguments() {
         fail "no program $program; build it with cargo build --release, or set GSHEAR to its path"
     [[ ${CHAIN:-1} =~ ^[1-9][0-9]*$ ]] || fail "CHAIN=$CHAIN: must be a number of jobs, from 1 on"
     [[ ${MARGIN:-0} =~ ^[0-9]+$ ]] || fail "MARGIN=$MARGIN: must be a number of seconds"
+    [[ ${THREADS:-1} =~ ^[1-9][0-9]*$ ]] ||
+        fail "THREADS=$THREADS: must be a number of threads for each rank, from 1 on"
     arguments=("$@")
 }
 

@@ -33,6 +33,7 @@ read_arguments "$usage" "$@"
 
 threads=${THREADS:-1}
 cores=$(flux resource list --states=up --no-header --format='{ncores}')
+((threads <= cores)) || fail "THREADS=$threads: this job has $cores cores"
 # Whole seconds; about 2^32 without a limit.
 left=$(flux job timeleft 2>/dev/null || true)
 ((${left:-0} < 4000000000)) || left=

@@ -11,9 +11,10 @@ import h5py
 import networkx as nx
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from gshear import Box, Frame, Run, RunError, analysis, simulate
+from gshear import Box, Frame, Run, RunError, analysis, plots, simulate
 from gshear.programs import find
 
 # Sums of some hundred contacts in another order than that of the program, which rounds forces.
@@ -223,10 +224,12 @@ def test_removed_grains_are_told(tmp_path: Path, walls: Run) -> None:
         layers = analysis.profiles(run.frames[-1:], 4)
         held = analysis.rattlers(run.frames[-1].contacts)
         fields = analysis.coarse_grained(run.frames[-1], run.frames[-1].position[8:, :2], 0.1)
+        drawn = plots.grain_map(Figure().add_subplot(), run, run.frames[-1], np.arange(9.0))
     # Only the bottom is left, in layers of a quarter of its diameter.
     assert layers["height"].to_numpy() == pytest.approx([0.125, 0.375, 0.625, 0.875])
     assert layers["solid_fraction"].mean() == pytest.approx(8 * np.pi / 4 / 10, rel=1e-12)
     assert not held.any()
+    assert set(drawn.get_array()) == set(range(8))
     assert fields.density[0] < 1e-6
     assert not removed[0].any()
     assert removed[-1].tolist() == [False] * 8 + [True]

@@ -297,6 +297,38 @@ fn no_scene_of_ours_is_doubted() {
     assert!(checked > 15, "{checked}");
 }
 
+/// The scenes that the pages print, the first of them as `my.toml`, pass their check.
+#[test]
+fn the_scenes_of_the_docs_pass() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs");
+    let (scene, base) = (
+        folder.path().join("other.toml"),
+        folder.path().join("my.toml"),
+    );
+    let mut checked = 0;
+    for page in ["config.md", "howto/protocols.md", "tutorial/own-scene.md"] {
+        let page = std::fs::read_to_string(docs.join(page)).expect("a page");
+        for block in page.split("```toml\n").skip(1) {
+            let block = block.split("```").next().unwrap_or_default();
+            let path = if base.exists() { &scene } else { &base };
+            std::fs::write(path, block).expect("a scene");
+            let mut command = program(1);
+            command.arg(path);
+            let is_sweep = block.contains("[sweep]");
+            command.args(if is_sweep {
+                &["--sweep", "list"][..]
+            } else {
+                &["--check"]
+            });
+            let output = command.output().expect("the program starts");
+            assert!(output.status.success(), "{block}{}", text(&output.stderr));
+            checked += 1;
+        }
+    }
+    assert!(checked >= 9, "{checked}");
+}
+
 #[test]
 fn what_is_unlikely_is_doubted() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -251,6 +251,20 @@ fn commands_know_a_free_surface() {
     let page = std::fs::read_to_string(page).expect("a report");
     assert!(page.contains("Flow below a free surface") && page.contains("mean-velocity.csv"));
     assert!(!page.contains("Stick phases"));
+    // Beside others, too, it has no phases.
+    let compared = folder.path().join("compared");
+    let mut report = reducer();
+    report
+        .arg("report")
+        .arg(folder.path())
+        .arg("--out")
+        .arg(&compared);
+    succeed(&mut report);
+    let means = std::fs::read_to_string(compared.join("means.csv")).expect("means");
+    assert!(
+        means.contains("velocity") && !means.contains("slip_phases"),
+        "{means}"
+    );
 }
 
 /// Grains that fall fast are resumed and replayed as they fell, and begun from a file: the first

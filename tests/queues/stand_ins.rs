@@ -274,8 +274,9 @@ fn jobs_of_lsf_with_stand_ins() {
         (vec![], 2),
         (vec![("CONFIG", "my.toml"), ("CHAIN", "9")], 2),
         (vec![("CONFIG", "my.toml"), ("JOB_SCRIPTS", "nowhere")], 2),
+        (vec![("CONFIG", "my.toml"), ("THREADS", "0")], 2),
     ] {
         assert_eq!(job("9", "0", &variables).run().0, code, "{variables:?}");
     }
-    assert_eq!(project.text("gshear-9.log").matches("error: ").count(), 4);
+    assert_eq!(project.text("gshear-9.log").matches("error: ").count(), 5);
 }

@@ -397,7 +397,7 @@ def draw_grains(ax: Axes, run: Run, frame: Frame, *, y: float | None = None) -> 
         The grains; those that cross a periodic boundary are drawn at both sides. In a sheared box
         those above and below are moved by the Lees–Edwards offset.
     """
-    grains, rows = _grains(ax, frame, ~frame.removed, y)
+    grains, rows = _grains(ax, frame, np.ones(len(frame.removed), dtype=bool), y)
     grains.set(
         facecolors=np.where(frame.body[rows] > 0, WALL, GRAIN).tolist(),
         edgecolors=EDGE,
@@ -508,9 +508,12 @@ def _images(
 def _grains(
     ax: Axes, frame: Frame, which: NDArray[np.bool_], y: float | None
 ) -> tuple[EllipseCollection, NDArray[np.intp]]:
-    """Adds some of the grains of a frame, with their images, to `ax`; returns their rows, too."""
+    """Adds some of the grains of a frame, with their images, to `ax`; returns their rows, too.
+
+    Grains that were removed are left out.
+    """
     radius = _radii(frame, y)
-    shown = np.flatnonzero(which & (radius > 0))
+    shown = np.flatnonzero(which & ~frame.removed & (radius > 0))
     x, reach = frame.position[shown][:, _axes(frame)], radius[shown, None]
     rows, shifts = _images(frame, x - reach, x + reach)
     diameters = 2 * radius[shown[rows]]

@@ -77,7 +77,7 @@ impl SweepRun {
         }
         let mut means: BTreeMap<&'static str, f64> = BTreeMap::new();
         means.extend(columns.iter().map(|(name, values)| (*name, later(values))));
-        if run.stage() == RunStage::Shear {
+        if run.stage() == RunStage::Shear && !run.has_free_surface() {
             let first = first_row(series.rows(), start);
             let [strain, tau] = ["strain", "stress_ratio"].map(|name| series.column(name));
             let found = phases::find(&strain[first..], &tau[first..]);
