@@ -218,7 +218,8 @@ impl Contacts {
             ghosts_move,
             ..
         } = grains;
-        let several = material.iter().any(|k| *k != material[0]);
+        // Those of the first material alone are of kind 0.
+        let several = material.iter().any(|k| *k != 0);
         let kind = |pair: &Listed| {
             let of_both = || law.kind(pair.grains.map(|g| material[g as usize]));
             if several { of_both() } else { 0 }

@@ -64,6 +64,31 @@ fn materials_of_one_kind_are_one<D: LawSpace>(contact: Contact) {
     }
 }
 
+/// Grains of the second material alone have its law, and not that of the first.
+fn the_second_material_alone<D: LawSpace>() {
+    let [first, second] = [1.0, 4.0].map(|factor| {
+        let mut springs = springs::<D>();
+        springs.normal_stiffness *= factor;
+        (Law::of(&hooke::KIND, springs), CONTACT)
+    });
+    let side = if D::AXES == 2 { 12 } else { 6 };
+    let alone = gas::<D>(side, 0.9, 5);
+    let mut of_second = alone.clone();
+    of_second.iter_mut().for_each(|g| g.material = 1);
+    let setup = setup::<D>(side, 3.0, ALWAYS);
+    let mixture = [&first, &first, &first, &second].map(Clone::clone);
+    let found = after::<D>(setup.clone(), &mixture, of_second, 1000);
+    let expected = after::<D>(setup, &[second], alone, 1000);
+    let moved = |(a, b): (&GrainState, &GrainState)| a.moving() == b.moving();
+    assert!(found.iter().zip(&expected).all(moved));
+}
+
+#[test]
+fn grains_of_the_second_material_have_its_law() {
+    the_second_material_alone::<Two>();
+    the_second_material_alone::<Three>();
+}
+
 #[test]
 fn disks_of_two_equal_materials_move_as_one() {
     materials_of_one_kind_are_one::<Two>(CONTACT);
