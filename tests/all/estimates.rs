@@ -347,6 +347,7 @@ fn what_is_unlikely_is_doubted() {
         ),
         ("contact.friction=30", "contact.friction is 30"),
         ("shear.inertial_number=0.5", "the inertial number is 0.5"),
+        ("shear.spring_number=1e6", "at 3 it is unstable"),
         (
             "load.stiffness_number=25",
             "presses grains together by about 4.00 %",

@@ -250,8 +250,15 @@ pub(crate) fn check_packable(c: &mut Checker<'_>, law: &Law, sample: &Sample, lo
     // With few digits it is still enough.
     let most = 0.99 * most;
     let least = derived::stiffness_number(law, sample, most).unwrap_or(STIFFNESS_NUMBER_MIN);
+    let by_weight = WAYS.iter().all(|key| c.value(key).is_none());
+    let most = if by_weight {
+        // P is that of the weight.
+        format!("{:.2e} m/s^2", load.gravity * most / load.pressure)
+    } else {
+        format!("{most:.2e} Pa")
+    };
     let what = format!(
-        "presses the smallest grains out of the contact law in a packed sample of these sizes: P = {:.3e} Pa, kappa = {:.1}; give at most {most:.2e} Pa, kappa = {least:.1}, or sizes closer together",
+        "presses the smallest grains out of the contact law in a packed sample of these sizes: P = {:.3e} Pa, kappa = {:.1}; give at most {most}, kappa = {least:.1}, or sizes closer together",
         load.pressure, load.stiffness_number,
     );
     c.refuse_among(&[&WAYS[..], &[&LOAD.gravity]].concat(), &what);

@@ -37,6 +37,8 @@ const MATERIAL: [Likely; 2] = [
         doubt: "glass has 2500; \"2.5 g/cm^3\" is a way to write it",
     },
 ];
+/// Least number of time steps in which a wall swings once on the spring that pulls it.
+const RESOLVED: f64 = 20.0;
 /// Of every scene.
 const CONTACT: [Likely; 6] = [
     Likely {
@@ -281,6 +283,18 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
             doubts.push(format!(
                 "load.servo_gain is {gain:.3e} m/(s Pa): twice the load moves the wall with {:.1} % of the shear velocity only, so a sample that dilates is far above its load; give more, for which contact dampers or time.step may have to be less, or load.control = \"mass\"",
                 100.0 * share
+            ));
+        }
+    }
+    if let Some(spring) = walls.shear.spring {
+        // About the mass of the top wall.
+        let mass = mean_mass(scene) * sample.base() / sample.mean_section();
+        let step = scene.time_step.step;
+        let steps = std::f64::consts::TAU * (mass / spring).sqrt() / step;
+        if steps < RESOLVED {
+            doubts.push(format!(
+                "on the spring of k = {spring:.3e} a top wall of about {mass:.1e} kg swings once in {steps:.1} time steps: below {RESOLVED} the spring is not resolved, and at 3 it is unstable; give a smaller shear.spring_number or spring_stiffness, or time.step = {:.1e}",
+                step * steps / RESOLVED
             ));
         }
     }

@@ -211,9 +211,11 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
                 let falls = self.drive.drag < 2.0 * self.falling_drag();
                 let load = self.plane_shear.load.normal_force;
                 self.fell_outside = falls || self.drive.piston.load < load;
-                Failure::numbers(format!(
-                    "{what}; give a greater load.stiffness_number, that is a lower load, or sizes closer together"
-                ))
+                let less = match self.plane_shear.confinement {
+                    Confinement::FreeSurface => "less load.gravity",
+                    _ => "a greater load.stiffness_number, that is a lower load",
+                };
+                Failure::numbers(format!("{what}; give {less}, or sizes closer together"))
             }
             other => other,
         })
