@@ -589,7 +589,8 @@ fn add_forces<C: ContactLaw, L: Lanes>(
     let zero = c(0.0);
     let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
     let units = pass.units;
-    let [force_shift, torque_shift] = [units.force, units.torque].map(|u| c(Units::shift(u)));
+    let force_shift = c(Units::shift(units.force));
+    let torque_shift = c(Units::shift(units.torque));
     let largest = c(units.largest_force());
     let mut outside = None;
     let jkr = pass.jkr().is_some();

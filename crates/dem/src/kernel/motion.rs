@@ -25,8 +25,9 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
 ) -> usize {
     let mut active = 0;
     let step = L::splat(token, pass.step);
-    let shifts = [pass.units.slip, Units::ROTATION].map(|u| L::splat(token, Units::shift(u)));
-    let steps = (step, shifts);
+    let slip_shift = L::splat(token, Units::shift(pass.units.slip));
+    let rotation_shift = L::splat(token, Units::shift(Units::ROTATION));
+    let steps = (step, [slip_shift, rotation_shift]);
     let jkr = pass.jkr();
     let has_feet = pass.part.has_feet;
     let contacts = &mut pass.part;
@@ -83,7 +84,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         if C::ROLLING && C::Space::SPINS == 1 {
             let [full, half] = [C::Space::SPIN, C::Space::HALF_SPIN].map(|at| &difference[at]);
             motion.rolling_velocity = *full;
-            let rotation = L::load(token, half).mul_add(step, shifts[1]) - shifts[1];
+            let rotation = L::load(token, half).mul_add(step, rotation_shift) - rotation_shift;
             rotation.store(&mut motion.rolling_increment);
         }
         let before = *touching;

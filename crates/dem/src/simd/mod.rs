@@ -253,8 +253,8 @@ pub trait Lanes:
     /// |1 - x y²| < 0.0682.
     fn inverse_sqrt_start(self) -> Self;
     /// Transposes `records[i] - records[j]` of a block of pairs, one cache line of each: `out[k]`
-    /// gets field k of the sixteen differences, `of_j[k]` that of the sixteen records j. Of a second
-    /// line the last field is that of the sixteen records i.
+    /// gets field k of the sixteen differences, `of_j[k]` that of the sixteen records j. Of a
+    /// second line the last field is that of the sixteen records i.
     ///
     /// # Panics
     /// If an index of the list is outside `records`.
