@@ -203,7 +203,17 @@ fn reason(ranks: &dyn Ranks, here: &[(usize, &Progress)], seen: &[Seen]) -> Stri
         (false, _) => format!("{} does not answer", gone.join(", ")),
         (true, true) => "a rank of another node does not answer".into(),
         (true, false) if here.len() == 1 => "a file operation does not end".into(),
-        (true, false) => "the ranks wait for each other, or for a file operation".into(),
+        (true, false) => {
+            // They tell which rank is behind.
+            let begun = here
+                .iter()
+                .map(|(_, of)| of.operations.load(Ordering::Relaxed));
+            let begun: Vec<String> = begun.take(8).map(|n| n.to_string()).collect();
+            format!(
+                "the ranks wait for each other, or for a file operation (operations begun, by rank: {})",
+                begun.join(", ")
+            )
+        }
     }
 }
 
@@ -311,6 +321,21 @@ mod tests {
         Watchdog::start(rank, limit, node.clone(), failure, move |m| {
             said.lock().unwrap().push(m.into());
         })
+    }
+
+    #[test]
+    fn ranks_that_all_wait_say_who_is_behind() {
+        let (node, said) = (node(2), Arc::default());
+        drop(node.0[1].wait());
+        let waiting = [node.0[0].wait(), node.0[1].wait()];
+        let dogs = [0, 1].map(|rank| start(&node, rank, &said));
+        let begun = Instant::now();
+        while said.lock().unwrap().is_empty() && begun.elapsed() < Duration::from_mins(1) {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        drop((waiting, dogs));
+        let said = said.lock().unwrap();
+        assert!(said[0].contains("by rank: 1, 2)"), "{said:?}");
     }
 
     #[test]
