@@ -359,6 +359,9 @@ fn what_is_unlikely_is_doubted() {
             "{set}: {found:?}"
         );
     }
+    let refused = check_on(1, &[SCENE, "--set", "shear.spring_number=1.7e308"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(text(&refused.stderr).contains("shear.spring_number=1.7e308: makes a spring"));
     // Seven slabs are three grains wide.
     let many = check_on(7, &[SCENE]);
     let said = text(&many.stderr);

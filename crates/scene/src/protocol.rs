@@ -183,8 +183,13 @@ pub(crate) fn derive(
     let of_number = number.map(|number| number * load.normal_force / sample.mean_diameter);
     let spring = c.number(&keys.spring_stiffness).or(of_number);
     if spring.is_some_and(|k| !k.is_normal()) {
-        let what = "makes a spring stiffness outside the range of numbers; give a usual number, such as 425";
-        return Err(c.refused(&keys.spring_number, what));
+        let key = if of_number.is_some() {
+            &keys.spring_number
+        } else {
+            &keys.spring_stiffness
+        };
+        let what = "makes a spring stiffness outside the range of numbers; give one within it";
+        return Err(c.refused(key, what));
     }
     let motion = if let Some(Value::Parts(given)) = c.value(&keys.protocol) {
         let given = match confinement {

@@ -289,11 +289,12 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
     if let Some(spring) = walls.shear.spring {
         // About the mass of the top wall.
         let mass = mean_mass(scene) * sample.base() / sample.mean_section();
+        let unit = if sample.is_planar() { "kg/m" } else { "kg" };
         let step = scene.time_step.step;
         let steps = std::f64::consts::TAU * (mass / spring).sqrt() / step;
         if steps < RESOLVED {
             doubts.push(format!(
-                "on the spring of k = {spring:.3e} a top wall of about {mass:.1e} kg swings once in {steps:.1} time steps: below {RESOLVED} the spring is not resolved, and at 3 it is unstable; give a smaller shear.spring_number or spring_stiffness, or time.step = {:.1e}",
+                "on the spring of k = {spring:.3e} a top wall of about {mass:.1e} {unit} swings once in {steps:.1} time steps: below {RESOLVED} the spring is not resolved, and at 3 it is unstable; give a smaller shear.spring_number or spring_stiffness, or time.step = {:.1e}",
                 step * steps / RESOLVED
             ));
         }

@@ -92,12 +92,12 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let lengths = [pair.overlap, approach, sum, r_i];
         let (new, since_jump) =
             touch::<L, BUDGET>(token, jkr.as_ref(), lengths, touching, (motion, overlap));
-        if C::LARGEST_OVERLAP < f64::INFINITY {
-            let largest = L::splat(token, 2.0 * C::LARGEST_OVERLAP) * smaller([sum, r_i]);
-            response.beyond = L::load(token, &motion.overlap).greater(largest).bits();
-        }
         if before | *touching != 0 {
             active = k + 1;
+            if C::LARGEST_OVERLAP < f64::INFINITY {
+                let largest = L::splat(token, 2.0 * C::LARGEST_OVERLAP) * smaller([sum, r_i]);
+                response.beyond = L::load(token, &motion.overlap).greater(largest).bits();
+            }
         } else {
             let inner = contacts.first + block < contacts.inner;
             contacts.asleep_until[block] = asleep_until(motion, pass.travelled.filter(|_| inner));
