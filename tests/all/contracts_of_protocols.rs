@@ -7,12 +7,12 @@ use crate::common::protocols::{
     SPHERES_UNDER_A_SPRING, SPHERES_WITHOUT_WALLS, SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
 };
 use crate::common::{self, copy_folder, gshear_mpi, reducer, same_run};
-use gshear_dem::simd::Isa;
 use gshear_store::run_reader::RunFile;
+use tempfile::TempDir;
 
 /// Contracts 1 to 3: ranks, skin, threads, instruction set, other output, a stop within every part.
-/// Portable code is slow, so it has the last part alone.
-fn keeps_the_contracts(case: &Case) {
+/// Portable code is slow, so it has the last part alone. Returns a folder that holds the run `one`.
+fn keeps_the_contracts(case: &Case) -> TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);
     let expected = case.run(&at("one"), 1, &[]).digest();
@@ -30,9 +30,7 @@ fn keeps_the_contracts(case: &Case) {
         gshear_mpi(ranks, &at(name), &arguments)
     };
     let skin = "--set=bookkeeping.skin=0.3";
-    let avx2 = Isa::named("avx2").map_or("auto", |_| "avx2");
-    let simd = format!("--set=bookkeeping.simd={avx2}");
-    let others = [skin, &simd, "--threads=2"];
+    let others = [skin, common::avx2(), "--threads=2"];
     for (ranks, further) in [(2, &others[..1]), (3, &others)] {
         let name = format!("on-{ranks}");
         let outcome = on(&name, ranks, further);
@@ -53,6 +51,7 @@ fn keeps_the_contracts(case: &Case) {
     let portable = ["--set=bookkeeping.simd=portable"];
     assert_eq!(on("broken", 1, &portable).digest(), expected);
     same_run(&at("one"), &at("broken"));
+    folder
 }
 
 #[test]
@@ -98,15 +97,8 @@ fn of_spheres_below_a_free_surface() {
 /// Besides the contracts: the budget is closed, the wall moves by v = gain (F - N), and a window is
 /// replayed with the same bits.
 fn of_a_servo(case: &Case, varies: bool) {
-    keeps_the_contracts(case);
-    let folder = tempfile::tempdir().expect("a folder");
-    let at = folder.path().join("run");
-    let further = [
-        "--set=output.keep_checkpoints=true",
-        "--set=output.series_rows=40",
-        "--set=output.frame_rows=40",
-    ];
-    case.run(&at, 1, &further).digest();
+    let folder = keeps_the_contracts(case);
+    let at = folder.path().join("one");
     let run = RunFile::open(&at).expect("a run");
     let series = run.series();
     let column = |name: &str| series.column(name);

@@ -250,7 +250,7 @@ pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
 }
 
 /// The variable that says which rank a process is, with its equals sign.
-pub fn rank_variable() -> &'static str {
+fn rank_variable() -> &'static str {
     if is_open_mpi() {
         "OMPI_COMM_WORLD_RANK="
     } else {
@@ -281,6 +281,14 @@ pub fn signal(process: u32, name: &str) {
     let mut shell = Command::new("sh");
     let shell = shell.args(["-c", &format!("kill -{name} {process}")]);
     let _ = shell.stderr(std::process::Stdio::null()).status();
+}
+
+/// The argument for AVX2, where the processor has it.
+pub fn avx2() -> &'static str {
+    match gshear_dem::simd::Isa::named("avx2") {
+        Some(_) => "--set=bookkeeping.simd=avx2",
+        None => "--set=bookkeeping.simd=auto",
+    }
 }
 
 /// Copies the files of a folder into a new one.

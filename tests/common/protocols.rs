@@ -99,8 +99,9 @@ pub const SPHERES_UNDER_A_SPRING: Case = Case {
 pub const DISKS_UNDER_A_SERVO: Case = Case {
     sample: &[],
     further: &[
-        "output.series_rows=10",
-        "output.frame_rows=1",
+        "output.series_rows=40",
+        "output.frame_rows=40",
+        "output.keep_checkpoints=true",
         "load.control=servo",
     ],
     parts: &[
@@ -116,8 +117,9 @@ pub const DISKS_UNDER_A_SERVO: Case = Case {
 pub const SPHERES_UNDER_A_SERVO: Case = Case {
     removed: &[],
     further: &[
-        "output.series_rows=10",
-        "output.frame_rows=1",
+        "output.series_rows=40",
+        "output.frame_rows=40",
+        "output.keep_checkpoints=true",
         "load.control=servo",
     ],
     parts: &[
@@ -154,12 +156,13 @@ pub const SPHERES_WITHOUT_WALLS: Case = Case {
         "sample.boundary=periodic",
         "load.gravity=none",
         "sample.packing=none",
-        "sample.grains=300",
+        "sample.grains=220",
         "sample.radius_min=0.8e-3",
         "sample.radius_max=1.2e-3",
         "sample.length=12e-3",
         "sample.width=10e-3",
         "pack.skip=none",
+        "pack.tolerance=1e-3",
     ],
     parts: &[
         "velocity = 8, time = 1e-3",
@@ -175,8 +178,9 @@ pub const SPHERES_WITHOUT_WALLS: Case = Case {
 pub const SPHERES_WITHOUT_WALLS_UNDER_A_SERVO: Case = Case {
     sample: SPHERES_WITHOUT_WALLS.sample,
     further: &[
-        "output.series_rows=10",
-        "output.frame_rows=1",
+        "output.series_rows=40",
+        "output.frame_rows=40",
+        "output.keep_checkpoints=true",
         "load.control=servo",
         "time.step=2.5e-7",
     ],
