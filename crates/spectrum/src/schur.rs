@@ -72,7 +72,7 @@ impl<T: Scalar> Schur<T> {
         let mut start = 0;
         self.blocks.clear();
         while start < n {
-            let coupled = T::REAL && start + 1 < n && self.t[(start + 1, start)] != T::of(0.0);
+            let coupled = T::IS_REAL && start + 1 < n && self.t[(start + 1, start)] != T::of(0.0);
             let size = if coupled { 2 } else { 1 };
             self.blocks.push(self.block(start, size));
             start += size;

@@ -282,11 +282,8 @@ impl<'a, T: Scalar> Inverse<'a, T> {
 }
 
 fn conjugate<T: Scalar>(mut x: MatMut<'_, T>) {
-    if T::REAL {
-        return;
-    }
     for j in 0..x.ncols() {
         let mut column = x.rb_mut().col_mut(j);
-        (0..column.nrows()).for_each(|i| column[i] = T::narrowed(column[i].widened().conj()));
+        (0..column.nrows()).for_each(|i| column[i] = column[i].conjugate());
     }
 }
