@@ -229,7 +229,7 @@ impl Spectrum {
             return false;
         };
         let mut w = self.right.subcols(k, 1).to_owned();
-        lu.solve(w.as_mut());
+        lu.solve(false, w.as_mut());
         let length = w.norm_l2();
         if !length.is_normal() {
             return false;

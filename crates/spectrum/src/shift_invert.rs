@@ -235,24 +235,16 @@ impl<'a, T: Scalar> Inverse<'a, T> {
             conjugate(x.rb_mut());
         }
         let right = self.refine.then(|| x.rb().to_owned());
-        self.solve(adjoint, x.rb_mut());
+        self.lu.solve(adjoint, x.rb_mut());
         if let Some(right) = right {
             let mut rest = self.residual(adjoint, x.rb(), &right);
-            self.solve(adjoint, rest.as_mut());
+            self.lu.solve(adjoint, rest.as_mut());
             x += &rest;
         }
         if adjoint {
             conjugate(x.rb_mut());
         }
         self.problem.project(x);
-    }
-
-    fn solve(&self, transposed: bool, x: MatMut<'_, T>) {
-        if transposed {
-            self.lu.solve_transposed(x);
-        } else {
-            self.lu.solve(x);
-        }
     }
 
     /// b - (A - σI) x, or with Aᵀ.
@@ -274,7 +266,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
         let n = self.problem.size();
         let right = Mat::from_fn(n, 1, |i, _| T::of((i as f64 * 0.569840).fract() - 0.5));
         let mut x = right.clone();
-        self.lu.solve(x.as_mut());
+        self.lu.solve(false, x.as_mut());
         let size = (self.problem.norm() + self.shift.norm()) * x.norm_l2() + right.norm_l2();
         let error = self.residual(false, x.as_ref(), &right).norm_l2() / size;
         if error.is_nan() { f64::INFINITY } else { error }
