@@ -35,7 +35,7 @@ impl Kind {
 }
 
 /// What the contacts of a file are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Form {
     /// Dimensions.
     pub axes: usize,

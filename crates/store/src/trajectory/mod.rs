@@ -10,89 +10,21 @@ use crate::existing::{is_of, unlink_foreign};
 use crate::h5::{Attribute, H5File, Slab, by_root};
 use crate::journal::{self, Journal};
 use crate::layout::{
-    self, CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, describe,
+    self, CHUNK_FRAMES, Datasets, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, describe,
 };
 pub use crate::layout::{Form, file_bytes, frame_bytes};
 use crate::part::Part;
 use crate::row_table::RowTable;
-use bytemuck::{Pod, Zeroable};
+pub use crate::run_header::{GrainShape, RunHeader};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
-use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, GrainState, Ids, body};
-use gshear_dem::system::System;
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// The constant properties of a grain.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct GrainShape {
-    /// Row of the grain, 0 … N-1.
-    pub id: u32,
-    /// 0 free, 1 bottom wall, 2 top wall.
-    pub body: u32,
-    /// R (m).
-    pub radius: f64,
-    /// m (kg; kg/m in 2D).
-    pub mass: f64,
-    /// Number of the material.
-    pub material: u64,
-}
-
-impl GrainShape {
-    /// The constant properties of a grain in this state. `mass`: m (kg; kg/m in 2D).
-    pub fn new(grain: &GrainState, mass: f64) -> Self {
-        Self {
-            id: grain.id,
-            body: match grain.body {
-                // Frames say when.
-                body::REMOVED => body::FREE,
-                body => body,
-            },
-            radius: grain.radius,
-            mass,
-            material: grain.material,
-        }
-    }
-
-    /// Those of the grains that this rank owns.
-    pub fn owned<D: Dimension>(system: &mut System<D>) -> Vec<Self> {
-        let grains = system.grains();
-        let shape = |g: usize| Self::new(&grains.state(g), grains.mass[g]);
-        (0..grains.owned).map(shape).collect()
-    }
-}
-
-/// Content of a part of `run.h5` from its start on.
-#[derive(Debug, Clone, Copy)]
-pub struct RunHeader<'a> {
-    /// What the contacts are.
-    pub form: Form,
-    /// Whether the box is bounded along its last axis.
-    pub walls: bool,
-    /// Whether quantities are in SI units, and say so: scenes with `[box]` may use any consistent
-    /// ones.
-    pub units: bool,
-    /// Columns of the time series.
-    pub series: &'a [Column],
-    /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
-    pub edges: [f64; 3],
-    /// Who made the run; rank 0's is written.
-    pub author: &'a str,
-    /// Unit of the tangential history in 3D.
-    pub history_unit: &'static str,
-    /// This rank's grains; together the ranks hold each of the ids 0 … N-1 once.
-    pub grains: &'a [GrainShape],
-    /// What readers call them; `None`: by their rows.
-    pub ids: Option<&'a Ids>,
-    /// Attributes of `parameters`; rank 0's are written.
-    pub attributes: &'a [(&'a str, Attribute)],
-}
 
 /// Attributes written only when a run ends.
 const AT_THE_END: [&str; 3] = ["digest", "speed", "rank_map"];
@@ -171,20 +103,12 @@ impl TrajectoryWriter {
             if is_added {
                 file.remove(part.group)?;
             }
-            let layout = Layout {
-                grains: grains as usize,
-                form: header.form,
-                walls: header.walls,
-                series: header.series,
-                units: header.units,
-                history_unit: header.history_unit,
-            };
-            describe(&file, &layout, &author)?;
+            describe(&file, header, &author)?;
             for (name, value) in &attributes {
                 file.attribute(PARAMETERS, name, value)?;
             }
             seal(&file)?;
-            Datasets::new(&file, Mode::Create, &layout)
+            Datasets::new(&file, Mode::Create, grains as usize, header)
         })();
         let columns = agree(exchange, created)?;
         let mut writer = Self::new(file, &part.file, columns, blocks);

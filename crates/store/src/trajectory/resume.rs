@@ -1,10 +1,10 @@
 //! A `run.h5` that is continued.
 
-use super::{AT_THE_END, TrajectoryWriter, seal};
+use super::{AT_THE_END, RunHeader, TrajectoryWriter, seal};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, told_by_root};
 use crate::existing::inspect;
 use crate::h5::H5File;
-use crate::layout::{Datasets, Form, Layout, Mode, PARAMETERS};
+use crate::layout::{Datasets, Form, Mode, PARAMETERS};
 use crate::part::{NEWTONIAN, Part};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -34,19 +34,18 @@ impl TrajectoryWriter {
         let part = Part::of(path);
         let mut file = H5File::open(&part.file, exchange)?;
         agree(exchange, file.enter(part.group))?;
-        let layout = Layout {
-            grains: grains as usize,
-            form: Form {
-                axes: axes as usize,
-                torques: torques > 0,
-            },
-            series,
-            // They matter only to new datasets.
-            walls: true,
-            units: false,
-            history_unit: "",
+        let form = Form {
+            axes: axes as usize,
+            torques: torques > 0,
         };
-        let columns = agree(exchange, Datasets::new(&file, Mode::Open, &layout))?;
+        // The rest matters only to new datasets.
+        let header = RunHeader {
+            form,
+            series,
+            ..RunHeader::default()
+        };
+        let opened = Datasets::new(&file, Mode::Open, grains as usize, &header);
+        let columns = agree(exchange, opened)?;
         let mut writer = Self::new(file, &part.file, columns, blocks);
         (writer.frames_written, writer.contacts_written) = (frames, contacts);
         // A file that was closed has no journal, and a kill while it is cut would damage it.
