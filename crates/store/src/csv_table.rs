@@ -1,6 +1,5 @@
 //! Tables as CSV (RFC 4180): a line of column names, then one line per row.
 
-use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::OpenOptionsExt;
@@ -17,49 +16,37 @@ use gshear_dem::failure::Failure;
 /// A value that a cell can hold. Numbers have the shortest form that reads back to the same bits.
 pub trait TableCell {
     /// Returns the text of the cell, without quotes.
-    fn text(&self) -> Cow<'_, str>;
-}
-
-impl TableCell for str {
-    fn text(&self) -> Cow<'_, str> {
-        self.into()
-    }
-}
-
-impl TableCell for String {
-    fn text(&self) -> Cow<'_, str> {
-        self.into()
-    }
+    fn text(&self) -> String;
 }
 
 impl TableCell for f64 {
-    fn text(&self) -> Cow<'_, str> {
-        format!("{self:?}").into()
+    fn text(&self) -> String {
+        format!("{self:?}")
     }
 }
 
 macro_rules! cells_by_display {
     ($($kind:ty)*) => {$(
         impl TableCell for $kind {
-            fn text(&self) -> Cow<'_, str> {
-                self.to_string().into()
+            fn text(&self) -> String {
+                self.to_string()
             }
         }
     )*};
 }
 
-cells_by_display!(char u8 u32 u64 usize);
+cells_by_display!(str String char u8 u32 u64 usize);
 
 impl<C: TableCell + ?Sized> TableCell for &C {
-    fn text(&self) -> Cow<'_, str> {
+    fn text(&self) -> String {
         (**self).text()
     }
 }
 
 /// `None` is an empty cell.
 impl<C: TableCell> TableCell for Option<C> {
-    fn text(&self) -> Cow<'_, str> {
-        self.as_ref().map_or("".into(), TableCell::text)
+    fn text(&self) -> String {
+        self.as_ref().map_or_else(String::new, TableCell::text)
     }
 }
 
@@ -211,10 +198,7 @@ impl TableFile {
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
     pub fn row(&mut self, cells: impl IntoIterator<Item: TableCell>) -> Result<(), Failure> {
-        let record: StringRecord = cells
-            .into_iter()
-            .map(|cell| cell.text().into_owned())
-            .collect();
+        let record: StringRecord = cells.into_iter().map(|cell| cell.text()).collect();
         let written = self.writer.write_record(&record);
         written.map_err(|e| unwritten(&self.path, &e))
     }
