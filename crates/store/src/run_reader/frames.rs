@@ -250,7 +250,7 @@ impl RunFile {
         frames: &Range<usize>,
         fields: FrameFields,
     ) -> Result<ContactValues, Failure> {
-        let (rows, form) = (self.rows(frames.clone()), self.form());
+        let (rows, form) = (self.rows(frames.clone()), self.form);
         let mut contacts = ContactValues {
             first: rows.start,
             i: self.column("i", &rows)?,

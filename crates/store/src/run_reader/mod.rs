@@ -157,6 +157,7 @@ pub struct RunFile {
     /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
     edges: [f64; 3],
     dimension: Dimensions,
+    form: Form,
     /// Whether the cell is periodic along its last axis, too.
     is_box: bool,
     parameters: BTreeMap<String, Parameter>,
@@ -269,6 +270,7 @@ impl RunFile {
             material,
             edges,
             dimension,
+            form,
             is_box: source.frame_edges(0)?.1 == 9,
             parameters,
             series,
@@ -293,10 +295,7 @@ impl RunFile {
 
     /// What its contacts are.
     pub fn form(&self) -> Form {
-        Form {
-            axes: self.dimension.axes(),
-            torques: self.has_twisting(),
-        }
+        self.form
     }
 
     /// Keeps the frames that every dataset has, and reads their boxes.

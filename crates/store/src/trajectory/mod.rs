@@ -187,20 +187,20 @@ impl TrajectoryWriter {
         let places = Slab::rows(0, of_root.len() as u64, 1);
 
         let mut outcome = CollectiveOutcome::default();
-        let place = (checksums::CONSTANTS, sums.len());
+        let place = (checksums::CONSTANTS, sums.len(), None);
         outcome.note(fixed(file, place, places, of_root));
-        let numbers = |column: &Column, values: &[f64]| {
-            let unit = column.unit_in(header.form.axes).filter(|_| header.units);
-            fixed_in_units(file, (&name(column.name), grains), local, values, unit)
-        };
-        outcome.note(fixed(file, (&name("id"), grains), local, &id));
-        outcome.note(fixed(file, (&name("body"), grains), local, &body));
-        outcome.note(file.link(&name("body"), &name("species")));
+        let [of_id, of_body, of_material] = ["id", "body", "material"].map(name);
+        outcome.note(fixed(file, (&of_id, grains, None), local, &id));
+        outcome.note(fixed(file, (&of_body, grains, None), local, &body));
+        outcome.note(file.link(&of_body, &name("species")));
         if several {
-            outcome.note(fixed(file, (&name("material"), grains), local, &material));
+            outcome.note(fixed(file, (&of_material, grains, None), local, &material));
         }
-        outcome.note(numbers(&RADIUS, &radius));
-        outcome.note(numbers(&MASS, &mass));
+        for (column, values) in [(RADIUS, &radius), (MASS, &mass)] {
+            let unit = column.unit_in(header.form.axes).filter(|_| header.units);
+            let place = (&*name(column.name), grains, unit);
+            outcome.note(fixed(file, place, local, values));
+        }
         outcome.note(by_root(root, &mut self.columns.offset, 0, &[0u64]));
         self.file.agree(exchange, outcome)?;
         self.flush_file(exchange)
@@ -393,23 +393,12 @@ fn seal(file: &H5File) -> Result<(), Failure> {
     file.attribute(PARAMETERS, OF_PARAMETERS, &sum)
 }
 
-/// Writes a one-dimensional dataset of fixed size.
+/// Writes a one-dimensional dataset of fixed size, with its unit if it has one.
 fn fixed<T: H5Type + Copy>(
     file: &H5File,
-    place: (&str, usize),
+    (name, size, unit): (&str, usize, Option<String>),
     slab: Slab,
     data: &[T],
-) -> Result<(), Failure> {
-    fixed_in_units(file, place, slab, data, None)
-}
-
-/// Writes a dataset of numbers with their unit.
-fn fixed_in_units<T: H5Type + Copy>(
-    file: &H5File,
-    (name, size): (&str, usize),
-    slab: Slab,
-    data: &[T],
-    unit: Option<String>,
 ) -> Result<(), Failure> {
     let dataset = file.dataset::<T>(name, &[size], None)?;
     let described = unit.map_or(Ok(()), |unit| {
