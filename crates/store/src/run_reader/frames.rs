@@ -3,14 +3,14 @@
 use std::ops::Range;
 
 use bytemuck::Zeroable;
-use hdf5::{Dataset, H5Type, Hyperslab, SliceOrIndex};
-use ndarray::IxDyn;
+use hdf5::{Dataset, H5Type};
 
 use super::open_file::one_line;
 use super::{FrameFields, RunFile};
 use crate::checksums::{self, ContactWeights};
 use crate::contact_quantities::{ContactQuantity, of_contacts};
 use crate::layout::Kind;
+use crate::sound;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample, Image};
 use gshear_scene::Dimensions;
@@ -141,11 +141,10 @@ impl RunFile {
     /// Reads some frames of a dataset of grains, or some rows of one of contacts, all values in
     /// order.
     fn read<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
-        let mut slab = vec![SliceOrIndex::from(rows.clone())];
-        slab.resize(dataset.ndim(), SliceOrIndex::from(..));
-        let values = dataset.read_slice::<T, _, IxDyn>(Hyperslab::from(slab));
-        let values = values.map_err(|e| self.damaged(dataset, &e))?;
-        Ok(values.into_raw_vec_and_offset().0)
+        sound::rows(dataset, rows.clone()).map_err(|e| {
+            let (name, why) = (dataset.name(), one_line(&e));
+            self.wrong(format!("{} cannot be read: {why}", &name[1..]))
+        })
     }
 
     /// Reads frame t < T of disks.
@@ -304,13 +303,5 @@ impl RunFile {
             return Ok(Vec::new());
         }
         self.read(&self.contacts[name], rows)
-    }
-
-    fn damaged(&self, dataset: &Dataset, error: &hdf5::Error) -> Failure {
-        self.wrong(format!(
-            "{} cannot be read: {}",
-            &dataset.name()[1..],
-            one_line(error)
-        ))
     }
 }
