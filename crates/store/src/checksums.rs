@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::parameter::Parameter;
-use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::simd::{Isa, Lanes, Work};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -172,7 +171,8 @@ impl ContactWeights {
     }
 }
 
-/// Of a row of the time series, whose columns have these names in the file.
+/// Of a row of a table, whose columns have these names in the file; scalars of frames have no time
+/// of their own, and so 0.
 pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, f64)>) -> u64 {
     let named = |name: &str, bits: u64| weight(xxh3_64(name.as_bytes())).wrapping_mul(bits);
     let numbers = columns.map(|(name, x)| named(name, mixed(x.to_bits())));
@@ -186,14 +186,6 @@ pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, 
 pub fn of_clock(step: u64, time: f64, edges: &[f64]) -> u64 {
     let of_edges = weight(xxh3_64(b"edges")).wrapping_mul(of_sequence(0, edges));
     of_row(step, time, std::iter::empty()).wrapping_add(of_edges)
-}
-
-/// Of a row of the scalars of frames. `has`: whether the file has each column; files of earlier
-/// versions lack some.
-pub fn of_scalars(step: u64, scalars: &FrameScalars) -> u64 {
-    let names = FrameScalars::COLUMNS.map(|column| column.name);
-    // They have no time of their own.
-    of_row(step, 0.0, names.into_iter().zip(scalars.columns()))
 }
 
 /// Of attributes, as hexadecimal digits.

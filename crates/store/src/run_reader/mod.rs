@@ -257,7 +257,8 @@ impl RunFile {
             }
             _ => stage.columns(),
         };
-        let series = source.series(columns, finished)?;
+        let place = (OBSERVABLES, checksums::ROWS);
+        let series = source.table(place, columns, true, finished)?;
         let scalars = source.scalars(finished)?;
         let form = Form {
             axes: dimension.axes(),

@@ -8,11 +8,11 @@ use std::path::Path;
 use hdf5::{Dataset, Group, H5Type};
 
 use super::{Parameter, Series, StoredScalars};
-use crate::checksums::{OF_PARAMETERS, of_parameters};
+use crate::checksums::{self, OF_PARAMETERS, of_parameters};
 use crate::h5;
 use crate::layout::{
-    EDGES_VALUE, Form, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, SCALARS, contact_dataset,
-    grain_dataset, of_contact,
+    EDGES_VALUE, Form, PARAMETERS, PARTICLES, Quantity, SCALARS, contact_dataset, grain_dataset,
+    of_contact,
 };
 use crate::parameter::attributes;
 use crate::part::Part;
@@ -206,47 +206,41 @@ impl<'a> OpenFile<'a> {
         Ok((values, width))
     }
 
-    /// A dataset of a column's group.
-    fn column<T: H5Type>(
+    /// The table in a group: as many rows as every column has, verified by the checksums `sums`.
+    /// Without `has_time` the time is 0.
+    pub(super) fn table(
         &self,
-        group: &str,
-        column: &Column,
-        part: &str,
-    ) -> Result<Vec<T>, Failure> {
-        self.all(&format!("{group}/{column}/{part}"))
-    }
-
-    /// The time series of these columns.
-    pub(super) fn series(
-        &self,
-        names: &'static [Column],
+        (group, sums): (&str, &str),
+        declared: &'static [Column],
+        has_time: bool,
         finished: bool,
     ) -> Result<Series, Failure> {
-        let mut step: Vec<u64> = self.column(OBSERVABLES, &names[0], "step")?;
-        let mut time: Vec<f64> = self.column(OBSERVABLES, &names[0], "time")?;
-        let read = |column: &Column| self.column(OBSERVABLES, column, "value");
-        let mut columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
-        let of_first = ["step", "time"].map(|part| format!("{OBSERVABLES}/{}/{part}", names[0]));
-        let mut lengths = vec![(&*of_first[0], step.len()), (&*of_first[1], time.len())];
-        lengths.extend(
-            names
-                .iter()
-                .zip(&columns)
-                .map(|(column, values)| (column.name, values.len())),
-        );
+        let of_clock = ["step", "time"].map(|part| format!("{group}/{}/{part}", declared[0]));
+        let mut step: Vec<u64> = self.all(&of_clock[0])?;
+        let mut lengths = vec![(&*of_clock[0], step.len())];
+        let mut time = vec![0.0; step.len()];
+        if has_time {
+            time = self.all(&of_clock[1])?;
+            lengths.push((&*of_clock[1], time.len()));
+        }
+        let read = |column: &Column| self.all(&format!("{group}/{column}/value"));
+        let mut columns: Vec<Vec<f64>> = declared.iter().map(read).collect::<Result<_, _>>()?;
+        let names = declared.iter().map(|column| column.name);
+        lengths.extend(names.zip(columns.iter().map(Vec::len)));
         let rows = self.common_length(&lengths, finished, "rows")?;
         step.truncate(rows);
         time.truncate(rows);
         for column in &mut columns {
             column.truncate(rows);
         }
-        self.verify_rows((&step, &time), names, &columns)?;
-        Ok(Series {
-            declared: names,
+        let table = Series {
+            declared,
             step,
             time,
             columns,
-        })
+        };
+        self.verify_rows(group, sums, &table)?;
+        Ok(table)
     }
 
     /// Reads the scalars of `observables/gshear/`, if there are any.
@@ -254,20 +248,14 @@ impl<'a> OpenFile<'a> {
         if !self.exists(SCALARS) {
             return Ok(None);
         }
-        let names = FrameScalars::COLUMNS;
-        let mut step: Vec<u64> = self.column(SCALARS, &names[0], "step")?;
-        let read = |column: &Column| self.column(SCALARS, column, "value");
-        let columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
-        let lengths = columns.iter().map(Vec::len);
-        let mut lengths: Vec<_> = names.iter().map(|c| c.name).zip(lengths).collect();
-        lengths.push(("observables/gshear/dmin_greatest/step", step.len()));
-        let rows = self.common_length(&lengths, finished, "rows")?;
-        step.truncate(rows);
-        let row = |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| columns[c][k]));
-        let scalars = (0..rows).map(row).collect();
-        let stored = StoredScalars { step, scalars };
-        self.verify_scalars(&stored)?;
-        Ok(Some(stored))
+        let place = (SCALARS, checksums::SCALARS);
+        let table = self.table(place, &FrameScalars::COLUMNS, false, finished)?;
+        let row =
+            |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| table.columns[c][k]));
+        Ok(Some(StoredScalars {
+            scalars: (0..table.rows()).map(row).collect(),
+            step: table.step,
+        }))
     }
 
     /// Returns the shortest length. In a finished run all must be equal; a run that was stopped may

@@ -1,10 +1,9 @@
 //! Compares what is read with the checksums of the file.
 
-use super::StoredScalars;
+use super::Series;
 use super::open_file::OpenFile;
-use crate::checksums::{self, CONSTANTS, FRAMES, ROWS, SCALARS};
+use crate::checksums::{self, CONSTANTS, FRAMES};
 use crate::layout::{Form, frame_columns};
-use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Disks;
 
@@ -65,34 +64,21 @@ impl OpenFile<'_> {
         }
     }
 
-    /// Compares the rows of the time series with their checksums.
+    /// Compares the rows of a table with their checksums.
     pub(super) fn verify_rows(
         &self,
-        (step, time): (&[u64], &[f64]),
-        names: &[Column],
-        columns: &[Vec<f64>],
+        group: &str,
+        sums: &str,
+        table: &Series,
     ) -> Result<(), Failure> {
-        let stored: Vec<u64> = self.all(ROWS)?;
+        let stored: Vec<u64> = self.all(sums)?;
         let found = |k: usize| {
-            let values = columns.iter().map(|values| values[k]);
-            checksums::of_row(step[k], time[k], names.iter().map(|c| c.name).zip(values))
+            let names = table.declared.iter().map(|column| column.name);
+            let values = table.columns.iter().map(|values| values[k]);
+            checksums::of_row(table.step[k], table.time[k], names.zip(values))
         };
-        match (0..step.len().min(stored.len())).find(|&k| found(k) != stored[k]) {
-            Some(k) => Err(self.damage(&format!("observables: row {k}"))),
-            None => Ok(()),
-        }
-    }
-
-    /// Compares the rows of the scalars of frames with their checksums.
-    pub(super) fn verify_scalars(&self, found: &StoredScalars) -> Result<(), Failure> {
-        let stored: Vec<u64> = self.all(SCALARS)?;
-        let rows = found.step.iter().zip(&found.scalars);
-        let sums = rows.map(|(step, row)| checksums::of_scalars(*step, row));
-        match sums
-            .zip(&stored)
-            .position(|(found, stored)| found != *stored)
-        {
-            Some(k) => Err(self.damage(&format!("observables/gshear: row {k}"))),
+        match (0..table.rows().min(stored.len())).find(|&k| found(k) != stored[k]) {
+            Some(k) => Err(self.damage(&format!("{group}: row {k}"))),
             None => Ok(()),
         }
     }
