@@ -355,15 +355,9 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
     fn turned(&self, q: &DMatrix<T>, count: usize) -> Mat<T> {
         let small = Mat::from_fn(q.nrows(), count, |i, j| q[(i, j)]);
         let mut out = Mat::zeros(self.n, count);
-        let basis = self.basis.subcols(0, q.nrows());
-        matmul(
-            out.as_mut(),
-            Accum::Replace,
-            basis,
-            small.as_ref(),
-            T::of(1.0),
-            self.settings.par,
-        );
+        let (basis, par) = (self.basis.subcols(0, q.nrows()), self.settings.par);
+        let product = out.as_mut();
+        matmul(product, Accum::Replace, basis, small.rb(), T::of(1.0), par);
         out
     }
 }
@@ -371,14 +365,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
 /// w ← w - V Vᴴ w; returns Vᴴ w.
 fn take_out<T: Scalar>(v: MatRef<'_, T>, w: MatMut<'_, T>, par: Par) -> Mat<T> {
     let mut along = Mat::zeros(v.ncols(), w.ncols());
-    matmul(
-        along.as_mut(),
-        Accum::Replace,
-        v.adjoint(),
-        w.rb(),
-        T::of(1.0),
-        par,
-    );
+    let to = along.as_mut();
+    matmul(to, Accum::Replace, v.adjoint(), w.rb(), T::of(1.0), par);
     matmul(w, Accum::Add, v, along.as_ref(), T::of(-1.0), par);
     along
 }

@@ -126,10 +126,14 @@ pub struct IdBlocks {
 }
 
 impl IdBlocks {
+    /// Blocks of so many ids for so many ranks.
+    pub fn new(grains: u64, ranks: u64) -> Self {
+        Self { grains, ranks }
+    }
+
     /// Blocks of so many ids, one for each rank.
     pub fn of(exchange: &dyn Exchange, grains: u64) -> Self {
-        let ranks = exchange.size() as u64;
-        Self { grains, ranks }
+        Self::new(grains, exchange.size() as u64)
     }
 
     /// Returns the ids of a rank.

@@ -130,10 +130,8 @@ fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> 
     }
     if !snapshot.held.is_empty() {
         let HeldState { grains, contacts } = one_after_another(&snapshot.held, blocks.grains);
-        let blocks = IdBlocks {
-            grains: blocks.grains * snapshot.held.len() as u64,
-            ..blocks
-        };
+        let count = snapshot.held.len() as u64;
+        let blocks = IdBlocks::new(blocks.grains * count, blocks.ranks);
         lists.extend(state(HELD, blocks, &grains, &contacts));
     }
     lists
@@ -503,10 +501,8 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
 fn piece<R: Record>(
     (file, prefix, rank, ranks): (&hdf5::File, &str, usize, usize),
 ) -> Result<Piece<R>, String> {
-    let blocks = IdBlocks {
-        grains: length(file, &format!("{prefix}{}/{}", R::GROUP, R::FIELDS[0].name))?,
-        ranks: ranks as u64,
-    };
+    let first = format!("{prefix}{}/{}", R::GROUP, R::FIELDS[0].name);
+    let blocks = IdBlocks::new(length(file, &first)?, ranks as u64);
     Ok(Piece {
         blocks,
         records: read_records((file, prefix), blocks.grains, blocks.range(rank))?,
