@@ -281,10 +281,7 @@ pub fn length(range: &Range<u64>) -> u64 {
 mod tests {
     use super::*;
 
-    const DISKS: Form = Form {
-        axes: 2,
-        torques: false,
-    };
+    const DISKS: Form = Form::new(2, false);
 
     fn shares(frames: u64, grains: u64, ranks: u64) -> Shares {
         Shares {

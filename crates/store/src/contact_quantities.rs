@@ -43,6 +43,13 @@ pub struct Form {
     pub torques: bool,
 }
 
+impl Form {
+    /// That of contacts in so many dimensions.
+    pub const fn new(axes: usize, torques: bool) -> Self {
+        Self { axes, torques }
+    }
+}
+
 /// The unit is that of the law's history.
 pub(crate) const TANGENTIAL_HISTORY: Column =
     Column::new("tangential_history", "N", "history of F_t");

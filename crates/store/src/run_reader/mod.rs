@@ -260,10 +260,8 @@ impl RunFile {
         let place = (OBSERVABLES, checksums::ROWS);
         let series = source.table(place, columns, true, finished)?;
         let scalars = source.scalars(finished)?;
-        let form = Form {
-            axes: dimension.axes(),
-            torques: source.exists(&contact_dataset(TWISTING_HISTORY)),
-        };
+        let torques = source.exists(&contact_dataset(TWISTING_HISTORY));
+        let form = Form::new(dimension.axes(), torques);
         let [position, velocity, angular_velocity, image] =
             of_grain(dimension.axes()).map(|quantity| source.of_grains(quantity, grains.count()));
         let mut file = Self {

@@ -320,7 +320,7 @@ impl TrajectoryWriter {
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
         self.flush_file(exchange)?;
-        self.write_journal(exchange)
+        write_journal(&self.file, &self.path, exchange)
     }
 
     /// Writes all buffers and the attributes of `parameters` known only at the end (rank 0's), and
@@ -362,13 +362,9 @@ impl TrajectoryWriter {
         self.flushed = Instant::now();
         self.file.agree(exchange, outcome)
     }
-
-    /// Keeps the metadata of this flush, to which the file returns if the program is killed.
-    fn write_journal(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        write_journal(&self.file, &self.path, exchange)
-    }
 }
 
+/// Keeps the metadata of a flush, to which the file returns if the program is killed.
 fn write_journal(file: &H5File, path: &Path, exchange: &dyn Parallel) -> Result<(), Failure> {
     let raw = agree(exchange, file.raw_extents())?;
     let written = match exchange.rank() {

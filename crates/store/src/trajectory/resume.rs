@@ -1,6 +1,6 @@
 //! A `run.h5` that is continued.
 
-use super::{AT_THE_END, RunHeader, TrajectoryWriter, seal};
+use super::{AT_THE_END, RunHeader, TrajectoryWriter, seal, write_journal};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, told_by_root};
 use crate::existing::inspect;
 use crate::h5::H5File;
@@ -34,13 +34,9 @@ impl TrajectoryWriter {
         let part = Part::of(path);
         let mut file = H5File::open(&part.file, exchange)?;
         agree(exchange, file.enter(part.group))?;
-        let form = Form {
-            axes: axes as usize,
-            torques: torques > 0,
-        };
         // The rest matters only to new datasets.
         let header = RunHeader {
-            form,
+            form: Form::new(axes as usize, torques > 0),
             series,
             ..RunHeader::default()
         };
@@ -49,7 +45,7 @@ impl TrajectoryWriter {
         let mut writer = Self::new(file, &part.file, columns, blocks);
         (writer.frames_written, writer.contacts_written) = (frames, contacts);
         // A file that was closed has no journal, and a kill while it is cut would damage it.
-        writer.write_journal(exchange)?;
+        write_journal(&writer.file, &writer.path, exchange)?;
         let mut outcome = CollectiveOutcome::default();
         if part.group.is_empty() {
             // What follows is made anew.
@@ -63,7 +59,7 @@ impl TrajectoryWriter {
         writer.file.agree(exchange, outcome)?;
         writer.flush_file(exchange)?;
         // The space of removed rows may be used again, which the last journal does not know.
-        writer.write_journal(exchange)?;
+        write_journal(&writer.file, &writer.path, exchange)?;
         Ok(writer)
     }
 }
