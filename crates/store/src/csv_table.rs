@@ -4,6 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use csv::{StringRecord, Writer};
 use rustix::fs::OFlags;
@@ -240,19 +241,21 @@ pub fn rows_up_to(path: &Path, last: f64) -> Result<Option<u64>, Failure> {
     let (mut line, mut lines) = (Vec::new(), 0u64);
     loop {
         line.clear();
-        reader
-            .read_until(b'\n', &mut line)
-            .map_err(|e| unread(&e))?;
-        let first = line.split(|&byte| byte == b',').next().unwrap_or_default();
-        let first = std::str::from_utf8(first)
-            .ok()
-            .and_then(|text| text.parse::<f64>().ok());
+        let read = reader.read_until(b'\n', &mut line);
+        read.map_err(|e| unread(&e))?;
+        let counts = || first_cell(&line).is_some_and(|first: f64| first <= last);
         // A killed program may leave part of a line.
-        if !line.ends_with(b"\n") || lines > 0 && !first.is_some_and(|first| first <= last) {
+        if !line.ends_with(b"\n") || lines > 0 && !counts() {
             return Ok(lines.checked_sub(1));
         }
         lines += 1;
     }
+}
+
+/// The first cell of a line.
+pub(crate) fn first_cell<T: FromStr>(line: &[u8]) -> Option<T> {
+    let first = line.split(|&byte| byte == b',').next()?;
+    std::str::from_utf8(first).ok()?.parse().ok()
 }
 
 /// Reads the rows of a table, columns by their names.

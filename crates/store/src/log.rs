@@ -1,7 +1,7 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::on_root;
-use super::csv_table::{TableFile, rows_up_to};
+use super::csv_table::{TableFile, first_cell, rows_up_to};
 use super::h5;
 use super::run_reader::Series;
 use gshear_dem::columns::Column;
@@ -87,7 +87,7 @@ impl Log {
         let lines = BufReader::new(std::fs::File::open(path).map_err(unread)?).split(b'\n');
         for (number, line) in lines.enumerate().skip(1) {
             let line = line.map_err(unread)?;
-            let Some(step) = step_of(&line).filter(|step| *step <= last) else {
+            let Some(step) = first_cell::<u64>(&line).filter(|step| *step <= last) else {
                 break;
             };
             // Rows of before a lost run.h5 stand in the log alone.
@@ -120,10 +120,8 @@ impl Log {
     /// # Errors
     /// If the file cannot be written.
     pub fn row(&mut self, step: u64, time: f64, row: &[f64]) -> Result<(), Failure> {
-        let Some(file) = &mut self.0 else {
-            return Ok(());
-        };
-        file.row(cells(step, time, row.iter().copied()))
+        let cells = cells(step, time, row.iter().copied());
+        self.0.as_mut().map_or(Ok(()), |file| file.row(cells))
     }
 
     /// Hands the rows to the file system. Not collective: only rank 0 can fail.
@@ -154,12 +152,6 @@ fn unfit(path: &Path, why: String) -> Failure {
 fn cells(step: u64, time: f64, row: impl Iterator<Item = f64>) -> impl Iterator<Item = String> {
     let numbers = [time].into_iter().chain(row);
     [step.to_string()].into_iter().chain(numbers.map(shortest))
-}
-
-/// The step of a line.
-fn step_of(line: &[u8]) -> Option<u64> {
-    let step = line.split(|&byte| byte == b',').next()?;
-    std::str::from_utf8(step).ok()?.parse().ok()
 }
 
 /// Checks that an existing log has these columns.
@@ -221,23 +213,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
         let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
-        let mut series = Series {
-            declared: &SeriesRow::COLUMNS,
-            columns: vec![Vec::new(); SeriesRow::COLUMNS.len()],
-            ..Series::default()
-        };
-        for k in 0..5 {
-            log.row(10 * k, 0.1 * k as f64, row(k).as_ref()).unwrap();
-            // The first rows stand in the log alone.
-            if k > 1 {
-                series.step.push(10 * k);
-                series.time.push(0.1 * k as f64);
-                for (column, x) in series.columns.iter_mut().zip(row(k).columns()) {
-                    column.push(x);
-                }
-            }
-        }
+        (0..5).for_each(|k| log.row(10 * k, 0.1 * k as f64, row(k).as_ref()).unwrap());
         log.flush().unwrap();
+        // The first rows stand in the log alone.
+        let column = |c: usize| (2..5).map(|k| row(k).columns()[c]).collect();
+        let series = Series {
+            declared: &SeriesRow::COLUMNS,
+            step: vec![20, 30, 40],
+            time: (2..5).map(|k| 0.1 * f64::from(k)).collect(),
+            columns: (0..SeriesRow::COLUMNS.len()).map(column).collect(),
+        };
         let compare = |last| Log::compare(&path, last, &series).map_err(|e| e.to_string());
         assert_eq!(compare(40), Ok(()));
         let whole = text(&path);

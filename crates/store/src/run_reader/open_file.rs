@@ -41,26 +41,25 @@ pub(super) struct OpenFile<'a> {
 impl<'a> OpenFile<'a> {
     /// Opens the file, which must be HDF5 and whole.
     pub(super) fn open(path: &'a Path) -> Result<Self, Failure> {
-        Ok(OpenFile {
-            file: open_file(path)?,
-            path,
-        })
+        let file = open_file(path)?;
+        Ok(OpenFile { file, path })
     }
 
     pub(super) fn wrong(&self, object: &str, what: impl fmt::Display) -> Failure {
         Failure::input(format!("{}: {object}: {what}", self.path.display()))
     }
 
+    fn lacks(&self, name: &str) -> Failure {
+        let path = self.path.display();
+        Failure::input(format!("{path}: {name} is missing: {FOREIGN}"))
+    }
+
     pub(super) fn dataset(&self, name: &str) -> Result<Dataset, Failure> {
         if !self.exists(name) {
-            return Err(Failure::input(format!(
-                "{}: {name} is missing: {FOREIGN}",
-                self.path.display()
-            )));
+            return Err(self.lacks(name));
         }
-        self.file
-            .dataset(name)
-            .map_err(|e| self.wrong(name, format!("cannot be opened: {}", one_line(&e))))
+        let dataset = self.file.dataset(name);
+        dataset.map_err(|e| self.wrong(name, format!("cannot be opened: {}", one_line(&e))))
     }
 
     /// Checks every group of the path, because HDF5 fails if one of them is missing.
@@ -76,9 +75,13 @@ impl<'a> OpenFile<'a> {
             let what = format!("has {} dimensions instead of 1: {FOREIGN}", dataset.ndim());
             return Err(self.wrong(name, what));
         }
-        dataset
-            .read_raw()
-            .map_err(|e| self.wrong(name, format!("cannot be read: {}", one_line(&e))))
+        self.whole(name, &dataset)
+    }
+
+    /// All values of a dataset, in order.
+    fn whole<T: H5Type>(&self, name: &str, dataset: &Dataset) -> Result<Vec<T>, Failure> {
+        let values = dataset.read_raw();
+        values.map_err(|e| self.wrong(name, format!("cannot be read: {}", one_line(&e))))
     }
 
     pub(super) fn of_length<T: H5Type>(
@@ -190,15 +193,12 @@ impl<'a> OpenFile<'a> {
     /// The edges of the box at the first `frames` frames, and the numbers of each.
     pub(super) fn frame_edges(&self, frames: usize) -> Result<(Vec<f64>, usize), Failure> {
         let dataset = self.dataset(EDGES_VALUE)?;
-        let (values, width) = match dataset.shape()[..] {
-            [_, 3] => (dataset.read_raw::<f64>(), 3),
-            [_, 3, 3] => (dataset.read_raw::<f64>(), 9),
-            ref shape => {
-                return Err(self.wrong(EDGES_VALUE, format!("has the shape {shape:?}")));
-            }
+        let width = match dataset.shape()[..] {
+            [_, 3] => 3,
+            [_, 3, 3] => 9,
+            ref shape => return Err(self.wrong(EDGES_VALUE, format!("has the shape {shape:?}"))),
         };
-        let mut values = values
-            .map_err(|e| self.wrong(EDGES_VALUE, format!("cannot be read: {}", one_line(&e))))?;
+        let mut values = self.whole(EDGES_VALUE, &dataset)?;
         if values.len() < frames * width {
             return Err(self.wrong(EDGES_VALUE, "has fewer rows than there are frames"));
         }
@@ -279,15 +279,10 @@ impl<'a> OpenFile<'a> {
 
     pub(super) fn parameters(&self) -> Result<BTreeMap<String, Parameter>, Failure> {
         if !self.exists(PARAMETERS) {
-            return Err(Failure::input(format!(
-                "{}: parameters is missing: {FOREIGN}",
-                self.path.display()
-            )));
+            return Err(self.lacks(PARAMETERS));
         }
-        let group = self
-            .file
-            .group(PARAMETERS)
-            .map_err(|e| self.wrong("parameters", one_line(&e)))?;
+        let group = self.file.group(PARAMETERS);
+        let group = group.map_err(|e| self.wrong(PARAMETERS, one_line(&e)))?;
         let mut parameters = attributes(&group)
             .map_err(|(name, e)| self.wrong(&format!("parameters{name}"), one_line(&e)))?;
         let stored = parameters.remove(OF_PARAMETERS);
