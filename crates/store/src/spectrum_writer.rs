@@ -67,8 +67,11 @@ pub fn write(
         numbers("lambda_im", &|e| e.value.im)?;
         numbers("residual", &|e| e.residual)?;
         numbers("condition", &|e| e.condition)?;
-        let verdicts = columns.eigenvalues.iter().map(|e| e.verdict as u8);
-        let verdicts: Vec<u8> = verdicts.collect();
+        let verdicts: Vec<u8> = columns
+            .eigenvalues
+            .iter()
+            .map(|e| e.verdict as u8)
+            .collect();
         checked::dataset(&file, "verdict", ArrayView::from(&verdicts))?;
         let participation = ArrayView::from(&columns.participation);
         checked::dataset(&file, "participation", participation)?;
@@ -90,10 +93,8 @@ pub fn write(
             attribute("step", origin.step.into())?;
         }
         attribute("rattling", Attribute::Count(problem.rattling() as u64))?;
-        attribute(
-            "null_vectors",
-            Attribute::Count(problem.null().ncols() as u64),
-        )?;
+        let null = problem.null().ncols() as u64;
+        attribute("null_vectors", Attribute::Count(null))?;
         attribute("norm", problem.norm().into())?;
         file.close()
     };

@@ -209,10 +209,8 @@ mod tests {
         assert_eq!(std::fs::read_to_string(at("a.csv")).unwrap(), "2");
         // As of other new files.
         let mode = |name: &str| {
-            std::fs::symlink_metadata(at(name))
-                .unwrap()
-                .permissions()
-                .mode()
+            let metadata = std::fs::symlink_metadata(at(name)).unwrap();
+            metadata.permissions().mode()
         };
         assert_eq!(mode("a.csv"), mode("other"));
     }
