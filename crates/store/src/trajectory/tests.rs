@@ -1,6 +1,5 @@
 use super::*;
 use crate::layout::OBSERVABLES;
-use crate::run_reader::RunFile;
 use bytemuck::Zeroable;
 use gshear_dem::domain::Solo;
 use gshear_dem::state::SeriesRow;
@@ -46,23 +45,6 @@ fn rename(path: &Path, from: &str, to: Option<&str>) {
 
 fn append(path: &Path, frames: u64, rows: u64) -> Result<TrajectoryWriter, Failure> {
     TrajectoryWriter::open_to_append(&Solo, path, &SeriesRow::COLUMNS, frames, rows)
-}
-
-#[test]
-fn files_are_read_and_continued() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    create(&path, 3);
-    let mut writer = append(&path, 1, 2).unwrap();
-    (2..5).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
-    writer.finish(&Solo, &[]).unwrap();
-
-    let run = RunFile::open(&path).unwrap();
-    assert_eq!(run.series().step, [0, 1, 2, 3, 4]);
-    for (c, column) in SeriesRow::COLUMNS.iter().enumerate() {
-        let values: Vec<f64> = (0..5).map(|k| row(k).columns()[c]).collect();
-        assert_eq!(run.series().column(column.name), values, "{column}");
-    }
 }
 
 #[test]
