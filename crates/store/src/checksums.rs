@@ -94,9 +94,14 @@ pub fn of_sequence(first: u64, values: &[f64]) -> u64 {
 
 /// Of images with these weights.
 pub fn of_images(weights: &[u64], images: &[i32]) -> u64 {
-    let terms = weights.iter().zip(images);
-    terms.fold(0, |sum: u64, (weight, &image)| {
-        sum.wrapping_add(weight.wrapping_mul(u64::from(image as u32)))
+    weighted(weights, images.iter().map(|&image| u64::from(image as u32)))
+}
+
+/// Σ w b.
+fn weighted(weights: &[u64], bits: impl Iterator<Item = u64>) -> u64 {
+    let terms = weights.iter().zip(bits);
+    terms.fold(0, |sum, (weight, bits)| {
+        sum.wrapping_add(weight.wrapping_mul(bits))
     })
 }
 
@@ -150,8 +155,10 @@ impl ContactWeights {
 
     /// Of the pairs of grains alone.
     pub fn pairs(&self, rows: Range<usize>) -> u64 {
-        let weights = self.of_pairs[rows].iter().copied();
-        weights.fold(0, u64::wrapping_add)
+        self.of_pairs[rows]
+            .iter()
+            .copied()
+            .fold(0, u64::wrapping_add)
     }
 
     /// Of a column, 1 or 3 numbers each.
@@ -164,10 +171,7 @@ impl ContactWeights {
 
     /// Of flags.
     pub fn flags(&self, rows: Range<usize>, flags: &[u8]) -> u64 {
-        let terms = self.of_pairs[rows].iter().zip(flags);
-        terms.fold(0, |sum: u64, (weight, &flag)| {
-            sum.wrapping_add(weight.wrapping_mul(flag.into()))
-        })
+        weighted(&self.of_pairs[rows], flags.iter().map(|&flag| flag.into()))
     }
 }
 

@@ -47,10 +47,10 @@ pub fn target(path: &Path) -> PathBuf {
 pub fn remove(file: &Path) -> Result<(), Failure> {
     let path = path_of(file);
     match std::fs::remove_file(&path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Failure::other(format!(
-            "{}: cannot be removed: {e}",
-            path.display()
-        ))),
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            let path = path.display();
+            Err(Failure::other(format!("{path}: cannot be removed: {e}")))
+        }
         _ => Ok(()),
     }
 }

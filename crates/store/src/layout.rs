@@ -11,6 +11,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use hdf5::H5Type;
+use hdf5::types::TypeDescriptor;
 
 pub const PARAMETERS: &str = "parameters";
 pub const PARTICLES: &str = "particles/trajectory";
@@ -118,7 +119,7 @@ pub fn file_bytes(
     };
     let numbers = of_grain(of.axes)
         .iter()
-        .map(|(_, width, kind)| of_grains(*width, kind.bytes()))
+        .map(|(_, width, kind)| of_grains(*width, kind.element().size()))
         .sum::<f64>();
     let all = chunks(frames as f64 * contacts, contact_chunk(grains));
     let [_, contact] = frame_bytes(of);
@@ -130,7 +131,8 @@ pub fn file_bytes(
 
 /// Bytes of a grain and of a contact in a frame.
 pub fn frame_bytes(of: Form) -> [usize; 2] {
-    let bytes = |of: &[Quantity]| of.iter().map(|(_, width, kind)| width * kind.bytes()).sum();
+    let of_one = |(_, width, kind): &Quantity| width * kind.element().size();
+    let bytes = |of: &[Quantity]| of.iter().map(of_one).sum();
     [bytes(&of_grain(of.axes)), bytes(&of_contact(of))]
 }
 
@@ -188,7 +190,8 @@ impl Datasets {
             let shape = [0, count, width];
             let dimensions = if width == 1 { 2 } else { 3 };
             let name = grain_dataset(&column);
-            let dataset = place.of(kind, &name, &shape[..dimensions], &chunk[..dimensions])?;
+            let (shape, chunk) = (&shape[..dimensions], &chunk[..dimensions]);
+            let dataset = place.growing(kind.element(), &name, shape, chunk)?;
             grains.push(place.in_units(dataset, &column)?);
         }
         let (step, time) = (place.step(&first)?, place.time(&first)?);
@@ -202,7 +205,7 @@ impl Datasets {
         } else {
             (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3])
         };
-        let edges = place.growing::<f64>(EDGES_VALUE, shape, chunk)?;
+        let edges = place.growing(f64::type_descriptor(), EDGES_VALUE, shape, chunk)?;
 
         place.group(CONTACTS)?;
         place.link_clock(&first, CONTACTS, true)?;
@@ -211,7 +214,8 @@ impl Datasets {
             let chunk = [contact_chunk(count).div_ceil(width), width];
             let dimensions = if width == 1 { 1 } else { 2 };
             let (name, shape) = (contact_dataset(column), [0, width]);
-            let dataset = place.of(kind, &name, &shape[..dimensions], &chunk[..dimensions])?;
+            let (shape, chunk) = (&shape[..dimensions], &chunk[..dimensions]);
+            let dataset = place.growing(kind.element(), &name, shape, chunk)?;
             if column.name == TANGENTIAL_HISTORY.name {
                 column.unit = header.history_unit;
             }
@@ -224,6 +228,7 @@ impl Datasets {
 
         place.group(GROUP)?;
         let sums = frame_columns(form).len();
+        let (shape, chunk) = ([0, sums], [CHUNK_ROWS / 8, sums]);
         Ok(Datasets {
             form,
             edges: place.in_units(edges, &EDGES)?,
@@ -233,7 +238,7 @@ impl Datasets {
             offset: place.list::<u64>(&contact_dataset("offset"))?,
             contacts,
             rows: place.table(OBSERVABLES, header.series, true, ROWS)?,
-            frame_sums: place.growing::<u64>(FRAMES, &[0, sums], &[CHUNK_ROWS / 8, sums])?,
+            frame_sums: place.growing(u64::type_descriptor(), FRAMES, &shape, &chunk)?,
         })
     }
 
@@ -269,36 +274,22 @@ impl Place<'_> {
     }
 
     /// A dataset without entries yet, which grows along its first dimension.
-    fn growing<T: H5Type>(
+    fn growing(
         &self,
+        element: TypeDescriptor,
         name: &str,
         shape: &[usize],
         chunk: &[usize],
     ) -> Result<Dataset, Failure> {
         match self.mode {
-            Mode::Create => self.file.dataset::<T>(name, shape, Some(chunk)),
-            Mode::Open => self.file.open_dataset::<T>(name),
-        }
-    }
-
-    fn of(
-        &self,
-        kind: Kind,
-        name: &str,
-        shape: &[usize],
-        chunk: &[usize],
-    ) -> Result<Dataset, Failure> {
-        match kind {
-            Kind::Number => self.growing::<f64>(name, shape, chunk),
-            Kind::Image => self.growing::<i32>(name, shape, chunk),
-            Kind::Id => self.growing::<u32>(name, shape, chunk),
-            Kind::Flag => self.growing::<u8>(name, shape, chunk),
+            Mode::Create => self.file.dataset(element, name, shape, Some(chunk)),
+            Mode::Open => self.file.open_dataset(element, name),
         }
     }
 
     /// One number a frame or row.
     fn list<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
-        self.growing::<T>(name, &[0], &[CHUNK_ROWS])
+        self.growing(T::type_descriptor(), name, &[0], &[CHUNK_ROWS])
     }
 
     fn step(&self, folder: &str) -> Result<Dataset, Failure> {

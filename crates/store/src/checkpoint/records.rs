@@ -167,7 +167,8 @@ pub(super) fn write_one<T: H5Type + Copy>(
 ) -> Result<(), Failure> {
     let width = shape.get(1).copied().unwrap_or(1) as u64;
     let slab = Slab::rows(first, local.len() as u64 / width, width);
-    file.dataset::<T>(name, shape, None)?.write(slab, local)
+    let dataset = file.dataset(T::type_descriptor(), name, shape, None)?;
+    dataset.write(slab, local)
 }
 
 /// One rank's part of a list of records.

@@ -264,13 +264,14 @@ impl H5File {
         self.context.checked(name, "link", made)
     }
 
-    /// Creates a dataset of `shape`: contiguous and of fixed size, or, with `chunk`, growing along
+    /// Creates a dataset of these elements and of `shape`: contiguous and of fixed size, or, with `chunk`, growing along
     /// its first dimension.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn dataset<T: H5Type>(
+    pub fn dataset(
         &self,
+        element: TypeDescriptor,
         name: &str,
         shape: &[usize],
         chunk: Option<&[usize]>,
@@ -281,7 +282,7 @@ impl H5File {
         if chunk.is_some() {
             extents[0] = Extent::resizable(shape[0]);
         }
-        let builder = (self.file.new_dataset::<T>())
+        let builder = (self.file.new_dataset_builder().empty_as(&element))
             .shape(SimpleExtents::from_vec(extents))
             .fill_time(FillTime::Never)
             // Several ranks may continue a file of one rank; they can write only to allocated
@@ -291,25 +292,26 @@ impl H5File {
             Some(chunk) => builder.chunk(chunk.to_vec()),
             None => builder,
         };
-        self.column::<T>(name, "create", builder.create(&*self.at(name)))
+        self.column(element, name, "create", builder.create(&*self.at(name)))
     }
 
-    /// Opens an existing dataset.
+    /// Opens an existing dataset of these elements.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
-        self.column::<T>(name, "open", self.file.dataset(&self.at(name)))
+    pub fn open_dataset(&self, element: TypeDescriptor, name: &str) -> Result<Dataset, Failure> {
+        self.column(element, name, "open", self.file.dataset(&self.at(name)))
     }
 
-    fn column<T: H5Type>(
+    fn column(
         &self,
+        element: TypeDescriptor,
         name: &str,
         what: &str,
         dataset: hdf5::Result<hdf5::Dataset>,
     ) -> Result<Dataset, Failure> {
         let dataset = self.context.checked(name, what, dataset)?;
-        let datatype = Datatype::from_type::<T>();
+        let datatype = Datatype::from_descriptor(&element);
         let raw_data = RawData::of(dataset.clone());
         self.context.raw_data.borrow_mut().push(raw_data);
         Ok(Dataset {
@@ -318,7 +320,7 @@ impl H5File {
             inner: dataset,
             name: name.into(),
             context: self.context.clone(),
-            element: T::type_descriptor(),
+            element,
         })
     }
 

@@ -396,7 +396,7 @@ fn fixed<T: H5Type + Copy>(
     slab: Slab,
     data: &[T],
 ) -> Result<(), Failure> {
-    let dataset = file.dataset::<T>(name, &[size], None)?;
+    let dataset = file.dataset(T::type_descriptor(), name, &[size], None)?;
     let described = unit.map_or(Ok(()), |unit| {
         dataset.attribute("unit", &Attribute::Word(unit))
     });
