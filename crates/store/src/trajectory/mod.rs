@@ -17,7 +17,6 @@ use crate::part::Part;
 use crate::row_table::RowTable;
 pub use crate::run_header::{GrainShape, RunHeader};
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_dem::columns::Column;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
