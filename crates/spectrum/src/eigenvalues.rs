@@ -134,13 +134,8 @@ impl Spectrum {
     pub fn values(problem: &Problem) -> Vec<c64> {
         let n = problem.size();
         let (mut re, mut im) = (Diag::<f64>::zeros(n), Diag::<f64>::zeros(n));
-        let scratch = evd_scratch::<f64>(
-            n,
-            ComputeEigenvectors::No,
-            ComputeEigenvectors::No,
-            Par::Seq,
-            Spec::default(),
-        );
+        let no = ComputeEigenvectors::No;
+        let scratch = evd_scratch::<f64>(n, no, no, Par::Seq, Spec::default());
         evd_real(
             problem.matrix().to_dense().as_ref(),
             re.as_mut(),

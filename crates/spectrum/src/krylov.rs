@@ -234,11 +234,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
                 let from = if attempt == 0 { first } else { 0 };
                 let before = column.norm_l2();
                 for _ in 0..2 {
-                    let along = take_out(
-                        done.rb().subcols(from, first + c - from),
-                        column.rb_mut(),
-                        par,
-                    );
+                    let against = done.rb().subcols(from, first + c - from);
+                    let along = take_out(against, column.rb_mut(), par);
                     (from..first + c).for_each(|i| coefficients[(i, c)] += along[(i - from, 0)]);
                 }
                 left = column.norm_l2();
@@ -340,13 +337,10 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         self.basis.subcols_mut(kept, block).copy_from(&residual);
         self.projected.fill(T::of(0.0));
         let square = schur.t.view((0, 0), (kept, kept));
-        self.projected
-            .view_mut((0, 0), (kept, kept))
-            .copy_from(&square);
-        let coupling = coupling.columns(0, kept);
-        self.projected
-            .view_mut((kept, 0), (block, kept))
-            .copy_from(&coupling);
+        let mut to = self.projected.view_mut((0, 0), (kept, kept));
+        to.copy_from(&square);
+        let mut to = self.projected.view_mut((kept, 0), (block, kept));
+        to.copy_from(&coupling.columns(0, kept));
         self.used = kept;
         None
     }

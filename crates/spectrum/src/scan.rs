@@ -93,12 +93,9 @@ pub fn scan(
         disks: Vec::new(),
         pitch: (re[1] - re[0]) / 50.0,
     };
+    let nothing = Mat::<f64>::zeros(problem.size(), 0);
     let mut found = Scan {
-        spectrum: Spectrum {
-            eigenvalues: Vec::new(),
-            right: Mat::zeros(problem.size(), 0),
-            left: Mat::zeros(problem.size(), 0),
-        },
+        spectrum: Spectrum::of(problem, &nothing, None),
         disks: 0,
         solves: 0,
     };

@@ -108,10 +108,8 @@ fn nearest_in<T: Scalar>(
     let (mut shift, mut attempts) = (request.shift, 0);
     let mut found = None;
     let (mut inverse, right) = loop {
-        let mut inverse = match (
-            Inverse::<T>::near(problem, symbolic, shift, request.par),
-            found,
-        ) {
+        let factored = Inverse::<T>::near(problem, symbolic, shift, request.par);
+        let mut inverse = match (factored, found) {
             (Ok(inverse), _) => inverse,
             (Err(_), Some(found)) => break found,
             (Err(failed), None) => return Err(failed),

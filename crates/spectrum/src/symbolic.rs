@@ -14,7 +14,6 @@ use crate::ordering::{nested_dissection, symmetric_pattern};
 /// Fronts of the multifrontal LU of a matrix with a symmetrised pattern, with partial pivoting
 /// inside each front (Duff & Reid 1983). The fill is that of a Cholesky factor and its transpose.
 pub struct Symbolic {
-    size: usize,
     /// `order[k]`: the unknown that is eliminated as the k-th.
     pub(crate) order: Vec<usize>,
     /// Fronts in the order of elimination.
@@ -47,10 +46,9 @@ pub(crate) struct MatrixEntry {
 impl Symbolic {
     /// Analyses the pattern of a square matrix.
     pub fn new(a: SymbolicSparseColMatRef<'_, usize>) -> Self {
-        let n = a.ncols();
         let pattern = symmetric_pattern(a);
         let order = nested_dissection(pattern.as_ref());
-        let mut rank = vec![0; n];
+        let mut rank = vec![0; order.len()];
         order.iter().enumerate().for_each(|(k, &j)| rank[j] = k);
         let mut fronts = fronts(pattern.as_ref(), &order, &rank);
         for s in 0..fronts.len() {
@@ -61,16 +59,10 @@ impl Symbolic {
         }
         let entries = entries(a, &rank, &fronts);
         Symbolic {
-            size: n,
             order,
             fronts,
             entries,
         }
-    }
-
-    /// Returns the number of unknowns.
-    pub fn size(&self) -> usize {
-        self.size
     }
 
     /// Returns the number of entries of L and U together.
