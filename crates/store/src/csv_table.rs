@@ -101,9 +101,9 @@ impl<'a, I: IntoIterator> Table<'a, I> {
         let mut record = StringRecord::new();
         for row in self.rows {
             record.clear();
-            self.values
-                .iter()
-                .for_each(|values| values(&row, &mut record));
+            for values in &self.values {
+                values(&row, &mut record);
+            }
             assert_eq!(record.len(), columns, "one value for each name");
             writer.write_record(&record).expect(IN_MEMORY);
         }
@@ -153,10 +153,8 @@ impl TableFile {
     /// [`Failure::Input`] if the file has other columns or fewer rows.
     pub fn open_to_append(path: &Path, names: &[&str], rows: u64) -> Result<Self, Failure> {
         let unfit = |why: String| {
-            Failure::input(format!(
-                "{}: cannot continue this file: {why}",
-                path.display()
-            ))
+            let path = path.display();
+            Failure::input(format!("{path}: cannot continue this file: {why}"))
         };
         if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
             return Err(unfit(NO_FILE.into()));
@@ -170,21 +168,17 @@ impl TableFile {
         let (mut text, mut end) = (Vec::new(), 0);
         for row in 0..=rows {
             text.clear();
-            end += reader
-                .read_until(b'\n', &mut text)
-                .map_err(|e| unfit(e.to_string()))? as u64;
+            let length = reader.read_until(b'\n', &mut text);
+            end += length.map_err(|e| unfit(e.to_string()))? as u64;
             if row == 0 && text != names {
                 let names = String::from_utf8_lossy(&names);
-                return Err(unfit(format!(
-                    "its first line must be {}",
-                    names.trim_end()
-                )));
+                let names = names.trim_end();
+                return Err(unfit(format!("its first line must be {names}")));
             }
             if text.last() != Some(&b'\n') {
-                return Err(unfit(format!(
-                    "it has {} rows, the checkpoint counts {rows}",
-                    row - 1
-                )));
+                let has = row - 1;
+                let why = format!("it has {has} rows, the checkpoint counts {rows}");
+                return Err(unfit(why));
             }
         }
         file.set_len(end).map_err(|e| unwritten(path, &e))?;

@@ -16,19 +16,13 @@ use faer::sparse::{SparseColMat, Triplet};
 use super::text_writer::PartFile;
 use gshear_dem::failure::Failure;
 
-/// Symmetry of the matrix, of which a file stores only one triangle.
-#[derive(Clone, Copy, PartialEq)]
-enum Symmetry {
-    General,
-    Symmetric,
-    Skew,
-}
-
 /// The first line of a file.
 struct MatrixHeader {
     coordinate: bool,
     pattern: bool,
-    symmetry: Symmetry,
+    /// Of a symmetric matrix (1) and of a skew one (-1), which store only one triangle: the factor
+    /// of the mirrored entries.
+    mirrored: Option<f64>,
 }
 
 /// Reads a real, integer or pattern matrix in `coordinate` or `array` format, of any symmetry.
@@ -87,18 +81,17 @@ fn coordinates(
         let mut words = lines.text.split_ascii_whitespace();
         let row: usize = lines.word(&mut words, "row")?;
         let column: usize = lines.word(&mut words, "column")?;
-        let value: f64 = if header.pattern {
-            1.0
-        } else {
-            lines.word(&mut words, "value")?
-        };
+        let mut value = 1.0;
+        if !header.pattern {
+            value = lines.word(&mut words, "value")?;
+        }
         lines.end(words)?;
         if !(1..=rows).contains(&row) || !(1..=columns).contains(&column) {
             let message = format!("row {row}, column {column}: the matrix is {rows} × {columns}");
             return Err(lines.wrong(message));
         }
         lines.finite(value)?;
-        add(&mut entries, [row - 1, column - 1], value, header.symmetry);
+        add(&mut entries, [row - 1, column - 1], value, header.mirrored);
     }
     if lines.next()? {
         return Err(lines.wrong(format!("more than the {count} entries announced")));
@@ -111,10 +104,10 @@ fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize,
     let [rows, columns] = lines.sizes("rows and columns")?;
     let mut entries = Vec::new();
     for column in 0..columns {
-        let first = match header.symmetry {
-            Symmetry::General => 0,
-            Symmetry::Symmetric => column,
-            Symmetry::Skew => column + 1,
+        let first = match header.mirrored {
+            None => 0,
+            Some(sign) if sign > 0.0 => column,
+            Some(_) => column + 1,
         };
         for row in first..rows {
             if !lines.next()? {
@@ -127,7 +120,7 @@ fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize,
             lines.end(words)?;
             lines.finite(value)?;
             if value != 0.0 {
-                add(&mut entries, [row, column], value, header.symmetry);
+                add(&mut entries, [row, column], value, header.mirrored);
             }
         }
     }
@@ -141,15 +134,10 @@ fn add(
     entries: &mut Vec<Triplet<usize, usize, f64>>,
     [row, column]: [usize; 2],
     value: f64,
-    symmetry: Symmetry,
+    mirrored: Option<f64>,
 ) {
     entries.push(Triplet::new(row, column, value));
-    if symmetry != Symmetry::General && row != column {
-        let sign = if symmetry == Symmetry::Skew {
-            -1.0
-        } else {
-            1.0
-        };
+    if let Some(sign) = mirrored.filter(|_| row != column) {
         entries.push(Triplet::new(column, row, sign * value));
     }
 }
@@ -201,16 +189,16 @@ impl Lines<'_> {
             "pattern" if coordinate => true,
             _ => return Err(self.wrong(format!("{field}: {RIGHT}"))),
         };
-        let symmetry = match symmetry {
-            "general" => Symmetry::General,
-            "symmetric" => Symmetry::Symmetric,
-            "skew-symmetric" => Symmetry::Skew,
+        let mirrored = match symmetry {
+            "general" => None,
+            "symmetric" => Some(1.0),
+            "skew-symmetric" => Some(-1.0),
             _ => return Err(self.wrong(format!("{symmetry}: {RIGHT}"))),
         };
         Ok(MatrixHeader {
             coordinate,
             pattern,
-            symmetry,
+            mirrored,
         })
     }
 
@@ -270,10 +258,7 @@ impl Lines<'_> {
     }
 
     fn wrong(&self, message: String) -> Failure {
-        Failure::input(format!(
-            "{}, line {}: {message}",
-            self.path.display(),
-            self.number
-        ))
+        let (path, number) = (self.path.display(), self.number);
+        Failure::input(format!("{path}, line {number}: {message}"))
     }
 }

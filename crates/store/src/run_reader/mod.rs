@@ -82,10 +82,7 @@ impl RunStage {
     /// the columns of that.
     fn of(source: &OpenFile<'_>) -> Self {
         let is_stored = |name: &str| source.exists(&format!("{OBSERVABLES}/{name}"));
-        let has_all = |stage: &Self| {
-            let mut columns = stage.columns().iter();
-            columns.all(|column| is_stored(column.name))
-        };
+        let has_all = |stage: &Self| stage.columns().iter().all(|of| is_stored(of.name));
         Self::ALL.into_iter().find(has_all).unwrap_or(Self::Shear)
     }
 }
@@ -227,11 +224,10 @@ impl RunFile {
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
     /// wrong shape.
     pub fn open_any(run: &Path) -> Result<Self, Failure> {
-        let path = if run.is_dir() {
-            run.join(RUN_FILE)
-        } else {
-            run.to_path_buf()
-        };
+        let mut path = run.to_path_buf();
+        if run.is_dir() {
+            path.push(RUN_FILE);
+        }
         hdf5::silence_errors(true);
         let source = OpenFile::open(&path)?;
         let stage = RunStage::of(&source);
@@ -456,10 +452,8 @@ impl RunFile {
 
     /// The Lees–Edwards offset of a box at frame t (m).
     fn offset_of_image(&self, t: usize) -> f64 {
-        let stored = self
-            .boxes
-            .get(t)
-            .map(|edges| edges[self.dimension.axes() - 1][0]);
+        let up = self.dimension.axes() - 1;
+        let stored = self.boxes.get(t).map(|edges| edges[up][0]);
         let before = || match self.stage {
             RunStage::Strain => {
                 let row = self.series.step.binary_search(&self.step[t]).ok()?;
@@ -586,12 +580,8 @@ impl RunFile {
             }
         }
         let need = |name: &str| {
-            let missing = || {
-                self.wrong(format!(
-                    "parameters: attribute {name} is missing: {FOREIGN}"
-                ))
-            };
-            self.number(name).ok_or_else(missing)
+            let what = format!("parameters: attribute {name} is missing: {FOREIGN}");
+            self.number(name).ok_or_else(|| self.wrong(what))
         };
         if self.number("spring_stiffness").is_some_and(f64::is_finite) {
             return Ok(self.interpolated_strains());

@@ -151,7 +151,9 @@ impl<'a> OpenFile<'a> {
         } else {
             vec![0; id.len()]
         };
-        self.verify_constants(&id, (&grains, &material), edges)?;
+        let kinds = [&grains.body[..], &material];
+        let numbers = [&grains.radius[..], &grains.mass];
+        self.verify_constants(checksums::of_constants(0, &id, kinds, numbers, edges))?;
         self.check_grains(&grains)?;
         Ok((grains, id, material))
     }

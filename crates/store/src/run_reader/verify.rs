@@ -5,7 +5,6 @@ use super::open_file::OpenFile;
 use crate::checksums::{self, CONSTANTS, FRAMES};
 use crate::layout::{Form, frame_columns};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::Disks;
 
 /// The checksums of the frames of a file.
 pub struct FrameSums {
@@ -26,36 +25,20 @@ impl FrameSums {
 
     /// Whether a checksum of frame t is that of the file.
     pub fn agrees(&self, t: usize, column: &str, found: u64) -> bool {
-        let Some(at) = self.columns.iter().position(|known| *known == column) else {
-            return true;
-        };
-        let stored = self.sums.get(t * self.columns.len() + at);
+        let at = self.columns.iter().position(|known| *known == column);
+        let stored = at.and_then(|at| self.sums.get(t * self.columns.len() + at));
         stored.is_none_or(|&stored| stored == found)
     }
 }
 
 impl OpenFile<'_> {
     pub(super) fn damage(&self, what: &str) -> Failure {
-        self.wrong(
-            what,
-            "its checksum differs from the stored one: the file is damaged",
-        )
+        let why = "its checksum differs from the stored one: the file is damaged";
+        self.wrong(what, why)
     }
 
     /// Compares what never changes with its checksums.
-    pub(super) fn verify_constants(
-        &self,
-        id: &[u32],
-        (grains, material): (&Disks, &[u8]),
-        edges: &[f64],
-    ) -> Result<(), Failure> {
-        let found = checksums::of_constants(
-            0,
-            id,
-            [&grains.body, material],
-            [&grains.radius, &grains.mass],
-            edges,
-        );
+    pub(super) fn verify_constants(&self, found: [u64; 5]) -> Result<(), Failure> {
         let names = ["id", "body", "radius", "mass", "box/edges"];
         let stored: Vec<u64> = self.of_length(CONSTANTS, names.len())?;
         match (0..names.len()).find(|&k| stored[k] != found[k]) {
