@@ -13,6 +13,9 @@ use crate::scalar::Scalar;
 /// greatest column of A.
 pub const ZERO: f64 = 1e-12;
 
+const DEPENDENT: &str =
+    "null vectors must be linearly independent: leave out those that depend on others";
+
 /// K v = λ M v with diagonal M as A w = λ w, where A = M^(-1/2) K M^(-1/2) and w = M^(1/2) v.
 ///
 /// In this form displacements and rotations, light and heavy grains have entries of similar size,
@@ -239,10 +242,7 @@ impl Problem {
             }
             let length = w.norm_l2();
             if length <= 1e-10 * before || before == 0.0 {
-                return Err(Unfit::Null(
-                    "null vectors must be linearly independent: leave out those that depend on others"
-                        .into(),
-                ));
+                return Err(Unfit::Null(DEPENDENT.into()));
             }
             w /= faer::Scale(length);
             self.apply(w.as_ref(), image.as_mut());

@@ -245,9 +245,8 @@ fn planted_pairs_are_found_and_counted() {
         im: [f64::EPSILON.sqrt() * problem.norm(), bounds.im[1] + 0.1],
     };
     let count = |rectangle, known: &[c64]| {
-        winding(&problem, &symbolic, rectangle, known, Par::Seq)
-            .expect("a clear contour")
-            .eigenvalues
+        let counted = winding(&problem, &symbolic, rectangle, known, Par::Seq);
+        counted.expect("a clear contour").eigenvalues
     };
     assert_eq!(count(strip, &exact), 6);
     // Two unknown eigenvalues are counted, and a known one that does not exist is not.

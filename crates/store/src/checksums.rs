@@ -155,10 +155,8 @@ impl ContactWeights {
 
     /// Of the pairs of grains alone.
     pub fn pairs(&self, rows: Range<usize>) -> u64 {
-        self.of_pairs[rows]
-            .iter()
-            .copied()
-            .fold(0, u64::wrapping_add)
+        let weights = self.of_pairs[rows].iter().copied();
+        weights.fold(0, u64::wrapping_add)
     }
 
     /// Of a column, 1 or 3 numbers each.
@@ -180,10 +178,9 @@ impl ContactWeights {
 pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, f64)>) -> u64 {
     let named = |name: &str, bits: u64| weight(xxh3_64(name.as_bytes())).wrapping_mul(bits);
     let numbers = columns.map(|(name, x)| named(name, mixed(x.to_bits())));
-    [named("step", step), named("time", mixed(time.to_bits()))]
-        .into_iter()
-        .chain(numbers)
-        .fold(0, u64::wrapping_add)
+    let clock = [named("step", step), named("time", mixed(time.to_bits()))];
+    let all = clock.into_iter().chain(numbers);
+    all.fold(0, u64::wrapping_add)
 }
 
 /// Of the step, the time and the edges of the box of a frame.

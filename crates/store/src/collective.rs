@@ -155,10 +155,8 @@ impl IdBlocks {
             send[self.holder(id(record))].extend_from_slice(bytemuck::bytes_of(record));
         }
         let received = exchange.all_to_all(send);
-        received
-            .iter()
-            .flat_map(|bytes| records_of(bytes))
-            .collect()
+        let records = received.iter().flat_map(|bytes| records_of(bytes));
+        records.collect()
     }
 }
 

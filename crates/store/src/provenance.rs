@@ -68,11 +68,9 @@ pub fn user() -> String {
         .output();
     let of_git = git.map(|of| String::from_utf8_lossy(&of.stdout).trim().to_string());
     let of_account = ["USER", "LOGNAME"].into_iter().flat_map(std::env::var);
-    let mut names = of_git
-        .into_iter()
-        .filter(|name| !name.is_empty())
-        .chain(of_account);
-    names.next().unwrap_or_else(|| "unknown".into())
+    let of_git = of_git.into_iter().filter(|name| !name.is_empty());
+    let name = of_git.chain(of_account).next();
+    name.unwrap_or_else(|| "unknown".into())
 }
 
 /// The name of this machine.

@@ -69,10 +69,8 @@ fn can_hold(dataset: &Dataset, bytes: u64) -> hdf5::Result<()> {
         bytes
     };
     let (shape, of_one) = (dataset.get_shape()?, dataset.dtype()?.size() as u64);
-    let announced = shape
-        .iter()
-        .try_fold(of_one, |all, &n| all.checked_mul(n as u64));
-    match announced {
+    let mut lengths = shape.iter();
+    match lengths.try_fold(of_one, |all, &n| all.checked_mul(n as u64)) {
         Some(announced) if announced <= most => Ok(()),
         _ => Err(format!("{name} announces {shape:?} values, more than the file can hold").into()),
     }

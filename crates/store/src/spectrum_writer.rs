@@ -67,11 +67,8 @@ pub fn write(
         numbers("lambda_im", &|e| e.value.im)?;
         numbers("residual", &|e| e.residual)?;
         numbers("condition", &|e| e.condition)?;
-        let verdicts: Vec<u8> = columns
-            .eigenvalues
-            .iter()
-            .map(|e| e.verdict as u8)
-            .collect();
+        let verdicts = columns.eigenvalues.iter().map(|e| e.verdict as u8);
+        let verdicts: Vec<u8> = verdicts.collect();
         checked::dataset(&file, "verdict", ArrayView::from(&verdicts))?;
         let participation = ArrayView::from(&columns.participation);
         checked::dataset(&file, "participation", participation)?;

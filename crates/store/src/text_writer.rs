@@ -164,12 +164,11 @@ impl PartFile {
     /// [`Failure::Other`] if the file cannot be written.
     pub fn finish(self) -> Result<PathBuf, Failure> {
         let Self { path, writer } = self;
-        let written = writer
-            .into_inner()
-            .map_err(|e| unwritten(&path, e.error()))?;
-        written
-            .persist(&path)
-            .map_err(|e| unwritten(&path, &e.error))?;
+        let part = writer.into_inner();
+        let named = part
+            .map_err(|e| unwritten(&path, e.error()))?
+            .persist(&path);
+        named.map_err(|e| unwritten(&path, &e.error))?;
         Ok(path)
     }
 }

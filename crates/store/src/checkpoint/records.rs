@@ -269,10 +269,8 @@ pub(super) fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64
 
 pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
     let dataset = file.dataset(name);
-    match dataset
-        .map_err(|e| format!("damaged: {name} ({e})"))?
-        .shape()[..]
-    {
+    let dataset = dataset.map_err(|e| format!("damaged: {name} ({e})"))?;
+    match dataset.shape()[..] {
         [n] => Ok(n as u64),
         _ => Err(format!("damaged: {name} is not a list")),
     }
@@ -298,9 +296,9 @@ pub(super) fn read_records<R: Record>(
     let rare = R::FIELDS.iter().filter(|f| f.values.may_lack());
     let optional: usize = rare.map(|field| 8 * field.width).sum();
     if all.saturating_mul((size_of::<R>() - optional) as u64) > file.size() {
+        let group = R::GROUP;
         return Err(format!(
-            "damaged: {} has more rows than the file can hold",
-            R::GROUP
+            "damaged: {group} has more rows than the file can hold"
         ));
     }
     let rows = local.start as usize..local.end as usize;

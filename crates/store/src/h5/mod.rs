@@ -249,9 +249,9 @@ impl H5File {
 
     /// Returns the failure of an object that holds fewer rows than the checkpoint says.
     pub fn lacks(&self, name: &str, rows: u64) -> Failure {
+        let file = self.context.path.display();
         Failure::input(format!(
-            "{}: cannot continue this file: {name} holds fewer than the {rows} rows of the checkpoint",
-            self.context.path.display()
+            "{file}: cannot continue this file: {name} holds fewer than the {rows} rows of the checkpoint"
         ))
     }
 
@@ -563,9 +563,8 @@ fn below(
         return Err("its groups contain each other".into());
     };
     let groups = group.groups()?;
-    groups
-        .iter()
-        .try_for_each(|group| below(group, levels, without, each))
+    let mut groups = groups.iter();
+    groups.try_for_each(|group| below(group, levels, without, each))
 }
 
 /// Removes an attribute if it exists.

@@ -161,9 +161,8 @@ impl TrajectoryWriter {
         assert!(complete, "a run's grains are not 0 … N-1");
 
         let grains = self.blocks.grains as usize;
-        self.file
-            .reserve(exchange, size_of::<GrainShape>() * grains)?;
         let file = &self.file;
+        file.reserve(exchange, size_of::<GrainShape>() * grains)?;
         let name = |part: &str| format!("{PARTICLES}/{part}");
         let local = Slab::rows(ids.start, length(&ids), 1);
         let id_of = |g: &GrainShape| header.ids.map_or(g.id, |ids| ids.of(g.id));
@@ -177,9 +176,9 @@ impl TrajectoryWriter {
         let root = exchange.rank() == 0;
         let edges = if root { &header.edges[..] } else { &[] };
 
-        let mut sums =
-            checksums::of_constants(ids.start, &id, [&body, &material], [&radius, &mass], edges)
-                .map(|sum| sum as i64);
+        let (kinds, numbers) = ([&body[..], &material], [&radius[..], &mass]);
+        let sums = checksums::of_constants(ids.start, &id, kinds, numbers, edges);
+        let mut sums = sums.map(|sum| sum as i64);
         exchange.sum(&mut sums);
         let sums = sums.map(|sum| sum as u64);
         let of_root = if root { &sums[..] } else { &[] };
