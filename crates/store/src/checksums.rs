@@ -4,10 +4,9 @@
 //! odd number made from the place k of the number. It depends neither on the order of the sum nor
 //! on the ranks that hold the numbers, and a change of one number always changes it.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::parameter::Parameter;
+use super::parameter::{Parameter, Parameters};
 use gshear_dem::simd::{Isa, Lanes, Work};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -190,7 +189,7 @@ pub fn of_clock(step: u64, time: f64, edges: &[f64]) -> u64 {
 }
 
 /// Of attributes, as hexadecimal digits.
-pub fn of_parameters(parameters: &BTreeMap<String, Parameter>) -> String {
+pub fn of_parameters(parameters: &Parameters) -> String {
     let mut bytes = Vec::new();
     for (name, value) in parameters {
         let (kind, content) = match value {

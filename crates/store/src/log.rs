@@ -142,10 +142,8 @@ impl Log {
 }
 
 fn unfit(path: &Path, why: String) -> Failure {
-    h5::unread(format!(
-        "{}: cannot continue this log: {why}",
-        path.display()
-    ))
+    let path = path.display();
+    h5::unread(format!("{path}: cannot continue this log: {why}"))
 }
 
 /// The cells of a row.
@@ -174,12 +172,10 @@ fn check_columns(path: &Path, columns: &[Column]) -> Result<(), Failure> {
             )));
         }
     }
-    match found.next() {
-        None => Ok(()),
-        Some(name) => Err(unfit(format!(
-            "its column {name} would not be continued; another version wrote it"
-        ))),
-    }
+    found.next().map_or(Ok(()), |name| {
+        let what = format!("its column {name} would not be continued");
+        Err(unfit(format!("{what}; another version wrote it")))
+    })
 }
 
 /// Returns the shortest text that reads back to the same bits.

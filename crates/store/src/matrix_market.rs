@@ -16,6 +16,11 @@ use faer::sparse::{SparseColMat, Triplet};
 use super::text_writer::PartFile;
 use gshear_dem::failure::Failure;
 
+/// A sparse matrix.
+pub type Matrix = SparseColMat<usize, f64>;
+/// An entry of one.
+pub type Entry = Triplet<usize, usize, f64>;
+
 /// The first line of a file.
 struct MatrixHeader {
     coordinate: bool,
@@ -30,9 +35,10 @@ struct MatrixHeader {
 ///
 /// # Errors
 /// [`Failure::Input`] that names the line, if the file cannot be read or holds no such matrix.
-pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
-    let file = File::open(path)
-        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
+pub fn read(path: &Path) -> Result<Matrix, Failure> {
+    let unread =
+        |e: std::io::Error| Failure::input(format!("{}: cannot be read: {e}", path.display()));
+    let file = File::open(path).map_err(unread)?;
     let mut lines = Lines {
         path,
         reader: BufReader::new(file),
@@ -52,7 +58,7 @@ pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
 ///
 /// # Errors
 /// [`Failure::Other`] if the file cannot be written.
-pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failure> {
+pub fn write(path: &Path, matrix: &Matrix) -> Result<(), Failure> {
     let mut out = PartFile::create(path)?;
     let mut save = || -> std::io::Result<()> {
         let (rows, columns, count) = (matrix.nrows(), matrix.ncols(), matrix.compute_nnz());
@@ -68,10 +74,7 @@ pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failu
     out.finish().map(drop)
 }
 
-fn coordinates(
-    lines: &mut Lines,
-    header: &MatrixHeader,
-) -> Result<SparseColMat<usize, f64>, Failure> {
+fn coordinates(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix, Failure> {
     let [rows, columns, count] = lines.sizes("rows, columns and number of entries")?;
     let mut entries = Vec::new();
     for read in 0..count {
@@ -96,11 +99,11 @@ fn coordinates(
     if lines.next()? {
         return Err(lines.wrong(format!("more than the {count} entries announced")));
     }
-    of_entries(rows, columns, &entries)
-        .ok_or_else(|| lines.wrong(format!("there is no memory for {rows} × {columns}")))
+    let matrix = Matrix::try_new_from_triplets(rows, columns, &entries);
+    matrix.map_err(|_| lines.wrong(format!("there is no memory for {rows} × {columns}")))
 }
 
-fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize, f64>, Failure> {
+fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix, Failure> {
     let [rows, columns] = lines.sizes("rows and columns")?;
     let mut entries = Vec::new();
     for column in 0..columns {
@@ -130,15 +133,10 @@ fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize,
     Ok(matrix(rows, columns, &entries))
 }
 
-fn add(
-    entries: &mut Vec<Triplet<usize, usize, f64>>,
-    [row, column]: [usize; 2],
-    value: f64,
-    mirrored: Option<f64>,
-) {
-    entries.push(Triplet::new(row, column, value));
+fn add(entries: &mut Vec<Entry>, [row, column]: [usize; 2], value: f64, mirrored: Option<f64>) {
+    entries.push(Entry::new(row, column, value));
     if let Some(sign) = mirrored.filter(|_| row != column) {
-        entries.push(Triplet::new(column, row, sign * value));
+        entries.push(Entry::new(column, row, sign * value));
     }
 }
 
@@ -146,20 +144,8 @@ fn add(
 ///
 /// # Panics
 /// If an entry is outside of the matrix.
-pub fn matrix(
-    rows: usize,
-    columns: usize,
-    entries: &[Triplet<usize, usize, f64>],
-) -> SparseColMat<usize, f64> {
-    of_entries(rows, columns, entries).expect("indices within the matrix")
-}
-
-fn of_entries(
-    rows: usize,
-    columns: usize,
-    entries: &[Triplet<usize, usize, f64>],
-) -> Option<SparseColMat<usize, f64>> {
-    SparseColMat::try_new_from_triplets(rows, columns, entries).ok()
+pub fn matrix(rows: usize, columns: usize, entries: &[Entry]) -> Matrix {
+    Matrix::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
 }
 
 /// The lines of a file, with their numbers for messages.

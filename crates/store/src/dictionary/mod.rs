@@ -44,10 +44,8 @@ fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<Strin
         }
         let of = name.strip_suffix(ERROR).filter(|_| is_of_all)?;
         let column = known.iter().find(|column| column.name == of)?;
-        let doc = format!(
-            "standard error over runs of the mean of {of}: {}",
-            column.doc
-        );
+        let doc = column.doc;
+        let doc = format!("standard error over runs of the mean of {of}: {doc}");
         Some(described(name, &doc, column.unit_in(axes).as_deref()))
     };
     let columns: Vec<Value> = names.iter().map(describe).collect::<Option<_>>()?;

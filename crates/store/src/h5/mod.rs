@@ -2,7 +2,7 @@
 //! module calls the C library for them; it holds the only unsafe code of this crate.
 
 use super::collective::{CollectiveOutcome, agree, on_root};
-use super::parameter::{Parameter, attributes};
+use super::parameter::{Parameters, attributes};
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::{LoneFailure, Parallel};
 use hdf5::types::TypeDescriptor;
@@ -21,7 +21,6 @@ use crate::room;
 use extents::RawData;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -354,7 +353,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn attributes(&self, group: &str) -> Result<BTreeMap<String, Parameter>, Failure> {
+    pub fn attributes(&self, group: &str) -> Result<Parameters, Failure> {
         let failure = |what: &str, e| self.context.failure(&format!("{group}{what}"), "read", &e);
         let location = self.location(group).map_err(|e| failure("", e))?;
         attributes(&location).map_err(|(what, e)| failure(&what, e))

@@ -217,16 +217,12 @@ impl RunFile {
         let values = self.vectors(dataset, range)?;
         if values.iter().any(|[.., z]| *z != 0.0) {
             let name = dataset.name();
-            return Err(self.wrong(format!(
-                "{}: z is not 0: only 2D runs can be reduced",
-                &name[1..]
-            )));
+            let name = &name[1..];
+            return Err(self.wrong(format!("{name}: z is not 0: only 2D runs can be reduced")));
         }
         let planar = |frame: &[[f64; 3]]| frame.iter().map(|[x, y, _]| [*x, *y]).collect();
-        Ok(values
-            .chunks(self.grains.count().max(1))
-            .map(planar)
-            .collect())
+        let frames = values.chunks(self.grains.count().max(1));
+        Ok(frames.map(planar).collect())
     }
 
     /// Returns how many frames to read at a time so that a block stays near 16 MiB. The allocator
@@ -288,12 +284,12 @@ impl RunFile {
         let n = self.grains.count();
         match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
             None => Ok(()),
-            Some(k) => Err(self.wrong(format!(
-                "connectivity/contacts: row {} joins grains {} and {}; ids must be i < j < {n}",
-                first + k,
-                i[k],
-                j[k]
-            ))),
+            Some(k) => {
+                let (row, i, j) = (first + k, i[k], j[k]);
+                Err(self.wrong(format!(
+                    "connectivity/contacts: row {row} joins grains {i} and {j}; ids must be i < j < {n}"
+                )))
+            }
         }
     }
 

@@ -25,7 +25,7 @@ use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
     CONTACTS, Form, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain,
 };
-pub use crate::parameter::Parameter;
+pub use crate::parameter::{Parameter, Parameters};
 use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -157,7 +157,7 @@ pub struct RunFile {
     form: Form,
     /// Whether the cell is periodic along its last axis, too.
     is_box: bool,
-    parameters: BTreeMap<String, Parameter>,
+    parameters: Parameters,
     series: Series,
     scalars: Option<StoredScalars>,
     step: Vec<u64>,
@@ -199,9 +199,9 @@ impl RunFile {
         if file.has_walls() {
             return Ok(file);
         }
-        Err(file.wrong(
-            "has no walls (sample.boundary = \"periodic\"); this command needs a run between walls",
-        ))
+        let what =
+            "has no walls (sample.boundary = \"periodic\"); this command needs a run between walls";
+        Err(file.wrong(what))
     }
 
     /// Opens `run.h5` of a sample that is sheared: between walls, or without them.
@@ -340,9 +340,9 @@ impl RunFile {
     }
 
     fn damaged_frame(path: &Path, t: usize, what: &str) -> Failure {
+        let path = path.display();
         Failure::input(format!(
-            "{}: frame {t}: the checksum of its {what} differs from the stored one: the file is damaged",
-            path.display()
+            "{path}: frame {t}: the checksum of its {what} differs from the stored one: the file is damaged"
         ))
     }
 
@@ -512,7 +512,7 @@ impl RunFile {
     }
 
     /// Returns all attributes of `parameters`, by name.
-    pub fn parameters(&self) -> &BTreeMap<String, Parameter> {
+    pub fn parameters(&self) -> &Parameters {
         &self.parameters
     }
 

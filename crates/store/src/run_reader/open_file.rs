@@ -7,7 +7,7 @@ use std::path::Path;
 
 use hdf5::{Dataset, Group, H5Type};
 
-use super::{Parameter, Series, StoredScalars};
+use super::{Parameter, Parameters, Series, StoredScalars};
 use crate::checksums::{self, OF_PARAMETERS, of_parameters};
 use crate::h5;
 use crate::layout::{
@@ -175,10 +175,7 @@ impl<'a> OpenFile<'a> {
     }
 
     /// The edges of the box at the start (m): L_x, height, 0, or L_x, L_y, height.
-    pub(super) fn edges(
-        &self,
-        parameters: &BTreeMap<String, Parameter>,
-    ) -> Result<[f64; 3], Failure> {
+    pub(super) fn edges(&self, parameters: &Parameters) -> Result<[f64; 3], Failure> {
         match parameters.get("edges") {
             Some(Parameter::Numbers(edges))
                 if edges.len() == 3 && edges[0] > 0.0 && edges.iter().all(|x| x.is_finite()) =>
@@ -279,7 +276,7 @@ impl<'a> OpenFile<'a> {
         Ok(least)
     }
 
-    pub(super) fn parameters(&self) -> Result<BTreeMap<String, Parameter>, Failure> {
+    pub(super) fn parameters(&self) -> Result<Parameters, Failure> {
         if !self.exists(PARAMETERS) {
             return Err(self.lacks(PARAMETERS));
         }
