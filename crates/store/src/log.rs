@@ -29,7 +29,8 @@ impl Log {
         path: &Path,
         columns: &[Column],
     ) -> Result<Self, Failure> {
-        Self::of(exchange, || TableFile::create(path, &Self::names(columns)))
+        let create = || TableFile::create(path, &Self::names(columns));
+        on_root(exchange, || create().map(Some)).map(Log)
     }
 
     /// Opens an existing log to continue after the step `last`. Later rows are removed. Collective.
@@ -43,10 +44,11 @@ impl Log {
         last: u64,
         rows: u64,
     ) -> Result<Self, Failure> {
-        Self::of(exchange, || match Self::check(path, columns, last, rows)? {
+        let open = || match Self::check(path, columns, last, rows)? {
             Some(rows) => TableFile::open_to_append(path, &Self::names(columns), rows),
             None => TableFile::create(path, &Self::names(columns)),
-        })
+        };
+        on_root(exchange, || open().map(Some)).map(Log)
     }
 
     /// Returns the number of rows of a log up to the step `last`; `None` if a
@@ -106,13 +108,6 @@ impl Log {
             }
         }
         Ok(())
-    }
-
-    fn of(
-        exchange: &dyn Exchange,
-        open: impl FnOnce() -> Result<TableFile, Failure>,
-    ) -> Result<Self, Failure> {
-        on_root(exchange, || open().map(Some)).map(Log)
     }
 
     /// Writes the next row. Not collective: only rank 0 can fail.

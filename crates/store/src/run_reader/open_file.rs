@@ -205,15 +205,16 @@ impl<'a> OpenFile<'a> {
         Ok((values, width))
     }
 
-    /// The table in a group: as many rows as every column has, verified by the checksums `sums`.
+    /// The table of a group, verified by its checksums (`place`): as many rows as every column has.
     /// Without `has_time` the time is 0.
     pub(super) fn table(
         &self,
-        (group, sums): (&str, &str),
+        place: (&str, &str),
         declared: &'static [Column],
         has_time: bool,
         finished: bool,
     ) -> Result<Series, Failure> {
+        let group = place.0;
         let of_clock = ["step", "time"].map(|part| format!("{group}/{}/{part}", declared[0]));
         let mut step: Vec<u64> = self.all(&of_clock[0])?;
         let mut lengths = vec![(&*of_clock[0], step.len())];
@@ -238,7 +239,7 @@ impl<'a> OpenFile<'a> {
             time,
             columns,
         };
-        self.verify_rows(group, sums, &table)?;
+        self.verify_rows(place, &table)?;
         Ok(table)
     }
 

@@ -48,12 +48,8 @@ impl OpenFile<'_> {
     }
 
     /// Compares the rows of a table with their checksums.
-    pub(super) fn verify_rows(
-        &self,
-        group: &str,
-        sums: &str,
-        table: &Series,
-    ) -> Result<(), Failure> {
+    pub(super) fn verify_rows(&self, place: (&str, &str), table: &Series) -> Result<(), Failure> {
+        let (group, sums) = place;
         let stored: Vec<u64> = self.all(sums)?;
         let found = |k: usize| {
             let names = table.declared.iter().map(|column| column.name);
