@@ -427,7 +427,7 @@ impl RunFolder {
             let begun_at = run_reader::owner(&path)?.begun_at;
             let is_counted = beside && begun_at < step;
             if is_counted {
-                existing::check(&path, columns, frames, rows)?;
+                existing::inspect(&path, columns, frames, rows)?;
             }
             let found = existing::up_to(&path, columns, step)?;
             // A damaged step would cut off more than it must, and leave a gap.

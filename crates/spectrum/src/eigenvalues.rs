@@ -4,7 +4,7 @@ use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::evd::{ComputeEigenvectors, evd_real, evd_scratch};
 use faer::linalg::solvers::DenseSolveCore;
-use faer::{Mat, MatRef, Par, Spec, c64};
+use faer::{Mat, MatRef, Par, Spec, c64, concat};
 
 use crate::lu::Lu;
 use crate::problem::{Problem, ZERO};
@@ -51,12 +51,7 @@ impl Verdict {
 
     /// Returns the name in tables.
     pub fn name(self) -> &'static str {
-        match self {
-            Verdict::Zero => "zero",
-            Verdict::Real => "real",
-            Verdict::Pair => "pair",
-            Verdict::Doubtful => "doubtful",
-        }
+        ["zero", "real", "pair", "doubtful"][self as usize]
     }
 }
 
@@ -139,13 +134,8 @@ impl Spectrum {
     pub fn values(problem: &Problem) -> Vec<c64> {
         let n = problem.size();
         let (mut re, mut im) = (Diag::<f64>::zeros(n), Diag::<f64>::zeros(n));
-        let scratch = evd_scratch::<f64>(
-            n,
-            ComputeEigenvectors::No,
-            ComputeEigenvectors::No,
-            Par::Seq,
-            Spec::default(),
-        );
+        let no = ComputeEigenvectors::No;
+        let scratch = evd_scratch::<f64>(n, no, no, Par::Seq, Spec::default());
         evd_real(
             problem.matrix().to_dense().as_ref(),
             re.as_mut(),
@@ -180,23 +170,14 @@ impl Spectrum {
     }
 
     fn with_vectors(problem: &Problem, values: Vec<c64>, right: Mat<c64>, left: Mat<c64>) -> Self {
-        let mut image = Mat::zeros(problem.size(), 1);
-        let mut eigenvalues = Vec::with_capacity(values.len());
-        for (k, &value) in values.iter().enumerate() {
-            let w = right.as_ref().subcols(k, 1);
-            problem.apply(w, image.as_mut());
-            image -= w * faer::Scale(value);
-            let residual = image.norm_l2() / problem.norm().max(f64::MIN_POSITIVE);
-            let condition = left.col(k).norm_l2();
-            let condition = if condition.is_nan() {
-                f64::INFINITY
-            } else {
-                condition
-            };
-            eigenvalues.push(Eigenvalue::judged(problem, value, residual, condition));
-        }
+        let eigenvalue = |(k, value): (usize, c64)| {
+            let residual = residual(problem, right.subcols(k, 1), value);
+            // A left vector that is not a number is that of a defective eigenvalue.
+            let condition = Some(left.col(k).norm_l2()).filter(|norm| !norm.is_nan());
+            Eigenvalue::judged(problem, value, residual, condition.unwrap_or(f64::INFINITY))
+        };
         Spectrum {
-            eigenvalues,
+            eigenvalues: values.into_iter().enumerate().map(eigenvalue).collect(),
             right,
             left,
         }
@@ -229,7 +210,7 @@ impl Spectrum {
             return false;
         };
         let mut w = self.right.subcols(k, 1).to_owned();
-        lu.solve(w.as_mut());
+        lu.solve(false, w.as_mut());
         let length = w.norm_l2();
         if !length.is_normal() {
             return false;
@@ -238,8 +219,7 @@ impl Spectrum {
         let mut image = Mat::zeros(problem.size(), 1);
         problem.apply(w.as_ref(), image.as_mut());
         let value = (w.adjoint() * &image)[(0, 0)];
-        image -= &w * faer::Scale(value);
-        let residual = image.norm_l2() / problem.norm().max(f64::MIN_POSITIVE);
+        let residual = residual(problem, w.as_ref(), value);
         if residual.is_nan() || residual >= old.residual {
             return false;
         }
@@ -291,21 +271,17 @@ impl Spectrum {
     /// Appends other eigenvalues of the same problem.
     pub fn append(&mut self, other: Spectrum) {
         self.eigenvalues.extend(other.eigenvalues);
-        self.right = joined(&self.right, &other.right);
-        self.left = joined(&self.left, &other.left);
+        self.right = concat![[self.right, other.right]];
+        self.left = concat![[self.left, other.left]];
     }
 }
 
-/// The columns of both.
-pub(crate) fn joined<T: Scalar>(a: &Mat<T>, b: &Mat<T>) -> Mat<T> {
-    let first = a.ncols();
-    Mat::from_fn(a.nrows(), first + b.ncols(), |i, j| {
-        if j < first {
-            a[(i, j)]
-        } else {
-            b[(i, j - first)]
-        }
-    })
+/// ‖A w - λ w‖ / ‖A‖ of one column w.
+fn residual(problem: &Problem, w: MatRef<'_, c64>, value: c64) -> f64 {
+    let mut image = Mat::zeros(problem.size(), 1);
+    problem.apply(w, image.as_mut());
+    image -= w * faer::Scale(value);
+    image.norm_l2() / problem.norm().max(f64::MIN_POSITIVE)
 }
 
 /// Returns the participation ratio (Σ p)² / (N Σ p²) of N grains, p = |v|² summed over the unknowns

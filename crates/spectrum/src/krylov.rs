@@ -234,11 +234,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
                 let from = if attempt == 0 { first } else { 0 };
                 let before = column.norm_l2();
                 for _ in 0..2 {
-                    let along = take_out(
-                        done.rb().subcols(from, first + c - from),
-                        column.rb_mut(),
-                        par,
-                    );
+                    let against = done.rb().subcols(from, first + c - from);
+                    let along = take_out(against, column.rb_mut(), par);
                     (from..first + c).for_each(|i| coefficients[(i, c)] += along[(i - from, 0)]);
                 }
                 left = column.norm_l2();
@@ -340,13 +337,10 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         self.basis.subcols_mut(kept, block).copy_from(&residual);
         self.projected.fill(T::of(0.0));
         let square = schur.t.view((0, 0), (kept, kept));
-        self.projected
-            .view_mut((0, 0), (kept, kept))
-            .copy_from(&square);
-        let coupling = coupling.columns(0, kept);
-        self.projected
-            .view_mut((kept, 0), (block, kept))
-            .copy_from(&coupling);
+        let mut to = self.projected.view_mut((0, 0), (kept, kept));
+        to.copy_from(&square);
+        let mut to = self.projected.view_mut((kept, 0), (block, kept));
+        to.copy_from(&coupling.columns(0, kept));
         self.used = kept;
         None
     }
@@ -355,15 +349,9 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
     fn turned(&self, q: &DMatrix<T>, count: usize) -> Mat<T> {
         let small = Mat::from_fn(q.nrows(), count, |i, j| q[(i, j)]);
         let mut out = Mat::zeros(self.n, count);
-        let basis = self.basis.subcols(0, q.nrows());
-        matmul(
-            out.as_mut(),
-            Accum::Replace,
-            basis,
-            small.as_ref(),
-            T::of(1.0),
-            self.settings.par,
-        );
+        let (basis, par) = (self.basis.subcols(0, q.nrows()), self.settings.par);
+        let product = out.as_mut();
+        matmul(product, Accum::Replace, basis, small.rb(), T::of(1.0), par);
         out
     }
 }
@@ -371,14 +359,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
 /// w ← w - V Vᴴ w; returns Vᴴ w.
 fn take_out<T: Scalar>(v: MatRef<'_, T>, w: MatMut<'_, T>, par: Par) -> Mat<T> {
     let mut along = Mat::zeros(v.ncols(), w.ncols());
-    matmul(
-        along.as_mut(),
-        Accum::Replace,
-        v.adjoint(),
-        w.rb(),
-        T::of(1.0),
-        par,
-    );
+    let to = along.as_mut();
+    matmul(to, Accum::Replace, v.adjoint(), w.rb(), T::of(1.0), par);
     matmul(w, Accum::Add, v, along.as_ref(), T::of(-1.0), par);
     along
 }

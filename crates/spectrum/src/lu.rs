@@ -46,9 +46,6 @@ struct Factor<T> {
     odd: bool,
 }
 
-/// A step of a solve at one front.
-type SolveStep<T> = fn(&Factor<T>, &Front, MatMut<'_, T>, &mut Vec<T>, Par);
-
 /// The error of the factorisation: the pivots of a front are too small.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Singular;
@@ -104,28 +101,33 @@ impl<'a, T: Scalar> Lu<'a, T> {
         })
     }
 
-    /// Solves for all columns: x ← (A - σI)⁻¹ x.
-    pub fn solve(&self, x: MatMut<'_, T>) {
-        self.sweep(x, [Factor::forward, Factor::backward]);
-    }
-
-    /// Solves the transposed system for all columns: x ← (A - σI)⁻ᵀ x.
-    pub fn solve_transposed(&self, x: MatMut<'_, T>) {
-        let steps = [Factor::forward_transposed, Factor::backward_transposed];
-        self.sweep(x, steps);
-    }
-
-    /// Takes the first step for all fronts in their order, then the second in reverse order.
-    fn sweep(&self, x: MatMut<'_, T>, [forward, backward]: [SolveStep<T>; 2]) {
-        self.permuted(x, |mut x, scratch| {
-            let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
-            for (front, factor) in fronts() {
-                forward(factor, front, x.rb_mut(), scratch, self.par);
+    /// Solves for all columns: x ← (A - σI)⁻¹ x, or x ← (A - σI)⁻ᵀ x.
+    pub fn solve(&self, transposed: bool, mut x: MatMut<'_, T>) {
+        let (n, columns) = (x.nrows(), x.ncols());
+        let order = &self.symbolic.order;
+        // The rows in the order of elimination.
+        let mut inner = vec![T::of(0.0); n * columns];
+        for (j, column) in inner.chunks_exact_mut(n.max(1)).enumerate() {
+            let from = x.rb().col(j);
+            for (to, &i) in column.iter_mut().zip(order) {
+                *to = from[i];
             }
-            for (front, factor) in fronts().rev() {
-                backward(factor, front, x.rb_mut(), scratch, self.par);
+        }
+        let mut scratch = Vec::new();
+        let mut permuted = MatMut::from_column_major_slice_mut(&mut inner, n, columns);
+        let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
+        for (front, factor) in fronts() {
+            factor.forward(front, transposed, permuted.rb_mut(), &mut scratch, self.par);
+        }
+        for (front, factor) in fronts().rev() {
+            factor.backward(front, transposed, permuted.rb_mut(), &mut scratch, self.par);
+        }
+        for (j, column) in inner.chunks_exact(n.max(1)).enumerate() {
+            let mut to = x.rb_mut().col_mut(j);
+            for (from, &i) in column.iter().zip(order) {
+                to[i] = *from;
             }
-        });
+        }
     }
 
     /// Returns det(A - σI) / |det(A - σI)|.
@@ -141,29 +143,6 @@ impl<'a, T: Scalar> Lu<'a, T> {
             phase /= phase.norm();
         }
         phase
-    }
-
-    /// Permutes the rows of x to the order of elimination, runs `work` on it with a scratch buffer,
-    /// and permutes them back.
-    fn permuted(&self, mut x: MatMut<'_, T>, work: impl FnOnce(MatMut<'_, T>, &mut Vec<T>)) {
-        let (n, columns) = (x.nrows(), x.ncols());
-        let order = &self.symbolic.order;
-        let mut inner = vec![T::of(0.0); n * columns];
-        for (j, column) in inner.chunks_exact_mut(n.max(1)).enumerate() {
-            let from = x.rb().col(j);
-            for (to, &i) in column.iter_mut().zip(order) {
-                *to = from[i];
-            }
-        }
-        let mut scratch = Vec::new();
-        let permuted = MatMut::from_column_major_slice_mut(&mut inner, n, columns);
-        work(permuted, &mut scratch);
-        for (j, column) in inner.chunks_exact(n.max(1)).enumerate() {
-            let mut to = x.rb_mut().col_mut(j);
-            for (from, &i) in column.iter().zip(order) {
-                to[i] = *from;
-            }
-        }
     }
 }
 
@@ -243,11 +222,9 @@ impl<T: Scalar> Factor<T> {
     /// Whether all pivots are finite and greater than `least` in magnitude.
     fn regular(&self, width: usize, least: f64) -> bool {
         let height = self.panel.len() / width;
-        let pivots = (0..width).map(|j| self.panel[j * height + j].widened().norm());
+        let mut pivots = (0..width).map(|j| self.panel[j * height + j].widened().norm());
         // Not `!(pivot <= least)`, which NaN would pass.
-        pivots
-            .into_iter()
-            .all(|size| size.is_finite() && size > least)
+        pivots.all(|size| size.is_finite() && size > least)
     }
 
     /// The square that holds L₁₁ and U₁₁; L₂₁; U₁₂.
@@ -259,10 +236,22 @@ impl<T: Scalar> Factor<T> {
         (square, below, right)
     }
 
-    /// Solves with P and L₁₁, and subtracts L₂₁ times the result from the later unknowns.
-    fn forward(&self, front: &Front, mut x: MatMut<'_, T>, scratch: &mut Vec<T>, par: Par) {
-        let (square, below, _) = self.blocks(front);
+    /// Solves with P and L₁₁, and subtracts L₂₁ times the result from the later unknowns;
+    /// transposed: with U₁₁ᵀ, and U₁₂ᵀ times the result.
+    fn forward(
+        &self,
+        front: &Front,
+        transposed: bool,
+        mut x: MatMut<'_, T>,
+        scratch: &mut Vec<T>,
+        par: Par,
+    ) {
+        let (square, below, right) = self.blocks(front);
         let mut pivots = x.rb_mut().subrows_mut(front.begin, front.width);
+        if transposed {
+            solve_lower_triangular_in_place(square.transpose(), pivots, par);
+            return subtract_from_later(front, x, right.transpose(), scratch, par);
+        }
         for j in 0..pivots.ncols() {
             let mut column = pivots.rb_mut().col_mut(j);
             scratch.clear();
@@ -271,43 +260,27 @@ impl<T: Scalar> Factor<T> {
                 column[i] = *value;
             }
         }
-        solve_unit_lower_triangular_in_place(square, pivots.rb_mut(), par);
+        solve_unit_lower_triangular_in_place(square, pivots, par);
         subtract_from_later(front, x, below, scratch, par);
     }
 
-    /// Subtracts U₁₂ times the later unknowns, and solves with U₁₁.
-    fn backward(&self, front: &Front, mut x: MatMut<'_, T>, scratch: &mut Vec<T>, par: Par) {
-        let (square, _, right) = self.blocks(front);
-        subtract_from_pivots(front, x.rb_mut(), right, scratch, par);
-        let pivots = x.subrows_mut(front.begin, front.width);
-        solve_upper_triangular_in_place(square, pivots, par);
-    }
-
-    /// Solves with U₁₁ᵀ, and subtracts U₁₂ᵀ times the result from the later unknowns.
-    fn forward_transposed(
+    /// Subtracts U₁₂ times the later unknowns, and solves with U₁₁; transposed: L₂₁ᵀ times these,
+    /// and solves with L₁₁ᵀ and Pᵀ.
+    fn backward(
         &self,
         front: &Front,
+        transposed: bool,
         mut x: MatMut<'_, T>,
         scratch: &mut Vec<T>,
         par: Par,
     ) {
-        let (square, _, right) = self.blocks(front);
-        let pivots = x.rb_mut().subrows_mut(front.begin, front.width);
-        solve_lower_triangular_in_place(square.transpose(), pivots, par);
-        subtract_from_later(front, x, right.transpose(), scratch, par);
-    }
-
-    /// Subtracts L₂₁ᵀ times the later unknowns, and solves with L₁₁ᵀ and Pᵀ.
-    fn backward_transposed(
-        &self,
-        front: &Front,
-        mut x: MatMut<'_, T>,
-        scratch: &mut Vec<T>,
-        par: Par,
-    ) {
-        let (square, below, _) = self.blocks(front);
-        subtract_from_pivots(front, x.rb_mut(), below.transpose(), scratch, par);
+        let (square, below, right) = self.blocks(front);
+        let block = if transposed { below.transpose() } else { right };
+        subtract_from_pivots(front, x.rb_mut(), block, scratch, par);
         let mut pivots = x.subrows_mut(front.begin, front.width);
+        if !transposed {
+            return solve_upper_triangular_in_place(square, pivots, par);
+        }
         solve_unit_upper_triangular_in_place(square.transpose(), pivots.rb_mut(), par);
         for j in 0..pivots.ncols() {
             let mut column = pivots.rb_mut().col_mut(j);

@@ -13,6 +13,9 @@ use crate::scalar::Scalar;
 /// greatest column of A.
 pub const ZERO: f64 = 1e-12;
 
+const DEPENDENT: &str =
+    "null vectors must be linearly independent: leave out those that depend on others";
+
 /// K v = λ M v with diagonal M as A w = λ w, where A = M^(-1/2) K M^(-1/2) and w = M^(1/2) v.
 ///
 /// In this form displacements and rotations, light and heavy grains have entries of similar size,
@@ -33,83 +36,21 @@ pub struct Problem {
     norm: OnceLock<f64>,
 }
 
-/// What is wrong with K, M or the null vectors. Rows and columns count from 0; messages count from
-/// 1.
+/// What is wrong with K, M or the null vectors. Messages count rows and columns from 1.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Unfit {
-    /// K is not square: rows and columns.
-    NotSquare([usize; 2]),
-    /// An entry of K is not finite: row and column.
-    NotFinite([usize; 2]),
-    /// The number of masses differs from that of unknowns.
-    MassCount {
-        /// Number of masses.
-        given: usize,
-        /// Number of unknowns of K.
-        unknowns: usize,
-    },
-    /// A mass is not positive and finite.
-    Mass {
-        /// Row of M.
-        row: usize,
-        /// The mass.
-        value: f64,
-    },
-    /// The null vectors have the wrong number of rows.
-    NullLength {
-        /// Number of rows.
-        given: usize,
-        /// Number of unknowns of K.
-        unknowns: usize,
-    },
-    /// The null vectors are linearly dependent.
-    NullDependent,
-    /// A given vector is no null vector of K and Kᵀ; `residual` is over the greatest column of A.
-    NotNull {
-        /// Column of the null vectors.
-        column: usize,
-        /// Norm of K or Kᵀ times the vector, in the scaled form, over the greatest column of A.
-        residual: f64,
-    },
+    /// Of K.
+    Matrix(String),
+    /// Of the masses.
+    Mass(String),
+    /// Of the null vectors.
+    Null(String),
 }
 
 impl fmt::Display for Unfit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Unfit::NotSquare([rows, columns]) => {
-                write!(f, "{rows} × {columns}: K must be square")
-            }
-            Unfit::NotFinite([row, column]) => {
-                write!(f, "row {}, column {}: must be finite", row + 1, column + 1)
-            }
-            Unfit::MassCount { given, unknowns } => {
-                write!(
-                    f,
-                    "{given} masses: K has {unknowns} unknowns, each needs one"
-                )
-            }
-            Unfit::Mass { row, value } => {
-                write!(
-                    f,
-                    "row {}: mass {value} must be positive and finite",
-                    row + 1
-                )
-            }
-            Unfit::NullLength { given, unknowns } => {
-                write!(
-                    f,
-                    "{given} rows: K has {unknowns} unknowns, a null vector needs a row for each"
-                )
-            }
-            Unfit::NullDependent => f.write_str(
-                "null vectors must be linearly independent: leave out those that depend on others",
-            ),
-            Unfit::NotNull { column, residual } => write!(
-                f,
-                "column {}: leaves {residual:.1e} ‖K‖, must be a null vector of K and of its transpose",
-                column + 1
-            ),
-        }
+        let (Unfit::Matrix(what) | Unfit::Mass(what) | Unfit::Null(what)) = self;
+        f.write_str(what)
     }
 }
 
@@ -301,7 +242,7 @@ impl Problem {
             }
             let length = w.norm_l2();
             if length <= 1e-10 * before || before == 0.0 {
-                return Err(Unfit::NullDependent);
+                return Err(Unfit::Null(DEPENDENT.into()));
             }
             w /= faer::Scale(length);
             self.apply(w.as_ref(), image.as_mut());
@@ -309,7 +250,10 @@ impl Problem {
             self.apply_transposed(w.as_ref(), image.as_mut());
             residual = residual.max(image.norm_l2()) / scale;
             if residual > ZERO {
-                return Err(Unfit::NotNull { column, residual });
+                return Err(Unfit::Null(format!(
+                    "column {}: leaves {residual:.1e} ‖K‖, must be a null vector of K and of its transpose",
+                    column + 1
+                )));
             }
             kept.col_mut(column).copy_from(w.col(0));
         }
@@ -318,24 +262,31 @@ impl Problem {
 }
 
 fn check(k: &SparseColMat<usize, f64>, mass: &[f64], null: MatRef<'_, f64>) -> Result<(), Unfit> {
-    let unknowns = k.ncols();
-    if k.nrows() != unknowns {
-        return Err(Unfit::NotSquare([k.nrows(), unknowns]));
+    let (rows, unknowns) = (k.nrows(), k.ncols());
+    if rows != unknowns {
+        let what = format!("{rows} × {unknowns}: K must be square");
+        return Err(Unfit::Matrix(what));
     }
     if let Some(entry) = k.triplet_iter().find(|entry| !entry.val.is_finite()) {
-        return Err(Unfit::NotFinite([entry.row, entry.col]));
+        let (row, column) = (entry.row + 1, entry.col + 1);
+        let what = format!("row {row}, column {column}: must be finite");
+        return Err(Unfit::Matrix(what));
     }
     if mass.len() != unknowns {
         let given = mass.len();
-        return Err(Unfit::MassCount { given, unknowns });
+        let what = format!("{given} masses: K has {unknowns} unknowns, each needs one");
+        return Err(Unfit::Mass(what));
     }
     if let Some(row) = mass.iter().position(|m| !(m.is_finite() && *m > 0.0)) {
-        let value = mass[row];
-        return Err(Unfit::Mass { row, value });
+        let (value, row) = (mass[row], row + 1);
+        let what = format!("row {row}: mass {value} must be positive and finite");
+        return Err(Unfit::Mass(what));
     }
     if null.ncols() > 0 && null.nrows() != unknowns {
         let given = null.nrows();
-        return Err(Unfit::NullLength { given, unknowns });
+        return Err(Unfit::Null(format!(
+            "{given} rows: K has {unknowns} unknowns, a null vector needs a row for each"
+        )));
     }
     Ok(())
 }

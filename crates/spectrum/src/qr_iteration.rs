@@ -3,6 +3,8 @@
 //! nalgebra's iteration has no exceptional shifts and cycles on the matrices that Krylov–Schur
 //! makes; faer's gives no Schur vectors.
 
+use std::ops::Range;
+
 use faer::c64;
 use nalgebra::{ComplexField, DMatrix};
 
@@ -106,6 +108,29 @@ fn wilkinson(h: &DMatrix<c64>, last: usize) -> c64 {
     }
 }
 
+/// Rotates rows k and k + 1, in these columns, by the Givens rotation of (c, s).
+fn turn_rows<T: ComplexField + Copy>(
+    m: &mut DMatrix<T>,
+    k: usize,
+    columns: Range<usize>,
+    (c, s): (T, T),
+) {
+    for j in columns {
+        let (x, y) = (m[(k, j)], m[(k + 1, j)]);
+        m[(k, j)] = c.conjugate() * x + s.conjugate() * y;
+        m[(k + 1, j)] = c * y - s * x;
+    }
+}
+
+/// Rotates columns k and k + 1, in the first `rows` rows, by the inverse of that.
+fn turn_columns<T: ComplexField + Copy>(m: &mut DMatrix<T>, k: usize, rows: usize, (c, s): (T, T)) {
+    for i in 0..rows {
+        let (x, y) = (m[(i, k)], m[(i, k + 1)]);
+        m[(i, k)] = x * c + y * s;
+        m[(i, k + 1)] = y * c.conjugate() - x * s.conjugate();
+    }
+}
+
 /// One QR step with Givens rotations on rows and columns `first` to `last`.
 fn step(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>, first: usize, last: usize, shift: c64) {
     let n = h.nrows();
@@ -119,23 +144,12 @@ fn step(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>, first: usize, last: usize, s
         } else {
             (a / length, b / length)
         };
-        for j in k..n {
-            let (x, y) = (h[(k, j)], h[(k + 1, j)]);
-            h[(k, j)] = c.conj() * x + s.conj() * y;
-            h[(k + 1, j)] = c * y - s * x;
-        }
+        turn_rows(h, k, k..n, (c, s));
         rotations.push((c, s));
     }
-    for (k, (c, s)) in (first..last).zip(rotations) {
-        let turn = |m: &mut DMatrix<c64>, rows: usize| {
-            for i in 0..rows {
-                let (x, y) = (m[(i, k)], m[(i, k + 1)]);
-                m[(i, k)] = x * c + y * s;
-                m[(i, k + 1)] = y * c.conj() - x * s.conj();
-            }
-        };
-        turn(h, (k + 2).min(last) + 1);
-        turn(v, n);
+    for (k, rotation) in (first..last).zip(rotations) {
+        turn_columns(h, k, (k + 2).min(last) + 1, rotation);
+        turn_columns(v, k, n, rotation);
     }
     (first..=last).for_each(|i| h[(i, i)] += shift);
 }
@@ -163,22 +177,10 @@ fn split(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>, at: usize) {
     if length == 0.0 {
         return;
     }
-    let (x, y) = (z / length, c / length);
-    let n = h.nrows();
-    for j in at..n {
-        let (top, low) = (h[(at, j)], h[(at + 1, j)]);
-        h[(at, j)] = x * top + y * low;
-        h[(at + 1, j)] = x * low - y * top;
-    }
-    let turn = |m: &mut DMatrix<f64>, rows: usize| {
-        for i in 0..rows {
-            let (left, right) = (m[(i, at)], m[(i, at + 1)]);
-            m[(i, at)] = x * left + y * right;
-            m[(i, at + 1)] = x * right - y * left;
-        }
-    };
-    turn(h, at + 2);
-    turn(v, n);
+    let (n, rotation) = (h.nrows(), (z / length, c / length));
+    turn_rows(h, at, at..n, rotation);
+    turn_columns(h, at, at + 2, rotation);
+    turn_columns(v, at, n, rotation);
     h[(at + 1, at)] = 0.0;
 }
 

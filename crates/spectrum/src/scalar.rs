@@ -12,33 +12,26 @@ pub trait Scalar:
     + Copy
     + bytemuck::Pod
 {
-    /// Whether eigenvalues come in conjugate pairs that must stay together.
-    const REAL: bool;
-
-    /// Converts a real number.
-    fn of(value: f64) -> Self;
     /// Converts a complex number; a real scalar keeps the real part only.
     fn narrowed(value: c64) -> Self;
-    /// Converts to a complex number.
-    fn widened(self) -> c64;
     /// Reduces a Hessenberg matrix to Schur form: H ← QᴴHQ, V ← VQ. Returns false if the QR
     /// iteration does not converge.
     fn triangularise(h: &mut DMatrix<Self>, v: &mut DMatrix<Self>) -> bool;
+
+    /// Converts a real number.
+    fn of(value: f64) -> Self {
+        Self::from_real(value)
+    }
+
+    /// Converts to a complex number.
+    fn widened(self) -> c64 {
+        c64::new(self.real(), self.imaginary())
+    }
 }
 
 impl Scalar for f64 {
-    const REAL: bool = true;
-
-    fn of(value: f64) -> Self {
-        value
-    }
-
     fn narrowed(value: c64) -> Self {
         value.re
-    }
-
-    fn widened(self) -> c64 {
-        c64::new(self, 0.0)
     }
 
     fn triangularise(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
@@ -47,18 +40,8 @@ impl Scalar for f64 {
 }
 
 impl Scalar for c64 {
-    const REAL: bool = false;
-
-    fn of(value: f64) -> Self {
-        c64::new(value, 0.0)
-    }
-
     fn narrowed(value: c64) -> Self {
         value
-    }
-
-    fn widened(self) -> c64 {
-        self
     }
 
     fn triangularise(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>) -> bool {

@@ -93,12 +93,9 @@ pub fn scan(
         disks: Vec::new(),
         pitch: (re[1] - re[0]) / 50.0,
     };
+    let nothing = Mat::<f64>::zeros(problem.size(), 0);
     let mut found = Scan {
-        spectrum: Spectrum {
-            eigenvalues: Vec::new(),
-            right: Mat::zeros(problem.size(), 0),
-            left: Mat::zeros(problem.size(), 0),
-        },
+        spectrum: Spectrum::of(problem, &nothing, None),
         disks: 0,
         solves: 0,
     };
@@ -129,7 +126,6 @@ pub fn scan(
         let mirrored = own.mirrored(|e| e.value.im > ZERO * norm);
         found.spectrum.append(own);
         found.spectrum.append(mirrored);
-        cover.refine(radius);
         cover.add(near.shift, radius);
         found.disks += 1;
         found.solves += near.solves;
@@ -158,7 +154,12 @@ struct Cover {
 }
 
 impl Cover {
+    /// Adds a disk. Refines the grid until the disk covers the cell of its own centre; otherwise
+    /// the same shift would be chosen again.
     fn add(&mut self, centre: c64, radius: f64) {
+        while radius > 0.0 && self.half_diagonal() > 0.5 * radius {
+            self.pitch *= 0.5;
+        }
         if radius.is_finite() {
             self.pitch = self.pitch.min(radius / GRID);
         }
@@ -173,14 +174,6 @@ impl Cover {
     /// Distance from a grid point to the corner of its cell.
     fn half_diagonal(&self) -> f64 {
         self.pitch * std::f64::consts::FRAC_1_SQRT_2
-    }
-
-    /// Refines the grid until a disk of this radius covers the cell of its own centre; otherwise
-    /// the same shift would be chosen again.
-    fn refine(&mut self, radius: f64) {
-        while radius > 0.0 && self.half_diagonal() > 0.5 * radius {
-            self.pitch *= 0.5;
-        }
     }
 
     /// The lowest grid point, leftmost among equals, whose cell is not wholly inside a disk.

@@ -72,7 +72,7 @@ impl<T: Scalar> Schur<T> {
         let mut start = 0;
         self.blocks.clear();
         while start < n {
-            let coupled = T::REAL && start + 1 < n && self.t[(start + 1, start)] != T::of(0.0);
+            let coupled = T::IS_REAL && start + 1 < n && self.t[(start + 1, start)] != T::of(0.0);
             let size = if coupled { 2 } else { 1 };
             self.blocks.push(self.block(start, size));
             start += size;
@@ -80,14 +80,10 @@ impl<T: Scalar> Schur<T> {
     }
 
     fn block(&self, start: usize, size: usize) -> Block {
-        let entry = |i: usize, j: usize| self.t[(start + i, start + j)].widened();
         let values = if size == 1 {
-            [entry(0, 0); 2]
+            [self.t[(start, start)].widened(); 2]
         } else {
-            eigenvalues_of_two([
-                [entry(0, 0).re, entry(0, 1).re],
-                [entry(1, 0).re, entry(1, 1).re],
-            ])
+            eigenvalues_of_two(|i, j| self.t[(start + i, start + j)].real())
         };
         Block {
             start,
@@ -130,13 +126,11 @@ impl<T: Scalar> Schur<T> {
 
         let n = self.t.nrows();
         let rows = turn.adjoint() * self.t.view((start, start), (count, n - start));
-        self.t
-            .view_mut((start, start), (count, n - start))
-            .copy_from(&rows);
+        let mut turned = self.t.view_mut((start, start), (count, n - start));
+        turned.copy_from(&rows);
         let columns = self.t.view((0, start), (start + count, count)) * &turn;
-        self.t
-            .view_mut((0, start), (start + count, count))
-            .copy_from(&columns);
+        let mut turned = self.t.view_mut((0, start), (start + count, count));
+        turned.copy_from(&columns);
         let basis = self.q.view((0, start), (n, count)) * &turn;
         self.q.view_mut((0, start), (n, count)).copy_from(&basis);
         self.t.view_mut((start + q, start), (p, q)).fill(T::of(0.0));
@@ -146,8 +140,9 @@ impl<T: Scalar> Schur<T> {
     }
 }
 
-/// Eigenvalues of a real 2 × 2 matrix.
-fn eigenvalues_of_two([[a, b], [c, d]]: [[f64; 2]; 2]) -> [c64; 2] {
+/// Eigenvalues of a real 2 × 2 matrix of these entries.
+fn eigenvalues_of_two(entry: impl Fn(usize, usize) -> f64) -> [c64; 2] {
+    let (a, b, c, d) = (entry(0, 0), entry(0, 1), entry(1, 0), entry(1, 1));
     let (mean, half) = (0.5 * (a + d), 0.5 * (a - d));
     let square = half * half + b * c;
     let root = square.abs().sqrt();

@@ -108,10 +108,8 @@ fn nearest_in<T: Scalar>(
     let (mut shift, mut attempts) = (request.shift, 0);
     let mut found = None;
     let (mut inverse, right) = loop {
-        let mut inverse = match (
-            Inverse::<T>::near(problem, symbolic, shift, request.par),
-            found,
-        ) {
+        let factored = Inverse::<T>::near(problem, symbolic, shift, request.par);
+        let mut inverse = match (factored, found) {
             (Ok(inverse), _) => inverse,
             (Err(_), Some(found)) => break found,
             (Err(failed), None) => return Err(failed),
@@ -235,24 +233,16 @@ impl<'a, T: Scalar> Inverse<'a, T> {
             conjugate(x.rb_mut());
         }
         let right = self.refine.then(|| x.rb().to_owned());
-        self.solve(adjoint, x.rb_mut());
+        self.lu.solve(adjoint, x.rb_mut());
         if let Some(right) = right {
             let mut rest = self.residual(adjoint, x.rb(), &right);
-            self.solve(adjoint, rest.as_mut());
+            self.lu.solve(adjoint, rest.as_mut());
             x += &rest;
         }
         if adjoint {
             conjugate(x.rb_mut());
         }
         self.problem.project(x);
-    }
-
-    fn solve(&self, transposed: bool, x: MatMut<'_, T>) {
-        if transposed {
-            self.lu.solve_transposed(x);
-        } else {
-            self.lu.solve(x);
-        }
     }
 
     /// b - (A - σI) x, or with Aᵀ.
@@ -274,7 +264,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
         let n = self.problem.size();
         let right = Mat::from_fn(n, 1, |i, _| T::of((i as f64 * 0.569840).fract() - 0.5));
         let mut x = right.clone();
-        self.lu.solve(x.as_mut());
+        self.lu.solve(false, x.as_mut());
         let size = (self.problem.norm() + self.shift.norm()) * x.norm_l2() + right.norm_l2();
         let error = self.residual(false, x.as_ref(), &right).norm_l2() / size;
         if error.is_nan() { f64::INFINITY } else { error }
@@ -282,11 +272,8 @@ impl<'a, T: Scalar> Inverse<'a, T> {
 }
 
 fn conjugate<T: Scalar>(mut x: MatMut<'_, T>) {
-    if T::REAL {
-        return;
-    }
     for j in 0..x.ncols() {
         let mut column = x.rb_mut().col_mut(j);
-        (0..column.nrows()).for_each(|i| column[i] = T::narrowed(column[i].widened().conj()));
+        (0..column.nrows()).for_each(|i| column[i] = column[i].conjugate());
     }
 }

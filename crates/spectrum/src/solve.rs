@@ -83,7 +83,7 @@ impl Factors<'_> {
                 break;
             }
             let mut correction = rest.clone();
-            self.lu.solve(correction.as_mut());
+            self.lu.solve(false, correction.as_mut());
             problem.project(correction.as_mut());
             let next = &w + &correction;
             problem.apply(next.as_ref(), image.as_mut());

@@ -3,18 +3,17 @@
 
 use faer::Side;
 use faer::perm::Perm;
+use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymbolicCholeskyRaw, SymmetricOrdering, factorize_symbolic_cholesky,
 };
-use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 
-use crate::ordering::{SymmetricPattern, nested_dissection};
+use crate::ordering::{nested_dissection, symmetric_pattern};
 
 /// Fronts of the multifrontal LU of a matrix with a symmetrised pattern, with partial pivoting
 /// inside each front (Duff & Reid 1983). The fill is that of a Cholesky factor and its transpose.
 pub struct Symbolic {
-    size: usize,
     /// `order[k]`: the unknown that is eliminated as the k-th.
     pub(crate) order: Vec<usize>,
     /// Fronts in the order of elimination.
@@ -47,12 +46,11 @@ pub(crate) struct MatrixEntry {
 impl Symbolic {
     /// Analyses the pattern of a square matrix.
     pub fn new(a: SymbolicSparseColMatRef<'_, usize>) -> Self {
-        let n = a.ncols();
-        let pattern = SymmetricPattern::of(a);
-        let order = nested_dissection(&pattern);
-        let mut rank = vec![0; n];
+        let pattern = symmetric_pattern(a);
+        let order = nested_dissection(pattern.as_ref());
+        let mut rank = vec![0; order.len()];
         order.iter().enumerate().for_each(|(k, &j)| rank[j] = k);
-        let mut fronts = fronts(&pattern, &order, &rank);
+        let mut fronts = fronts(pattern.as_ref(), &order, &rank);
         for s in 0..fronts.len() {
             if let Some(&next) = fronts[s].reach.first() {
                 let parent = fronts.partition_point(|front| front.begin <= next) - 1;
@@ -61,16 +59,10 @@ impl Symbolic {
         }
         let entries = entries(a, &rank, &fronts);
         Symbolic {
-            size: n,
             order,
             fronts,
             entries,
         }
-    }
-
-    /// Returns the number of unknowns.
-    pub fn size(&self) -> usize {
-        self.size
     }
 
     /// Returns the number of entries of L and U together.
@@ -90,39 +82,34 @@ impl Symbolic {
 }
 
 /// The supernodes of the Cholesky factor of the pattern, with faer's relaxation.
-fn fronts(pattern: &SymmetricPattern, order: &[usize], rank: &[usize]) -> Vec<Front> {
-    let n = pattern.size();
-    let symmetric = SymbolicSparseColMat::new_checked(
-        n,
-        n,
-        pattern.column_start.clone(),
-        None,
-        pattern.row.clone(),
-    );
-    let permutation = Perm::new_checked(order.into(), rank.into(), n);
+fn fronts(
+    pattern: SymbolicSparseColMatRef<'_, usize>,
+    order: &[usize],
+    rank: &[usize],
+) -> Vec<Front> {
+    let permutation = Perm::new_checked(order.into(), rank.into(), pattern.ncols());
     let parameters = CholeskySymbolicParams {
         supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
         ..Default::default()
     };
     let ordering = SymmetricOrdering::Custom(permutation.as_ref());
-    let factor = factorize_symbolic_cholesky(symmetric.as_ref(), Side::Lower, ordering, parameters)
+    let factor = factorize_symbolic_cholesky(pattern, Side::Lower, ordering, parameters)
         .expect("memory for the pattern of the factors");
     let SymbolicCholeskyRaw::Supernodal(factor) = factor.raw() else {
         unreachable!("FORCE_SUPERNODAL gives a supernodal factor");
     };
-    let mut fronts = Vec::with_capacity(factor.n_supernodes());
-    for s in 0..factor.n_supernodes() {
+    let front = |s: usize| {
         let begin = factor.supernode_begin()[s];
         let mut reach = factor.supernode(s).pattern().to_vec();
         reach.sort_unstable();
-        fronts.push(Front {
+        Front {
             begin,
             width: factor.supernode_end()[s] - begin,
             reach,
             children: Vec::new(),
-        });
-    }
-    fronts
+        }
+    };
+    (0..factor.n_supernodes()).map(front).collect()
 }
 
 fn entries(

@@ -36,6 +36,10 @@ fn near(problem: &Problem, shift: c64, count: usize) -> Nearest {
     nearest(problem, &symbolic, request).expect("it converges")
 }
 
+fn are_all_real(spectrum: &Spectrum) -> bool {
+    count_of(spectrum, Verdict::Real) == spectrum.eigenvalues.len()
+}
+
 fn count_of(spectrum: &Spectrum, verdict: Verdict) -> usize {
     let is_one = |e: &&Eigenvalue| e.verdict == verdict;
     spectrum.eigenvalues.iter().filter(is_one).count()
@@ -87,16 +91,13 @@ fn planted(
             continue;
         }
         let (s, c) = random.random_range(-3.0..3.0f64).sin_cos();
-        for j in 0..n {
-            let (x, y) = (dense[(p, j)], dense[(q, j)]);
-            dense[(p, j)] = c * x + s * y;
-            dense[(q, j)] = c * y - s * x;
-        }
-        for i in 0..n {
-            let (x, y) = (dense[(i, p)], dense[(i, q)]);
-            dense[(i, p)] = c * x + s * y;
-            dense[(i, q)] = c * y - s * x;
-        }
+        let mut turn = |a: (usize, usize), b: (usize, usize)| {
+            let (x, y) = (dense[a], dense[b]);
+            dense[a] = c * x + s * y;
+            dense[b] = c * y - s * x;
+        };
+        (0..n).for_each(|j| turn((p, j), (q, j)));
+        (0..n).for_each(|i| turn((i, p), (i, q)));
     }
     (sparse(n, &entries_of(&dense)), values)
 }
@@ -155,18 +156,13 @@ fn convection_and_diffusion_on_a_square() {
             entries.push((other * side + i, other * side + j, *entry.val));
         }
     }
-    let exact = values
-        .iter()
-        .flat_map(|a| values.iter().map(move |b| a + b));
-    let exact: Vec<c64> = exact.collect();
+    let sums = |a: &c64| values.iter().map(|b| a + b).collect::<Vec<c64>>();
+    let exact: Vec<c64> = values.iter().flat_map(sums).collect();
     let problem = problem(&sparse(side * side, &entries));
     // All but those on the diagonal are double, because a + b = b + a.
     let found = near(&problem, c64::new(0.0, 0.0), 25);
     assert_nearest(&problem, &found.spectrum, &exact, c64::new(0.0, 0.0), 1e-10);
-    assert_eq!(
-        count_of(&found.spectrum, Verdict::Real),
-        found.spectrum.eigenvalues.len()
-    );
+    assert!(are_all_real(&found.spectrum));
 }
 
 #[test]
@@ -208,11 +204,8 @@ fn sparse_and_dense_agree_in_values_vectors_and_conditions() {
             let same = |other: &Eigenvalue| (other.value - e.value).norm() < 1e-9;
             let other = dense.eigenvalues.iter().position(same);
             let other = other.expect("it is there");
-            let condition = dense.eigenvalues[other].condition;
-            assert!(
-                (e.condition / condition - 1.0).abs() < 1e-6,
-                "{e:?} {condition}"
-            );
+            let ratio = e.condition / dense.eigenvalues[other].condition;
+            assert!((ratio - 1.0).abs() < 1e-6, "{e:?} {ratio}");
             let overlap = found.right.col(at).adjoint() * dense.right.col(other);
             assert!((overlap.norm() - 1.0).abs() < 1e-9);
             // Check K v = λ M v with the unscaled vector.
@@ -252,9 +245,8 @@ fn planted_pairs_are_found_and_counted() {
         im: [f64::EPSILON.sqrt() * problem.norm(), bounds.im[1] + 0.1],
     };
     let count = |rectangle, known: &[c64]| {
-        winding(&problem, &symbolic, rectangle, known, Par::Seq)
-            .expect("a clear contour")
-            .eigenvalues
+        let counted = winding(&problem, &symbolic, rectangle, known, Par::Seq);
+        counted.expect("a clear contour").eigenvalues
     };
     assert_eq!(count(strip, &exact), 6);
     // Two unknown eigenvalues are counted, and a known one that does not exist is not.
@@ -302,11 +294,8 @@ fn what_grows_is_found_among_what_does_not() {
     let (k, _) = planted(&blocks, 400, 3);
     let problem = problem(&k);
     let found = amplified(&problem, 1e-4, 20);
-    assert!(
-        found.complete && found.degrees.len() > 3,
-        "{:?}",
-        found.degrees
-    );
+    let degrees = &found.degrees;
+    assert!(found.complete && degrees.len() > 3, "{degrees:?}");
     let mut left: Vec<c64> = growing.iter().map(|&(re, im)| c64::new(re, im)).collect();
     for e in &found.spectrum.eigenvalues {
         assert!(e.residual < 1e-11, "{e:?}");
@@ -423,10 +412,7 @@ fn zero_modes_are_set_apart() {
     let found = near(&fit, c64::new(0.0, 0.0), 6);
     assert_ne!(found.shift, c64::new(0.0, 0.0));
     assert_nearest(&fit, &found.spectrum, &exact, c64::new(0.0, 0.0), 1e-12);
-    assert_eq!(
-        count_of(&found.spectrum, Verdict::Real),
-        found.spectrum.eigenvalues.len()
-    );
+    assert!(are_all_real(&found.spectrum));
 
     // Without null vectors given, the translation is found and recognised as zero.
     let untold = Problem::new(&k, &vec![2.0; n + 2], Mat::zeros(n + 2, 0).as_ref()).expect("fit");
@@ -435,14 +421,13 @@ fn zero_modes_are_set_apart() {
 
     let slope = Mat::from_fn(n + 2, 1, |i, _| i as f64);
     let unfit = Problem::new(&k, &vec![2.0; n + 2], slope.as_ref()).err();
-    assert!(matches!(unfit, Some(Unfit::NotNull { column: 0, .. })));
+    assert!(matches!(unfit, Some(Unfit::Null(what)) if what.starts_with("column 1: leaves")));
 }
 
 #[test]
 fn eigenvalues_of_high_multiplicity_are_all_found() {
-    let blocks: Vec<(f64, f64)> = (0..60)
-        .map(|k| (if k < 9 { 1.0 } else { 1.5 + f64::from(k) }, 0.0))
-        .collect();
+    let value = |k: u32| if k < 9 { 1.0 } else { 1.5 + f64::from(k) };
+    let blocks: Vec<(f64, f64)> = (0..60).map(|k| (value(k), 0.0)).collect();
     let (k, exact) = planted(&blocks, 80, 13);
     let problem = problem(&k);
     let found = near(&problem, c64::new(0.8, 0.0), 12);
@@ -482,9 +467,7 @@ fn residuals_are_refined() {
     for (found, exact) in spectrum.eigenvalues.iter().zip(&exact.eigenvalues) {
         assert!(found.residual <= RESIDUAL, "{:e}", found.residual);
         let apart = (found.value - exact.value).norm();
-        assert!(
-            apart < 1e-11 * exact.condition * problem.norm(),
-            "{apart:e}"
-        );
+        let most = 1e-11 * exact.condition * problem.norm();
+        assert!(apart < most, "{apart:e}");
     }
 }

@@ -9,11 +9,11 @@
 use faer::linalg::solvers::DenseSolveCore;
 use faer::reborrow::ReborrowMut;
 use faer::sparse::SparseColMat;
-use faer::{Mat, MatMut, Par};
+use faer::{Mat, MatMut, Par, concat};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-use crate::eigenvalues::{Spectrum, joined};
+use crate::eigenvalues::Spectrum;
 use crate::krylov::{self, Settings, Stalled};
 use crate::problem::Problem;
 
@@ -133,7 +133,8 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
                 }
             };
             let [right, left] = krylov::matched(n, right, filter, wanted)?;
-            known.add(&right.basis, &left.basis);
+            known.right = orthonormal(&known.right, &right.basis);
+            known.left = orthonormal(&known.left, &left.basis);
             found.spectrum = Spectrum::of(problem, &known.right, Some(&known.left));
         }
     }
@@ -147,11 +148,6 @@ struct Known {
 }
 
 impl Known {
-    fn add(&mut self, right: &Mat<f64>, left: &Mat<f64>) {
-        self.right = orthonormal(&self.right, right);
-        self.left = orthonormal(&self.left, left);
-    }
-
     /// The subspaces of the transpose.
     fn turned(&self) -> Known {
         Known {
@@ -173,7 +169,7 @@ impl Known {
 
 /// An orthonormal basis of the span of both.
 fn orthonormal(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
-    joined(a, b).qr().compute_thin_Q()
+    concat![[a, b]].qr().compute_thin_Q()
 }
 
 /// 4A/b - 2 by compressed rows: twice the argument of the polynomials.

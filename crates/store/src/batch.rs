@@ -26,39 +26,25 @@ pub struct Share {
 
 impl Shares {
     fn by_frame(&self) -> Option<IdBlocks> {
-        let Shares { frames, ranks, .. } = *self;
-        (frames >= ranks).then_some(IdBlocks {
-            grains: frames,
-            ranks,
-        })
+        (self.frames >= self.ranks).then(|| IdBlocks::new(self.frames, self.ranks))
     }
 
     /// With more ranks than frames: the first rank of a frame, and the blocks of ids of its ranks.
     fn of_frame(&self, frame: u64) -> (u64, IdBlocks) {
         let first = |f: u64| (f * self.ranks).div_ceil(self.frames);
         let ranks = first(frame + 1) - first(frame);
-        (
-            first(frame),
-            IdBlocks {
-                grains: self.grains,
-                ranks,
-            },
-        )
+        (first(frame), IdBlocks::new(self.grains, ranks))
     }
 
     pub fn of(&self, rank: usize) -> Share {
-        if let Some(blocks) = self.by_frame() {
-            return Share {
-                frames: blocks.range(rank),
-                ids: 0..self.grains,
-            };
-        }
-        let frame = rank as u64 * self.frames / self.ranks;
-        let (first, blocks) = self.of_frame(frame);
-        Share {
-            frames: frame..frame + 1,
-            ids: blocks.range(rank - first as usize),
-        }
+        let (frames, ids) = if let Some(blocks) = self.by_frame() {
+            (blocks.range(rank), 0..self.grains)
+        } else {
+            let frame = rank as u64 * self.frames / self.ranks;
+            let (first, blocks) = self.of_frame(frame);
+            (frame..frame + 1, blocks.range(rank - first as usize))
+        };
+        Share { frames, ids }
     }
 }
 
@@ -225,11 +211,8 @@ impl ShareColumns {
             // The stable sort merges the sorted runs that the ranks send.
             order.sort_by_key(|&(key, _)| key);
             if let Some(twice) = order.windows(2).find(|w| w[0].0 == w[1].0) {
-                panic!(
-                    "contact {} {} twice in a frame",
-                    twice[0].0 >> 32,
-                    twice[0].0 as u32
-                );
+                let (i, j) = (twice[0].0 >> 32, twice[0].0 as u32);
+                panic!("contact {i} {j} twice in a frame");
             }
             part.push(order.iter().map(|&(_, n)| &found[n as usize]), form);
         }
@@ -298,10 +281,7 @@ pub fn length(range: &Range<u64>) -> u64 {
 mod tests {
     use super::*;
 
-    const DISKS: Form = Form {
-        axes: 2,
-        torques: false,
-    };
+    const DISKS: Form = Form::new(2, false);
 
     fn shares(frames: u64, grains: u64, ranks: u64) -> Shares {
         Shares {

@@ -4,11 +4,9 @@
 //! odd number made from the place k of the number. It depends neither on the order of the sum nor
 //! on the ranks that hold the numbers, and a change of one number always changes it.
 
-use std::collections::BTreeMap;
 use std::ops::Range;
 
-use super::parameter::Parameter;
-use gshear_analysis::frame_scalars::FrameScalars;
+use super::parameter::{Parameter, Parameters};
 use gshear_dem::simd::{Isa, Lanes, Work};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -95,9 +93,14 @@ pub fn of_sequence(first: u64, values: &[f64]) -> u64 {
 
 /// Of images with these weights.
 pub fn of_images(weights: &[u64], images: &[i32]) -> u64 {
-    let terms = weights.iter().zip(images);
-    terms.fold(0, |sum: u64, (weight, &image)| {
-        sum.wrapping_add(weight.wrapping_mul(u64::from(image as u32)))
+    weighted(weights, images.iter().map(|&image| u64::from(image as u32)))
+}
+
+/// Σ w b.
+fn weighted(weights: &[u64], bits: impl Iterator<Item = u64>) -> u64 {
+    let terms = weights.iter().zip(bits);
+    terms.fold(0, |sum, (weight, bits)| {
+        sum.wrapping_add(weight.wrapping_mul(bits))
     })
 }
 
@@ -165,21 +168,18 @@ impl ContactWeights {
 
     /// Of flags.
     pub fn flags(&self, rows: Range<usize>, flags: &[u8]) -> u64 {
-        let terms = self.of_pairs[rows].iter().zip(flags);
-        terms.fold(0, |sum: u64, (weight, &flag)| {
-            sum.wrapping_add(weight.wrapping_mul(flag.into()))
-        })
+        weighted(&self.of_pairs[rows], flags.iter().map(|&flag| flag.into()))
     }
 }
 
-/// Of a row of the time series, whose columns have these names in the file.
+/// Of a row of a table, whose columns have these names in the file; scalars of frames have no time
+/// of their own, and so 0.
 pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, f64)>) -> u64 {
     let named = |name: &str, bits: u64| weight(xxh3_64(name.as_bytes())).wrapping_mul(bits);
     let numbers = columns.map(|(name, x)| named(name, mixed(x.to_bits())));
-    [named("step", step), named("time", mixed(time.to_bits()))]
-        .into_iter()
-        .chain(numbers)
-        .fold(0, u64::wrapping_add)
+    let clock = [named("step", step), named("time", mixed(time.to_bits()))];
+    let all = clock.into_iter().chain(numbers);
+    all.fold(0, u64::wrapping_add)
 }
 
 /// Of the step, the time and the edges of the box of a frame.
@@ -188,16 +188,8 @@ pub fn of_clock(step: u64, time: f64, edges: &[f64]) -> u64 {
     of_row(step, time, std::iter::empty()).wrapping_add(of_edges)
 }
 
-/// Of a row of the scalars of frames. `has`: whether the file has each column; files of earlier
-/// versions lack some.
-pub fn of_scalars(step: u64, scalars: &FrameScalars) -> u64 {
-    let names = FrameScalars::COLUMNS.map(|column| column.name);
-    // They have no time of their own.
-    of_row(step, 0.0, names.into_iter().zip(scalars.columns()))
-}
-
 /// Of attributes, as hexadecimal digits.
-pub fn of_parameters(parameters: &BTreeMap<String, Parameter>) -> String {
+pub fn of_parameters(parameters: &Parameters) -> String {
     let mut bytes = Vec::new();
     for (name, value) in parameters {
         let (kind, content) = match value {

@@ -14,28 +14,21 @@ use std::path::Path;
 /// # Errors
 /// The failure of the lowest rank that has failed, on every rank.
 pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T, Failure> {
+    let kinds = [Failure::Input, Failure::Numbers, Failure::Other];
+    let kind_of = |failure: &Failure| match failure {
+        Failure::Input(_) => 0,
+        Failure::Numbers(_) => 1,
+        Failure::Other(_) => 2,
+    };
     let local = match &result {
         Ok(_) => Vec::new(),
-        Err(failure) => {
-            let kind = match failure {
-                Failure::Input(_) => b'i',
-                Failure::Numbers(_) => b'n',
-                Failure::Other(_) => b'o',
-            };
-            let mut message = vec![kind];
-            message.extend(failure.to_string().bytes());
-            message
-        }
+        Err(failure) => [&[kind_of(failure)], failure.to_string().as_bytes()].concat(),
     };
     match exchange.gather(&local).iter().find(|m| !m.is_empty()) {
         None => result,
         Some(message) => {
             let text = String::from_utf8_lossy(&message[1..]);
-            Err(match message[0] {
-                b'i' => Failure::input(text),
-                b'n' => Failure::numbers(text),
-                _ => Failure::other(text),
-            })
+            Err(kinds[usize::from(message[0])](text.into_owned()))
         }
     }
 }
@@ -126,10 +119,14 @@ pub struct IdBlocks {
 }
 
 impl IdBlocks {
+    /// Blocks of so many ids for so many ranks.
+    pub fn new(grains: u64, ranks: u64) -> Self {
+        Self { grains, ranks }
+    }
+
     /// Blocks of so many ids, one for each rank.
     pub fn of(exchange: &dyn Exchange, grains: u64) -> Self {
-        let ranks = exchange.size() as u64;
-        Self { grains, ranks }
+        Self::new(grains, exchange.size() as u64)
     }
 
     /// Returns the ids of a rank.
@@ -158,10 +155,8 @@ impl IdBlocks {
             send[self.holder(id(record))].extend_from_slice(bytemuck::bytes_of(record));
         }
         let received = exchange.all_to_all(send);
-        received
-            .iter()
-            .flat_map(|bytes| records_of(bytes))
-            .collect()
+        let records = received.iter().flat_map(|bytes| records_of(bytes));
+        records.collect()
     }
 }
 

@@ -7,6 +7,8 @@ use std::slice::{from_mut, from_ref};
 use bytemuck::{cast_slice, cast_slice_mut};
 use gshear_dem::columns::Column;
 use gshear_dem::state::ContactSample;
+use hdf5::H5Type;
+use hdf5::types::TypeDescriptor;
 
 const NORMAL_FORCE: Column = Column::new("normal_force", "N", "F_n");
 const TANGENTIAL_FORCE: Column = Column::new("tangential_force", "N", "F_t");
@@ -24,23 +26,31 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Bytes of a value.
-    pub fn bytes(self) -> usize {
+    /// The type of a value in a file.
+    pub(crate) fn element(self) -> TypeDescriptor {
         match self {
-            Kind::Number => 8,
-            Kind::Image | Kind::Id => 4,
-            Kind::Flag => 1,
+            Kind::Number => f64::type_descriptor(),
+            Kind::Image => i32::type_descriptor(),
+            Kind::Id => u32::type_descriptor(),
+            Kind::Flag => u8::type_descriptor(),
         }
     }
 }
 
 /// What the contacts of a file are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Form {
     /// Dimensions.
     pub axes: usize,
     /// Whether they have the torques of spheres that resist rolling or twisting.
     pub torques: bool,
+}
+
+impl Form {
+    /// That of contacts in so many dimensions.
+    pub const fn new(axes: usize, torques: bool) -> Self {
+        Self { axes, torques }
+    }
 }
 
 /// The unit is that of the law's history.

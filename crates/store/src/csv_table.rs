@@ -1,10 +1,10 @@
 //! Tables as CSV (RFC 4180): a line of column names, then one line per row.
 
-use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use csv::{StringRecord, Writer};
 use rustix::fs::OFlags;
@@ -17,49 +17,37 @@ use gshear_dem::failure::Failure;
 /// A value that a cell can hold. Numbers have the shortest form that reads back to the same bits.
 pub trait TableCell {
     /// Returns the text of the cell, without quotes.
-    fn text(&self) -> Cow<'_, str>;
-}
-
-impl TableCell for str {
-    fn text(&self) -> Cow<'_, str> {
-        self.into()
-    }
-}
-
-impl TableCell for String {
-    fn text(&self) -> Cow<'_, str> {
-        self.into()
-    }
+    fn text(&self) -> String;
 }
 
 impl TableCell for f64 {
-    fn text(&self) -> Cow<'_, str> {
-        format!("{self:?}").into()
+    fn text(&self) -> String {
+        format!("{self:?}")
     }
 }
 
 macro_rules! cells_by_display {
     ($($kind:ty)*) => {$(
         impl TableCell for $kind {
-            fn text(&self) -> Cow<'_, str> {
-                self.to_string().into()
+            fn text(&self) -> String {
+                self.to_string()
             }
         }
     )*};
 }
 
-cells_by_display!(char u8 u32 u64 usize);
+cells_by_display!(str String char u8 u32 u64 usize);
 
 impl<C: TableCell + ?Sized> TableCell for &C {
-    fn text(&self) -> Cow<'_, str> {
+    fn text(&self) -> String {
         (**self).text()
     }
 }
 
 /// `None` is an empty cell.
 impl<C: TableCell> TableCell for Option<C> {
-    fn text(&self) -> Cow<'_, str> {
-        self.as_ref().map_or("".into(), TableCell::text)
+    fn text(&self) -> String {
+        self.as_ref().map_or_else(String::new, TableCell::text)
     }
 }
 
@@ -113,9 +101,9 @@ impl<'a, I: IntoIterator> Table<'a, I> {
         let mut record = StringRecord::new();
         for row in self.rows {
             record.clear();
-            self.values
-                .iter()
-                .for_each(|values| values(&row, &mut record));
+            for values in &self.values {
+                values(&row, &mut record);
+            }
             assert_eq!(record.len(), columns, "one value for each name");
             writer.write_record(&record).expect(IN_MEMORY);
         }
@@ -165,10 +153,8 @@ impl TableFile {
     /// [`Failure::Input`] if the file has other columns or fewer rows.
     pub fn open_to_append(path: &Path, names: &[&str], rows: u64) -> Result<Self, Failure> {
         let unfit = |why: String| {
-            Failure::input(format!(
-                "{}: cannot continue this file: {why}",
-                path.display()
-            ))
+            let path = path.display();
+            Failure::input(format!("{path}: cannot continue this file: {why}"))
         };
         if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
             return Err(unfit(NO_FILE.into()));
@@ -182,21 +168,17 @@ impl TableFile {
         let (mut text, mut end) = (Vec::new(), 0);
         for row in 0..=rows {
             text.clear();
-            end += reader
-                .read_until(b'\n', &mut text)
-                .map_err(|e| unfit(e.to_string()))? as u64;
+            let length = reader.read_until(b'\n', &mut text);
+            end += length.map_err(|e| unfit(e.to_string()))? as u64;
             if row == 0 && text != names {
                 let names = String::from_utf8_lossy(&names);
-                return Err(unfit(format!(
-                    "its first line must be {}",
-                    names.trim_end()
-                )));
+                let names = names.trim_end();
+                return Err(unfit(format!("its first line must be {names}")));
             }
             if text.last() != Some(&b'\n') {
-                return Err(unfit(format!(
-                    "it has {} rows, the checkpoint counts {rows}",
-                    row - 1
-                )));
+                let has = row - 1;
+                let why = format!("it has {has} rows, the checkpoint counts {rows}");
+                return Err(unfit(why));
             }
         }
         file.set_len(end).map_err(|e| unwritten(path, &e))?;
@@ -211,10 +193,7 @@ impl TableFile {
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
     pub fn row(&mut self, cells: impl IntoIterator<Item: TableCell>) -> Result<(), Failure> {
-        let record: StringRecord = cells
-            .into_iter()
-            .map(|cell| cell.text().into_owned())
-            .collect();
+        let record: StringRecord = cells.into_iter().map(|cell| cell.text()).collect();
         let written = self.writer.write_record(&record);
         written.map_err(|e| unwritten(&self.path, &e))
     }
@@ -256,19 +235,21 @@ pub fn rows_up_to(path: &Path, last: f64) -> Result<Option<u64>, Failure> {
     let (mut line, mut lines) = (Vec::new(), 0u64);
     loop {
         line.clear();
-        reader
-            .read_until(b'\n', &mut line)
-            .map_err(|e| unread(&e))?;
-        let first = line.split(|&byte| byte == b',').next().unwrap_or_default();
-        let first = std::str::from_utf8(first)
-            .ok()
-            .and_then(|text| text.parse::<f64>().ok());
+        let read = reader.read_until(b'\n', &mut line);
+        read.map_err(|e| unread(&e))?;
+        let counts = || first_cell(&line).is_some_and(|first: f64| first <= last);
         // A killed program may leave part of a line.
-        if !line.ends_with(b"\n") || lines > 0 && !first.is_some_and(|first| first <= last) {
+        if !line.ends_with(b"\n") || lines > 0 && !counts() {
             return Ok(lines.checked_sub(1));
         }
         lines += 1;
     }
+}
+
+/// The first cell of a line.
+pub(crate) fn first_cell<T: FromStr>(line: &[u8]) -> Option<T> {
+    let first = line.split(|&byte| byte == b',').next()?;
+    std::str::from_utf8(first).ok()?.parse().ok()
 }
 
 /// Reads the rows of a table, columns by their names.

@@ -82,23 +82,12 @@ fn remove(path: &Path) -> Result<(), Failure> {
     journal::remove(path)
 }
 
-/// Checks that a file can be continued after these numbers of frames and rows. Writes nothing. Not
-/// collective.
-///
-/// # Errors
-/// [`Failure::Input`] if the file is not a `run.h5` or holds less.
-pub fn check(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<(), Failure> {
-    hdf5::silence_errors(true);
-    inspect(path, series, frames, rows).map(drop)
-}
-
 /// Returns the numbers of frames, rows of the time series and rows of scalars up to the step
 /// `last`. Not collective.
 ///
 /// # Errors
 /// [`Failure::Input`] if the file is not a `run.h5`, or damaged.
 pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3], Failure> {
-    hdf5::silence_errors(true);
     inspect(path, series, 0, 0)?;
     let read = || -> hdf5::Result<[u64; 3]> {
         let file = Part::of(path).open()?;
@@ -132,22 +121,24 @@ const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";
 const ANOTHER: &str = "another version wrote the file, or its protocol imposed velocities alone and this one more: \
      resume with that version or into another folder (--out)";
 
-/// Returns N, the number of contacts in the first `frames` frames, and the dimensions of a file
-/// that has these columns of the time series and is long enough. Writes nothing.
+/// Checks that a file has these columns of the time series and can be continued after these numbers
+/// of frames and rows. Returns N, the number of contacts in the first `frames` frames, the
+/// dimensions, and 1 if the contacts have torques. Writes nothing. Not collective.
 ///
 /// # Errors
 /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
 ///
 /// # Panics
 /// If `series` is empty.
-pub(crate) fn inspect(
+pub fn inspect(
     path: &Path,
     series: &[Column],
     frames: u64,
     rows: u64,
 ) -> Result<[u64; 4], Failure> {
-    let name = path.display();
+    hdf5::silence_errors(true);
     if !Part::of(path).file.is_file() {
+        let name = path.display();
         return Err(Failure::input(format!(
             "{name}: there is no such file to continue"
         )));
@@ -179,10 +170,8 @@ pub(crate) fn inspect(
             return Ok(Err(unfit(why)));
         }
         let first = first.expect("the time series has a column");
-        let (has_frames, has_rows) = (
-            length("connectivity/contacts/offset")?,
-            length(&format!("{OBSERVABLES}/{first}/step"))?,
-        );
+        let has_frames = length("connectivity/contacts/offset")?;
+        let has_rows = length(&format!("{OBSERVABLES}/{first}/step"))?;
         if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
             return Ok(Err(unfit(format!(
                 "it holds {} frames and {has_rows} rows, the checkpoint counts {frames} and {rows}",
@@ -196,12 +185,8 @@ pub(crate) fn inspect(
         }
         let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
         let torques = file.link_exists(&contact_dataset(TWISTING_HISTORY));
-        Ok(Ok([
-            grains as u64,
-            contacts,
-            spin.ndim() as u64,
-            u64::from(torques),
-        ]))
+        let axes = spin.ndim() as u64;
+        Ok(Ok([grains as u64, contacts, axes, u64::from(torques)]))
     };
     read().unwrap_or_else(|error| Err(unfit(format!("{NO_RUN} ({error})"))))
 }

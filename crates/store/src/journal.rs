@@ -47,10 +47,10 @@ pub fn target(path: &Path) -> PathBuf {
 pub fn remove(file: &Path) -> Result<(), Failure> {
     let path = path_of(file);
     match std::fs::remove_file(&path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Failure::other(format!(
-            "{}: cannot be removed: {e}",
-            path.display()
-        ))),
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            let path = path.display();
+            Err(Failure::other(format!("{path}: cannot be removed: {e}")))
+        }
         _ => Ok(()),
     }
 }
@@ -181,9 +181,8 @@ impl Journal {
             Some(u64::from_le_bytes(*first))
         };
         let (length, count) = (number()?, number()?);
-        let places: Vec<(u64, u64)> = (0..count)
-            .map(|_| Some((number()?, number()?)))
-            .collect::<Option<_>>()?;
+        let places = (0..count).map(|_| Some((number()?, number()?)));
+        let places: Vec<(u64, u64)> = places.collect::<Option<_>>()?;
         let mut pieces = Vec::new();
         for (offset, size) in places {
             let (piece, after) = rest.split_at_checked(size as usize)?;
@@ -241,10 +240,8 @@ mod tests {
         let path = folder.path().join("run.h5");
         assert_eq!(Journal::read(&path), None);
         std::fs::write(&path, [7; 100]).unwrap();
-        Journal::of(&path, vec![10..20, 30..40])
-            .unwrap()
-            .write(&path)
-            .unwrap();
+        let journal = Journal::of(&path, vec![10..20, 30..40]).unwrap();
+        journal.write(&path).unwrap();
         let whole = std::fs::read(path_of(&path)).unwrap();
         for n in 0..whole.len() {
             let mut flipped = whole.clone();

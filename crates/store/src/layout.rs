@@ -6,10 +6,12 @@ pub use super::contact_quantities::{Form, Kind};
 use super::contact_quantities::{TANGENTIAL_HISTORY, flags, numbers, of_contacts};
 use super::h5::{Attribute, Dataset, H5File};
 use super::row_table::RowTable;
+use super::run_header::RunHeader;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
 use hdf5::H5Type;
+use hdf5::types::TypeDescriptor;
 
 pub const PARAMETERS: &str = "parameters";
 pub const PARTICLES: &str = "particles/trajectory";
@@ -117,7 +119,7 @@ pub fn file_bytes(
     };
     let numbers = of_grain(of.axes)
         .iter()
-        .map(|(_, width, kind)| of_grains(*width, kind.bytes()))
+        .map(|(_, width, kind)| of_grains(*width, kind.element().size()))
         .sum::<f64>();
     let all = chunks(frames as f64 * contacts, contact_chunk(grains));
     let [_, contact] = frame_bytes(of);
@@ -129,7 +131,8 @@ pub fn file_bytes(
 
 /// Bytes of a grain and of a contact in a frame.
 pub fn frame_bytes(of: Form) -> [usize; 2] {
-    let bytes = |of: &[Quantity]| of.iter().map(|(_, width, kind)| width * kind.bytes()).sum();
+    let of_one = |(_, width, kind): &Quantity| width * kind.element().size();
+    let bytes = |of: &[Quantity]| of.iter().map(of_one).sum();
     [bytes(&of_grain(of.axes)), bytes(&of_contact(of))]
 }
 
@@ -145,23 +148,6 @@ pub const CHUNK_ROWS: usize = 1024;
 pub enum Mode {
     Create,
     Open,
-}
-
-/// What the datasets of a file depend on.
-#[derive(Clone, Copy)]
-pub struct Layout<'a> {
-    /// Number of grains.
-    pub grains: usize,
-    /// What the contacts are.
-    pub form: Form,
-    /// Whether the box is bounded along its last axis, and so its edges are at right angles.
-    pub walls: bool,
-    /// The columns of the time series.
-    pub series: &'a [Column],
-    /// Whether the quantities are in SI units, and new datasets say which.
-    pub units: bool,
-    /// Unit of the tangential history in 3D.
-    pub history_unit: &'static str,
 }
 
 /// The growing datasets of the file.
@@ -185,24 +171,27 @@ pub struct Datasets {
 }
 
 impl Datasets {
-    /// Creates or opens the datasets. Collective.
-    pub fn new(file: &H5File, mode: Mode, layout: &Layout<'_>) -> Result<Self, Failure> {
-        let place = Place {
-            file,
-            mode,
-            units: layout.units.then_some(layout.form.axes),
-        };
-        let Layout { form, series, .. } = *layout;
+    /// Creates or opens the datasets of so many grains. Collective.
+    pub fn new(
+        file: &H5File,
+        mode: Mode,
+        count: usize,
+        header: &RunHeader<'_>,
+    ) -> Result<Self, Failure> {
+        let form = header.form;
+        let units = header.units.then_some(form.axes);
+        let place = Place { file, mode, units };
         let first = format!("{PARTICLES}/{POSITION}");
         let mut grains = Vec::new();
         for (column, width, kind) in of_grain(form.axes) {
             place.group(&format!("{PARTICLES}/{column}"))?;
-            let [frames, block] = grain_chunk(layout.grains, width);
+            let [frames, block] = grain_chunk(count, width);
             let chunk = [frames, block, width];
-            let shape = [0, layout.grains, width];
+            let shape = [0, count, width];
             let dimensions = if width == 1 { 2 } else { 3 };
             let name = grain_dataset(&column);
-            let dataset = place.of(kind, &name, &shape[..dimensions], &chunk[..dimensions])?;
+            let (shape, chunk) = (&shape[..dimensions], &chunk[..dimensions]);
+            let dataset = place.growing(kind.element(), &name, shape, chunk)?;
             grains.push(place.in_units(dataset, &column)?);
         }
         let (step, time) = (place.step(&first)?, place.time(&first)?);
@@ -211,23 +200,24 @@ impl Datasets {
         }
         place.group(&format!("{BOX}/edges"))?;
         place.link_clock(&first, &format!("{BOX}/edges"), true)?;
-        let (shape, chunk): (&[usize], &[usize]) = if layout.walls {
+        let (shape, chunk): (&[usize], &[usize]) = if header.walls {
             (&[0, 3], &[CHUNK_ROWS / 8, 3])
         } else {
             (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3])
         };
-        let edges = place.growing::<f64>(EDGES_VALUE, shape, chunk)?;
+        let edges = place.growing(f64::type_descriptor(), EDGES_VALUE, shape, chunk)?;
 
         place.group(CONTACTS)?;
         place.link_clock(&first, CONTACTS, true)?;
         let mut contacts = Vec::new();
         for (mut column, width, kind) in of_contact(form) {
-            let chunk = [contact_chunk(layout.grains).div_ceil(width), width];
+            let chunk = [contact_chunk(count).div_ceil(width), width];
             let dimensions = if width == 1 { 1 } else { 2 };
             let (name, shape) = (contact_dataset(column), [0, width]);
-            let dataset = place.of(kind, &name, &shape[..dimensions], &chunk[..dimensions])?;
+            let (shape, chunk) = (&shape[..dimensions], &chunk[..dimensions]);
+            let dataset = place.growing(kind.element(), &name, shape, chunk)?;
             if column.name == TANGENTIAL_HISTORY.name {
-                column.unit = layout.history_unit;
+                column.unit = header.history_unit;
             }
             contacts.push(place.in_units(dataset, &column)?);
         }
@@ -238,6 +228,7 @@ impl Datasets {
 
         place.group(GROUP)?;
         let sums = frame_columns(form).len();
+        let (shape, chunk) = ([0, sums], [CHUNK_ROWS / 8, sums]);
         Ok(Datasets {
             form,
             edges: place.in_units(edges, &EDGES)?,
@@ -246,8 +237,8 @@ impl Datasets {
             grains,
             offset: place.list::<u64>(&contact_dataset("offset"))?,
             contacts,
-            rows: place.table(OBSERVABLES, series, true, ROWS)?,
-            frame_sums: place.growing::<u64>(FRAMES, &[0, sums], &[CHUNK_ROWS / 8, sums])?,
+            rows: place.table(OBSERVABLES, header.series, true, ROWS)?,
+            frame_sums: place.growing(u64::type_descriptor(), FRAMES, &shape, &chunk)?,
         })
     }
 
@@ -283,36 +274,22 @@ impl Place<'_> {
     }
 
     /// A dataset without entries yet, which grows along its first dimension.
-    fn growing<T: H5Type>(
+    fn growing(
         &self,
+        element: TypeDescriptor,
         name: &str,
         shape: &[usize],
         chunk: &[usize],
     ) -> Result<Dataset, Failure> {
         match self.mode {
-            Mode::Create => self.file.dataset::<T>(name, shape, Some(chunk)),
-            Mode::Open => self.file.open_dataset::<T>(name),
-        }
-    }
-
-    fn of(
-        &self,
-        kind: Kind,
-        name: &str,
-        shape: &[usize],
-        chunk: &[usize],
-    ) -> Result<Dataset, Failure> {
-        match kind {
-            Kind::Number => self.growing::<f64>(name, shape, chunk),
-            Kind::Image => self.growing::<i32>(name, shape, chunk),
-            Kind::Id => self.growing::<u32>(name, shape, chunk),
-            Kind::Flag => self.growing::<u8>(name, shape, chunk),
+            Mode::Create => self.file.dataset(element, name, shape, Some(chunk)),
+            Mode::Open => self.file.open_dataset(element, name),
         }
     }
 
     /// One number a frame or row.
     fn list<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
-        self.growing::<T>(name, &[0], &[CHUNK_ROWS])
+        self.growing(T::type_descriptor(), name, &[0], &[CHUNK_ROWS])
     }
 
     fn step(&self, folder: &str) -> Result<Dataset, Failure> {
@@ -390,7 +367,7 @@ pub fn scalars(file: &H5File, rows: u64) -> Result<RowTable, Failure> {
 }
 
 /// Writes the groups and attributes that H5MD 1.1 requires. Collective.
-pub fn describe(file: &H5File, layout: &Layout<'_>, author: &str) -> Result<(), Failure> {
+pub fn describe(file: &H5File, header: &RunHeader<'_>, author: &str) -> Result<(), Failure> {
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {
         file.group(group)?;
     }
@@ -399,15 +376,15 @@ pub fn describe(file: &H5File, layout: &Layout<'_>, author: &str) -> Result<(), 
     file.attribute("h5md/author", "name", &Attribute::Name(author.into()))?;
     file.attribute("h5md/creator", "name", &word("gshear-mpi"))?;
     file.attribute("h5md/creator", "version", &word(env!("CARGO_PKG_VERSION")))?;
-    if layout.units {
+    if header.units {
         const UNITS: &str = "h5md/modules/units";
         file.group(UNITS)?;
         file.attribute(UNITS, "version", &Attribute::Integers(vec![1, 0]))?;
         file.attribute(UNITS, "system", &word("SI"))?;
     }
     file.attribute(BOX, "dimension", &Attribute::Count(3))?;
-    let last = if layout.walls { "none" } else { "periodic" };
-    let boundary = match layout.form.axes {
+    let last = if header.walls { "none" } else { "periodic" };
+    let boundary = match header.form.axes {
         2 => ["periodic", last, "none"],
         _ => ["periodic", "periodic", last],
     };

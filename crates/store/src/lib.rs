@@ -62,6 +62,7 @@ pub mod provenance;
 pub mod reduced_writer;
 mod room;
 mod row_table;
+mod run_header;
 pub mod run_reader;
 mod sound;
 pub mod spectrum_reader;

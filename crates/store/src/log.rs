@@ -1,7 +1,7 @@
 //! `log.csv`: the time series as text.
 
 use super::collective::on_root;
-use super::csv_table::{TableFile, rows_up_to};
+use super::csv_table::{TableFile, first_cell, rows_up_to};
 use super::h5;
 use super::run_reader::Series;
 use gshear_dem::columns::Column;
@@ -29,7 +29,8 @@ impl Log {
         path: &Path,
         columns: &[Column],
     ) -> Result<Self, Failure> {
-        Self::of(exchange, || TableFile::create(path, &Self::names(columns)))
+        let create = || TableFile::create(path, &Self::names(columns));
+        on_root(exchange, || create().map(Some)).map(Log)
     }
 
     /// Opens an existing log to continue after the step `last`. Later rows are removed. Collective.
@@ -43,10 +44,11 @@ impl Log {
         last: u64,
         rows: u64,
     ) -> Result<Self, Failure> {
-        Self::of(exchange, || match Self::check(path, columns, last, rows)? {
+        let open = || match Self::check(path, columns, last, rows)? {
             Some(rows) => TableFile::open_to_append(path, &Self::names(columns), rows),
             None => TableFile::create(path, &Self::names(columns)),
-        })
+        };
+        on_root(exchange, || open().map(Some)).map(Log)
     }
 
     /// Returns the number of rows of a log up to the step `last`; `None` if a
@@ -87,7 +89,7 @@ impl Log {
         let lines = BufReader::new(std::fs::File::open(path).map_err(unread)?).split(b'\n');
         for (number, line) in lines.enumerate().skip(1) {
             let line = line.map_err(unread)?;
-            let Some(step) = step_of(&line).filter(|step| *step <= last) else {
+            let Some(step) = first_cell::<u64>(&line).filter(|step| *step <= last) else {
                 break;
             };
             // Rows of before a lost run.h5 stand in the log alone.
@@ -108,22 +110,13 @@ impl Log {
         Ok(())
     }
 
-    fn of(
-        exchange: &dyn Exchange,
-        open: impl FnOnce() -> Result<TableFile, Failure>,
-    ) -> Result<Self, Failure> {
-        on_root(exchange, || open().map(Some)).map(Log)
-    }
-
     /// Writes the next row. Not collective: only rank 0 can fail.
     ///
     /// # Errors
     /// If the file cannot be written.
     pub fn row(&mut self, step: u64, time: f64, row: &[f64]) -> Result<(), Failure> {
-        let Some(file) = &mut self.0 else {
-            return Ok(());
-        };
-        file.row(cells(step, time, row.iter().copied()))
+        let cells = cells(step, time, row.iter().copied());
+        self.0.as_mut().map_or(Ok(()), |file| file.row(cells))
     }
 
     /// Hands the rows to the file system. Not collective: only rank 0 can fail.
@@ -144,22 +137,14 @@ impl Log {
 }
 
 fn unfit(path: &Path, why: String) -> Failure {
-    h5::unread(format!(
-        "{}: cannot continue this log: {why}",
-        path.display()
-    ))
+    let path = path.display();
+    h5::unread(format!("{path}: cannot continue this log: {why}"))
 }
 
 /// The cells of a row.
 fn cells(step: u64, time: f64, row: impl Iterator<Item = f64>) -> impl Iterator<Item = String> {
     let numbers = [time].into_iter().chain(row);
     [step.to_string()].into_iter().chain(numbers.map(shortest))
-}
-
-/// The step of a line.
-fn step_of(line: &[u8]) -> Option<u64> {
-    let step = line.split(|&byte| byte == b',').next()?;
-    std::str::from_utf8(step).ok()?.parse().ok()
 }
 
 /// Checks that an existing log has these columns.
@@ -182,12 +167,10 @@ fn check_columns(path: &Path, columns: &[Column]) -> Result<(), Failure> {
             )));
         }
     }
-    match found.next() {
-        None => Ok(()),
-        Some(name) => Err(unfit(format!(
-            "its column {name} would not be continued; another version wrote it"
-        ))),
-    }
+    found.next().map_or(Ok(()), |name| {
+        let what = format!("its column {name} would not be continued");
+        Err(unfit(format!("{what}; another version wrote it")))
+    })
 }
 
 /// Returns the shortest text that reads back to the same bits.
@@ -221,23 +204,16 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("log.csv");
         let mut log = Log::create(&Solo, &path, &SeriesRow::COLUMNS).unwrap();
-        let mut series = Series {
-            declared: &SeriesRow::COLUMNS,
-            columns: vec![Vec::new(); SeriesRow::COLUMNS.len()],
-            ..Series::default()
-        };
-        for k in 0..5 {
-            log.row(10 * k, 0.1 * k as f64, row(k).as_ref()).unwrap();
-            // The first rows stand in the log alone.
-            if k > 1 {
-                series.step.push(10 * k);
-                series.time.push(0.1 * k as f64);
-                for (column, x) in series.columns.iter_mut().zip(row(k).columns()) {
-                    column.push(x);
-                }
-            }
-        }
+        (0..5).for_each(|k| log.row(10 * k, 0.1 * k as f64, row(k).as_ref()).unwrap());
         log.flush().unwrap();
+        // The first rows stand in the log alone.
+        let column = |c: usize| (2..5).map(|k| row(k).columns()[c]).collect();
+        let series = Series {
+            declared: &SeriesRow::COLUMNS,
+            step: vec![20, 30, 40],
+            time: (2..5).map(|k| 0.1 * f64::from(k)).collect(),
+            columns: (0..SeriesRow::COLUMNS.len()).map(column).collect(),
+        };
         let compare = |last| Log::compare(&path, last, &series).map_err(|e| e.to_string());
         assert_eq!(compare(40), Ok(()));
         let whole = text(&path);

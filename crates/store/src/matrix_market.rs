@@ -16,19 +16,18 @@ use faer::sparse::{SparseColMat, Triplet};
 use super::text_writer::PartFile;
 use gshear_dem::failure::Failure;
 
-/// Symmetry of the matrix, of which a file stores only one triangle.
-#[derive(Clone, Copy, PartialEq)]
-enum Symmetry {
-    General,
-    Symmetric,
-    Skew,
-}
+/// A sparse matrix.
+pub type Matrix = SparseColMat<usize, f64>;
+/// An entry of one.
+pub type Entry = Triplet<usize, usize, f64>;
 
 /// The first line of a file.
 struct MatrixHeader {
     coordinate: bool,
     pattern: bool,
-    symmetry: Symmetry,
+    /// Of a symmetric matrix (1) and of a skew one (-1), which store only one triangle: the factor
+    /// of the mirrored entries.
+    mirrored: Option<f64>,
 }
 
 /// Reads a real, integer or pattern matrix in `coordinate` or `array` format, of any symmetry.
@@ -36,9 +35,10 @@ struct MatrixHeader {
 ///
 /// # Errors
 /// [`Failure::Input`] that names the line, if the file cannot be read or holds no such matrix.
-pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
-    let file = File::open(path)
-        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
+pub fn read(path: &Path) -> Result<Matrix, Failure> {
+    let unread =
+        |e: std::io::Error| Failure::input(format!("{}: cannot be read: {e}", path.display()));
+    let file = File::open(path).map_err(unread)?;
     let mut lines = Lines {
         path,
         reader: BufReader::new(file),
@@ -58,7 +58,7 @@ pub fn read(path: &Path) -> Result<SparseColMat<usize, f64>, Failure> {
 ///
 /// # Errors
 /// [`Failure::Other`] if the file cannot be written.
-pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failure> {
+pub fn write(path: &Path, matrix: &Matrix) -> Result<(), Failure> {
     let mut out = PartFile::create(path)?;
     let mut save = || -> std::io::Result<()> {
         let (rows, columns, count) = (matrix.nrows(), matrix.ncols(), matrix.compute_nnz());
@@ -74,10 +74,7 @@ pub fn write(path: &Path, matrix: &SparseColMat<usize, f64>) -> Result<(), Failu
     out.finish().map(drop)
 }
 
-fn coordinates(
-    lines: &mut Lines,
-    header: &MatrixHeader,
-) -> Result<SparseColMat<usize, f64>, Failure> {
+fn coordinates(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix, Failure> {
     let [rows, columns, count] = lines.sizes("rows, columns and number of entries")?;
     let mut entries = Vec::new();
     for read in 0..count {
@@ -87,34 +84,33 @@ fn coordinates(
         let mut words = lines.text.split_ascii_whitespace();
         let row: usize = lines.word(&mut words, "row")?;
         let column: usize = lines.word(&mut words, "column")?;
-        let value: f64 = if header.pattern {
-            1.0
-        } else {
-            lines.word(&mut words, "value")?
-        };
+        let mut value = 1.0;
+        if !header.pattern {
+            value = lines.word(&mut words, "value")?;
+        }
         lines.end(words)?;
         if !(1..=rows).contains(&row) || !(1..=columns).contains(&column) {
             let message = format!("row {row}, column {column}: the matrix is {rows} × {columns}");
             return Err(lines.wrong(message));
         }
         lines.finite(value)?;
-        add(&mut entries, [row - 1, column - 1], value, header.symmetry);
+        add(&mut entries, [row - 1, column - 1], value, header.mirrored);
     }
     if lines.next()? {
         return Err(lines.wrong(format!("more than the {count} entries announced")));
     }
-    of_entries(rows, columns, &entries)
-        .ok_or_else(|| lines.wrong(format!("there is no memory for {rows} × {columns}")))
+    let matrix = Matrix::try_new_from_triplets(rows, columns, &entries);
+    matrix.map_err(|_| lines.wrong(format!("there is no memory for {rows} × {columns}")))
 }
 
-fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize, f64>, Failure> {
+fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix, Failure> {
     let [rows, columns] = lines.sizes("rows and columns")?;
     let mut entries = Vec::new();
     for column in 0..columns {
-        let first = match header.symmetry {
-            Symmetry::General => 0,
-            Symmetry::Symmetric => column,
-            Symmetry::Skew => column + 1,
+        let first = match header.mirrored {
+            None => 0,
+            Some(sign) if sign > 0.0 => column,
+            Some(_) => column + 1,
         };
         for row in first..rows {
             if !lines.next()? {
@@ -127,7 +123,7 @@ fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize,
             lines.end(words)?;
             lines.finite(value)?;
             if value != 0.0 {
-                add(&mut entries, [row, column], value, header.symmetry);
+                add(&mut entries, [row, column], value, header.mirrored);
             }
         }
     }
@@ -137,20 +133,10 @@ fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<SparseColMat<usize,
     Ok(matrix(rows, columns, &entries))
 }
 
-fn add(
-    entries: &mut Vec<Triplet<usize, usize, f64>>,
-    [row, column]: [usize; 2],
-    value: f64,
-    symmetry: Symmetry,
-) {
-    entries.push(Triplet::new(row, column, value));
-    if symmetry != Symmetry::General && row != column {
-        let sign = if symmetry == Symmetry::Skew {
-            -1.0
-        } else {
-            1.0
-        };
-        entries.push(Triplet::new(column, row, sign * value));
+fn add(entries: &mut Vec<Entry>, [row, column]: [usize; 2], value: f64, mirrored: Option<f64>) {
+    entries.push(Entry::new(row, column, value));
+    if let Some(sign) = mirrored.filter(|_| row != column) {
+        entries.push(Entry::new(column, row, sign * value));
     }
 }
 
@@ -158,20 +144,8 @@ fn add(
 ///
 /// # Panics
 /// If an entry is outside of the matrix.
-pub fn matrix(
-    rows: usize,
-    columns: usize,
-    entries: &[Triplet<usize, usize, f64>],
-) -> SparseColMat<usize, f64> {
-    of_entries(rows, columns, entries).expect("indices within the matrix")
-}
-
-fn of_entries(
-    rows: usize,
-    columns: usize,
-    entries: &[Triplet<usize, usize, f64>],
-) -> Option<SparseColMat<usize, f64>> {
-    SparseColMat::try_new_from_triplets(rows, columns, entries).ok()
+pub fn matrix(rows: usize, columns: usize, entries: &[Entry]) -> Matrix {
+    Matrix::try_new_from_triplets(rows, columns, entries).expect("indices within the matrix")
 }
 
 /// The lines of a file, with their numbers for messages.
@@ -201,16 +175,16 @@ impl Lines<'_> {
             "pattern" if coordinate => true,
             _ => return Err(self.wrong(format!("{field}: {RIGHT}"))),
         };
-        let symmetry = match symmetry {
-            "general" => Symmetry::General,
-            "symmetric" => Symmetry::Symmetric,
-            "skew-symmetric" => Symmetry::Skew,
+        let mirrored = match symmetry {
+            "general" => None,
+            "symmetric" => Some(1.0),
+            "skew-symmetric" => Some(-1.0),
             _ => return Err(self.wrong(format!("{symmetry}: {RIGHT}"))),
         };
         Ok(MatrixHeader {
             coordinate,
             pattern,
-            symmetry,
+            mirrored,
         })
     }
 
@@ -270,10 +244,7 @@ impl Lines<'_> {
     }
 
     fn wrong(&self, message: String) -> Failure {
-        Failure::input(format!(
-            "{}, line {}: {message}",
-            self.path.display(),
-            self.number
-        ))
+        let (path, number) = (self.path.display(), self.number);
+        Failure::input(format!("{path}, line {number}: {message}"))
     }
 }

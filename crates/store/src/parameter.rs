@@ -26,6 +26,9 @@ pub enum Parameter {
     Numbers(Vec<f64>),
 }
 
+/// All attributes of a group, by name.
+pub type Parameters = BTreeMap<String, Parameter>;
+
 impl fmt::Display for Parameter {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -38,7 +41,7 @@ impl fmt::Display for Parameter {
 }
 
 /// All attributes of a group, by name. An error comes with the attribute that it is about.
-pub fn attributes(group: &Location) -> Result<BTreeMap<String, Parameter>, (String, hdf5::Error)> {
+pub fn attributes(group: &Location) -> Result<Parameters, (String, hdf5::Error)> {
     let names = group.attr_names().map_err(|e| (String::new(), e))?;
     let read = |name: String| match parameter(group, &name) {
         Ok(value) => Ok((name, value)),

@@ -27,12 +27,12 @@ pub fn printed() -> String {
 
 /// The same of another program of the package.
 pub fn printed_of(program: &str) -> String {
-    let commit = git_commit();
-    let commit = commit
-        .split_once('-')
-        .map_or((commit, ""), |(c, _)| (c, "-dirty"));
-    let short = &commit.0[..commit.0.len().min(12)];
-    format!("{program} {VERSION} ({short}{})", commit.1)
+    let (commit, dirty) = match git_commit().split_once('-') {
+        Some((commit, _)) => (commit, "-dirty"),
+        None => (git_commit(), ""),
+    };
+    let short = &commit[..commit.len().min(12)];
+    format!("{program} {VERSION} ({short}{dirty})")
 }
 
 /// Returns the version of the HDF5 library.
@@ -44,9 +44,8 @@ pub fn hdf5_version() -> String {
 /// Returns the model name of this machine's processor, or `unknown`.
 pub fn processor() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let name = text
-        .lines()
-        .find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    let mut lines = text.lines();
+    let name = lines.find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     name.map_or("unknown", |(_, name)| name.trim()).to_string()
 }
 
@@ -67,17 +66,11 @@ pub fn user() -> String {
         .stdin(std::process::Stdio::null())
         .stderr(std::process::Stdio::null())
         .output();
-    let of_git = git
-        .ok()
-        .map(|of| String::from_utf8_lossy(&of.stdout).trim().to_string());
-    let account = || {
-        ["USER", "LOGNAME"]
-            .into_iter()
-            .find_map(|name| std::env::var(name).ok())
-    };
-    (of_git.filter(|name| !name.is_empty()))
-        .or_else(account)
-        .unwrap_or_else(|| "unknown".into())
+    let of_git = git.map(|of| String::from_utf8_lossy(&of.stdout).trim().to_string());
+    let of_account = ["USER", "LOGNAME"].into_iter().flat_map(std::env::var);
+    let of_git = of_git.into_iter().filter(|name| !name.is_empty());
+    let name = of_git.chain(of_account).next();
+    name.unwrap_or_else(|| "unknown".into())
 }
 
 /// The name of this machine.

@@ -1,10 +1,12 @@
 //! Opens HDF5 files that other people may have made: they lead nowhere else, and no size that they
 //! announce is allocated unless the file can hold it.
 
+use std::ops::Range;
 use std::path::Path;
 
 use hdf5::dataset::Layout;
-use hdf5::{Dataset, File, Group, LinkType, LocationType};
+use hdf5::{Dataset, File, Group, H5Type, Hyperslab, LinkType, LocationType, SliceOrIndex};
+use ndarray::IxDyn;
 
 /// No file has groups within groups of as many levels, or as many objects.
 const DEEPEST: usize = 8;
@@ -21,6 +23,14 @@ pub fn open(path: &Path) -> hdf5::Result<File> {
     let mut objects = MOST_OBJECTS;
     inspect(&file, file.size(), DEEPEST, &mut objects)?;
     Ok(file)
+}
+
+/// Reads some rows of a dataset, all values in order.
+pub fn rows<T: H5Type>(dataset: &Dataset, rows: Range<usize>) -> hdf5::Result<Vec<T>> {
+    let mut slab = vec![SliceOrIndex::from(rows)];
+    slab.resize(dataset.ndim(), SliceOrIndex::from(..));
+    let values = dataset.read_slice::<T, _, IxDyn>(Hyperslab::from(slab))?;
+    Ok(values.into_raw_vec_and_offset().0)
 }
 
 fn inspect(group: &Group, bytes: u64, levels: usize, objects: &mut usize) -> hdf5::Result<()> {
@@ -59,10 +69,8 @@ fn can_hold(dataset: &Dataset, bytes: u64) -> hdf5::Result<()> {
         bytes
     };
     let (shape, of_one) = (dataset.get_shape()?, dataset.dtype()?.size() as u64);
-    let announced = shape
-        .iter()
-        .try_fold(of_one, |all, &n| all.checked_mul(n as u64));
-    match announced {
+    let mut lengths = shape.iter();
+    match lengths.try_fold(of_one, |all, &n| all.checked_mul(n as u64)) {
         Some(announced) if announced <= most => Ok(()),
         _ => Err(format!("{name} announces {shape:?} values, more than the file can hold").into()),
     }

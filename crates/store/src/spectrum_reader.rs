@@ -98,18 +98,14 @@ impl SpectrumFile {
     pub fn mode(&self, k: usize, grains: usize) -> Result<Mode, Failure> {
         let bad = |why: String| Failure::input(format!("{}: {why}", self.path.display()));
         if k >= self.modes() {
-            return Err(bad(format!(
-                "has no eigenvector {k}; it has 0 … {}",
-                self.modes().saturating_sub(1)
-            )));
+            let last = self.modes().saturating_sub(1);
+            return Err(bad(format!("has no eigenvector {k}; it has 0 … {last}")));
         }
         if self.grain.iter().any(|&grain| grain as usize >= grains) {
             return Err(bad(format!("has grains beyond the {grains} of the run")));
         }
-        let values = self
-            .vectors
-            .read_slice::<f64, _, Ix2>(s![k, .., ..])
-            .map_err(|e| bad(format!("is damaged: {}", one_line(&e))))?;
+        let values = self.vectors.read_slice::<f64, _, Ix2>(s![k, .., ..]);
+        let values = values.map_err(|e| bad(format!("is damaged: {}", one_line(&e))))?;
         let none = || [vec![[0.0; 3]; grains], vec![[0.0; 3]; grains]];
         let mut mode = Mode {
             displacement: none(),

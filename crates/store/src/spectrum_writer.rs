@@ -90,10 +90,8 @@ pub fn write(
             attribute("step", origin.step.into())?;
         }
         attribute("rattling", Attribute::Count(problem.rattling() as u64))?;
-        attribute(
-            "null_vectors",
-            Attribute::Count(problem.null().ncols() as u64),
-        )?;
+        let null = problem.null().ncols() as u64;
+        attribute("null_vectors", Attribute::Count(null))?;
         attribute("norm", problem.norm().into())?;
         file.close()
     };

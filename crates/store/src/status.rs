@@ -117,18 +117,11 @@ impl Status {
     pub fn read(folder: &Path) -> Option<Self> {
         let text = text_writer::read(&folder.join(STATUS_FILE)).ok()?;
         let mut status: Self = serde_json::from_str(&text).ok()?;
-        let Self {
-            run_id,
-            title,
-            host,
-            message,
-            standing,
-            ..
-        } = &mut status;
-        for text in [run_id, title, host].into_iter().chain(message) {
+        let texts = [&mut status.run_id, &mut status.title, &mut status.host];
+        for text in texts.into_iter().chain(&mut status.message) {
             *text = on_one_line(text).into_owned();
         }
-        standing.stage = on_one_line(&standing.stage).into_owned().into();
+        status.standing.stage = on_one_line(&status.standing.stage).into_owned().into();
         Some(status)
     }
 }

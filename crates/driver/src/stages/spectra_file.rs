@@ -50,7 +50,7 @@ impl SpectraFile {
             None => Ok(()),
             Some(file) => eigenvalues.all().try_for_each(|(value, verdict)| {
                 let cells: [&dyn TableCell; 4] = [&time, &value.re, &value.im, &verdict.name()];
-                file.row(cells.map(|cell| cell.text().into_owned()))
+                file.row(cells)
             }),
         };
         agree(exchange, wrote)

@@ -260,11 +260,9 @@ fn of_files(matrix: &Path, arguments: &Arguments) -> Result<Problem, Failure> {
     Problem::new(&k, &mass, null.as_ref()).map_err(|unfit| {
         use gshear_spectrum::Unfit;
         let path = match unfit {
-            Unfit::NotSquare(_) | Unfit::NotFinite(_) => None,
-            Unfit::MassCount { .. } | Unfit::Mass { .. } => arguments.mass.as_ref(),
-            Unfit::NullLength { .. } | Unfit::NullDependent | Unfit::NotNull { .. } => {
-                arguments.null.as_ref()
-            }
+            Unfit::Matrix(_) => None,
+            Unfit::Mass(_) => arguments.mass.as_ref(),
+            Unfit::Null(_) => arguments.null.as_ref(),
         };
         let path = path.map_or(matrix, |path| path.as_path());
         Failure::input(format!("{}: {unfit}", path.display()))

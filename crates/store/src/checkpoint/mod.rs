@@ -101,9 +101,9 @@ pub fn write(
         let local = if root { &text[..] } else { &[] };
         outcome.note(write_one(&file, name, &[text.len()], 0, local));
     }
-    lists
-        .iter()
-        .for_each(|list| list.write(&file, &mut outcome));
+    for list in &lists {
+        list.write(&file, &mut outcome);
+    }
     file.agree(exchange, outcome)?;
     file.close(exchange)?;
     verify(exchange, &path, &attributes)?;
@@ -130,10 +130,8 @@ fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> 
     }
     if !snapshot.held.is_empty() {
         let HeldState { grains, contacts } = one_after_another(&snapshot.held, blocks.grains);
-        let blocks = IdBlocks {
-            grains: blocks.grains * snapshot.held.len() as u64,
-            ..blocks
-        };
+        let count = snapshot.held.len() as u64;
+        let blocks = IdBlocks::new(blocks.grains * count, blocks.ranks);
         lists.extend(state(HELD, blocks, &grains, &contacts));
     }
     lists
@@ -191,16 +189,14 @@ fn one_after_another(states: &[HeldState], grains: u64) -> HeldState {
     let mut all = HeldState::default();
     for (k, state) in states.iter().enumerate() {
         let first = k as u32 * grains as u32;
-        all.grains.extend(state.grains.iter().map(|g| GrainState {
-            id: first + g.id,
-            ..*g
-        }));
-        all.contacts
-            .extend(state.contacts.iter().map(|c| ContactState {
-                i: first + c.i,
-                j: first + c.j,
-                ..*c
-            }));
+        for mut g in state.grains.iter().copied() {
+            g.id += first;
+            all.grains.push(g);
+        }
+        for mut c in state.contacts.iter().copied() {
+            (c.i, c.j) = (first + c.i, first + c.j);
+            all.contacts.push(c);
+        }
     }
     all
 }
@@ -344,7 +340,7 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapsh
     let held = pieces.held.as_ref();
     let held = held.map_or_else(Vec::new, |held| apart(exchange, blocks, held));
     Ok((
-        [pieces.header, pieces.scene],
+        pieces.texts,
         Snapshot {
             grains: pieces.grains.records,
             contacts,
@@ -358,64 +354,28 @@ pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapsh
     ))
 }
 
-/// Checks all lists of a checkpoint. Collective.
+/// Checks all lists of a checkpoint, with the same result on every rank. Collective.
 fn check(exchange: &dyn Parallel, pieces: &Pieces) -> Result<(), String> {
     let blocks = pieces.grains.blocks;
-    let checked = Checked { exchange, blocks };
-    checked.list(&pieces.grains)?;
-    checked.list(&pieces.contacts)?;
+    pieces.grains.check(exchange, blocks)?;
+    pieces.contacts.check(exchange, blocks)?;
     if let Some((grains, contacts)) = &pieces.analysed {
-        checked.list(grains)?;
-        checked.list(contacts)?;
+        grains.check(exchange, blocks)?;
+        contacts.check(exchange, blocks)?;
     }
     if let Some(displacements) = &pieces.displacements {
-        checked.list(displacements)?;
+        displacements.check(exchange, blocks)?;
     }
-    let Some((grains, contacts)) = &pieces.held else {
-        return Ok(());
-    };
-    let blocks = grains.blocks;
-    let checked = Checked { exchange, blocks };
-    checked.list(grains)?;
-    checked.list(contacts)
-}
-
-/// Checks the pieces of all ranks, with the same result on every rank.
-struct Checked<'a> {
-    exchange: &'a dyn Parallel,
-    blocks: IdBlocks,
-}
-
-impl Checked<'_> {
-    fn list<R: Record>(&self, piece: &Piece<R>) -> Result<(), String> {
-        let ids = || piece.records.iter().map(R::ids);
-        // Flat walls have the next two ids.
-        let is_pair = |(i, j): (u32, u32)| i < j && u64::from(j) < self.blocks.grains + 2;
-        let ordered = if R::IS_CONTACT {
-            ids().all(is_pair) && ids().is_sorted()
-        } else {
-            let block = self.blocks.range(self.exchange.rank());
-            ids().map(|(id, _)| u64::from(id)).eq(block)
-        };
-        if hex(checksum(self.exchange, &piece.records)) != piece.sum {
-            return Err(format!(
-                "damaged: the checksum of its {} differs from the stored one",
-                R::NAME
-            ));
-        }
-        match total(self.exchange, u64::from(!ordered)) {
-            0 => Ok(()),
-            _ => Err(format!(
-                "damaged: its {} are not in the order of their ids",
-                R::NAME
-            )),
-        }
+    if let Some((grains, contacts)) = &pieces.held {
+        grains.check(exchange, grains.blocks)?;
+        contacts.check(exchange, grains.blocks)?;
     }
+    Ok(())
 }
 
 struct Pieces {
-    header: String,
-    scene: String,
+    /// The header and the scene.
+    texts: [String; 2],
     grains: Piece<GrainState>,
     contacts: Piece<ContactState>,
     analysed: Option<(Piece<GrainPosition>, Piece<ContactForce>)>,
@@ -430,6 +390,33 @@ struct Piece<R> {
     blocks: IdBlocks,
     records: Vec<R>,
     sum: String,
+}
+
+impl<R: Record> Piece<R> {
+    /// Checks the list of all ranks. `blocks`: of the ids of the grains.
+    fn check(&self, exchange: &dyn Parallel, blocks: IdBlocks) -> Result<(), String> {
+        let ids = || self.records.iter().map(R::ids);
+        // Flat walls have the next two ids.
+        let is_pair = |(i, j): (u32, u32)| i < j && u64::from(j) < blocks.grains + 2;
+        let ordered = if R::IS_CONTACT {
+            ids().all(is_pair) && ids().is_sorted()
+        } else {
+            let block = blocks.range(exchange.rank());
+            ids().map(|(id, _)| u64::from(id)).eq(block)
+        };
+        let name = R::NAME;
+        if hex(checksum(exchange, &self.records)) != self.sum {
+            return Err(format!(
+                "damaged: the checksum of its {name} differs from the stored one"
+            ));
+        }
+        match total(exchange, u64::from(!ordered)) {
+            0 => Ok(()),
+            _ => Err(format!(
+                "damaged: its {name} are not in the order of their ids"
+            )),
+        }
+    }
 }
 
 fn word(file: &hdf5::File, name: &str) -> Result<String, String> {
@@ -451,9 +438,8 @@ fn open(path: &Path) -> Result<hdf5::File, String> {
     if !is_marked || word(&file, "format")? != FORMAT {
         return Err("not a checkpoint of gshear-mpi".into());
     }
-    let version = file
-        .attr("format_version")
-        .and_then(|a| a.read_scalar::<u64>());
+    let version = file.attr("format_version");
+    let version = version.and_then(|a| a.read_scalar::<u64>());
     let version = version.map_err(|e| format!("damaged: attribute format_version ({e})"))?;
     if version != VERSION {
         return Err(format!(
@@ -480,7 +466,7 @@ fn texts(file: &hdf5::File) -> Result<[String; 2], String> {
 
 fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
     let file = open(path)?;
-    let [header, scene] = texts(&file)?;
+    let texts = texts(&file)?;
     let names = file.attr_names().unwrap_or_default();
     let has = |sum: &str| names.iter().any(|name| name == sum);
     let from = |prefix| (&file, prefix, rank, ranks);
@@ -502,8 +488,7 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
         has(GrainPosition::CHECKSUM).then(|| Ok::<_, String>((piece(from(""))?, piece(from(""))?)));
     let displacements = has(Displacement::CHECKSUM).then(|| piece(from("")));
     Ok(Pieces {
-        header,
-        scene,
+        texts,
         grains,
         contacts: piece(from(""))?,
         analysed: analysed.transpose()?,
@@ -516,10 +501,8 @@ fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String>
 fn piece<R: Record>(
     (file, prefix, rank, ranks): (&hdf5::File, &str, usize, usize),
 ) -> Result<Piece<R>, String> {
-    let blocks = IdBlocks {
-        grains: length(file, &format!("{prefix}{}/{}", R::GROUP, R::FIELDS[0].name))?,
-        ranks: ranks as u64,
-    };
+    let first = format!("{prefix}{}/{}", R::GROUP, R::FIELDS[0].name);
+    let blocks = IdBlocks::new(length(file, &first)?, ranks as u64);
     Ok(Piece {
         blocks,
         records: read_records((file, prefix), blocks.grains, blocks.range(rank))?,

@@ -2,6 +2,7 @@
 
 use crate::collective::{CollectiveOutcome, IdBlocks};
 use crate::h5::{H5File, Slab};
+use crate::sound;
 use bytemuck::{Pod, bytes_of, bytes_of_mut, cast_slice};
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
@@ -166,7 +167,8 @@ pub(super) fn write_one<T: H5Type + Copy>(
 ) -> Result<(), Failure> {
     let width = shape.get(1).copied().unwrap_or(1) as u64;
     let slab = Slab::rows(first, local.len() as u64 / width, width);
-    file.dataset::<T>(name, shape, None)?.write(slab, local)
+    let dataset = file.dataset(T::type_descriptor(), name, shape, None)?;
+    dataset.write(slab, local)
 }
 
 /// One rank's part of a list of records.
@@ -245,14 +247,15 @@ impl<R: Record> List for Stretch<R> {
     fn write(&self, file: &H5File, outcome: &mut CollectiveOutcome) {
         outcome.note(file.group(&format!("{}{}", self.prefix, R::GROUP)));
         for field in R::FIELDS {
-            match field.values {
-                Values::Id => outcome.note(self.write_field::<u32>(file, field)),
-                Values::Number => outcome.note(self.write_field::<f64>(file, field)),
-                Values::Signed => outcome.note(self.write_field::<i64>(file, field)),
-                _ if !self.not_zero => {}
-                Values::WhereNotZero => outcome.note(self.write_field::<f64>(file, field)),
-                Values::WholeWhereNotZero => outcome.note(self.write_field::<u64>(file, field)),
+            if field.values.may_lack() && !self.not_zero {
+                continue;
             }
+            outcome.note(match field.values {
+                Values::Id => self.write_field::<u32>(file, field),
+                Values::Signed => self.write_field::<i64>(file, field),
+                Values::WholeWhereNotZero => self.write_field::<u64>(file, field),
+                Values::Number | Values::WhereNotZero => self.write_field::<f64>(file, field),
+            });
         }
     }
 }
@@ -265,9 +268,8 @@ pub(super) fn checksum<R: Record>(exchange: &dyn Parallel, records: &[R]) -> u64
 }
 
 pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
-    let dataset = file
-        .dataset(name)
-        .map_err(|e| format!("damaged: {name} ({e})"))?;
+    let dataset = file.dataset(name);
+    let dataset = dataset.map_err(|e| format!("damaged: {name} ({e})"))?;
     match dataset.shape()[..] {
         [n] => Ok(n as u64),
         _ => Err(format!("damaged: {name} is not a list")),
@@ -280,29 +282,12 @@ pub(super) fn read_records<R: Record>(
     local: Range<u64>,
 ) -> Result<Vec<R>, String> {
     fn fill<R: Record, T: H5Type + Pod>(
-        (file, prefix): (&hdf5::File, &str),
+        dataset: &hdf5::Dataset,
+        rows: Range<usize>,
         field: &Field,
-        all: u64,
-        local: &Range<u64>,
         records: &mut [R],
-    ) -> Result<(), String> {
-        let name = format!("{prefix}{}/{}", R::GROUP, field.name);
-        let damaged = |why: &dyn std::fmt::Display| format!("damaged: {name} ({why})");
-        let dataset = file.dataset(&name).map_err(|e| damaged(&e))?;
-        if dataset.shape() != field.shape(all) {
-            return Err(damaged(&format!("its shape is {:?}", dataset.shape())));
-        }
-        let rows = local.start as usize..local.end as usize;
-        if rows.is_empty() {
-            return Ok(());
-        }
-        let values: Vec<T> = match field.width {
-            1 => dataset.read_slice_1d::<T, _>(rows).map(|v| v.to_vec()),
-            _ => dataset
-                .read_slice_2d::<T, _>((rows, ..))
-                .map(|v| v.iter().copied().collect()),
-        }
-        .map_err(|e| damaged(&e))?;
+    ) -> hdf5::Result<()> {
+        let values: Vec<T> = sound::rows(dataset, rows)?;
         for (record, values) in records.iter_mut().zip(values.chunks_exact(field.width)) {
             field.set(record, values);
         }
@@ -311,24 +296,36 @@ pub(super) fn read_records<R: Record>(
     let rare = R::FIELDS.iter().filter(|f| f.values.may_lack());
     let optional: usize = rare.map(|field| 8 * field.width).sum();
     if all.saturating_mul((size_of::<R>() - optional) as u64) > file.size() {
+        let group = R::GROUP;
         return Err(format!(
-            "damaged: {} has more rows than the file can hold",
-            R::GROUP
+            "damaged: {group} has more rows than the file can hold"
         ));
     }
-    let mut records = vec![R::zeroed(); (local.end - local.start) as usize];
-    let from = (file, prefix);
+    let rows = local.start as usize..local.end as usize;
+    let mut records = vec![R::zeroed(); rows.len()];
     for field in R::FIELDS {
         let name = format!("{prefix}{}/{}", R::GROUP, field.name);
-        match field.values {
-            Values::Id => fill::<R, u32>(from, field, all, &local, &mut records)?,
-            Values::Signed => fill::<R, i64>(from, field, all, &local, &mut records)?,
-            of if of.may_lack() && !file.link_exists(&name) => {}
-            Values::WholeWhereNotZero => fill::<R, u64>(from, field, all, &local, &mut records)?,
-            Values::Number | Values::WhereNotZero => {
-                fill::<R, f64>(from, field, all, &local, &mut records)?;
-            }
+        if field.values.may_lack() && !file.link_exists(&name) {
+            continue;
         }
+        let damaged = |why: &dyn std::fmt::Display| format!("damaged: {name} ({why})");
+        let dataset = file.dataset(&name).map_err(|e| damaged(&e))?;
+        if dataset.shape() != field.shape(all) {
+            return Err(damaged(&format!("its shape is {:?}", dataset.shape())));
+        }
+        if rows.is_empty() {
+            continue;
+        }
+        let rows = rows.clone();
+        let filled = match field.values {
+            Values::Id => fill::<R, u32>(&dataset, rows, field, &mut records),
+            Values::Signed => fill::<R, i64>(&dataset, rows, field, &mut records),
+            Values::WholeWhereNotZero => fill::<R, u64>(&dataset, rows, field, &mut records),
+            Values::Number | Values::WhereNotZero => {
+                fill::<R, f64>(&dataset, rows, field, &mut records)
+            }
+        };
+        filled.map_err(|e| damaged(&e))?;
     }
     Ok(records)
 }

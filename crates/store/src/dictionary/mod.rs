@@ -21,36 +21,31 @@ fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<Strin
     let all = tables(axes);
     let table = all.iter().find(|table| table.file == kind)?;
     // These have columns of other tables.
-    let others = all.iter().filter(|_| OF_ALL.contains(&kind));
-    let known = || {
-        table
-            .columns
-            .iter()
-            .chain(others.clone().flat_map(|of| &of.columns))
-    };
+    let is_of_all = OF_ALL.contains(&kind);
+    let others = all.iter().filter(|_| is_of_all);
+    let known: Vec<&Column> = [table]
+        .into_iter()
+        .chain(others)
+        .flat_map(|of| &of.columns)
+        .collect();
     let describe = |name: &&str| -> Option<Value> {
-        let of_mode = name
-            .strip_prefix("mode")
-            .map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
+        let of_mode = name.strip_prefix("mode");
+        let of_mode = of_mode.map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
         let general = of_mode.map_or_else(|| name.to_string(), |rest| format!("modeK{rest}"));
-        let is_of = |column: &&Column| {
+        let is_of = |column: &&&Column| {
             let rest = general.strip_prefix(column.name);
             rest.is_some_and(|rest| rest.is_empty() || AXES.contains(&rest))
         };
-        if let Some(key) = key(name).filter(|_| OF_ALL.contains(&kind)) {
+        if let Some(key) = key(name).filter(|_| is_of_all) {
             return Some(described(name, key.doc.trim(), Some(key.unit)));
         }
-        if let Some(column) = known().find(is_of) {
+        if let Some(column) = known.iter().find(is_of) {
             return Some(described(name, column.doc, column.unit_in(axes).as_deref()));
         }
-        let of = name
-            .strip_suffix(ERROR)
-            .filter(|_| OF_ALL.contains(&kind))?;
-        let column = known().find(|column| column.name == of)?;
-        let doc = format!(
-            "standard error over runs of the mean of {of}: {}",
-            column.doc
-        );
+        let of = name.strip_suffix(ERROR).filter(|_| is_of_all)?;
+        let column = known.iter().find(|column| column.name == of)?;
+        let doc = column.doc;
+        let doc = format!("standard error over runs of the mean of {of}: {doc}");
         Some(described(name, &doc, column.unit_in(axes).as_deref()))
     };
     let columns: Vec<Value> = names.iter().map(describe).collect::<Option<_>>()?;

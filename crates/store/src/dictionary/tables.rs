@@ -76,10 +76,7 @@ fn declared(row: &str, axes: usize) -> Vec<Column> {
         "tangential_history" => Column::new(column.name, either, column.doc),
         _ => column,
     };
-    let form = Form {
-        axes,
-        torques: axes == 3,
-    };
+    let form = Form::new(axes, axes == 3);
     match row {
         "SeriesRow" => all_series_columns().to_vec(),
         "AqsRow" => AqsRow::COLUMNS.to_vec(),

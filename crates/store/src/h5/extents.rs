@@ -19,10 +19,8 @@ pub(super) struct RawData {
 impl RawData {
     pub(super) fn of(dataset: hdf5::Dataset) -> Self {
         let chunk = dataset.chunk();
-        let entries: usize = chunk
-            .iter()
-            .map(|chunk| chunk.iter().product::<usize>())
-            .sum();
+        let of_chunk = |chunk: &Vec<usize>| chunk.iter().product::<usize>();
+        let entries = chunk.as_ref().map_or(0, of_chunk);
         let bytes = dataset.dtype().map_or(0, |datatype| datatype.size());
         Self {
             chunks: Vec::new(),
@@ -41,8 +39,9 @@ impl RawData {
             return Ok(&self.chunks);
         };
         let shape = self.dataset.shape();
-        let counts: Vec<usize> = (shape.iter().zip(chunk))
-            .map(|(length, of_chunk)| length.div_ceil(*of_chunk))
+        let axes = shape.iter().zip(chunk);
+        let counts: Vec<usize> = axes
+            .map(|(all, of_chunk)| all.div_ceil(*of_chunk))
             .collect();
         let all = counts.iter().product();
         // The number of chunks changes along the first dimension only, so indices stay.

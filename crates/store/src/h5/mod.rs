@@ -2,7 +2,7 @@
 //! module calls the C library for them; it holds the only unsafe code of this crate.
 
 use super::collective::{CollectiveOutcome, agree, on_root};
-use super::parameter::{Parameter, attributes};
+use super::parameter::{Parameters, attributes};
 use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::{LoneFailure, Parallel};
 use hdf5::types::TypeDescriptor;
@@ -21,7 +21,6 @@ use crate::room;
 use extents::RawData;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -97,6 +96,11 @@ impl Context {
         let message = format!("{file}: {object}: cannot {what}: {error}");
         self.lone.note(&message);
         Failure::other(message)
+    }
+
+    /// The result of a call that is to do `what` with an object.
+    fn checked<T>(&self, object: &str, what: &str, result: hdf5::Result<T>) -> Result<T, Failure> {
+        result.map_err(|e| self.failure(object, what, &e))
     }
 }
 
@@ -202,7 +206,7 @@ impl H5File {
         let own = format!("/{group}");
         let looked = (self.file.as_group())
             .and_then(|root| below(&root, DEEPEST, &own, &mut |dataset| found.push(dataset)));
-        looked.map_err(|e| self.context.failure("/", "look up", &e))?;
+        self.context.checked("/", "look up", looked)?;
         let others = found.into_iter().map(RawData::of);
         self.context.raw_data.borrow_mut().extend(others);
         Ok(())
@@ -225,7 +229,7 @@ impl H5File {
             return Ok(());
         }
         let removed = self.file.unlink(group);
-        removed.map_err(|e| self.context.failure(group, "remove", &e))
+        self.context.checked(group, "remove", removed)
     }
 
     /// Creates a group and its missing parents.
@@ -234,8 +238,7 @@ impl H5File {
     /// [`Failure::Other`] if HDF5 fails.
     pub fn group(&self, name: &str) -> Result<(), Failure> {
         let made = self.file.create_group(&self.at(name));
-        made.map(drop)
-            .map_err(|e| self.context.failure(name, "create", &e))
+        self.context.checked(name, "create", made).map(drop)
     }
 
     /// Returns whether an object of this name exists. Its group must exist.
@@ -245,9 +248,9 @@ impl H5File {
 
     /// Returns the failure of an object that holds fewer rows than the checkpoint says.
     pub fn lacks(&self, name: &str, rows: u64) -> Failure {
+        let file = self.context.path.display();
         Failure::input(format!(
-            "{}: cannot continue this file: {name} holds fewer than the {rows} rows of the checkpoint",
-            self.context.path.display()
+            "{file}: cannot continue this file: {name} holds fewer than the {rows} rows of the checkpoint"
         ))
     }
 
@@ -257,69 +260,66 @@ impl H5File {
     /// [`Failure::Other`] if HDF5 fails.
     pub fn link(&self, target: &str, name: &str) -> Result<(), Failure> {
         let made = self.file.link_hard(&self.at(target), &self.at(name));
-        made.map_err(|e| self.context.failure(name, "link", &e))
+        self.context.checked(name, "link", made)
     }
 
-    /// Creates a dataset of `shape`: contiguous and of fixed size, or, with `chunk`, growing along
+    /// Creates a dataset of these elements and of `shape`: contiguous and of fixed size, or, with `chunk`, growing along
     /// its first dimension.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn dataset<T: H5Type>(
+    pub fn dataset(
         &self,
+        element: TypeDescriptor,
         name: &str,
         shape: &[usize],
         chunk: Option<&[usize]>,
     ) -> Result<Dataset, Failure> {
         use hdf5::dataset::{AllocTime, FillTime};
         use hdf5::{Extent, SimpleExtents};
-        let fixed = |&n: &usize| Extent::fixed(n);
-        let place = &*self.at(name);
-        let builder = self.file.new_dataset::<T>();
-        let made = match chunk {
-            None => builder
-                .shape(SimpleExtents::from_vec(shape.iter().map(fixed).collect()))
-                .fill_time(FillTime::Never)
-                .alloc_time(Some(AllocTime::Early))
-                .create(place),
-            Some(chunk) => {
-                let rest = shape[1..].iter().map(fixed);
-                let extents = std::iter::once(Extent::resizable(shape[0])).chain(rest);
-                builder
-                    .shape(SimpleExtents::from_vec(extents.collect()))
-                    .chunk(chunk.to_vec())
-                    .fill_time(FillTime::Never)
-                    // Several ranks may continue a file of one rank; they can write only to
-                    // allocated chunks.
-                    .alloc_time(Some(AllocTime::Early))
-                    .create(place)
-            }
+        let mut extents: Vec<Extent> = shape.iter().map(|&n| Extent::fixed(n)).collect();
+        if chunk.is_some() {
+            extents[0] = Extent::resizable(shape[0]);
+        }
+        let builder = (self.file.new_dataset_builder().empty_as(&element))
+            .shape(SimpleExtents::from_vec(extents))
+            .fill_time(FillTime::Never)
+            // Several ranks may continue a file of one rank; they can write only to allocated
+            // chunks.
+            .alloc_time(Some(AllocTime::Early));
+        let builder = match chunk {
+            Some(chunk) => builder.chunk(chunk.to_vec()),
+            None => builder,
         };
-        let dataset = made.map_err(|e| self.context.failure(name, "create", &e))?;
-        self.column::<T>(name, dataset)
+        self.column(element, name, "create", builder.create(&*self.at(name)))
     }
 
-    /// Opens an existing dataset.
+    /// Opens an existing dataset of these elements.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn open_dataset<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
-        let dataset = self.file.dataset(&self.at(name));
-        let dataset = dataset.map_err(|e| self.context.failure(name, "open", &e))?;
-        self.column::<T>(name, dataset)
+    pub fn open_dataset(&self, element: TypeDescriptor, name: &str) -> Result<Dataset, Failure> {
+        self.column(element, name, "open", self.file.dataset(&self.at(name)))
     }
 
-    fn column<T: H5Type>(&self, name: &str, dataset: hdf5::Dataset) -> Result<Dataset, Failure> {
-        let datatype = Datatype::from_type::<T>();
+    fn column(
+        &self,
+        element: TypeDescriptor,
+        name: &str,
+        what: &str,
+        dataset: hdf5::Result<hdf5::Dataset>,
+    ) -> Result<Dataset, Failure> {
+        let dataset = self.context.checked(name, what, dataset)?;
+        let datatype = Datatype::from_descriptor(&element);
         let raw_data = RawData::of(dataset.clone());
         self.context.raw_data.borrow_mut().push(raw_data);
         Ok(Dataset {
-            datatype: datatype.map_err(|e| self.context.failure(name, "describe", &e))?,
+            datatype: self.context.checked(name, "describe", datatype)?,
             shape: dataset.shape(),
             inner: dataset,
             name: name.into(),
             context: self.context.clone(),
-            element: T::type_descriptor(),
+            element,
         })
     }
 
@@ -328,15 +328,14 @@ impl H5File {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn attribute(&self, object: &str, name: &str, value: &Attribute) -> Result<(), Failure> {
-        let set = || match value {
-            Attribute::Reference(to) => {
-                let to = Attribute::Reference(self.at(to));
-                set_attribute(&self.location(object)?, name, &to)
-            }
-            _ => set_attribute(&self.location(object)?, name, value),
+        let value = match value {
+            Attribute::Reference(to) => &Attribute::Reference(self.at(to)),
+            _ => value,
         };
+        let location = self.location(object);
+        let set = location.and_then(|location| set_attribute(&location, name, value));
         let place = format!("{object}@{name}");
-        set().map_err(|e| self.context.failure(&place, "write", &e))
+        self.context.checked(&place, "write", set)
     }
 
     /// Removes an attribute if it exists.
@@ -344,23 +343,17 @@ impl H5File {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn remove_attribute(&self, object: &str, name: &str) -> Result<(), Failure> {
-        let remove = || -> hdf5::Result<()> {
-            let location = self.location(object)?;
-            if location.attr_names()?.iter().any(|n| n == name) {
-                location.delete_attr(name)
-            } else {
-                Ok(())
-            }
-        };
+        let location = self.location(object);
+        let removed = location.and_then(|location| remove_attribute(&location, name));
         let place = format!("{object}@{name}");
-        remove().map_err(|e| self.context.failure(&place, "remove", &e))
+        self.context.checked(&place, "remove", removed)
     }
 
     /// Returns all attributes of a group, by name.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn attributes(&self, group: &str) -> Result<BTreeMap<String, Parameter>, Failure> {
+    pub fn attributes(&self, group: &str) -> Result<Parameters, Failure> {
         let failure = |what: &str, e| self.context.failure(&format!("{group}{what}"), "read", &e);
         let location = self.location(group).map_err(|e| failure("", e))?;
         attributes(&location).map_err(|(what, e)| failure(&what, e))
@@ -380,9 +373,7 @@ impl H5File {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn flush(&self) -> Result<(), Failure> {
-        self.file
-            .flush()
-            .map_err(|e| self.context.failure("/", "flush", &e))?;
+        self.context.checked("/", "flush", self.file.flush())?;
         // HDF5 sets the file's length, and so gives back what was reserved beyond.
         self.context.reserved.set(self.file.size());
         Ok(())
@@ -396,7 +387,7 @@ impl H5File {
         let mut all = Vec::new();
         for raw_data in &mut *self.context.raw_data.borrow_mut() {
             let extents = raw_data.extents();
-            all.extend_from_slice(extents.map_err(|e| self.context.failure("/", "look up", &e))?);
+            all.extend_from_slice(self.context.checked("/", "look up", extents)?);
         }
         Ok(all)
     }
@@ -447,8 +438,7 @@ impl H5File {
         context.raw_data.borrow_mut().clear();
         context.closes.set(true);
         drop(self);
-        let closed = file.close().map_err(|e| context.failure("/", "close", &e));
-        let agreed = agree(exchange, closed);
+        let agreed = agree(exchange, context.checked("/", "close", file.close()));
         context.lone.clear();
         if agreed.is_err() {
             LEFT_OPEN.store(true, Ordering::Relaxed);
@@ -572,9 +562,16 @@ fn below(
         return Err("its groups contain each other".into());
     };
     let groups = group.groups()?;
-    groups
-        .iter()
-        .try_for_each(|group| below(group, levels, without, each))
+    let mut groups = groups.iter();
+    groups.try_for_each(|group| below(group, levels, without, each))
+}
+
+/// Removes an attribute if it exists.
+fn remove_attribute(location: &Location, name: &str) -> hdf5::Result<()> {
+    if location.attr_names()?.iter().any(|n| n == name) {
+        location.delete_attr(name)?;
+    }
+    Ok(())
 }
 
 /// Writes an attribute, replacing one of the same name.
@@ -583,17 +580,13 @@ pub(crate) fn set_attribute(
     name: &str,
     value: &Attribute,
 ) -> hdf5::Result<()> {
-    if location.attr_names()?.iter().any(|n| n == name) {
-        location.delete_attr(name)?;
-    }
-    let text = |text: &String| -> hdf5::Result<VarLenUnicode> {
-        text.parse().map_err(|e| hdf5::Error::from(format!("{e}")))
-    };
-    let word = |word: &String| -> hdf5::Result<Word> {
-        Word::from_ascii(word).map_err(|e| hdf5::Error::from(format!("{e}")))
-    };
+    remove_attribute(location, name)?;
+    let word = |word: &String| Word::from_ascii(word).map_err(unfit);
     match value {
-        Attribute::Text(value) => put(location, name, text(value)?),
+        Attribute::Text(value) => {
+            let value: VarLenUnicode = value.parse().map_err(unfit)?;
+            put(location, name, value)
+        }
         Attribute::Word(value) => put(location, name, word(value)?),
         Attribute::Words(values) => {
             let values: hdf5::Result<Vec<_>> = values.iter().map(word).collect();
@@ -601,8 +594,7 @@ pub(crate) fn set_attribute(
         }
         Attribute::Name(value) => {
             let end = value.floor_char_boundary(NAME);
-            let value: FixedUnicode<NAME> =
-                (value[..end].parse()).map_err(|e| hdf5::Error::from(format!("{e}")))?;
+            let value: FixedUnicode<NAME> = value[..end].parse().map_err(unfit)?;
             put(location, name, value)
         }
         Attribute::Reference(path) => {
@@ -614,6 +606,11 @@ pub(crate) fn set_attribute(
         Attribute::Numbers(values) => put_all(location, name, values),
         Attribute::Integers(values) => put_all(location, name, values),
     }
+}
+
+/// The error of a text that HDF5 does not take.
+fn unfit(why: impl std::fmt::Display) -> hdf5::Error {
+    why.to_string().into()
 }
 
 fn put<T: H5Type>(location: &Location, name: &str, value: T) -> hdf5::Result<()> {
@@ -687,10 +684,9 @@ impl Dataset {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn attribute(&self, name: &str, value: &Attribute) -> Result<(), Failure> {
-        set_attribute(&self.inner, name, value).map_err(|e| {
-            let object = format!("{}@{name}", self.name);
-            self.context.failure(&object, "write", &e)
-        })
+        let written = set_attribute(&self.inner, name, value);
+        let object = format!("{}@{name}", self.name);
+        self.context.checked(&object, "write", written)
     }
 
     /// Sets the number of rows. Collective.
@@ -703,7 +699,7 @@ impl Dataset {
         }
         self.shape[0] = rows as usize;
         let done = self.inner.resize(self.shape.clone());
-        done.map_err(|e| self.context.failure(&self.name, "resize", &e))
+        self.context.checked(&self.name, "resize", done)
     }
 
     /// Writes this rank's part: the values `data` of `slab`, which may be empty. Collective.
@@ -742,7 +738,7 @@ impl Dataset {
                 hdf5::h5check(written).map(drop)
             })
         };
-        write().map_err(|e| self.context.failure(&self.name, "write", &e))
+        self.context.checked(&self.name, "write", write())
     }
 
     /// Sets the number of rows and writes this rank's part of them. Collective.

@@ -3,14 +3,14 @@
 use std::ops::Range;
 
 use bytemuck::Zeroable;
-use hdf5::{Dataset, H5Type, Hyperslab, SliceOrIndex};
-use ndarray::IxDyn;
+use hdf5::{Dataset, H5Type};
 
 use super::open_file::one_line;
 use super::{FrameFields, RunFile};
 use crate::checksums::{self, ContactWeights};
 use crate::contact_quantities::{ContactQuantity, of_contacts};
 use crate::layout::Kind;
+use crate::sound;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample, Image};
 use gshear_scene::Dimensions;
@@ -141,11 +141,10 @@ impl RunFile {
     /// Reads some frames of a dataset of grains, or some rows of one of contacts, all values in
     /// order.
     fn read<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
-        let mut slab = vec![SliceOrIndex::from(rows.clone())];
-        slab.resize(dataset.ndim(), SliceOrIndex::from(..));
-        let values = dataset.read_slice::<T, _, IxDyn>(Hyperslab::from(slab));
-        let values = values.map_err(|e| self.damaged(dataset, &e))?;
-        Ok(values.into_raw_vec_and_offset().0)
+        sound::rows(dataset, rows.clone()).map_err(|e| {
+            let (name, why) = (dataset.name(), one_line(&e));
+            self.wrong(format!("{} cannot be read: {why}", &name[1..]))
+        })
     }
 
     /// Reads frame t < T of disks.
@@ -218,16 +217,12 @@ impl RunFile {
         let values = self.vectors(dataset, range)?;
         if values.iter().any(|[.., z]| *z != 0.0) {
             let name = dataset.name();
-            return Err(self.wrong(format!(
-                "{}: z is not 0: only 2D runs can be reduced",
-                &name[1..]
-            )));
+            let name = &name[1..];
+            return Err(self.wrong(format!("{name}: z is not 0: only 2D runs can be reduced")));
         }
         let planar = |frame: &[[f64; 3]]| frame.iter().map(|[x, y, _]| [*x, *y]).collect();
-        Ok(values
-            .chunks(self.grains.count().max(1))
-            .map(planar)
-            .collect())
+        let frames = values.chunks(self.grains.count().max(1));
+        Ok(frames.map(planar).collect())
     }
 
     /// Returns how many frames to read at a time so that a block stays near 16 MiB. The allocator
@@ -250,7 +245,7 @@ impl RunFile {
         frames: &Range<usize>,
         fields: FrameFields,
     ) -> Result<ContactValues, Failure> {
-        let (rows, form) = (self.rows(frames.clone()), self.form());
+        let (rows, form) = (self.rows(frames.clone()), self.form);
         let mut contacts = ContactValues {
             first: rows.start,
             i: self.column("i", &rows)?,
@@ -289,12 +284,12 @@ impl RunFile {
         let n = self.grains.count();
         match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
             None => Ok(()),
-            Some(k) => Err(self.wrong(format!(
-                "connectivity/contacts: row {} joins grains {} and {}; ids must be i < j < {n}",
-                first + k,
-                i[k],
-                j[k]
-            ))),
+            Some(k) => {
+                let (row, i, j) = (first + k, i[k], j[k]);
+                Err(self.wrong(format!(
+                    "connectivity/contacts: row {row} joins grains {i} and {j}; ids must be i < j < {n}"
+                )))
+            }
         }
     }
 
@@ -304,13 +299,5 @@ impl RunFile {
             return Ok(Vec::new());
         }
         self.read(&self.contacts[name], rows)
-    }
-
-    fn damaged(&self, dataset: &Dataset, error: &hdf5::Error) -> Failure {
-        self.wrong(format!(
-            "{} cannot be read: {}",
-            &dataset.name()[1..],
-            one_line(error)
-        ))
     }
 }

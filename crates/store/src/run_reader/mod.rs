@@ -25,7 +25,7 @@ use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
     CONTACTS, Form, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain,
 };
-pub use crate::parameter::Parameter;
+pub use crate::parameter::{Parameter, Parameters};
 use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
@@ -82,10 +82,7 @@ impl RunStage {
     /// the columns of that.
     fn of(source: &OpenFile<'_>) -> Self {
         let is_stored = |name: &str| source.exists(&format!("{OBSERVABLES}/{name}"));
-        let has_all = |stage: &Self| {
-            let mut columns = stage.columns().iter();
-            columns.all(|column| is_stored(column.name))
-        };
+        let has_all = |stage: &Self| stage.columns().iter().all(|of| is_stored(of.name));
         Self::ALL.into_iter().find(has_all).unwrap_or(Self::Shear)
     }
 }
@@ -157,9 +154,10 @@ pub struct RunFile {
     /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
     edges: [f64; 3],
     dimension: Dimensions,
+    form: Form,
     /// Whether the cell is periodic along its last axis, too.
     is_box: bool,
-    parameters: BTreeMap<String, Parameter>,
+    parameters: Parameters,
     series: Series,
     scalars: Option<StoredScalars>,
     step: Vec<u64>,
@@ -201,9 +199,9 @@ impl RunFile {
         if file.has_walls() {
             return Ok(file);
         }
-        Err(file.wrong(
-            "has no walls (sample.boundary = \"periodic\"); this command needs a run between walls",
-        ))
+        let what =
+            "has no walls (sample.boundary = \"periodic\"); this command needs a run between walls";
+        Err(file.wrong(what))
     }
 
     /// Opens `run.h5` of a sample that is sheared: between walls, or without them.
@@ -226,11 +224,10 @@ impl RunFile {
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
     /// wrong shape.
     pub fn open_any(run: &Path) -> Result<Self, Failure> {
-        let path = if run.is_dir() {
-            run.join(RUN_FILE)
-        } else {
-            run.to_path_buf()
-        };
+        let mut path = run.to_path_buf();
+        if run.is_dir() {
+            path.push(RUN_FILE);
+        }
         hdf5::silence_errors(true);
         let source = OpenFile::open(&path)?;
         let stage = RunStage::of(&source);
@@ -256,12 +253,11 @@ impl RunFile {
             }
             _ => stage.columns(),
         };
-        let series = source.series(columns, finished)?;
+        let place = (OBSERVABLES, checksums::ROWS);
+        let series = source.table(place, columns, true, finished)?;
         let scalars = source.scalars(finished)?;
-        let form = Form {
-            axes: dimension.axes(),
-            torques: source.exists(&contact_dataset(TWISTING_HISTORY)),
-        };
+        let torques = source.exists(&contact_dataset(TWISTING_HISTORY));
+        let form = Form::new(dimension.axes(), torques);
         let [position, velocity, angular_velocity, image] =
             of_grain(dimension.axes()).map(|quantity| source.of_grains(quantity, grains.count()));
         let mut file = Self {
@@ -269,6 +265,7 @@ impl RunFile {
             material,
             edges,
             dimension,
+            form,
             is_box: source.frame_edges(0)?.1 == 9,
             parameters,
             series,
@@ -293,10 +290,7 @@ impl RunFile {
 
     /// What its contacts are.
     pub fn form(&self) -> Form {
-        Form {
-            axes: self.dimension.axes(),
-            torques: self.has_twisting(),
-        }
+        self.form
     }
 
     /// Keeps the frames that every dataset has, and reads their boxes.
@@ -346,9 +340,9 @@ impl RunFile {
     }
 
     fn damaged_frame(path: &Path, t: usize, what: &str) -> Failure {
+        let path = path.display();
         Failure::input(format!(
-            "{}: frame {t}: the checksum of its {what} differs from the stored one: the file is damaged",
-            path.display()
+            "{path}: frame {t}: the checksum of its {what} differs from the stored one: the file is damaged"
         ))
     }
 
@@ -458,10 +452,8 @@ impl RunFile {
 
     /// The Lees–Edwards offset of a box at frame t (m).
     fn offset_of_image(&self, t: usize) -> f64 {
-        let stored = self
-            .boxes
-            .get(t)
-            .map(|edges| edges[self.dimension.axes() - 1][0]);
+        let up = self.dimension.axes() - 1;
+        let stored = self.boxes.get(t).map(|edges| edges[up][0]);
         let before = || match self.stage {
             RunStage::Strain => {
                 let row = self.series.step.binary_search(&self.step[t]).ok()?;
@@ -520,7 +512,7 @@ impl RunFile {
     }
 
     /// Returns all attributes of `parameters`, by name.
-    pub fn parameters(&self) -> &BTreeMap<String, Parameter> {
+    pub fn parameters(&self) -> &Parameters {
         &self.parameters
     }
 
@@ -588,12 +580,8 @@ impl RunFile {
             }
         }
         let need = |name: &str| {
-            let missing = || {
-                self.wrong(format!(
-                    "parameters: attribute {name} is missing: {FOREIGN}"
-                ))
-            };
-            self.number(name).ok_or_else(missing)
+            let what = format!("parameters: attribute {name} is missing: {FOREIGN}");
+            self.number(name).ok_or_else(|| self.wrong(what))
         };
         if self.number("spring_stiffness").is_some_and(f64::is_finite) {
             return Ok(self.interpolated_strains());

@@ -7,12 +7,12 @@ use std::path::Path;
 
 use hdf5::{Dataset, Group, H5Type};
 
-use super::{Parameter, Series, StoredScalars};
-use crate::checksums::{OF_PARAMETERS, of_parameters};
+use super::{Parameter, Parameters, Series, StoredScalars};
+use crate::checksums::{self, OF_PARAMETERS, of_parameters};
 use crate::h5;
 use crate::layout::{
-    EDGES_VALUE, Form, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, SCALARS, contact_dataset,
-    grain_dataset, of_contact,
+    EDGES_VALUE, Form, PARAMETERS, PARTICLES, Quantity, SCALARS, contact_dataset, grain_dataset,
+    of_contact,
 };
 use crate::parameter::attributes;
 use crate::part::Part;
@@ -41,26 +41,25 @@ pub(super) struct OpenFile<'a> {
 impl<'a> OpenFile<'a> {
     /// Opens the file, which must be HDF5 and whole.
     pub(super) fn open(path: &'a Path) -> Result<Self, Failure> {
-        Ok(OpenFile {
-            file: open_file(path)?,
-            path,
-        })
+        let file = open_file(path)?;
+        Ok(OpenFile { file, path })
     }
 
     pub(super) fn wrong(&self, object: &str, what: impl fmt::Display) -> Failure {
         Failure::input(format!("{}: {object}: {what}", self.path.display()))
     }
 
+    fn lacks(&self, name: &str) -> Failure {
+        let path = self.path.display();
+        Failure::input(format!("{path}: {name} is missing: {FOREIGN}"))
+    }
+
     pub(super) fn dataset(&self, name: &str) -> Result<Dataset, Failure> {
         if !self.exists(name) {
-            return Err(Failure::input(format!(
-                "{}: {name} is missing: {FOREIGN}",
-                self.path.display()
-            )));
+            return Err(self.lacks(name));
         }
-        self.file
-            .dataset(name)
-            .map_err(|e| self.wrong(name, format!("cannot be opened: {}", one_line(&e))))
+        let dataset = self.file.dataset(name);
+        dataset.map_err(|e| self.wrong(name, format!("cannot be opened: {}", one_line(&e))))
     }
 
     /// Checks every group of the path, because HDF5 fails if one of them is missing.
@@ -76,9 +75,13 @@ impl<'a> OpenFile<'a> {
             let what = format!("has {} dimensions instead of 1: {FOREIGN}", dataset.ndim());
             return Err(self.wrong(name, what));
         }
-        dataset
-            .read_raw()
-            .map_err(|e| self.wrong(name, format!("cannot be read: {}", one_line(&e))))
+        self.whole(name, &dataset)
+    }
+
+    /// All values of a dataset, in order.
+    fn whole<T: H5Type>(&self, name: &str, dataset: &Dataset) -> Result<Vec<T>, Failure> {
+        let values = dataset.read_raw();
+        values.map_err(|e| self.wrong(name, format!("cannot be read: {}", one_line(&e))))
     }
 
     pub(super) fn of_length<T: H5Type>(
@@ -148,7 +151,9 @@ impl<'a> OpenFile<'a> {
         } else {
             vec![0; id.len()]
         };
-        self.verify_constants(&id, (&grains, &material), edges)?;
+        let kinds = [&grains.body[..], &material];
+        let numbers = [&grains.radius[..], &grains.mass];
+        self.verify_constants(checksums::of_constants(0, &id, kinds, numbers, edges))?;
         self.check_grains(&grains)?;
         Ok((grains, id, material))
     }
@@ -170,10 +175,7 @@ impl<'a> OpenFile<'a> {
     }
 
     /// The edges of the box at the start (m): L_x, height, 0, or L_x, L_y, height.
-    pub(super) fn edges(
-        &self,
-        parameters: &BTreeMap<String, Parameter>,
-    ) -> Result<[f64; 3], Failure> {
+    pub(super) fn edges(&self, parameters: &Parameters) -> Result<[f64; 3], Failure> {
         match parameters.get("edges") {
             Some(Parameter::Numbers(edges))
                 if edges.len() == 3 && edges[0] > 0.0 && edges.iter().all(|x| x.is_finite()) =>
@@ -190,15 +192,12 @@ impl<'a> OpenFile<'a> {
     /// The edges of the box at the first `frames` frames, and the numbers of each.
     pub(super) fn frame_edges(&self, frames: usize) -> Result<(Vec<f64>, usize), Failure> {
         let dataset = self.dataset(EDGES_VALUE)?;
-        let (values, width) = match dataset.shape()[..] {
-            [_, 3] => (dataset.read_raw::<f64>(), 3),
-            [_, 3, 3] => (dataset.read_raw::<f64>(), 9),
-            ref shape => {
-                return Err(self.wrong(EDGES_VALUE, format!("has the shape {shape:?}")));
-            }
+        let width = match dataset.shape()[..] {
+            [_, 3] => 3,
+            [_, 3, 3] => 9,
+            ref shape => return Err(self.wrong(EDGES_VALUE, format!("has the shape {shape:?}"))),
         };
-        let mut values = values
-            .map_err(|e| self.wrong(EDGES_VALUE, format!("cannot be read: {}", one_line(&e))))?;
+        let mut values = self.whole(EDGES_VALUE, &dataset)?;
         if values.len() < frames * width {
             return Err(self.wrong(EDGES_VALUE, "has fewer rows than there are frames"));
         }
@@ -206,47 +205,42 @@ impl<'a> OpenFile<'a> {
         Ok((values, width))
     }
 
-    /// A dataset of a column's group.
-    fn column<T: H5Type>(
+    /// The table of a group, verified by its checksums (`place`): as many rows as every column has.
+    /// Without `has_time` the time is 0.
+    pub(super) fn table(
         &self,
-        group: &str,
-        column: &Column,
-        part: &str,
-    ) -> Result<Vec<T>, Failure> {
-        self.all(&format!("{group}/{column}/{part}"))
-    }
-
-    /// The time series of these columns.
-    pub(super) fn series(
-        &self,
-        names: &'static [Column],
+        place: (&str, &str),
+        declared: &'static [Column],
+        has_time: bool,
         finished: bool,
     ) -> Result<Series, Failure> {
-        let mut step: Vec<u64> = self.column(OBSERVABLES, &names[0], "step")?;
-        let mut time: Vec<f64> = self.column(OBSERVABLES, &names[0], "time")?;
-        let read = |column: &Column| self.column(OBSERVABLES, column, "value");
-        let mut columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
-        let of_first = ["step", "time"].map(|part| format!("{OBSERVABLES}/{}/{part}", names[0]));
-        let mut lengths = vec![(&*of_first[0], step.len()), (&*of_first[1], time.len())];
-        lengths.extend(
-            names
-                .iter()
-                .zip(&columns)
-                .map(|(column, values)| (column.name, values.len())),
-        );
+        let group = place.0;
+        let of_clock = ["step", "time"].map(|part| format!("{group}/{}/{part}", declared[0]));
+        let mut step: Vec<u64> = self.all(&of_clock[0])?;
+        let mut lengths = vec![(&*of_clock[0], step.len())];
+        let mut time = vec![0.0; step.len()];
+        if has_time {
+            time = self.all(&of_clock[1])?;
+            lengths.push((&*of_clock[1], time.len()));
+        }
+        let read = |column: &Column| self.all(&format!("{group}/{column}/value"));
+        let mut columns: Vec<Vec<f64>> = declared.iter().map(read).collect::<Result<_, _>>()?;
+        let names = declared.iter().map(|column| column.name);
+        lengths.extend(names.zip(columns.iter().map(Vec::len)));
         let rows = self.common_length(&lengths, finished, "rows")?;
         step.truncate(rows);
         time.truncate(rows);
         for column in &mut columns {
             column.truncate(rows);
         }
-        self.verify_rows((&step, &time), names, &columns)?;
-        Ok(Series {
-            declared: names,
+        let table = Series {
+            declared,
             step,
             time,
             columns,
-        })
+        };
+        self.verify_rows(place, &table)?;
+        Ok(table)
     }
 
     /// Reads the scalars of `observables/gshear/`, if there are any.
@@ -254,20 +248,14 @@ impl<'a> OpenFile<'a> {
         if !self.exists(SCALARS) {
             return Ok(None);
         }
-        let names = FrameScalars::COLUMNS;
-        let mut step: Vec<u64> = self.column(SCALARS, &names[0], "step")?;
-        let read = |column: &Column| self.column(SCALARS, column, "value");
-        let columns: Vec<Vec<f64>> = names.iter().map(read).collect::<Result<_, _>>()?;
-        let lengths = columns.iter().map(Vec::len);
-        let mut lengths: Vec<_> = names.iter().map(|c| c.name).zip(lengths).collect();
-        lengths.push(("observables/gshear/dmin_greatest/step", step.len()));
-        let rows = self.common_length(&lengths, finished, "rows")?;
-        step.truncate(rows);
-        let row = |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| columns[c][k]));
-        let scalars = (0..rows).map(row).collect();
-        let stored = StoredScalars { step, scalars };
-        self.verify_scalars(&stored)?;
-        Ok(Some(stored))
+        let place = (SCALARS, checksums::SCALARS);
+        let table = self.table(place, &FrameScalars::COLUMNS, false, finished)?;
+        let row =
+            |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| table.columns[c][k]));
+        Ok(Some(StoredScalars {
+            scalars: (0..table.rows()).map(row).collect(),
+            step: table.step,
+        }))
     }
 
     /// Returns the shortest length. In a finished run all must be equal; a run that was stopped may
@@ -289,17 +277,12 @@ impl<'a> OpenFile<'a> {
         Ok(least)
     }
 
-    pub(super) fn parameters(&self) -> Result<BTreeMap<String, Parameter>, Failure> {
+    pub(super) fn parameters(&self) -> Result<Parameters, Failure> {
         if !self.exists(PARAMETERS) {
-            return Err(Failure::input(format!(
-                "{}: parameters is missing: {FOREIGN}",
-                self.path.display()
-            )));
+            return Err(self.lacks(PARAMETERS));
         }
-        let group = self
-            .file
-            .group(PARAMETERS)
-            .map_err(|e| self.wrong("parameters", one_line(&e)))?;
+        let group = self.file.group(PARAMETERS);
+        let group = group.map_err(|e| self.wrong(PARAMETERS, one_line(&e)))?;
         let mut parameters = attributes(&group)
             .map_err(|(name, e)| self.wrong(&format!("parameters{name}"), one_line(&e)))?;
         let stored = parameters.remove(OF_PARAMETERS);

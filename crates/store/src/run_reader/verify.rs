@@ -1,12 +1,10 @@
 //! Compares what is read with the checksums of the file.
 
-use super::StoredScalars;
+use super::Series;
 use super::open_file::OpenFile;
-use crate::checksums::{self, CONSTANTS, FRAMES, ROWS, SCALARS};
+use crate::checksums::{self, CONSTANTS, FRAMES};
 use crate::layout::{Form, frame_columns};
-use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::Disks;
 
 /// The checksums of the frames of a file.
 pub struct FrameSums {
@@ -27,36 +25,20 @@ impl FrameSums {
 
     /// Whether a checksum of frame t is that of the file.
     pub fn agrees(&self, t: usize, column: &str, found: u64) -> bool {
-        let Some(at) = self.columns.iter().position(|known| *known == column) else {
-            return true;
-        };
-        let stored = self.sums.get(t * self.columns.len() + at);
+        let at = self.columns.iter().position(|known| *known == column);
+        let stored = at.and_then(|at| self.sums.get(t * self.columns.len() + at));
         stored.is_none_or(|&stored| stored == found)
     }
 }
 
 impl OpenFile<'_> {
     pub(super) fn damage(&self, what: &str) -> Failure {
-        self.wrong(
-            what,
-            "its checksum differs from the stored one: the file is damaged",
-        )
+        let why = "its checksum differs from the stored one: the file is damaged";
+        self.wrong(what, why)
     }
 
     /// Compares what never changes with its checksums.
-    pub(super) fn verify_constants(
-        &self,
-        id: &[u32],
-        (grains, material): (&Disks, &[u8]),
-        edges: &[f64],
-    ) -> Result<(), Failure> {
-        let found = checksums::of_constants(
-            0,
-            id,
-            [&grains.body, material],
-            [&grains.radius, &grains.mass],
-            edges,
-        );
+    pub(super) fn verify_constants(&self, found: [u64; 5]) -> Result<(), Failure> {
         let names = ["id", "body", "radius", "mass", "box/edges"];
         let stored: Vec<u64> = self.of_length(CONSTANTS, names.len())?;
         match (0..names.len()).find(|&k| stored[k] != found[k]) {
@@ -65,34 +47,17 @@ impl OpenFile<'_> {
         }
     }
 
-    /// Compares the rows of the time series with their checksums.
-    pub(super) fn verify_rows(
-        &self,
-        (step, time): (&[u64], &[f64]),
-        names: &[Column],
-        columns: &[Vec<f64>],
-    ) -> Result<(), Failure> {
-        let stored: Vec<u64> = self.all(ROWS)?;
+    /// Compares the rows of a table with their checksums.
+    pub(super) fn verify_rows(&self, place: (&str, &str), table: &Series) -> Result<(), Failure> {
+        let (group, sums) = place;
+        let stored: Vec<u64> = self.all(sums)?;
         let found = |k: usize| {
-            let values = columns.iter().map(|values| values[k]);
-            checksums::of_row(step[k], time[k], names.iter().map(|c| c.name).zip(values))
+            let names = table.declared.iter().map(|column| column.name);
+            let values = table.columns.iter().map(|values| values[k]);
+            checksums::of_row(table.step[k], table.time[k], names.zip(values))
         };
-        match (0..step.len().min(stored.len())).find(|&k| found(k) != stored[k]) {
-            Some(k) => Err(self.damage(&format!("observables: row {k}"))),
-            None => Ok(()),
-        }
-    }
-
-    /// Compares the rows of the scalars of frames with their checksums.
-    pub(super) fn verify_scalars(&self, found: &StoredScalars) -> Result<(), Failure> {
-        let stored: Vec<u64> = self.all(SCALARS)?;
-        let rows = found.step.iter().zip(&found.scalars);
-        let sums = rows.map(|(step, row)| checksums::of_scalars(*step, row));
-        match sums
-            .zip(&stored)
-            .position(|(found, stored)| found != *stored)
-        {
-            Some(k) => Err(self.damage(&format!("observables/gshear: row {k}"))),
+        match (0..table.rows().min(stored.len())).find(|&k| found(k) != stored[k]) {
+            Some(k) => Err(self.damage(&format!("{group}: row {k}"))),
             None => Ok(()),
         }
     }

@@ -116,11 +116,8 @@ impl TrajectoryWriter {
         };
         let local = if root { &edges[..] } else { &[] };
         outcome.note(columns.edges.append(after, slab, local));
-        let checksums = if root {
-            checksums(&self.frames, &sums, &edges)
-        } else {
-            Vec::new()
-        };
+        let checksums = root.then(|| checksums(&self.frames, &sums, &edges));
+        let checksums = checksums.unwrap_or_default();
         let rows = Slab::rows(before, (checksums.len() / width) as u64, width as u64);
         outcome.note(columns.frame_sums.append(after, rows, &checksums));
         self.file.agree(exchange, outcome)?;
@@ -138,10 +135,8 @@ impl TrajectoryWriter {
         let _waiting = exchange.waiting();
         self.file.reserve(exchange, bytes)?;
         let mut outcome = CollectiveOutcome::default();
-        for table in [&mut self.columns.rows]
-            .into_iter()
-            .chain(&mut self.scalars)
-        {
+        let tables = [&mut self.columns.rows].into_iter();
+        for table in tables.chain(&mut self.scalars) {
             table.write(exchange.rank() == 0, &mut outcome);
         }
         self.file.agree(exchange, outcome)?;

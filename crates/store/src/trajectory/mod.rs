@@ -10,89 +10,20 @@ use crate::existing::{is_of, unlink_foreign};
 use crate::h5::{Attribute, H5File, Slab, by_root};
 use crate::journal::{self, Journal};
 use crate::layout::{
-    self, CHUNK_FRAMES, Datasets, Layout, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, describe,
+    self, CHUNK_FRAMES, Datasets, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, describe,
 };
 pub use crate::layout::{Form, file_bytes, frame_bytes};
 use crate::part::Part;
 use crate::row_table::RowTable;
-use bytemuck::{Pod, Zeroable};
+pub use crate::run_header::{GrainShape, RunHeader};
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_dem::columns::Column;
-use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::total;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{BoxEdges, ContactSample, GrainSample, GrainState, Ids, body};
-use gshear_dem::system::System;
+use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
-
-/// The constant properties of a grain.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct GrainShape {
-    /// Row of the grain, 0 … N-1.
-    pub id: u32,
-    /// 0 free, 1 bottom wall, 2 top wall.
-    pub body: u32,
-    /// R (m).
-    pub radius: f64,
-    /// m (kg; kg/m in 2D).
-    pub mass: f64,
-    /// Number of the material.
-    pub material: u64,
-}
-
-impl GrainShape {
-    /// The constant properties of a grain in this state. `mass`: m (kg; kg/m in 2D).
-    pub fn new(grain: &GrainState, mass: f64) -> Self {
-        Self {
-            id: grain.id,
-            body: match grain.body {
-                // Frames say when.
-                body::REMOVED => body::FREE,
-                body => body,
-            },
-            radius: grain.radius,
-            mass,
-            material: grain.material,
-        }
-    }
-
-    /// Those of the grains that this rank owns.
-    pub fn owned<D: Dimension>(system: &mut System<D>) -> Vec<Self> {
-        let grains = system.grains();
-        let shape = |g: usize| Self::new(&grains.state(g), grains.mass[g]);
-        (0..grains.owned).map(shape).collect()
-    }
-}
-
-/// Content of a part of `run.h5` from its start on.
-#[derive(Debug, Clone, Copy)]
-pub struct RunHeader<'a> {
-    /// What the contacts are.
-    pub form: Form,
-    /// Whether the box is bounded along its last axis.
-    pub walls: bool,
-    /// Whether quantities are in SI units, and say so: scenes with `[box]` may use any consistent
-    /// ones.
-    pub units: bool,
-    /// Columns of the time series.
-    pub series: &'a [Column],
-    /// L_x, height at the start of the shear, 0; in three dimensions L_x, L_y, height (m).
-    pub edges: [f64; 3],
-    /// Who made the run; rank 0's is written.
-    pub author: &'a str,
-    /// Unit of the tangential history in 3D.
-    pub history_unit: &'static str,
-    /// This rank's grains; together the ranks hold each of the ids 0 … N-1 once.
-    pub grains: &'a [GrainShape],
-    /// What readers call them; `None`: by their rows.
-    pub ids: Option<&'a Ids>,
-    /// Attributes of `parameters`; rank 0's are written.
-    pub attributes: &'a [(&'a str, Attribute)],
-}
 
 /// Attributes written only when a run ends.
 const AT_THE_END: [&str; 3] = ["digest", "speed", "rank_map"];
@@ -171,20 +102,12 @@ impl TrajectoryWriter {
             if is_added {
                 file.remove(part.group)?;
             }
-            let layout = Layout {
-                grains: grains as usize,
-                form: header.form,
-                walls: header.walls,
-                series: header.series,
-                units: header.units,
-                history_unit: header.history_unit,
-            };
-            describe(&file, &layout, &author)?;
+            describe(&file, header, &author)?;
             for (name, value) in &attributes {
                 file.attribute(PARAMETERS, name, value)?;
             }
             seal(&file)?;
-            Datasets::new(&file, Mode::Create, &layout)
+            Datasets::new(&file, Mode::Create, grains as usize, header)
         })();
         let columns = agree(exchange, created)?;
         let mut writer = Self::new(file, &part.file, columns, blocks);
@@ -238,9 +161,8 @@ impl TrajectoryWriter {
         assert!(complete, "a run's grains are not 0 … N-1");
 
         let grains = self.blocks.grains as usize;
-        self.file
-            .reserve(exchange, size_of::<GrainShape>() * grains)?;
         let file = &self.file;
+        file.reserve(exchange, size_of::<GrainShape>() * grains)?;
         let name = |part: &str| format!("{PARTICLES}/{part}");
         let local = Slab::rows(ids.start, length(&ids), 1);
         let id_of = |g: &GrainShape| header.ids.map_or(g.id, |ids| ids.of(g.id));
@@ -254,29 +176,29 @@ impl TrajectoryWriter {
         let root = exchange.rank() == 0;
         let edges = if root { &header.edges[..] } else { &[] };
 
-        let mut sums =
-            checksums::of_constants(ids.start, &id, [&body, &material], [&radius, &mass], edges)
-                .map(|sum| sum as i64);
+        let (kinds, numbers) = ([&body[..], &material], [&radius[..], &mass]);
+        let sums = checksums::of_constants(ids.start, &id, kinds, numbers, edges);
+        let mut sums = sums.map(|sum| sum as i64);
         exchange.sum(&mut sums);
         let sums = sums.map(|sum| sum as u64);
         let of_root = if root { &sums[..] } else { &[] };
         let places = Slab::rows(0, of_root.len() as u64, 1);
 
         let mut outcome = CollectiveOutcome::default();
-        let place = (checksums::CONSTANTS, sums.len());
+        let place = (checksums::CONSTANTS, sums.len(), None);
         outcome.note(fixed(file, place, places, of_root));
-        let numbers = |column: &Column, values: &[f64]| {
-            let unit = column.unit_in(header.form.axes).filter(|_| header.units);
-            fixed_in_units(file, (&name(column.name), grains), local, values, unit)
-        };
-        outcome.note(fixed(file, (&name("id"), grains), local, &id));
-        outcome.note(fixed(file, (&name("body"), grains), local, &body));
-        outcome.note(file.link(&name("body"), &name("species")));
+        let [of_id, of_body, of_material] = ["id", "body", "material"].map(name);
+        outcome.note(fixed(file, (&of_id, grains, None), local, &id));
+        outcome.note(fixed(file, (&of_body, grains, None), local, &body));
+        outcome.note(file.link(&of_body, &name("species")));
         if several {
-            outcome.note(fixed(file, (&name("material"), grains), local, &material));
+            outcome.note(fixed(file, (&of_material, grains, None), local, &material));
         }
-        outcome.note(numbers(&RADIUS, &radius));
-        outcome.note(numbers(&MASS, &mass));
+        for (column, values) in [(RADIUS, &radius), (MASS, &mass)] {
+            let unit = column.unit_in(header.form.axes).filter(|_| header.units);
+            let place = (&*name(column.name), grains, unit);
+            outcome.note(fixed(file, place, local, values));
+        }
         outcome.note(by_root(root, &mut self.columns.offset, 0, &[0u64]));
         self.file.agree(exchange, outcome)?;
         self.flush_file(exchange)
@@ -396,7 +318,7 @@ impl TrajectoryWriter {
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
         self.flush_file(exchange)?;
-        self.write_journal(exchange)
+        write_journal(&self.file, &self.path, exchange)
     }
 
     /// Writes all buffers and the attributes of `parameters` known only at the end (rank 0's), and
@@ -438,13 +360,9 @@ impl TrajectoryWriter {
         self.flushed = Instant::now();
         self.file.agree(exchange, outcome)
     }
-
-    /// Keeps the metadata of this flush, to which the file returns if the program is killed.
-    fn write_journal(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        write_journal(&self.file, &self.path, exchange)
-    }
 }
 
+/// Keeps the metadata of a flush, to which the file returns if the program is killed.
 fn write_journal(file: &H5File, path: &Path, exchange: &dyn Parallel) -> Result<(), Failure> {
     let raw = agree(exchange, file.raw_extents())?;
     let written = match exchange.rank() {
@@ -469,25 +387,14 @@ fn seal(file: &H5File) -> Result<(), Failure> {
     file.attribute(PARAMETERS, OF_PARAMETERS, &sum)
 }
 
-/// Writes a one-dimensional dataset of fixed size.
+/// Writes a one-dimensional dataset of fixed size, with its unit if it has one.
 fn fixed<T: H5Type + Copy>(
     file: &H5File,
-    place: (&str, usize),
+    (name, size, unit): (&str, usize, Option<String>),
     slab: Slab,
     data: &[T],
 ) -> Result<(), Failure> {
-    fixed_in_units(file, place, slab, data, None)
-}
-
-/// Writes a dataset of numbers with their unit.
-fn fixed_in_units<T: H5Type + Copy>(
-    file: &H5File,
-    (name, size): (&str, usize),
-    slab: Slab,
-    data: &[T],
-    unit: Option<String>,
-) -> Result<(), Failure> {
-    let dataset = file.dataset::<T>(name, &[size], None)?;
+    let dataset = file.dataset(T::type_descriptor(), name, &[size], None)?;
     let described = unit.map_or(Ok(()), |unit| {
         dataset.attribute("unit", &Attribute::Word(unit))
     });

@@ -1,10 +1,10 @@
 //! A `run.h5` that is continued.
 
-use super::{AT_THE_END, TrajectoryWriter, seal};
+use super::{AT_THE_END, RunHeader, TrajectoryWriter, seal, write_journal};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, told_by_root};
 use crate::existing::inspect;
 use crate::h5::H5File;
-use crate::layout::{Datasets, Form, Layout, Mode, PARAMETERS};
+use crate::layout::{Datasets, Form, Mode, PARAMETERS};
 use crate::part::{NEWTONIAN, Part};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Failure;
@@ -34,23 +34,18 @@ impl TrajectoryWriter {
         let part = Part::of(path);
         let mut file = H5File::open(&part.file, exchange)?;
         agree(exchange, file.enter(part.group))?;
-        let layout = Layout {
-            grains: grains as usize,
-            form: Form {
-                axes: axes as usize,
-                torques: torques > 0,
-            },
+        // The rest matters only to new datasets.
+        let header = RunHeader {
+            form: Form::new(axes as usize, torques > 0),
             series,
-            // They matter only to new datasets.
-            walls: true,
-            units: false,
-            history_unit: "",
+            ..RunHeader::default()
         };
-        let columns = agree(exchange, Datasets::new(&file, Mode::Open, &layout))?;
+        let opened = Datasets::new(&file, Mode::Open, grains as usize, &header);
+        let columns = agree(exchange, opened)?;
         let mut writer = Self::new(file, &part.file, columns, blocks);
         (writer.frames_written, writer.contacts_written) = (frames, contacts);
         // A file that was closed has no journal, and a kill while it is cut would damage it.
-        writer.write_journal(exchange)?;
+        write_journal(&writer.file, &writer.path, exchange)?;
         let mut outcome = CollectiveOutcome::default();
         if part.group.is_empty() {
             // What follows is made anew.
@@ -64,7 +59,7 @@ impl TrajectoryWriter {
         writer.file.agree(exchange, outcome)?;
         writer.flush_file(exchange)?;
         // The space of removed rows may be used again, which the last journal does not know.
-        writer.write_journal(exchange)?;
+        write_journal(&writer.file, &writer.path, exchange)?;
         Ok(writer)
     }
 }

@@ -1,6 +1,6 @@
 use super::*;
-use crate::layout::{Form, OBSERVABLES};
-use crate::run_reader::RunFile;
+use crate::layout::OBSERVABLES;
+use bytemuck::Zeroable;
 use gshear_dem::domain::Solo;
 use gshear_dem::state::SeriesRow;
 
@@ -11,33 +11,24 @@ fn row(k: u64) -> SeriesRow {
 /// A file with the rows `0..rows` and one frame of one grain.
 fn create(path: &Path, rows: u64) {
     let grains = [GrainShape {
-        id: 0,
-        body: 0,
         radius: 1.0,
         mass: 1.0,
-        material: 0,
+        ..GrainShape::zeroed()
     }];
     let header = RunHeader {
-        form: Form {
-            axes: 2,
-            torques: false,
-        },
+        form: Form::new(2, false),
         walls: true,
         units: true,
         series: &SeriesRow::COLUMNS,
         edges: [2.0, 3.0, 0.0],
-        author: "the test",
-        history_unit: "N",
         grains: &grains,
-        ids: None,
         attributes: &[("scene", "seed = 1".into())],
+        ..RunHeader::default()
     };
     let mut writer = TrajectoryWriter::create(&Solo, path, &header).unwrap();
-    let grain = GrainSample::zeroed();
-    let edges = [[0.0; 3]; 3];
-    writer
-        .frame(&Solo, (0, 0.0), &edges, &[grain], &[])
-        .unwrap();
+    let (clock, edges, grain) = ((0, 0.0), [[0.0; 3]; 3], GrainSample::zeroed());
+    let written = writer.frame(&Solo, clock, &edges, &[grain], &[]);
+    written.unwrap();
     (0..rows).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
     writer.finish(&Solo, &[]).unwrap();
 }
@@ -57,23 +48,6 @@ fn append(path: &Path, frames: u64, rows: u64) -> Result<TrajectoryWriter, Failu
 }
 
 #[test]
-fn files_are_read_and_continued() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("run.h5");
-    create(&path, 3);
-    let mut writer = append(&path, 1, 2).unwrap();
-    (2..5).for_each(|k| writer.series(&Solo, k, k as f64, &row(k)).unwrap());
-    writer.finish(&Solo, &[]).unwrap();
-
-    let run = RunFile::open(&path).unwrap();
-    assert_eq!(run.series().step, [0, 1, 2, 3, 4]);
-    for (c, column) in SeriesRow::COLUMNS.iter().enumerate() {
-        let values: Vec<f64> = (0..5).map(|k| row(k).columns()[c]).collect();
-        assert_eq!(run.series().column(column.name), values, "{column}");
-    }
-}
-
-#[test]
 fn a_file_of_other_columns_is_not_continued() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |from: &str, to: Option<&str>| {
@@ -90,13 +64,11 @@ fn a_file_of_other_columns_is_not_continued() {
     assert!(refused("slip", Some("offset")).contains("no column slip;"));
     let path = folder.path().join("run.h5");
     create(&path, 3);
-    let group = hdf5::File::open_rw(&path)
-        .unwrap()
-        .group(OBSERVABLES)
-        .unwrap();
-    group.create_group("temperature").unwrap();
-    group.create_group("gshear").unwrap();
-    drop(group);
+    let file = hdf5::File::open_rw(&path).unwrap();
+    for name in ["temperature", "gshear"] {
+        file.create_group(&format!("{OBSERVABLES}/{name}")).unwrap();
+    }
+    drop(file);
     let message = append(&path, 1, 3).err().unwrap().to_string();
     assert!(message.contains("its column temperature"), "{message}");
 }
@@ -108,10 +80,8 @@ fn values_have_units_per_unit_depth() {
     create(&path, 1);
     let file = hdf5::File::open(&path).unwrap();
     let unit = |name: &str| {
-        let values = file
-            .dataset(&format!("{OBSERVABLES}/{name}/value"))
-            .unwrap();
-        let unit = values.attr("unit").ok()?;
+        let values = file.dataset(&format!("{OBSERVABLES}/{name}/value"));
+        let unit = values.unwrap().attr("unit").ok()?;
         Some(unit.read_scalar::<crate::h5::Word>().unwrap().to_string())
     };
     assert_eq!(unit("slip_rate").as_deref(), Some("m s-1"));
