@@ -154,7 +154,8 @@ impl Response {
 /// and the component along n (N m).
 pub const TORQUES: usize = 4;
 
-/// The numbers that a contact may keep from step to step.
+/// The numbers that a contact may keep from step to step, in the layout of
+/// [`crate::state::ContactState`]: its history, then its torques.
 pub type History = [f64; 3 + TORQUES];
 
 /// Most blocks that a law is given at once: enough for the processor to overlap them, few enough
@@ -172,6 +173,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     const PARAMETERS: usize;
     /// Numbers per contact that the law keeps from step to step; 0 where the grains do not touch.
     const HISTORY: usize;
+    /// Their places in a [`History`]; at least as many.
+    const HISTORY_PLACES: &'static [usize] = &[0, 1, 2, 3, 4, 5, 6];
     /// Unit in 3D of the history of F_t: that of its elastic part, or `m` of a displacement.
     const HISTORY_UNIT: &'static str = "N";
     /// Whether forces other than F_n can arise.
@@ -202,16 +205,6 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
         overlap: L,
         history: &[Lanes16],
     ) -> [L; 3];
-
-    /// Converts a history to the layout of [`crate::state::ContactState`]: its history, then its
-    /// torques.
-    fn history_to_state(history: History) -> History {
-        history
-    }
-    /// The reverse of [`ContactLaw::history_to_state`].
-    fn history_from_state(state: History) -> History {
-        state
-    }
 }
 
 /// A spring's force or torque under a limit, and that of the damper parallel to it.

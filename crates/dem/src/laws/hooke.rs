@@ -39,7 +39,7 @@ use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, History, Limited, add_damping, dissipation, scaled, vector,
+    Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Two};
 use crate::kernel::PairForce;
@@ -240,6 +240,12 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     type Space = D;
     const PARAMETERS: usize = PLAIN + if ROLLING { rolling::PARAMETERS } else { 0 };
     const HISTORY: usize = if FRICTION { D::SPINS } else { 0 } + ROLLING as usize;
+    // In two dimensions the second place is for the last k_t, which this law does not need.
+    const HISTORY_PLACES: &'static [usize] = match (D::SPINS, FRICTION) {
+        (3, _) => &[0, 1, 2],
+        (_, true) => &[0, 2],
+        (_, false) => &[2],
+    };
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
     const LARGEST_OVERLAP: f64 = LARGEST_OVERLAP;
@@ -367,24 +373,6 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         [normal, tangential, rolling]
     }
 
-    // In two dimensions the state has a place for the last k_t, which this law does not need: 0.
-    fn history_to_state(history: History) -> History {
-        let [first, second, ..] = history;
-        match (D::SPINS, FRICTION) {
-            (3, _) => history,
-            (_, true) => [first, 0.0, second, 0.0, 0.0, 0.0, 0.0],
-            (_, false) => [0.0, 0.0, first, 0.0, 0.0, 0.0, 0.0],
-        }
-    }
-
-    fn history_from_state(state: History) -> History {
-        let [tangential, _, rolling, ..] = state;
-        match (D::SPINS, FRICTION) {
-            (3, _) => state,
-            (_, true) => [tangential, rolling, 0.0, 0.0, 0.0, 0.0, 0.0],
-            (_, false) => [rolling, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        }
-    }
 }
 
 impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
@@ -416,6 +404,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::model::PairModel;
     use crate::contact::{CARRY, PairMotion, Response};
     use crate::simd::{LANES, Portable, PortableToken};
 
@@ -559,22 +548,12 @@ mod tests {
 
     #[test]
     fn every_part_of_the_history_has_its_place() {
-        let state = [0.7, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(
-            Hooke::<Two, true, true>::history_to_state(
-                Hooke::<Two, true, true>::history_from_state(state)
-            ),
-            state
-        );
-        assert_eq!(
-            Hooke::<Two, true, false>::history_to_state([0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            [0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-        );
-        assert_eq!(
-            Hooke::<Two, false, true>::history_to_state(
-                Hooke::<Two, false, true>::history_from_state(state)
-            ),
-            [0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0]
-        );
+        fn places<const FRICTION: bool, const ROLLING: bool>() -> &'static [usize] {
+            let law = Hooke::<Two, FRICTION, ROLLING>::new(&SPRINGS, &CONTACT);
+            law.layout().history
+        }
+        assert_eq!(places::<true, true>(), [0, 2]);
+        assert_eq!(places::<true, false>(), [0]);
+        assert_eq!(places::<false, true>(), [2]);
     }
 }

@@ -35,7 +35,7 @@ use super::rolling::{self, Places, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, History, Limited, add_damping, dissipation, portable_ln, scalar,
+    Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar,
 };
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
@@ -289,6 +289,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     const PARAMETERS: usize =
         3 + if FRICTION { 2 } else { 0 } + if ROLLING { rolling::PARAMETERS } else { 0 };
     const HISTORY: usize = if FRICTION { 2 } else { 0 } + if ROLLING { 1 } else { 0 };
+    const HISTORY_PLACES: &'static [usize] = if FRICTION { &[0, 1, 2] } else { &[2] };
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
 
@@ -366,20 +367,6 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
             rolling = c(0.5) * torque * torque / k_r;
         }
         [normal, tangential, rolling]
-    }
-
-    fn history_to_state(history: History) -> History {
-        match (FRICTION, ROLLING) {
-            (false, true) => [0.0, 0.0, history[0], 0.0, 0.0, 0.0, 0.0],
-            _ => history,
-        }
-    }
-
-    fn history_from_state(state: History) -> History {
-        match (FRICTION, ROLLING) {
-            (false, true) => [state[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-            _ => state,
-        }
     }
 }
 

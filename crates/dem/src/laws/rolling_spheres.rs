@@ -28,7 +28,7 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CARRY, CHUNK, ContactLaw, History, Jump, PairMotion, Response, TORQUES, Turning,
+    Blocks, CARRY, CHUNK, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning,
     add_damping, dissipation, exceeds, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
@@ -121,6 +121,12 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     type Space = Three;
     const PARAMETERS: usize = C::PARAMETERS + OWN;
     const HISTORY: usize = C::HISTORY + TORQUES;
+    // Without friction the torques come first.
+    const HISTORY_PLACES: &'static [usize] = if C::FRICTION {
+        &[0, 1, 2, 3, 4, 5, 6]
+    } else {
+        &[3, 4, 5, 6]
+    };
     const HISTORY_UNIT: &'static str = C::HISTORY_UNIT;
     // The motion across n is needed.
     const FRICTION: bool = true;
@@ -254,25 +260,6 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         let rolling = c(0.5) * Three::dot(&moment, &moment) / k_r;
         let rolling = rolling + c(0.5) * twist * twist / k_w;
         [normal, tangential, rolling]
-    }
-
-    // Without friction the torques come first.
-    fn history_to_state(history: History) -> History {
-        let [a, b, c, d, ..] = history;
-        if C::FRICTION {
-            history
-        } else {
-            [0.0, 0.0, 0.0, a, b, c, d]
-        }
-    }
-
-    fn history_from_state(state: History) -> History {
-        let [_, _, _, a, b, c, d] = state;
-        if C::FRICTION {
-            state
-        } else {
-            [a, b, c, d, 0.0, 0.0, 0.0]
-        }
     }
 }
 

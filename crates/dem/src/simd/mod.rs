@@ -114,9 +114,10 @@ impl Pairs {
     }
 }
 
-/// Makes room for so many elements and few more, in an empty vector: growing by itself it would
+/// Clears a vector, and makes room for so many elements and few more: growing by itself it would
 /// double.
-pub fn make_room<T>(vector: &mut Vec<T>, count: usize) {
+pub fn clear_for<T>(vector: &mut Vec<T>, count: usize) {
+    vector.clear();
     let more = count + count / 16;
     if vector.capacity() < count || vector.capacity() / 2 > more {
         *vector = Vec::with_capacity(more);
@@ -132,12 +133,6 @@ pub struct PairList {
 }
 
 impl PairList {
-    /// Removes all blocks.
-    pub fn clear(&mut self) {
-        self.blocks.clear();
-        self.below.clear();
-    }
-
     /// Appends a block.
     ///
     /// # Panics
@@ -149,10 +144,10 @@ impl PairList {
         self.blocks.push(pairs);
     }
 
-    /// Makes room for so many blocks.
-    pub fn make_room(&mut self, blocks: usize) {
-        make_room(&mut self.blocks, blocks);
-        make_room(&mut self.below, blocks);
+    /// Removes all blocks, and makes room for so many.
+    pub fn clear_for(&mut self, blocks: usize) {
+        clear_for(&mut self.blocks, blocks);
+        clear_for(&mut self.below, blocks);
     }
 
     /// Appends the blocks of another list, which are gone from there then.
