@@ -12,11 +12,11 @@ use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::{Drive, Felt, WallForces, WallSteps};
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Counting, PairForce, PassOutcome};
+use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::simd::{Lanes, Work};
 use crate::state::{Cell, Grains, Sheared, Units, body};
 use crate::system::{Outside, System};
-use crate::threads::{OwnedPart, SharedInput};
+use crate::threads::OwnedPart;
 
 /// Options of a step.
 #[derive(Debug, Default)]
@@ -252,7 +252,7 @@ pub fn forces<D: Dimension>(
     add_forces(exchange, system, law, drive, (step, None), samples)
 }
 
-/// [`forces`] without clearing those on the owned grains. `travelled`: [`Pass::travelled`].
+/// [`forces`] without clearing those on the owned grains. `travelled`: [`PassInput::travelled`].
 fn add_forces<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -289,19 +289,19 @@ fn add_forces<D: Dimension>(
     if let Some(samples) = &mut samples {
         samples.prepare(contacts.blocks());
     }
-    let input = SharedInput {
-        isa: *isa,
-        law,
+    let input = PassInput {
         units: grains.units,
         cell: *cell,
         step,
         travelled,
+        attraction: None,
         counting: (is_stressed || budget.is_some()).then(|| Counting {
             unit: budget.as_ref().map(EnergyBudget::unit),
             step: *full_step,
             height: cell.sheared.map(|of| of.height).filter(|_| is_stressed),
         }),
     };
+    let input = ((*isa, law), input);
     let (record, force) = (&mut grains.record, &mut grains.force);
     let mut outcome = PassOutcome::default();
     slabs.exchange(exchange, record, grains.owned, |owned| {

@@ -24,14 +24,14 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     scratch: &mut Scratch<C::Space>,
 ) -> usize {
     let mut active = 0;
-    let step = L::splat(token, pass.step);
-    let slip_shift = L::splat(token, Units::shift(pass.units.slip));
+    let step = L::splat(token, pass.input.step);
+    let slip_shift = L::splat(token, Units::shift(pass.input.units.slip));
     let rotation_shift = L::splat(token, Units::shift(Units::ROTATION));
     let steps = (step, [slip_shift, rotation_shift]);
     let jkr = pass.jkr();
     let has_feet = pass.part.has_feet;
     let contacts = &mut pass.part;
-    let attracts = pass.attraction.is_some();
+    let attracts = pass.input.attraction.is_some();
     if BUDGET {
         scratch.touched.clear();
     }
@@ -61,7 +61,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             &contacts.geometry[block]
         };
         let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
-        let mut pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
+        let mut pair = Separation::<L>::new::<C::Space>(token, &pass.input.cell, difference, sum);
         if has_feet {
             // The normal of a flat wall does not turn.
             let none = L::splat(token, 0.0);
@@ -100,7 +100,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             }
         } else {
             let inner = contacts.first + block < contacts.inner;
-            contacts.asleep_until[block] = asleep_until(motion, pass.travelled.filter(|_| inner));
+            contacts.asleep_until[block] = asleep_until(motion, pass.input.travelled.filter(|_| inner));
         }
         let opened = if attracts { before & !*touching } else { 0 };
         if new | opened != 0 {

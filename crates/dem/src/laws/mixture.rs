@@ -130,25 +130,18 @@ impl<D: Dimension> PairModel for Mixture<D> {
 }
 
 impl<D: Dimension> PairForce<D> for Mixture<D> {
-    fn pass(&self, isa: Isa, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
-        let Pass {
-            mut part,
-            mut samples,
-            force,
-            ..
-        } = pass;
+    fn pass(&self, isa: Isa, mut pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
         let mut outcome = PassOutcome::default();
-        let kinds = part.kinds;
-        for (kind, blocks) in runs(kinds) {
-            let until = part.first + blocks;
-            let (of_kind, rest) = part.split(until);
-            let (of_samples, rest_of_samples) = samples.map(|s| s.split(blocks)).unzip();
-            (part, samples) = (rest, rest_of_samples);
+        for (kind, blocks) in runs(pass.part.kinds) {
+            let until = pass.part.first + blocks;
+            let rest = pass.part.split_off(until);
+            let rest_of_samples = pass.samples.as_mut().map(|s| s.split_off(blocks));
             let of_kind = Pass {
-                force: &mut *force,
-                part: of_kind,
-                samples: of_samples,
-                ..pass
+                input: pass.input,
+                record: pass.record,
+                force: &mut *pass.force,
+                part: std::mem::replace(&mut pass.part, rest),
+                samples: std::mem::replace(&mut pass.samples, rest_of_samples),
             };
             outcome = outcome.merge(self.laws[kind].pass(isa, of_kind, scratch));
         }

@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::contact::TORQUES;
 use crate::contact::model::{Elastic, PairModel};
 use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs, clear_for};
-use crate::workers::{self, Workers};
+use crate::workers::{self, Workers, tail, tail_mut};
 
 use super::ContactState;
 
@@ -668,50 +668,20 @@ impl<'a> BlockRange<'a> {
         first..first + rest.take_while(|until| !asleep(until)).count()
     }
 
-    /// The blocks before block `until` of the list, and the others.
-    pub fn split(self, until: usize) -> (BlockRange<'a>, BlockRange<'a>) {
-        let here = until - self.first;
-        let (geometry, geometry_after) = self.geometry.split_at(here);
-        let (kinds, kinds_after) = self.kinds.split_at(here);
-        let (parameters, parameters_after) = self.parameters.split_at(here * self.parameter_lanes);
-        let (history, history_after) = self.history.split_at_mut(here * self.history_lanes);
-        let (touching, touching_after) = self.touching.split_at_mut(here);
-        let (limits, limits_after) = self.limits.split_at_mut(here);
-        let (asleep_until, asleep_until_after) = self.asleep_until.split_at_mut(here);
-        (
-            BlockRange {
-                first: self.first,
-                owned_blocks: self.owned_blocks,
-                parameter_lanes: self.parameter_lanes,
-                history_lanes: self.history_lanes,
-                pairs: self.pairs,
-                geometry,
-                kinds,
-                parameters,
-                history,
-                touching,
-                limits,
-                asleep_until,
-                inner: self.inner,
-                has_feet: self.has_feet,
-            },
-            BlockRange {
-                first: until,
-                owned_blocks: self.owned_blocks,
-                parameter_lanes: self.parameter_lanes,
-                history_lanes: self.history_lanes,
-                pairs: self.pairs,
-                geometry: geometry_after,
-                kinds: kinds_after,
-                parameters: parameters_after,
-                history: history_after,
-                touching: touching_after,
-                limits: limits_after,
-                asleep_until: asleep_until_after,
-                inner: self.inner,
-                has_feet: self.has_feet,
-            },
-        )
+    /// Splits off the blocks from block `from` of the list on.
+    pub fn split_off(&mut self, from: usize) -> BlockRange<'a> {
+        let at = from - self.first;
+        BlockRange {
+            first: from,
+            geometry: tail(&mut self.geometry, at),
+            kinds: tail(&mut self.kinds, at),
+            parameters: tail(&mut self.parameters, at * self.parameter_lanes),
+            history: tail_mut(&mut self.history, at * self.history_lanes),
+            touching: tail_mut(&mut self.touching, at),
+            limits: tail_mut(&mut self.limits, at),
+            asleep_until: tail_mut(&mut self.asleep_until, at),
+            ..*self
+        }
     }
 }
 
