@@ -51,9 +51,7 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     /// Force and torque on a grain.
     type Force: Pod + Debug + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
     /// Each field of the records of sixteen grains.
-    type Fields: Copy + Debug + AsRef<[Lanes16]> + AsMut<[Lanes16]> + Send + Sync;
-    /// Zeros.
-    const NO_FIELDS: Self::Fields;
+    type Fields: Copy + Debug + Default + AsRef<[Lanes16]> + AsMut<[Lanes16]> + Send + Sync;
 
     /// The numbers of a record.
     fn fields(record: &Self::Record) -> &[f64];
@@ -120,7 +118,6 @@ impl Dimension for Two {
     type Record = [CacheLine; 1];
     type Force = Force2;
     type Fields = [Lanes16; 8];
-    const NO_FIELDS: [Lanes16; 8] = [Lanes16::ZERO; 8];
 
     #[inline(always)]
     fn fields(record: &[CacheLine; 1]) -> &[f64] {
@@ -215,7 +212,6 @@ impl Dimension for Three {
     type Record = [CacheLine; 2];
     type Force = Force3;
     type Fields = [Lanes16; 16];
-    const NO_FIELDS: [Lanes16; 16] = [Lanes16::ZERO; 16];
 
     #[inline(always)]
     fn fields(record: &[CacheLine; 2]) -> &[f64] {

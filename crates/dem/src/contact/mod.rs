@@ -14,7 +14,7 @@ use crate::simd::{Lanes, Lanes16, Mask, Portable, PortableToken, inverse_sqrt, l
 ///
 /// Tangential vectors have one component in two dimensions, along t̂ = ẑ × n, and in three
 /// dimensions the three of a vector in the tangent plane.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub struct PairMotion {
     /// δ (m), positive where the pair touches.
     pub overlap: Lanes16,
@@ -32,23 +32,10 @@ pub struct PairMotion {
     pub rolling_increment: Lanes16,
 }
 
-impl PairMotion {
-    /// A pair that does not move.
-    pub const ZERO: Self = Self {
-        overlap: Lanes16::ZERO,
-        normal_velocity: Lanes16::ZERO,
-        normal_increment: Lanes16::ZERO,
-        tangential_velocity: [Lanes16::ZERO; 3],
-        tangential_increment: [Lanes16::ZERO; 3],
-        rolling_velocity: Lanes16::ZERO,
-        rolling_increment: Lanes16::ZERO,
-    };
-}
-
 /// Rotation of sixteen pairs of spheres against each other, and the torques on i that resist it:
 /// each a vector in the tangent plane and the component along n. Apart from [`PairMotion`], which
 /// is smaller without it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub struct Turning {
     /// ω_i - ω_j of the full step (rad/s).
     pub velocity: [Lanes16; TORQUES],
@@ -56,15 +43,6 @@ pub struct Turning {
     pub increment: [Lanes16; TORQUES],
     /// The torque (N m).
     pub torque: [Lanes16; TORQUES],
-}
-
-impl Turning {
-    /// A pair that does not turn.
-    pub const ZERO: Self = Self {
-        velocity: [Lanes16::ZERO; TORQUES],
-        increment: [Lanes16::ZERO; TORQUES],
-        torque: [Lanes16::ZERO; TORQUES],
-    };
 }
 
 /// Input and output of a law for some blocks of sixteen pairs.
@@ -114,7 +92,7 @@ pub mod dissipation {
 
 /// Forces of sixteen contacts on grain i, per unit depth (N/m) in 2D; arbitrary where the pair does
 /// not touch.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub struct Response {
     /// F_n ≥ 0 along n.
     pub normal: Lanes16,
@@ -134,20 +112,6 @@ pub struct Response {
     /// Dissipation by [`dissipation`], if an energy budget is kept; also of contacts that have just
     /// opened, and 0 elsewhere.
     pub dissipated: [Lanes16; dissipation::KINDS],
-}
-
-impl Response {
-    /// No forces.
-    pub const NONE: Self = Self {
-        normal: Lanes16::ZERO,
-        tangential: [Lanes16::ZERO; 3],
-        rolling: Lanes16::ZERO,
-        sliding: 0,
-        rolls: 0,
-        twists: 0,
-        beyond: 0,
-        dissipated: [Lanes16::ZERO; dissipation::KINDS],
-    };
 }
 
 /// Elastic torques that resist the rolling and twisting of spheres: a vector in the tangent plane
@@ -401,8 +365,52 @@ pub(crate) fn scalar(f: impl FnOnce(PortableToken) -> Portable) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+    use crate::simd::LANES;
+
+    /// The response of two grains of these radii in a step, which updates their history. `motion`
+    /// is in the order of [`PairMotion`], without the normal increment.
+    pub fn response_of<C: ContactLaw>(
+        law: &C,
+        radii: [f64; 2],
+        motion: [f64; 6],
+        history: &mut [f64],
+    ) -> Response {
+        let lanes = |v| Lanes16([v; LANES]);
+        let [r_i, r_j] = radii.map(|r| Portable::splat(PortableToken, r));
+        let mut parameters = vec![Lanes16::ZERO; C::PARAMETERS];
+        law.parameters(PortableToken, r_i, r_j, &mut parameters);
+        let [overlap, v_n, v_t, slip, spin, rotation] = motion.map(lanes);
+        let motion = PairMotion {
+            overlap,
+            normal_velocity: v_n,
+            tangential_velocity: [v_t; 3],
+            tangential_increment: [slip; 3],
+            rolling_velocity: spin,
+            rolling_increment: rotation,
+            ..PairMotion::default()
+        };
+        let mut kept: Vec<_> = history.iter().map(|v| lanes(*v)).collect();
+        let mut response = [Response::default()];
+        law.evaluate::<Portable, false>(
+            PortableToken,
+            &mut Blocks {
+                parameters: &parameters,
+                history: &mut kept,
+                per_step: 0.0,
+                motion: &[motion],
+                turning: &mut [],
+                carry: &mut [[Lanes16::ZERO; CARRY]],
+                response: &mut response,
+                jumps: &[],
+            },
+        );
+        for (number, lanes) in history.iter_mut().zip(kept) {
+            *number = lanes.0[3];
+        }
+        response[0]
+    }
 
     /// The parts of a contact whose spring has `trial` under a limit of 2, with the damper's part.
     fn limited(n: usize, trial: [f64; 3], viscous: [f64; 3], share: f64) -> ([f64; 3], [f64; 3]) {

@@ -226,7 +226,7 @@ const CACHED: usize = 3 << 20;
 
 /// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
 /// reuse its memory.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Scratch<D: Dimension> {
     /// Differences of the records, and of the second grain what [`Dimension::load`] gives.
     difference: [D::Fields; CHUNK],
@@ -258,24 +258,6 @@ impl<D: Dimension> Scratch<D> {
             &self.overlap[k]
         } else {
             &self.motion[k].overlap
-        }
-    }
-}
-
-impl<D: Dimension> Default for Scratch<D> {
-    fn default() -> Self {
-        Self {
-            difference: [D::NO_FIELDS; CHUNK],
-            of_j: [[Lanes16::ZERO; 8]; CHUNK],
-            motion: [PairMotion::ZERO; CHUNK],
-            overlap: [Lanes16::ZERO; CHUNK],
-            direction: [[Lanes16::ZERO; 3]; CHUNK],
-            radii: [[Lanes16::ZERO; 2]; CHUNK],
-            carry: [[Lanes16::ZERO; CARRY]; CHUNK],
-            response: [Response::NONE; CHUNK],
-            turning: [Turning::ZERO; CHUNK],
-            jumps: Vec::new(),
-            touched: Vec::new(),
         }
     }
 }

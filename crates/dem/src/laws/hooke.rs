@@ -405,8 +405,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
 mod tests {
     use super::*;
     use crate::contact::model::PairModel;
-    use crate::contact::{CARRY, PairMotion, Response};
-    use crate::simd::{LANES, Portable, PortableToken};
+    use crate::contact::tests::response_of;
 
     const SPRINGS: Springs = Springs {
         normal_stiffness: 2e6,
@@ -423,54 +422,21 @@ mod tests {
     };
     const RADII: [f64; 2] = [0.5e-3, 1e-3];
 
-    /// The response of two disks of `RADII`: F_n, F_t and M; whether they slide; the new history.
-    /// `motion` is in the order of `PairMotion`.
+    /// [`with_springs`] of `SPRINGS`.
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], bool, [f64; 2]) {
-        response_of(&SPRINGS, motion, history)
+        with_springs(&SPRINGS, motion, history)
     }
 
-    /// The same with these springs.
-    fn response_of(
+    /// The response of two disks of `RADII`: F_n, F_t and M; whether they slide; the new history.
+    fn with_springs(
         springs: &Springs,
         motion: [f64; 6],
-        history: [f64; 2],
+        mut history: [f64; 2],
     ) -> ([f64; 3], bool, [f64; 2]) {
-        type Law = Hooke<Two, true, true>;
-        let law = Law::new(springs, &CONTACT);
-        let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
-        let c = |v| Portable::splat(PortableToken, v);
-        law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
-        let mut history = history.map(|v| Lanes16([v; LANES]));
-        let [overlap, v_n, v_t, slip, spin, rotation] = motion.map(|v| Lanes16([v; LANES]));
-        let motion = PairMotion {
-            overlap,
-            normal_velocity: v_n,
-            tangential_velocity: [v_t; 3],
-            tangential_increment: [slip; 3],
-            rolling_velocity: spin,
-            rolling_increment: rotation,
-            ..PairMotion::ZERO
-        };
-        let mut response = [Response::NONE];
-        law.evaluate::<Portable, false>(
-            PortableToken,
-            &mut Blocks {
-                parameters: &parameters,
-                history: &mut history,
-                per_step: 0.0,
-                motion: &[motion],
-                turning: &mut [],
-                carry: &mut [[Lanes16::ZERO; CARRY]],
-                response: &mut response,
-                jumps: &[],
-            },
-        );
-        let [r] = response;
-        (
-            [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]),
-            r.sliding != 0,
-            history.map(|lanes| lanes.0[3]),
-        )
+        let law = Hooke::<Two, true, true>::new(springs, &CONTACT);
+        let r = response_of(&law, RADII, motion, &mut history);
+        let forces = [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]);
+        (forces, r.sliding != 0, history)
     }
 
     fn close(a: f64, b: f64) {
@@ -521,7 +487,7 @@ mod tests {
                 ..SPRINGS
             };
             let ([_, tangential, rolling], slides, history) =
-                response_of(&springs, [1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
+                with_springs(&springs, [1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
             let gamma_t = 2.0 * 0.2 * (0.5e6 * reduced_mass()).sqrt();
             close(history[0], -0.4 * 2.0);
             close(tangential, -0.4 * 2.0 - share * gamma_t * 5.0);
@@ -534,7 +500,7 @@ mod tests {
         };
         let below = [1e-6, -0.01, 0.002, 1e-8, 3.0, 2e-6];
         assert_eq!(
-            response_of(&springs, below, [0.05, 1e-6]),
+            with_springs(&springs, below, [0.05, 1e-6]),
             response(below, [0.05, 1e-6])
         );
     }

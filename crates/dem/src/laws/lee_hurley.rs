@@ -555,8 +555,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::{CARRY, PairMotion, Response};
-    use crate::simd::LANES;
+    use crate::contact::tests::response_of;
 
     const MATERIAL: Material = Material {
         young_modulus: 1e9,
@@ -615,7 +614,8 @@ mod tests {
             let ell: f64 = (16.0f64 / (ratio * ratio)).ln();
             let k_n = PI * e / (ell - 1.0);
             let overlap = PI * e * (ratio * r) * (ratio * r) / (4.0 * 0.5 * r) / k_n;
-            let state = touch(&law, r, overlap, 0.0, 0.0);
+            let mut state = [0.0; 3];
+            response_of(&law, [r; 2], [overlap, 0.0, 0.0, 0.0, 0.0, 0.0], &mut state);
             assert!((state[1] / k_n - expected).abs() < 5.1e-4, "{ratio}");
         }
     }
@@ -623,45 +623,10 @@ mod tests {
     #[test]
     fn slides_at_the_limit_and_remembers_it() {
         let law = LeeHurley::<true, true>::new(&MATERIAL, &CONTACT);
-        let state = touch(&law, 1e-6, 1e-10, 1e-9, 0.0);
+        let mut state = [0.0; 3];
+        let motion = [1e-10, 0.0, 0.0, 1e-9, 0.0, 0.0];
+        response_of(&law, [1e-6; 2], motion, &mut state);
         let force = normal_stiffness(MATERIAL.effective_modulus(), 1e-6, 1e-6, 1e-10) * 1e-10;
         assert!((state[0] + 0.7 * force).abs() < 1e-15 * force);
-    }
-
-    /// History of one contact of equal radii after one step.
-    fn touch(
-        law: &LeeHurley<true, true>,
-        r: f64,
-        overlap: f64,
-        slip: f64,
-        rotation: f64,
-    ) -> [f64; 3] {
-        type Law = LeeHurley<true, true>;
-        let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
-        let mut history = [Lanes16::ZERO; Law::HISTORY];
-        let token = crate::simd::PortableToken;
-        let c = |v| Portable::splat(token, v);
-        law.parameters(token, c(r), c(r), &mut parameters);
-        let lanes = |v| Lanes16([v; LANES]);
-        let motion = PairMotion {
-            overlap: lanes(overlap),
-            tangential_increment: [lanes(slip); 3],
-            rolling_increment: lanes(rotation),
-            ..PairMotion::ZERO
-        };
-        law.evaluate::<Portable, false>(
-            token,
-            &mut Blocks {
-                parameters: &parameters,
-                history: &mut history,
-                per_step: 0.0,
-                motion: &[motion],
-                turning: &mut [],
-                carry: &mut [[Lanes16::ZERO; CARRY]],
-                response: &mut [Response::NONE],
-                jumps: &[],
-            },
-        );
-        history.map(|lanes| lanes.0[3])
     }
 }

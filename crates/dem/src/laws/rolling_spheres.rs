@@ -312,10 +312,10 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
         parameters: &[Lanes16],
         [overlap, velocity]: [L; 2],
     ) -> L {
-        let mut motion = PairMotion::ZERO;
+        let mut motion = PairMotion::default();
         overlap.store(&mut motion.overlap);
         velocity.store(&mut motion.normal_velocity);
-        let mut response = Response::NONE;
+        let mut response = Response::default();
         self.law.evaluate::<L, false>(
             token,
             &mut Blocks {

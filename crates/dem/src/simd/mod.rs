@@ -41,7 +41,7 @@ pub use portable::{Portable, PortableToken};
 pub const LANES: usize = 16;
 
 /// One quantity of sixteen contacts, in memory.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Lanes16(pub [f64; LANES]);
 
@@ -49,11 +49,6 @@ pub struct Lanes16(pub [f64; LANES]);
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct CacheLine(pub [f64; 8]);
-
-impl CacheLine {
-    /// Zeros.
-    pub const ZERO: Self = CacheLine([0.0; 8]);
-}
 
 impl Lanes16 {
     /// Zeros.
