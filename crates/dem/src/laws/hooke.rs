@@ -34,7 +34,7 @@ use super::keys::{
     DAMPING_RATIO, DENSITY, Key, KeyReader, NORMAL_STIFFNESS, RESTITUTION, SLIDING_DAMPING,
     TANGENTIAL_STIFFNESS,
 };
-use super::rolling::{self, Places, Rolling, rolling_force};
+use super::rolling::{self, Rolling, rolling_force};
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
@@ -217,12 +217,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
             damping_ratio: springs.damping_ratio,
             sliding_damping: springs.sliding_damping,
             friction: contact.friction,
-            rolling: Rolling {
-                stiffness: (contact.rolling_stiffness).unwrap_or(springs.tangential_stiffness),
-                densities: contact.densities(std::f64::consts::PI * springs.density),
-                friction: contact.rolling_friction,
-                damping_ratio: contact.rolling_damping_ratio,
-            },
+            rolling: Rolling::new(springs, contact),
             space: PhantomData,
         }
     }
@@ -339,11 +334,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             }
         }
         if ROLLING {
-            let places = Places {
-                parameters: (Self::PARAMETERS, PLAIN),
-                history: (Self::HISTORY, Self::HISTORY - 1),
-            };
-            rolling_force::<L, BUDGET>(token, blocks, places);
+            rolling_force::<Self, L, BUDGET>(token, blocks);
         }
     }
 

@@ -31,7 +31,7 @@ use super::keys::{
     DAMPING_RATIO, DENSITY, Key, KeyReader, POISSON_RATIO, RESTITUTION, SLIDING_DAMPING,
     YOUNG_MODULUS,
 };
-use super::rolling::{self, Places, Rolling, rolling_force};
+use super::rolling::{self, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity, with_limits};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
@@ -194,13 +194,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             damping_ratio: material.damping_ratio,
             sliding_damping: material.sliding_damping,
             friction: contact.friction,
-            rolling: Rolling {
-                stiffness: (contact.rolling_stiffness)
-                    .unwrap_or(0.25 * PI * material.effective_modulus()),
-                densities: contact.densities(PI * material.density),
-                friction: contact.rolling_friction,
-                damping_ratio: contact.rolling_damping_ratio,
-            },
+            rolling: Rolling::new(material, contact),
             penalty: 0.22 + 0.18 * nu + 0.36 * nu * nu,
             penalty_slope: 2.89 + 1.75 * nu,
             poisson: nu / (2.0 * (1.0 - nu)),
@@ -330,11 +324,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
             self.tangential_force::<L, BUDGET>(token, blocks);
         }
         if ROLLING {
-            let places = Places {
-                parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
-                history: (Self::HISTORY, Self::HISTORY - 1),
-            };
-            rolling_force::<L, BUDGET>(token, blocks, places);
+            rolling_force::<Self, L, BUDGET>(token, blocks);
         }
     }
 
