@@ -9,7 +9,7 @@ use std::ops::DerefMut;
 
 use bytemuck::Pod;
 
-use crate::simd::{CacheLine, Force2, Force3, Lanes, Lanes16, PairList};
+use crate::simd::{CacheLine, Force2, Lanes, Lanes16, PairList};
 
 /// A vector of lanes.
 pub type Vector<L> = [L; 3];
@@ -95,6 +95,16 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     fn moment<L: Lanes>(n: &Vector<L>, f: &Vector<L>) -> Vector<L>;
     /// F_n n + F_t.
     fn force<L: Lanes>(n: &Vector<L>, normal: L, tangential: &Vector<L>) -> Vector<L>;
+}
+
+/// x a + b.
+#[inline(always)]
+pub(crate) fn scaled_sum<L: Lanes>(x: L, a: &Vector<L>, b: &Vector<L>) -> Vector<L> {
+    [
+        x.mul_add(a[0], b[0]),
+        x.mul_add(a[1], b[1]),
+        x.mul_add(a[2], b[2]),
+    ]
 }
 
 #[inline(always)]
@@ -210,7 +220,7 @@ impl Dimension for Three {
     const SPINS_OF_J: usize = Self::HALF_SPIN - 8;
     const RADIUS: Option<[usize; 2]> = Some([15, 7]);
     type Record = [CacheLine; 2];
-    type Force = Force3;
+    type Force = CacheLine;
     type Fields = [Lanes16; 16];
 
     #[inline(always)]
@@ -251,7 +261,7 @@ impl Dimension for Three {
         force: Vector<L>,
         torque_i: Vector<L>,
         torque_j: Vector<L>,
-        sums: &mut [Force3],
+        sums: &mut [CacheLine],
         list: &PairList,
         block: usize,
     ) {
@@ -265,11 +275,7 @@ impl Dimension for Three {
 
     #[inline(always)]
     fn tangential_part<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L> {
-        [
-            (-v_n).mul_add(n[0], v[0]),
-            (-v_n).mul_add(n[1], v[1]),
-            (-v_n).mul_add(n[2], v[2]),
-        ]
+        scaled_sum(-v_n, n, v)
     }
 
     #[inline(always)]
@@ -284,11 +290,7 @@ impl Dimension for Three {
 
     #[inline(always)]
     fn force<L: Lanes>(n: &Vector<L>, normal: L, tangential: &Vector<L>) -> Vector<L> {
-        [
-            normal.mul_add(n[0], tangential[0]),
-            normal.mul_add(n[1], tangential[1]),
-            normal.mul_add(n[2], tangential[2]),
-        ]
+        scaled_sum(normal, n, tangential)
     }
 }
 

@@ -17,7 +17,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::vector::{operations, registers, rounding_to_eighths};
 use super::{
-    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
+    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
     PairList, Pairs, TO_INTEGER, Work,
 };
 
@@ -251,7 +251,7 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         // SAFETY: a value of this type is only made from a token; the indices were checked by
         // `within`, and every element of `sums` holds eight f64 and is aligned.

@@ -46,6 +46,7 @@ pub const LANES: usize = 16;
 pub struct Lanes16(pub [f64; LANES]);
 
 /// Eight f64 on one cache line. The record of a grain, which the kernel reads, takes one or two.
+/// One holds force and torque on a sphere, and padding.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct CacheLine(pub [f64; 8]);
@@ -60,36 +61,23 @@ impl Lanes16 {
 #[repr(C, align(32))]
 pub struct Force2(pub [f64; 4]);
 
-impl Deref for Force2 {
-    type Target = [f64];
-    fn deref(&self) -> &[f64] {
-        &self.0
-    }
-}
+macro_rules! dereferences_to_slice {
+    ($($name:ident)*) => {$(
+        impl Deref for $name {
+            type Target = [f64];
+            fn deref(&self) -> &[f64] {
+                &self.0
+            }
+        }
 
-impl DerefMut for Force2 {
-    fn deref_mut(&mut self) -> &mut [f64] {
-        &mut self.0
-    }
+        impl DerefMut for $name {
+            fn deref_mut(&mut self) -> &mut [f64] {
+                &mut self.0
+            }
+        }
+    )*};
 }
-
-/// Force and torque on a sphere, and padding: a cache line.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-#[repr(C, align(64))]
-pub struct Force3(pub [f64; 8]);
-
-impl Deref for Force3 {
-    type Target = [f64];
-    fn deref(&self) -> &[f64] {
-        &self.0
-    }
-}
-
-impl DerefMut for Force3 {
-    fn deref_mut(&mut self) -> &mut [f64] {
-        &mut self.0
-    }
-}
+dereferences_to_slice!(CacheLine Force2);
 
 /// Sixteen pairs of indices.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
@@ -277,7 +265,7 @@ pub trait Lanes:
     ///
     /// # Panics
     /// If an index of the list is outside `sums`.
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize);
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], list: &PairList, block: usize);
 }
 
 /// Prefetches a cache line into the second-level cache: the first one is too small for all of a
@@ -493,7 +481,7 @@ mod tests {
         let mut sums: Vec<Force2> = (0..20).map(|k| Force2([0.1 * f64::from(k); 4])).collect();
         L::add_forces_2d([x, y, x + y, x - y], &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
-        let mut sums: Vec<Force3> = (0..20).map(|k| Force3([0.1 * f64::from(k); 8])).collect();
+        let mut sums: Vec<CacheLine> = (0..20).map(|k| CacheLine([0.1 * f64::from(k); 8])).collect();
         let terms = [[x, y, x + y], [x - y, x * y, -x], [y, -y, y - x]];
         L::add_forces_3d(terms, &mut sums, &list, 0);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));

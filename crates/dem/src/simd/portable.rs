@@ -7,7 +7,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
+    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
     PairList, TO_INTEGER,
 };
 
@@ -279,7 +279,7 @@ impl Lanes for Portable {
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], list: &PairList, block: usize) {
         let pairs = list.within(block, sums.len());
         let [a, b, c] = terms;
         for lane in 0..LANES {
