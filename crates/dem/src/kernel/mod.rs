@@ -195,12 +195,15 @@ impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
         scratch: &mut Scratch<C::Space>,
     ) -> PassOutcome {
         let (law, first) = (self, pass.part.first);
-        let mut outcome = match (pass.input.counting, isa.vector()) {
-            (counting, Some(vector)) if counting.is_none_or(|of| of.unit.is_none()) => {
-                vector.run(PassWork::<C, false> { law, pass, scratch })
-            }
-            // The portable arrays always account for the dissipation: one instance a law suffices.
-            _ => isa.run(PassWork::<C, true> { law, pass, scratch }),
+        let has_budget = pass.input.counting.is_some_and(|of| of.unit.is_some());
+        // The portable arrays always account for the dissipation: one instance a law suffices.
+        let with_budget =
+            |PassWork { law, pass, scratch }| isa.run(PassWork::<C, true> { law, pass, scratch });
+        let work = PassWork::<C, false> { law, pass, scratch };
+        let mut outcome = if has_budget {
+            with_budget(work)
+        } else {
+            isa.run_with_vectors(work).unwrap_or_else(with_budget)
         };
         for (block, _) in [&mut outcome.outside, &mut outcome.too_strong]
             .into_iter()

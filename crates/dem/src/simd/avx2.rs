@@ -15,33 +15,13 @@ use std::arch::x86_64::{
 };
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::vector::{operations, registers, rounding_to_eighths};
+use super::vector::{operations, registers, rounding_to_eighths, token};
 use super::{
     CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
     PairList, Pairs, TO_INTEGER, Work,
 };
 
-/// Proof that this processor has AVX2 and FMA.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Avx2Token(());
-
-impl Avx2Token {
-    /// The token, if this processor has them.
-    pub fn detect() -> Option<Self> {
-        (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
-    }
-}
-
-/// Does the work, compiled for this instruction set.
-pub(super) fn run<W: Work>(token: Avx2Token, work: W) -> W::Output {
-    #[target_feature(enable = "avx2,fma")]
-    fn compiled<W: Work>(token: Avx2Token, work: W) -> W::Output {
-        work.run::<Avx2>(token)
-    }
-    // SAFETY: the token proves that the processor has these features.
-    unsafe { compiled(token, work) }
-}
-
+token!(Avx2, Avx2Token, "AVX2 and FMA", ["avx2" "fma"]);
 registers!(Avx2, Counts2, __m256d, __m256i, [0 1 2 3]);
 rounding_to_eighths!(__m256d, __m256i);
 

@@ -15,37 +15,13 @@ use std::arch::x86_64::{
 };
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::vector::{operations, registers, rounding_to_eighths};
+use super::vector::{operations, registers, rounding_to_eighths, token};
 use super::{
     CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
     PairList, Pairs, TO_INTEGER, Work,
 };
 
-/// Proof that this processor has AVX-512 F and DQ.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Avx512Token(());
-
-impl Avx512Token {
-    /// The token, if this processor has them.
-    pub fn detect() -> Option<Self> {
-        let has = is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512dq")
-            && is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("fma");
-        has.then_some(Self(()))
-    }
-}
-
-/// Does the work, compiled for this instruction set.
-pub(super) fn run<W: Work>(token: Avx512Token, work: W) -> W::Output {
-    #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
-    fn compiled<W: Work>(token: Avx512Token, work: W) -> W::Output {
-        work.run::<Avx512>(token)
-    }
-    // SAFETY: the token proves that the processor has these features.
-    unsafe { compiled(token, work) }
-}
-
+token!(Avx512, Avx512Token, "AVX-512 F and DQ", ["avx512f" "avx512dq" "avx2" "fma"]);
 registers!(Avx512, Counts512, __m512d, __m512i, [0 1]);
 rounding_to_eighths!(__m512d, __m512i);
 

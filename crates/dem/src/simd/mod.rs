@@ -363,18 +363,19 @@ impl Isa {
 
     /// Does the work with this instruction set.
     pub fn run<W: Work>(self, work: W) -> W::Output {
-        match self.vector() {
-            Some(vector) => vector.run(work),
-            None => work.run::<Portable>(PortableToken),
-        }
+        let portable = |work: W| work.run::<Portable>(PortableToken);
+        self.run_with_vectors(work).unwrap_or_else(portable)
     }
 
-    /// The instruction set, if it has vector instructions.
-    pub fn vector(self) -> Option<Vector> {
+    /// Does the work with vector instructions.
+    ///
+    /// # Errors
+    /// The work, if this instruction set has none.
+    pub fn run_with_vectors<W: Work>(self, work: W) -> Result<W::Output, W> {
         match self {
-            Isa::Avx512(token) => Some(Vector::Avx512(token)),
-            Isa::Avx2(token) => Some(Vector::Avx2(token)),
-            Isa::Portable => None,
+            Isa::Avx512(token) => Ok(avx512::run(token, work)),
+            Isa::Avx2(token) => Ok(avx2::run(token, work)),
+            Isa::Portable => Err(work),
         }
     }
 
@@ -384,25 +385,6 @@ impl Isa {
             Isa::Avx512(_) => "avx512",
             Isa::Avx2(_) => "avx2",
             Isa::Portable => "portable",
-        }
-    }
-}
-
-/// The instruction sets with vector instructions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Vector {
-    /// AVX-512.
-    Avx512(Avx512Token),
-    /// AVX2 with FMA.
-    Avx2(Avx2Token),
-}
-
-impl Vector {
-    /// Does the work with this instruction set.
-    pub fn run<W: Work>(self, work: W) -> W::Output {
-        match self {
-            Vector::Avx512(token) => avx512::run(token, work),
-            Vector::Avx2(token) => avx2::run(token, work),
         }
     }
 }
