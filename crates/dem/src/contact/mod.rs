@@ -303,6 +303,12 @@ pub(crate) fn is_curved<L: Lanes>([sum, r_i]: [L; 2]) -> L::Mask {
     sum.abs().greater(r_i.abs())
 }
 
+/// a + b.
+#[inline(always)]
+pub(crate) fn sum<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> Vector<L> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
 /// A vector times a number.
 #[inline(always)]
 pub fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {

@@ -41,7 +41,7 @@ use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness
 use crate::contact::{
     Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector,
 };
-use crate::dimension::{Dimension, Dimensions, Three, Two};
+use crate::dimension::{Dimension, Dimensions, Three, Two, scaled_sum};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask};
 use crate::state::Masses;
@@ -267,31 +267,23 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
-        for ((p, motion), response) in blocks
-            .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.motion)
-            .zip(&mut *blocks.response)
-        {
+        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let pairs = parameters().zip(blocks.motion);
+        for ((p, motion), response) in pairs.zip(&mut *blocks.response) {
             let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
             let k_n = c(self.normal_stiffness);
             let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
             normal.store(&mut response.normal);
             if BUDGET {
-                let dissipated = k_n.mul_add(overlap, -normal) * v_n;
-                dissipated
-                    .select(overlap.greater(zero), zero)
-                    .store(&mut response.dissipated[dissipation::DAMPING]);
+                let power = k_n.mul_add(overlap, -normal) * v_n;
+                let power = power.select(overlap.greater(zero), zero);
+                power.store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
-            for (((p, history), motion), response) in blocks
-                .parameters
-                .chunks_exact(Self::PARAMETERS)
-                .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
-                .zip(blocks.motion)
-                .zip(&mut *blocks.response)
-            {
+            let kept = parameters().zip(blocks.history.chunks_exact_mut(Self::HISTORY));
+            let pairs = kept.zip(blocks.motion);
+            for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
                 let touching = load(&motion.overlap).greater(zero);
                 let n = D::SPINS;
                 let k_t = c(self.tangential_stiffness);
@@ -299,10 +291,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 let slip = vector(token, &motion.tangential_increment, n);
                 let v_t = vector(token, &motion.tangential_velocity, n);
                 let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
-                let mut trial = before;
-                for k in 0..n {
-                    trial[k] = (-k_t).mul_add(slip[k], before[k]);
-                }
+                let trial = scaled_sum(-k_t, &slip, &before);
                 let limit = c(self.friction) * load(&response.normal);
                 let (viscous, share) = (scaled(&v_t, gamma_t), self.sliding_damping);
                 let f = if n == 1 {
@@ -318,14 +307,10 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                     if BUDGET {
                         let per_k = c(1.0 / self.tangential_stiffness);
                         let gained = (after - before) * (after + before) * per_k;
-                        let dissipated = c(-0.5) * (before + after).mul_add(slip[k], gained);
-                        let sum = &mut response.dissipated[dissipation::FRICTION];
-                        if k == 0 {
-                            dissipated
-                        } else {
-                            load(sum) + dissipated
-                        }
-                        .store(sum);
+                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
+                        let to = &mut response.dissipated[dissipation::FRICTION];
+                        let sum = if k == 0 { lost } else { load(to) + lost };
+                        sum.store(to);
                         let viscous = f.viscous[k].select(touching, zero);
                         add_damping(token, response, viscous * v_t[k]);
                     }

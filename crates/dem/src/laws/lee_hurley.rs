@@ -391,11 +391,8 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             m.store(&mut carry[M]);
             per_m.store(&mut carry[PER_M]);
         }
-        for (((p, motion), carry), response) in parameters()
-            .zip(blocks.motion)
-            .zip(carry)
-            .zip(&mut *blocks.response)
-        {
+        let pairs = parameters().zip(blocks.motion).zip(carry);
+        for (((p, motion), carry), response) in pairs.zip(&mut *blocks.response) {
             let (m, per_m) = (load(&carry[M]), load(&carry[PER_M]));
             let x = load(&carry[Y]) * per_m;
             let root_x = x * inverse_sqrt(token, x);
@@ -406,11 +403,9 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let normal = k_n.mul_add(overlap, -(gamma_n * v_n)).max(c(0.0));
             normal.store(&mut response.normal);
             if BUDGET {
-                let viscous = k_n.mul_add(overlap, -normal);
-                let dissipated = viscous * v_n;
-                dissipated
-                    .select(overlap.greater(c(0.0)), c(0.0))
-                    .store(&mut response.dissipated[dissipation::DAMPING]);
+                let power = k_n.mul_add(overlap, -normal) * v_n;
+                let power = power.select(overlap.greater(c(0.0)), c(0.0));
+                power.store(&mut response.dissipated[dissipation::DAMPING]);
             }
             let beyond = if FRICTION {
                 let larger = load(&p[RATIO_I]).max(load(&p[RATIO_J]));
@@ -448,21 +443,16 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let base = c(0.5).mul_add(m, c(0.5 + self.poisson));
             let of_i = self.penalty_factor(token, load(&p[RATIO_I]) * root_x);
             let of_j = self.penalty_factor(token, load(&p[RATIO_J]) * root_x);
-            let compliance = of_i.mul_add(
-                base + half_log,
-                of_j.mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
-            );
+            let of_both = of_j.mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2));
+            let compliance = of_i.mul_add(base + half_log, of_both);
             inverse_sqrt(token, compliance).store(&mut carry[ROOT_COMPLIANCE]);
             if BUDGET {
                 compliance.store(&mut carry[COMPLIANCE]);
             }
         }
-        for ((((p, history), motion), carry), response) in parameters()
-            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
-            .zip(blocks.motion)
-            .zip(carry)
-            .zip(&mut *blocks.response)
-        {
+        let kept = parameters().zip(blocks.history.chunks_exact_mut(Self::HISTORY));
+        let pairs = kept.zip(blocks.motion).zip(carry);
+        for ((((p, history), motion), carry), response) in pairs.zip(&mut *blocks.response) {
             let touching = load(&motion.overlap).greater(zero);
             let root = load(&carry[ROOT_COMPLIANCE]);
             let k_t = c(self.stiffness) * (root * root);
@@ -482,17 +472,14 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let (before, after) = (load(&history[0]), elastic.select(touching, zero));
             if BUDGET {
                 let work = c(-0.5) * (before + after) * load(&motion.tangential_increment[0]);
-                let (per_k, per_last) = (
-                    load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness),
-                    inverse(token, last),
-                );
+                let per_k = load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness);
+                let per_last = inverse(token, last);
                 let gained = c(0.5) * after * after * per_k - c(0.5) * before * before * per_last;
                 let dissipated = work - gained;
-                dissipated
-                    .select(f.at_limit, zero)
-                    .store(&mut response.dissipated[dissipation::FRICTION]);
-                zero.select(f.at_limit, dissipated)
-                    .store(&mut response.dissipated[dissipation::STIFFNESS]);
+                let slid = dissipated.select(f.at_limit, zero);
+                slid.store(&mut response.dissipated[dissipation::FRICTION]);
+                let stuck = zero.select(f.at_limit, dissipated);
+                stuck.store(&mut response.dissipated[dissipation::STIFFNESS]);
                 let viscous = viscous.select(touching, zero);
                 add_damping(token, response, viscous * v_t);
             }

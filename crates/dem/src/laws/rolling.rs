@@ -86,13 +86,10 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let zero = L::splat(token, 0.0);
     let (at, place) = (C::PARAMETERS - PARAMETERS, C::HISTORY - 1);
-    for (((p, history), motion), response) in blocks
-        .parameters
-        .chunks_exact(C::PARAMETERS)
-        .zip(blocks.history.chunks_exact_mut(C::HISTORY))
-        .zip(blocks.motion)
-        .zip(&mut *blocks.response)
-    {
+    let parameters = blocks.parameters.chunks_exact(C::PARAMETERS);
+    let kept = parameters.zip(blocks.history.chunks_exact_mut(C::HISTORY));
+    let pairs = kept.zip(blocks.motion);
+    for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
         let touching = load(&motion.overlap).greater(zero);
         let trial = (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
         let limit = load(&p[at + 2]) * load(&response.normal);
@@ -106,8 +103,8 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         if BUDGET {
             let work = (before + after) * load(&motion.rolling_increment);
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
-            (L::splat(token, -0.5) * (work + gained))
-                .store(&mut response.dissipated[dissipation::ROLLING]);
+            let dissipated = L::splat(token, -0.5) * (work + gained);
+            dissipated.store(&mut response.dissipated[dissipation::ROLLING]);
             let viscous = viscous.select(touching, zero);
             add_damping(token, response, viscous * speed);
         }

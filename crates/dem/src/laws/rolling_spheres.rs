@@ -166,15 +166,11 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         let zero = c(0.0);
         let per_half_step = c(2.0 * blocks.per_step);
         let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
-        for (block, ((((p, history), motion), turning), response)) in blocks
-            .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
-            .zip(blocks.motion)
-            .zip(&mut *blocks.turning)
-            .zip(&mut *blocks.response)
-            .enumerate()
-        {
+        let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let kept = parameters.zip(blocks.history.chunks_exact_mut(Self::HISTORY));
+        let moving = kept.zip(blocks.motion).zip(&mut *blocks.turning);
+        let pairs = moving.zip(&mut *blocks.response).enumerate();
+        for (block, ((((p, history), motion), turning), response)) in pairs {
             if !C::FRICTION {
                 response.tangential = [Lanes16::ZERO; 3];
                 response.sliding = 0;
