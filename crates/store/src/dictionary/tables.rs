@@ -81,7 +81,7 @@ fn declared(row: &str, axes: usize) -> Vec<Column> {
         torques: axes == 3,
     };
     match row {
-        "SeriesRow" => all_series_columns().to_vec(),
+        "SeriesRow" => all_series_columns(),
         "AqsRow" => AqsRow::COLUMNS.to_vec(),
         "NewtonianRow" => NewtonianRow::COLUMNS.to_vec(),
         "FrameScalars" => FrameScalars::COLUMNS.to_vec(),
