@@ -47,9 +47,9 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     const TORQUE: usize = Self::AXES;
 
     /// The fields of a grain that the kernel reads, in one cache line or two.
-    type Record: Pod + Debug + PartialEq + Send + Sync;
+    type Record: Pod + Debug + Default + PartialEq + Send + Sync;
     /// Force and torque on a grain.
-    type Force: Pod + Debug + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
+    type Force: Pod + Debug + Default + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
     /// Each field of the records of sixteen grains.
     type Fields: Copy + Debug + Default + AsRef<[Lanes16]> + AsMut<[Lanes16]> + Send + Sync;
 

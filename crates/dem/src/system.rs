@@ -68,7 +68,7 @@ pub struct System<D: Dimension> {
 }
 
 /// How long the list of pairs remains complete.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct List {
     /// Greatest diameter (m), and greatest gap of grains in contact (m).
     diameter: f64,
@@ -129,25 +129,12 @@ impl List {
         let range = Self::range(exchange.size(), cell, diameter, wished)?;
         Ok(Self {
             diameter,
-            gap: 0.0,
             skin: (FIRST_SKIN * mean_diameter).clamp(range[0], range[1]),
             wished,
             range,
             every: bookkeeping.rebuild_every,
-            built: 0,
-            rebuilds: 0,
-            due: false,
-            bound: 0.0,
-            travelled: 0.0,
-            worked: 0.0,
-            reach: 0.0,
-            reach_when_sorted: 0.0,
-            rounding: 0.0,
-            images_moved: 0.0,
             height: f64::INFINITY,
-            origin: Vec::new(),
-            planes: [0.0; 2],
-            unsound: false,
+            ..Self::default()
         })
     }
 

@@ -47,7 +47,7 @@ pub struct Lanes16(pub [f64; LANES]);
 
 /// Eight f64 on one cache line. The record of a grain, which the kernel reads, takes one or two.
 /// One holds force and torque on a sphere, and padding.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct CacheLine(pub [f64; 8]);
 
@@ -57,7 +57,7 @@ impl Lanes16 {
 }
 
 /// Force and torque on a disk, and padding: half a cache line.
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[derive(Debug, Default, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub struct Force2(pub [f64; 4]);
 
