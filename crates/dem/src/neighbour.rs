@@ -328,12 +328,11 @@ pub fn pairs<D: Dimension>(
             skin: cutoff.skin,
         });
     });
-    let mut parts = parts.into_iter();
-    let first = parts.next().unwrap_or_default();
-    parts.fold(first, |mut pairs, more| {
+    let joined = parts.into_iter().reduce(|mut pairs, more| {
         pairs.extend(more);
         pairs
-    })
+    });
+    joined.unwrap_or_default()
 }
 
 /// The search for pairs, each of which is found from the first of its two in [`Bins::member`].

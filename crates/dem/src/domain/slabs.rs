@@ -274,12 +274,9 @@ impl<D: Dimension> Slabs<D> {
         // A message and not a rule: two ranks might round differently.
         let mut answers = vec![Vec::new(); exchange.size()];
         for link in &self.links {
-            answers[link.rank] = needed[link.ghosts.clone()].to_vec();
+            let of_ghosts = needed[link.ghosts.clone()].iter();
+            answers[link.rank] = of_ghosts.map(|&kept| u8::from(kept)).collect();
         }
-        let answers: Vec<Vec<u8>> = answers
-            .iter()
-            .map(|answer| answer.iter().map(|&kept| u8::from(kept)).collect())
-            .collect();
         let received = exchange.all_to_all(answers);
         let number = grains.retain(&needed);
         for g in pairs.iter_mut().flat_map(|pair| &mut pair.grains) {

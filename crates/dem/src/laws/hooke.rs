@@ -36,11 +36,9 @@ use super::keys::{
 };
 use super::rolling::{self, Rolling, rolling_force};
 use super::rolling_spheres::between_spheres;
-use super::{Constants, Contact, LawKind, Rigidity, with_limits};
+use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{
-    Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector,
-};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, scaled_sum};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask};
@@ -160,12 +158,14 @@ impl Constants for Springs {
     }
 
     fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
-        fn make<const FRICTION: bool, const ROLLING: bool>(
-            (springs, contact): (&Springs, &Contact),
-        ) -> Box<dyn PairForce<Two>> {
-            Box::new(Hooke::<Two, FRICTION, ROLLING>::new(springs, contact))
-        }
-        Some(with_limits!(contact, make, (self, contact)))
+        Some(
+            match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
+                (false, false) => Box::new(Hooke::<Two, false, false>::new(self, contact)),
+                (false, true) => Box::new(Hooke::<Two, false, true>::new(self, contact)),
+                (true, false) => Box::new(Hooke::<Two, true, false>::new(self, contact)),
+                (true, true) => Box::new(Hooke::<Two, true, true>::new(self, contact)),
+            },
+        )
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
@@ -348,7 +348,6 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         }
         [normal, tangential, rolling]
     }
-
 }
 
 impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness

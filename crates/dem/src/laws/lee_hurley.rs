@@ -32,11 +32,9 @@ use super::keys::{
     YOUNG_MODULUS,
 };
 use super::rolling::{self, Rolling, rolling_force};
-use super::{Constants, Contact, LawKind, Rigidity, with_limits};
+use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{
-    Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar,
-};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, Portable, inverse, inverse_sqrt, ln};
@@ -149,12 +147,14 @@ impl Constants for Material {
     }
 
     fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
-        fn make<const FRICTION: bool, const ROLLING: bool>(
-            (material, contact): (&Material, &Contact),
-        ) -> Box<dyn PairForce<Two>> {
-            Box::new(LeeHurley::<FRICTION, ROLLING>::new(material, contact))
-        }
-        Some(with_limits!(contact, make, (self, contact)))
+        Some(
+            match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
+                (false, false) => Box::new(LeeHurley::<false, false>::new(self, contact)),
+                (false, true) => Box::new(LeeHurley::<false, true>::new(self, contact)),
+                (true, false) => Box::new(LeeHurley::<true, false>::new(self, contact)),
+                (true, true) => Box::new(LeeHurley::<true, true>::new(self, contact)),
+            },
+        )
     }
 }
 

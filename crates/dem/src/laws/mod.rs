@@ -318,17 +318,3 @@ impl LawSpace for Three {
         Some(Attracting::beside(force, contact.attraction))
     }
 }
-
-/// Calls `$make::<FRICTION, ROLLING>` for the friction and rolling resistance of the contacts.
-macro_rules! with_limits {
-    ($contact:expr, $make:ident, $args:expr) => {{
-        let contact: &$crate::laws::Contact = $contact;
-        match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
-            (false, false) => $make::<false, false>($args),
-            (false, true) => $make::<false, true>($args),
-            (true, false) => $make::<true, false>($args),
-            (true, true) => $make::<true, true>($args),
-        }
-    }};
-}
-pub(crate) use with_limits;
