@@ -9,7 +9,7 @@ use std::ops::DerefMut;
 
 use bytemuck::Pod;
 
-use crate::simd::{CacheLine, Force2, Lanes, Lanes16, PairList};
+use crate::simd::{CacheLine, Force2, Lanes, Lanes16, PairBlock};
 
 /// A vector of lanes.
 pub type Vector<L> = [L; 3];
@@ -69,21 +69,13 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[Self::Record],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         differences: &mut Self::Fields,
         of_j: &mut [Lanes16; 8],
     );
-    /// Adds forces and torques to the grains of a block of pairs: (`force`, `torque_i`) to i,
-    /// (-`force`, `torque_j`) to j.
-    fn add_forces<L: Lanes>(
-        force: Vector<L>,
-        torque_i: Vector<L>,
-        torque_j: Vector<L>,
-        sums: &mut [Self::Force],
-        list: &PairList,
-        block: usize,
-    );
+    /// Adds forces and torques to the grains of a block of pairs. The terms are the force on i, the
+    /// torque on i, and that on j.
+    fn add_forces<L: Lanes>(terms: [Vector<L>; 3], sums: &mut [Self::Force], pairs: PairBlock<'_>);
 
     /// a·b.
     fn dot<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> L;
@@ -152,14 +144,13 @@ impl Dimension for Two {
     fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[[CacheLine; 1]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         differences: &mut [Lanes16; 8],
         of_j: &mut [Lanes16; 8],
     ) {
-        L::differences::<0, 1>(token, records, list, block, differences, None);
+        L::differences::<0, 1>(token, records, pairs, differences, None);
         if FRICTION {
-            let [half, full] = L::last_two_of_j::<0, 1>(token, records, list, block);
+            let [half, full] = L::last_two_of_j::<0, 1>(token, records, pairs);
             half.store(&mut of_j[0]);
             full.store(&mut of_j[1]);
         }
@@ -167,15 +158,12 @@ impl Dimension for Two {
 
     #[inline(always)]
     fn add_forces<L: Lanes>(
-        force: Vector<L>,
-        torque_i: Vector<L>,
-        torque_j: Vector<L>,
+        [force, torque_i, torque_j]: [Vector<L>; 3],
         sums: &mut [Force2],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
     ) {
         let terms = [force[0], force[1], torque_i[0], torque_j[0]];
-        L::add_forces_2d(terms, sums, list, block);
+        L::add_forces_2d(terms, sums, pairs);
     }
 
     #[inline(always)]
@@ -246,26 +234,18 @@ impl Dimension for Three {
     fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[[CacheLine; 2]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         differences: &mut [Lanes16; 16],
         of_j: &mut [Lanes16; 8],
     ) {
         let (lines, _) = differences.as_chunks_mut();
-        L::differences::<0, 2>(token, records, list, block, &mut lines[0], None);
-        L::differences::<1, 2>(token, records, list, block, &mut lines[1], Some(of_j));
+        L::differences::<0, 2>(token, records, pairs, &mut lines[0], None);
+        L::differences::<1, 2>(token, records, pairs, &mut lines[1], Some(of_j));
     }
 
     #[inline(always)]
-    fn add_forces<L: Lanes>(
-        force: Vector<L>,
-        torque_i: Vector<L>,
-        torque_j: Vector<L>,
-        sums: &mut [CacheLine],
-        list: &PairList,
-        block: usize,
-    ) {
-        L::add_forces_3d([force, torque_i, torque_j], sums, list, block);
+    fn add_forces<L: Lanes>(terms: [Vector<L>; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+        L::add_forces_3d(terms, sums, pairs);
     }
 
     #[inline(always)]

@@ -534,7 +534,9 @@ impl<D: Dimension> System<D> {
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
             .attach_ghosts(exchange, self.cell, &mut self.grains, cutoff);
-        self.make_list(exchange, law, drive, |id| Remembered::sorted(&contacts, law, id));
+        self.make_list(exchange, law, drive, |id| {
+            Remembered::sorted(&contacts, law, id)
+        });
         self.list.reach_when_sorted = self.list.reach;
         Ok(())
     }

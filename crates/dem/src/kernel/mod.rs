@@ -330,9 +330,8 @@ fn prefetch_blocks<D: Dimension>(pass: &Pass<'_, D>, blocks: Range<usize>) {
         prefetch_all(&part.geometry[of(1)]);
     }
     for block in blocks {
-        let block = part.first + block;
-        prefetch(pass.record, part.pairs, block);
-        prefetch(pass.force, part.pairs, block);
+        prefetch(pass.record, part.pairs(block));
+        prefetch(pass.force, part.pairs(block));
     }
 }
 
@@ -347,11 +346,11 @@ fn load_differences<C: ContactLaw, L: Lanes>(
     let (record, part) = (pass.record, &pass.part);
     let scratch = scratch.difference.iter_mut().zip(&mut scratch.of_j);
     for (block, (difference, of_j)) in chunk.zip(scratch) {
-        let block = part.first + block;
+        let pairs = part.pairs(block);
         if C::FRICTION {
-            C::Space::load::<L, true>(token, record, part.pairs, block, difference, of_j);
+            C::Space::load::<L, true>(token, record, pairs, difference, of_j);
         } else {
-            C::Space::load::<L, false>(token, record, part.pairs, block, difference, of_j);
+            C::Space::load::<L, false>(token, record, pairs, difference, of_j);
         }
     }
 }
@@ -628,14 +627,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
             on_i[k] = (on_i[k] + torque_shift) - torque_shift;
             on_j[k] = (on_j[k] + torque_shift) - torque_shift;
         }
-        C::Space::add_forces(
-            force,
-            on_i,
-            on_j,
-            sums,
-            contacts.pairs,
-            contacts.first + block,
-        );
+        C::Space::add_forces([force, on_i, on_j], sums, contacts.pairs(block));
     }
     outside
 }
@@ -683,14 +675,7 @@ fn add_attraction<D: Dimension, L: Lanes>(
             normal.store(&mut samples.normal[block]);
         }
         let none = [zero; 3];
-        D::add_forces(
-            force,
-            none,
-            none,
-            pass.force,
-            contacts.pairs,
-            contacts.first + block,
-        );
+        D::add_forces([force, none, none], pass.force, contacts.pairs(block));
     }
 }
 

@@ -100,7 +100,8 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             }
         } else {
             let inner = contacts.first + block < contacts.inner;
-            contacts.asleep_until[block] = asleep_until(motion, pass.input.travelled.filter(|_| inner));
+            contacts.asleep_until[block] =
+                asleep_until(motion, pass.input.travelled.filter(|_| inner));
         }
         let opened = if attracts { before & !*touching } else { 0 };
         if new | opened != 0 {

@@ -28,8 +28,8 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CARRY, CHUNK, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning,
-    add_damping, dissipation, exceeds, set_back, vector,
+    Blocks, CARRY, CHUNK, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, add_damping,
+    dissipation, exceeds, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;

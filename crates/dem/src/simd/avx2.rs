@@ -17,8 +17,8 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::vector::{operations, registers, rounding_to_eighths, token};
 use super::{
-    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
-    PairList, Pairs, TO_INTEGER, Work,
+    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask, PairBlock,
+    Pairs, TO_INTEGER, Work,
 };
 
 token!(Avx2, Avx2Token, "AVX2 and FMA", ["avx2" "fma"]);
@@ -157,12 +157,11 @@ impl Lanes for Avx2 {
     fn differences<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         out: &mut [Lanes16; 8],
         mut of_j: Option<&mut [Lanes16; 8]>,
     ) {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         for lane in (0..LANES).step_by(4) {
             for from in [0, 4] {
                 // SAFETY: the token proves AVX2; the indices were checked by `within`, and every
@@ -187,10 +186,9 @@ impl Lanes for Avx2 {
     fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
     ) -> [Self; 2] {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         // SAFETY: the token proves AVX2; the indices were checked by `within`, and a cache line
         // holds eight f64, of which the last two are read.
         unsafe {
@@ -208,8 +206,8 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         // SAFETY: a value of this type is only made from a token; the indices were checked by
         // `within`, and every element of `sums` holds four f64 and is aligned.
         unsafe {
@@ -231,8 +229,8 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         // SAFETY: a value of this type is only made from a token; the indices were checked by
         // `within`, and every element of `sums` holds eight f64 and is aligned.
         unsafe {

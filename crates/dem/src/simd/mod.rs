@@ -149,17 +149,32 @@ impl PairList {
         self.blocks.capacity() * size_of::<Pairs>() + self.below.capacity() * size_of::<u32>()
     }
 
-    /// A block; checks that all its indices are below `length`.
+    /// A block.
+    #[inline(always)]
+    pub fn block(&self, block: usize) -> PairBlock<'_> {
+        PairBlock { list: self, block }
+    }
+}
+
+/// A block of a list of pairs.
+#[derive(Debug, Clone, Copy)]
+pub struct PairBlock<'a> {
+    list: &'a PairList,
+    block: usize,
+}
+
+impl<'a> PairBlock<'a> {
+    /// The pairs; checks that all their indices are below `length`.
     ///
     /// # Panics
     /// If one is not.
     #[inline(always)]
-    fn within(&self, block: usize, length: usize) -> &Pairs {
+    fn within(self, length: usize) -> &'a Pairs {
         assert!(
-            self.below[block] as usize <= length,
+            self.list.below[self.block] as usize <= length,
             "a pair of the list has an index outside the grains"
         );
-        &self.blocks[block]
+        &self.list.blocks[self.block]
     }
 }
 
@@ -239,8 +254,7 @@ pub trait Lanes:
     fn differences<const LINE: usize, const LINES: usize>(
         token: Self::Token,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         out: &mut [Lanes16; 8],
         of_j: Option<&mut [Lanes16; 8]>,
     );
@@ -251,21 +265,20 @@ pub trait Lanes:
     fn last_two_of_j<const LINE: usize, const LINES: usize>(
         token: Self::Token,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
     ) -> [Self; 2];
     /// Adds (a, b, c, 0) to `sums[i]` and (-a, -b, d, 0) to `sums[j]` of a block of pairs, pair by
     /// pair; `terms` are a, b, c, d.
     ///
     /// # Panics
     /// If an index of the list is outside `sums`.
-    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize);
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], pairs: PairBlock<'_>);
     /// Adds (a, b, 0, 0) to `sums[i]` and (-a, c, 0, 0) to `sums[j]`; `terms` are the vectors a, b,
     /// c.
     ///
     /// # Panics
     /// If an index of the list is outside `sums`.
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], list: &PairList, block: usize);
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>);
 }
 
 /// Prefetches a cache line into the second-level cache: the first one is too small for all of a
@@ -284,8 +297,8 @@ fn prefetch_line(line: *const i8) {
 
 /// Prefetches the elements of `of` at the second indices of a block of pairs.
 #[inline(always)]
-pub fn prefetch<T>(of: &[T], list: &PairList, block: usize) {
-    for &j in &list.within(block, of.len()).j {
+pub fn prefetch<T>(of: &[T], pairs: PairBlock<'_>) {
+    for &j in &pairs.within(of.len()).j {
         let first = of.as_ptr().wrapping_add(j as usize).cast::<i8>();
         for line in 0..size_of::<T>().div_ceil(64) {
             prefetch_line(first.wrapping_add(64 * line));
@@ -448,12 +461,13 @@ mod tests {
             inverse_sqrt::<L>(token, L::load(token, &positive)),
         ];
         let mut rows = [Lanes16::ZERO; 8];
-        L::differences::<0, 2>(token, &records, &list, 0, &mut rows, None);
+        let pairs = list.block(0);
+        L::differences::<0, 2>(token, &records, pairs, &mut rows, None);
         out.extend(rows.iter().map(|row| L::load(token, row)));
         let mut of_j = rows;
-        L::differences::<1, 2>(token, &records, &list, 0, &mut rows, Some(&mut of_j));
+        L::differences::<1, 2>(token, &records, pairs, &mut rows, Some(&mut of_j));
         out.extend(rows.iter().chain(&of_j).map(|row| L::load(token, row)));
-        out.extend(L::last_two_of_j::<1, 2>(token, &records, &list, 0));
+        out.extend(L::last_two_of_j::<1, 2>(token, &records, pairs));
         let mut bits = Vec::new();
         for lanes in out {
             let mut row = Lanes16::ZERO;
@@ -461,11 +475,13 @@ mod tests {
             bits.extend(row.0.map(f64::to_bits));
         }
         let mut sums: Vec<Force2> = (0..20).map(|k| Force2([0.1 * f64::from(k); 4])).collect();
-        L::add_forces_2d([x, y, x + y, x - y], &mut sums, &list, 0);
+        L::add_forces_2d([x, y, x + y, x - y], &mut sums, pairs);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
-        let mut sums: Vec<CacheLine> = (0..20).map(|k| CacheLine([0.1 * f64::from(k); 8])).collect();
+        let mut sums: Vec<CacheLine> = (0..20)
+            .map(|k| CacheLine([0.1 * f64::from(k); 8]))
+            .collect();
         let terms = [[x, y, x + y], [x - y, x * y, -x], [y, -y, y - x]];
-        L::add_forces_3d(terms, &mut sums, &list, 0);
+        L::add_forces_3d(terms, &mut sums, pairs);
         bits.extend(sums.iter().flat_map(|q| q.0.map(f64::to_bits)));
         let small = L::splat(token, 2.5)
             .max(x)

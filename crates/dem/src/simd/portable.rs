@@ -7,8 +7,8 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
-    PairList, TO_INTEGER,
+    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask, PairBlock,
+    TO_INTEGER,
 };
 
 /// The token of the portable lanes; every processor has it.
@@ -223,12 +223,11 @@ impl Lanes for Portable {
     fn differences<const LINE: usize, const LINES: usize>(
         _: PortableToken,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         out: &mut [Lanes16; 8],
         mut of_j: Option<&mut [Lanes16; 8]>,
     ) {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         for lane in 0..LANES {
             let (a, b) = (
                 &records[pairs.i[lane] as usize][LINE],
@@ -253,17 +252,16 @@ impl Lanes for Portable {
     fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: PortableToken,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
     ) -> [Self; 2] {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         [6, 7].map(|field| Portable(pairs.j.map(|j| records[j as usize][LINE].0[field])))
     }
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         let [a, b, c, d] = terms;
         for lane in 0..LANES {
             let on_i = &mut sums[pairs.i[lane] as usize].0;
@@ -279,8 +277,8 @@ impl Lanes for Portable {
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         let [a, b, c] = terms;
         for lane in 0..LANES {
             for k in 0..3 {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::contact::TORQUES;
 use crate::contact::model::{Elastic, PairModel};
-use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs, clear_for};
+use crate::simd::{Isa, LANES, Lanes16, PairBlock, PairList, Pairs, clear_for};
 use crate::workers::{self, Workers, tail, tail_mut};
 
 use super::ContactState;
@@ -651,6 +651,12 @@ impl<'a> BlockRange<'a> {
     /// Number of blocks.
     pub fn blocks(&self) -> usize {
         self.geometry.len()
+    }
+
+    /// The pairs of a block of the part.
+    #[inline(always)]
+    pub fn pairs(&self, block: usize) -> PairBlock<'a> {
+        self.pairs.block(self.first + block)
     }
 
     /// The next blocks that are awake, at most `most` of them, from block `from` of the part on,
