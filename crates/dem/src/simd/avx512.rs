@@ -60,23 +60,17 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn greater(self, other: Self) -> Mask512 {
         // SAFETY: a value of this type is only made from a token.
-        Mask512(unsafe {
-            [
-                _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[0], other.0[0]),
-                _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[1], other.0[1]),
-            ]
-        })
+        Mask512(each(|k| unsafe {
+            _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[k], other.0[k])
+        }))
     }
 
     #[inline(always)]
     fn select(self, mask: Mask512, other: Self) -> Self {
         // SAFETY: a value of this type is only made from a token.
-        Avx512(unsafe {
-            [
-                _mm512_mask_blend_pd(mask.0[0], other.0[0], self.0[0]),
-                _mm512_mask_blend_pd(mask.0[1], other.0[1], self.0[1]),
-            ]
-        })
+        Avx512(each(|k| unsafe {
+            _mm512_mask_blend_pd(mask.0[k], other.0[k], self.0[k])
+        }))
     }
 
     #[inline(always)]
@@ -97,10 +91,7 @@ impl Lanes for Avx512 {
             (
                 self.map(|x| _mm512_getexp_pd(_mm512_castsi512_pd(rounded(x)))),
                 self.map(|x| mantissa_about_one(x)),
-                Eighths512([
-                    _mm512_srli_epi64::<49>(rounded(self.0[0])),
-                    _mm512_srli_epi64::<49>(rounded(self.0[1])),
-                ]),
+                Eighths512(each(|k| _mm512_srli_epi64::<49>(rounded(self.0[k])))),
             )
         }
     }
@@ -109,13 +100,10 @@ impl Lanes for Avx512 {
     fn look_up(_: Avx512Token, table: &[f64; 8], k: Eighths512) -> Self {
         // SAFETY: the token proves that the processor has AVX-512; eight f64 are read; of an index
         // the last three bits count.
-        Avx512(unsafe {
+        unsafe {
             let table = _mm512_loadu_pd(table.as_ptr());
-            [
-                _mm512_permutexvar_pd(k.0[0], table),
-                _mm512_permutexvar_pd(k.0[1], table),
-            ]
-        })
+            Avx512(each(|n| _mm512_permutexvar_pd(k.0[n], table)))
+        }
     }
 
     #[inline(always)]
@@ -129,11 +117,9 @@ impl Lanes for Avx512 {
         let pairs = pairs.within(records.len());
         // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every cache
         // line holds eight f64 and is aligned.
-        let (a, b) = unsafe {
-            (
-                columns::<LINE, LINES>(records, pairs, 0),
-                columns::<LINE, LINES>(records, pairs, 8),
-            )
+        let [a, b] = unsafe {
+            let first = columns::<LINE, LINES>(records, pairs, 0);
+            [first, columns::<LINE, LINES>(records, pairs, 8)]
         };
         for (k, lanes) in out.iter_mut().enumerate() {
             Avx512([a[0][k], b[0][k]]).store(lanes);
@@ -153,19 +139,15 @@ impl Lanes for Avx512 {
         // SAFETY: the token proves AVX-512; the indices were checked by `within`, and a cache line
         // holds eight f64, of which the last two are read.
         unsafe {
-            let (a, b) = (
-                (
-                    four_ends::<LINE, LINES>(records, pairs, 0),
-                    four_ends::<LINE, LINES>(records, pairs, 1),
-                ),
-                (
-                    four_ends::<LINE, LINES>(records, pairs, 8),
-                    four_ends::<LINE, LINES>(records, pairs, 9),
-                ),
-            );
+            let mut even = [_mm512_setzero_pd(); 2];
+            let mut odd = even;
+            for k in 0..2 {
+                even[k] = four_ends::<LINE, LINES>(records, pairs, 8 * k);
+                odd[k] = four_ends::<LINE, LINES>(records, pairs, 8 * k + 1);
+            }
             [
-                Avx512([_mm512_unpacklo_pd(a.0, a.1), _mm512_unpacklo_pd(b.0, b.1)]),
-                Avx512([_mm512_unpackhi_pd(a.0, a.1), _mm512_unpackhi_pd(b.0, b.1)]),
+                Avx512(each(|k| _mm512_unpacklo_pd(even[k], odd[k]))),
+                Avx512(each(|k| _mm512_unpackhi_pd(even[k], odd[k]))),
             ]
         }
     }
@@ -243,10 +225,8 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
         let mut difference = [_mm512_setzero_pd(); 8];
         let mut of_j = difference;
         for k in 0..8 {
-            let (a, b) = (
-                &records.get_unchecked(pairs.i[first + k] as usize)[LINE],
-                &records.get_unchecked(pairs.j[first + k] as usize)[LINE],
-            );
+            let a = &records.get_unchecked(pairs.i[first + k] as usize)[LINE];
+            let b = &records.get_unchecked(pairs.j[first + k] as usize)[LINE];
             of_j[k] = _mm512_load_pd(b.0.as_ptr());
             let of_i = _mm512_load_pd(a.0.as_ptr());
             let subtracted = if LINE == 1 { 0x7f } else { 0xff };

@@ -57,6 +57,15 @@ operator!(Sub, sub);
 operator!(Mul, mul);
 operator!(Div, div);
 
+macro_rules! unary {
+    ($method:ident, $of_lane:expr) => {
+        #[inline(always)]
+        fn $method(self) -> Self {
+            self.map($of_lane)
+        }
+    };
+}
+
 impl Neg for Portable {
     type Output = Self;
     #[inline(always)]
@@ -108,20 +117,15 @@ impl Lanes for Portable {
         Portable(fused(&self.0, &factor.0, &term.0))
     }
 
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.map(f64::sqrt)
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        self.map(f64::abs)
-    }
-
-    #[inline(always)]
-    fn round(self) -> Self {
-        self.map(f64::round_ties_even)
-    }
+    unary!(sqrt, f64::sqrt);
+    unary!(abs, f64::abs);
+    unary!(round, f64::round_ties_even);
+    unary!(inverse_start, |x: f64| {
+        f64::from_bits(INVERSE_MAGIC.wrapping_sub(x.to_bits()))
+    });
+    unary!(inverse_sqrt_start, |x: f64| {
+        f64::from_bits(INVERSE_SQRT_MAGIC.wrapping_sub(x.to_bits() >> 1))
+    });
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
@@ -166,18 +170,11 @@ impl Lanes for Portable {
         let rounded = self.0.map(|x| x.to_bits().wrapping_add(1 << 48));
         let exponent = rounded.map(|b| ((b >> 52) as i64 - 1023) as f64);
         let mantissa = std::array::from_fn(|k| {
-            f64::from_bits(
-                self.0[k]
-                    .to_bits()
-                    .wrapping_add(1023 << 52)
-                    .wrapping_sub(rounded[k] & (0xfff << 52)),
-            )
+            let bits = self.0[k].to_bits().wrapping_add(1023 << 52);
+            f64::from_bits(bits.wrapping_sub(rounded[k] & (0xfff << 52)))
         });
-        (
-            Portable(exponent),
-            Portable(mantissa),
-            rounded.map(|b| (b >> 49 & 7) as u8),
-        )
+        let eighth = rounded.map(|b| (b >> 49 & 7) as u8);
+        (Portable(exponent), Portable(mantissa), eighth)
     }
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
@@ -208,16 +205,6 @@ impl Lanes for Portable {
         sums.iter().copied().map(i128::from).sum()
     }
 
-    #[inline(always)]
-    fn inverse_start(self) -> Self {
-        self.map(|x| f64::from_bits(INVERSE_MAGIC.wrapping_sub(x.to_bits())))
-    }
-
-    #[inline(always)]
-    fn inverse_sqrt_start(self) -> Self {
-        self.map(|x| f64::from_bits(INVERSE_SQRT_MAGIC.wrapping_sub(x.to_bits() >> 1)))
-    }
-
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn differences<const LINE: usize, const LINES: usize>(
@@ -229,17 +216,11 @@ impl Lanes for Portable {
     ) {
         let pairs = pairs.within(records.len());
         for lane in 0..LANES {
-            let (a, b) = (
-                &records[pairs.i[lane] as usize][LINE],
-                &records[pairs.j[lane] as usize][LINE],
-            );
+            let a = &records[pairs.i[lane] as usize][LINE];
+            let b = &records[pairs.j[lane] as usize][LINE];
             for field in 0..8 {
-                let subtracted = if LINE == 1 && field == 7 {
-                    0.0
-                } else {
-                    b.0[field]
-                };
-                out[field].0[lane] = a.0[field] - subtracted;
+                let is_last = LINE == 1 && field == 7;
+                out[field].0[lane] = a.0[field] - if is_last { 0.0 } else { b.0[field] };
                 if let Some(of_j) = &mut of_j {
                     of_j[field].0[lane] = b.0[field];
                 }

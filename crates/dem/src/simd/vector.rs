@@ -43,6 +43,13 @@ macro_rules! registers {
         #[derive(Debug, Clone, Copy)]
         pub struct $counts([$integers; [$($part),*].len()]);
 
+        /// `f` of the number of each register. Unlike `array::from_fn` it is always inlined; code
+        /// that is not inlined is not compiled for the instruction set.
+        #[inline(always)]
+        fn each<T>(f: impl Fn(usize) -> T) -> [T; [$($part),*].len()] {
+            [$(f($part)),*]
+        }
+
         impl $lanes {
             #[inline(always)]
             fn map(self, f: impl Fn($register) -> $register) -> Self {
