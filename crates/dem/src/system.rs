@@ -465,19 +465,19 @@ impl<D: Dimension> System<D> {
 
     /// The touching contacts of this rank, including those that another rank has as well.
     pub fn contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
-        self.contacts
-            .touching()
-            .map(|at| self.contacts.state(law, at, &self.grains.id))
-            .collect()
+        self.states_of(law, self.grains.local())
     }
 
     /// The touching contacts whose first grain this rank owns: each contact on one rank.
     pub fn owned_contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
-        self.contacts
-            .touching()
-            .filter(|at| at.i < self.grains.owned)
-            .map(|at| self.contacts.state(law, at, &self.grains.id))
-            .collect()
+        self.states_of(law, self.grains.owned)
+    }
+
+    /// The touching contacts whose first grain is one of the first `count`.
+    fn states_of(&self, law: &dyn PairModel, count: usize) -> Vec<ContactState> {
+        let chosen = self.contacts.touching().filter(|at| at.i < count);
+        let state = |at| self.contacts.state(law, at, &self.grains.id);
+        chosen.map(state).collect()
     }
 
     /// Migrates grains, sorts them, and makes a new list of pairs.

@@ -38,7 +38,7 @@ pub struct ThreadPool<D: Dimension> {
 
 /// The forces on all local grains by those contacts of one thread that are not within its share;
 /// only some pages are used. They are 0 between two passes.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct PartialForces<D: Dimension> {
     force: Vec<D::Force>,
     /// Whether each page is used.
@@ -59,13 +59,7 @@ impl<D: Dimension> ThreadPool<D> {
             workers: Workers::start(threads)?,
             shares: vec![0..0; threads.max(1)],
             scratch: Box::default(),
-            partial: (1..threads)
-                .map(|_| PartialForces {
-                    force: Vec::new(),
-                    used: Vec::new(),
-                    scratch: Box::default(),
-                })
-                .collect(),
+            partial: (1..threads).map(|_| PartialForces::default()).collect(),
             gathered_from: Vec::new(),
         })
     }

@@ -365,9 +365,7 @@ pub fn portable_exp(x: f64) -> f64 {
 
 /// A portable computation on one number.
 pub(crate) fn scalar(f: impl FnOnce(PortableToken) -> Portable) -> f64 {
-    let mut out = Lanes16::ZERO;
-    f(PortableToken).store(&mut out);
-    out.0[0]
+    f(PortableToken).to_lanes16().0[0]
 }
 
 #[cfg(test)]
@@ -428,11 +426,7 @@ pub(crate) mod tests {
             let vectors = [&[c(0.0); 3], &trial, &viscous];
             Limited::vector(PortableToken, vectors, c(2.0), share, [0, u16::MAX])
         };
-        let first = |lanes: Portable| {
-            let mut out = Lanes16::ZERO;
-            lanes.store(&mut out);
-            out.0[0]
-        };
+        let first = |lanes: Portable| lanes.to_lanes16().0[0];
         (f.elastic.map(first), f.viscous.map(first))
     }
 

@@ -447,10 +447,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         }
         let mut force = set_back(token, &earlier, trial, limit, masks);
         let compliance = c(1.0 / self.tangential_stiffness);
-        let mut spring = force;
-        for k in 0..3 {
-            spring[k] = (-gamma_t).mul_add(v_t[k], force[k]) * compliance;
-        }
+        let mut spring = scaled(&scaled_sum(-gamma_t, v_t, &force), compliance);
         if D::BOUNDS_SPRING {
             let (speed, per_speed) = norm(token, v_t);
             let bound = c(self.friction * self.normal_stiffness) * overlap;

@@ -147,14 +147,11 @@ impl Contacts {
         let mut parts = parts.into_iter().map(|(part, _)| part);
         *self = parts.next().unwrap_or_default();
         parts.for_each(|part| self.append(part));
-        self.shares = shares
-            .iter()
-            .enumerate()
-            .map(|(k, grains)| Share {
-                blocks: k.checked_sub(1).map_or(0, |before| ends[before])..ends[k],
-                grains: grains.clone(),
-            })
-            .collect();
+        let share = |(k, grains): (usize, &Range<usize>)| Share {
+            blocks: k.checked_sub(1).map_or(0, |before| ends[before])..ends[k],
+            grains: grains.clone(),
+        };
+        self.shares = shares.iter().enumerate().map(share).collect();
         self.inner = ends[shares.len()];
         self.owned_blocks = ends[shares.len() + 1];
         let blocks = self.geometry.len();
@@ -221,11 +218,9 @@ impl Contacts {
                 self.kinds.push(kind(&block[0]));
                 self.push(remembered, block, first_grain, radius);
                 let least = way_to_touch(block.iter().map(|p| p.gap).fold(f64::MAX, f64::min));
-                self.asleep_until.push(if inner {
-                    least
-                } else {
-                    2.0 * least - ghosts_move
-                });
+                let of_ghosts = 2.0 * least - ghosts_move;
+                self.asleep_until
+                    .push(if inner { least } else { of_ghosts });
             }
             self.geometry.len() - before
         };
@@ -292,13 +287,8 @@ impl Contacts {
 
     /// The local indices of the grains of a block.
     pub fn grains(&self, block: usize) -> Pairs {
-        let share = self
-            .shares
-            .partition_point(|share| share.blocks.end <= block);
-        let first = self
-            .shares
-            .get(share)
-            .map_or(0, |share| share.grains.start as u32);
+        let share = self.shares.iter().find(|share| block < share.blocks.end);
+        let first = share.map_or(0, |share| share.grains.start as u32);
         let mut pairs = self.pairs.blocks()[block];
         for g in pairs.i.iter_mut().chain(&mut pairs.j) {
             *g += first;
@@ -405,7 +395,6 @@ impl Contacts {
 
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
-        use std::mem::size_of;
         self.pairs.memory()
             + self.geometry.capacity() * size_of::<[Lanes16; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Lanes16>()
@@ -572,9 +561,8 @@ impl Ordered {
         remembered: &Remembered,
         id: &[u32],
     ) -> &mut [Listed] {
-        let widest = run
-            .iter()
-            .fold(f64::MIN_POSITIVE, |a, pair| a.max(pair.gap));
+        let gaps = run.iter().map(|pair| pair.gap);
+        let widest = gaps.fold(f64::MIN_POSITIVE, f64::max);
         let per_gap = (CLASSES - 2) as f64 / widest;
         self.found.clear();
         self.found.extend(run.iter().map(|pair| {

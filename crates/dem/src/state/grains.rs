@@ -385,7 +385,6 @@ impl<D: Dimension> Grains<D> {
 
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
-        use std::mem::size_of;
         (self.id.capacity() + self.body.capacity()) * size_of::<u32>()
             + (self.radius.capacity() + self.mass.capacity()) * size_of::<f64>()
             + self.material.capacity() * size_of::<u64>()
