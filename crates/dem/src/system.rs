@@ -113,26 +113,20 @@ pub struct List {
 impl List {
     /// Fails unless each of `exchange.size()` slabs, and the cell along the other axes, is wider
     /// than the cutoff.
-    fn new(
-        exchange: &dyn Exchange,
-        bookkeeping: &ListSettings,
-        cell: Cell,
-        largest_radius: f64,
-        mean_diameter: f64,
-    ) -> Result<Self, Failure> {
-        let diameter = 2.0 * largest_radius;
-        let wished = match bookkeeping.skin {
+    fn new(exchange: &dyn Exchange, of: &Setup) -> Result<Self, Failure> {
+        let diameter = 2.0 * of.largest_radius;
+        let wished = match of.list.skin {
             Some(skin) => [skin; 2],
             None => [THINNEST_SKIN, THICKEST_SKIN],
         };
-        let wished = wished.map(|skin| skin * mean_diameter);
-        let range = Self::range(exchange.size(), cell, diameter, wished)?;
+        let wished = wished.map(|skin| skin * of.mean_diameter);
+        let range = Self::range(exchange.size(), of.cell, diameter, wished)?;
         Ok(Self {
             diameter,
-            skin: (FIRST_SKIN * mean_diameter).clamp(range[0], range[1]),
+            skin: (FIRST_SKIN * of.mean_diameter).clamp(range[0], range[1]),
             wished,
             range,
-            every: bookkeeping.rebuild_every,
+            every: of.list.rebuild_every,
             height: f64::INFINITY,
             ..Self::default()
         })
@@ -368,6 +362,7 @@ impl<D: Dimension> System<D> {
     /// If the slabs would be too narrow, or the threads cannot be started.
     pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self, Failure> {
         Ok(Self {
+            list: List::new(exchange, &of)?,
             isa: of.isa,
             cell: of.cell,
             masses: of.masses,
@@ -378,13 +373,6 @@ impl<D: Dimension> System<D> {
             grains: Grains::default(),
             contacts: Contacts::default(),
             slabs: Slabs::new(exchange, of.cell.periods[0]),
-            list: List::new(
-                exchange,
-                &of.list,
-                of.cell,
-                of.largest_radius,
-                of.mean_diameter,
-            )?,
             second_kick_deferred: false,
             clock: Clock::default(),
             pool: ThreadPool::new(of.threads)?,
@@ -571,27 +559,20 @@ impl<D: Dimension> System<D> {
         if let (Some(flat), Some(planes)) = (self.flat, drive.planes()) {
             candidates.extend(self.grains.stand_on(flat, planes, cutoff.skin));
         }
-        let Grains {
-            id,
-            radius,
-            material,
-            owned,
-            feet,
-            ..
-        } = &self.grains;
-        self.pool.divide(&candidates, *owned);
+        let grains = &self.grains;
+        self.pool.divide(&candidates, grains.owned);
         self.contacts.replace(
             self.isa,
             self.pool.workers(),
             law,
             &candidates,
-            &remembered(id),
+            &remembered(&grains.id),
             LocalGrains {
-                id,
-                radius,
-                material,
-                owned: *owned,
-                has_feet: !feet.is_empty(),
+                id: &grains.id,
+                radius: &grains.radius,
+                material: &grains.material,
+                owned: grains.owned,
+                has_feet: !grains.feet.is_empty(),
                 shares: self.pool.shares(),
                 ghosts_move: 0.5 * self.list.skin,
             },
@@ -607,10 +588,9 @@ impl<D: Dimension> System<D> {
         self.list.height = sheared.map_or(f64::INFINITY, |sheared| sheared.height);
         self.list.built = self.steps;
         self.list.rebuilds += 1;
+        let origins = (0..self.grains.owned).map(|g| self.grains.position(g));
         self.list.origin.clear();
-        self.list
-            .origin
-            .extend((0..self.grains.owned).map(|g| self.grains.position(g)));
+        self.list.origin.extend(origins);
         let coordinates = self.list.origin.as_flattened().iter();
         let greatest = coordinates.fold(0.0, |a: f64, x| a.max(x.abs()));
         self.list.rounding = 2.0 * f64::EPSILON * greatest;
@@ -640,6 +620,15 @@ impl<D: Dimension> System<D> {
     /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
         let place = |g: usize| self.place(g);
+        let velocity = |of: &[f64]| -> [f64; 3] {
+            std::array::from_fn(|axis| {
+                if axis < D::AXES {
+                    of[D::VELOCITY + axis]
+                } else {
+                    0.0
+                }
+            })
+        };
         let message = match outside {
             None => String::new(),
             Some(why @ (Outside::Pair(block, lane) | Outside::Force(block, lane))) => {
@@ -649,12 +638,8 @@ impl<D: Dimension> System<D> {
                 let distance = length(self.cell.separation::<D>(a, b));
                 let sum = self.contacts.geometry[block][0].0[lane];
                 let (id, at, partner) = (self.id(i), place(i), self.partner(j));
-                let kind = if self.grains.is_foot(j) {
-                    "grain"
-                } else {
-                    "grains"
-                };
-                let grains = format!("{kind} {id} at {at} and {partner}");
+                let plural = if self.grains.is_foot(j) { "" } else { "s" };
+                let grains = format!("grain{plural} {id} at {at} and {partner}");
                 if let Outside::Pair(..) = why {
                     format!(
                         "{grains} overlap by {:.3e} m, {:.1} % of the sum of their radii: outside the contact law",
@@ -662,10 +647,8 @@ impl<D: Dimension> System<D> {
                         100.0 * (1.0 - distance / sum),
                     )
                 } else {
-                    let velocity = D::VELOCITY..D::VELOCITY + D::AXES;
-                    let difference = |axis| a[axis] - b[axis];
-                    let squares = velocity.map(difference).map(|v: f64| v * v);
-                    let speed = squares.sum::<f64>().sqrt();
+                    let (of_a, of_b) = (velocity(a), velocity(b));
+                    let speed = length(std::array::from_fn(|axis| of_a[axis] - of_b[axis]));
                     format!(
                         "{grains} collide too fast, at {speed:.3e} m/s: the damping force is greater than any elastic force of the contact law",
                     )
@@ -701,11 +684,7 @@ impl<D: Dimension> System<D> {
                         self.id(g),
                         place(g),
                         0.5 * self.list.skin,
-                        length(std::array::from_fn(|axis| if axis < D::AXES {
-                            self.grains.fields(g)[D::VELOCITY + axis]
-                        } else {
-                            0.0
-                        })),
+                        length(velocity(self.grains.fields(g))),
                     )
                 }
             }

@@ -165,15 +165,15 @@ impl Work for Potential<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) {
         let load = |lanes: &Lanes16| L::load(token, lanes);
+        let attraction = self.attraction;
         let overlaps = self.blocks.overlap.iter().zip(self.hertzian);
         let blocks = self.blocks.geometry.iter().zip(overlaps);
         for (([sum, r_i], (overlap, hertzian)), out) in blocks.zip(self.out) {
             let overlaps = [load(overlap), load(hertzian)];
             let radii = [load(sum), load(r_i)];
-            let of = self
-                .attraction
-                .potential(token, radii, overlaps, load(&out[0]));
-            of.store(&mut out[0]);
+            let energy = load(&out[0]);
+            let energy = attraction.potential(token, radii, overlaps, energy);
+            energy.store(&mut out[0]);
         }
     }
 }

@@ -291,10 +291,8 @@ impl std::ops::Deref for Law {
 /// Laws are equal if their kinds and values are.
 impl PartialEq for Law {
     fn eq(&self, other: &Self) -> bool {
-        let values = |law: &Self| -> Vec<(&'static str, f64)> {
-            law.given.iter().map(|(key, x)| (key.path, *x)).collect()
-        };
-        self.kind.name == other.kind.name && values(self) == values(other)
+        let [one, two] = [self, other].map(|law| law.given.iter().map(|(key, x)| (key.path, *x)));
+        self.kind.name == other.kind.name && one.eq(two)
     }
 }
 
