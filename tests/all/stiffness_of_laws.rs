@@ -176,7 +176,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
         let mut samples = ContactForces::default();
         self.forces(Some(&mut samples));
         self.system.grains_mut().record.copy_from_slice(&before);
-        let rows = self.law.history_lanes();
+        let rows = self.law.layout().history.len();
         let at: Vec<_> = self.system.contacts.touching().collect();
         for (k, at) in at.into_iter().enumerate() {
             let radius = &self.system.grains().radius;
@@ -189,7 +189,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
             let tangential = tangential.iter().map(|t| t * t).sum::<f64>().sqrt();
             let history = &mut self.system.contacts.history[at.block * rows..][..rows];
             let part = 0.7 + 0.2 * random.random_range(-1.0..1.0);
-            if self.law.has_friction() && contact.friction > 0.0 {
+            if self.law.layout().has_friction && contact.friction > 0.0 {
                 let beyond = if k % 5 == 0 { 14.0 } else { 1.0 };
                 let scale = beyond * part * contact.friction * normal / tangential;
                 for row in &mut history[..D::SPINS] {
@@ -565,7 +565,7 @@ fn rolling_resistance_reaches_the_forces() {
         };
         let law = Law::read(kind, &mut Examples);
         let force = Two::pair_force(&law, &contact).expect("a law of disks");
-        force.history_lanes()
+        force.layout().history.len()
     };
     for kind in LAWS.iter().filter(|kind| kind.rolling) {
         assert_eq!(rows(kind, 0.1), rows(kind, 0.0) + 1, "{}", kind.name);

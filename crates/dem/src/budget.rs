@@ -71,16 +71,11 @@ pub struct Begin {
     /// Height of the piston (m).
     pub height: f64,
     /// Potential energy of a sample that its weight loads (J; J/m in 2D).
-    #[serde(default, skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "crate::drive::is_zero")]
     pub potential: f64,
     /// Gravity (m/s²). With another one, in a branch, the budget begins again.
     #[serde(default, skip_serializing_if = "is_weightless")]
     pub gravity: [f64; 2],
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it")]
-fn is_zero(x: &f64) -> bool {
-    x.to_bits() == 0
 }
 
 fn is_weightless(gravity: &[f64; 2]) -> bool {

@@ -9,7 +9,7 @@ use std::ops::DerefMut;
 
 use bytemuck::Pod;
 
-use crate::simd::{CacheLine, Force2, Force3, Lanes, Lanes16, PairList};
+use crate::simd::{CacheLine, Force2, Lanes, Lanes16, PairBlock};
 
 /// A vector of lanes.
 pub type Vector<L> = [L; 3];
@@ -47,13 +47,11 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     const TORQUE: usize = Self::AXES;
 
     /// The fields of a grain that the kernel reads, in one cache line or two.
-    type Record: Pod + Debug + PartialEq + Send + Sync;
+    type Record: Pod + Debug + Default + PartialEq + Send + Sync;
     /// Force and torque on a grain.
-    type Force: Pod + Debug + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
+    type Force: Pod + Debug + Default + PartialEq + Send + Sync + DerefMut<Target = [f64]>;
     /// Each field of the records of sixteen grains.
-    type Fields: Copy + Debug + AsRef<[Lanes16]> + AsMut<[Lanes16]> + Send + Sync;
-    /// Zeros.
-    const NO_FIELDS: Self::Fields;
+    type Fields: Copy + Debug + Default + AsRef<[Lanes16]> + AsMut<[Lanes16]> + Send + Sync;
 
     /// The numbers of a record.
     fn fields(record: &Self::Record) -> &[f64];
@@ -71,21 +69,13 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[Self::Record],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         differences: &mut Self::Fields,
         of_j: &mut [Lanes16; 8],
     );
-    /// Adds forces and torques to the grains of a block of pairs: (`force`, `torque_i`) to i,
-    /// (-`force`, `torque_j`) to j.
-    fn add_forces<L: Lanes>(
-        force: Vector<L>,
-        torque_i: Vector<L>,
-        torque_j: Vector<L>,
-        sums: &mut [Self::Force],
-        list: &PairList,
-        block: usize,
-    );
+    /// Adds forces and torques to the grains of a block of pairs. The terms are the force on i, the
+    /// torque on i, and that on j.
+    fn add_forces<L: Lanes>(terms: [Vector<L>; 3], sums: &mut [Self::Force], pairs: PairBlock<'_>);
 
     /// a·b.
     fn dot<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> L;
@@ -97,6 +87,16 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     fn moment<L: Lanes>(n: &Vector<L>, f: &Vector<L>) -> Vector<L>;
     /// F_n n + F_t.
     fn force<L: Lanes>(n: &Vector<L>, normal: L, tangential: &Vector<L>) -> Vector<L>;
+}
+
+/// x a + b.
+#[inline(always)]
+pub(crate) fn scaled_sum<L: Lanes>(x: L, a: &Vector<L>, b: &Vector<L>) -> Vector<L> {
+    [
+        x.mul_add(a[0], b[0]),
+        x.mul_add(a[1], b[1]),
+        x.mul_add(a[2], b[2]),
+    ]
 }
 
 #[inline(always)]
@@ -120,7 +120,6 @@ impl Dimension for Two {
     type Record = [CacheLine; 1];
     type Force = Force2;
     type Fields = [Lanes16; 8];
-    const NO_FIELDS: [Lanes16; 8] = [Lanes16::ZERO; 8];
 
     #[inline(always)]
     fn fields(record: &[CacheLine; 1]) -> &[f64] {
@@ -145,14 +144,13 @@ impl Dimension for Two {
     fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[[CacheLine; 1]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         differences: &mut [Lanes16; 8],
         of_j: &mut [Lanes16; 8],
     ) {
-        L::differences::<0, 1>(token, records, list, block, differences, None);
+        L::differences::<0, 1>(token, records, pairs, differences, None);
         if FRICTION {
-            let [half, full] = L::last_two_of_j::<0, 1>(token, records, list, block);
+            let [half, full] = L::last_two_of_j::<0, 1>(token, records, pairs);
             half.store(&mut of_j[0]);
             full.store(&mut of_j[1]);
         }
@@ -160,15 +158,12 @@ impl Dimension for Two {
 
     #[inline(always)]
     fn add_forces<L: Lanes>(
-        force: Vector<L>,
-        torque_i: Vector<L>,
-        torque_j: Vector<L>,
+        [force, torque_i, torque_j]: [Vector<L>; 3],
         sums: &mut [Force2],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
     ) {
         let terms = [force[0], force[1], torque_i[0], torque_j[0]];
-        L::add_forces_2d(terms, sums, list, block);
+        L::add_forces_2d(terms, sums, pairs);
     }
 
     #[inline(always)]
@@ -213,9 +208,8 @@ impl Dimension for Three {
     const SPINS_OF_J: usize = Self::HALF_SPIN - 8;
     const RADIUS: Option<[usize; 2]> = Some([15, 7]);
     type Record = [CacheLine; 2];
-    type Force = Force3;
+    type Force = CacheLine;
     type Fields = [Lanes16; 16];
-    const NO_FIELDS: [Lanes16; 16] = [Lanes16::ZERO; 16];
 
     #[inline(always)]
     fn fields(record: &[CacheLine; 2]) -> &[f64] {
@@ -240,26 +234,18 @@ impl Dimension for Three {
     fn load<L: Lanes, const FRICTION: bool>(
         token: L::Token,
         records: &[[CacheLine; 2]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         differences: &mut [Lanes16; 16],
         of_j: &mut [Lanes16; 8],
     ) {
         let (lines, _) = differences.as_chunks_mut();
-        L::differences::<0, 2>(token, records, list, block, &mut lines[0], None);
-        L::differences::<1, 2>(token, records, list, block, &mut lines[1], Some(of_j));
+        L::differences::<0, 2>(token, records, pairs, &mut lines[0], None);
+        L::differences::<1, 2>(token, records, pairs, &mut lines[1], Some(of_j));
     }
 
     #[inline(always)]
-    fn add_forces<L: Lanes>(
-        force: Vector<L>,
-        torque_i: Vector<L>,
-        torque_j: Vector<L>,
-        sums: &mut [Force3],
-        list: &PairList,
-        block: usize,
-    ) {
-        L::add_forces_3d([force, torque_i, torque_j], sums, list, block);
+    fn add_forces<L: Lanes>(terms: [Vector<L>; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+        L::add_forces_3d(terms, sums, pairs);
     }
 
     #[inline(always)]
@@ -269,11 +255,7 @@ impl Dimension for Three {
 
     #[inline(always)]
     fn tangential_part<L: Lanes>(n: &Vector<L>, v: &Vector<L>, v_n: L) -> Vector<L> {
-        [
-            (-v_n).mul_add(n[0], v[0]),
-            (-v_n).mul_add(n[1], v[1]),
-            (-v_n).mul_add(n[2], v[2]),
-        ]
+        scaled_sum(-v_n, n, v)
     }
 
     #[inline(always)]
@@ -288,11 +270,7 @@ impl Dimension for Three {
 
     #[inline(always)]
     fn force<L: Lanes>(n: &Vector<L>, normal: L, tangential: &Vector<L>) -> Vector<L> {
-        [
-            normal.mul_add(n[0], tangential[0]),
-            normal.mul_add(n[1], tangential[1]),
-            normal.mul_add(n[2], tangential[2]),
-        ]
+        scaled_sum(normal, n, tangential)
     }
 }
 

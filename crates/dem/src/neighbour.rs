@@ -125,22 +125,15 @@ impl<D: Dimension> Bins<D> {
         let mut axes = [CellAxis::open(0.0, 0.0, 1.0, 1); 3];
         for (axis, cells) in axes[..D::UP].iter_mut().enumerate() {
             let period = cell.periods[axis];
+            let along = cell.cutoff_along_x(cutoff);
             *cells = match axis {
-                0 => CellAxis::periodic(
-                    period,
-                    extent.from,
-                    extent.width,
-                    cell.cutoff_along_x(cutoff),
-                ),
+                0 => CellAxis::periodic(period, extent.from, extent.width, along),
                 _ => CellAxis::periodic(period, 0.0, period, cutoff),
             };
         }
-        let (low, high) = position
-            .iter()
-            .map(|x| x[D::UP])
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| {
-                (a.min(x), b.max(x))
-            });
+        let heights = || position.iter().map(|x| x[D::UP]);
+        let low = heights().fold(f64::INFINITY, f64::min);
+        let high = heights().fold(f64::NEG_INFINITY, f64::max);
         axes[D::UP] = match &cell.sheared {
             None => CellAxis::open(low, high, cutoff, position.len()),
             Some(sheared) => CellAxis::periodic(sheared.height, 0.0, sheared.height, cutoff),
@@ -328,12 +321,11 @@ pub fn pairs<D: Dimension>(
             skin: cutoff.skin,
         });
     });
-    let mut parts = parts.into_iter();
-    let first = parts.next().unwrap_or_default();
-    parts.fold(first, |mut pairs, more| {
+    let joined = parts.into_iter().reduce(|mut pairs, more| {
         pairs.extend(more);
         pairs
-    })
+    });
+    joined.unwrap_or_default()
 }
 
 /// The search for pairs, each of which is found from the first of its two in [`Bins::member`].
@@ -418,6 +410,11 @@ mod tests {
     use crate::threads::ThreadPool;
     use bytemuck::Zeroable;
 
+    const CUTOFF: Cutoff = Cutoff {
+        greatest: 1.1,
+        skin: 0.1,
+    };
+
     /// Compares with a search over all pairs, in narrow and wide cells, with ghosts; `offset` over
     /// L_x of a sheared cell. In an open one the last grain is far above the others.
     fn compare<D: Dimension>(offset: Option<f64>) {
@@ -463,15 +460,7 @@ mod tests {
             for ghost in &states[owned..] {
                 grains.push(ghost);
             }
-            let extent = LocalExtent {
-                from: 0.0,
-                width: length,
-            };
-            let cutoff = Cutoff {
-                greatest: 1.1,
-                skin: 0.1,
-            };
-            let of = (cell, extent, cutoff);
+            let of = (cell, LocalExtent::whole(length), CUTOFF);
             let found = pairs(Isa::detect(), None, &grains, of);
             let pool = ThreadPool::<D>::new(3).unwrap();
             for isa in [Isa::detect(), Isa::Portable] {
@@ -513,14 +502,10 @@ mod tests {
         states.sort_unstable_by_key(|g| g.id);
         let cell = Cell::between_walls([50.0, 1.0]);
         let extent = LocalExtent::whole(50.0);
-        let cutoff = Cutoff {
-            greatest: 1.1,
-            skin: 0.1,
-        };
         let furthest = |states: &[GrainState]| {
             let mut grains = Grains::<Two>::default();
             grains.replace(states, &Masses::Equal(1.0), 1.0);
-            let pairs = pairs(Isa::detect(), None, &grains, (cell, extent, cutoff));
+            let pairs = pairs(Isa::detect(), None, &grains, (cell, extent, CUTOFF));
             assert_eq!(pairs.len(), 1000 + 19 * 50);
             let across = |p: &CandidatePair| p.grains[0].abs_diff(p.grains[1]);
             let mut apart: Vec<u32> = pairs.iter().map(across).collect();
@@ -529,7 +514,7 @@ mod tests {
             apart[pairs.len() - 21]
         };
         assert!(furthest(&states) > 500);
-        sort_by_cells::<Two>(&mut states, cell, extent, cutoff.greatest);
+        sort_by_cells::<Two>(&mut states, cell, extent, CUTOFF.greatest);
         assert!(furthest(&states) < 60);
     }
 

@@ -12,7 +12,8 @@ use crate::drive::{Piston, Top, WallForces};
 use crate::failure::Failure;
 use crate::kernel::ContactForces;
 use crate::state::{
-    Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, SeriesRow, StressRow, body,
+    Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, SeriesRow, StressRow, Touching,
+    body,
 };
 use crate::system::System;
 
@@ -354,25 +355,19 @@ pub fn series<D: Dimension>(
         ],
     };
     let [kinetic, potential] = sums.energies(system.budget.as_ref(), piston, above);
-    let energy = system
-        .budget
-        .as_mut()
-        .map_or(EnergyBalance::NONE, |budget| {
-            budget.balance(
-                exchange,
-                system.isa,
-                law,
-                budget::SampleState {
-                    contacts: &system.contacts,
-                    overlap: &samples.overlap,
-                    load: piston.load,
-                    height: piston.height,
-                    kinetic,
-                    potential,
-                    gravity: system.gravity,
-                },
-            )
-        });
+    let sample = budget::SampleState {
+        contacts: &system.contacts,
+        overlap: &samples.overlap,
+        load: piston.load,
+        height: piston.height,
+        kinetic,
+        potential,
+        gravity: system.gravity,
+    };
+    let energy = match &mut system.budget {
+        Some(budget) => budget.balance(exchange, system.isa, law, sample),
+        None => EnergyBalance::NONE,
+    };
     SeriesRow {
         strain: slider.displacement / height,
         stress_ratio: sums.shear_force / sums.normal_force,
@@ -382,11 +377,7 @@ pub fn series<D: Dimension>(
         solid_fraction: constants.free_volume / (base::<D>(system.cell) * wall_height),
         coordination: ends as f64 / constants.free_grains as f64,
         kinetic_energy: sums.kinetic_energy,
-        sliding_fraction: if contacts > 0 {
-            sliding as f64 / contacts as f64
-        } else {
-            0.0
-        },
+        sliding_fraction: sliding as f64 / contacts.max(1) as f64,
         wall_velocity,
         slip: slider.displacement,
         slip_rate: slider.velocity,
@@ -473,33 +464,30 @@ pub fn frame<D: Dimension>(
     let grains = (0..system.grains.owned)
         .map(|g| GrainSample::from(&system.grains.state(g)))
         .collect();
-    let contacts = system
-        .contacts
-        .touching()
-        .filter(|at| at.i < system.grains.owned && !system.grains.is_foot(at.j))
-        .map(|at| {
-            let state = system.contacts.state(law, at, &system.grains.id);
-            let force = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
-            let limits = system.contacts.limits[at.block];
-            let at_limit = |of: usize| u64::from(limits[of] >> at.lane & 1);
-            let planar = D::SPINS == 1;
-            let tangential = |v: [f64; 3]| if planar { [v[0], 0.0, 0.0] } else { v };
-            ContactSample {
-                i: state.i,
-                j: state.j,
-                normal_force: samples.normal[at.block].0[at.lane],
-                tangential_force: tangential(force),
-                tangential_history: tangential(state.history),
-                rolling_history: if planar { state.history[2] } else { 0.0 },
-                overlap: samples.overlap[at.block].0[at.lane],
-                sliding: at_limit(0),
-                rolling: at_limit(1),
-                torques: state.torques,
-                twisting: at_limit(2),
-            }
-        })
-        .collect();
-    (grains, contacts)
+    let between_grains = |at: &Touching| at.i < system.grains.owned && !system.grains.is_foot(at.j);
+    let sample = |at: Touching| {
+        let state = system.contacts.state(law, at, &system.grains.id);
+        let force = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
+        let limits = system.contacts.limits[at.block];
+        let at_limit = |of: usize| u64::from(limits[of] >> at.lane & 1);
+        let planar = D::SPINS == 1;
+        let tangential = |v: [f64; 3]| if planar { [v[0], 0.0, 0.0] } else { v };
+        ContactSample {
+            i: state.i,
+            j: state.j,
+            normal_force: samples.normal[at.block].0[at.lane],
+            tangential_force: tangential(force),
+            tangential_history: tangential(state.history),
+            rolling_history: if planar { state.history[2] } else { 0.0 },
+            overlap: samples.overlap[at.block].0[at.lane],
+            sliding: at_limit(0),
+            rolling: at_limit(1),
+            torques: state.torques,
+            twisting: at_limit(2),
+        }
+    };
+    let contacts = system.contacts.touching().filter(between_grains);
+    (grains, contacts.map(sample).collect())
 }
 
 /// The digest of the state: of every grain without its image, every touching contact with its

@@ -12,11 +12,11 @@ use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::{Drive, Felt, WallForces, WallSteps};
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Counting, PairForce, PassOutcome};
+use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::simd::{Lanes, Work};
 use crate::state::{Cell, Grains, Sheared, Units, body};
 use crate::system::{Outside, System};
-use crate::threads::{OwnedPart, SharedInput};
+use crate::threads::OwnedPart;
 
 /// Options of a step.
 #[derive(Debug, Default)]
@@ -93,25 +93,16 @@ pub fn advance<D: Dimension>(
     let rebuild = (system.list).moved(fastest, step, &system.grains, (&cell, planes));
     system.clock.end(StepPhase::Motion);
 
-    let travelled = Some(system.list.travelled);
-    let outside = add_forces(
-        exchange,
-        system,
-        law,
-        drive,
-        (step, travelled),
-        request.samples,
-    );
+    let way = (step, Some(system.list.travelled));
+    let outside = add_forces(exchange, system, law, drive, way, request.samples);
 
     let rebuild = rebuild || system.list.forced(system.steps);
-    let mut message = Message::new(system, drive, outside, [rebuild, request.stop]);
-    let drag = drive.drag();
-    message.sum(exchange, &mut || {
-        if let Some(drag) = drag {
-            slow_down(&mut system.grains, drag);
+    let asked = (outside, [rebuild, request.stop]);
+    let (load, [due, stop]) = sum_over_ranks(exchange, system, drive, asked, |grains| {
+        if let Some(drag) = drive.drag() {
+            slow_down(grains, drag);
         }
-    });
-    let (load, [due, stop]) = message.read(exchange, system, outside)?;
+    })?;
     system.list.due = due;
     system.second_kick_deferred = true;
     if let Some(budget) = &mut system.budget {
@@ -141,9 +132,7 @@ pub fn initial_forces<D: Dimension>(
     // The time until now belongs to the first list.
     system.clock.end(StepPhase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
-    let mut message = Message::new(system, drive, outside, []);
-    message.sum(exchange, &mut || ());
-    let (load, []) = message.read(exchange, system, outside)?;
+    let (load, []) = sum_over_ranks(exchange, system, drive, (outside, []), |_| ())?;
     if let Some(budget) = &mut system.budget {
         let at_rest = WallSteps {
             along: 0.0,
@@ -155,14 +144,6 @@ pub fn initial_forces<D: Dimension>(
     Ok(())
 }
 
-/// The sums over the ranks of a step: whether something failed, K flags that are set if they are
-/// set on some rank, and the forces on the walls. That on the bottom is last, and left out if the
-/// drive does not ask for it.
-struct Message<const K: usize> {
-    numbers: [i64; MESSAGE],
-    sent: usize,
-}
-
 /// Room for two flags.
 const FORCES_AT: usize = 3;
 const FORCE: usize = LIMBS + 1;
@@ -170,68 +151,45 @@ const MESSAGE: usize = FORCES_AT + 3 * FORCE;
 /// Size of the message that the ranks sum in every step (bytes), without the force on the bottom.
 pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
 
-impl<const K: usize> Message<K> {
-    const FAILED: usize = 0;
-    const ANSWERS: usize = Self::FAILED + 1;
-
-    fn new<D: Dimension>(
-        system: &System<D>,
-        drive: &dyn Drive<D>,
-        outside: Option<Outside>,
-        questions: [bool; K],
-    ) -> Self {
-        let mut load = [Accumulator::default(); 3];
-        let felt = Felt {
-            cell: &system.cell,
-            grains: &system.grains,
-            stress: system.stress,
-            fixed: &system.fixed,
-        };
-        drive.load(&felt, &mut load);
-        let mut numbers = [0i64; MESSAGE];
-        for (load, limbs) in load.iter().zip(numbers[FORCES_AT..].chunks_mut(FORCE)) {
-            load.write(limbs);
-        }
-        numbers[Self::FAILED] = i64::from(outside.is_some());
-        for (to, yes) in numbers[Self::ANSWERS..FORCES_AT].iter_mut().zip(questions) {
-            *to = i64::from(yes);
-        }
-        let sent = if drive.has_bottom_force() {
-            MESSAGE
-        } else {
-            MESSAGE - FORCE
-        };
-        Self { numbers, sent }
+/// Sums over the ranks in one message: whether something failed, K flags that are set if they are
+/// set on some rank, and the forces on the walls. That on the bottom is last, and left out if the
+/// drive does not ask for it. Runs `meanwhile` during the sum.
+fn sum_over_ranks<D: Dimension, const K: usize>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    drive: &dyn Drive<D>,
+    (outside, flags): (Option<Outside>, [bool; K]),
+    meanwhile: impl Fn(&mut Grains<D>),
+) -> Result<(WallForces, [bool; K]), Failure> {
+    let mut load = [Accumulator::default(); 3];
+    let felt = Felt {
+        cell: &system.cell,
+        grains: &system.grains,
+        stress: system.stress,
+        fixed: &system.fixed,
+    };
+    drive.load(&felt, &mut load);
+    let mut message = [0i64; MESSAGE];
+    message[0] = i64::from(outside.is_some());
+    for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
+        *to = i64::from(flag);
     }
-
-    /// Sums it over the ranks.
-    fn sum(&mut self, exchange: &dyn Exchange, meanwhile: &mut dyn FnMut()) {
-        exchange.sum_during(&mut self.numbers[..self.sent], meanwhile);
+    for (load, limbs) in load.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
+        load.write(limbs);
     }
-
-    /// The forces and the flags.
-    fn read<D: Dimension>(
-        &self,
-        exchange: &dyn Exchange,
-        system: &System<D>,
-        outside: Option<Outside>,
-    ) -> Result<(WallForces, [bool; K]), Failure> {
-        let force = |k: usize| {
-            let limbs = &self.numbers[FORCES_AT + k * FORCE..FORCES_AT + (k + 1) * FORCE];
-            system.fixed.value(Accumulator::read(limbs))
-        };
-        let load = WallForces {
-            up: force(0),
-            along: force(1),
-            bottom: force(2),
-        };
-        let forces = [load.up, load.along, load.bottom];
-        if self.numbers[Self::FAILED] > 0 || forces.iter().any(|force| force.is_nan()) {
-            return Err(system.explain(exchange, outside));
-        }
-        let answer = |k| self.numbers[Self::ANSWERS + k] > 0;
-        Ok((load, std::array::from_fn(answer)))
+    let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
+    let sent = &mut message[..MESSAGE - left_out];
+    exchange.sum_during(sent, &mut || meanwhile(&mut system.grains));
+    let force = |k: usize| {
+        let limbs = &message[FORCES_AT + k * FORCE..][..FORCE];
+        system.fixed.value(Accumulator::read(limbs))
+    };
+    let forces @ [up, along, bottom] = [0, 1, 2].map(force);
+    if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
+        return Err(system.explain(exchange, outside));
     }
+    let flags = std::array::from_fn(|k| message[1 + k] > 0);
+    Ok((WallForces { up, along, bottom }, flags))
 }
 
 /// Computes all forces at the present positions, those of inner contacts during the exchange of the
@@ -252,7 +210,7 @@ pub fn forces<D: Dimension>(
     add_forces(exchange, system, law, drive, (step, None), samples)
 }
 
-/// [`forces`] without clearing those on the owned grains. `travelled`: [`Pass::travelled`].
+/// [`forces`] without clearing those on the owned grains. `travelled`: [`PassInput::travelled`].
 fn add_forces<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -289,19 +247,19 @@ fn add_forces<D: Dimension>(
     if let Some(samples) = &mut samples {
         samples.prepare(contacts.blocks());
     }
-    let input = SharedInput {
-        isa: *isa,
-        law,
+    let input = PassInput {
         units: grains.units,
         cell: *cell,
         step,
         travelled,
+        attraction: None,
         counting: (is_stressed || budget.is_some()).then(|| Counting {
             unit: budget.as_ref().map(EnergyBudget::unit),
             step: *full_step,
             height: cell.sheared.map(|of| of.height).filter(|_| is_stressed),
         }),
     };
+    let input = ((*isa, law), input);
     let (record, force) = (&mut grains.record, &mut grains.force);
     let mut outcome = PassOutcome::default();
     slabs.exchange(exchange, record, grains.owned, |owned| {
@@ -428,11 +386,8 @@ fn weigh<D: Dimension>(grains: &mut Grains<D>, [along, down]: [f64; 2]) {
 /// Adds the drag (1/s) on translations and on rotations.
 fn slow_down<D: Dimension>(grains: &mut Grains<D>, [linear, angular]: [f64; 2]) {
     for g in 0..grains.owned {
-        let (r, mass, radius) = (
-            D::fields(&grains.record[g]),
-            grains.mass[g],
-            grains.radius[g],
-        );
+        let r = D::fields(&grains.record[g]);
+        let (mass, radius) = (grains.mass[g], grains.radius[g]);
         let force = &mut grains.force[g];
         for axis in 0..D::AXES {
             force[axis] -= linear * mass * r[D::VELOCITY + axis];

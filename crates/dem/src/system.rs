@@ -68,7 +68,7 @@ pub struct System<D: Dimension> {
 }
 
 /// How long the list of pairs remains complete.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct List {
     /// Greatest diameter (m), and greatest gap of grains in contact (m).
     diameter: f64,
@@ -113,41 +113,22 @@ pub struct List {
 impl List {
     /// Fails unless each of `exchange.size()` slabs, and the cell along the other axes, is wider
     /// than the cutoff.
-    fn new(
-        exchange: &dyn Exchange,
-        bookkeeping: &ListSettings,
-        cell: Cell,
-        largest_radius: f64,
-        mean_diameter: f64,
-    ) -> Result<Self, Failure> {
-        let diameter = 2.0 * largest_radius;
-        let wished = match bookkeeping.skin {
+    fn new(exchange: &dyn Exchange, of: &Setup) -> Result<Self, Failure> {
+        let diameter = 2.0 * of.largest_radius;
+        let wished = match of.list.skin {
             Some(skin) => [skin; 2],
             None => [THINNEST_SKIN, THICKEST_SKIN],
         };
-        let wished = wished.map(|skin| skin * mean_diameter);
-        let range = Self::range(exchange.size(), cell, diameter, wished)?;
+        let wished = wished.map(|skin| skin * of.mean_diameter);
+        let range = Self::range(exchange.size(), of.cell, diameter, wished)?;
         Ok(Self {
             diameter,
-            gap: 0.0,
-            skin: (FIRST_SKIN * mean_diameter).clamp(range[0], range[1]),
+            skin: (FIRST_SKIN * of.mean_diameter).clamp(range[0], range[1]),
             wished,
             range,
-            every: bookkeeping.rebuild_every,
-            built: 0,
-            rebuilds: 0,
-            due: false,
-            bound: 0.0,
-            travelled: 0.0,
-            worked: 0.0,
-            reach: 0.0,
-            reach_when_sorted: 0.0,
-            rounding: 0.0,
-            images_moved: 0.0,
+            every: of.list.rebuild_every,
             height: f64::INFINITY,
-            origin: Vec::new(),
-            planes: [0.0; 2],
-            unsound: false,
+            ..Self::default()
         })
     }
 
@@ -381,6 +362,7 @@ impl<D: Dimension> System<D> {
     /// If the slabs would be too narrow, or the threads cannot be started.
     pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self, Failure> {
         Ok(Self {
+            list: List::new(exchange, &of)?,
             isa: of.isa,
             cell: of.cell,
             masses: of.masses,
@@ -391,13 +373,6 @@ impl<D: Dimension> System<D> {
             grains: Grains::default(),
             contacts: Contacts::default(),
             slabs: Slabs::new(exchange, of.cell.periods[0]),
-            list: List::new(
-                exchange,
-                &of.list,
-                of.cell,
-                of.largest_radius,
-                of.mean_diameter,
-            )?,
             second_kick_deferred: false,
             clock: Clock::default(),
             pool: ThreadPool::new(of.threads)?,
@@ -478,19 +453,19 @@ impl<D: Dimension> System<D> {
 
     /// The touching contacts of this rank, including those that another rank has as well.
     pub fn contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
-        self.contacts
-            .touching()
-            .map(|at| self.contacts.state(law, at, &self.grains.id))
-            .collect()
+        self.states_of(law, self.grains.local())
     }
 
     /// The touching contacts whose first grain this rank owns: each contact on one rank.
     pub fn owned_contact_states(&self, law: &dyn PairModel) -> Vec<ContactState> {
-        self.contacts
-            .touching()
-            .filter(|at| at.i < self.grains.owned)
-            .map(|at| self.contacts.state(law, at, &self.grains.id))
-            .collect()
+        self.states_of(law, self.grains.owned)
+    }
+
+    /// The touching contacts whose first grain is one of the first `count`.
+    fn states_of(&self, law: &dyn PairModel, count: usize) -> Vec<ContactState> {
+        let chosen = self.contacts.touching().filter(|at| at.i < count);
+        let state = |at| self.contacts.state(law, at, &self.grains.id);
+        chosen.map(state).collect()
     }
 
     /// Migrates grains, sorts them, and makes a new list of pairs.
@@ -547,7 +522,9 @@ impl<D: Dimension> System<D> {
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
             .attach_ghosts(exchange, self.cell, &mut self.grains, cutoff);
-        self.make_list(exchange, law, drive, |id| Remembered::sorted(contacts, id));
+        self.make_list(exchange, law, drive, |id| {
+            Remembered::sorted(&contacts, law, id)
+        });
         self.list.reach_when_sorted = self.list.reach;
         Ok(())
     }
@@ -582,27 +559,20 @@ impl<D: Dimension> System<D> {
         if let (Some(flat), Some(planes)) = (self.flat, drive.planes()) {
             candidates.extend(self.grains.stand_on(flat, planes, cutoff.skin));
         }
-        let Grains {
-            id,
-            radius,
-            material,
-            owned,
-            feet,
-            ..
-        } = &self.grains;
-        self.pool.divide(&candidates, *owned);
+        let grains = &self.grains;
+        self.pool.divide(&candidates, grains.owned);
         self.contacts.replace(
             self.isa,
             self.pool.workers(),
             law,
             &candidates,
-            &remembered(id),
+            &remembered(&grains.id),
             LocalGrains {
-                id,
-                radius,
-                material,
-                owned: *owned,
-                has_feet: !feet.is_empty(),
+                id: &grains.id,
+                radius: &grains.radius,
+                material: &grains.material,
+                owned: grains.owned,
+                has_feet: !grains.feet.is_empty(),
                 shares: self.pool.shares(),
                 ghosts_move: 0.5 * self.list.skin,
             },
@@ -618,10 +588,9 @@ impl<D: Dimension> System<D> {
         self.list.height = sheared.map_or(f64::INFINITY, |sheared| sheared.height);
         self.list.built = self.steps;
         self.list.rebuilds += 1;
+        let origins = (0..self.grains.owned).map(|g| self.grains.position(g));
         self.list.origin.clear();
-        self.list
-            .origin
-            .extend((0..self.grains.owned).map(|g| self.grains.position(g)));
+        self.list.origin.extend(origins);
         let coordinates = self.list.origin.as_flattened().iter();
         let greatest = coordinates.fold(0.0, |a: f64, x| a.max(x.abs()));
         self.list.rounding = 2.0 * f64::EPSILON * greatest;
@@ -651,6 +620,15 @@ impl<D: Dimension> System<D> {
     /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
         let place = |g: usize| self.place(g);
+        let velocity = |of: &[f64]| -> [f64; 3] {
+            std::array::from_fn(|axis| {
+                if axis < D::AXES {
+                    of[D::VELOCITY + axis]
+                } else {
+                    0.0
+                }
+            })
+        };
         let message = match outside {
             None => String::new(),
             Some(why @ (Outside::Pair(block, lane) | Outside::Force(block, lane))) => {
@@ -660,12 +638,8 @@ impl<D: Dimension> System<D> {
                 let distance = length(self.cell.separation::<D>(a, b));
                 let sum = self.contacts.geometry[block][0].0[lane];
                 let (id, at, partner) = (self.id(i), place(i), self.partner(j));
-                let kind = if self.grains.is_foot(j) {
-                    "grain"
-                } else {
-                    "grains"
-                };
-                let grains = format!("{kind} {id} at {at} and {partner}");
+                let plural = if self.grains.is_foot(j) { "" } else { "s" };
+                let grains = format!("grain{plural} {id} at {at} and {partner}");
                 if let Outside::Pair(..) = why {
                     format!(
                         "{grains} overlap by {:.3e} m, {:.1} % of the sum of their radii: outside the contact law",
@@ -673,10 +647,8 @@ impl<D: Dimension> System<D> {
                         100.0 * (1.0 - distance / sum),
                     )
                 } else {
-                    let velocity = D::VELOCITY..D::VELOCITY + D::AXES;
-                    let difference = |axis| a[axis] - b[axis];
-                    let squares = velocity.map(difference).map(|v: f64| v * v);
-                    let speed = squares.sum::<f64>().sqrt();
+                    let (of_a, of_b) = (velocity(a), velocity(b));
+                    let speed = length(std::array::from_fn(|axis| of_a[axis] - of_b[axis]));
                     format!(
                         "{grains} collide too fast, at {speed:.3e} m/s: the damping force is greater than any elastic force of the contact law",
                     )
@@ -712,11 +684,7 @@ impl<D: Dimension> System<D> {
                         self.id(g),
                         place(g),
                         0.5 * self.list.skin,
-                        length(std::array::from_fn(|axis| if axis < D::AXES {
-                            self.grains.fields(g)[D::VELOCITY + axis]
-                        } else {
-                            0.0
-                        })),
+                        length(velocity(self.grains.fields(g))),
                     )
                 }
             }

@@ -9,10 +9,10 @@ use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
 use crate::failure::Failure;
-use crate::kernel::{ContactForces, Counting, PairForce, Pass, PassOutcome, Samples, Scratch};
+use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Scratch};
 use crate::simd::Isa;
-use crate::state::{BlockRange, CandidatePair, Cell, Contacts, Grains, Image, Units};
-use crate::workers::Workers;
+use crate::state::{CandidatePair, Contacts, Grains, Image};
+use crate::workers::{Workers, tail, tail_mut};
 
 /// Number of grains whose forces a thread clears and adds together.
 const PAGE: usize = 256;
@@ -38,7 +38,7 @@ pub struct ThreadPool<D: Dimension> {
 
 /// The forces on all local grains by those contacts of one thread that are not within its share;
 /// only some pages are used. They are 0 between two passes.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct PartialForces<D: Dimension> {
     force: Vec<D::Force>,
     /// Whether each page is used.
@@ -46,24 +46,8 @@ struct PartialForces<D: Dimension> {
     scratch: Box<Scratch<D>>,
 }
 
-/// The inputs that all parts of a pass share; see [`Pass`].
-#[derive(Clone, Copy)]
-pub struct SharedInput<'a, D: Dimension> {
-    /// The instruction set.
-    pub isa: Isa,
-    /// The contact law.
-    pub law: &'a dyn PairForce<D>,
-    /// The units to which forces and torques are rounded.
-    pub units: Units,
-    /// The cell.
-    pub cell: Cell,
-    /// Δt (s), or 0.
-    pub step: f64,
-    /// How far the grains have travelled since the list was made (m), if known.
-    pub travelled: Option<f64>,
-    /// Makes the pass count the dissipation.
-    pub counting: Option<Counting>,
-}
+/// The instruction set and the law of a pass.
+type Forces<'a, D> = (Isa, &'a dyn PairForce<D>);
 
 impl<D: Dimension> ThreadPool<D> {
     /// Starts a pool of `threads` threads, the calling one included.
@@ -75,13 +59,7 @@ impl<D: Dimension> ThreadPool<D> {
             workers: Workers::start(threads)?,
             shares: vec![0..0; threads.max(1)],
             scratch: Box::default(),
-            partial: (1..threads)
-                .map(|_| PartialForces {
-                    force: Vec::new(),
-                    used: Vec::new(),
-                    scratch: Box::default(),
-                })
-                .collect(),
+            partial: (1..threads).map(|_| PartialForces::default()).collect(),
             gathered_from: Vec::new(),
         })
     }
@@ -163,7 +141,7 @@ impl<D: Dimension> ThreadPool<D> {
     /// Adds the forces of the pairs within the shares.
     pub fn forces_within_shares(
         &mut self,
-        input: SharedInput<'_, D>,
+        (of, input): (Forces<'_, D>, PassInput),
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
@@ -178,20 +156,18 @@ impl<D: Dimension> ThreadPool<D> {
         let scratches: Vec<_> = std::iter::once(&mut self.scratch).chain(others).collect();
         let mut passes = Vec::with_capacity(scratches.len());
         for (share, scratch) in shares.iter().zip(scratches).rev() {
-            let (before, blocks) = part.split(share.blocks.start);
-            let split = samples.map(|s| s.split(share.blocks.start));
-            let (samples_before, samples_of_share) = split.unzip();
-            let (forces_before, force) = rest.split_at_mut(share.grains.start);
-            (part, samples, rest) = (before, samples_before, forces_before);
-            passes.push(PartOfPass {
+            let begin = share.blocks.start;
+            let force = tail_mut(&mut rest, share.grains.start);
+            let pass = Pass {
+                input,
                 record: &record[share.grains.clone()],
                 force: &mut force[..share.grains.len()],
-                blocks,
-                samples: samples_of_share,
-                scratch,
-            });
+                part: part.split_off(begin),
+                samples: samples.as_mut().map(|s| s.split_off(begin)),
+            };
+            passes.push((pass, &mut **scratch));
         }
-        let outcome = compute(self.workers.as_ref(), input, passes);
+        let outcome = compute(self.workers.as_ref(), of, passes);
         contacts.shares = shares;
         outcome
     }
@@ -200,7 +176,7 @@ impl<D: Dimension> ThreadPool<D> {
     /// `force`, each other thread to its partial forces.
     pub fn other_forces(
         &mut self,
-        input: SharedInput<'_, D>,
+        (of, input): (Forces<'_, D>, PassInput),
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
@@ -219,20 +195,17 @@ impl<D: Dimension> ThreadPool<D> {
         let sums: Vec<_> = first.chain(others).collect();
         let mut passes = Vec::with_capacity(threads);
         for (k, (force, scratch)) in sums.into_iter().enumerate().rev() {
-            let begin = group.start + group.len() * k / threads;
-            let split = samples.map(|s| s.split(begin - group.start));
-            let (samples_before, samples_of_part) = split.unzip();
-            let (before, blocks) = part.split(begin);
-            (part, samples) = (before, samples_before);
-            passes.push(PartOfPass {
+            let begin = group.len() * k / threads;
+            let pass = Pass {
+                input,
                 record,
                 force,
-                blocks,
-                samples: samples_of_part,
-                scratch,
-            });
+                part: part.split_off(group.start + begin),
+                samples: samples.as_mut().map(|s| s.split_off(begin)),
+            };
+            passes.push((pass, &mut **scratch));
         }
-        compute(self.workers.as_ref(), input, passes)
+        compute(self.workers.as_ref(), of, passes)
     }
 
     /// Adds the partial forces to the forces on the grains, and clears them.
@@ -264,8 +237,8 @@ impl<D: Dimension> ThreadPool<D> {
             let add = &add;
             // From the last part to the first, which this thread adds.
             for &first in gathered_from[1..].iter().rev() {
-                let (before, sums) = rest.split_at_mut((first * PAGE).min(rest.len()));
-                rest = before;
+                let begin = (first * PAGE).min(rest.len());
+                let sums = tail_mut(&mut rest, begin);
                 let of_others = split_off(&mut partial, first);
                 scope.spawn(move |_| add(sums, of_others));
             }
@@ -296,21 +269,11 @@ impl<D: Dimension> ThreadPool<D> {
             let (first, others) = results.split_at_mut(1);
             // From the last share to the first, which this thread computes.
             for (share, result) in self.shares[1..].iter().zip(others).rev() {
-                let (record, record_after) = rest.record.split_at_mut(share.start);
-                let (force, force_after) = rest.force.split_at_mut(share.start);
-                let (half_kick, half_kick_after) = rest.half_kick.split_at(share.start);
-                let (image, image_after) = rest.image.split_at_mut(share.start);
-                rest = OwnedPart {
-                    record,
-                    force,
-                    half_kick,
-                    image,
-                };
                 let part = OwnedPart {
-                    record: record_after,
-                    force: force_after,
-                    half_kick: half_kick_after,
-                    image: image_after,
+                    record: tail_mut(&mut rest.record, share.start),
+                    force: tail_mut(&mut rest.force, share.start),
+                    half_kick: tail(&mut rest.half_kick, share.start),
+                    image: tail_mut(&mut rest.image, share.start),
                 };
                 scope.spawn(move |_| *result = work(part));
             }
@@ -328,68 +291,37 @@ impl<D: Dimension> ThreadPool<D> {
     }
 }
 
-/// What one thread does of a pass.
-struct PartOfPass<'a, D: Dimension> {
-    record: &'a [D::Record],
-    force: &'a mut [D::Force],
-    blocks: BlockRange<'a>,
-    samples: Option<Samples<'a>>,
-    scratch: &'a mut Scratch<D>,
-}
-
-impl<D: Dimension> PartOfPass<'_, D> {
-    fn compute(self, input: SharedInput<'_, D>) -> PassOutcome {
-        let pass = Pass {
-            record: self.record,
-            force: self.force,
-            part: self.blocks,
-            units: input.units,
-            cell: input.cell,
-            step: input.step,
-            travelled: input.travelled,
-            attraction: None,
-            samples: self.samples,
-            counting: input.counting,
-        };
-        input.law.pass(input.isa, pass, self.scratch)
-    }
-}
-
 /// Computes all parts of a pass, from the last to the first, which the calling thread computes.
 fn compute<D: Dimension>(
     workers: Option<&Workers>,
-    input: SharedInput<'_, D>,
-    mut parts: Vec<PartOfPass<'_, D>>,
+    (isa, law): Forces<'_, D>,
+    mut parts: Vec<(Pass<'_, D>, &mut Scratch<D>)>,
 ) -> PassOutcome {
-    let first = parts.pop().expect("every thread has a part");
+    let (first, scratch_of_first) = parts.pop().expect("every thread has a part");
     let Some(workers) = workers else {
-        return first.compute(input);
+        return law.pass(isa, first, scratch_of_first);
     };
     let mut outcomes = vec![PassOutcome::default(); parts.len()];
     let mut outcome = PassOutcome::default();
     workers.region(|scope| {
-        for (part, outcome) in parts.into_iter().zip(&mut outcomes) {
-            scope.spawn(move |_| *outcome = part.compute(input));
+        for ((part, scratch), outcome) in parts.into_iter().zip(&mut outcomes) {
+            scope.spawn(move |_| *outcome = law.pass(isa, part, scratch));
         }
-        outcome = first.compute(input);
+        outcome = law.pass(isa, first, scratch_of_first);
     });
     outcomes.into_iter().rev().fold(outcome, PassOutcome::merge)
 }
 
 /// The partial forces of every thread, from this page on; leaves those before it.
 fn split_off<'a, F>(
-    partial: &mut Vec<(&'a mut [F], &'a [bool])>,
+    partial: &mut [(&'a mut [F], &'a [bool])],
     page: usize,
 ) -> Vec<(&'a mut [F], &'a [bool])> {
-    let split = |(force, used): (&'a mut [F], &'a [bool])| {
-        let end = (page * PAGE).min(force.len());
-        let (force, force_after) = force.split_at_mut(end);
-        let (used, used_after) = used.split_at(page);
-        ((force, used), (force_after, used_after))
+    let split = |(force, used): &mut (&'a mut [F], &'a [bool])| {
+        let begin = (page * PAGE).min(force.len());
+        (tail_mut(force, begin), tail(used, page))
     };
-    let (before, after) = std::mem::take(partial).into_iter().map(split).unzip();
-    *partial = before;
-    after
+    partial.iter_mut().map(split).collect()
 }
 
 /// The share of a thread, for the kicks and the drift; see [`Grains`].

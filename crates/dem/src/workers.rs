@@ -77,3 +77,18 @@ pub fn each<T: Send>(
         }
     });
 }
+
+/// Splits off the elements of a slice from `at` on.
+pub fn tail<'a, T>(of: &mut &'a [T], at: usize) -> &'a [T] {
+    let (before, after) = of.split_at(at);
+    *of = before;
+    after
+}
+
+/// [`tail`] of elements that may be changed.
+#[expect(clippy::mut_mut, reason = "the slice itself is changed")]
+pub fn tail_mut<'a, T>(of: &mut &'a mut [T], at: usize) -> &'a mut [T] {
+    let (before, after) = std::mem::take(of).split_at_mut(at);
+    *of = before;
+    after
+}

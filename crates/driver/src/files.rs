@@ -303,10 +303,10 @@ fn create<D: Dimension>(
     };
     let header = RunHeader {
         author: author.unwrap_or(&user),
-        history_unit: format.law.history_unit(),
+        history_unit: format.law.layout().history_unit,
         form: Form {
             axes: D::AXES,
-            torques: format.law.has_torques(),
+            torques: format.law.layout().has_torques,
         },
         walls: (format.shear).is_some_and(|shear| shear.confinement != Confinement::Images),
         units: format.shear.is_some(),

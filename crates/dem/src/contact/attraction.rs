@@ -71,10 +71,8 @@ impl Attraction {
             pull: 0.0,
             pull_slope: 0.0,
         };
-        let jkr = self
-            .jkr
-            .map(|jkr| jkr.contact(r1 * r2 / (r1 + r2), overlap));
-        let found = jkr.unwrap_or(hertz);
+        let of_jkr = |jkr: Jkr| jkr.contact(r1 * r2 / (r1 + r2), overlap);
+        let found = self.jkr.map_or(hertz, of_jkr);
         Adhesive {
             pull: found.pull + constant,
             ..found
@@ -85,18 +83,14 @@ impl Attraction {
     /// presses together.
     pub fn under(&self, load: f64, [r1, r2]: [f64; 2]) -> f64 {
         let constant = Self { jkr: None, ..*self }.pull_off([r1, r2]);
-        let jkr = self
-            .jkr
-            .map(|jkr| jkr.under(load + constant, r1 * r2 / (r1 + r2)));
-        constant + jkr.unwrap_or(0.0)
+        let of_jkr = |jkr: Jkr| jkr.under(load + constant, r1 * r2 / (r1 + r2));
+        constant + self.jkr.map_or(0.0, of_jkr)
     }
 
     /// How far apart (m) two grains of radii r1, r2 (m) are when their contact ends.
     pub fn greatest_gap(&self, [r1, r2]: [f64; 2]) -> f64 {
-        let jkr = self
-            .jkr
-            .map(|jkr| jkr.pull_off_depth(r1 * r2 / (r1 + r2)) / 3.0);
-        jkr.unwrap_or(0.0)
+        let of_jkr = |jkr: Jkr| jkr.pull_off_depth(r1 * r2 / (r1 + r2)) / 3.0;
+        self.jkr.map_or(0.0, of_jkr)
     }
 }
 

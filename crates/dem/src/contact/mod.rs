@@ -14,7 +14,7 @@ use crate::simd::{Lanes, Lanes16, Mask, Portable, PortableToken, inverse_sqrt, l
 ///
 /// Tangential vectors have one component in two dimensions, along t̂ = ẑ × n, and in three
 /// dimensions the three of a vector in the tangent plane.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub struct PairMotion {
     /// δ (m), positive where the pair touches.
     pub overlap: Lanes16,
@@ -32,23 +32,10 @@ pub struct PairMotion {
     pub rolling_increment: Lanes16,
 }
 
-impl PairMotion {
-    /// A pair that does not move.
-    pub const ZERO: Self = Self {
-        overlap: Lanes16::ZERO,
-        normal_velocity: Lanes16::ZERO,
-        normal_increment: Lanes16::ZERO,
-        tangential_velocity: [Lanes16::ZERO; 3],
-        tangential_increment: [Lanes16::ZERO; 3],
-        rolling_velocity: Lanes16::ZERO,
-        rolling_increment: Lanes16::ZERO,
-    };
-}
-
 /// Rotation of sixteen pairs of spheres against each other, and the torques on i that resist it:
 /// each a vector in the tangent plane and the component along n. Apart from [`PairMotion`], which
 /// is smaller without it.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub struct Turning {
     /// ω_i - ω_j of the full step (rad/s).
     pub velocity: [Lanes16; TORQUES],
@@ -56,15 +43,6 @@ pub struct Turning {
     pub increment: [Lanes16; TORQUES],
     /// The torque (N m).
     pub torque: [Lanes16; TORQUES],
-}
-
-impl Turning {
-    /// A pair that does not turn.
-    pub const ZERO: Self = Self {
-        velocity: [Lanes16::ZERO; TORQUES],
-        increment: [Lanes16::ZERO; TORQUES],
-        torque: [Lanes16::ZERO; TORQUES],
-    };
 }
 
 /// Input and output of a law for some blocks of sixteen pairs.
@@ -114,7 +92,7 @@ pub mod dissipation {
 
 /// Forces of sixteen contacts on grain i, per unit depth (N/m) in 2D; arbitrary where the pair does
 /// not touch.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Default, Clone, Copy)]
 pub struct Response {
     /// F_n ≥ 0 along n.
     pub normal: Lanes16,
@@ -136,25 +114,12 @@ pub struct Response {
     pub dissipated: [Lanes16; dissipation::KINDS],
 }
 
-impl Response {
-    /// No forces.
-    pub const NONE: Self = Self {
-        normal: Lanes16::ZERO,
-        tangential: [Lanes16::ZERO; 3],
-        rolling: Lanes16::ZERO,
-        sliding: 0,
-        rolls: 0,
-        twists: 0,
-        beyond: 0,
-        dissipated: [Lanes16::ZERO; dissipation::KINDS],
-    };
-}
-
 /// Elastic torques that resist the rolling and twisting of spheres: a vector in the tangent plane
 /// and the component along n (N m).
 pub const TORQUES: usize = 4;
 
-/// The numbers that a contact may keep from step to step.
+/// The numbers that a contact may keep from step to step, in the layout of
+/// [`crate::state::ContactState`]: its history, then its torques.
 pub type History = [f64; 3 + TORQUES];
 
 /// Most blocks that a law is given at once: enough for the processor to overlap them, few enough
@@ -172,6 +137,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     const PARAMETERS: usize;
     /// Numbers per contact that the law keeps from step to step; 0 where the grains do not touch.
     const HISTORY: usize;
+    /// Their places in a [`History`]; at least as many.
+    const HISTORY_PLACES: &'static [usize] = &[0, 1, 2, 3, 4, 5, 6];
     /// Unit in 3D of the history of F_t: that of its elastic part, or `m` of a displacement.
     const HISTORY_UNIT: &'static str = "N";
     /// Whether forces other than F_n can arise.
@@ -202,16 +169,6 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
         overlap: L,
         history: &[Lanes16],
     ) -> [L; 3];
-
-    /// Converts a history to the layout of [`crate::state::ContactState`]: its history, then its
-    /// torques.
-    fn history_to_state(history: History) -> History {
-        history
-    }
-    /// The reverse of [`ContactLaw::history_to_state`].
-    fn history_from_state(state: History) -> History {
-        state
-    }
 }
 
 /// A spring's force or torque under a limit, and that of the damper parallel to it.
@@ -346,6 +303,12 @@ pub(crate) fn is_curved<L: Lanes>([sum, r_i]: [L; 2]) -> L::Mask {
     sum.abs().greater(r_i.abs())
 }
 
+/// a + b.
+#[inline(always)]
+pub(crate) fn sum<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> Vector<L> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
 /// A vector times a number.
 #[inline(always)]
 pub fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {
@@ -402,14 +365,56 @@ pub fn portable_exp(x: f64) -> f64 {
 
 /// A portable computation on one number.
 pub(crate) fn scalar(f: impl FnOnce(PortableToken) -> Portable) -> f64 {
-    let mut out = Lanes16::ZERO;
-    f(PortableToken).store(&mut out);
-    out.0[0]
+    f(PortableToken).to_lanes16().0[0]
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
+    use crate::simd::LANES;
+
+    /// The response of two grains of these radii in a step, which updates their history. `motion`
+    /// is in the order of [`PairMotion`], without the normal increment.
+    pub fn response_of<C: ContactLaw>(
+        law: &C,
+        radii: [f64; 2],
+        motion: [f64; 6],
+        history: &mut [f64],
+    ) -> Response {
+        let lanes = |v| Lanes16([v; LANES]);
+        let [r_i, r_j] = radii.map(|r| Portable::splat(PortableToken, r));
+        let mut parameters = vec![Lanes16::ZERO; C::PARAMETERS];
+        law.parameters(PortableToken, r_i, r_j, &mut parameters);
+        let [overlap, v_n, v_t, slip, spin, rotation] = motion.map(lanes);
+        let motion = PairMotion {
+            overlap,
+            normal_velocity: v_n,
+            tangential_velocity: [v_t; 3],
+            tangential_increment: [slip; 3],
+            rolling_velocity: spin,
+            rolling_increment: rotation,
+            ..PairMotion::default()
+        };
+        let mut kept: Vec<_> = history.iter().map(|v| lanes(*v)).collect();
+        let mut response = [Response::default()];
+        law.evaluate::<Portable, false>(
+            PortableToken,
+            &mut Blocks {
+                parameters: &parameters,
+                history: &mut kept,
+                per_step: 0.0,
+                motion: &[motion],
+                turning: &mut [],
+                carry: &mut [[Lanes16::ZERO; CARRY]],
+                response: &mut response,
+                jumps: &[],
+            },
+        );
+        for (number, lanes) in history.iter_mut().zip(kept) {
+            *number = lanes.0[3];
+        }
+        response[0]
+    }
 
     /// The parts of a contact whose spring has `trial` under a limit of 2, with the damper's part.
     fn limited(n: usize, trial: [f64; 3], viscous: [f64; 3], share: f64) -> ([f64; 3], [f64; 3]) {
@@ -421,11 +426,7 @@ mod tests {
             let vectors = [&[c(0.0); 3], &trial, &viscous];
             Limited::vector(PortableToken, vectors, c(2.0), share, [0, u16::MAX])
         };
-        let first = |lanes: Portable| {
-            let mut out = Lanes16::ZERO;
-            lanes.store(&mut out);
-            out.0[0]
-        };
+        let first = |lanes: Portable| lanes.to_lanes16().0[0];
         (f.elastic.map(first), f.viscous.map(first))
     }
 

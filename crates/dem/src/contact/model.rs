@@ -3,26 +3,17 @@
 use std::fmt::Debug;
 
 use super::stiffness::Stiffness;
-use super::{ContactLaw, History, is_curved};
+use super::{ContactLaw, is_curved};
 use crate::dimension::Dimension;
 use crate::simd::{Isa, Lanes, Lanes16, Work};
 
 /// Properties of a contact law other than its forces. Implemented for every [`ContactLaw`].
 ///
-/// A block of sixteen pairs has [`PairModel::parameter_lanes`] times [`Lanes16`] of parameters and
-/// [`PairModel::history_lanes`] times [`Lanes16`] of histories.
+/// A block of sixteen pairs has a [`Lanes16`] for each of the parameters and of the histories of
+/// [`PairModel::layout`].
 pub trait PairModel: Stiffness + Debug + Send + Sync {
-    /// Whether forces other than F_n can arise.
-    fn has_friction(&self) -> bool;
-
-    /// Whether it has the torques of spheres that resist rolling or twisting.
-    fn has_torques(&self) -> bool;
-
-    /// Number of quantities per pair that depend on the two grains alone.
-    fn parameter_lanes(&self) -> usize;
-
-    /// Number of quantities that a contact keeps from step to step.
-    fn history_lanes(&self) -> usize;
+    /// What it keeps of a pair.
+    fn layout(&self) -> Layout;
 
     /// The kind of a pair of grains of these materials; a block has pairs of one kind.
     fn kind(&self, _materials: [u64; 2]) -> u16 {
@@ -41,23 +32,25 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
         self.gap([0; 2], [radius; 2])
     }
 
-    /// Unit in 3D of the history of F_t, as the units module of H5MD writes it.
-    fn history_unit(&self) -> &'static str;
-
-    /// Converts the history of a contact, as the law keeps it, to the layout of
-    /// [`crate::state::ContactState`].
-    fn to_state(&self, history: History) -> History;
-
-    /// The reverse of [`PairModel::to_state`].
-    #[expect(
-        clippy::wrong_self_convention,
-        reason = "depends on the law, and `to_state` is its reverse"
-    )]
-    fn from_state(&self, state: History) -> History;
-
     /// Elastic energies (J; J/m in 2D) of the contacts of all blocks: normal, tangential, rolling.
     /// Arbitrary for lanes that do not touch.
     fn energies(&self, isa: Isa, blocks: &Elastic<'_>, out: &mut [[Lanes16; 3]]);
+}
+
+/// What a contact law keeps of a pair.
+#[derive(Debug, Clone, Copy)]
+pub struct Layout {
+    /// Whether forces other than F_n can arise.
+    pub has_friction: bool,
+    /// Whether it has the torques of spheres that resist rolling or twisting.
+    pub has_torques: bool,
+    /// Number of quantities per pair that depend on the two grains alone.
+    pub parameters: usize,
+    /// For each quantity that a contact keeps from step to step, its place in a
+    /// [`History`](super::History).
+    pub history: &'static [usize],
+    /// Unit in 3D of the history of F_t, as the units module of H5MD writes it.
+    pub history_unit: &'static str,
 }
 
 /// What the elastic energies of some blocks depend on.
@@ -67,29 +60,23 @@ pub struct Elastic<'a> {
     pub geometry: &'a [[Lanes16; 2]],
     /// [`PairModel::kind`] of each.
     pub kinds: &'a [u16],
-    /// [`PairModel::parameter_lanes`] per block.
+    /// [`Layout::parameters`] per block.
     pub parameters: &'a [Lanes16],
-    /// [`PairModel::history_lanes`] per block.
+    /// [`Layout::history`] per block.
     pub history: &'a [Lanes16],
     /// δ (m).
     pub overlap: &'a [Lanes16],
 }
 
 impl<C: ContactLaw + Stiffness> PairModel for C {
-    fn has_friction(&self) -> bool {
-        C::FRICTION
-    }
-
-    fn has_torques(&self) -> bool {
-        C::ROLLING && C::Space::SPINS == 3
-    }
-
-    fn parameter_lanes(&self) -> usize {
-        C::PARAMETERS
-    }
-
-    fn history_lanes(&self) -> usize {
-        C::HISTORY
+    fn layout(&self) -> Layout {
+        Layout {
+            has_friction: C::FRICTION,
+            has_torques: C::ROLLING && C::Space::SPINS == 3,
+            parameters: C::PARAMETERS,
+            history: &C::HISTORY_PLACES[..C::HISTORY],
+            history_unit: C::HISTORY_UNIT,
+        }
     }
 
     fn set_parameters(&self, isa: Isa, of: (&[[Lanes16; 2]], &[u16]), out: &mut [Lanes16]) {
@@ -103,18 +90,6 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
 
     fn largest_normal_force(&self, radius: f64) -> f64 {
         self.largest_force(radius)
-    }
-
-    fn history_unit(&self) -> &'static str {
-        C::HISTORY_UNIT
-    }
-
-    fn to_state(&self, history: History) -> History {
-        C::history_to_state(history)
-    }
-
-    fn from_state(&self, state: History) -> History {
-        C::history_from_state(state)
     }
 
     fn energies(&self, isa: Isa, blocks: &Elastic<'_>, out: &mut [[Lanes16; 3]]) {

@@ -100,13 +100,8 @@ impl<D: Dimension> Slabs<D> {
         let mut owned = grains;
         if size > 1 {
             owned.sort_unstable_by_key(|g| g.id);
-            self.balance(
-                exchange,
-                cell,
-                &owned,
-                &contacts,
-                (cell.cutoff_along_x(cutoff), worked),
-            )?;
+            let of = (cell.cutoff_along_x(cutoff), worked);
+            self.balance(exchange, cell, &owned, &contacts, of)?;
             let mut leaving: Vec<(u32, usize)> = Vec::new();
             let mut grains_to = vec![Vec::new(); size];
             let mut contacts_to = vec![Vec::new(); size];
@@ -120,10 +115,8 @@ impl<D: Dimension> Slabs<D> {
             });
             leaving.sort_unstable();
             let destination = |id| {
-                leaving
-                    .binary_search_by_key(&id, |l| l.0)
-                    .ok()
-                    .map(|k| leaving[k].1)
+                let found = leaving.binary_search_by_key(&id, |l| l.0);
+                found.ok().map(|k| leaving[k].1)
             };
             for contact in &contacts {
                 let (a, b) = (destination(contact.i), destination(contact.j));
@@ -274,12 +267,9 @@ impl<D: Dimension> Slabs<D> {
         // A message and not a rule: two ranks might round differently.
         let mut answers = vec![Vec::new(); exchange.size()];
         for link in &self.links {
-            answers[link.rank] = needed[link.ghosts.clone()].to_vec();
+            let of_ghosts = needed[link.ghosts.clone()].iter();
+            answers[link.rank] = of_ghosts.map(|&kept| u8::from(kept)).collect();
         }
-        let answers: Vec<Vec<u8>> = answers
-            .iter()
-            .map(|answer| answer.iter().map(|&kept| u8::from(kept)).collect())
-            .collect();
         let received = exchange.all_to_all(answers);
         let number = grains.retain(&needed);
         for g in pairs.iter_mut().flat_map(|pair| &mut pair.grains) {
@@ -356,11 +346,8 @@ fn share_anew(shares: &mut [f64], costs_and_times: &[i64]) {
     if costs.iter().chain(times).any(|x| *x <= 0) {
         return;
     }
-    let speeds: Vec<f64> = costs
-        .iter()
-        .zip(times)
-        .map(|(c, t)| *c as f64 / *t as f64)
-        .collect();
+    let both = costs.iter().zip(times);
+    let speeds: Vec<f64> = both.map(|(c, t)| *c as f64 / *t as f64).collect();
     let all: f64 = speeds.iter().sum();
     let even = 1.0 / size as f64;
     for (share, speed) in shares.iter_mut().zip(&speeds) {

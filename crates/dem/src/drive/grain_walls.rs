@@ -33,8 +33,15 @@ impl GrainWalls {
         }
     }
 
-    /// Gives the grains of the top these velocities, in the fields that begin at `at`.
-    fn impose<D: Dimension>(&self, at: &[usize], [along, up]: [f64; 2], grains: &mut Grains<D>) {
+    /// Gives the grains of the top these velocities, and those of a bottom that vibrates that
+    /// upwards, in the fields that begin at `at`.
+    fn impose<D: Dimension>(
+        &self,
+        at: &[usize],
+        [along, up]: [f64; 2],
+        bottom: impl FnOnce(&Protocol) -> f64,
+        grains: &mut Grains<D>,
+    ) {
         for &g in &self.top {
             let r = grains.fields_mut(g as usize);
             for at in at {
@@ -42,10 +49,11 @@ impl GrainWalls {
                 r[at + D::UP] = up;
             }
         }
-    }
-
-    /// Gives the grains of a bottom that vibrates this velocity upwards.
-    fn impose_bottom<D: Dimension>(&self, at: &[usize], up: f64, grains: &mut Grains<D>) {
+        let protocol = &self.motion.slider.protocol;
+        if !protocol.has_bottom() {
+            return;
+        }
+        let up = bottom(protocol);
         for &g in &self.bottom {
             let r = grains.fields_mut(g as usize);
             for at in at {
@@ -63,11 +71,7 @@ impl GrainWalls {
     ) {
         let Top { slider, piston, .. } = &self.motion;
         let velocity = [slider.state.velocity, piston.velocity];
-        let fields = [D::VELOCITY, D::HALF_VELOCITY];
-        self.impose(&fields, velocity, grains);
-        if slider.protocol.has_bottom() {
-            self.impose_bottom(&fields, bottom(&slider.protocol), grains);
-        }
+        self.impose(&[D::VELOCITY, D::HALF_VELOCITY], velocity, bottom, grains);
     }
 }
 
@@ -104,12 +108,10 @@ impl<D: Dimension> Drive<D> for GrainWalls {
     }
 
     fn predict(&mut self, step: f64, _: &mut Cell, grains: &mut Grains<D>) {
-        let slider = &self.motion.slider;
-        self.impose(&[D::VELOCITY], self.motion.predicted(step), grains);
-        if slider.protocol.has_bottom() {
-            let up = slider.protocol.full_bottom_velocity(slider.state.step);
-            self.impose_bottom(&[D::VELOCITY], up, grains);
-        }
+        let now = self.motion.slider.state.step;
+        let bottom = |protocol: &Protocol| protocol.full_bottom_velocity(now);
+        let velocity = self.motion.predicted(step);
+        self.impose(&[D::VELOCITY], velocity, bottom, grains);
     }
 
     fn has_bottom_force(&self) -> bool {

@@ -14,6 +14,7 @@ use crate::state::{Cell, Grains};
 pub use grain_walls::GrainWalls;
 pub use images::Images;
 pub use planes::Planes;
+pub(crate) use top::is_zero;
 pub use top::{Piston, Servo, Slider, SliderState, Top};
 
 /// The forces of the grains on the walls (N; N/m in 2D). What the drive does not ask for is 0.

@@ -5,7 +5,7 @@ use bytemuck::Zeroable;
 use super::{Drive, Felt, Piston, WallForces};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
-use crate::kernel::{PairForce, Pass, Scratch};
+use crate::kernel::{PairForce, Pass, PassInput, Scratch};
 use crate::simd::Isa;
 use crate::state::{CandidatePair, Cell, Contacts, Grains, LocalGrains, Remembered};
 
@@ -100,16 +100,18 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         let outcome = self.law.pass(
             isa,
             Pass {
+                input: PassInput {
+                    units: grains.units,
+                    cell,
+                    step,
+                    travelled: None,
+                    attraction: None,
+                    counting: None,
+                },
                 record: &self.record,
                 force: &mut self.force,
                 part,
-                units: grains.units,
-                cell,
-                step,
-                travelled: None,
-                attraction: None,
                 samples: None,
-                counting: None,
             },
             &mut self.scratch,
         );

@@ -117,7 +117,7 @@ pub struct SliderState {
 }
 
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it")]
-fn is_zero(x: &f64) -> bool {
+pub(crate) fn is_zero(x: &f64) -> bool {
     x.to_bits() == 0
 }
 

@@ -26,6 +26,7 @@ use crate::simd::{
     Isa, LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
 };
 use crate::state::{BlockRange, Cell, Units, length};
+use crate::workers::tail_mut;
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
 #[derive(Debug, Default)]
@@ -86,34 +87,33 @@ pub struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
-    /// Splits off the first `blocks` blocks.
-    pub fn split(self, blocks: usize) -> (Samples<'a>, Samples<'a>) {
-        let (normal, normal_after) = self.normal.split_at_mut(blocks);
-        let (tangential, tangential_after) = self.tangential.split_at_mut(blocks);
-        let (overlap, overlap_after) = self.overlap.split_at_mut(blocks);
-        (
-            Samples {
-                normal,
-                tangential,
-                overlap,
-            },
-            Samples {
-                normal: normal_after,
-                tangential: tangential_after,
-                overlap: overlap_after,
-            },
-        )
+    /// Splits off the blocks from `at` on.
+    pub fn split_off(&mut self, at: usize) -> Samples<'a> {
+        Samples {
+            normal: tail_mut(&mut self.normal, at),
+            tangential: tail_mut(&mut self.tangential, at),
+            overlap: tail_mut(&mut self.overlap, at),
+        }
     }
 }
 
 /// Input and output of one pass over some contacts.
 pub struct Pass<'a, D: Dimension> {
+    /// What all parts of a pass share.
+    pub input: PassInput,
     /// The records of all local grains.
     pub record: &'a [D::Record],
     /// The forces on all local grains, to which the pass adds.
     pub force: &'a mut [D::Force],
     /// The contacts.
     pub part: BlockRange<'a>,
+    /// Receives the contact forces.
+    pub samples: Option<Samples<'a>>,
+}
+
+/// What all parts of a pass share.
+#[derive(Debug, Clone, Copy)]
+pub struct PassInput {
     /// The units to which forces and torques are rounded.
     pub units: Units,
     /// The cell.
@@ -125,8 +125,6 @@ pub struct Pass<'a, D: Dimension> {
     pub travelled: Option<f64>,
     /// Attraction beside the law, if there is one.
     pub attraction: Option<Attraction>,
-    /// Receives the contact forces.
-    pub samples: Option<Samples<'a>>,
     /// Makes the pass count the dissipation for the energy budget, and the stress.
     pub counting: Option<Counting>,
 }
@@ -136,7 +134,7 @@ pub struct Pass<'a, D: Dimension> {
 pub struct Counting {
     /// Energies are counted in whole multiples of this (J/m); `None` without an energy budget.
     pub unit: Option<f64>,
-    /// Δt (s), by which powers are multiplied, also if [`Pass::step`] is 0.
+    /// Δt (s), by which powers are multiplied, also if [`PassInput::step`] is 0.
     pub step: f64,
     /// The height of the cell (m) if the stress is counted.
     pub height: Option<f64>,
@@ -162,7 +160,7 @@ impl<D: Dimension> Pass<'_, D> {
     /// JKR adhesion, if there is one.
     #[inline(always)]
     fn jkr(&self) -> Option<Jkr> {
-        self.attraction.filter(|_| D::AXES == 3)?.jkr
+        self.input.attraction.filter(|_| D::AXES == 3)?.jkr
     }
 }
 
@@ -197,12 +195,15 @@ impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
         scratch: &mut Scratch<C::Space>,
     ) -> PassOutcome {
         let (law, first) = (self, pass.part.first);
-        let mut outcome = match (pass.counting, isa.vector()) {
-            (counting, Some(vector)) if counting.is_none_or(|of| of.unit.is_none()) => {
-                vector.run(PassWork::<C, false> { law, pass, scratch })
-            }
-            // The portable arrays always account for the dissipation: one instance a law suffices.
-            _ => isa.run(PassWork::<C, true> { law, pass, scratch }),
+        let has_budget = pass.input.counting.is_some_and(|of| of.unit.is_some());
+        // The portable arrays always account for the dissipation: one instance a law suffices.
+        let with_budget =
+            |PassWork { law, pass, scratch }| isa.run(PassWork::<C, true> { law, pass, scratch });
+        let work = PassWork::<C, false> { law, pass, scratch };
+        let mut outcome = if has_budget {
+            with_budget(work)
+        } else {
+            isa.run_with_vectors(work).unwrap_or_else(with_budget)
         };
         for (block, _) in [&mut outcome.outside, &mut outcome.too_strong]
             .into_iter()
@@ -228,7 +229,7 @@ const CACHED: usize = 3 << 20;
 
 /// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
 /// reuse its memory.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Scratch<D: Dimension> {
     /// Differences of the records, and of the second grain what [`Dimension::load`] gives.
     difference: [D::Fields; CHUNK],
@@ -264,24 +265,6 @@ impl<D: Dimension> Scratch<D> {
     }
 }
 
-impl<D: Dimension> Default for Scratch<D> {
-    fn default() -> Self {
-        Self {
-            difference: [D::NO_FIELDS; CHUNK],
-            of_j: [[Lanes16::ZERO; 8]; CHUNK],
-            motion: [PairMotion::ZERO; CHUNK],
-            overlap: [Lanes16::ZERO; CHUNK],
-            direction: [[Lanes16::ZERO; 3]; CHUNK],
-            radii: [[Lanes16::ZERO; 2]; CHUNK],
-            carry: [[Lanes16::ZERO; CARRY]; CHUNK],
-            response: [Response::NONE; CHUNK],
-            turning: [Turning::ZERO; CHUNK],
-            jumps: Vec::new(),
-            touched: Vec::new(),
-        }
-    }
-}
-
 impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
     type Output = PassOutcome;
 
@@ -297,7 +280,7 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
         let pass = &mut pass;
         let mut outcome = PassOutcome::default();
         let prefetches = size_of_val(pass.record) > CACHED;
-        let travelled = pass.travelled;
+        let travelled = pass.input.travelled;
         let mut next = pass.part.awake(0, CHUNK, travelled);
         while !next.is_empty() {
             let chunk = next;
@@ -324,7 +307,7 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             let mut stress = StressCount::<L>::new(token, pass);
             let too_strong = add_forces::<C, L>(token, pass, chunk.clone(), scratch, &mut stress);
             outcome.too_strong = outcome.too_strong.or(too_strong);
-            if let Some(attraction) = pass.attraction {
+            if let Some(attraction) = pass.input.attraction {
                 let of = (attraction, &mut stress);
                 add_attraction::<C::Space, L>(token, of, pass, chunk, scratch);
             }
@@ -347,9 +330,8 @@ fn prefetch_blocks<D: Dimension>(pass: &Pass<'_, D>, blocks: Range<usize>) {
         prefetch_all(&part.geometry[of(1)]);
     }
     for block in blocks {
-        let block = part.first + block;
-        prefetch(pass.record, part.pairs, block);
-        prefetch(pass.force, part.pairs, block);
+        prefetch(pass.record, part.pairs(block));
+        prefetch(pass.force, part.pairs(block));
     }
 }
 
@@ -364,11 +346,11 @@ fn load_differences<C: ContactLaw, L: Lanes>(
     let (record, part) = (pass.record, &pass.part);
     let scratch = scratch.difference.iter_mut().zip(&mut scratch.of_j);
     for (block, (difference, of_j)) in chunk.zip(scratch) {
-        let block = part.first + block;
+        let pairs = part.pairs(block);
         if C::FRICTION {
-            C::Space::load::<L, true>(token, record, part.pairs, block, difference, of_j);
+            C::Space::load::<L, true>(token, record, pairs, difference, of_j);
         } else {
-            C::Space::load::<L, false>(token, record, part.pairs, block, difference, of_j);
+            C::Space::load::<L, false>(token, record, pairs, difference, of_j);
         }
     }
 }
@@ -398,8 +380,8 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             history: &mut contacts.history[range(C::HISTORY)],
             motion: &scratch.motion[..chunk.len()],
             turning: &mut scratch.turning[..chunk.len()],
-            per_step: if C::Space::SPINS == 3 && pass.step > 0.0 {
-                1.0 / pass.step
+            per_step: if C::Space::SPINS == 3 && pass.input.step > 0.0 {
+                1.0 / pass.input.step
             } else {
                 0.0
             },
@@ -442,7 +424,7 @@ fn scale_jumps<C: ContactLaw, const BUDGET: bool>(
             continue;
         }
         let history = &mut contacts.history[block * C::HISTORY..][..C::HISTORY];
-        if let (true, Some(attraction)) = (BUDGET, pass.attraction) {
+        if let (true, Some(attraction)) = (BUDGET, pass.input.attraction) {
             let of = &contacts.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
             let hertzian = load(&scratch.motion[k].overlap);
             let [normal, tangential, rolling] =
@@ -487,7 +469,7 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let c = |v| L::splat(token, v);
     let part = &pass.part;
-    let counting = pass.counting.and_then(|c| Some((c.unit?, c.step)));
+    let counting = pass.input.counting.and_then(|c| Some((c.unit?, c.step)));
     let (unit, step) = counting.unwrap_or((1.0, 0.0));
     let owned = chunk.end.min(part.owned_blocks.saturating_sub(part.first));
     let blocks = chunk.start..owned.max(chunk.start);
@@ -547,10 +529,10 @@ struct StressCount<L: Lanes> {
 impl<L: Lanes> StressCount<L> {
     #[inline(always)]
     fn new<D: Dimension>(token: L::Token, pass: &Pass<'_, D>) -> Option<Self> {
-        let height = pass.counting?.height?;
+        let height = pass.input.counting?.height?;
         Some(Self {
             owned: pass.part.owned_blocks.saturating_sub(pass.part.first),
-            per_unit: L::splat(token, 1.0 / (height * pass.units.force)),
+            per_unit: L::splat(token, 1.0 / (height * pass.input.units.force)),
             up: L::no_counts(token),
             along: L::no_counts(token),
         })
@@ -588,7 +570,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
     let c = |v| L::splat(token, v);
     let zero = c(0.0);
     let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
-    let units = pass.units;
+    let units = pass.input.units;
     let force_shift = c(Units::shift(units.force));
     let torque_shift = c(Units::shift(units.torque));
     let largest = c(units.largest_force());
@@ -645,14 +627,7 @@ fn add_forces<C: ContactLaw, L: Lanes>(
             on_i[k] = (on_i[k] + torque_shift) - torque_shift;
             on_j[k] = (on_j[k] + torque_shift) - torque_shift;
         }
-        C::Space::add_forces(
-            force,
-            on_i,
-            on_j,
-            sums,
-            contacts.pairs,
-            contacts.first + block,
-        );
+        C::Space::add_forces([force, on_i, on_j], sums, contacts.pairs(block));
     }
     outside
 }
@@ -667,7 +642,7 @@ fn add_attraction<D: Dimension, L: Lanes>(
     scratch: &Scratch<D>,
 ) {
     let zero = L::splat(token, 0.0);
-    let shift = L::splat(token, Units::shift(pass.units.force));
+    let shift = L::splat(token, Units::shift(pass.input.units.force));
     let jkr = pass.jkr().is_some();
     let contacts = &pass.part;
     let mut jumps = scratch.jumps.iter().peekable();
@@ -700,14 +675,7 @@ fn add_attraction<D: Dimension, L: Lanes>(
             normal.store(&mut samples.normal[block]);
         }
         let none = [zero; 3];
-        D::add_forces(
-            force,
-            none,
-            none,
-            pass.force,
-            contacts.pairs,
-            contacts.first + block,
-        );
+        D::add_forces([force, none, none], pass.force, contacts.pairs(block));
     }
 }
 

@@ -7,9 +7,9 @@ use super::{Pass, Scratch};
 use crate::contact::attraction::reduced_radius;
 use crate::contact::jkr::Jkr;
 use crate::contact::{
-    ContactLaw, Jump, PairMotion, TORQUES, Turning, is_curved, store_vector, vector,
+    ContactLaw, Jump, PairMotion, TORQUES, Turning, is_curved, scaled, store_vector, vector,
 };
-use crate::dimension::{Dimension, Three};
+use crate::dimension::{Dimension, Three, scaled_sum};
 use crate::simd::{LANES, Lanes, Lanes16, Mask, Pairs, inverse_sqrt};
 use crate::state::{Cell, FILLER, Stretching, Units, way_to_touch};
 
@@ -24,14 +24,14 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     scratch: &mut Scratch<C::Space>,
 ) -> usize {
     let mut active = 0;
-    let step = L::splat(token, pass.step);
-    let slip_shift = L::splat(token, Units::shift(pass.units.slip));
+    let step = L::splat(token, pass.input.step);
+    let slip_shift = L::splat(token, Units::shift(pass.input.units.slip));
     let rotation_shift = L::splat(token, Units::shift(Units::ROTATION));
     let steps = (step, [slip_shift, rotation_shift]);
     let jkr = pass.jkr();
     let has_feet = pass.part.has_feet;
     let contacts = &mut pass.part;
-    let attracts = pass.attraction.is_some();
+    let attracts = pass.input.attraction.is_some();
     if BUDGET {
         scratch.touched.clear();
     }
@@ -61,7 +61,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             &contacts.geometry[block]
         };
         let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
-        let mut pair = Separation::<L>::new::<C::Space>(token, &pass.cell, difference, sum);
+        let mut pair = Separation::<L>::new::<C::Space>(token, &pass.input.cell, difference, sum);
         if has_feet {
             // The normal of a flat wall does not turn.
             let none = L::splat(token, 0.0);
@@ -100,7 +100,8 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             }
         } else {
             let inner = contacts.first + block < contacts.inner;
-            contacts.asleep_until[block] = asleep_until(motion, pass.travelled.filter(|_| inner));
+            contacts.asleep_until[block] =
+                asleep_until(motion, pass.input.travelled.filter(|_| inner));
         }
         let opened = if attracts { before & !*touching } else { 0 };
         if new | opened != 0 {
@@ -333,11 +334,7 @@ fn spin_sum<D: Dimension, L: Lanes>(
 ) -> [L; 3] {
     let of_difference = vector::<L>(token, of_difference, D::SPINS);
     let of_j = vector::<L>(token, of_j, D::SPINS);
-    [
-        r_i.mul_add(of_difference[0], sum * of_j[0]),
-        r_i.mul_add(of_difference[1], sum * of_j[1]),
-        r_i.mul_add(of_difference[2], sum * of_j[2]),
-    ]
+    scaled_sum(r_i, &of_difference, &scaled(&of_j, sum))
 }
 
 /// The motion of sixteen pairs in the half step. It belongs to the tangent plane of the half step,
@@ -376,11 +373,7 @@ fn mean_spin<L: Lanes>(token: L::Token, of_difference: &[Lanes16], of_j: &[Lanes
     let half = L::splat(token, 0.5);
     let difference = vector::<L>(token, of_difference, 3);
     let of_j = vector::<L>(token, of_j, 3);
-    [
-        half.mul_add(difference[0], of_j[0]),
-        half.mul_add(difference[1], of_j[1]),
-        half.mul_add(difference[2], of_j[2]),
-    ]
+    scaled_sum(half, &difference, &of_j)
 }
 
 /// How sixteen pairs of spheres have turned in a step: n, and about n the two grains, by the mean
@@ -436,30 +429,15 @@ impl<L: Lanes> Turn<L> {
         let along = Three::dot(&self.n, s);
         let twist = half.per_distance.mul_add(along, self.half_twist);
         let across = Three::tangential_part(&self.n, s, along);
-        let [x, y, z] = *s;
-        let turned = [
-            twist.mul_add(v[0], x),
-            twist.mul_add(v[1], y),
-            twist.mul_add(v[2], z),
-        ];
-        let mut slip = Three::surface_velocity(&self.n, &turned);
-        for k in 0..3 {
-            let straight = half.tangential[k].mul_add(half.longer, slip[k]);
-            slip[k] = (-self.half_twist).mul_add(across[k], straight);
-        }
-        slip
+        let slip = Three::surface_velocity(&self.n, &scaled_sum(twist, v, s));
+        let straight = scaled_sum(half.longer, &half.tangential, &slip);
+        scaled_sum(-self.half_twist, &across, &straight)
     }
 
     /// Rotates a vector of this plane that was made in the half step by ½φ.
     #[inline(always)]
     fn of_half_step(&self, u: &[L; 3]) -> [L; 3] {
-        let across = Three::surface_velocity(&self.n, u);
-        let half = self.half_twist;
-        [
-            half.mul_add(across[0], u[0]),
-            half.mul_add(across[1], u[1]),
-            half.mul_add(across[2], u[2]),
-        ]
+        scaled_sum(self.half_twist, &Three::surface_velocity(&self.n, u), u)
     }
 
     /// Sets the rolling motion from ω_i - ω_j of the full and of the half step. The latter, w,

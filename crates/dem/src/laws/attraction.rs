@@ -28,10 +28,9 @@
 //! at the pull-off, 0.961 πγ a_c², is lost: it counts in `dissipated_stiffness`, the energies of
 //! the springs in those of their limits. All forces jump, and are scaled in these two steps.
 
-use crate::contact::History;
 use crate::contact::attraction::{Attraction, reduced_radius};
 use crate::contact::jkr::Jkr;
-use crate::contact::model::{Elastic, PairModel};
+use crate::contact::model::{Elastic, Layout, PairModel};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::dimension::Dimension;
 use crate::kernel::{PairForce, Pass, PassOutcome, Scratch};
@@ -86,20 +85,8 @@ impl<D: Dimension> Stiffness for Attracting<D> {
 }
 
 impl<D: Dimension> PairModel for Attracting<D> {
-    fn has_friction(&self) -> bool {
-        self.law.has_friction()
-    }
-
-    fn has_torques(&self) -> bool {
-        self.law.has_torques()
-    }
-
-    fn parameter_lanes(&self) -> usize {
-        self.law.parameter_lanes()
-    }
-
-    fn history_lanes(&self) -> usize {
-        self.law.history_lanes()
+    fn layout(&self) -> Layout {
+        self.law.layout()
     }
 
     fn set_parameters(&self, isa: Isa, of: (&[[Lanes16; 2]], &[u16]), out: &mut [Lanes16]) {
@@ -109,18 +96,6 @@ impl<D: Dimension> PairModel for Attracting<D> {
     fn largest_normal_force(&self, radius: f64) -> f64 {
         let elastic = self.law.largest_normal_force(radius);
         elastic + self.attraction.under(elastic, [radius; 2])
-    }
-
-    fn history_unit(&self) -> &'static str {
-        self.law.history_unit()
-    }
-
-    fn to_state(&self, history: History) -> History {
-        self.law.to_state(history)
-    }
-
-    fn from_state(&self, state: History) -> History {
-        self.law.from_state(state)
     }
 
     fn energies(&self, isa: Isa, blocks: &Elastic<'_>, out: &mut [[Lanes16; 3]]) {
@@ -149,7 +124,7 @@ impl<D: Dimension> PairModel for Attracting<D> {
 
 impl<D: Dimension> PairForce<D> for Attracting<D> {
     fn pass(&self, isa: Isa, mut pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
-        pass.attraction = Some(self.attraction);
+        pass.input.attraction = Some(self.attraction);
         self.law.pass(isa, pass, scratch)
     }
 }
@@ -190,15 +165,15 @@ impl Work for Potential<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) {
         let load = |lanes: &Lanes16| L::load(token, lanes);
+        let attraction = self.attraction;
         let overlaps = self.blocks.overlap.iter().zip(self.hertzian);
         let blocks = self.blocks.geometry.iter().zip(overlaps);
         for (([sum, r_i], (overlap, hertzian)), out) in blocks.zip(self.out) {
             let overlaps = [load(overlap), load(hertzian)];
             let radii = [load(sum), load(r_i)];
-            let of = self
-                .attraction
-                .potential(token, radii, overlaps, load(&out[0]));
-            of.store(&mut out[0]);
+            let energy = load(&out[0]);
+            let energy = attraction.potential(token, radii, overlaps, energy);
+            energy.store(&mut out[0]);
         }
     }
 }

@@ -25,9 +25,9 @@ use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
     Blocks, ContactLaw, add_damping, dissipation, exceeds, norm, portable_exp, portable_ln, scaled,
-    set_back, vector,
+    set_back, sum, vector,
 };
-use crate::dimension::{Dimension, Dimensions, Three, Vector};
+use crate::dimension::{Dimension, Dimensions, Three, Vector, scaled_sum};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse_sqrt};
 use crate::state::Masses;
@@ -76,6 +76,15 @@ impl Spheres {
     /// k_t = 2E/((1+ν)(2-ν)) (Pa).
     pub fn tangential_stiffness(&self) -> f64 {
         2.0 * self.young_modulus / ((1.0 + self.poisson_ratio) * (2.0 - self.poisson_ratio))
+    }
+
+    /// k_n and k_t for [`Constants::derived`].
+    pub(super) fn stiffnesses(&self) -> [(&'static str, f64, &'static str); 2] {
+        let k_t = self.tangential_stiffness();
+        [
+            ("normal stiffness k_n", self.normal_stiffness(), "Pa"),
+            ("tangential stiffness k_t", k_t, "Pa"),
+        ]
     }
 
     /// The material, undamped.
@@ -179,19 +188,9 @@ impl Constants for Spheres {
     }
 
     fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
-        vec![
-            (
-                "normal stiffness k_n",
-                Spheres::normal_stiffness(self),
-                "Pa",
-            ),
-            (
-                "tangential stiffness k_t",
-                self.tangential_stiffness(),
-                "Pa",
-            ),
-            ("normal damping gamma_n", self.normal_damping, "1/(m s)"),
-        ]
+        let mut derived = self.stiffnesses().to_vec();
+        derived.push(("normal damping gamma_n", self.normal_damping, "1/(m s)"));
+        derived
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
@@ -379,13 +378,9 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
-        for (((p, motion), carry), response) in blocks
-            .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.motion)
-            .zip(&mut *blocks.carry)
-            .zip(&mut *blocks.response)
-        {
+        let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let pairs = parameters.zip(blocks.motion).zip(&mut *blocks.carry);
+        for (((p, motion), carry), response) in pairs.zip(&mut *blocks.response) {
             let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
             let square = (overlap * load(&p[RADIUS])).max(c(NO_AREA));
             let root = square * inverse_sqrt(token, square);
@@ -397,10 +392,9 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
             let normal = root * per_root;
             normal.store(&mut response.normal);
             if BUDGET {
-                let dissipated = root.mul_add(elastic, -normal) * v_n;
-                dissipated
-                    .select(overlap.greater(zero), zero)
-                    .store(&mut response.dissipated[dissipation::DAMPING]);
+                let power = root.mul_add(elastic, -normal) * v_n;
+                let power = power.select(overlap.greater(zero), zero);
+                power.store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
@@ -453,10 +447,7 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         }
         let mut force = set_back(token, &earlier, trial, limit, masks);
         let compliance = c(1.0 / self.tangential_stiffness);
-        let mut spring = force;
-        for k in 0..3 {
-            spring[k] = (-gamma_t).mul_add(v_t[k], force[k]) * compliance;
-        }
+        let mut spring = scaled(&scaled_sum(-gamma_t, v_t, &force), compliance);
         if D::BOUNDS_SPRING {
             let (speed, per_speed) = norm(token, v_t);
             let bound = c(self.friction * self.normal_stiffness) * overlap;
@@ -483,31 +474,20 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
         let k_t = c(self.tangential_stiffness);
-        for ((((p, history), motion), carry), response) in blocks
-            .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.history.chunks_exact_mut(3))
-            .zip(blocks.motion)
-            .zip(&*blocks.carry)
-            .zip(&mut *blocks.response)
-        {
+        let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let kept = parameters.zip(blocks.history.chunks_exact_mut(3));
+        let pairs = kept.zip(blocks.motion).zip(&*blocks.carry);
+        for ((((p, history), motion), carry), response) in pairs.zip(&mut *blocks.response) {
             let touching = load(&motion.overlap).greater(zero);
             let root = load(&carry[ROOT]);
             let before = vector(token, history, 3);
             let slip = vector(token, &motion.tangential_increment, 3);
             let v_t = vector(token, &motion.tangential_velocity, 3);
-            let u = [
-                before[0] + slip[0],
-                before[1] + slip[1],
-                before[2] + slip[2],
-            ];
+            let u = sum(&before, &slip);
             let damping = D::per_root(token, load(&p[DAMPING]), root);
             let gamma_t = c(self.tangential_damping) * damping;
             // Spring and damper over √(δR*).
-            let mut force = u;
-            for k in 0..3 {
-                force[k] = k_t.mul_add(u[k], gamma_t * v_t[k]);
-            }
+            let mut force = scaled_sum(k_t, &u, &scaled(&v_t, gamma_t));
             let limit = c(self.friction) * load(&carry[NORMAL]);
             let sliding = exceeds(&force, limit).and(touching);
             let mut spring = u;

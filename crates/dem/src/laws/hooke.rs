@@ -34,14 +34,12 @@ use super::keys::{
     DAMPING_RATIO, DENSITY, Key, KeyReader, NORMAL_STIFFNESS, RESTITUTION, SLIDING_DAMPING,
     TANGENTIAL_STIFFNESS,
 };
-use super::rolling::{self, Places, Rolling, rolling_force};
+use super::rolling::{self, Rolling, rolling_force};
 use super::rolling_spheres::between_spheres;
-use super::{Constants, Contact, LawKind, Rigidity, with_limits};
+use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{
-    Blocks, ContactLaw, History, Limited, add_damping, dissipation, scaled, vector,
-};
-use crate::dimension::{Dimension, Dimensions, Three, Two};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
+use crate::dimension::{Dimension, Dimensions, Three, Two, scaled_sum};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask};
 use crate::state::Masses;
@@ -160,12 +158,14 @@ impl Constants for Springs {
     }
 
     fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
-        fn make<const FRICTION: bool, const ROLLING: bool>(
-            (springs, contact): (&Springs, &Contact),
-        ) -> Box<dyn PairForce<Two>> {
-            Box::new(Hooke::<Two, FRICTION, ROLLING>::new(springs, contact))
-        }
-        Some(with_limits!(contact, make, (self, contact)))
+        Some(
+            match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
+                (false, false) => Box::new(Hooke::<Two, false, false>::new(self, contact)),
+                (false, true) => Box::new(Hooke::<Two, false, true>::new(self, contact)),
+                (true, false) => Box::new(Hooke::<Two, true, false>::new(self, contact)),
+                (true, true) => Box::new(Hooke::<Two, true, true>::new(self, contact)),
+            },
+        )
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
@@ -217,12 +217,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
             damping_ratio: springs.damping_ratio,
             sliding_damping: springs.sliding_damping,
             friction: contact.friction,
-            rolling: Rolling {
-                stiffness: (contact.rolling_stiffness).unwrap_or(springs.tangential_stiffness),
-                densities: contact.densities(std::f64::consts::PI * springs.density),
-                friction: contact.rolling_friction,
-                damping_ratio: contact.rolling_damping_ratio,
-            },
+            rolling: Rolling::new(springs, contact),
             space: PhantomData,
         }
     }
@@ -240,6 +235,12 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     type Space = D;
     const PARAMETERS: usize = PLAIN + if ROLLING { rolling::PARAMETERS } else { 0 };
     const HISTORY: usize = if FRICTION { D::SPINS } else { 0 } + ROLLING as usize;
+    // In two dimensions the second place is for the last k_t, which this law does not need.
+    const HISTORY_PLACES: &'static [usize] = match (D::SPINS, FRICTION) {
+        (3, _) => &[0, 1, 2],
+        (_, true) => &[0, 2],
+        (_, false) => &[2],
+    };
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
     const LARGEST_OVERLAP: f64 = LARGEST_OVERLAP;
@@ -266,31 +267,23 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let zero = c(0.0);
-        for ((p, motion), response) in blocks
-            .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.motion)
-            .zip(&mut *blocks.response)
-        {
+        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let pairs = parameters().zip(blocks.motion);
+        for ((p, motion), response) in pairs.zip(&mut *blocks.response) {
             let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
             let k_n = c(self.normal_stiffness);
             let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
             normal.store(&mut response.normal);
             if BUDGET {
-                let dissipated = k_n.mul_add(overlap, -normal) * v_n;
-                dissipated
-                    .select(overlap.greater(zero), zero)
-                    .store(&mut response.dissipated[dissipation::DAMPING]);
+                let power = k_n.mul_add(overlap, -normal) * v_n;
+                let power = power.select(overlap.greater(zero), zero);
+                power.store(&mut response.dissipated[dissipation::DAMPING]);
             }
         }
         if FRICTION {
-            for (((p, history), motion), response) in blocks
-                .parameters
-                .chunks_exact(Self::PARAMETERS)
-                .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
-                .zip(blocks.motion)
-                .zip(&mut *blocks.response)
-            {
+            let kept = parameters().zip(blocks.history.chunks_exact_mut(Self::HISTORY));
+            let pairs = kept.zip(blocks.motion);
+            for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
                 let touching = load(&motion.overlap).greater(zero);
                 let n = D::SPINS;
                 let k_t = c(self.tangential_stiffness);
@@ -298,10 +291,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 let slip = vector(token, &motion.tangential_increment, n);
                 let v_t = vector(token, &motion.tangential_velocity, n);
                 let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
-                let mut trial = before;
-                for k in 0..n {
-                    trial[k] = (-k_t).mul_add(slip[k], before[k]);
-                }
+                let trial = scaled_sum(-k_t, &slip, &before);
                 let limit = c(self.friction) * load(&response.normal);
                 let (viscous, share) = (scaled(&v_t, gamma_t), self.sliding_damping);
                 let f = if n == 1 {
@@ -317,14 +307,10 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                     if BUDGET {
                         let per_k = c(1.0 / self.tangential_stiffness);
                         let gained = (after - before) * (after + before) * per_k;
-                        let dissipated = c(-0.5) * (before + after).mul_add(slip[k], gained);
-                        let sum = &mut response.dissipated[dissipation::FRICTION];
-                        if k == 0 {
-                            dissipated
-                        } else {
-                            load(sum) + dissipated
-                        }
-                        .store(sum);
+                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
+                        let to = &mut response.dissipated[dissipation::FRICTION];
+                        let sum = if k == 0 { lost } else { load(to) + lost };
+                        sum.store(to);
                         let viscous = f.viscous[k].select(touching, zero);
                         add_damping(token, response, viscous * v_t[k]);
                     }
@@ -333,11 +319,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             }
         }
         if ROLLING {
-            let places = Places {
-                parameters: (Self::PARAMETERS, PLAIN),
-                history: (Self::HISTORY, Self::HISTORY - 1),
-            };
-            rolling_force::<L, BUDGET>(token, blocks, places);
+            rolling_force::<Self, L, BUDGET>(token, blocks);
         }
     }
 
@@ -365,25 +347,6 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             rolling = c(0.5) * torque * torque / load(&parameters[PLAIN]);
         }
         [normal, tangential, rolling]
-    }
-
-    // In two dimensions the state has a place for the last k_t, which this law does not need: 0.
-    fn history_to_state(history: History) -> History {
-        let [first, second, ..] = history;
-        match (D::SPINS, FRICTION) {
-            (3, _) => history,
-            (_, true) => [first, 0.0, second, 0.0, 0.0, 0.0, 0.0],
-            (_, false) => [0.0, 0.0, first, 0.0, 0.0, 0.0, 0.0],
-        }
-    }
-
-    fn history_from_state(state: History) -> History {
-        let [tangential, _, rolling, ..] = state;
-        match (D::SPINS, FRICTION) {
-            (3, _) => state,
-            (_, true) => [tangential, rolling, 0.0, 0.0, 0.0, 0.0, 0.0],
-            (_, false) => [rolling, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        }
     }
 }
 
@@ -416,8 +379,8 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Stiffness
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::{CARRY, PairMotion, Response};
-    use crate::simd::{LANES, Portable, PortableToken};
+    use crate::contact::model::PairModel;
+    use crate::contact::tests::response_of;
 
     const SPRINGS: Springs = Springs {
         normal_stiffness: 2e6,
@@ -434,54 +397,21 @@ mod tests {
     };
     const RADII: [f64; 2] = [0.5e-3, 1e-3];
 
-    /// The response of two disks of `RADII`: F_n, F_t and M; whether they slide; the new history.
-    /// `motion` is in the order of `PairMotion`.
+    /// [`with_springs`] of `SPRINGS`.
     fn response(motion: [f64; 6], history: [f64; 2]) -> ([f64; 3], bool, [f64; 2]) {
-        response_of(&SPRINGS, motion, history)
+        with_springs(&SPRINGS, motion, history)
     }
 
-    /// The same with these springs.
-    fn response_of(
+    /// The response of two disks of `RADII`: F_n, F_t and M; whether they slide; the new history.
+    fn with_springs(
         springs: &Springs,
         motion: [f64; 6],
-        history: [f64; 2],
+        mut history: [f64; 2],
     ) -> ([f64; 3], bool, [f64; 2]) {
-        type Law = Hooke<Two, true, true>;
-        let law = Law::new(springs, &CONTACT);
-        let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
-        let c = |v| Portable::splat(PortableToken, v);
-        law.parameters(PortableToken, c(RADII[0]), c(RADII[1]), &mut parameters);
-        let mut history = history.map(|v| Lanes16([v; LANES]));
-        let [overlap, v_n, v_t, slip, spin, rotation] = motion.map(|v| Lanes16([v; LANES]));
-        let motion = PairMotion {
-            overlap,
-            normal_velocity: v_n,
-            tangential_velocity: [v_t; 3],
-            tangential_increment: [slip; 3],
-            rolling_velocity: spin,
-            rolling_increment: rotation,
-            ..PairMotion::ZERO
-        };
-        let mut response = [Response::NONE];
-        law.evaluate::<Portable, false>(
-            PortableToken,
-            &mut Blocks {
-                parameters: &parameters,
-                history: &mut history,
-                per_step: 0.0,
-                motion: &[motion],
-                turning: &mut [],
-                carry: &mut [[Lanes16::ZERO; CARRY]],
-                response: &mut response,
-                jumps: &[],
-            },
-        );
-        let [r] = response;
-        (
-            [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]),
-            r.sliding != 0,
-            history.map(|lanes| lanes.0[3]),
-        )
+        let law = Hooke::<Two, true, true>::new(springs, &CONTACT);
+        let r = response_of(&law, RADII, motion, &mut history);
+        let forces = [r.normal, r.tangential[0], r.rolling].map(|lanes| lanes.0[3]);
+        (forces, r.sliding != 0, history)
     }
 
     fn close(a: f64, b: f64) {
@@ -532,7 +462,7 @@ mod tests {
                 ..SPRINGS
             };
             let ([_, tangential, rolling], slides, history) =
-                response_of(&springs, [1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
+                with_springs(&springs, [1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
             let gamma_t = 2.0 * 0.2 * (0.5e6 * reduced_mass()).sqrt();
             close(history[0], -0.4 * 2.0);
             close(tangential, -0.4 * 2.0 - share * gamma_t * 5.0);
@@ -545,7 +475,7 @@ mod tests {
         };
         let below = [1e-6, -0.01, 0.002, 1e-8, 3.0, 2e-6];
         assert_eq!(
-            response_of(&springs, below, [0.05, 1e-6]),
+            with_springs(&springs, below, [0.05, 1e-6]),
             response(below, [0.05, 1e-6])
         );
     }
@@ -559,22 +489,12 @@ mod tests {
 
     #[test]
     fn every_part_of_the_history_has_its_place() {
-        let state = [0.7, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(
-            Hooke::<Two, true, true>::history_to_state(
-                Hooke::<Two, true, true>::history_from_state(state)
-            ),
-            state
-        );
-        assert_eq!(
-            Hooke::<Two, true, false>::history_to_state([0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            [0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-        );
-        assert_eq!(
-            Hooke::<Two, false, true>::history_to_state(
-                Hooke::<Two, false, true>::history_from_state(state)
-            ),
-            [0.0, 0.0, 0.3, 0.0, 0.0, 0.0, 0.0]
-        );
+        fn places<const FRICTION: bool, const ROLLING: bool>() -> &'static [usize] {
+            let law = Hooke::<Two, FRICTION, ROLLING>::new(&SPRINGS, &CONTACT);
+            law.layout().history
+        }
+        assert_eq!(places::<true, true>(), [0, 2]);
+        assert_eq!(places::<true, false>(), [0]);
+        assert_eq!(places::<false, true>(), [2]);
     }
 }

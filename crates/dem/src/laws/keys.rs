@@ -1,7 +1,8 @@
 //! Keys of the configuration: how one is declared, and those of the contact laws. Whoever reads the
 //! configuration uses these declarations.
 
-use std::ops::{Bound, RangeBounds};
+use std::ops::Bound::{self, Excluded, Included, Unbounded};
+use std::ops::RangeBounds;
 
 /// An interval of numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,42 +14,26 @@ pub struct Bounds {
 }
 
 /// Every number.
-pub const ANY: Bounds = Bounds {
-    from: Bound::Unbounded,
-    to: Bound::Unbounded,
-};
+pub const ANY: Bounds = Bounds::new(Unbounded, Unbounded);
 /// x > 0.
-pub const POSITIVE: Bounds = Bounds {
-    from: Bound::Excluded(0.0),
-    to: Bound::Unbounded,
-};
+pub const POSITIVE: Bounds = Bounds::new(Excluded(0.0), Unbounded);
 /// x ≥ 0.
-pub const NOT_NEGATIVE: Bounds = Bounds {
-    from: Bound::Included(0.0),
-    to: Bound::Unbounded,
-};
+pub const NOT_NEGATIVE: Bounds = Bounds::new(Included(0.0), Unbounded);
 /// 0 ≤ x < 1.
-pub const BELOW_ONE: Bounds = Bounds {
-    from: Bound::Included(0.0),
-    to: Bound::Excluded(1.0),
-};
+pub const BELOW_ONE: Bounds = Bounds::new(Included(0.0), Excluded(1.0));
 /// 0 < x ≤ 1.
-pub const UNIT: Bounds = Bounds {
-    from: Bound::Excluded(0.0),
-    to: Bound::Included(1.0),
-};
+pub const UNIT: Bounds = Bounds::new(Excluded(0.0), Included(1.0));
 /// 0 ≤ x ≤ 1.
-pub const SHARE: Bounds = Bounds {
-    from: Bound::Included(0.0),
-    to: Bound::Included(1.0),
-};
+pub const SHARE: Bounds = Bounds::new(Included(0.0), Included(1.0));
 /// 0 ≤ x ≤ ½.
-pub const POISSON: Bounds = Bounds {
-    from: Bound::Included(0.0),
-    to: Bound::Included(0.5),
-};
+pub const POISSON: Bounds = Bounds::new(Included(0.0), Included(0.5));
 
 impl Bounds {
+    /// An interval with these ends.
+    pub const fn new(from: Bound<f64>, to: Bound<f64>) -> Self {
+        Self { from, to }
+    }
+
     /// Whether a number lies in the interval; NaN lies in none.
     pub fn hold(&self, x: f64) -> bool {
         !x.is_nan() && (self.from, self.to).contains(&x)
@@ -57,17 +42,17 @@ impl Bounds {
     /// What a number must be, for messages: "must be greater than 0", "must lie in \[0, 1)".
     pub fn words(&self) -> String {
         let (open, from) = match self.from {
-            Bound::Included(x) => ("[", short(x)),
-            Bound::Excluded(x) => ("(", short(x)),
-            Bound::Unbounded => ("(", "-∞".into()),
+            Included(x) => ("[", short(x)),
+            Excluded(x) => ("(", short(x)),
+            Unbounded => ("(", "-∞".into()),
         };
         let (to, close) = match self.to {
-            Bound::Included(x) => (short(x), "]"),
-            Bound::Excluded(x) => (short(x), ")"),
-            Bound::Unbounded => match self.from {
-                Bound::Included(_) => return format!("must be {from} or greater"),
-                Bound::Excluded(_) => return format!("must be greater than {from}"),
-                Bound::Unbounded => ("∞".into(), ")"),
+            Included(x) => (short(x), "]"),
+            Excluded(x) => (short(x), ")"),
+            Unbounded => match self.from {
+                Included(_) => return format!("must be {from} or greater"),
+                Excluded(_) => return format!("must be greater than {from}"),
+                Unbounded => ("∞".into(), ")"),
             },
         };
         format!("must lie in {open}{from}, {to}{close}")
@@ -76,14 +61,14 @@ impl Bounds {
     /// The interval as a formula: "> 0", "0 ≤ x < 1", "0 … 0.5"; empty for every number.
     pub fn formula(&self) -> String {
         let from = match self.from {
-            Bound::Included(x) => Some(("≥", "≤", short(x))),
-            Bound::Excluded(x) => Some((">", "<", short(x))),
-            Bound::Unbounded => None,
+            Included(x) => Some(("≥", "≤", short(x))),
+            Excluded(x) => Some((">", "<", short(x))),
+            Unbounded => None,
         };
         let to = match self.to {
-            Bound::Included(x) => Some(("≤", short(x))),
-            Bound::Excluded(x) => Some(("<", short(x))),
-            Bound::Unbounded => None,
+            Included(x) => Some(("≤", short(x))),
+            Excluded(x) => Some(("<", short(x))),
+            Unbounded => None,
         };
         match (from, to) {
             (None, None) => String::new(),
@@ -230,24 +215,33 @@ impl Key {
         change: Change::Branch,
     };
 
-    /// A number that a law takes.
-    const fn number(
-        path: &'static str,
-        what: &'static str,
-        unit: &'static str,
-        example: &'static str,
-        bounds: Bounds,
-        doc: &'static str,
-    ) -> Self {
+    /// A number within these bounds.
+    const fn number(path: &'static str, bounds: Bounds) -> Self {
         Self {
             path,
-            doc,
-            unit,
             values: Values::Number(bounds),
-            what,
-            example,
             ..Self::PLAIN
         }
+    }
+
+    /// With a symbol or a few words for the message that it is missing, a unit, and an example.
+    const fn such_as(self, [what, unit, example]: [&'static str; 3]) -> Self {
+        Self {
+            unit,
+            what,
+            example,
+            ..self
+        }
+    }
+
+    /// With this meaning.
+    const fn doc(self, doc: &'static str) -> Self {
+        Self { doc, ..self }
+    }
+
+    /// With what applies if it is not given.
+    const fn otherwise(self, otherwise: &'static str) -> Self {
+        Self { otherwise, ..self }
     }
 
     /// The name without the table.
@@ -279,62 +273,30 @@ impl Key {
 }
 
 /// E.
-pub const YOUNG_MODULUS: Key = Key::number(
-    "material.young_modulus",
-    "E",
-    "Pa",
-    "1e9",
-    POSITIVE,
-    "Young's modulus E of the grains",
-);
+pub const YOUNG_MODULUS: Key = Key::number("material.young_modulus", POSITIVE)
+    .such_as(["E", "Pa", "1e9"])
+    .doc("Young's modulus E of the grains");
 /// ν.
-pub const POISSON_RATIO: Key = Key::number(
-    "material.poisson_ratio",
-    "nu",
-    "",
-    "0.2",
-    POISSON,
-    "Poisson's ratio ν of the grains",
-);
+pub const POISSON_RATIO: Key = Key::number("material.poisson_ratio", POISSON)
+    .such_as(["nu", "", "0.2"])
+    .doc("Poisson's ratio ν of the grains");
 /// ρ.
-pub const DENSITY: Key = Key::number(
-    "material.density",
-    "rho",
-    "kg/m³",
-    "2500.0",
-    POSITIVE,
-    "density ρ of the grains",
-);
+pub const DENSITY: Key = Key::number("material.density", POSITIVE)
+    .such_as(["rho", "kg/m³", "2500.0"])
+    .doc("density ρ of the grains");
 /// m.
-pub const MASS: Key = Key::number(
-    "material.mass",
-    "m",
-    "kg, in 2D kg/m",
-    "1.0",
-    POSITIVE,
-    "mass m of every grain, whatever its size, instead of ρ",
-);
+pub const MASS: Key = Key::number("material.mass", POSITIVE)
+    .such_as(["m", "kg, in 2D kg/m", "1.0"])
+    .doc("mass m of every grain, whatever its size, instead of ρ");
 /// k_n of a linear spring.
-pub const NORMAL_STIFFNESS: Key = Key::number(
-    "contact.normal_stiffness",
-    "k_n",
-    "N/m, in 2D Pa",
-    "1e8",
-    POSITIVE,
-    "normal stiffness k_n",
-);
+pub const NORMAL_STIFFNESS: Key = Key::number("contact.normal_stiffness", POSITIVE)
+    .such_as(["k_n", "N/m, in 2D Pa", "1e8"])
+    .doc("normal stiffness k_n");
 /// k_t of a linear spring.
-pub const TANGENTIAL_STIFFNESS: Key = Key {
-    otherwise: "(2/7) k_n",
-    ..Key::number(
-        "contact.tangential_stiffness",
-        "k_t",
-        "N/m, in 2D Pa",
-        "3e7",
-        POSITIVE,
-        "tangential stiffness k_t, at most k_n",
-    )
-};
+pub const TANGENTIAL_STIFFNESS: Key = Key::number("contact.tangential_stiffness", POSITIVE)
+    .such_as(["k_t", "N/m, in 2D Pa", "3e7"])
+    .doc("tangential stiffness k_t, at most k_n")
+    .otherwise("(2/7) k_n");
 /// k_n of a spring F = k δ^(3/2).
 pub const NORMAL_STIFFNESS_3_2: Key = Key {
     unit: "N/m^1.5, in 2D N/m^2.5",
@@ -348,86 +310,51 @@ pub const TANGENTIAL_STIFFNESS_3_2: Key = Key {
     ..TANGENTIAL_STIFFNESS
 };
 /// γ_n.
-pub const NORMAL_DAMPING: Key = Key::number(
-    "contact.normal_damping",
-    "gamma_n",
-    "1/(m s)",
-    "6e7",
-    NOT_NEGATIVE,
-    "normal damping γ_n",
-);
+pub const NORMAL_DAMPING: Key = Key::number("contact.normal_damping", NOT_NEGATIVE)
+    .such_as(["gamma_n", "1/(m s)", "6e7"])
+    .doc("normal damping γ_n");
 /// γ_t.
-pub const TANGENTIAL_DAMPING: Key = Key {
-    otherwise: "γ_n/2",
-    ..Key::number(
-        "contact.tangential_damping",
-        "gamma_t",
-        "1/(m s)",
-        "3e7",
-        NOT_NEGATIVE,
-        "tangential damping γ_t",
-    )
-};
+pub const TANGENTIAL_DAMPING: Key = Key::number("contact.tangential_damping", NOT_NEGATIVE)
+    .such_as(["gamma_t", "1/(m s)", "3e7"])
+    .doc("tangential damping γ_t")
+    .otherwise("γ_n/2");
 /// γ_t/γ_n.
-pub const TANGENTIAL_DAMPING_RATIO: Key = Key {
-    otherwise: "0.5",
-    ..Key::number(
-        "contact.tangential_damping_ratio",
-        "gamma_t/gamma_n",
-        "",
-        "0.5",
-        NOT_NEGATIVE,
-        "tangential over normal damping, γ_t/γ_n",
-    )
-};
+pub const TANGENTIAL_DAMPING_RATIO: Key =
+    Key::number("contact.tangential_damping_ratio", NOT_NEGATIVE)
+        .such_as(["gamma_t/gamma_n", "", "0.5"])
+        .doc("tangential over normal damping, γ_t/γ_n")
+        .otherwise("0.5");
 /// The speed of an impact.
-pub const IMPACT_SPEED: Key = Key::number(
-    "contact.impact_speed",
-    "the speed at which two equal spheres collide with that restitution",
-    "m/s",
-    "25.0",
-    POSITIVE,
-    "with `restitution`: the speed at which two equal spheres collide with that restitution",
-);
+pub const IMPACT_SPEED: Key = Key::number("contact.impact_speed", POSITIVE)
+    .such_as([
+        "the speed at which two equal spheres collide with that restitution",
+        "m/s",
+        "25.0",
+    ])
+    .doc("with `restitution`: the speed at which two equal spheres collide with that restitution");
 /// The diameter of the colliding spheres.
-pub const IMPACT_DIAMETER: Key = Key::number(
-    "contact.impact_diameter",
-    "the diameter of those spheres",
-    "m",
-    "3e-3",
-    POSITIVE,
-    "with `impact_speed`: the diameter of those spheres",
-);
+pub const IMPACT_DIAMETER: Key = Key::number("contact.impact_diameter", POSITIVE)
+    .such_as(["the diameter of those spheres", "m", "3e-3"])
+    .doc("with `impact_speed`: the diameter of those spheres");
 /// α.
-pub const DAMPING_RATIO: Key = Key::number(
-    "contact.damping_ratio",
-    "alpha",
-    "",
-    "0.1",
-    BELOW_ONE,
-    "normal and tangential damping ratio α",
-);
+pub const DAMPING_RATIO: Key = Key::number("contact.damping_ratio", BELOW_ONE)
+    .such_as(["alpha", "", "0.1"])
+    .doc("normal and tangential damping ratio α");
 /// The share of the tangential damper that acts on sliding contacts.
 pub const SLIDING_DAMPING: Key = Key {
     default: "0.0",
-    ..Key::number(
-        "contact.sliding_damping",
-        "the share of the tangential damper that acts on sliding contacts",
-        "",
-        "1.0",
-        SHARE,
-        "share of the tangential damper that acts on sliding contacts, too",
-    )
+    ..Key::number("contact.sliding_damping", SHARE)
+        .such_as([
+            "the share of the tangential damper that acts on sliding contacts",
+            "",
+            "1.0",
+        ])
+        .doc("share of the tangential damper that acts on sliding contacts, too")
 };
 /// e.
-pub const RESTITUTION: Key = Key::number(
-    "contact.restitution",
-    "e",
-    "",
-    "0.73",
-    UNIT,
-    "coefficient of restitution e, instead of the damping",
-);
+pub const RESTITUTION: Key = Key::number("contact.restitution", UNIT)
+    .such_as(["e", "", "0.73"])
+    .doc("coefficient of restitution e, instead of the damping");
 
 /// Reads the values of a law's keys from a configuration, and collects the errors.
 pub trait KeyReader {

@@ -31,12 +31,10 @@ use super::keys::{
     DAMPING_RATIO, DENSITY, Key, KeyReader, POISSON_RATIO, RESTITUTION, SLIDING_DAMPING,
     YOUNG_MODULUS,
 };
-use super::rolling::{self, Places, Rolling, rolling_force};
-use super::{Constants, Contact, LawKind, Rigidity, with_limits};
+use super::rolling::{self, Rolling, rolling_force};
+use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{
-    Blocks, ContactLaw, History, Limited, add_damping, dissipation, portable_ln, scalar,
-};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, Portable, inverse, inverse_sqrt, ln};
@@ -149,12 +147,14 @@ impl Constants for Material {
     }
 
     fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
-        fn make<const FRICTION: bool, const ROLLING: bool>(
-            (material, contact): (&Material, &Contact),
-        ) -> Box<dyn PairForce<Two>> {
-            Box::new(LeeHurley::<FRICTION, ROLLING>::new(material, contact))
-        }
-        Some(with_limits!(contact, make, (self, contact)))
+        Some(
+            match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
+                (false, false) => Box::new(LeeHurley::<false, false>::new(self, contact)),
+                (false, true) => Box::new(LeeHurley::<false, true>::new(self, contact)),
+                (true, false) => Box::new(LeeHurley::<true, false>::new(self, contact)),
+                (true, true) => Box::new(LeeHurley::<true, true>::new(self, contact)),
+            },
+        )
     }
 }
 
@@ -194,13 +194,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             damping_ratio: material.damping_ratio,
             sliding_damping: material.sliding_damping,
             friction: contact.friction,
-            rolling: Rolling {
-                stiffness: (contact.rolling_stiffness)
-                    .unwrap_or(0.25 * PI * material.effective_modulus()),
-                densities: contact.densities(PI * material.density),
-                friction: contact.rolling_friction,
-                damping_ratio: contact.rolling_damping_ratio,
-            },
+            rolling: Rolling::new(material, contact),
             penalty: 0.22 + 0.18 * nu + 0.36 * nu * nu,
             penalty_slope: 2.89 + 1.75 * nu,
             poisson: nu / (2.0 * (1.0 - nu)),
@@ -289,6 +283,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     const PARAMETERS: usize =
         3 + if FRICTION { 2 } else { 0 } + if ROLLING { rolling::PARAMETERS } else { 0 };
     const HISTORY: usize = if FRICTION { 2 } else { 0 } + if ROLLING { 1 } else { 0 };
+    const HISTORY_PLACES: &'static [usize] = if FRICTION { &[0, 1, 2] } else { &[2] };
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
 
@@ -329,11 +324,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
             self.tangential_force::<L, BUDGET>(token, blocks);
         }
         if ROLLING {
-            let places = Places {
-                parameters: (Self::PARAMETERS, Self::PARAMETERS - rolling::PARAMETERS),
-                history: (Self::HISTORY, Self::HISTORY - 1),
-            };
-            rolling_force::<L, BUDGET>(token, blocks, places);
+            rolling_force::<Self, L, BUDGET>(token, blocks);
         }
     }
 
@@ -366,20 +357,6 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
             rolling = c(0.5) * torque * torque / k_r;
         }
         [normal, tangential, rolling]
-    }
-
-    fn history_to_state(history: History) -> History {
-        match (FRICTION, ROLLING) {
-            (false, true) => [0.0, 0.0, history[0], 0.0, 0.0, 0.0, 0.0],
-            _ => history,
-        }
-    }
-
-    fn history_from_state(state: History) -> History {
-        match (FRICTION, ROLLING) {
-            (false, true) => [state[2], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-            _ => state,
-        }
     }
 }
 
@@ -414,11 +391,8 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             m.store(&mut carry[M]);
             per_m.store(&mut carry[PER_M]);
         }
-        for (((p, motion), carry), response) in parameters()
-            .zip(blocks.motion)
-            .zip(carry)
-            .zip(&mut *blocks.response)
-        {
+        let pairs = parameters().zip(blocks.motion).zip(carry);
+        for (((p, motion), carry), response) in pairs.zip(&mut *blocks.response) {
             let (m, per_m) = (load(&carry[M]), load(&carry[PER_M]));
             let x = load(&carry[Y]) * per_m;
             let root_x = x * inverse_sqrt(token, x);
@@ -429,11 +403,9 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let normal = k_n.mul_add(overlap, -(gamma_n * v_n)).max(c(0.0));
             normal.store(&mut response.normal);
             if BUDGET {
-                let viscous = k_n.mul_add(overlap, -normal);
-                let dissipated = viscous * v_n;
-                dissipated
-                    .select(overlap.greater(c(0.0)), c(0.0))
-                    .store(&mut response.dissipated[dissipation::DAMPING]);
+                let power = k_n.mul_add(overlap, -normal) * v_n;
+                let power = power.select(overlap.greater(c(0.0)), c(0.0));
+                power.store(&mut response.dissipated[dissipation::DAMPING]);
             }
             let beyond = if FRICTION {
                 let larger = load(&p[RATIO_I]).max(load(&p[RATIO_J]));
@@ -471,21 +443,16 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let base = c(0.5).mul_add(m, c(0.5 + self.poisson));
             let of_i = self.penalty_factor(token, load(&p[RATIO_I]) * root_x);
             let of_j = self.penalty_factor(token, load(&p[RATIO_J]) * root_x);
-            let compliance = of_i.mul_add(
-                base + half_log,
-                of_j.mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2)),
-            );
+            let of_both = of_j.mul_add(base - half_log, m + c(2.0 - 2.0 * LN_2));
+            let compliance = of_i.mul_add(base + half_log, of_both);
             inverse_sqrt(token, compliance).store(&mut carry[ROOT_COMPLIANCE]);
             if BUDGET {
                 compliance.store(&mut carry[COMPLIANCE]);
             }
         }
-        for ((((p, history), motion), carry), response) in parameters()
-            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
-            .zip(blocks.motion)
-            .zip(carry)
-            .zip(&mut *blocks.response)
-        {
+        let kept = parameters().zip(blocks.history.chunks_exact_mut(Self::HISTORY));
+        let pairs = kept.zip(blocks.motion).zip(carry);
+        for ((((p, history), motion), carry), response) in pairs.zip(&mut *blocks.response) {
             let touching = load(&motion.overlap).greater(zero);
             let root = load(&carry[ROOT_COMPLIANCE]);
             let k_t = c(self.stiffness) * (root * root);
@@ -505,17 +472,14 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let (before, after) = (load(&history[0]), elastic.select(touching, zero));
             if BUDGET {
                 let work = c(-0.5) * (before + after) * load(&motion.tangential_increment[0]);
-                let (per_k, per_last) = (
-                    load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness),
-                    inverse(token, last),
-                );
+                let per_k = load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness);
+                let per_last = inverse(token, last);
                 let gained = c(0.5) * after * after * per_k - c(0.5) * before * before * per_last;
                 let dissipated = work - gained;
-                dissipated
-                    .select(f.at_limit, zero)
-                    .store(&mut response.dissipated[dissipation::FRICTION]);
-                zero.select(f.at_limit, dissipated)
-                    .store(&mut response.dissipated[dissipation::STIFFNESS]);
+                let slid = dissipated.select(f.at_limit, zero);
+                slid.store(&mut response.dissipated[dissipation::FRICTION]);
+                let stuck = zero.select(f.at_limit, dissipated);
+                stuck.store(&mut response.dissipated[dissipation::STIFFNESS]);
                 let viscous = viscous.select(touching, zero);
                 add_damping(token, response, viscous * v_t);
             }
@@ -568,8 +532,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::contact::{CARRY, PairMotion, Response};
-    use crate::simd::LANES;
+    use crate::contact::tests::response_of;
 
     const MATERIAL: Material = Material {
         young_modulus: 1e9,
@@ -628,7 +591,8 @@ mod tests {
             let ell: f64 = (16.0f64 / (ratio * ratio)).ln();
             let k_n = PI * e / (ell - 1.0);
             let overlap = PI * e * (ratio * r) * (ratio * r) / (4.0 * 0.5 * r) / k_n;
-            let state = touch(&law, r, overlap, 0.0, 0.0);
+            let mut state = [0.0; 3];
+            response_of(&law, [r; 2], [overlap, 0.0, 0.0, 0.0, 0.0, 0.0], &mut state);
             assert!((state[1] / k_n - expected).abs() < 5.1e-4, "{ratio}");
         }
     }
@@ -636,45 +600,10 @@ mod tests {
     #[test]
     fn slides_at_the_limit_and_remembers_it() {
         let law = LeeHurley::<true, true>::new(&MATERIAL, &CONTACT);
-        let state = touch(&law, 1e-6, 1e-10, 1e-9, 0.0);
+        let mut state = [0.0; 3];
+        let motion = [1e-10, 0.0, 0.0, 1e-9, 0.0, 0.0];
+        response_of(&law, [1e-6; 2], motion, &mut state);
         let force = normal_stiffness(MATERIAL.effective_modulus(), 1e-6, 1e-6, 1e-10) * 1e-10;
         assert!((state[0] + 0.7 * force).abs() < 1e-15 * force);
-    }
-
-    /// History of one contact of equal radii after one step.
-    fn touch(
-        law: &LeeHurley<true, true>,
-        r: f64,
-        overlap: f64,
-        slip: f64,
-        rotation: f64,
-    ) -> [f64; 3] {
-        type Law = LeeHurley<true, true>;
-        let mut parameters = [Lanes16::ZERO; Law::PARAMETERS];
-        let mut history = [Lanes16::ZERO; Law::HISTORY];
-        let token = crate::simd::PortableToken;
-        let c = |v| Portable::splat(token, v);
-        law.parameters(token, c(r), c(r), &mut parameters);
-        let lanes = |v| Lanes16([v; LANES]);
-        let motion = PairMotion {
-            overlap: lanes(overlap),
-            tangential_increment: [lanes(slip); 3],
-            rolling_increment: lanes(rotation),
-            ..PairMotion::ZERO
-        };
-        law.evaluate::<Portable, false>(
-            token,
-            &mut Blocks {
-                parameters: &parameters,
-                history: &mut history,
-                per_step: 0.0,
-                motion: &[motion],
-                turning: &mut [],
-                carry: &mut [[Lanes16::ZERO; CARRY]],
-                response: &mut [Response::NONE],
-                jumps: &[],
-            },
-        );
-        history.map(|lanes| lanes.0[3])
     }
 }

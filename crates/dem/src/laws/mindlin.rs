@@ -19,7 +19,7 @@ use super::keys::{DENSITY, Key, KeyReader, MASS, NORMAL_STIFFNESS_3_2, TANGENTIA
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{self, Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{Blocks, ContactLaw, dissipation, exceeds, norm, set_back, vector};
+use crate::contact::{Blocks, ContactLaw, dissipation, exceeds, norm, set_back, sum, vector};
 use crate::dimension::{Dimension, Dimensions, Three, Two, Vector};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
@@ -177,12 +177,8 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         let c = |v| L::splat(token, v);
         let load = |lanes: &Lanes16| L::load(token, lanes);
-        for ((motion, carry), response) in blocks
-            .motion
-            .iter()
-            .zip(&mut *blocks.carry)
-            .zip(&mut *blocks.response)
-        {
+        let pairs = blocks.motion.iter().zip(&mut *blocks.carry);
+        for ((motion, carry), response) in pairs.zip(&mut *blocks.response) {
             let overlap = load(&motion.overlap);
             let depth = overlap.max(c(NO_OVERLAP));
             let root = depth * inverse_sqrt(token, depth);
@@ -264,22 +260,15 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
         let load = |lanes: &Lanes16| L::load(token, lanes);
         let (zero, one) = (c(0.0), c(1.0));
         let spins = D::SPINS;
-        for (((history, motion), carry), response) in blocks
-            .history
-            .chunks_exact_mut(Self::HISTORY)
-            .zip(blocks.motion)
-            .zip(&*blocks.carry)
-            .zip(&mut *blocks.response)
-        {
+        let histories = blocks.history.chunks_exact_mut(Self::HISTORY);
+        let pairs = histories.zip(blocks.motion).zip(&*blocks.carry);
+        for (((history, motion), carry), response) in pairs.zip(&mut *blocks.response) {
             let overlap = load(&motion.overlap);
             let touching = overlap.greater(zero);
             let (depth, root) = (overlap.max(c(NO_OVERLAP)), load(&carry[ROOT]));
             let before = vector(token, history, spins);
             let slip = vector(token, &motion.tangential_increment, spins);
-            let mut t = before;
-            for k in 0..spins {
-                t[k] = before[k] + slip[k];
-            }
+            let mut t = sum(&before, &slip);
             let s = self.mobilised(token, depth, &t);
             let mut sliding = s.greater(one);
             if spins == 3 {

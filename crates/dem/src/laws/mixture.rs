@@ -4,8 +4,7 @@
 //! blocks as if there were no other.
 
 use super::{Contact, Law, LawSpace};
-use crate::contact::History;
-use crate::contact::model::{Elastic, PairModel};
+use crate::contact::model::{Elastic, Layout, PairModel};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::dimension::Dimension;
 use crate::kernel::{PairForce, Pass, PassOutcome, Scratch};
@@ -54,11 +53,6 @@ impl<D: Dimension> Mixture<D> {
     fn of(&self, materials: [u64; 2]) -> &dyn PairForce<D> {
         self.laws[usize::from(self.kind(materials))].as_ref()
     }
-
-    /// That of any pair: of what all have in common.
-    fn any(&self) -> &dyn PairForce<D> {
-        self.laws[0].as_ref()
-    }
 }
 
 /// The lengths of the runs of one kind.
@@ -83,20 +77,9 @@ impl<D: Dimension> Stiffness for Mixture<D> {
 }
 
 impl<D: Dimension> PairModel for Mixture<D> {
-    fn has_friction(&self) -> bool {
-        self.any().has_friction()
-    }
-
-    fn has_torques(&self) -> bool {
-        self.any().has_torques()
-    }
-
-    fn parameter_lanes(&self) -> usize {
-        self.any().parameter_lanes()
-    }
-
-    fn history_lanes(&self) -> usize {
-        self.any().history_lanes()
+    /// All have the same.
+    fn layout(&self) -> Layout {
+        self.laws[0].layout()
     }
 
     fn kind(&self, [i, j]: [u64; 2]) -> u16 {
@@ -109,9 +92,10 @@ impl<D: Dimension> PairModel for Mixture<D> {
         (mut geometry, kinds): (&[[Lanes16; 2]], &[u16]),
         mut out: &mut [Lanes16],
     ) {
+        let parameters = self.layout().parameters;
         for (kind, blocks) in runs(kinds) {
             let (of_kind, others) = geometry.split_at(blocks);
-            let (to, rest) = out.split_at_mut(blocks * self.parameter_lanes());
+            let (to, rest) = out.split_at_mut(blocks * parameters);
             self.laws[kind].set_parameters(isa, (of_kind, &[]), to);
             (geometry, out) = (others, rest);
         }
@@ -127,28 +111,16 @@ impl<D: Dimension> PairModel for Mixture<D> {
         gaps.fold(0.0, f64::max)
     }
 
-    fn history_unit(&self) -> &'static str {
-        self.any().history_unit()
-    }
-
-    fn to_state(&self, history: History) -> History {
-        self.any().to_state(history)
-    }
-
-    fn from_state(&self, state: History) -> History {
-        self.any().from_state(state)
-    }
-
     fn energies(&self, isa: Isa, blocks: &Elastic<'_>, mut out: &mut [[Lanes16; 3]]) {
-        let mut first = 0;
+        let (mut first, layout) = (0, self.layout());
         for (kind, length) in runs(&blocks.kinds[..out.len()]) {
             let of = |per_block: usize| first * per_block..(first + length) * per_block;
             let (to, rest) = out.split_at_mut(length);
             let of_kind = Elastic {
                 geometry: &blocks.geometry[of(1)],
                 kinds: &blocks.kinds[of(1)],
-                parameters: &blocks.parameters[of(self.parameter_lanes())],
-                history: &blocks.history[of(self.history_lanes())],
+                parameters: &blocks.parameters[of(layout.parameters)],
+                history: &blocks.history[of(layout.history.len())],
                 overlap: &blocks.overlap[of(1)],
             };
             self.laws[kind].energies(isa, &of_kind, to);
@@ -158,25 +130,18 @@ impl<D: Dimension> PairModel for Mixture<D> {
 }
 
 impl<D: Dimension> PairForce<D> for Mixture<D> {
-    fn pass(&self, isa: Isa, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
-        let Pass {
-            mut part,
-            mut samples,
-            force,
-            ..
-        } = pass;
+    fn pass(&self, isa: Isa, mut pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
         let mut outcome = PassOutcome::default();
-        let kinds = part.kinds;
-        for (kind, blocks) in runs(kinds) {
-            let until = part.first + blocks;
-            let (of_kind, rest) = part.split(until);
-            let (of_samples, rest_of_samples) = samples.map(|s| s.split(blocks)).unzip();
-            (part, samples) = (rest, rest_of_samples);
+        for (kind, blocks) in runs(pass.part.kinds) {
+            let until = pass.part.first + blocks;
+            let rest = pass.part.split_off(until);
+            let rest_of_samples = pass.samples.as_mut().map(|s| s.split_off(blocks));
             let of_kind = Pass {
-                force: &mut *force,
-                part: of_kind,
-                samples: of_samples,
-                ..pass
+                input: pass.input,
+                record: pass.record,
+                force: &mut *pass.force,
+                part: std::mem::replace(&mut pass.part, rest),
+                samples: std::mem::replace(&mut pass.samples, rest_of_samples),
             };
             outcome = outcome.merge(self.laws[kind].pass(isa, of_kind, scratch));
         }

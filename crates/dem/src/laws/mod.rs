@@ -291,10 +291,8 @@ impl std::ops::Deref for Law {
 /// Laws are equal if their kinds and values are.
 impl PartialEq for Law {
     fn eq(&self, other: &Self) -> bool {
-        let values = |law: &Self| -> Vec<(&'static str, f64)> {
-            law.given.iter().map(|(key, x)| (key.path, *x)).collect()
-        };
-        self.kind.name == other.kind.name && values(self) == values(other)
+        let [one, two] = [self, other].map(|law| law.given.iter().map(|(key, x)| (key.path, *x)));
+        self.kind.name == other.kind.name && one.eq(two)
     }
 }
 
@@ -318,17 +316,3 @@ impl LawSpace for Three {
         Some(Attracting::beside(force, contact.attraction))
     }
 }
-
-/// Calls `$make::<FRICTION, ROLLING>` for the friction and rolling resistance of the contacts.
-macro_rules! with_limits {
-    ($contact:expr, $make:ident, $args:expr) => {{
-        let contact: &$crate::laws::Contact = $contact;
-        match (contact.friction > 0.0, contact.rolling_friction > 0.0) {
-            (false, false) => $make::<false, false>($args),
-            (false, true) => $make::<false, true>($args),
-            (true, false) => $make::<true, false>($args),
-            (true, true) => $make::<true, true>($args),
-        }
-    }};
-}
-pub(crate) use with_limits;

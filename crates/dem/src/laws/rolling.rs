@@ -9,11 +9,14 @@
 //! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the moments of inertia I + mR² about
 //! the contact (LH A22).
 
+use std::f64::consts::PI;
+
+use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce};
-use crate::contact::{Blocks, Limited, add_damping, dissipation};
+use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation};
 use crate::simd::{Lanes, Lanes16, Mask, inverse};
 
-/// Number of quantities that [`Rolling::parameters`] computes.
+/// Number of quantities that [`Rolling::parameters`] computes, the last parameters of a law.
 pub const PARAMETERS: usize = 3;
 
 /// Constants of a rolling resistance.
@@ -29,16 +32,18 @@ pub struct Rolling {
     pub damping_ratio: f64,
 }
 
-/// Where a law keeps the quantities of rolling resistance.
-#[derive(Debug, Clone, Copy)]
-pub struct Places {
-    /// Number of parameters per block, and the index of the first one of rolling.
-    pub parameters: (usize, usize),
-    /// Number of history quantities per block, and the index of that of rolling.
-    pub history: (usize, usize),
-}
-
 impl Rolling {
+    /// That of these contacts.
+    pub(super) fn new(constants: &dyn Constants, contact: &Contact) -> Self {
+        let stiffness = contact.rolling_stiffness.or(constants.rolling_stiffness());
+        Self {
+            stiffness: stiffness.unwrap_or(0.0),
+            densities: contact.densities(constants.masses().of(0, PI)),
+            friction: contact.rolling_friction,
+            damping_ratio: contact.rolling_damping_ratio,
+        }
+    }
+
     /// k_r (N m; N in 2D) and μ_r R_r (m) of two radii (m).
     fn spring(&self, [r_i, r_j]: [f64; 2]) -> (f64, f64) {
         let r_r = r_i * r_j / (r_i + r_j);
@@ -72,23 +77,19 @@ impl Rolling {
     }
 }
 
-/// Computes M; F_n must be set.
+/// Computes M, the last number of the history of the law `C`; F_n must be set.
 #[inline(always)]
-pub fn rolling_force<L: Lanes, const BUDGET: bool>(
+pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     blocks: &mut Blocks<'_>,
-    places: Places,
 ) {
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let zero = L::splat(token, 0.0);
-    let ((parameters, at), (histories, place)) = (places.parameters, places.history);
-    for (((p, history), motion), response) in blocks
-        .parameters
-        .chunks_exact(parameters)
-        .zip(blocks.history.chunks_exact_mut(histories))
-        .zip(blocks.motion)
-        .zip(&mut *blocks.response)
-    {
+    let (at, place) = (C::PARAMETERS - PARAMETERS, C::HISTORY - 1);
+    let parameters = blocks.parameters.chunks_exact(C::PARAMETERS);
+    let kept = parameters.zip(blocks.history.chunks_exact_mut(C::HISTORY));
+    let pairs = kept.zip(blocks.motion);
+    for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
         let touching = load(&motion.overlap).greater(zero);
         let trial = (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
         let limit = load(&p[at + 2]) * load(&response.normal);
@@ -102,8 +103,8 @@ pub fn rolling_force<L: Lanes, const BUDGET: bool>(
         if BUDGET {
             let work = (before + after) * load(&motion.rolling_increment);
             let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
-            (L::splat(token, -0.5) * (work + gained))
-                .store(&mut response.dissipated[dissipation::ROLLING]);
+            let dissipated = L::splat(token, -0.5) * (work + gained);
+            dissipated.store(&mut response.dissipated[dissipation::ROLLING]);
             let viscous = viscous.select(touching, zero);
             add_damping(token, response, viscous * speed);
         }

@@ -28,8 +28,8 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CARRY, CHUNK, ContactLaw, History, Jump, PairMotion, Response, TORQUES, Turning,
-    add_damping, dissipation, exceeds, set_back, vector,
+    Blocks, CARRY, CHUNK, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, add_damping,
+    dissipation, exceeds, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -121,6 +121,12 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     type Space = Three;
     const PARAMETERS: usize = C::PARAMETERS + OWN;
     const HISTORY: usize = C::HISTORY + TORQUES;
+    // Without friction the torques come first.
+    const HISTORY_PLACES: &'static [usize] = if C::FRICTION {
+        &[0, 1, 2, 3, 4, 5, 6]
+    } else {
+        &[3, 4, 5, 6]
+    };
     const HISTORY_UNIT: &'static str = C::HISTORY_UNIT;
     // The motion across n is needed.
     const FRICTION: bool = true;
@@ -160,15 +166,11 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         let zero = c(0.0);
         let per_half_step = c(2.0 * blocks.per_step);
         let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
-        for (block, ((((p, history), motion), turning), response)) in blocks
-            .parameters
-            .chunks_exact(Self::PARAMETERS)
-            .zip(blocks.history.chunks_exact_mut(Self::HISTORY))
-            .zip(blocks.motion)
-            .zip(&mut *blocks.turning)
-            .zip(&mut *blocks.response)
-            .enumerate()
-        {
+        let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let kept = parameters.zip(blocks.history.chunks_exact_mut(Self::HISTORY));
+        let moving = kept.zip(blocks.motion).zip(&mut *blocks.turning);
+        let pairs = moving.zip(&mut *blocks.response).enumerate();
+        for (block, ((((p, history), motion), turning), response)) in pairs {
             if !C::FRICTION {
                 response.tangential = [Lanes16::ZERO; 3];
                 response.sliding = 0;
@@ -255,25 +257,6 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         let rolling = rolling + c(0.5) * twist * twist / k_w;
         [normal, tangential, rolling]
     }
-
-    // Without friction the torques come first.
-    fn history_to_state(history: History) -> History {
-        let [a, b, c, d, ..] = history;
-        if C::FRICTION {
-            history
-        } else {
-            [0.0, 0.0, 0.0, a, b, c, d]
-        }
-    }
-
-    fn history_from_state(state: History) -> History {
-        let [_, _, _, a, b, c, d] = state;
-        if C::FRICTION {
-            state
-        } else {
-            [a, b, c, d, 0.0, 0.0, 0.0]
-        }
-    }
 }
 
 impl<C: ContactLaw<Space = Three>> Resisting<C> {
@@ -325,10 +308,10 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
         parameters: &[Lanes16],
         [overlap, velocity]: [L; 2],
     ) -> L {
-        let mut motion = PairMotion::ZERO;
+        let mut motion = PairMotion::default();
         overlap.store(&mut motion.overlap);
         velocity.store(&mut motion.normal_velocity);
-        let mut response = Response::NONE;
+        let mut response = Response::default();
         self.law.evaluate::<L, false>(
             token,
             &mut Blocks {

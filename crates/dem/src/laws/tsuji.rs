@@ -158,17 +158,10 @@ impl Constants for TsujiSpheres {
     }
 
     fn derived(&self) -> Vec<(&'static str, f64, &'static str)> {
-        let (spheres, impact) = (&self.spheres, self.restitution_of_impact());
-        vec![
-            ("normal stiffness k_n", spheres.normal_stiffness(), "Pa"),
-            (
-                "tangential stiffness k_t",
-                spheres.tangential_stiffness(),
-                "Pa",
-            ),
-            ("damping factor alpha", damping_factor(self.restitution), ""),
-            ("restitution of an impact", impact, ""),
-        ]
+        let mut derived = self.spheres.stiffnesses().to_vec();
+        derived.push(("damping factor alpha", damping_factor(self.restitution), ""));
+        derived.push(("restitution of an impact", self.restitution_of_impact(), ""));
+        derived
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {

@@ -15,42 +15,15 @@ use std::arch::x86_64::{
 };
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::vector::{operations, registers, rounding_to_eighths};
+use super::vector::{operations, registers, rounding_to_eighths, token};
 use super::{
-    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
-    PairList, Pairs, TO_INTEGER, Work,
+    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask, PairBlock,
+    Pairs, TO_INTEGER, Work,
 };
 
-/// Proof that this processor has AVX2 and FMA.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Avx2Token(());
-
-impl Avx2Token {
-    /// The token, if this processor has them.
-    pub fn detect() -> Option<Self> {
-        (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
-    }
-}
-
-/// Does the work, compiled for this instruction set.
-pub(super) fn run<W: Work>(token: Avx2Token, work: W) -> W::Output {
-    #[target_feature(enable = "avx2,fma")]
-    fn compiled<W: Work>(token: Avx2Token, work: W) -> W::Output {
-        work.run::<Avx2>(token)
-    }
-    // SAFETY: the token proves that the processor has these features.
-    unsafe { compiled(token, work) }
-}
-
+token!(Avx2, Avx2Token, "AVX2 and FMA", ["avx2" "fma"]);
 registers!(Avx2, Counts2, __m256d, __m256i, [0 1 2 3]);
 rounding_to_eighths!(__m256d, __m256i);
-
-/// `[f(0), …, f(3)]`. Unlike `array::from_fn` it is always inlined; code that is not inlined is not
-/// compiled for the instruction set.
-#[inline(always)]
-fn each<T>(f: impl Fn(usize) -> T) -> [T; 4] {
-    [f(0), f(1), f(2), f(3)]
-}
 
 #[derive(Debug, Clone, Copy)]
 pub struct Mask2([__m256d; 4]);
@@ -99,10 +72,9 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn greater(self, other: Self) -> Mask2 {
         // SAFETY: a value of this type is only made from a token.
-        Mask2(
-            self.zip(other, |a, b| unsafe { _mm256_cmp_pd::<_CMP_GT_OQ>(a, b) })
-                .0,
-        )
+        Mask2(each(|k| unsafe {
+            _mm256_cmp_pd::<_CMP_GT_OQ>(self.0[k], other.0[k])
+        }))
     }
 
     #[inline(always)]
@@ -119,13 +91,8 @@ impl Lanes for Avx2 {
         let exponent = self.map(|x| unsafe { exponent(_mm256_castpd_si256(x)) });
         // SAFETY: a value of this type is only made from a token.
         let mantissa = self.map(|x| unsafe {
-            _mm256_castsi256_pd(_mm256_or_si256(
-                _mm256_and_si256(
-                    _mm256_castpd_si256(x),
-                    _mm256_set1_epi64x(0x000f_ffff_ffff_ffff),
-                ),
-                _mm256_set1_epi64x(0x3ff0_0000_0000_0000),
-            ))
+            let digits = and_int(pd_as_int(x), set1_int(0x000f_ffff_ffff_ffff));
+            int_as_pd(_mm256_or_si256(digits, set1_int(0x3ff0_0000_0000_0000)))
         });
         (exponent, mantissa)
     }
@@ -136,12 +103,8 @@ impl Lanes for Avx2 {
         unsafe {
             // No closures: the compiler does not inline ones of this length.
             let [a, b, c, d] = self.0;
-            let exponent = [
-                exponent(rounded(a)),
-                exponent(rounded(b)),
-                exponent(rounded(c)),
-                exponent(rounded(d)),
-            ];
+            let [e, f, g, h] = [rounded(a), rounded(b), rounded(c), rounded(d)];
+            let exponent = [exponent(e), exponent(f), exponent(g), exponent(h)];
             let mantissa = [
                 mantissa_about_one(a),
                 mantissa_about_one(b),
@@ -158,10 +121,8 @@ impl Lanes for Avx2 {
         // SAFETY: the token proves that the processor has AVX2; four f64 are read from each
         // pointer.
         unsafe {
-            let (low, high) = (
-                _mm256_castpd_ps(_mm256_loadu_pd(table.as_ptr())),
-                _mm256_castpd_ps(_mm256_loadu_pd(table.as_ptr().add(4))),
-            );
+            let low = _mm256_castpd_ps(_mm256_loadu_pd(table.as_ptr()));
+            let high = _mm256_castpd_ps(_mm256_loadu_pd(table.as_ptr().add(4)));
             Avx2(each(|n| {
                 let (words, upper) = k.0[n];
                 _mm256_blendv_pd(
@@ -177,12 +138,11 @@ impl Lanes for Avx2 {
     fn differences<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         out: &mut [Lanes16; 8],
         mut of_j: Option<&mut [Lanes16; 8]>,
     ) {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         for lane in (0..LANES).step_by(4) {
             for from in [0, 4] {
                 // SAFETY: the token proves AVX2; the indices were checked by `within`, and every
@@ -207,10 +167,9 @@ impl Lanes for Avx2 {
     fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: Avx2Token,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
     ) -> [Self; 2] {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         // SAFETY: the token proves AVX2; the indices were checked by `within`, and a cache line
         // holds eight f64, of which the last two are read.
         unsafe {
@@ -228,8 +187,8 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         // SAFETY: a value of this type is only made from a token; the indices were checked by
         // `within`, and every element of `sums` holds four f64 and is aligned.
         unsafe {
@@ -251,8 +210,8 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         // SAFETY: a value of this type is only made from a token; the indices were checked by
         // `within`, and every element of `sums` holds eight f64 and is aligned.
         unsafe {
@@ -322,10 +281,8 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
         let mut difference = [_mm256_setzero_pd(); 4];
         let mut of_j = difference;
         for k in 0..4 {
-            let (a, b) = (
-                &records.get_unchecked(pairs.i[lane + k] as usize)[LINE],
-                &records.get_unchecked(pairs.j[lane + k] as usize)[LINE],
-            );
+            let a = &records.get_unchecked(pairs.i[lane + k] as usize)[LINE];
+            let b = &records.get_unchecked(pairs.j[lane + k] as usize)[LINE];
             of_j[k] = _mm256_load_pd(b.0.as_ptr().add(from));
             let of_i = _mm256_load_pd(a.0.as_ptr().add(from));
             difference[k] = _mm256_sub_pd(of_i, of_j[k]);
@@ -367,14 +324,9 @@ unsafe fn exponent(bits: __m256i) -> __m256d {
     // SAFETY: register operations only, with the feature that the caller guarantees.
     unsafe {
         // The biased exponent in the low bits of 2^52 is 2^52 + exponent, exactly.
-        let shifted = _mm256_or_si256(
-            _mm256_srli_epi64::<52>(bits),
-            _mm256_set1_epi64x(0x4330_0000_0000_0000),
-        );
-        _mm256_sub_pd(
-            _mm256_castsi256_pd(shifted),
-            _mm256_set1_pd(4503599627370496.0 + 1023.0),
-        )
+        let biased = shift_right_int::<52>(bits);
+        let shifted = int_as_pd(_mm256_or_si256(biased, set1_int(0x4330_0000_0000_0000)));
+        sub_pd(shifted, set1_pd(4503599627370496.0 + 1023.0))
     }
 }
 

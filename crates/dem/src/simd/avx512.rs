@@ -15,37 +15,13 @@ use std::arch::x86_64::{
 };
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::vector::{operations, registers, rounding_to_eighths};
+use super::vector::{operations, registers, rounding_to_eighths, token};
 use super::{
-    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
-    PairList, Pairs, TO_INTEGER, Work,
+    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask, PairBlock,
+    Pairs, TO_INTEGER, Work,
 };
 
-/// Proof that this processor has AVX-512 F and DQ.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Avx512Token(());
-
-impl Avx512Token {
-    /// The token, if this processor has them.
-    pub fn detect() -> Option<Self> {
-        let has = is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512dq")
-            && is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("fma");
-        has.then_some(Self(()))
-    }
-}
-
-/// Does the work, compiled for this instruction set.
-pub(super) fn run<W: Work>(token: Avx512Token, work: W) -> W::Output {
-    #[target_feature(enable = "avx512f,avx512dq,avx2,fma")]
-    fn compiled<W: Work>(token: Avx512Token, work: W) -> W::Output {
-        work.run::<Avx512>(token)
-    }
-    // SAFETY: the token proves that the processor has these features.
-    unsafe { compiled(token, work) }
-}
-
+token!(Avx512, Avx512Token, "AVX-512 F and DQ", ["avx512f" "avx512dq" "avx2" "fma"]);
 registers!(Avx512, Counts512, __m512d, __m512i, [0 1]);
 rounding_to_eighths!(__m512d, __m512i);
 
@@ -84,23 +60,17 @@ impl Lanes for Avx512 {
     #[inline(always)]
     fn greater(self, other: Self) -> Mask512 {
         // SAFETY: a value of this type is only made from a token.
-        Mask512(unsafe {
-            [
-                _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[0], other.0[0]),
-                _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[1], other.0[1]),
-            ]
-        })
+        Mask512(each(|k| unsafe {
+            _mm512_cmp_pd_mask::<_CMP_GT_OQ>(self.0[k], other.0[k])
+        }))
     }
 
     #[inline(always)]
     fn select(self, mask: Mask512, other: Self) -> Self {
         // SAFETY: a value of this type is only made from a token.
-        Avx512(unsafe {
-            [
-                _mm512_mask_blend_pd(mask.0[0], other.0[0], self.0[0]),
-                _mm512_mask_blend_pd(mask.0[1], other.0[1], self.0[1]),
-            ]
-        })
+        Avx512(each(|k| unsafe {
+            _mm512_mask_blend_pd(mask.0[k], other.0[k], self.0[k])
+        }))
     }
 
     #[inline(always)]
@@ -121,10 +91,7 @@ impl Lanes for Avx512 {
             (
                 self.map(|x| _mm512_getexp_pd(_mm512_castsi512_pd(rounded(x)))),
                 self.map(|x| mantissa_about_one(x)),
-                Eighths512([
-                    _mm512_srli_epi64::<49>(rounded(self.0[0])),
-                    _mm512_srli_epi64::<49>(rounded(self.0[1])),
-                ]),
+                Eighths512(each(|k| _mm512_srli_epi64::<49>(rounded(self.0[k])))),
             )
         }
     }
@@ -133,32 +100,26 @@ impl Lanes for Avx512 {
     fn look_up(_: Avx512Token, table: &[f64; 8], k: Eighths512) -> Self {
         // SAFETY: the token proves that the processor has AVX-512; eight f64 are read; of an index
         // the last three bits count.
-        Avx512(unsafe {
+        unsafe {
             let table = _mm512_loadu_pd(table.as_ptr());
-            [
-                _mm512_permutexvar_pd(k.0[0], table),
-                _mm512_permutexvar_pd(k.0[1], table),
-            ]
-        })
+            Avx512(each(|n| _mm512_permutexvar_pd(k.0[n], table)))
+        }
     }
 
     #[inline(always)]
     fn differences<const LINE: usize, const LINES: usize>(
         _: Avx512Token,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         out: &mut [Lanes16; 8],
         of_j: Option<&mut [Lanes16; 8]>,
     ) {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         // SAFETY: the token proves AVX-512; the indices were checked by `within`, and every cache
         // line holds eight f64 and is aligned.
-        let (a, b) = unsafe {
-            (
-                columns::<LINE, LINES>(records, pairs, 0),
-                columns::<LINE, LINES>(records, pairs, 8),
-            )
+        let [a, b] = unsafe {
+            let first = columns::<LINE, LINES>(records, pairs, 0);
+            [first, columns::<LINE, LINES>(records, pairs, 8)]
         };
         for (k, lanes) in out.iter_mut().enumerate() {
             Avx512([a[0][k], b[0][k]]).store(lanes);
@@ -172,33 +133,28 @@ impl Lanes for Avx512 {
     fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: Avx512Token,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
     ) -> [Self; 2] {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         // SAFETY: the token proves AVX-512; the indices were checked by `within`, and a cache line
         // holds eight f64, of which the last two are read.
         unsafe {
-            let (a, b) = (
-                (
-                    four_ends::<LINE, LINES>(records, pairs, 0),
-                    four_ends::<LINE, LINES>(records, pairs, 1),
-                ),
-                (
-                    four_ends::<LINE, LINES>(records, pairs, 8),
-                    four_ends::<LINE, LINES>(records, pairs, 9),
-                ),
-            );
+            let mut even = [_mm512_setzero_pd(); 2];
+            let mut odd = even;
+            for k in 0..2 {
+                even[k] = four_ends::<LINE, LINES>(records, pairs, 8 * k);
+                odd[k] = four_ends::<LINE, LINES>(records, pairs, 8 * k + 1);
+            }
             [
-                Avx512([_mm512_unpacklo_pd(a.0, a.1), _mm512_unpacklo_pd(b.0, b.1)]),
-                Avx512([_mm512_unpackhi_pd(a.0, a.1), _mm512_unpackhi_pd(b.0, b.1)]),
+                Avx512(each(|k| _mm512_unpacklo_pd(even[k], odd[k]))),
+                Avx512(each(|k| _mm512_unpackhi_pd(even[k], odd[k]))),
             ]
         }
     }
 
     #[inline(always)]
-    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         // SAFETY: a value of this type is only made from a token; the indices were checked by
         // `within`, and every element of `sums` holds four f64 and is aligned.
         unsafe {
@@ -224,8 +180,8 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         // SAFETY: a value of this type is only made from a token; the indices were checked by
         // `within`, and every element of `sums` holds eight f64 and is aligned.
         unsafe {
@@ -269,10 +225,8 @@ unsafe fn columns<const LINE: usize, const LINES: usize>(
         let mut difference = [_mm512_setzero_pd(); 8];
         let mut of_j = difference;
         for k in 0..8 {
-            let (a, b) = (
-                &records.get_unchecked(pairs.i[first + k] as usize)[LINE],
-                &records.get_unchecked(pairs.j[first + k] as usize)[LINE],
-            );
+            let a = &records.get_unchecked(pairs.i[first + k] as usize)[LINE];
+            let b = &records.get_unchecked(pairs.j[first + k] as usize)[LINE];
             of_j[k] = _mm512_load_pd(b.0.as_ptr());
             let of_i = _mm512_load_pd(a.0.as_ptr());
             let subtracted = if LINE == 1 { 0x7f } else { 0xff };

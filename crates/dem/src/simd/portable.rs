@@ -7,8 +7,8 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{
-    CacheLine, Force2, Force3, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask,
-    PairList, TO_INTEGER,
+    CacheLine, Force2, INVERSE_MAGIC, INVERSE_SQRT_MAGIC, LANES, Lanes, Lanes16, Mask, PairBlock,
+    TO_INTEGER,
 };
 
 /// The token of the portable lanes; every processor has it.
@@ -56,6 +56,15 @@ operator!(Add, add);
 operator!(Sub, sub);
 operator!(Mul, mul);
 operator!(Div, div);
+
+macro_rules! unary {
+    ($method:ident, $of_lane:expr) => {
+        #[inline(always)]
+        fn $method(self) -> Self {
+            self.map($of_lane)
+        }
+    };
+}
 
 impl Neg for Portable {
     type Output = Self;
@@ -108,20 +117,15 @@ impl Lanes for Portable {
         Portable(fused(&self.0, &factor.0, &term.0))
     }
 
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        self.map(f64::sqrt)
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        self.map(f64::abs)
-    }
-
-    #[inline(always)]
-    fn round(self) -> Self {
-        self.map(f64::round_ties_even)
-    }
+    unary!(sqrt, f64::sqrt);
+    unary!(abs, f64::abs);
+    unary!(round, f64::round_ties_even);
+    unary!(inverse_start, |x: f64| {
+        f64::from_bits(INVERSE_MAGIC.wrapping_sub(x.to_bits()))
+    });
+    unary!(inverse_sqrt_start, |x: f64| {
+        f64::from_bits(INVERSE_SQRT_MAGIC.wrapping_sub(x.to_bits() >> 1))
+    });
 
     #[inline(always)]
     fn max(self, other: Self) -> Self {
@@ -166,18 +170,11 @@ impl Lanes for Portable {
         let rounded = self.0.map(|x| x.to_bits().wrapping_add(1 << 48));
         let exponent = rounded.map(|b| ((b >> 52) as i64 - 1023) as f64);
         let mantissa = std::array::from_fn(|k| {
-            f64::from_bits(
-                self.0[k]
-                    .to_bits()
-                    .wrapping_add(1023 << 52)
-                    .wrapping_sub(rounded[k] & (0xfff << 52)),
-            )
+            let bits = self.0[k].to_bits().wrapping_add(1023 << 52);
+            f64::from_bits(bits.wrapping_sub(rounded[k] & (0xfff << 52)))
         });
-        (
-            Portable(exponent),
-            Portable(mantissa),
-            rounded.map(|b| (b >> 49 & 7) as u8),
-        )
+        let eighth = rounded.map(|b| (b >> 49 & 7) as u8);
+        (Portable(exponent), Portable(mantissa), eighth)
     }
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
@@ -208,39 +205,22 @@ impl Lanes for Portable {
         sums.iter().copied().map(i128::from).sum()
     }
 
-    #[inline(always)]
-    fn inverse_start(self) -> Self {
-        self.map(|x| f64::from_bits(INVERSE_MAGIC.wrapping_sub(x.to_bits())))
-    }
-
-    #[inline(always)]
-    fn inverse_sqrt_start(self) -> Self {
-        self.map(|x| f64::from_bits(INVERSE_SQRT_MAGIC.wrapping_sub(x.to_bits() >> 1)))
-    }
-
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn differences<const LINE: usize, const LINES: usize>(
         _: PortableToken,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
         out: &mut [Lanes16; 8],
         mut of_j: Option<&mut [Lanes16; 8]>,
     ) {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         for lane in 0..LANES {
-            let (a, b) = (
-                &records[pairs.i[lane] as usize][LINE],
-                &records[pairs.j[lane] as usize][LINE],
-            );
+            let a = &records[pairs.i[lane] as usize][LINE];
+            let b = &records[pairs.j[lane] as usize][LINE];
             for field in 0..8 {
-                let subtracted = if LINE == 1 && field == 7 {
-                    0.0
-                } else {
-                    b.0[field]
-                };
-                out[field].0[lane] = a.0[field] - subtracted;
+                let is_last = LINE == 1 && field == 7;
+                out[field].0[lane] = a.0[field] - if is_last { 0.0 } else { b.0[field] };
                 if let Some(of_j) = &mut of_j {
                     of_j[field].0[lane] = b.0[field];
                 }
@@ -253,17 +233,16 @@ impl Lanes for Portable {
     fn last_two_of_j<const LINE: usize, const LINES: usize>(
         _: PortableToken,
         records: &[[CacheLine; LINES]],
-        list: &PairList,
-        block: usize,
+        pairs: PairBlock<'_>,
     ) -> [Self; 2] {
-        let pairs = list.within(block, records.len());
+        let pairs = pairs.within(records.len());
         [6, 7].map(|field| Portable(pairs.j.map(|j| records[j as usize][LINE].0[field])))
     }
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_2d(terms: [Self; 4], sums: &mut [Force2], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         let [a, b, c, d] = terms;
         for lane in 0..LANES {
             let on_i = &mut sums[pairs.i[lane] as usize].0;
@@ -279,8 +258,8 @@ impl Lanes for Portable {
 
     #[cfg_attr(target_arch = "x86_64", inline(never))]
     #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [Force3], list: &PairList, block: usize) {
-        let pairs = list.within(block, sums.len());
+    fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+        let pairs = pairs.within(sums.len());
         let [a, b, c] = terms;
         for lane in 0..LANES {
             for k in 0..3 {

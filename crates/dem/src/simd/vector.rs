@@ -4,6 +4,32 @@
 //! The macros name the intrinsics without `_mm256` or `_mm512`; the files that use them import them
 //! under these names.
 
+/// The token of an instruction set of these features, and `run`.
+macro_rules! token {
+    ($lanes:ident, $token:ident, $name:literal, [$($feature:tt)*]) => {
+        #[doc = concat!("Proof that this processor has ", $name, ".")]
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub struct $token(());
+
+        impl $token {
+            /// The token, if this processor has them.
+            pub fn detect() -> Option<Self> {
+                ($(is_x86_feature_detected!($feature))&&*).then_some(Self(()))
+            }
+        }
+
+        /// Does the work, compiled for this instruction set.
+        pub(super) fn run<W: Work>(token: $token, work: W) -> W::Output {
+            $(#[target_feature(enable = $feature)])*
+            fn compiled<W: Work>(token: $token, work: W) -> W::Output {
+                work.run::<$lanes>(token)
+            }
+            // SAFETY: the token proves that the processor has these features.
+            unsafe { compiled(token, work) }
+        }
+    };
+}
+
 /// The lanes, the sums of integers, and the arithmetic operators. `$part` are the numbers of the
 /// registers. Nothing here loops or calls `array::from_fn`: what is not inlined is not compiled for
 /// the instruction set.
@@ -16,6 +42,13 @@ macro_rules! registers {
         /// Sixteen sums of integers.
         #[derive(Debug, Clone, Copy)]
         pub struct $counts([$integers; [$($part),*].len()]);
+
+        /// `f` of the number of each register. Unlike `array::from_fn` it is always inlined; code
+        /// that is not inlined is not compiled for the instruction set.
+        #[inline(always)]
+        fn each<T>(f: impl Fn(usize) -> T) -> [T; [$($part),*].len()] {
+            [$(f($part)),*]
+        }
 
         impl $lanes {
             #[inline(always)]
@@ -193,4 +226,4 @@ macro_rules! rounding_to_eighths {
     };
 }
 
-pub(super) use {operations, operators, registers, rounding_to_eighths};
+pub(super) use {operations, operators, registers, rounding_to_eighths, token};

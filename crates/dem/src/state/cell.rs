@@ -200,9 +200,8 @@ impl Cell {
     pub fn stretched_by(&self, step: f64) -> f64 {
         let stretching = self.sheared.and_then(|sheared| sheared.stretching);
         let rates = stretching.map_or([0.0; 3], |of| of.half);
-        rates
-            .iter()
-            .fold(0.0, |a: f64, rate| a.max((step * rate).abs()))
+        let strains = rates.map(|rate| (step * rate).abs());
+        strains.into_iter().fold(0.0, f64::max)
     }
 
     /// The coordinate of a grain by which slabs are cut (m), in [0, L_x): x, or in a sheared cell x
@@ -309,13 +308,8 @@ mod tests {
         };
         for _ in 0..2000 {
             let mut cell = Cell::between_walls([5.0, 4.0]);
-            let (height, velocity) = (6.0, 0.0);
-            let offset = 0.0;
-            cell.sheared = Some(Sheared {
-                offset,
-                velocity,
-                ..Sheared::upright(height)
-            });
+            let height = 6.0;
+            cell.sheared = Some(Sheared::upright(height));
             cell.shear(20.0 * random() - 10.0);
             let offset = cell.sheared.unwrap().offset;
             assert!(offset.abs() <= 2.5);

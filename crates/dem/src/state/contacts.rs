@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use crate::contact::TORQUES;
 use crate::contact::model::{Elastic, PairModel};
-use crate::simd::{Isa, LANES, Lanes16, PairList, Pairs, make_room};
-use crate::workers::{self, Workers};
+use crate::simd::{Isa, LANES, Lanes16, PairBlock, PairList, Pairs, clear_for};
+use crate::workers::{self, Workers, tail, tail_mut};
 
 use super::ContactState;
 
@@ -43,9 +43,9 @@ pub struct Contacts {
     pub parameters: Vec<Lanes16>,
     /// [`Contacts::history_lanes`] elements per block.
     pub history: Vec<Lanes16>,
-    /// [`PairModel::parameter_lanes`] of the law.
+    /// [`Layout::parameters`](crate::contact::model::Layout::parameters) of the law.
     pub parameter_lanes: usize,
-    /// [`PairModel::history_lanes`] of the law.
+    /// Numbers of a history of the law.
     pub history_lanes: usize,
     /// Lanes that touched when the forces were last computed.
     pub touching: Vec<u16>,
@@ -112,10 +112,10 @@ impl Contacts {
     ) {
         let shares = grains.shares;
         let groups = grouped(candidates, grains);
-        self.clear();
+        let layout = law.layout();
         self.has_feet = grains.has_feet;
-        self.parameter_lanes = law.parameter_lanes();
-        self.history_lanes = law.history_lanes();
+        self.parameter_lanes = layout.parameters;
+        self.history_lanes = layout.history.len();
         self.limits_are_known = remembered.limits_are_known();
         let of_group = |(group, pairs)| {
             let runs = <[CandidatePair]>::chunks(pairs, SORTED_TOGETHER);
@@ -127,19 +127,14 @@ impl Contacts {
         // A part for every thread.
         let (threads, history_lanes) = (workers::count(workers), self.history_lanes);
         let mut parts: Vec<(Self, Vec<usize>)> = Vec::new();
-        parts.resize_with(threads, || {
-            let part = Self {
-                history_lanes,
-                ..Self::default()
-            };
-            (part, Vec::new())
-        });
+        parts.resize_with(threads, Default::default);
         std::mem::swap(self, &mut parts[0].0);
         let blocks = runs.iter().map(|run| run.pairs.len().div_ceil(LANES));
-        parts[0].0.make_room(blocks.sum());
+        parts[0].0.clear_for(blocks.sum());
         let begin = |part: usize| runs.len() * part / threads;
         workers::each(workers, &mut parts, |k, (part, blocks)| {
-            *blocks = part.push_runs(law, &runs[begin(k)..begin(k + 1)], (remembered, grains));
+            part.history_lanes = history_lanes;
+            *blocks = part.push_runs(&runs[begin(k)..begin(k + 1)], law, (remembered, grains));
         });
         let mut ends = vec![0; groups.len()];
         let of_parts = parts.iter().flat_map(|(_, blocks)| blocks);
@@ -152,44 +147,29 @@ impl Contacts {
         let mut parts = parts.into_iter().map(|(part, _)| part);
         *self = parts.next().unwrap_or_default();
         parts.for_each(|part| self.append(part));
-        self.shares = shares
-            .iter()
-            .enumerate()
-            .map(|(k, grains)| Share {
-                blocks: k.checked_sub(1).map_or(0, |before| ends[before])..ends[k],
-                grains: grains.clone(),
-            })
-            .collect();
+        let share = |(k, grains): (usize, &Range<usize>)| Share {
+            blocks: k.checked_sub(1).map_or(0, |before| ends[before])..ends[k],
+            grains: grains.clone(),
+        };
+        self.shares = shares.iter().enumerate().map(share).collect();
         self.inner = ends[shares.len()];
         self.owned_blocks = ends[shares.len() + 1];
         let blocks = self.geometry.len();
-        self.parameters.clear();
-        make_room(&mut self.parameters, blocks * self.parameter_lanes);
+        clear_for(&mut self.parameters, blocks * self.parameter_lanes);
         self.parameters
             .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
         law.set_parameters(isa, (&self.geometry, &self.kinds), &mut self.parameters);
     }
 
-    /// Makes room for so many blocks.
-    fn make_room(&mut self, blocks: usize) {
-        self.pairs.make_room(blocks);
-        make_room(&mut self.geometry, blocks);
-        make_room(&mut self.kinds, blocks);
-        make_room(&mut self.history, blocks * self.history_lanes);
-        make_room(&mut self.touching, blocks);
-        make_room(&mut self.limits, blocks);
-        make_room(&mut self.asleep_until, blocks);
-    }
-
-    /// Removes all blocks.
-    fn clear(&mut self) {
-        self.pairs.clear();
-        self.geometry.clear();
-        self.kinds.clear();
-        self.history.clear();
-        self.touching.clear();
-        self.limits.clear();
-        self.asleep_until.clear();
+    /// Removes all blocks, and makes room for so many.
+    fn clear_for(&mut self, blocks: usize) {
+        self.pairs.clear_for(blocks);
+        clear_for(&mut self.geometry, blocks);
+        clear_for(&mut self.kinds, blocks);
+        clear_for(&mut self.history, blocks * self.history_lanes);
+        clear_for(&mut self.touching, blocks);
+        clear_for(&mut self.limits, blocks);
+        clear_for(&mut self.asleep_until, blocks);
     }
 
     /// Appends the blocks of another list.
@@ -206,8 +186,8 @@ impl Contacts {
     /// Appends the blocks of some runs. Returns how many each has.
     fn push_runs(
         &mut self,
-        law: &dyn PairModel,
         runs: &[Run<'_>],
+        law: &dyn PairModel,
         (remembered, grains): (&Remembered, LocalGrains<'_>),
     ) -> Vec<usize> {
         let LocalGrains {
@@ -236,13 +216,11 @@ impl Contacts {
             let of_kinds = pairs.chunk_by(|a, b| kind(a) == kind(b));
             for block in of_kinds.flat_map(|of_kind| of_kind.chunks(LANES)) {
                 self.kinds.push(kind(&block[0]));
-                self.push((law, remembered), block, first_grain, radius);
+                self.push(remembered, block, first_grain, radius);
                 let least = way_to_touch(block.iter().map(|p| p.gap).fold(f64::MAX, f64::min));
-                self.asleep_until.push(if inner {
-                    least
-                } else {
-                    2.0 * least - ghosts_move
-                });
+                let of_ghosts = 2.0 * least - ghosts_move;
+                self.asleep_until
+                    .push(if inner { least } else { of_ghosts });
             }
             self.geometry.len() - before
         };
@@ -252,7 +230,7 @@ impl Contacts {
     /// Appends a block of pairs. Grains are numbered from `first_grain` on.
     fn push(
         &mut self,
-        (law, remembered): (&dyn PairModel, &Remembered),
+        remembered: &Remembered,
         block: &[Listed],
         first_grain: u32,
         radius: &[f64],
@@ -271,10 +249,8 @@ impl Contacts {
             geometry[1].0[lane] = radius[i as usize];
             if let Some(contact) = listed.contact {
                 touching |= 1 << lane;
-                for (lanes, is_at) in limits.iter_mut().zip(remembered.limits(contact)) {
-                    *lanes |= u16::from(is_at) << lane;
-                }
-                remembered.put(law, contact, &mut self.history[first..], lane);
+                set_limits(&mut limits, lane, remembered.limits(contact));
+                remembered.put(contact, &mut self.history[first..], lane);
             }
         }
         self.pairs.push(pairs);
@@ -311,13 +287,8 @@ impl Contacts {
 
     /// The local indices of the grains of a block.
     pub fn grains(&self, block: usize) -> Pairs {
-        let share = self
-            .shares
-            .partition_point(|share| share.blocks.end <= block);
-        let first = self
-            .shares
-            .get(share)
-            .map_or(0, |share| share.grains.start as u32);
+        let share = self.shares.iter().find(|share| block < share.blocks.end);
+        let first = share.map_or(0, |share| share.grains.start as u32);
         let mut pairs = self.pairs.blocks()[block];
         for g in pairs.i.iter_mut().chain(&mut pairs.j) {
             *g += first;
@@ -361,13 +332,12 @@ impl Contacts {
     pub fn state(&self, law: &dyn PairModel, at: Touching, id: &[u32]) -> ContactState {
         let mut history = [0.0; 3 + TORQUES];
         let lanes = &self.history[at.block * self.history_lanes..][..self.history_lanes];
-        for (to, lanes) in history.iter_mut().zip(lanes) {
-            *to = lanes.0[at.lane];
+        for (place, lanes) in law.layout().history.iter().zip(lanes) {
+            history[*place] = lanes.0[at.lane];
         }
-        let is_at = |lanes: u16| lanes >> at.lane & 1 == 1;
-        let [slides, rolls, twists, idle] = self.limits[at.block].map(is_at);
+        let [slides, rolls, twists, idle] = limits_of(self.limits[at.block], at.lane);
         let limits = [slides, rolls, twists].map(|is_at| self.limits_are_known.then_some(is_at));
-        let [a, b, c, torques @ ..] = law.to_state(history);
+        let [a, b, c, torques @ ..] = history;
         ContactState {
             i: id[at.i],
             j: id[at.j],
@@ -397,16 +367,18 @@ impl Contacts {
             places[*next as usize] = at.block * LANES + at.lane;
             *next += 1;
         }
+        let mut limits = std::mem::take(&mut self.limits);
+        if !self.limits_are_known {
+            limits.iter_mut().for_each(|of| of[..3].fill(0));
+        }
         Remembered {
             of,
             partner,
-            from: Source::List {
-                places,
-                history: std::mem::take(&mut self.history),
-                history_lanes: self.history_lanes,
-                limits: std::mem::take(&mut self.limits),
-                limits_are_known: self.limits_are_known,
-            },
+            places,
+            history: std::mem::take(&mut self.history),
+            history_lanes: self.history_lanes,
+            limits,
+            limits_are_known: self.limits_are_known,
         }
     }
 
@@ -423,13 +395,23 @@ impl Contacts {
 
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
-        use std::mem::size_of;
         self.pairs.memory()
             + self.geometry.capacity() * size_of::<[Lanes16; 2]>()
             + (self.parameters.capacity() + self.history.capacity()) * size_of::<Lanes16>()
             + (self.touching.capacity() + self.kinds.capacity()) * size_of::<u16>()
             + self.limits.capacity() * size_of::<[u16; 4]>()
             + self.asleep_until.capacity() * size_of::<f64>()
+    }
+}
+
+/// Whether a lane is at the limits of [`Contacts::limits`].
+fn limits_of(limits: [u16; 4], lane: usize) -> [bool; 4] {
+    limits.map(|lanes| lanes >> lane & 1 == 1)
+}
+
+fn set_limits(limits: &mut [u16; 4], lane: usize, is_at: [bool; 4]) {
+    for (lanes, is_at) in limits.iter_mut().zip(is_at) {
+        *lanes |= u16::from(is_at) << lane;
     }
 }
 
@@ -440,42 +422,49 @@ pub struct Remembered {
     of: Vec<[u32; 2]>,
     /// The id of the other grain.
     partner: Vec<u32>,
-    from: Source,
-}
-
-/// What remembered contacts are taken from.
-#[derive(Debug)]
-enum Source {
-    States(Vec<ContactState>),
-    List {
-        /// The place of each contact in it: sixteen to a block.
-        places: Vec<usize>,
-        /// As in [`Contacts`].
-        history: Vec<Lanes16>,
-        history_lanes: usize,
-        limits: Vec<[u16; 4]>,
-        limits_are_known: bool,
-    },
-}
-
-impl Default for Source {
-    fn default() -> Self {
-        Self::States(Vec::new())
-    }
+    /// The place of each contact in the following: sixteen to a block.
+    places: Vec<usize>,
+    /// As in [`Contacts`]; unknown limits are not set.
+    history: Vec<Lanes16>,
+    history_lanes: usize,
+    limits: Vec<[u16; 4]>,
+    limits_are_known: bool,
 }
 
 impl Remembered {
     /// Contacts that are sorted by i, of local grains with these ids.
-    pub fn sorted(states: Vec<ContactState>, id: &[u32]) -> Self {
+    pub fn sorted(states: &[ContactState], law: &dyn PairModel, id: &[u32]) -> Self {
         let contacts_of = |id: &u32| {
             let first = states.partition_point(|c| c.i < *id);
             let count = states[first..].iter().take_while(|c| c.i == *id).count();
             [first, first + count].map(|k| k as u32)
         };
+        let layout = law.layout();
+        let (blocks, history_lanes) = (states.len().div_ceil(LANES), layout.history.len());
+        let mut history = vec![Lanes16::ZERO; blocks * history_lanes];
+        let mut limits = vec![[0; 4]; blocks];
+        let mut limits_are_known = true;
+        for (place, state) in states.iter().enumerate() {
+            let (block, lane) = (place / LANES, place % LANES);
+            let of_block = history[block * history_lanes..].iter_mut();
+            let numbers = state.all_histories();
+            for (lanes, place) in of_block.zip(layout.history) {
+                lanes.0[lane] = numbers[*place];
+            }
+            let known = state.limits();
+            limits_are_known &= known.iter().all(Option::is_some);
+            let [slides, rolls, twists] = known.map(Option::unwrap_or_default);
+            let is_at = [slides, rolls, twists, state.is_idle()];
+            set_limits(&mut limits[block], lane, is_at);
+        }
         Self {
             of: id.iter().map(contacts_of).collect(),
             partner: states.iter().map(|c| c.j).collect(),
-            from: Source::States(states),
+            places: (0..states.len()).collect(),
+            history,
+            history_lanes,
+            limits,
+            limits_are_known,
         }
     }
 
@@ -487,61 +476,21 @@ impl Remembered {
 
     /// See [`Contacts::limits_are_known`].
     fn limits_are_known(&self) -> bool {
-        let known = |c: &ContactState| c.limits().iter().all(Option::is_some);
-        match &self.from {
-            Source::States(states) => states.iter().all(known),
-            Source::List {
-                places,
-                limits_are_known,
-                ..
-            } => *limits_are_known || places.is_empty(),
-        }
+        self.limits_are_known || self.places.is_empty()
     }
 
     /// Whether a contact is at the limits of [`Contacts::limits`], as far as that is known.
     fn limits(&self, contact: u32) -> [bool; 4] {
-        match &self.from {
-            Source::States(states) => {
-                let state = &states[contact as usize];
-                let [slides, rolls, twists] = state.limits().map(Option::unwrap_or_default);
-                [slides, rolls, twists, state.is_idle()]
-            }
-            Source::List {
-                places,
-                limits,
-                limits_are_known,
-                ..
-            } => {
-                let place = places[contact as usize];
-                let is_at = |lanes: u16| lanes >> (place % LANES) & 1 == 1;
-                let [slides, rolls, twists, idle] = limits[place / LANES].map(is_at);
-                let of_step = |is_at: bool| is_at && *limits_are_known;
-                [of_step(slides), of_step(rolls), of_step(twists), idle]
-            }
-        }
+        let place = self.places[contact as usize];
+        limits_of(self.limits[place / LANES], place % LANES)
     }
 
     /// Puts the history of a contact into a lane.
-    fn put(&self, law: &dyn PairModel, contact: u32, to: &mut [Lanes16], lane: usize) {
-        match &self.from {
-            Source::States(states) => {
-                let history = law.from_state(states[contact as usize].all_histories());
-                for (to, from) in to.iter_mut().zip(history) {
-                    to.0[lane] = from;
-                }
-            }
-            Source::List {
-                places,
-                history,
-                history_lanes,
-                ..
-            } => {
-                let place = places[contact as usize];
-                let from = &history[place / LANES * history_lanes..][..*history_lanes];
-                for (to, from) in to.iter_mut().zip(from) {
-                    to.0[lane] = from.0[place % LANES];
-                }
-            }
+    fn put(&self, contact: u32, to: &mut [Lanes16], lane: usize) {
+        let place = self.places[contact as usize];
+        let from = &self.history[place / LANES * self.history_lanes..][..self.history_lanes];
+        for (to, from) in to.iter_mut().zip(from) {
+            to.0[lane] = from.0[place % LANES];
         }
     }
 }
@@ -612,9 +561,8 @@ impl Ordered {
         remembered: &Remembered,
         id: &[u32],
     ) -> &mut [Listed] {
-        let widest = run
-            .iter()
-            .fold(f64::MIN_POSITIVE, |a, pair| a.max(pair.gap));
+        let gaps = run.iter().map(|pair| pair.gap);
+        let widest = gaps.fold(f64::MIN_POSITIVE, f64::max);
         let per_gap = (CLASSES - 2) as f64 / widest;
         self.found.clear();
         self.found.extend(run.iter().map(|pair| {
@@ -693,6 +641,12 @@ impl<'a> BlockRange<'a> {
         self.geometry.len()
     }
 
+    /// The pairs of a block of the part.
+    #[inline(always)]
+    pub fn pairs(&self, block: usize) -> PairBlock<'a> {
+        self.pairs.block(self.first + block)
+    }
+
     /// The next blocks that are awake, at most `most` of them, from block `from` of the part on,
     /// when the grains have travelled this far (m); `None`: every block is awake.
     pub fn awake(&self, from: usize, most: usize, travelled: Option<f64>) -> Range<usize> {
@@ -708,50 +662,20 @@ impl<'a> BlockRange<'a> {
         first..first + rest.take_while(|until| !asleep(until)).count()
     }
 
-    /// The blocks before block `until` of the list, and the others.
-    pub fn split(self, until: usize) -> (BlockRange<'a>, BlockRange<'a>) {
-        let here = until - self.first;
-        let (geometry, geometry_after) = self.geometry.split_at(here);
-        let (kinds, kinds_after) = self.kinds.split_at(here);
-        let (parameters, parameters_after) = self.parameters.split_at(here * self.parameter_lanes);
-        let (history, history_after) = self.history.split_at_mut(here * self.history_lanes);
-        let (touching, touching_after) = self.touching.split_at_mut(here);
-        let (limits, limits_after) = self.limits.split_at_mut(here);
-        let (asleep_until, asleep_until_after) = self.asleep_until.split_at_mut(here);
-        (
-            BlockRange {
-                first: self.first,
-                owned_blocks: self.owned_blocks,
-                parameter_lanes: self.parameter_lanes,
-                history_lanes: self.history_lanes,
-                pairs: self.pairs,
-                geometry,
-                kinds,
-                parameters,
-                history,
-                touching,
-                limits,
-                asleep_until,
-                inner: self.inner,
-                has_feet: self.has_feet,
-            },
-            BlockRange {
-                first: until,
-                owned_blocks: self.owned_blocks,
-                parameter_lanes: self.parameter_lanes,
-                history_lanes: self.history_lanes,
-                pairs: self.pairs,
-                geometry: geometry_after,
-                kinds: kinds_after,
-                parameters: parameters_after,
-                history: history_after,
-                touching: touching_after,
-                limits: limits_after,
-                asleep_until: asleep_until_after,
-                inner: self.inner,
-                has_feet: self.has_feet,
-            },
-        )
+    /// Splits off the blocks from block `from` of the list on.
+    pub fn split_off(&mut self, from: usize) -> BlockRange<'a> {
+        let at = from - self.first;
+        BlockRange {
+            first: from,
+            geometry: tail(&mut self.geometry, at),
+            kinds: tail(&mut self.kinds, at),
+            parameters: tail(&mut self.parameters, at * self.parameter_lanes),
+            history: tail_mut(&mut self.history, at * self.history_lanes),
+            touching: tail_mut(&mut self.touching, at),
+            limits: tail_mut(&mut self.limits, at),
+            asleep_until: tail_mut(&mut self.asleep_until, at),
+            ..*self
+        }
     }
 }
 

@@ -1,5 +1,6 @@
 //! The grains of this rank: owned grains, in the order of their cells, then ghosts.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use bytemuck::Zeroable;
@@ -70,6 +71,12 @@ impl Units {
     }
 }
 
+impl Default for Units {
+    fn default() -> Self {
+        Self::new(1.0, 1.0)
+    }
+}
+
 /// The least power of two that is greater than x.
 fn power_of_two_above(x: f64) -> f64 {
     let exponent = (x.to_bits() >> 52).clamp(1, 2045);
@@ -119,7 +126,7 @@ pub struct Foot {
 
 /// Structure of arrays over owned grains, ghosts and feet. Arrays that only owned grains need are
 /// shorter.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Grains<D: Dimension> {
     /// Number of owned grains.
     pub owned: usize,
@@ -145,25 +152,6 @@ pub struct Grains<D: Dimension> {
     pub image: Vec<Image>,
     /// The last of the grains are these.
     pub feet: Vec<Foot>,
-}
-
-impl<D: Dimension> Default for Grains<D> {
-    fn default() -> Self {
-        Self {
-            owned: 0,
-            id: Vec::new(),
-            body: Vec::new(),
-            radius: Vec::new(),
-            material: Vec::new(),
-            record: Vec::new(),
-            force: Vec::new(),
-            units: Units::new(1.0, 1.0),
-            mass: Vec::new(),
-            half_kick: Vec::new(),
-            image: Vec::new(),
-            feet: Vec::new(),
-        }
-    }
 }
 
 /// The first axis of the spins: z in two dimensions, x in three.
@@ -233,14 +221,18 @@ impl<D: Dimension> Grains<D> {
 
     /// Removes the feet.
     pub fn lift_feet(&mut self) {
-        let kept = self.first_foot();
-        self.id.truncate(kept);
-        self.body.truncate(kept);
-        self.radius.truncate(kept);
-        self.material.truncate(kept);
-        self.record.truncate(kept);
-        self.force.truncate(kept);
+        self.truncate(self.first_foot());
         self.feet.clear();
+    }
+
+    /// Keeps the first `count` grains.
+    fn truncate(&mut self, count: usize) {
+        self.id.truncate(count);
+        self.body.truncate(count);
+        self.radius.truncate(count);
+        self.material.truncate(count);
+        self.record.truncate(count);
+        self.force.truncate(count);
     }
 
     /// Whether this is a foot, and not a grain.
@@ -251,12 +243,7 @@ impl<D: Dimension> Grains<D> {
     /// Replaces all grains by these owned ones, without ghosts. `step`: Δt (s).
     pub fn replace(&mut self, owned: &[GrainState], masses: &Masses, step: f64) {
         self.owned = owned.len();
-        self.id.clear();
-        self.body.clear();
-        self.radius.clear();
-        self.material.clear();
-        self.record.clear();
-        self.force.clear();
+        self.truncate(0);
         self.mass.clear();
         self.image.clear();
         self.feet.clear();
@@ -367,25 +354,21 @@ impl<D: Dimension> Grains<D> {
     /// The complete state of a grain.
     pub fn state(&self, g: usize) -> GrainState {
         let (r, f) = (self.fields(g), &self.force[g][..]);
-        let linear = |from: &[f64], at: usize| {
+        let vector = |from: &[f64], at: usize, axes: &Range<usize>| {
             let mut v = [0.0; 3];
-            v[..D::AXES].copy_from_slice(&from[at..at + D::AXES]);
+            v[axes.clone()].copy_from_slice(&from[at..at + axes.len()]);
             v
         };
-        let angular = |from: &[f64], at: usize| {
-            let mut w = [0.0; 3];
-            w[first_spin::<D>()..].copy_from_slice(&from[at..at + D::SPINS]);
-            w
-        };
+        let (axes, spins) = (0..D::AXES, first_spin::<D>()..3);
         GrainState {
             id: self.id[g],
             body: self.body[g],
-            position: linear(r, D::POSITION),
-            velocity: linear(r, D::VELOCITY),
-            angular_velocity: angular(r, D::SPIN),
+            position: vector(r, D::POSITION, &axes),
+            velocity: vector(r, D::VELOCITY, &axes),
+            angular_velocity: vector(r, D::SPIN, &spins),
             radius: self.radius[g],
-            force: linear(f, 0),
-            torque: angular(f, D::TORQUE),
+            force: vector(f, 0, &axes),
+            torque: vector(f, D::TORQUE, &spins),
             // Ghosts have none.
             image: self.image.get(g).copied().unwrap_or_default(),
             material: self.material[g],
@@ -402,7 +385,6 @@ impl<D: Dimension> Grains<D> {
 
     /// Heap in use (bytes).
     pub fn memory(&self) -> usize {
-        use std::mem::size_of;
         (self.id.capacity() + self.body.capacity()) * size_of::<u32>()
             + (self.radius.capacity() + self.mass.capacity()) * size_of::<f64>()
             + self.material.capacity() * size_of::<u64>()

@@ -1,5 +1,7 @@
 //! Records of frames and of the time series.
 
+use std::sync::LazyLock;
+
 use bytemuck::{Pod, Zeroable};
 
 use super::Image;
@@ -156,56 +158,26 @@ pub enum Confinement {
     FreeSurface,
 }
 
-const fn joined<const N: usize>(parts: &[&[Column]]) -> [Column; N] {
-    let mut all = [SeriesRow::COLUMNS[0]; N];
-    let (mut k, mut part, mut at) = (0, 0, 0);
-    while k < N {
-        if at == parts[part].len() {
-            (part, at) = (part + 1, 0);
-        }
-        all[k] = parts[part][at];
-        (k, at) = (k + 1, at + 1);
-    }
-    all
-}
-
-const SERIES: usize = SeriesRow::COLUMNS.len();
-const IMPOSED: usize = ImposedRow::COLUMNS.len();
-const STRESS: usize = StressRow::COLUMNS.len();
-const FLOW: usize = FlowRow::COLUMNS.len();
-static WITH_IMPOSED: [Column; SERIES + IMPOSED] =
-    joined(&[&SeriesRow::COLUMNS, &ImposedRow::COLUMNS]);
-static WITH_STRESS: [Column; SERIES + STRESS] = joined(&[&SeriesRow::COLUMNS, &StressRow::COLUMNS]);
-static WITH_BOTH: [Column; SERIES + IMPOSED + STRESS] = joined(&[
-    &SeriesRow::COLUMNS,
-    &ImposedRow::COLUMNS,
-    &StressRow::COLUMNS,
-]);
-static WITH_FLOW: [Column; SERIES + FLOW] = joined(&[&SeriesRow::COLUMNS, &FlowRow::COLUMNS]);
-static WITH_IMPOSED_AND_FLOW: [Column; SERIES + IMPOSED + FLOW] =
-    joined(&[&SeriesRow::COLUMNS, &ImposedRow::COLUMNS, &FlowRow::COLUMNS]);
-static ALL: [Column; SERIES + IMPOSED + STRESS + FLOW] = joined(&[
-    &SeriesRow::COLUMNS,
-    &ImposedRow::COLUMNS,
-    &StressRow::COLUMNS,
-    &FlowRow::COLUMNS,
-]);
-
 /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if a protocol imposes more
 /// than velocities along x, of [`StressRow`] if there are no walls, and of [`FlowRow`] below a free
 /// surface.
 pub fn series_columns(imposed: bool, confinement: Confinement) -> &'static [Column] {
-    match (imposed, confinement) {
-        (false, Confinement::Walls) => &SeriesRow::COLUMNS,
-        (true, Confinement::Walls) => &WITH_IMPOSED,
-        (false, Confinement::Images) => &WITH_STRESS,
-        (true, Confinement::Images) => &WITH_BOTH,
-        (false, Confinement::FreeSurface) => &WITH_FLOW,
-        (true, Confinement::FreeSurface) => &WITH_IMPOSED_AND_FLOW,
-    }
+    static ALL: LazyLock<[[Vec<Column>; 3]; 2]> = LazyLock::new(|| {
+        [&[][..], &ImposedRow::COLUMNS].map(|imposed| {
+            [&[][..], &StressRow::COLUMNS, &FlowRow::COLUMNS]
+                .map(|further| [&SeriesRow::COLUMNS, imposed, further].concat())
+        })
+    });
+    let further = match confinement {
+        Confinement::Walls => 0,
+        Confinement::Images => 1,
+        Confinement::FreeSurface => 2,
+    };
+    &ALL[usize::from(imposed)][further]
 }
 
 /// The columns of all time series.
-pub fn all_series_columns() -> &'static [Column] {
-    &ALL
+pub fn all_series_columns() -> Vec<Column> {
+    let walls = series_columns(true, Confinement::Walls);
+    [walls, &StressRow::COLUMNS, &FlowRow::COLUMNS].concat()
 }

@@ -302,7 +302,7 @@ fn the_law_is_that_of_lammps() {
                     &mut parameters,
                 );
                 let mut lanes = before.map(splat);
-                let mut response = [Response::NONE];
+                let mut response = [Response::default()];
                 law.evaluate::<Portable, false>(
                     PortableToken,
                     &mut Blocks {
@@ -315,7 +315,7 @@ fn the_law_is_that_of_lammps() {
                             normal_velocity: splat(v_n),
                             tangential_velocity: tangential.map(splat),
                             tangential_increment: slip.map(splat),
-                            ..PairMotion::ZERO
+                            ..PairMotion::default()
                         }],
                         carry: &mut [[Lanes16::ZERO; CARRY]],
                         response: &mut response,

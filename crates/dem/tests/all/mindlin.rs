@@ -29,7 +29,7 @@ fn evaluate<D: Dimension>(
     let law = Mindlin::<D, true>::new(&SPRINGS, &frictional(friction));
     let splat = |v: f64| Lanes16([v; LANES]);
     let mut lanes = history.map(splat);
-    let mut response = [Response::NONE];
+    let mut response = [Response::default()];
     law.evaluate::<Portable, true>(
         PortableToken,
         &mut Blocks {
@@ -41,7 +41,7 @@ fn evaluate<D: Dimension>(
                 overlap: splat(overlap),
                 normal_increment: splat(-deeper),
                 tangential_increment: slip.map(splat),
-                ..PairMotion::ZERO
+                ..PairMotion::default()
             }],
             carry: &mut [[Lanes16::ZERO; CARRY]],
             response: &mut response,

@@ -78,7 +78,7 @@ fn declared(row: &str, axes: usize) -> Vec<Column> {
     };
     let form = Form::new(axes, axes == 3);
     match row {
-        "SeriesRow" => all_series_columns().to_vec(),
+        "SeriesRow" => all_series_columns(),
         "AqsRow" => AqsRow::COLUMNS.to_vec(),
         "NewtonianRow" => NewtonianRow::COLUMNS.to_vec(),
         "FrameScalars" => FrameScalars::COLUMNS.to_vec(),
