@@ -150,10 +150,10 @@ impl FrameWriter for NpzWriter {
         self.append("angular_velocity", 1, &[n, 3], &spins);
         let images: Vec<i64> = records.grains.iter().flat_map(|g| g.image).collect();
         self.append("image", 1, &[n, 3], &images);
-        for (field, values) in run.shapes().iter().zip(&frame.fields) {
-            let shape = [n, field.components];
-            let axes = if field.components == 1 { 1 } else { 2 };
-            self.append(&field.name, 1, &shape[..axes], values);
+        for ((name, components), values) in run.shapes().iter().zip(&frame.fields) {
+            let shape = [n, *components];
+            let axes = if *components == 1 { 1 } else { 2 };
+            self.append(name, 1, &shape[..axes], values);
         }
         let contacts = &records.contacts;
         // Row of the first contact of each frame, and after the last.
