@@ -140,18 +140,14 @@ fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Re
         }
     }
     let records: Vec<SliderRecord> = runs.iter().map(read::record).collect::<Result<_, _>>()?;
-    let (joined, groups): (Vec<SliderRecord>, Vec<Vec<usize>>) =
-        merge(&records).into_iter().unzip();
+    let (joined, groups): (Vec<_>, Vec<_>) = merge(&records).into_iter().unzip();
     let mut fitted = fit_all(&joined, laws.list());
     if let Some(spread) = jackknife(&records, &groups, &fitted[0]) {
         fitted.insert(1, spread);
     }
-    let stacks = stacks(&records);
-    let relaxations = relaxations(&records);
-    let records = joined;
-    let d_c = fitted[0].best().map(|fit| fit.law.d_c);
-    let of_fit = fitted[0].best().filter(|fit| fit.a.determined);
-    let of_fit = of_fit.map(|fit| fit.a.value);
+    let best = fitted[0].best();
+    let d_c = best.map(|fit| fit.law.d_c);
+    let of_fit = best.filter(|fit| fit.a.determined).map(|fit| fit.a.value);
     let models = |record: &SliderRecord| -> Vec<(Evolution, Experiment)> {
         let of = |(law, fit): &(Evolution, Result<Fit, String>)| {
             let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
@@ -163,11 +159,11 @@ fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Re
     let names = |group: &Vec<usize>| group.iter().map(name).collect();
     let experiment = |record| Experiment::of(record, d_c);
     Ok(Reduction {
-        models: records.iter().map(models).collect(),
-        experiments: records.into_iter().map(experiment).collect(),
+        models: joined.iter().map(models).collect(),
+        experiments: joined.into_iter().map(experiment).collect(),
         runs: groups.iter().map(names).collect(),
-        stacks,
-        relaxations,
+        stacks: stacks(&records),
+        relaxations: relaxations(&records),
         direct_effect: direct_effect.or(of_fit),
         fitted,
     })
@@ -181,9 +177,8 @@ impl Reduction {
 
     fn views(&self) -> Vec<figures::View<'_>> {
         let views = self.experiments.iter().zip(&self.models);
-        views
-            .map(|(experiment, models)| figures::View { experiment, models })
-            .collect()
+        let views = views.map(|(experiment, models)| figures::View { experiment, models });
+        views.collect()
     }
 
     /// The experiments with their numbers and runs.
@@ -338,11 +333,10 @@ fn print_stack(stack: &Stack, printer: &mut Printer) -> Result<(), Failure> {
         let ([from, to], change, error) = (p.slip, p.change, p.error);
         format!("{change:+.4} ± {error:.4} ({from:.1e} to {to:.1e} m)")
     });
-    let shown: Vec<String> = shown.step_by(2).collect();
+    let shown = shown.step_by(2).collect::<Vec<_>>().join(", ");
     if shown.is_empty() {
         return Ok(());
     }
-    let shown = shown.join(", ");
     writeln!(
         printer,
         "  {before} → {after} m/s, mean change of μ: {shown}"

@@ -69,12 +69,11 @@ impl Arguments {
             (Some(strain), _) => (Rows::Strain(strain), "", RunFile::open(&self.run)?),
             (None, Some(time)) => {
                 let run = RunFile::open_any(&self.run)?;
-                match run.stage() {
-                    RunStage::Shear => (Rows::Time(time), "time-", run),
-                    _ => {
-                        let moving = folder_of(&self.run).join(NEWTONIAN_PART);
-                        (Rows::Time(time), "newtonian-", RunFile::open_any(&moving)?)
-                    }
+                if run.stage() == RunStage::Shear {
+                    (Rows::Time(time), "time-", run)
+                } else {
+                    let moving = folder_of(&self.run).join(NEWTONIAN_PART);
+                    (Rows::Time(time), "newtonian-", RunFile::open_any(&moving)?)
                 }
             }
             (None, None) => {
