@@ -15,6 +15,7 @@ use gshear_store::run_reader::{RunFile, RunStage};
 use super::ReportFigure;
 use super::colour::{FORCE, Scale, VIRIDIS, WALL};
 use super::map::DECADES;
+use super::page::marked;
 use super::plot::{Layout, Plot, figure};
 
 /// Width of the drawing (px), and the greatest height.
@@ -39,7 +40,7 @@ fn seen([x, y, z]: [f64; 3]) -> ([f64; 2], f64) {
 }
 
 /// [`seen`], but disks are seen from above their plane.
-fn view(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
+fn place_of(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
     if planar {
         ([place[0], place[1]], 0.0)
     } else {
@@ -123,9 +124,7 @@ pub struct Packing<'a> {
     /// Those drawn, the farthest first.
     order: Vec<usize>,
     /// Ranges of the picture, across and upwards (m).
-    pub x: [f64; 2],
-    /// Upwards.
-    pub y: [f64; 2],
+    pub view: [[f64; 2]; 2],
     /// Above the picture.
     pub title: String,
 }
@@ -137,11 +136,11 @@ impl<'a> Packing<'a> {
         let mut order: Vec<usize> = (0..frame.grains.len())
             .filter(|&g| !run.is_removed(&frame.grains[g].image))
             .collect();
-        let far = |g: usize| view(planar, frame.grains[g].position).1;
+        let far = |g: usize| place_of(planar, frame.grains[g].position).1;
         order.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
         order.drain(..order.len().saturating_sub(MOST));
-        let [x, y] = [0, 1].map(|axis| {
-            let at = |g: usize| view(planar, frame.grains[g].position).0[axis];
+        let view = [0, 1].map(|axis| {
+            let at = |g: usize| place_of(planar, frame.grains[g].position).0[axis];
             let ends = order.iter().map(|&g| (at(g), run.grains().radius[g]));
             extent(ends.flat_map(|(at, r)| [at - r, at + r]))
         });
@@ -149,8 +148,7 @@ impl<'a> Packing<'a> {
             run,
             planar,
             order,
-            x,
-            y,
+            view,
             title: format!("step {}", frame.step),
             frame,
         }
@@ -158,17 +156,14 @@ impl<'a> Packing<'a> {
 
     fn note(&self) -> String {
         let (all, drawn) = (self.frame.grains.len(), self.order.len());
-        let part = if drawn < all {
-            format!("Drawn are the {drawn} in front, of {all}. ")
+        let part = format!("Drawn are the {drawn} in front, of {all}. ");
+        let part = if drawn < all { &part } else { "" };
+        let walls = if self.run.has_walls() {
+            "of the walls, and those "
         } else {
-            String::new()
+            ""
         };
-        let grey = if self.run.has_walls() {
-            "Grey: grains of the walls, and those without a value."
-        } else {
-            "Grey: grains without a value."
-        };
-        part + grey
+        format!("{part}Grey: grains {walls}without a value.")
     }
 
     fn table(&self, name: &'static str, values: &[f64]) -> String {
@@ -193,7 +188,8 @@ impl<'a> Packing<'a> {
             RunStage::Shear => unit,
             _ => "",
         };
-        let [width, height] = [self.x[1] - self.x[0], self.y[1] - self.y[0]];
+        let [x, y] = self.view;
+        let [width, height] = [x[1] - x[0], y[1] - y[0]];
         let pixels = (WIDTH / width).min(TALLEST / height);
         let [left, top, right, bottom] = MARGIN;
         let layout = Layout {
@@ -203,7 +199,7 @@ impl<'a> Packing<'a> {
             ],
             margin: MARGIN,
         };
-        figure(layout, self.x, self.y, |plot| {
+        figure(layout, x, y, |plot| {
             draw(plot);
             let label = match unit {
                 "" => label.to_string(),
@@ -223,9 +219,7 @@ impl<'a> Packing<'a> {
         when: &str,
         (values, range): (&[f64], [f64; 2]),
     ) -> ReportFigure {
-        let of = label.replace("_{10}", "<sub>10</sub>");
-        let of = of.replace("_{min}", "<sub>min</sub>");
-        let note = self.note();
+        let (of, note) = (marked(label), self.note());
         let caption = format!("Grains of the last frame by their {of}{when}. {note}");
         let svg = self.grains(values, range, (label, unit));
         ReportFigure::new(name, caption, svg, self.table(column, values))
@@ -271,7 +265,7 @@ impl<'a> Packing<'a> {
     }
 
     fn seen(&self, g: usize) -> [f64; 2] {
-        view(self.planar, self.frame.grains[g].position).0
+        place_of(self.planar, self.frame.grains[g].position).0
     }
 
     fn shaded(&self, svg: String) -> String {
