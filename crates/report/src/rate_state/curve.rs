@@ -6,7 +6,7 @@ use plotters::style::RGBColor;
 
 use super::View;
 use crate::colour::{AGING_LAW, FORCE, SLIP_LAW};
-use crate::curves::{decimate, padded};
+use crate::curves::{decimate, padded, thinned};
 use crate::plot::{Layout, Plot, figure};
 use crate::ticks::{self, Tick};
 use gshear_analysis::moments::distinct;
@@ -125,14 +125,6 @@ pub(super) fn law_legend(laws: impl Iterator<Item = Evolution>) -> Vec<(RGBColor
         Evolution::Slip => (SLIP_LAW, "slip law"),
     };
     distinct(laws).into_iter().map(entry).collect()
-}
-
-/// Draws a line with no more points than the figure can resolve.
-fn thinned(plot: &mut Plot, points: &[[f64; 2]], colour: RGBColor, width: f64) {
-    let points = decimate(points, 1.0 / plot.scale());
-    if points.len() > 1 {
-        plot.line(&points, colour, width);
-    }
 }
 
 fn band(plot: &mut Plot, edges: &[[f64; 3]], colour: RGBColor) {
