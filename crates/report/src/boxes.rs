@@ -3,6 +3,7 @@
 
 use serde_json::{Value, json};
 
+use gshear_analysis::moments::extent;
 use gshear_dem::failure::Failure;
 use gshear_store::csv_table;
 use gshear_store::file_names::SPECTRA_FILE;
@@ -172,7 +173,7 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
     let (series, measured) = (run.series(), Measured::of(run));
     let strain = series.column("strain");
     let percent = |strain: f64| format!("{:.6} %", 100.0 * strain);
-    let [least, most] = [f64::min, f64::max].map(|of| strain.iter().copied().fold(0.0, of));
+    let [least, most] = extent(strain.iter().copied().chain([0.0]));
     let range = format!("{} … {}", percent(least), percent(most));
     facts.push(("Strain, least and greatest", range));
     for (name, column) in [

@@ -45,7 +45,10 @@ pub fn lines(
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, x_label, y_label);
-        plot.legend_of_curves(&curves.iter().map(|curve| curve.0).collect::<Vec<_>>());
+        if curves.len() > 1 {
+            let names = curves.iter().map(|curve| curve.0);
+            plot.legend(&CURVES.into_iter().zip(names).collect::<Vec<_>>());
+        }
     }))
 }
 

@@ -266,11 +266,8 @@ impl<'a> Movie<'a> {
                 let at = ((corner[1] + y) * size[0] + corner[0] + x) as usize;
                 rgb[3 * at..][..3].copy_from_slice(&[pixel.red(), pixel.green(), pixel.blue()]);
             }
-            if below {
-                corner[1] += part.height();
-            } else {
-                corner[0] += part.width();
-            }
+            let axis = usize::from(below);
+            corner[axis] += [part.width(), part.height()][axis];
         }
         Ok(Picture { size, rgb })
     }

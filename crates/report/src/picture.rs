@@ -184,27 +184,21 @@ impl<'a> Packing<'a> {
         draw: impl FnOnce(&mut Plot),
     ) -> String {
         // The scene of a box may have any units.
-        let unit = match self.run.stage() {
-            RunStage::Shear => unit,
-            _ => "",
+        let label = match (unit, self.run.stage()) {
+            ("", _) | (_, RunStage::Strain | RunStage::Newtonian) => label.to_string(),
+            (unit, RunStage::Shear) => format!("{label} ({{}}{unit})"),
         };
         let [x, y] = self.view;
         let [width, height] = [x[1] - x[0], y[1] - y[0]];
         let pixels = (WIDTH / width).min(TALLEST / height);
         let [left, top, right, bottom] = MARGIN;
+        let (width, height) = (width * pixels, height * pixels);
         let layout = Layout {
-            size: [
-                left + width * pixels + right,
-                top + height * pixels + bottom,
-            ],
+            size: [left + width + right, top + height + bottom],
             margin: MARGIN,
         };
         figure(layout, x, y, |plot| {
             draw(plot);
-            let label = match unit {
-                "" => label.to_string(),
-                unit => format!("{label} ({{}}{unit})"),
-            };
             plot.colour_bar_of(scale, range, &label);
             plot.title(&self.title);
         })
@@ -241,14 +235,10 @@ impl<'a> Packing<'a> {
         [low.max(high - DECADES), high]
     }
 
-    /// Draws the grains by their values.
-    pub fn grains(
-        &self,
-        values: &[f64],
-        [low, high]: [f64; 2],
-        (label, unit): (&str, &str),
-    ) -> String {
-        let svg = self.drawn(&VIRIDIS, [low, high], (label, unit), |plot| {
+    /// Draws the grains by their values. `label`: of them, and their unit.
+    pub fn grains(&self, values: &[f64], range: [f64; 2], label: (&str, &str)) -> String {
+        let [low, high] = range;
+        let svg = self.drawn(&VIRIDIS, range, label, |plot| {
             let pixels = plot.scale();
             for &g in &self.order {
                 let colour = if self.is_free(g) && !values[g].is_nan() {

@@ -9,7 +9,7 @@ use plotters::backend::{DrawingBackend, SVGBackend};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
-use super::colour::{CURVES, GREY, INK, PALE, Scale, WHITE};
+use super::colour::{GREY, INK, PALE, Scale, WHITE};
 use super::ticks::{self, Tick};
 
 /// Canvas units per pixel. plotters has integer coordinates only, so it draws on a larger canvas
@@ -287,14 +287,6 @@ impl Plot<'_> {
             self.pixel_box([[x, y - 3.0], [x + 22.0, y + 3.0]], *colour, 1.0);
             self.text([x + 28.0, y], name, (HPos::Left, VPos::Center));
             x += width;
-        }
-    }
-
-    /// [`Self::legend`] of curves in the order of [`CURVES`]; nothing for a single one.
-    pub fn legend_of_curves(&mut self, names: &[&str]) {
-        if names.len() > 1 {
-            let entries: Vec<_> = CURVES.into_iter().zip(names.iter().copied()).collect();
-            self.legend(&entries);
         }
     }
 

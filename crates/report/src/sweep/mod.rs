@@ -199,13 +199,13 @@ impl<'a> Sweep<'a> {
         };
         let found = self.keys.iter().position(|known| known == key);
         let differ = match &self.keys[..] {
-            [] if self.has_seeds => "they differ in the seed alone".into(),
-            [] => "they differ in no key".into(),
-            keys => format!("they differ in {}", keys.join(", ")),
+            [] if self.has_seeds => "the seed alone".into(),
+            [] => "no key".into(),
+            keys => keys.join(", "),
         };
         found.map(Some).ok_or_else(|| {
             Failure::input(format!(
-                "--against {key}: is not a key in which the runs differ; {differ}"
+                "--against {key}: is not a key in which the runs differ; they differ in {differ}"
             ))
         })
     }
@@ -352,16 +352,14 @@ impl<'a> Sweep<'a> {
         let [runs, means] = [RUNS, MEANS].map(|name| folder.join(name));
         dictionary::write_table(&runs, &self.table_of_runs(), self.axes())?;
         dictionary::write_table(&means, &self.table_of_means(&self.columns), self.axes())?;
-        let page = self.page(title, start, skipped, &groups, &figures);
+        let page = self.page((title, start, skipped), &groups, &figures);
         let page = crate::write_files(self.axes(), &figures, &page, folder)?;
         Ok([runs, means, page])
     }
 
     fn page(
         &self,
-        title: &str,
-        start: f64,
-        skipped: &[String],
+        (title, start, skipped): (&str, f64, &[String]),
         groups: &[Group<'_>],
         figures: &[ReportFigure],
     ) -> String {
