@@ -80,15 +80,12 @@ impl StoredState {
         let name = format!("{} (its scene)", run.path().display());
         let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
         let (grains, contacts) = run.state(t)?;
-        let what = format!(
-            "frame {t} (step {}) of {}",
-            run.frame_steps()[t],
-            run.path().display()
-        );
+        let step = run.frame_steps()[t];
+        let what = format!("frame {t} (step {step}) of {}", run.path().display());
         let origin = StateOrigin {
             run_id: run.text("run_id").map(str::to_string),
             stage: run.stage(),
-            step: run.frame_steps()[t],
+            step,
         };
         if scene.flat_walls().is_some() {
             return Err(Failure::input(format!(

@@ -197,9 +197,9 @@ impl Reduction {
     }
 }
 
-/// A duration with four significant digits.
-fn seconds(duration: f64) -> String {
-    format!("{duration:.3e}")
+/// Four significant digits, for durations and lengths, which may have any scale.
+fn digits(x: f64) -> String {
+    format!("{x:.3e}")
 }
 
 /// Writes an estimate with its interval.
@@ -214,11 +214,6 @@ fn shown(e: Estimate, number: impl Fn(f64) -> String) -> String {
 
 fn decimals(x: f64) -> String {
     format!("{x:.5}")
-}
-
-/// A length may have any scale.
-fn length(x: f64) -> String {
-    format!("{x:.3e}")
 }
 
 /// Returns the table of the page: names and texts.
@@ -247,7 +242,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
             format!(
                 "Growth of {} peaks per factor e of V_r/V_i, holds of {} s after {} m/s",
                 growth.peaks,
-                seconds(growth.duration),
+                digits(growth.duration),
                 growth.before
             ),
             format!("{:.5} ± {:.5}", growth.slope, growth.error),
@@ -260,7 +255,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
                 shown(fit.a, decimals),
                 shown(fit.b, decimals),
                 shown(fit.a_minus_b, decimals),
-                shown(fit.d_c, length)
+                shown(fit.d_c, digits)
             ),
             Err(why) => format!("none: {why}"),
         };
@@ -271,14 +266,14 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
 
 /// Prints the main results.
 fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> {
-    for (k, experiment, runs) in reduction.experiments() {
-        print_experiment(k, experiment, runs, printer)?;
+    for numbered in reduction.experiments() {
+        print_experiment(numbered, printer)?;
     }
     for growth in reduction.peak_growth() {
         writeln!(
             printer,
             "peaks after holds of {} s: {:.5} ± {:.5} per factor e of V_r/V_i, {} peaks, V_i = {} m/s",
-            seconds(growth.duration),
+            digits(growth.duration),
             growth.slope,
             growth.error,
             growth.peaks,
@@ -295,9 +290,7 @@ fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> 
 }
 
 fn print_experiment(
-    k: usize,
-    experiment: &Experiment,
-    runs: &[String],
+    (k, experiment, runs): (usize, &Experiment, &[String]),
     printer: &mut Printer,
 ) -> Result<(), Failure> {
     let record = &experiment.record;
@@ -370,9 +363,9 @@ fn print_relaxation(
     writeln!(
         printer,
         "hold of {} s after {} m/s, after {} s: μ {:+.4}{error}{law}, granular temperature {:.2e}",
-        seconds(of.duration),
+        digits(of.duration),
         of.before,
-        seconds(of.time),
+        digits(of.time),
         of.change,
         of.temperature
     )
@@ -392,7 +385,7 @@ fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failur
                 "{name:<18}{law:<7}{:<30}{:<30}{:<33}{:<10.2e}{:>9.1}",
                 shown(fit.a, decimals),
                 shown(fit.b, decimals),
-                shown(fit.d_c, length),
+                shown(fit.d_c, digits),
                 fit.rms,
                 chi.unwrap_or(f64::NAN)
             )?,

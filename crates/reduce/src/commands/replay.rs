@@ -144,13 +144,10 @@ pub fn window(
             out.display()
         )));
     }
+    let of_shear = &["analysis.scalars=false", "output.progress_lines=0"][..];
     let (stage, file, set) = match run.stage() {
         RunStage::Newtonian => ("newtonian", NEWTONIAN_PART, &["newtonian.spectra=0"][..]),
-        _ => (
-            "shear",
-            RUN_FILE,
-            &["analysis.scalars=false", "output.progress_lines=0"][..],
-        ),
+        _ => ("shear", RUN_FILE, of_shear),
     };
     let from = again(run.folder(), stage, window, set, (threads, out))?;
     let again = RunFile::open_any(&out.join(file))?;
