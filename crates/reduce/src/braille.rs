@@ -24,11 +24,8 @@ pub fn plot(
     let [x, y] = [0, 1].map(|axis| {
         let [least, most] = extent(points.iter().map(|p| p[axis]));
         // A constant lies in the middle.
-        let margin = if most > least {
-            0.0
-        } else {
-            most.abs().max(1e-300) * 0.1
-        };
+        let around = most.abs().max(1e-300) * 0.1;
+        let margin = if most > least { 0.0 } else { around };
         [least - margin, most + margin]
     });
     let (wide, high) = (2 * columns, 4 * rows);
@@ -71,8 +68,10 @@ fn dots(points: &[[f64; 2]], [x, y]: [[f64; 2]; 2], [wide, high]: [usize; 2]) ->
     for [at_x, at_y] in points {
         let now = [place(*at_x, x, wide), high - 1 - place(*at_y, y, high)];
         let from = before.unwrap_or(now);
-        let apart = from[0].abs_diff(now[0]).max(from[1].abs_diff(now[1]));
-        let steps = apart.max(1);
+        let steps = from[0]
+            .abs_diff(now[0])
+            .max(from[1].abs_diff(now[1]))
+            .max(1);
         for k in 0..=steps {
             let [column, row] = [0, 1].map(|axis| {
                 let (a, b) = (from[axis] as f64, now[axis] as f64);
@@ -110,10 +109,8 @@ mod tests {
         let points = [[0.0, 0.0], [1.0, 2.0]];
         let lines = plot(&points, "y", "x", [21, 6], true);
         assert_eq!(lines.len(), 6);
-        assert!(
-            lines.iter().all(|line| line.chars().count() <= 21),
-            "{lines:?}"
-        );
+        let mut widths = lines.iter().map(|line| line.chars().count());
+        assert!(widths.all(|width| width <= 21), "{lines:?}");
         assert!(lines[0].starts_with("    2.0000│"), "{lines:?}");
         assert!(lines[4].starts_with("         0│⡠"), "{lines:?}");
         // The dot at the upper right is the last of the top line.

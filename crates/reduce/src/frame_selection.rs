@@ -18,12 +18,10 @@ impl FromStr for Which {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "last" => Ok(Which::Last),
-            _ => match text.parse() {
-                Ok(number) => Ok(Which::Number(number)),
-                Err(_) => Err("write last, or the number of a frame, from 0 on".into()),
-            },
+        match (text, text.parse()) {
+            ("last", _) => Ok(Which::Last),
+            (_, Ok(number)) => Ok(Which::Number(number)),
+            (_, Err(_)) => Err("write last, or the number of a frame, from 0 on".into()),
         }
     }
 }
@@ -106,14 +104,8 @@ impl FromStr for FrameRange {
             None => (text, 1),
         };
         let (first, last) = range.split_once("..").ok_or_else(wrong)?;
-        let first = match first {
-            "" => 0,
-            _ => number(first)?,
-        };
-        let last = match last {
-            "" => None,
-            _ => Some(number(last)?),
-        };
+        let end = |text: &str| (!text.is_empty()).then(|| number(text)).transpose();
+        let (first, last) = (end(first)?.unwrap_or(0), end(last)?);
         if stride == 0 || last.is_some_and(|last| last < first) {
             return Err(wrong());
         }

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use crate::frame_selection::Which;
-use crate::printer::Printer;
-use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble, paper_form};
+use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
 use gshear_analysis::stability::Stability;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
@@ -34,26 +33,18 @@ pub enum StateSelection {
     Strain(f64),
 }
 
-/// K, and the paper's J if requested.
-pub struct StiffnessMatrix {
-    /// K and M.
-    pub jacobian: Jacobian,
-    /// J in the form of the paper's appendix.
-    pub paper: Option<faer::sparse::SparseColMat<usize, f64>>,
-    /// The state.
-    pub origin: StateOrigin,
-}
-
 /// A state with its law and cell, from which K is assembled.
 pub struct StoredState {
     scene: Scene,
     cell: Cell,
     flat: Option<(FlatWalls, [f64; 2])>,
     /// Grains by id.
-    grains: Vec<GrainState>,
+    pub grains: Vec<GrainState>,
     contacts: Vec<ContactState>,
-    what: String,
-    origin: StateOrigin,
+    /// The state and its file, in words.
+    pub what: String,
+    /// The state.
+    pub origin: StateOrigin,
 }
 
 impl StoredState {
@@ -89,15 +80,12 @@ impl StoredState {
         let name = format!("{} (its scene)", run.path().display());
         let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
         let (grains, contacts) = run.state(t)?;
-        let what = format!(
-            "frame {t} (step {}) of {}",
-            run.frame_steps()[t],
-            run.path().display()
-        );
+        let step = run.frame_steps()[t];
+        let what = format!("frame {t} (step {step}) of {}", run.path().display());
         let origin = StateOrigin {
             run_id: run.text("run_id").map(str::to_string),
             stage: run.stage(),
-            step: run.frame_steps()[t],
+            step,
         };
         if scene.flat_walls().is_some() {
             return Err(Failure::input(format!(
@@ -142,37 +130,6 @@ impl StoredState {
         let unfit = |why| Failure::numbers(format!("{}: K: {why}", self.what));
         Ok(Stability::of(&jacobian.problem().map_err(unfit)?))
     }
-}
-
-/// Assembles K of a run.h5, the folder that holds one, or a checkpoint, and prints its origin. With
-/// `paper` the contact histories do not turn with the contacts.
-///
-/// # Errors
-/// As [`StoredState::read`].
-pub fn stiffness_of(
-    path: &Path,
-    selection: Option<StateSelection>,
-    paper: bool,
-    printer: &mut Printer,
-) -> Result<StiffnessMatrix, Failure> {
-    let found = StoredState::read(path, selection)?;
-    let jacobian = found.jacobian(history(paper));
-    writeln!(
-        printer,
-        "{}: {} free grains of {}, {} contacts, {} of them sliding",
-        found.what,
-        jacobian.grains.len(),
-        found.grains.len(),
-        jacobian.contacts,
-        jacobian.sliding
-    )?;
-    let radius = |g: u32| found.grains[g as usize].radius;
-    let paper = paper.then(|| paper_form(&jacobian, radius));
-    Ok(StiffnessMatrix {
-        jacobian,
-        paper,
-        origin: found.origin,
-    })
 }
 
 fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<StoredState, Failure> {

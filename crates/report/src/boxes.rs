@@ -3,6 +3,7 @@
 
 use serde_json::{Value, json};
 
+use gshear_analysis::moments::extent;
 use gshear_dem::failure::Failure;
 use gshear_store::csv_table;
 use gshear_store::file_names::SPECTRA_FILE;
@@ -51,11 +52,9 @@ impl Measured {
                 (shear.to_vec(), combined(shear, pressure, |s, p| s / p))
             }
         };
+        let solid = column("solid_fraction").iter();
         let strain: Vec<f64> = match &*of.key {
-            "compression" => column("solid_fraction")
-                .iter()
-                .map(|phi| phi.ln())
-                .collect(),
+            "compression" => solid.map(|phi| phi.ln()).collect(),
             _ => column("strain").to_vec(),
         };
         let slope = |k: usize| match k {
@@ -81,12 +80,10 @@ impl Measured {
 
     fn figures(&self, axis: &Axis, series: &Series) -> Vec<ReportFigure> {
         let of = self.of;
-        let friction = match &*of.key {
-            "simple-shear" => "Shear stress over pressure.",
-            _ => {
-                "Sine of the mobilised friction angle: difference of the stresses along the height and across it, over their sum."
-            }
-        };
+        let mut friction = "Sine of the mobilised friction angle: difference of the stresses along the height and across it, over their sum.";
+        if of.key == "simple-shear" {
+            friction = "Shear stress over pressure.";
+        }
         let drawn = |name, caption: String, label, column, values: &[f64]| {
             let svg = lines(LAYOUT, (axis.label, &axis.values), label, &[("", values)])?;
             let data = axis.table_of(series, &[(column, values)]);
@@ -94,8 +91,7 @@ impl Measured {
         };
         let stress = format!("{}: {}.", of.name, of.stress[0]);
         let modulus = format!("{}, from one strain step to the next.", of.modulus);
-        let column = "mobilised_friction";
-        let label = "mobilised friction";
+        let (column, label) = ("mobilised_friction", "mobilised friction");
         let (conjugate, axis_label) = ("conjugate_stress", &of.stress[1]);
         let figures = [
             drawn("stress-strain", stress, axis_label, conjugate, &self.stress),
@@ -177,7 +173,7 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
     let (series, measured) = (run.series(), Measured::of(run));
     let strain = series.column("strain");
     let percent = |strain: f64| format!("{:.6} %", 100.0 * strain);
-    let [least, most] = [f64::min, f64::max].map(|of| strain.iter().copied().fold(0.0, of));
+    let [least, most] = extent(strain.iter().copied().chain([0.0]));
     let range = format!("{} … {}", percent(least), percent(most));
     facts.push(("Strain, least and greatest", range));
     for (name, column) in [
@@ -234,7 +230,6 @@ pub fn json(files: &[&RunFile]) -> Value {
             "parameters": run.parameters(),
         })
     };
-    let stages = files.iter();
-    let stages = stages.map(|run| (run.stage().name().to_string(), of(run)));
+    let stages = (files.iter()).map(|run| (run.stage().name().to_string(), of(run)));
     stages.collect::<serde_json::Map<_, _>>().into()
 }

@@ -81,11 +81,8 @@ mod tests {
             (2.0, 0xfde725),
         ] {
             let RGBColor(r, g, b) = VIRIDIS.at(value);
-            assert_eq!(
-                u32::from(r) << 16 | u32::from(g) << 8 | u32::from(b),
-                colour,
-                "at {value}"
-            );
+            let found = u32::from_be_bytes([0, r, g, b]);
+            assert_eq!(found, colour, "at {value}");
         }
     }
 }

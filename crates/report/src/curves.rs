@@ -1,5 +1,7 @@
 //! Curves on a pair of axes.
 
+use std::collections::BTreeSet;
+
 use plotters::style::RGBColor;
 
 use super::colour::CURVES;
@@ -43,7 +45,10 @@ pub fn lines(
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, x_label, y_label);
-        plot.legend_of_curves(&curves.iter().map(|curve| curve.0).collect::<Vec<_>>());
+        if curves.len() > 1 {
+            let names = curves.iter().map(|curve| curve.0);
+            plot.legend(&CURVES.into_iter().zip(names).collect::<Vec<_>>());
+        }
     }))
 }
 
@@ -71,10 +76,15 @@ pub fn padded(values: impl Iterator<Item = f64>, share: f64) -> [f64; 2] {
 pub fn draw(plot: &mut Plot, x: &[f64], y: &[f64], rows: &[usize], colour: RGBColor, width: f64) {
     for stretch in rows.split(|&row| !y[row].is_finite()) {
         let points: Vec<[f64; 2]> = stretch.iter().map(|&row| [x[row], y[row]]).collect();
-        let points = decimate(&points, 1.0 / plot.scale());
-        if points.len() > 1 {
-            plot.line(&points, colour, width);
-        }
+        thinned(plot, &points, colour, width);
+    }
+}
+
+/// Draws a line with no more points than the figure can resolve.
+pub fn thinned(plot: &mut Plot, points: &[[f64; 2]], colour: RGBColor, width: f64) {
+    let points = decimate(points, 1.0 / plot.scale());
+    if points.len() > 1 {
+        plot.line(&points, colour, width);
     }
 }
 
@@ -86,10 +96,9 @@ pub fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
         let by_height = |a: &usize, b: &usize| group[*a][1].total_cmp(&group[*b][1]);
         let indices = 0..group.len();
         let (least, most) = (indices.clone().min_by(by_height), indices.max_by(by_height));
-        let mut chosen = [0, least.unwrap_or(0), most.unwrap_or(0), group.len() - 1];
-        chosen.sort_unstable();
-        let once = chosen.chunk_by(|a, b| a == b);
-        kept.extend(once.map(|same| group[same[0]]));
+        let ends = [0, group.len() - 1].into_iter();
+        let chosen: BTreeSet<usize> = ends.chain(least).chain(most).collect();
+        kept.extend(chosen.into_iter().map(|k| group[k]));
     }
     kept
 }

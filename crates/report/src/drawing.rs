@@ -1,6 +1,7 @@
 //! Files of figures: SVG for pages, PDF for papers, PNG for slides.
 
 use std::borrow::Cow;
+use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
@@ -40,23 +41,21 @@ pub fn write_all(figures: &[(PathBuf, &str)]) -> Result<usize, Failure> {
 /// # Errors
 /// If a file cannot be written.
 pub fn write(path: &Path, svg: &str) -> Result<usize, Failure> {
-    let bad = |why: &dyn std::fmt::Display| {
-        Failure::other(format!("{}: cannot be drawn: {why}", path.display()))
+    let drawn = || -> Result<_, Box<dyn Error>> {
+        let tree = tree(svg)?;
+        let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
+        let area = tree.size().width() * tree.size().height();
+        let scale = SCALE.min((MOST_PIXELS / area).sqrt()).max(1.0);
+        let pdf = in_order(&pdf.map_err(|e| e.to_string())?);
+        Ok((pdf, rendered(&tree, scale)?.encode_png()?))
     };
-    let tree = tree(svg).map_err(|e| bad(&e))?;
-    let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
-    let pdf = in_order(&pdf.map_err(|e| bad(&e))?);
-    let area = tree.size().width() * tree.size().height();
-    let scale = SCALE.min((MOST_PIXELS / area).sqrt()).max(1.0);
-    let pixels = rendered(&tree, scale).ok_or_else(|| bad(&NO_SIZE))?;
-    let png = pixels.encode_png().map_err(|e| bad(&e))?;
+    let undrawn = |why| Failure::other(format!("{}: cannot be drawn: {why}", path.display()));
+    let (pdf, png) = drawn().map_err(undrawn)?;
     text_writer::write(path, svg)?;
     text_writer::write(&path.with_extension("pdf"), pdf)?;
     text_writer::write(&path.with_extension("png"), png)?;
     Ok(3)
 }
-
-const NO_SIZE: &str = "it has no size";
 
 fn tree(svg: &str) -> Result<Tree, svg2pdf::usvg::Error> {
     let options = Options {
@@ -67,14 +66,14 @@ fn tree(svg: &str) -> Result<Tree, svg2pdf::usvg::Error> {
     Tree::from_str(&with_macrons_apart(svg), &options)
 }
 
-/// `None` of a drawing without a size.
-fn rendered(tree: &Tree, scale: f32) -> Option<Pixmap> {
+fn rendered(tree: &Tree, scale: f32) -> Result<Pixmap, &'static str> {
     let size = tree.size().to_int_size();
     let side = |length: u32| (length as f32 * scale) as u32;
-    let mut pixels = Pixmap::new(side(size.width()), side(size.height()))?;
+    let pixels = Pixmap::new(side(size.width()), side(size.height()));
+    let mut pixels = pixels.ok_or("it has no size")?;
     let enlarged = Transform::from_scale(scale, scale);
     resvg::render(tree, enlarged, &mut pixels.as_mut());
-    Some(pixels)
+    Ok(pixels)
 }
 
 /// Returns the pixels of a figure, `scale` of them per pixel of the figure.
@@ -82,9 +81,8 @@ fn rendered(tree: &Tree, scale: f32) -> Option<Pixmap> {
 /// # Errors
 /// A drawing without a size.
 pub fn pixels(svg: &str, scale: f32) -> Result<Pixmap, Failure> {
-    let bad = |why: &dyn std::fmt::Display| Failure::other(format!("cannot be drawn: {why}"));
-    let tree = tree(svg).map_err(|e| bad(&e))?;
-    rendered(&tree, scale).ok_or_else(|| bad(&NO_SIZE))
+    let drawn = || -> Result<_, Box<dyn Error>> { Ok(rendered(&tree(svg)?, scale)?) };
+    drawn().map_err(|why| Failure::other(format!("cannot be drawn: {why}")))
 }
 
 /// The PDF with the lines of a dictionary that lead to other objects in order: svg2pdf writes those
@@ -155,7 +153,18 @@ fn macron_over(letter: char) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::colour::SLIP;
     use crate::plot::{Layout, figure};
+    use plotters::style::RGBColor;
+
+    /// The pixels of the PNG, and the PDF, of a figure.
+    fn written(svg: &str) -> (Pixmap, Vec<u8>) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.svg");
+        assert_eq!(write(&path, svg).unwrap(), 3);
+        let image = Pixmap::load_png(path.with_extension("png")).unwrap();
+        (image, std::fs::read(path.with_extension("pdf")).unwrap())
+    }
 
     /// A figure has its size, its text and its colours in every format.
     #[test]
@@ -165,25 +174,18 @@ mod tests {
             margin: [50.0, 20.0, 20.0, 50.0],
         };
         let svg = figure(layout, [0.0, 1.0], [0.0, 1.0], |plot| {
-            plot.disk([0.5, 0.5], 20.0, crate::colour::SLIP, None);
+            plot.disk([0.5, 0.5], 20.0, SLIP, None);
             plot.axes(&[], &[], "γ", "|Δτ_{p}| (Pa)");
         });
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.svg");
-        assert_eq!(write(&path, &svg).unwrap(), 3);
-        let image = Pixmap::load_png(path.with_extension("png")).unwrap();
+        let (image, pdf) = written(&svg);
         assert_eq!((image.width(), image.height()), (600, 400));
         // The middle of the axes: (50 + 115, 20 + 65) px.
         let middle = image.pixel(330, 170).unwrap();
-        let red = crate::colour::SLIP;
-        assert_eq!(
-            [middle.red(), middle.green(), middle.blue()],
-            [red.0, red.1, red.2]
-        );
+        let middle = RGBColor(middle.red(), middle.green(), middle.blue());
+        assert_eq!(middle, SLIP);
         let dark = |x: u32, y: u32| image.pixel(x, y).is_some_and(|p| p.red() < 128);
         let below = (0..600).filter(|x| (360..400).any(|y| dark(*x, y))).count();
         assert!(below > 5, "no letter below the axis");
-        let pdf = std::fs::read(path.with_extension("pdf")).unwrap();
         assert!(pdf.starts_with(b"%PDF-"));
         let has = |part: &[u8]| pdf.windows(part.len()).any(|at| at == part);
         assert!(has(b"DejaVuSans"), "the font is embedded");
@@ -199,28 +201,18 @@ mod tests {
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"30\" height=\"30\">{}</svg>",
             (11..40).map(group).collect::<String>()
         );
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.svg");
-        let pdf = || {
-            write(&path, &svg).unwrap();
-            std::fs::read(path.with_extension("pdf")).unwrap()
-        };
-        let first = pdf();
-        assert_eq!(pdf(), first);
+        assert_eq!(written(&svg).1, written(&svg).1);
     }
 
     /// Pixels of a text of 40 px, darker than half.
     fn inked(text: &str) -> Vec<bool> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("a.svg");
         let svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"300\" height=\"80\">\n\
              <rect width=\"300\" height=\"80\" fill=\"white\"/>\n\
              <text x=\"10\" y=\"60\" font-size=\"40\" font-family=\"sans-serif\">\n{text}\n</text>\n</svg>\n"
         );
-        write(&path, &svg).unwrap();
-        let image = Pixmap::load_png(path.with_extension("png")).unwrap();
-        image.pixels().iter().map(|p| p.red() < 128).collect()
+        let pixels = written(&svg).0;
+        pixels.pixels().iter().map(|p| p.red() < 128).collect()
     }
 
     /// The same pixels behind an index as in a text without one, but for a macron that lies about a

@@ -16,16 +16,14 @@ const LAYOUT: Layout = Layout::new([900.0, 480.0], 84.0);
 
 /// Draws eigenvalues coloured by verdict, pairs on top.
 pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
-    let range = |of: fn(&Eigenvalue) -> f64| {
-        let [low, high] = extent(eigenvalues.iter().map(of));
-        (low <= high).then_some([low, high])
-    };
-    let (Some(re), Some(im)) = (range(|e| e.value.re), range(|e| e.value.im)) else {
+    let range = |of: fn(&Eigenvalue) -> f64| extent(eigenvalues.iter().map(of));
+    let (re, im) = (range(|e| e.value.re), range(|e| e.value.im));
+    if re[0] > re[1] || im[0] > im[1] {
         return figure(LAYOUT, [0.0, 1.0], [0.0, 1.0], |plot| {
             plot.empty_note("no eigenvalues");
             plot.axes(&[], &[], "Re λ", "Im λ");
         });
-    };
+    }
     let wide = |[low, high]: [f64; 2], least: f64| {
         let margin = (0.05 * (high - low)).max(least);
         [low - margin, high + margin]
@@ -68,18 +66,16 @@ pub(crate) fn over_time(rows: &[SpectrumRow]) -> [String; 2] {
         let (x_ticks, y_ticks) = (ticks::scientific(x, 8), ticks::scientific(y, 6));
         plot.grid(&x_ticks, &y_ticks);
         // One mark per pixel is enough.
-        let mut drawn: Vec<(i64, i64)> = Vec::new();
-        for point in &points {
-            let pixel = |k: usize, range: [f64; 2]| {
-                (WIDE.size[k] * (point[k] - range[0]) / (range[1] - range[0])) as i64
-            };
-            drawn.push((pixel(0, x), pixel(1, y)));
-        }
-        let mut order: Vec<usize> = (0..points.len()).collect();
-        order.sort_by_key(|&k| drawn[k]);
-        order.dedup_by_key(|k| drawn[*k]);
-        for k in order {
-            plot.disk(points[k], 1.6, STICK, None);
+        let pixel = |point: &[f64; 2]| {
+            [(0, x), (1, y)].map(|(axis, [low, high])| {
+                (WIDE.size[axis] * (point[axis] - low) / (high - low)) as i64
+            })
+        };
+        let mut marks = points.clone();
+        marks.sort_by_key(pixel);
+        marks.dedup_by_key(|point| pixel(point));
+        for point in marks {
+            plot.disk(point, 1.6, STICK, None);
         }
         plot.clip();
         plot.axes(&x_ticks, &y_ticks, "time", "Im λ");

@@ -62,9 +62,8 @@ impl Axis {
         Table::of(0..series.rows())
             .column("step", |row| series.step[*row])
             .column(self.column.0, |row| self.column.1[*row])
-            .columns(columns.iter().map(|column| column.0), |row| {
-                let values = columns.iter().map(|column| column.1[*row]);
-                values.collect::<Vec<f64>>()
+            .columns(columns.iter().map(|column| column.0), |&row| {
+                columns.iter().map(move |column| column.1[row])
             })
             .csv()
     }

@@ -41,7 +41,7 @@ pub mod ticks;
 use std::path::{Path, PathBuf};
 
 use self::history::Axis;
-use self::map::{Map, MapView};
+use self::map::Map;
 pub use self::summary::window_without_frames;
 use self::summary::{DropFrames, Summary};
 use gshear_dem::failure::Failure;
@@ -201,7 +201,7 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
 
 fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
     let (earlier, later) = (&event.earlier, &event.later);
-    let view = MapView::of(grains, later, event.centre());
+    let view = map::view_of(grains, later, event.centre());
     let [before, after] = [earlier, later].map(|frame| Map::new(grains, frame, view));
     let greatest = map::scale_of_forces(&[earlier, later]);
     let [t, u] = event.frames;

@@ -20,65 +20,23 @@ pub const MOST_GRAINS: usize = 20_000;
 /// Greatest number of decades of D²min on the colour bar.
 pub const DECADES: f64 = 8.0;
 
-/// The part of the sample that is shown (m).
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MapView {
-    /// Range of x.
-    pub x: [f64; 2],
-    /// Range of y.
-    pub y: [f64; 2],
-}
-
-impl MapView {
-    /// Returns the whole sample, or the part around `centre` with about [`MOST_GRAINS`] grains if
-    /// it has more.
-    pub fn of(grains: &Disks, frame: &Frame, centre: [f64; 2]) -> Self {
-        let reach = grains.radius.iter().copied().fold(0.0, f64::max);
-        let [low, high] = extent(frame.position.iter().map(|r| r[1]));
-        let [low, high] = [low - reach, high + reach];
-        let share = (MOST_GRAINS as f64 / grains.count() as f64).sqrt();
-        if share >= 1.0 {
-            return MapView {
-                x: [0.0, grains.length],
-                y: [low, high],
-            };
-        }
-        let part = |centre: f64, low: f64, high: f64| {
-            let half = 0.5 * share * (high - low);
-            let centre = centre.clamp(low + half, high - half);
-            [centre - half, centre + half]
-        };
-        MapView {
-            x: part(centre[0], 0.0, grains.length),
-            y: part(centre[1], low, high),
-        }
+/// Returns the ranges of x and y (m) of the whole sample, or of the part around `centre` with about
+/// [`MOST_GRAINS`] grains if it has more.
+pub fn view_of(grains: &Disks, frame: &Frame, centre: [f64; 2]) -> [[f64; 2]; 2] {
+    let reach = grains.radius.iter().copied().fold(0.0, f64::max);
+    let [low, high] = extent(frame.position.iter().map(|r| r[1]));
+    let [low, high] = [low - reach, high + reach];
+    let share = (MOST_GRAINS as f64 / grains.count() as f64).sqrt();
+    if share >= 1.0 {
+        return [[0.0, grains.length], [low, high]];
     }
-
-    fn layout(&self) -> Layout {
-        let [left, top, right, bottom] = MARGIN;
-        let ratio = (self.y[1] - self.y[0]) / (self.x[1] - self.x[0]);
-        let width = (WIDTH - left - right).min(TALLEST / ratio);
-        Layout {
-            size: [
-                (width + left + right).round(),
-                (width * ratio + top + bottom).round(),
-            ],
-            margin: MARGIN,
-        }
-    }
-
-    /// Returns the shifts by periods of the cell that bring something at x with half-width `reach`
-    /// into view.
-    fn shifts(&self, x: f64, reach: f64, length: f64) -> impl Iterator<Item = f64> + use<> {
-        let MapView { x: [low, high], .. } = *self;
-        let seen = move |shift: &f64| x + shift + reach >= low && x + shift - reach <= high;
-        [-length, 0.0, length].into_iter().filter(seen)
-    }
-
-    /// Returns whether something at height y with half-height `reach` is in view.
-    fn sees_height(&self, y: f64, reach: f64) -> bool {
-        y + reach >= self.y[0] && y - reach <= self.y[1]
-    }
+    let part = |centre: f64, low: f64, high: f64| {
+        let half = 0.5 * share * (high - low);
+        let centre = centre.clamp(low + half, high - half);
+        [centre - half, centre + half]
+    };
+    let [x, y] = centre;
+    [part(x, 0.0, grains.length), part(y, low, high)]
 }
 
 /// A table of the contacts of a frame, with the centres of both grains (m) and F_n (N/m).
@@ -131,17 +89,32 @@ pub fn scale_of_forces(frames: &[&Frame]) -> f64 {
 pub struct Map<'a> {
     grains: &'a Disks,
     frame: &'a Frame,
-    view: MapView,
+    /// Ranges of x and y (m).
+    view: [[f64; 2]; 2],
 }
 
 impl<'a> Map<'a> {
     /// The part `view` of a frame of these grains.
-    pub fn new(grains: &'a Disks, frame: &'a Frame, view: MapView) -> Self {
+    pub fn new(grains: &'a Disks, frame: &'a Frame, view: [[f64; 2]; 2]) -> Self {
         Self {
             grains,
             frame,
             view,
         }
+    }
+
+    /// The shifts by periods of the cell that bring something at x with half-width `reach` into
+    /// view.
+    fn shifts(&self, x: f64, reach: f64) -> impl Iterator<Item = f64> + use<> {
+        let ([low, high], length) = (self.view[0], self.grains.length);
+        let seen = move |shift: &f64| x + shift + reach >= low && x + shift - reach <= high;
+        [-length, 0.0, length].into_iter().filter(seen)
+    }
+
+    /// Whether something at height y with half-height `reach` is in view.
+    fn sees_height(&self, y: f64, reach: f64) -> bool {
+        let [low, high] = self.view[1];
+        y + reach >= low && y - reach <= high
     }
 
     /// Draws the normal forces as lines between the centres of touching grains, with width and
@@ -226,9 +199,17 @@ impl<'a> Map<'a> {
 
     /// Axes in metres with an SI prefix around what `draw` draws and clips.
     fn drawn(&self, title: &str, draw: impl FnOnce(&mut Plot)) -> String {
-        let MapView { x, y } = self.view;
+        let [x, y] = self.view;
         let (factor, unit) = ticks::prefix(x[1] - x[0]);
-        figure(self.view.layout(), x, y, |plot| {
+        let [left, top, right, bottom] = MARGIN;
+        let ratio = (y[1] - y[0]) / (x[1] - x[0]);
+        let width = (WIDTH - left - right).min(TALLEST / ratio);
+        let size = [width + left + right, width * ratio + top + bottom];
+        let layout = Layout {
+            size: size.map(f64::round),
+            margin: MARGIN,
+        };
+        figure(layout, x, y, |plot| {
             draw(plot);
             plot.title(title);
             let scaled = |[low, high]: [f64; 2], wanted: usize| -> Vec<Tick> {
@@ -236,7 +217,6 @@ impl<'a> Map<'a> {
                 let unscaled = ticks.into_iter().map(|(at, label)| (at / factor, label));
                 unscaled.collect()
             };
-            let ratio = (y[1] - y[0]) / (x[1] - x[0]);
             let wanted = (8.0 * ratio).clamp(2.0, 12.0) as usize;
             let labels = ["x", "y"].map(|axis| format!("{axis} ({unit}m)"));
             plot.axes(&scaled(x, 8), &scaled(y, wanted), &labels[0], &labels[1]);
@@ -246,9 +226,9 @@ impl<'a> Map<'a> {
     /// Draws a grain and its periodic images in view.
     fn disk(&self, plot: &mut Plot, n: usize, fill: RGBColor, outline: RGBColor) {
         let ([x, y], radius) = (self.frame.position[n], self.grains.radius[n]);
-        if self.view.sees_height(y, radius) {
+        if self.sees_height(y, radius) {
             let pixels = radius * plot.scale();
-            for shift in self.view.shifts(x, radius, self.grains.length) {
+            for shift in self.shifts(x, radius) {
                 plot.disk([x + shift, y], pixels, fill, Some(outline));
             }
         }
@@ -257,11 +237,7 @@ impl<'a> Map<'a> {
     /// Draws pale grains, and contacts as lines between their centres. The share of a contact,
     /// -1 … 1, gives width and colour. The strongest lie on top.
     fn network(&self, plot: &mut Plot, shares: &[f64], colour: impl Fn(f64) -> RGBColor) {
-        let Self {
-            grains,
-            frame,
-            view,
-        } = self;
+        let (grains, frame) = (self.grains, self.frame);
         for (n, body) in grains.body.iter().enumerate() {
             self.disk(plot, n, if *body == 0 { GRAIN } else { WALL }, WALL);
         }
@@ -274,10 +250,10 @@ impl<'a> Map<'a> {
             // The nearest image keeps a contact across the periodic boundary short.
             let [x, y] = grains.separation(from, frame.position[contact.j as usize]);
             let width = (widest * share.abs()).max(0.3);
-            if !view.sees_height(from[1] + 0.5 * y, 0.5 * y.abs()) {
+            if !self.sees_height(from[1] + 0.5 * y, 0.5 * y.abs()) {
                 continue;
             }
-            for shift in view.shifts(from[0] + 0.5 * x, 0.5 * x.abs(), grains.length) {
+            for shift in self.shifts(from[0] + 0.5 * x, 0.5 * x.abs()) {
                 let start = [from[0] + shift, from[1]];
                 plot.line(&[start, [start[0] + x, start[1] + y]], colour(share), width);
             }
@@ -288,17 +264,6 @@ impl<'a> Map<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn contact(i: u32, j: u32, normal_force: f64, tangential_force: f64) -> ContactSample {
-        let zero: ContactSample = bytemuck::Zeroable::zeroed();
-        ContactSample {
-            i,
-            j,
-            normal_force,
-            tangential_force: [tangential_force, 0.0, 0.0],
-            ..zero
-        }
-    }
 
     fn disks(count: usize, radius: f64, length: f64) -> Disks {
         Disks {
@@ -316,8 +281,8 @@ mod tests {
             position: vec![[4.0, 5.0], [f64::NAN; 2], [8.0, 6.0]],
             ..Frame::default()
         };
-        let view = MapView::of(&grains, &frame, [10.0, 5.0]);
-        assert_eq!(view.y, [4.0, 7.0]);
+        let view = view_of(&grains, &frame, [10.0, 5.0]);
+        assert_eq!(view[1], [4.0, 7.0]);
         let map = Map::new(&grains, &frame, view);
         let dmin = [0.5, f64::NAN, 0.1];
         for svg in [
@@ -329,41 +294,37 @@ mod tests {
             assert_eq!(disks.count(), 4, "{svg}");
         }
         let data = data_of_grains(&grains, &frame, &dmin);
-        let ids = data.lines().skip(1).map(|line| line.split(',').next());
-        assert_eq!(ids.collect::<Vec<_>>(), [Some("0"), Some("2")]);
+        let ids = data.lines().filter_map(|line| line.split(',').next());
+        assert_eq!(ids.collect::<Vec<_>>(), ["id", "0", "2"]);
     }
 
     #[test]
     fn a_contact_across_the_seam_is_drawn_at_both_ends_and_is_short() {
         let grains = disks(2, 1.0, 20.0);
-        let position = vec![[0.5, 5.0], [18.6, 5.0]];
+        let contact = ContactSample {
+            j: 1,
+            normal_force: 1.0,
+            ..bytemuck::Zeroable::zeroed()
+        };
         let frame = Frame {
-            position,
-            contacts: vec![contact(0, 1, 1.0, 0.0)],
+            position: vec![[0.5, 5.0], [18.6, 5.0]],
+            contacts: vec![contact],
             ..Frame::default()
         };
-        let view = MapView {
-            x: [0.0, 20.0],
-            y: [0.0, 10.0],
-        };
-        let svg = Map::new(&grains, &frame, view).forces(1.0, "");
+        let svg = Map::new(&grains, &frame, [[0.0, 20.0], [0.0, 10.0]]).forces(1.0, "");
         let lines = svg.lines().filter(|line| line.starts_with("<polyline"));
-        let points = lines.filter_map(|line| line.split("points=\"").nth(1)?.split('"').next());
-        let numbers = |points: &str| -> Vec<f64> {
-            let words = points.split([',', ' ']);
-            words.filter_map(|word| word.parse().ok()).collect()
-        };
-        let ends: Vec<Vec<f64>> = points.map(numbers).collect();
+        let points = lines.filter_map(|line| line.split("points=\"").nth(1));
+        let ends = points.map(|points| -> Vec<f64> {
+            let numbers = points.split([',', ' ', '"']).step_by(2).take(2);
+            numbers.map(|x| x.parse().expect("a number")).collect()
+        });
         let pixels = 10.0 * (WIDTH - MARGIN[0] - MARGIN[2]) / 20.0;
         let at = |x: f64| (10.0 * MARGIN[0] + x * pixels).round();
-        let xs: Vec<[f64; 2]> = ends.iter().map(|e| [e[0], e[2]]).collect();
-        assert_eq!(xs, [[at(0.5), at(-1.4)], [at(20.5), at(18.6)]]);
+        let expected = [[at(0.5), at(-1.4)], [at(20.5), at(18.6)]];
+        assert_eq!(ends.collect::<Vec<_>>(), expected);
         // Only the disk at 0.5 extends across the periodic boundary.
-        assert_eq!(
-            svg.matches("stroke=\"none\" fill=\"#F3F4F6\"").count()
-                + svg.matches("fill=\"#F3F4F6\" stroke=\"none\"").count(),
-            3
-        );
+        let fills = svg.lines().filter(|line| line.contains("fill=\"#F3F4F6\""));
+        assert_eq!(fills.count(), 3);
     }
 
     #[test]
@@ -375,10 +336,9 @@ mod tests {
             position: (0..n).map(height).collect(),
             ..Frame::default()
         };
-        let view = MapView::of(&grains, &frame, [99.0, 20.0]);
-        let ends = [view.x, view.y].into_iter().flatten();
-        for (end, expected) in ends.zip([50.0, 100.0, 9.95, 30.05]) {
-            assert!((end - expected).abs() < 1e-9, "{view:?}");
-        }
+        let view = view_of(&grains, &frame, [99.0, 20.0]);
+        let ends = view.as_flattened();
+        let mut pairs = ends.iter().zip([50.0, 100.0, 9.95, 30.05]);
+        assert!(pairs.all(|(end, of)| (end - of).abs() < 1e-9), "{view:?}");
     }
 }

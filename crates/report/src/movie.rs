@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use resvg::tiny_skia::Pixmap;
 
 use super::drawing;
-use super::map::{self, Map, MapView};
+use super::map::{self, Map};
 use super::picture::{self, Packing};
 use gshear_analysis::dmin::{self, RADIUS};
 use gshear_analysis::event;
@@ -102,12 +102,10 @@ impl<'a> Movie<'a> {
         movie.each(|movie, frames| {
             for shown in frames {
                 let (seen, found) = movie.extents(shown);
-                let wider = |all: &mut [f64; 2], own: [f64; 2]| {
-                    *all = extent(all.iter().copied().chain(own).filter(|x| x.is_finite()));
-                };
                 let all = view.iter_mut().chain(&mut ranges);
-                all.zip(seen.into_iter().chain(found))
-                    .for_each(|(all, own)| wider(all, own));
+                for (all, own) in all.zip(seen.into_iter().chain(found)) {
+                    *all = extent(all.iter().copied().chain(own).filter(|x| x.is_finite()));
+                }
             }
             Ok(())
         })?;
@@ -205,30 +203,30 @@ impl<'a> Movie<'a> {
 
     /// The view of a frame, and the ranges of the fields.
     fn extents(&self, shown: &Shown) -> ([[f64; 2]; 2], Vec<[f64; 2]>) {
+        let is_undefined = shown.dmin.iter().all(|x| x.is_nan());
         match &shown.content {
             Content::Disks(frame) => {
                 let grains = self.run.grains();
                 let centre = [0.5 * grains.length, 0.5 * self.run.height()];
-                let view = MapView::of(grains, frame, centre);
+                let view = map::view_of(grains, frame, centre);
                 let map = Map::new(grains, frame, view);
                 let range = |field: &Field| match field {
                     Field::Force => [0.0, map::scale_of_forces(&[frame])],
-                    Field::Dmin if shown.dmin.iter().all(|x| x.is_nan()) => [f64::NAN; 2],
+                    Field::Dmin if is_undefined => [f64::NAN; 2],
                     Field::Dmin => map.range_of_dmin(&shown.dmin),
                     Field::Velocity => picture::range_of(frame.velocity.iter().map(|v| v[0])),
                 };
-                ([view.x, view.y], self.fields.iter().map(range).collect())
+                (view, self.fields.iter().map(range).collect())
             }
             Content::Packing(frame) => {
                 let packing = Packing::new(self.run, frame);
                 let range = |field: &Field| match field {
                     Field::Force => [0.0, packing.greatest_force()],
-                    Field::Dmin if shown.dmin.iter().all(|x| x.is_nan()) => [f64::NAN; 2],
+                    Field::Dmin if is_undefined => [f64::NAN; 2],
                     Field::Dmin => packing.range_of_levels(&self.values(*field, shown, frame)),
                     Field::Velocity => packing.range_of(&self.values(*field, shown, frame)),
                 };
-                let ranges = self.fields.iter().map(range).collect();
-                ([packing.x, packing.y], ranges)
+                (packing.view, self.fields.iter().map(range).collect())
             }
         }
     }
@@ -268,11 +266,8 @@ impl<'a> Movie<'a> {
                 let at = ((corner[1] + y) * size[0] + corner[0] + x) as usize;
                 rgb[3 * at..][..3].copy_from_slice(&[pixel.red(), pixel.green(), pixel.blue()]);
             }
-            if below {
-                corner[1] += part.height();
-            } else {
-                corner[0] += part.width();
-            }
+            let axis = usize::from(below);
+            corner[axis] += [part.width(), part.height()][axis];
         }
         Ok(Picture { size, rgb })
     }
@@ -291,16 +286,12 @@ impl<'a> Movie<'a> {
     /// A picture as SVG.
     fn drawn(&self, field: Field, range: [f64; 2], shown: &Shown) -> String {
         let title = self.title(shown.number);
-        let [x, y] = self.view;
         // Without a defined value any scale will do.
-        let range = if range[0] < range[1] {
-            range
-        } else {
-            [0.0, 1.0]
-        };
+        let has_values = range[0] < range[1];
+        let range = if has_values { range } else { [0.0, 1.0] };
         match &shown.content {
             Content::Disks(frame) => {
-                let map = Map::new(self.run.grains(), frame, MapView { x, y });
+                let map = Map::new(self.run.grains(), frame, self.view);
                 match field {
                     Field::Force => map.forces(range[1], &title),
                     Field::Dmin => map.dmin(&shown.dmin, range, &title),
@@ -309,7 +300,7 @@ impl<'a> Movie<'a> {
             }
             Content::Packing(frame) => {
                 let mut packing = Packing::new(self.run, frame);
-                (packing.x, packing.y, packing.title) = (x, y, title);
+                (packing.view, packing.title) = (self.view, title);
                 let label = match field {
                     Field::Force => return packing.forces(range[1]),
                     Field::Dmin => ("log_{10} D²_{min}/r̄²", ""),

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, ErrorKind, Read, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -139,17 +139,14 @@ impl MovieFile {
     pub fn finish(mut self) -> Result<Vec<PathBuf>, Failure> {
         let mut written = vec![self.path.clone()];
         let part = match self.sink.take() {
-            Some(Sink::Mp4(mut child, part)) => {
-                drop(child.stdin.take());
-                let mut said = String::new();
-                if let Some(mut errors) = child.stderr.take() {
-                    // Only for the message.
-                    let _ = errors.read_to_string(&mut said);
-                }
-                let status = child.wait().map_err(|e| unwritten(&self.path, &e))?;
-                if !status.success() {
+            Some(Sink::Mp4(child, part)) => {
+                // Closes its input.
+                let ended = child.wait_with_output();
+                let ended = ended.map_err(|e| unwritten(&self.path, &e))?;
+                if !ended.status.success() {
+                    let said = String::from_utf8_lossy(&ended.stderr);
                     let last = said.lines().last().unwrap_or_default();
-                    let what = format!("{FFMPEG} ended with {status}: {last}");
+                    let what = format!("{FFMPEG} ended with {}: {last}", ended.status);
                     return Err(unwritten(&self.path, &what));
                 }
                 part

@@ -1,7 +1,9 @@
 //! The HTML page of a run's report: one self-contained file.
 
 use super::ReportFigure;
+use super::plot::next_mark;
 use super::summary::{self, DropFrames, Summary, is_imposed, latter_half};
+use gshear_analysis::moments::extent;
 use gshear_analysis::phases::PhaseKind;
 use gshear_dem::failure::printable;
 use gshear_store::run_reader::RunFile;
@@ -29,10 +31,11 @@ pub fn html(
     let parameters = run.parameters().iter().filter(|(name, _)| *name != "scene");
     let parameters = parameters.map(|(name, value)| (escape(name), escape(&value.to_string())));
     let body = format!(
-        "{}<h2>Figures</h2>\n{body}{note}<h2>Parameters</h2>\n{}{}",
+        "{}<h2>Figures</h2>\n{body}{note}<h2>Parameters</h2>\n{}\
+         <details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n",
         table(facts.into_iter().map(|(name, value)| (name.into(), value))),
         table(parameters),
-        scene_of(run.scene())
+        escape(run.scene())
     );
     document(&title, &lead, &body)
 }
@@ -67,14 +70,16 @@ pub fn document(title: &str, lead: &str, body: &str) -> String {
     )
 }
 
-/// Returns a figure with its drawing in the page; the caption is HTML. `data`: the file of its
-/// numbers, beside the page.
+/// Returns a figure with its drawing in the page, and links to its files beside the page; the
+/// caption is HTML. `data`: the file of its numbers.
 pub fn figure(name: &str, caption: &str, data: &str, svg: &str) -> String {
+    let files = [data.into(), format!("{name}.pdf"), format!("{name}.png")];
+    let links = files.map(|file| format!("<a href=\"{file}\">{file}</a>"));
     let described = format!("<svg role=\"img\" aria-label=\"{}\" ", alternative(caption));
     format!(
         "<figure id=\"{name}\">\n{}<figcaption>{caption} {}</figcaption>\n</figure>\n",
         svg.replacen("<svg ", &described, 1),
-        links(name, &[data])
+        links.join(", ")
     )
 }
 
@@ -83,24 +88,6 @@ pub fn figures(figures: &[ReportFigure]) -> String {
     let of =
         |of: &ReportFigure| figure(&of.name, &of.caption, &format!("{}.csv", of.name), &of.svg);
     figures.iter().map(of).collect()
-}
-
-/// Returns links to the tables of a figure and to its drawings, which are beside the page.
-pub fn links(figure: &str, tables: &[impl AsRef<str>]) -> String {
-    let drawings = ["pdf", "png"].map(|end| format!("{figure}.{end}"));
-    let files = tables.iter().map(AsRef::as_ref);
-    let links: Vec<String> = (files.chain(drawings.iter().map(String::as_str)))
-        .map(|file| format!("<a href=\"{file}\">{file}</a>"))
-        .collect();
-    links.join(", ")
-}
-
-/// Returns the scene, folded.
-pub fn scene_of(toml: &str) -> String {
-    format!(
-        "<details><summary>Scene with all defaults filled in</summary>\n<pre>{}</pre></details>\n",
-        escape(toml)
-    )
 }
 
 /// The scene's title, or the path of the run.
@@ -136,12 +123,13 @@ fn way(run: &RunFile) -> (&'static str, String) {
     if run.has_free_surface() {
         let velocity = run.series().column("mean_velocity");
         let mean = summary::finite_moments(&velocity[latter_half(run)]).mean;
-        let velocity = format!("{mean:.4e} m/s");
-        ("Mean velocity in the latter half", velocity)
+        (
+            "Mean velocity in the latter half",
+            format!("{mean:.4e} m/s"),
+        )
     } else if is_imposed(run) {
-        let least = strain.iter().copied().fold(0.0, f64::min);
-        let most = strain.iter().copied().fold(0.0, f64::max);
-        let range = format!("{:.4} … {:.4} %", 100.0 * least, 100.0 * most);
+        let [least, most] = extent(strain.iter().copied().chain([0.0])).map(|end| 100.0 * end);
+        let range = format!("{least:.4} … {most:.4} %");
         ("Shear strain, least and greatest", range)
     } else {
         let percent = |strain: &f64| format!("{:.4} %", 100.0 * strain);
@@ -190,21 +178,17 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
             facts.push((name, format!("{value:.4e}{definition}")));
         }
     }
-    if let Some(speed) = run.number("speed") {
-        let speed = speed / 1e6;
-        let text = format!("{speed:.2} million grain-steps per second and rank");
-        facts.push(("Speed", text));
-    }
+    let speed = run.number("speed").map(|speed| speed / 1e6);
+    let speed = speed.map(|of| format!("{of:.2} million grain-steps per second and rank"));
+    facts.extend(speed.map(|text| ("Speed", text)));
     facts
 }
 
 /// A caption without marks, as the text of a picture that is not seen.
 fn alternative(caption: &str) -> String {
     let parts = caption.split('<');
-    let text: String = parts
-        .map(|part| part.split_once('>').map_or(part, |of| of.1))
-        .collect();
-    text.replace('"', "")
+    let texts = parts.map(|part| part.split_once('>').map_or(part, |of| of.1));
+    texts.collect::<String>().replace('"', "")
 }
 
 fn number(value: f64) -> String {
@@ -220,6 +204,18 @@ pub fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
     let row = |(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n");
     let rows: String = rows.into_iter().map(row).collect();
     format!("<table>\n{rows}</table>\n")
+}
+
+/// Text with its subscripts and superscripts as HTML.
+pub fn marked(text: &str) -> String {
+    let text = escape(text);
+    let (mut out, mut rest) = (String::new(), &*text);
+    while let Some((before, mark, inner, after)) = next_mark(rest) {
+        let tag = if mark == '_' { "sub" } else { "sup" };
+        out += &format!("{before}<{tag}>{inner}</{tag}>");
+        rest = after;
+    }
+    out + rest
 }
 
 /// Text between tags. Own code because three replacements are not worth a crate.

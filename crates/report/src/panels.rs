@@ -81,8 +81,9 @@ impl Deformation {
     /// The deformation of a box.
     pub fn of(run: &RunFile) -> &'static Self {
         let scene = run.scene().parse::<toml::Table>().unwrap_or_default();
-        let of_box = scene.get("box");
-        let key = of_box.and_then(|of| of.get("deformation")?.as_str());
+        let key = scene
+            .get("box")
+            .and_then(|of| of.get("deformation")?.as_str());
         let known = &PANELS.deformations;
         let found = known.iter().find(|of| Some(&*of.key) == key);
         found.unwrap_or(&known[0])

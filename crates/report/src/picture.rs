@@ -15,6 +15,7 @@ use gshear_store::run_reader::{RunFile, RunStage};
 use super::ReportFigure;
 use super::colour::{FORCE, Scale, VIRIDIS, WALL};
 use super::map::DECADES;
+use super::page::marked;
 use super::plot::{Layout, Plot, figure};
 
 /// Width of the drawing (px), and the greatest height.
@@ -39,7 +40,7 @@ fn seen([x, y, z]: [f64; 3]) -> ([f64; 2], f64) {
 }
 
 /// [`seen`], but disks are seen from above their plane.
-fn view(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
+fn place_of(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
     if planar {
         ([place[0], place[1]], 0.0)
     } else {
@@ -123,9 +124,7 @@ pub struct Packing<'a> {
     /// Those drawn, the farthest first.
     order: Vec<usize>,
     /// Ranges of the picture, across and upwards (m).
-    pub x: [f64; 2],
-    /// Upwards.
-    pub y: [f64; 2],
+    pub view: [[f64; 2]; 2],
     /// Above the picture.
     pub title: String,
 }
@@ -137,11 +136,11 @@ impl<'a> Packing<'a> {
         let mut order: Vec<usize> = (0..frame.grains.len())
             .filter(|&g| !run.is_removed(&frame.grains[g].image))
             .collect();
-        let far = |g: usize| view(planar, frame.grains[g].position).1;
+        let far = |g: usize| place_of(planar, frame.grains[g].position).1;
         order.sort_by(|&a, &b| far(b).total_cmp(&far(a)));
         order.drain(..order.len().saturating_sub(MOST));
-        let [x, y] = [0, 1].map(|axis| {
-            let at = |g: usize| view(planar, frame.grains[g].position).0[axis];
+        let view = [0, 1].map(|axis| {
+            let at = |g: usize| place_of(planar, frame.grains[g].position).0[axis];
             let ends = order.iter().map(|&g| (at(g), run.grains().radius[g]));
             extent(ends.flat_map(|(at, r)| [at - r, at + r]))
         });
@@ -149,8 +148,7 @@ impl<'a> Packing<'a> {
             run,
             planar,
             order,
-            x,
-            y,
+            view,
             title: format!("step {}", frame.step),
             frame,
         }
@@ -158,17 +156,14 @@ impl<'a> Packing<'a> {
 
     fn note(&self) -> String {
         let (all, drawn) = (self.frame.grains.len(), self.order.len());
-        let part = if drawn < all {
-            format!("Drawn are the {drawn} in front, of {all}. ")
+        let part = format!("Drawn are the {drawn} in front, of {all}. ");
+        let part = if drawn < all { &part } else { "" };
+        let walls = if self.run.has_walls() {
+            "of the walls, and those "
         } else {
-            String::new()
+            ""
         };
-        let grey = if self.run.has_walls() {
-            "Grey: grains of the walls, and those without a value."
-        } else {
-            "Grey: grains without a value."
-        };
-        part + grey
+        format!("{part}Grey: grains {walls}without a value.")
     }
 
     fn table(&self, name: &'static str, values: &[f64]) -> String {
@@ -189,26 +184,21 @@ impl<'a> Packing<'a> {
         draw: impl FnOnce(&mut Plot),
     ) -> String {
         // The scene of a box may have any units.
-        let unit = match self.run.stage() {
-            RunStage::Shear => unit,
-            _ => "",
+        let label = match (unit, self.run.stage()) {
+            ("", _) | (_, RunStage::Strain | RunStage::Newtonian) => label.to_string(),
+            (unit, RunStage::Shear) => format!("{label} ({{}}{unit})"),
         };
-        let [width, height] = [self.x[1] - self.x[0], self.y[1] - self.y[0]];
+        let [x, y] = self.view;
+        let [width, height] = [x[1] - x[0], y[1] - y[0]];
         let pixels = (WIDTH / width).min(TALLEST / height);
         let [left, top, right, bottom] = MARGIN;
+        let (width, height) = (width * pixels, height * pixels);
         let layout = Layout {
-            size: [
-                left + width * pixels + right,
-                top + height * pixels + bottom,
-            ],
+            size: [left + width + right, top + height + bottom],
             margin: MARGIN,
         };
-        figure(layout, self.x, self.y, |plot| {
+        figure(layout, x, y, |plot| {
             draw(plot);
-            let label = match unit {
-                "" => label.to_string(),
-                unit => format!("{label} ({{}}{unit})"),
-            };
             plot.colour_bar_of(scale, range, &label);
             plot.title(&self.title);
         })
@@ -223,9 +213,7 @@ impl<'a> Packing<'a> {
         when: &str,
         (values, range): (&[f64], [f64; 2]),
     ) -> ReportFigure {
-        let of = label.replace("_{10}", "<sub>10</sub>");
-        let of = of.replace("_{min}", "<sub>min</sub>");
-        let note = self.note();
+        let (of, note) = (marked(label), self.note());
         let caption = format!("Grains of the last frame by their {of}{when}. {note}");
         let svg = self.grains(values, range, (label, unit));
         ReportFigure::new(name, caption, svg, self.table(column, values))
@@ -247,14 +235,10 @@ impl<'a> Packing<'a> {
         [low.max(high - DECADES), high]
     }
 
-    /// Draws the grains by their values.
-    pub fn grains(
-        &self,
-        values: &[f64],
-        [low, high]: [f64; 2],
-        (label, unit): (&str, &str),
-    ) -> String {
-        let svg = self.drawn(&VIRIDIS, [low, high], (label, unit), |plot| {
+    /// Draws the grains by their values. `label`: of them, and their unit.
+    pub fn grains(&self, values: &[f64], range: [f64; 2], label: (&str, &str)) -> String {
+        let [low, high] = range;
+        let svg = self.drawn(&VIRIDIS, range, label, |plot| {
             let pixels = plot.scale();
             for &g in &self.order {
                 let colour = if self.is_free(g) && !values[g].is_nan() {
@@ -271,7 +255,7 @@ impl<'a> Packing<'a> {
     }
 
     fn seen(&self, g: usize) -> [f64; 2] {
-        view(self.planar, self.frame.grains[g].position).0
+        place_of(self.planar, self.frame.grains[g].position).0
     }
 
     fn shaded(&self, svg: String) -> String {

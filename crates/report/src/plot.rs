@@ -9,7 +9,7 @@ use plotters::backend::{DrawingBackend, SVGBackend};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
-use super::colour::{CURVES, GREY, INK, PALE, Scale, WHITE};
+use super::colour::{GREY, INK, PALE, Scale, WHITE};
 use super::ticks::{self, Tick};
 
 /// Canvas units per pixel. plotters has integer coordinates only, so it draws on a larger canvas
@@ -18,6 +18,8 @@ const CANVAS: f64 = 10.0;
 const FONT: f64 = 13.0;
 /// Height of a row of a legend (px).
 const LEGEND_ROW: f64 = 20.0;
+/// Height of the letters of the names of axes (px).
+const LARGE_FONT: f64 = FONT + 1.0;
 /// The beginning of every figure.
 const NAMESPACE: &str = "<svg xmlns=\"http://www.w3.org/2000/svg\"";
 
@@ -94,7 +96,7 @@ pub fn figure(layout: Layout, x: [f64; 2], y: [f64; 2], draw: impl FnOnce(&mut P
     let whole = [[0.0, 0.0], layout.size];
     plot.pixel_box(whole, WHITE, 1.0);
     draw(&mut plot);
-    plot.backend.present().expect(IN_MEMORY);
+    certain(plot.backend.present());
     let readings = std::mem::take(&mut plot.readings);
     drop(plot);
     let [width, height] = layout.size;
@@ -107,7 +109,10 @@ pub fn figure(layout: Layout, x: [f64; 2], y: [f64; 2], draw: impl FnOnce(&mut P
     header + &typeset(body)
 }
 
-const IN_MEMORY: &str = "drawing into a string does not fail";
+/// Takes the outcome of drawing into the string.
+fn certain<E: std::fmt::Debug>(drawn: Result<(), E>) {
+    drawn.expect("drawing into a string does not fail");
+}
 
 impl Plot<'_> {
     /// Pixel of a data point.
@@ -143,15 +148,13 @@ impl Plot<'_> {
     /// Draws a line through data points.
     pub fn line(&mut self, points: &[[f64; 2]], colour: RGBColor, width: f64) {
         let path = self.path(points);
-        let drawn = self.backend.draw_path(path, &stroke(colour, width));
-        drawn.expect(IN_MEMORY);
+        certain(self.backend.draw_path(path, &stroke(colour, width)));
     }
 
     /// Fills a polygon of data points.
     pub fn area(&mut self, points: &[[f64; 2]], colour: RGBColor, opacity: f64) {
         let path = self.path(points);
-        let drawn = self.backend.fill_polygon(path, &colour.mix(opacity));
-        drawn.expect(IN_MEMORY);
+        certain(self.backend.fill_polygon(path, &colour.mix(opacity)));
     }
 
     /// Draws a disk around a data point, with an outline if given; `radius` in pixels.
@@ -164,12 +167,10 @@ impl Plot<'_> {
     ) {
         let centre = to_canvas(self.pixel(centre));
         let radius = (radius * CANVAS).round() as u32;
-        let drawn = self.backend.draw_circle(centre, radius, &fill, true);
-        drawn.expect(IN_MEMORY);
+        certain(self.backend.draw_circle(centre, radius, &fill, true));
         if let Some(outline) = outline {
             let line = stroke(outline, 0.5);
-            let drawn = self.backend.draw_circle(centre, radius, &line, false);
-            drawn.expect(IN_MEMORY);
+            certain(self.backend.draw_circle(centre, radius, &line, false));
         }
     }
 
@@ -241,10 +242,9 @@ impl Plot<'_> {
     /// Draws the axes with ticks and labels.
     pub fn axes(&mut self, x: &[Tick], y: &[Tick], x_label: &str, y_label: &str) {
         let [[left, top], [right, bottom]] = self.frame();
-        let edges = [left, top, right, bottom].map(|edge| edge * CANVAS);
         let readings = [reading(x, self.x, x_label), reading(y, self.y, y_label)];
         if let [Some(x), Some(y)] = readings {
-            let [left, top, right, bottom] = edges;
+            let [left, top, right, bottom] = [left, top, right, bottom].map(|edge| edge * CANVAS);
             self.readings = format!(
                 " data-frame=\"{left} {top} {right} {bottom}\" data-x=\"{x}\" data-y=\"{y}\""
             );
@@ -261,7 +261,8 @@ impl Plot<'_> {
             self.text([left - 9.0, at], label, (HPos::Right, VPos::Center));
         }
         let below = [f64::midpoint(left, right), bottom + 30.0];
-        self.large_text(below, x_label, (HPos::Center, VPos::Top), INK);
+        let place = (HPos::Center, VPos::Top);
+        self.text_in(font(LARGE_FONT, &INK), below, x_label, place);
         self.vertical_text([16.0, f64::midpoint(top, bottom)], y_label);
     }
 
@@ -286,14 +287,6 @@ impl Plot<'_> {
             self.pixel_box([[x, y - 3.0], [x + 22.0, y + 3.0]], *colour, 1.0);
             self.text([x + 28.0, y], name, (HPos::Left, VPos::Center));
             x += width;
-        }
-    }
-
-    /// [`Self::legend`] of curves in the order of [`CURVES`]; nothing for a single one.
-    pub fn legend_of_curves(&mut self, names: &[&str]) {
-        if names.len() > 1 {
-            let entries: Vec<_> = CURVES.into_iter().zip(names.iter().copied()).collect();
-            self.legend(&entries);
         }
     }
 
@@ -349,45 +342,32 @@ impl Plot<'_> {
     pub fn empty_note(&mut self, text: &str) {
         let [[left, top], [right, bottom]] = self.frame();
         let middle = [f64::midpoint(left, right), f64::midpoint(top, bottom)];
-        self.large_text(middle, text, (HPos::Center, VPos::Center), GREY);
+        let place = (HPos::Center, VPos::Center);
+        self.text_in(font(LARGE_FONT, &GREY), middle, text, place);
     }
 
     fn pixel_line(&mut self, [from, to]: [[f64; 2]; 2], colour: RGBColor, width: f64) {
         let (from, to) = (to_canvas(from), to_canvas(to));
-        let drawn = self.backend.draw_line(from, to, &stroke(colour, width));
-        drawn.expect(IN_MEMORY);
+        certain(self.backend.draw_line(from, to, &stroke(colour, width)));
     }
 
     fn pixel_box(&mut self, [a, b]: [[f64; 2]; 2], colour: RGBColor, opacity: f64) {
         let (a, b) = (to_canvas(a), to_canvas(b));
-        let drawn = self.backend.draw_rect(a, b, &colour.mix(opacity), true);
-        drawn.expect(IN_MEMORY);
+        certain(self.backend.draw_rect(a, b, &colour.mix(opacity), true));
     }
 
-    fn text(&mut self, at: [f64; 2], text: &str, (side, height): (HPos, VPos)) {
-        let style = font(FONT, &INK).pos(Pos::new(side, height));
-        let drawn = self.backend.draw_text(text, &style, to_canvas(at));
-        drawn.expect(IN_MEMORY);
+    fn text(&mut self, at: [f64; 2], text: &str, place: (HPos, VPos)) {
+        self.text_in(font(FONT, &INK), at, text, place);
     }
 
-    /// Writes the name of an axis, or what takes its place.
-    fn large_text(
-        &mut self,
-        at: [f64; 2],
-        text: &str,
-        (side, height): (HPos, VPos),
-        colour: RGBColor,
-    ) {
-        let style = font(FONT + 1.0, &colour).pos(Pos::new(side, height));
-        let drawn = self.backend.draw_text(text, &style, to_canvas(at));
-        drawn.expect(IN_MEMORY);
+    fn text_in(&mut self, style: TextStyle, at: [f64; 2], text: &str, (x, y): (HPos, VPos)) {
+        let style = style.pos(Pos::new(x, y));
+        certain(self.backend.draw_text(text, &style, to_canvas(at)));
     }
 
     fn vertical_text(&mut self, at: [f64; 2], text: &str) {
-        let style = font(FONT + 1.0, &INK).pos(Pos::new(HPos::Center, VPos::Center));
-        let style = style.transform(FontTransform::Rotate270);
-        let drawn = self.backend.draw_text(text, &style, to_canvas(at));
-        drawn.expect(IN_MEMORY);
+        let style = font(LARGE_FONT, &INK).transform(FontTransform::Rotate270);
+        self.text_in(style, at, text, (HPos::Center, VPos::Center));
     }
 }
 
@@ -479,7 +459,7 @@ fn typeset(svg: &str) -> String {
 }
 
 /// Text before the next mark, the mark, its content, and the text after it.
-fn next_mark(text: &str) -> Option<(&str, char, &str, &str)> {
+pub(crate) fn next_mark(text: &str) -> Option<(&str, char, &str, &str)> {
     let at = text.find("_{").into_iter().chain(text.find("^{")).min()?;
     let end = at + text[at..].find('}')?;
     Some((

@@ -47,10 +47,10 @@ pub fn whole(axis: &Axis, tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -
 fn legend(phases: &[&Phase]) -> Vec<(RGBColor, &'static str)> {
     let is_drawn = |kind: &PhaseKind| phases.iter().any(|phase| phase.kind == *kind);
     let kinds = [PhaseKind::Stick, PhaseKind::Slip].into_iter();
-    let kinds = kinds
+    let named = kinds
         .filter(is_drawn)
         .map(|kind| (colour(kind), kind.name()));
-    kinds.chain([(INK, "τ")]).collect()
+    named.chain([(INK, "τ")]).collect()
 }
 
 /// Draws τ around a drop with its phases shaded. `frames`: places of the

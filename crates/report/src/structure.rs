@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, FrameRecords, body};
+use gshear_dem::state::{Cell, FrameRecords, GrainSample, body};
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage};
 
@@ -69,14 +69,10 @@ pub fn figures(
     let axes = run.dimension().axes();
     let radius = &run.grains().radius;
     let start = run.records(first..first + 1)?.swap_remove(0);
-    let reach = |sign: f64| {
-        let grains = start.grains.iter().zip(radius);
-        let present = grains.filter(|(grain, _)| !run.is_removed(&grain.image));
-        present
-            .map(move |(grain, r)| sign * grain.position[axes - 1] + r)
-            .fold(f64::NEG_INFINITY, f64::max)
-    };
-    let ends = [-reach(-1.0), reach(1.0)];
+    let grains = start.grains.iter().zip(radius);
+    let present = grains.filter(|(grain, _)| !run.is_removed(&grain.image));
+    let ends = present.map(|(grain, r)| (grain.position[axes - 1], r));
+    let ends = extent(ends.flat_map(|(z, r)| [z - r, z + r]));
     let mean_diameter = 2.0 * run.grains().mean_radius();
     let (walls, shears) = (run.has_walls(), run.stage() == RunStage::Shear);
     let heights = frames.iter().map(|&t| run.box_edges(t)[axes - 1][axes - 1]);
@@ -120,13 +116,9 @@ pub fn figures(
         let name = "Fabric in the plane of x and the height: difference of the principal values of ⟨n⊗n⟩, direction of the greater";
         facts.push((name, format!("{difference:.4}, {angle:.1}° from x")));
     }
-    let profiles = shears.then(|| [sums.velocities(&of), sums.fractions(&of)]);
-    let others = [
-        sums.distribution(&of),
-        sums.fabric(&of),
-        sums.correlation(&of),
-    ];
-    let figures = profiles.into_iter().flatten().chain(others);
+    let profiles = shears.then(|| sums.profiles(&of)).into_iter().flatten();
+    let others = [sums.distribution(&of), sums.fabric(&of)];
+    let figures = profiles.chain(others).chain([sums.correlation(&of)]);
     Ok(figures.flatten().collect())
 }
 
@@ -160,12 +152,12 @@ impl Sums<'_> {
     /// Adds a frame to the layers, those of a cell without walls by the height that it has. What of
     /// a grain is beyond an edge of this is that of its image, whose velocity differs.
     fn profile(&mut self, t: usize, frame: &FrameRecords) {
-        let (mut height, bottom, axes) = (self.layer_height(), self.ends[0], self.axes);
-        let base = self.base();
-        let edge = self.run.box_edges(t)[axes - 1][axes - 1];
-        if !self.walls {
-            height = edge / LAYERS as f64;
-        }
+        let (bottom, axes, base) = (self.ends[0], self.axes, self.base());
+        let height = if self.walls {
+            self.layer_height()
+        } else {
+            self.run.box_edges(t)[axes - 1][axes - 1] / LAYERS as f64
+        };
         let grains = frame.grains.iter().zip(&self.run.grains().radius);
         for (grain, &r) in grains.filter(|(grain, _)| !self.run.is_removed(&grain.image)) {
             let z = grain.position[axes - 1] - bottom;
@@ -212,10 +204,9 @@ impl Sums<'_> {
     fn pairs_of(&mut self, t: usize, frame: &FrameRecords) {
         let (axes, cell) = (self.axes, self.run.cell(t));
         let bodies = &self.run.grains().body;
+        let present = |grain: &GrainSample| !self.run.is_removed(&grain.image);
         let free: Vec<[f64; 3]> = (frame.grains.iter().zip(bodies))
-            .filter(|(grain, of)| {
-                u32::from(**of) == body::FREE && !self.run.is_removed(&grain.image)
-            })
+            .filter(|(grain, of)| u32::from(**of) == body::FREE && present(grain))
             .map(|(grain, _)| grain.position)
             .collect();
         let up = |place: &[f64; 3]| place[axes - 1];
@@ -251,51 +242,29 @@ impl Sums<'_> {
         }
     }
 
-    /// Draws values of the layers over their height.
-    fn profile_of(
-        &self,
-        (name, caption): (&'static str, String),
-        (column, label): (&'static str, &str),
-        y_label: &str,
-        value: impl Fn(&[f64; 2]) -> f64,
-    ) -> Option<ReportFigure> {
-        let middle = |k: usize| (k as f64 + 0.5) * self.layer_height() / self.mean_diameter;
-        let heights: Vec<f64> = (0..LAYERS).map(middle).collect();
-        let values: Vec<f64> = self.layers.iter().map(value).collect();
-        drawn(
-            (name, caption),
-            ("height_over_mean_diameter", "height over d̄", &heights),
-            y_label,
-            &[(column, label, &values)],
-        )
-    }
-
-    fn velocities(&self, of: &str) -> Option<ReportFigure> {
-        let caption =
-            format!("{of}: velocity along the direction of shear across the height, in layers.");
-        self.profile_of(
-            ("velocity-profile", caption),
-            ("velocity_x", "velocity"),
-            "velocity (m/s)",
-            |[share, moved]| moved / share,
-        )
-    }
-
-    fn fractions(&self, of: &str) -> Option<ReportFigure> {
+    /// Velocity and solid fraction over the height.
+    fn profiles(&self, of: &str) -> [Option<ReportFigure>; 2] {
         let outermost = if self.walls {
             "belong to the walls"
         } else {
             "lack what crosses an edge of the cell"
         };
-        let caption = format!(
-            "{of}: solid fraction across the height, in layers; the outermost {outermost}."
-        );
-        self.profile_of(
-            ("fraction-profile", caption),
-            ("solid_fraction", "solid fraction"),
-            "solid fraction",
-            |[share, _]| share / self.frames as f64,
-        )
+        let across = "across the height, in layers";
+        let moving = format!("{of}: velocity along the direction of shear {across}.");
+        let filled = format!("{of}: solid fraction {across}; the outermost {outermost}.");
+        let middle = |k: usize| (k as f64 + 0.5) * self.layer_height() / self.mean_diameter;
+        let heights: Vec<f64> = (0..LAYERS).map(middle).collect();
+        let heights = ("height_over_mean_diameter", "height over d̄", &heights[..]);
+        let layers = self.layers.iter();
+        let velocities: Vec<f64> = layers.clone().map(|[share, moved]| moved / share).collect();
+        let fractions: Vec<f64> = layers.map(|of| of[0] / self.frames as f64).collect();
+        let (velocity, fraction) = ("velocity (m/s)", "solid fraction");
+        let velocities = [("velocity_x", "velocity", &velocities[..])];
+        let fractions = [("solid_fraction", fraction, &fractions[..])];
+        [
+            drawn(("velocity-profile", moving), heights, velocity, &velocities),
+            drawn(("fraction-profile", filled), heights, fraction, &fractions),
+        ]
     }
 
     fn distribution(&self, of: &str) -> Option<ReportFigure> {
@@ -379,8 +348,8 @@ fn drawn(
     let svg = curves::lines(LAYOUT, (x_label, places), y_label, &curves)?;
     let data = Table::of(0..places.len())
         .column(x_name, |k| places[*k])
-        .columns(lines.iter().map(|line| line.0), |k| {
-            lines.iter().map(|line| line.2[*k]).collect::<Vec<f64>>()
+        .columns(lines.iter().map(|line| line.0), |&k| {
+            lines.iter().map(move |line| line.2[k])
         })
         .csv();
     Some(ReportFigure::new(name, caption, svg, data))

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use gshear_analysis::dmin;
-use gshear_analysis::moments::Moments;
+use gshear_analysis::moments::{Moments, extent};
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_dem::failure::Failure;
 use gshear_dem::state::{Disks, Frame};
@@ -184,9 +184,8 @@ impl DropFrames {
 
     /// Returns the greatest D²min over r̄²; `None` if no grain has one.
     pub fn greatest_dmin(&self, grains: &Disks) -> Option<f64> {
-        let defined = self.dmin.iter().copied().filter(|value| value.is_finite());
-        let greatest = defined.reduce(f64::max);
-        greatest.map(|value| value / grains.mean_radius().powi(2))
+        let greatest = extent(self.dmin.iter().copied().filter(|d| d.is_finite()))[1];
+        (greatest.is_finite()).then(|| greatest / grains.mean_radius().powi(2))
     }
 }
 

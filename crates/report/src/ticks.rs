@@ -75,13 +75,10 @@ pub fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
 pub fn prefix(value: f64) -> (f64, &'static str) {
     // From 10⁻¹² to 10¹².
     const PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
-    let power = (value.abs().log10() / 3.0).floor() * 3.0;
-    let power = if power.is_finite() {
-        (power as i32).clamp(-12, 12)
-    } else {
-        0
-    };
-    (10f64.powi(-power), PREFIXES[((power + 12) / 3) as usize])
+    let thousands = Some((value.abs().log10() / 3.0).floor()).filter(|of| of.is_finite());
+    let thousands = thousands.map_or(0, |of| (of as i32).clamp(-4, 4));
+    let name = PREFIXES[(thousands + 4) as usize];
+    (10f64.powi(-3 * thousands), name)
 }
 
 #[cfg(test)]
@@ -120,9 +117,10 @@ mod tests {
         ];
         for (value, shown, name) in values {
             let (factor, prefix) = prefix(value);
+            assert_eq!(prefix, name, "{value}");
             assert!(
-                (value * factor - shown).abs() < 1e-9 * shown && prefix == name,
-                "{value}: {factor} {prefix}"
+                (value * factor - shown).abs() < 1e-9 * shown,
+                "{value}: {factor}"
             );
         }
         assert_eq!(prefix(0.0), (1.0, ""));

@@ -41,8 +41,8 @@ impl Arguments {
                 writeln!(printer)?;
             }
             writeln!(printer, "{}: one line per {}", of.file, of.lines)?;
-            let widest = of.columns.iter().map(|column| column.name.len()).max();
-            let width = widest.unwrap_or(0);
+            let widths = of.columns.iter().map(|column| column.name.len());
+            let width = widths.max().unwrap_or(0);
             for column in &of.columns {
                 let unit = column.unit_in(axes).unwrap_or_else(|| "-".into());
                 let (name, meaning) = (column.name, column.doc);

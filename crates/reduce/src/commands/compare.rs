@@ -391,33 +391,36 @@ impl FrameComparison {
 mod tests {
     use super::*;
 
+    /// One NaN differs, two do not; zeros of different sign differ by nothing; absolute and relative
+    /// differences keep their own places.
     #[test]
-    fn one_nan_differs_and_two_do_not() {
-        let mut field = FieldComparison::new("f");
-        field.see(f64::NAN, -f64::NAN, Location::Row(0));
-        assert_eq!(field.differing, 0);
-        field.see(f64::NAN, 1.0, Location::Row(1));
-        field.see(5.0, 1.0, Location::Row(2));
-        assert_eq!((field.compared, field.differing), (3, 2));
-        assert_eq!(field.absolute, f64::INFINITY);
-        assert_eq!(field.absolute_at, Location::Row(1));
-    }
-
-    #[test]
-    fn zeros_of_different_sign_differ_by_nothing() {
-        let mut field = FieldComparison::new("f");
-        field.see(0.0, -0.0, Location::Grain(3));
-        assert_eq!((field.differing, field.first), (1, Location::Grain(3)));
-        assert_eq!((field.absolute, field.relative), (0.0, 0.0));
-    }
-
-    #[test]
-    fn absolute_and_relative_differences_keep_their_own_places() {
-        let mut field = FieldComparison::new("f");
-        field.see(1000.0, 1001.0, Location::Row(0));
-        field.see(0.5, 0.25, Location::Row(1));
-        assert_eq!((field.absolute, field.absolute_at), (1.0, Location::Row(0)));
-        assert_eq!((field.relative, field.relative_at), (0.5, Location::Row(1)));
+    fn the_largest_differences_are_kept() {
+        let nan = f64::NAN;
+        let cases = [
+            (
+                &[[nan, -nan], [nan, 1.0], [5.0, 1.0]][..],
+                2,
+                [f64::INFINITY; 2],
+                [1, 1],
+            ),
+            (&[[1.0, 1.0], [0.0, -0.0]], 1, [0.0, 0.0], [1, 1]),
+            (&[[1000.0, 1001.0], [0.5, 0.25]], 2, [1.0, 0.5], [0, 1]),
+        ];
+        for (pairs, differing, greatest, at) in cases {
+            let mut field = FieldComparison::new("f");
+            for (row, [a, b]) in pairs.iter().enumerate() {
+                field.see(*a, *b, Location::Row(row));
+            }
+            assert_eq!(
+                (field.compared, field.differing),
+                (pairs.len() as u64, differing)
+            );
+            assert_eq!([field.absolute, field.relative], greatest);
+            assert_eq!(
+                [field.absolute_at, field.relative_at],
+                at.map(Location::Row)
+            );
+        }
     }
 
     #[test]

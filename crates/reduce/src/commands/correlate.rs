@@ -78,12 +78,7 @@ impl Arguments {
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
         let run = RunFile::open_between_walls(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
-        let FrameSeries {
-            step,
-            strain,
-            tau,
-            scalars,
-        } = FrameSeries::of(&run)?;
+        let series = FrameSeries::of(&run)?;
         let reading = GrReading {
             reduction: self.reduction.into(),
             min_points: match self.min_points {
@@ -95,8 +90,9 @@ impl Arguments {
             RangeWidth::Decades => Bins::Decades,
             RangeWidth::HalfDecades => Bins::HalfDecades,
         };
-        let regime = Regime::from(self.from, &strain, &tau, &scalars, reading, bins);
-        results.table("measures.csv", &measures(&regime, &step), printer)?;
+        let (strain, tau, scalars) = (&series.strain, &series.tau, &series.scalars);
+        let regime = Regime::from(self.from, strain, tau, scalars, reading, bins);
+        results.table("measures.csv", &measures(&regime, &series.step), printer)?;
         let unit = run.grains().mean_radius().powi(2);
         results.table("correlations.csv", &correlations(&regime, unit), printer)
     }

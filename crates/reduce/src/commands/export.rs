@@ -25,7 +25,6 @@ use gshear_store::run_reader::RunFile;
 use gshear_store::text_writer::PartFile;
 
 use content::{ExportedFrame, ExportedModes, ExportedRun, GrainField};
-use data_file::Reader;
 use vtkhdf::VtkWriter;
 
 /// Format of the exported file.
@@ -91,14 +90,14 @@ impl Arguments {
     /// written.
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
         let paths = match self.format {
-            ExportFormat::LammpsData => self.data_file(Reader::Lammps)?,
-            ExportFormat::LiggghtsData => self.data_file(Reader::Liggghts)?,
+            ExportFormat::LammpsData => self.data_file(&data_file::LAMMPS)?,
+            ExportFormat::LiggghtsData => self.data_file(&data_file::LIGGGHTS)?,
             _ => self.frames()?,
         };
         paths.iter().try_for_each(|path| printer.wrote(path))
     }
 
-    fn data_file(&self, reader: Reader) -> Result<Vec<PathBuf>, Failure> {
+    fn data_file(&self, reader: &data_file::Reader) -> Result<Vec<PathBuf>, Failure> {
         if self.frames.is_some() || !self.fields.is_empty() || !self.modes.is_empty() {
             return Err(Failure::input(
                 "--frames, --fields, --modes: a data file holds the state of one frame; give --frame, or another --format",

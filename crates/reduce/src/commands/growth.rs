@@ -42,11 +42,9 @@ impl Arguments {
     /// # Errors
     /// A damaged run, a file of another stage, a file that cannot be written.
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
-        let path = if self.run.is_dir() {
-            self.run.join(NEWTONIAN_PART)
-        } else {
-            self.run.clone()
-        };
+        let is_folder = self.run.is_dir();
+        let of_folder = is_folder.then(|| self.run.join(NEWTONIAN_PART));
+        let path = of_folder.unwrap_or_else(|| self.run.clone());
         let run = RunFile::open_any(&path)?;
         if run.stage() != RunStage::Newtonian {
             return Err(Failure::input(format!(
@@ -122,10 +120,10 @@ fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
     let unfit = |why| Failure::numbers(format!("{}: {why}", run.path().display()));
     let problem = jacobian.problem().map_err(unfit)?;
     let spectrum = Spectrum::dense(&problem);
-    let pairs = (0..spectrum.eigenvalues.len())
-        .filter(|&k| spectrum.eigenvalues[k].verdict == Verdict::Pair);
+    let all = &spectrum.eigenvalues;
+    let pairs = (0..all.len()).filter(|k| all[*k].verdict == Verdict::Pair);
     // Both of a pair have the same |Im √λ|.
-    let rate = |k: usize| spectrum.eigenvalues[k].value.sqrt().im.abs();
+    let rate = |k: usize| all[k].value.sqrt().im.abs();
     let Some(k) = pairs.max_by(|a, b| rate(*a).total_cmp(&rate(*b))) else {
         return Ok(None);
     };

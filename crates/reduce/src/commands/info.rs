@@ -1,6 +1,5 @@
 //! `info`: prints the content of a run.
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use console::Term;
@@ -31,17 +30,12 @@ impl Arguments {
 }
 
 fn describe(run: &RunFile) -> Result<String, Failure> {
-    let mut lines = vec![("run", run.path().display().to_string())];
     let bytes = std::fs::metadata(part::file_of(run.path())).map_or(0, |file| file.len());
-    lines.push(("size", format!("{:.1} MB", bytes as f64 / 1e6)));
     let state = match run.digest() {
         Some(digest) => format!("ended, digest {digest}"),
         None => "stopped early, or still running: no digest".to_string(),
     };
-    lines.push(("state", state));
     let family = family(run.scene(), run.grains().count());
-    lines.push(("family", identity::hash(family.as_bytes())));
-
     let grains = run.grains();
     let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();
     let (all, free, bottom, top) = (grains.count(), of_body(0), of_body(1), of_body(2));
@@ -51,11 +45,8 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     } else {
         all.to_string()
     };
-    lines.push(("grains", count));
     let [least, most] = extent(grains.radius.iter().copied());
     let mean = grains.mean_radius();
-    let radius = format!("{least:.4e} … {most:.4e} m, mean {mean:.4e} m");
-    lines.push(("radius", radius));
     let (length, height) = (grains.length, run.height());
     let width = match run.periods()[1] {
         f64::INFINITY => String::new(),
@@ -66,7 +57,18 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     } else {
         format!("× {height:.4e} m (periodic)")
     };
-    lines.push(("box", format!("{length:.4e} m{width} {of_height}")));
+    let mut lines = vec![
+        ("run", run.path().display().to_string()),
+        ("size", format!("{:.1} MB", bytes as f64 / 1e6)),
+        ("state", state),
+        ("family", identity::hash(family.as_bytes())),
+        ("grains", count),
+        (
+            "radius",
+            format!("{least:.4e} … {most:.4e} m, mean {mean:.4e} m"),
+        ),
+        ("box", format!("{length:.4e} m{width} {of_height}")),
+    ];
     if let Some(lengths) = lengths_at_the_end(run)
         && (lengths[0] != length || lengths.last() != Some(&height))
     {
@@ -91,20 +93,20 @@ fn describe(run: &RunFile) -> Result<String, Failure> {
     lines.push(("series", span(&series.step, strains)));
     lines.push(("columns", joined_names(series.declared, ", ")));
 
-    let mut text = String::new();
-    for (name, value) in lines {
-        writeln!(text, "{name:<10}{value}").expect("a string grows");
-    }
-    text.push_str("\nparameters\n");
+    let facts = lines
+        .iter()
+        .map(|(name, value)| format!("{name:<10}{value}\n"));
     let one_line = run.parameters().iter().filter(|(name, _)| *name != "scene");
-    for (name, value) in one_line {
-        writeln!(text, "  {name:<19} {value}").expect("a string grows");
-    }
-    text.push_str("\nscene\n");
-    for line in run.scene().lines() {
-        writeln!(text, "  {line}").expect("a string grows");
-    }
-    Ok(text)
+    let parameters = one_line.map(|(name, value)| format!("  {name:<19} {value}\n"));
+    let scene = run.scene().lines().map(|line| format!("  {line}\n"));
+    Ok([
+        facts.collect(),
+        "\nparameters\n".to_string(),
+        parameters.collect(),
+        "\nscene\n".into(),
+        scene.collect(),
+    ]
+    .concat())
 }
 
 /// Returns the lengths of a box at its last row, or if there is none at its last frame.
@@ -118,10 +120,9 @@ fn lengths_at_the_end(run: &RunFile) -> Option<Vec<f64>> {
             return lengths;
         }
     }
-    let last = run.frames().checked_sub(1)?;
-    let walls = run.has_walls();
+    let last = run.frames().checked_sub(1).filter(|_| !run.has_walls())?;
     let edges = run.box_edges(last);
-    (!walls).then(|| (0..axes).map(|axis| edges[axis][axis]).collect())
+    Some((0..axes).map(|axis| edges[axis][axis]).collect())
 }
 
 /// Returns the number of entries and the range of steps and, where they have one, of strains: the

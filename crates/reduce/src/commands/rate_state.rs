@@ -140,18 +140,14 @@ fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Re
         }
     }
     let records: Vec<SliderRecord> = runs.iter().map(read::record).collect::<Result<_, _>>()?;
-    let (joined, groups): (Vec<SliderRecord>, Vec<Vec<usize>>) =
-        merge(&records).into_iter().unzip();
+    let (joined, groups): (Vec<_>, Vec<_>) = merge(&records).into_iter().unzip();
     let mut fitted = fit_all(&joined, laws.list());
     if let Some(spread) = jackknife(&records, &groups, &fitted[0]) {
         fitted.insert(1, spread);
     }
-    let stacks = stacks(&records);
-    let relaxations = relaxations(&records);
-    let records = joined;
-    let d_c = fitted[0].best().map(|fit| fit.law.d_c);
-    let of_fit = fitted[0].best().filter(|fit| fit.a.determined);
-    let of_fit = of_fit.map(|fit| fit.a.value);
+    let best = fitted[0].best();
+    let d_c = best.map(|fit| fit.law.d_c);
+    let of_fit = best.filter(|fit| fit.a.determined).map(|fit| fit.a.value);
     let models = |record: &SliderRecord| -> Vec<(Evolution, Experiment)> {
         let of = |(law, fit): &(Evolution, Result<Fit, String>)| {
             let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
@@ -163,11 +159,11 @@ fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Re
     let names = |group: &Vec<usize>| group.iter().map(name).collect();
     let experiment = |record| Experiment::of(record, d_c);
     Ok(Reduction {
-        models: records.iter().map(models).collect(),
-        experiments: records.into_iter().map(experiment).collect(),
+        models: joined.iter().map(models).collect(),
+        experiments: joined.into_iter().map(experiment).collect(),
         runs: groups.iter().map(names).collect(),
-        stacks,
-        relaxations,
+        stacks: stacks(&records),
+        relaxations: relaxations(&records),
         direct_effect: direct_effect.or(of_fit),
         fitted,
     })
@@ -181,9 +177,8 @@ impl Reduction {
 
     fn views(&self) -> Vec<figures::View<'_>> {
         let views = self.experiments.iter().zip(&self.models);
-        views
-            .map(|(experiment, models)| figures::View { experiment, models })
-            .collect()
+        let views = views.map(|(experiment, models)| figures::View { experiment, models });
+        views.collect()
     }
 
     /// The experiments with their numbers and runs.
@@ -202,9 +197,9 @@ impl Reduction {
     }
 }
 
-/// A duration with four significant digits.
-fn seconds(duration: f64) -> String {
-    format!("{duration:.3e}")
+/// Four significant digits, for durations and lengths, which may have any scale.
+fn digits(x: f64) -> String {
+    format!("{x:.3e}")
 }
 
 /// Writes an estimate with its interval.
@@ -219,11 +214,6 @@ fn shown(e: Estimate, number: impl Fn(f64) -> String) -> String {
 
 fn decimals(x: f64) -> String {
     format!("{x:.5}")
-}
-
-/// A length may have any scale.
-fn length(x: f64) -> String {
-    format!("{x:.3e}")
 }
 
 /// Returns the table of the page: names and texts.
@@ -252,7 +242,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
             format!(
                 "Growth of {} peaks per factor e of V_r/V_i, holds of {} s after {} m/s",
                 growth.peaks,
-                seconds(growth.duration),
+                digits(growth.duration),
                 growth.before
             ),
             format!("{:.5} ± {:.5}", growth.slope, growth.error),
@@ -265,7 +255,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
                 shown(fit.a, decimals),
                 shown(fit.b, decimals),
                 shown(fit.a_minus_b, decimals),
-                shown(fit.d_c, length)
+                shown(fit.d_c, digits)
             ),
             Err(why) => format!("none: {why}"),
         };
@@ -276,14 +266,14 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
 
 /// Prints the main results.
 fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> {
-    for (k, experiment, runs) in reduction.experiments() {
-        print_experiment(k, experiment, runs, printer)?;
+    for numbered in reduction.experiments() {
+        print_experiment(numbered, printer)?;
     }
     for growth in reduction.peak_growth() {
         writeln!(
             printer,
             "peaks after holds of {} s: {:.5} ± {:.5} per factor e of V_r/V_i, {} peaks, V_i = {} m/s",
-            seconds(growth.duration),
+            digits(growth.duration),
             growth.slope,
             growth.error,
             growth.peaks,
@@ -300,9 +290,7 @@ fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> 
 }
 
 fn print_experiment(
-    k: usize,
-    experiment: &Experiment,
-    runs: &[String],
+    (k, experiment, runs): (usize, &Experiment, &[String]),
     printer: &mut Printer,
 ) -> Result<(), Failure> {
     let record = &experiment.record;
@@ -338,11 +326,10 @@ fn print_stack(stack: &Stack, printer: &mut Printer) -> Result<(), Failure> {
         let ([from, to], change, error) = (p.slip, p.change, p.error);
         format!("{change:+.4} ± {error:.4} ({from:.1e} to {to:.1e} m)")
     });
-    let shown: Vec<String> = shown.step_by(2).collect();
+    let shown = shown.step_by(2).collect::<Vec<_>>().join(", ");
     if shown.is_empty() {
         return Ok(());
     }
-    let shown = shown.join(", ");
     writeln!(
         printer,
         "  {before} → {after} m/s, mean change of μ: {shown}"
@@ -376,9 +363,9 @@ fn print_relaxation(
     writeln!(
         printer,
         "hold of {} s after {} m/s, after {} s: μ {:+.4}{error}{law}, granular temperature {:.2e}",
-        seconds(of.duration),
+        digits(of.duration),
         of.before,
-        seconds(of.time),
+        digits(of.time),
         of.change,
         of.temperature
     )
@@ -398,7 +385,7 @@ fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failur
                 "{name:<18}{law:<7}{:<30}{:<30}{:<33}{:<10.2e}{:>9.1}",
                 shown(fit.a, decimals),
                 shown(fit.b, decimals),
-                shown(fit.d_c, length),
+                shown(fit.d_c, digits),
                 fit.rms,
                 chi.unwrap_or(f64::NAN)
             )?,

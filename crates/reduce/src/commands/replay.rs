@@ -69,12 +69,11 @@ impl Arguments {
             (Some(strain), _) => (Rows::Strain(strain), "", RunFile::open(&self.run)?),
             (None, Some(time)) => {
                 let run = RunFile::open_any(&self.run)?;
-                match run.stage() {
-                    RunStage::Shear => (Rows::Time(time), "time-", run),
-                    _ => {
-                        let moving = folder_of(&self.run).join(NEWTONIAN_PART);
-                        (Rows::Time(time), "newtonian-", RunFile::open_any(&moving)?)
-                    }
+                if run.stage() == RunStage::Shear {
+                    (Rows::Time(time), "time-", run)
+                } else {
+                    let moving = folder_of(&self.run).join(NEWTONIAN_PART);
+                    (Rows::Time(time), "newtonian-", RunFile::open_any(&moving)?)
                 }
             }
             (None, None) => {
@@ -145,13 +144,10 @@ pub fn window(
             out.display()
         )));
     }
+    let of_shear = &["analysis.scalars=false", "output.progress_lines=0"][..];
     let (stage, file, set) = match run.stage() {
         RunStage::Newtonian => ("newtonian", NEWTONIAN_PART, &["newtonian.spectra=0"][..]),
-        _ => (
-            "shear",
-            RUN_FILE,
-            &["analysis.scalars=false", "output.progress_lines=0"][..],
-        ),
+        _ => ("shear", RUN_FILE, of_shear),
     };
     let from = again(run.folder(), stage, window, set, (threads, out))?;
     let again = RunFile::open_any(&out.join(file))?;

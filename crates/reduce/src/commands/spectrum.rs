@@ -8,13 +8,13 @@ use faer::{Mat, Par, c64};
 use crate::frame_selection::Which;
 use crate::printer::Printer;
 use crate::results::Results;
-use crate::stored_state::{StateSelection, stiffness_of};
-use gshear_analysis::jacobian::Jacobian;
+use crate::stored_state::{StateSelection, StoredState, history};
+use gshear_analysis::jacobian::{Jacobian, paper_form};
 use gshear_dem::failure::Failure;
 use gshear_report::{drawing, eigenvalue_figures};
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
-    Uncounted, Verdict, bendixson, nearest, participation, scan, unstable, winding,
+    Uncounted, Unfit, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
 use gshear_store::csv_table::Table;
 use gshear_store::file_names::folder_of;
@@ -118,10 +118,11 @@ impl Arguments {
     /// # Errors
     /// Bad matrices, an iteration that does not converge, files that cannot be written.
     pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
-        let asked = asked(self, printer)?;
-        let Asked {
-            problem, source, ..
-        } = &asked;
+        let asked = match &self.run {
+            Some(run) => of_run(run, self, printer)?,
+            None => of_files(self)?,
+        };
+        let problem = &asked.problem;
         let par = match rayon::current_num_threads() {
             1 => Par::Seq,
             threads => Par::rayon(threads),
@@ -135,8 +136,13 @@ impl Arguments {
             problem.rattling(),
             problem.null().ncols()
         )?;
-        let mut spectrum = solve(self, problem, par, printer)?;
-        refine(&mut spectrum, problem, par, printer)?;
+        let solver = Solver {
+            arguments: self,
+            problem,
+            par,
+        };
+        let mut spectrum = solver.solve(printer)?;
+        solver.refine(&mut spectrum, printer)?;
         let spectrum = if self.dense || self.all_pairs {
             spectrum.arranged(|_| true, |e| e.value.re)
         } else {
@@ -144,12 +150,12 @@ impl Arguments {
         };
         summary(&spectrum, printer)?;
 
-        let results = Results::of(self.out.as_deref(), folder_of(source));
+        let results = Results::of(self.out.as_deref(), folder_of(&asked.source));
         let columns = columns(&asked, &spectrum);
         let table = table(&spectrum, &columns.participation);
         results.table("spectrum.csv", &table, printer)?;
         let vectors = results.place("spectrum.h5");
-        spectrum_writer::write(&vectors, source, problem, &columns)?;
+        spectrum_writer::write(&vectors, &asked.source, problem, &columns)?;
         printer.wrote(&vectors)?;
         let svg = results.place("spectrum.svg");
         let figure = eigenvalue_figures::in_the_plane(&spectrum.eigenvalues);
@@ -169,30 +175,25 @@ struct Asked {
     origin: Option<StateOrigin>,
 }
 
-fn asked(arguments: &Arguments, printer: &mut Printer) -> Result<Asked, Failure> {
-    if let Some(run) = &arguments.run {
-        return of_run(run, arguments, printer);
-    }
-    let source = arguments.matrix.clone().unwrap_or_default();
-    let problem = of_files(&source, arguments)?;
-    let grain = (0..problem.unknowns()).map(|k| k / usize::from(arguments.group));
-    Ok(Asked {
-        grain: grain.collect(),
-        problem,
-        source,
-        unknowns: Vec::new(),
-        origin: None,
-    })
-}
-
 fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<Asked, Failure> {
     let frame = arguments.frame.map(StateSelection::Frame);
     let selection = frame.or(arguments.strain.map(StateSelection::Strain));
-    let made = stiffness_of(run, selection, arguments.paper_form, printer)?;
-    let jacobian = &made.jacobian;
+    let state = StoredState::read(run, selection)?;
+    let jacobian = state.jacobian(history(arguments.paper_form));
+    writeln!(
+        printer,
+        "{}: {} free grains of {}, {} contacts, {} of them sliding",
+        state.what,
+        jacobian.grains.len(),
+        state.grains.len(),
+        jacobian.contacts,
+        jacobian.sliding
+    )?;
+    let radius = |g: u32| state.grains[g as usize].radius;
+    let paper = (arguments.paper_form).then(|| paper_form(&jacobian, radius));
     let n = jacobian.unknowns();
     // J contains the masses and has other null vectors.
-    let (k, mass, null) = match &made.paper {
+    let (k, mass, null) = match &paper {
         Some(j) => (j, vec![1.0; n], Mat::zeros(n, 0)),
         None => (&jacobian.k, jacobian.mass.clone(), jacobian.translations()),
     };
@@ -216,7 +217,7 @@ fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<As
         }
     }
     let per_grain = jacobian.per_grain;
-    let grain = |unknown: usize| match made.paper {
+    let grain = |unknown: usize| match paper {
         Some(_) => unknown % (n / per_grain),
         None => unknown / per_grain,
     };
@@ -226,11 +227,11 @@ fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<As
         problem,
         source: run.to_path_buf(),
         grain: (0..n).map(grain).collect(),
-        unknowns: match made.paper {
+        unknowns: match paper {
             Some(_) => Vec::new(),
-            None => (0..n).map(|unknown| moved(jacobian, unknown)).collect(),
+            None => (0..n).map(|unknown| moved(&jacobian, unknown)).collect(),
         },
-        origin: made.paper.is_none().then_some(made.origin),
+        origin: paper.is_none().then_some(state.origin),
     })
 }
 
@@ -247,8 +248,9 @@ fn moved(jacobian: &Jacobian, unknown: usize) -> Unknown {
     }
 }
 
-fn of_files(matrix: &Path, arguments: &Arguments) -> Result<Problem, Failure> {
-    let k = matrix_market::read(matrix)?;
+fn of_files(arguments: &Arguments) -> Result<Asked, Failure> {
+    let source = arguments.matrix.clone().unwrap_or_default();
+    let k = matrix_market::read(&source)?;
     let mass = match &arguments.mass {
         Some(path) => diagonal(path, &matrix_market::read(path)?)?,
         None => vec![1.0; k.ncols()],
@@ -257,15 +259,22 @@ fn of_files(matrix: &Path, arguments: &Arguments) -> Result<Problem, Failure> {
         Some(path) => matrix_market::read(path)?.to_dense(),
         None => Mat::zeros(k.ncols(), 0),
     };
-    Problem::new(&k, &mass, null.as_ref()).map_err(|unfit| {
-        use gshear_spectrum::Unfit;
+    let problem = Problem::new(&k, &mass, null.as_ref()).map_err(|unfit| {
         let path = match unfit {
-            Unfit::Matrix(_) => None,
-            Unfit::Mass(_) => arguments.mass.as_ref(),
-            Unfit::Null(_) => arguments.null.as_ref(),
+            Unfit::Matrix(_) => &None,
+            Unfit::Mass(_) => &arguments.mass,
+            Unfit::Null(_) => &arguments.null,
         };
-        let path = path.map_or(matrix, |path| path.as_path());
+        let path = path.as_ref().unwrap_or(&source);
         Failure::input(format!("{}: {unfit}", path.display()))
+    })?;
+    let grain = (0..problem.unknowns()).map(|k| k / usize::from(arguments.group));
+    Ok(Asked {
+        grain: grain.collect(),
+        problem,
+        source,
+        unknowns: Vec::new(),
+        origin: None,
     })
 }
 
@@ -285,119 +294,133 @@ fn diagonal(path: &Path, m: &SparseColMat<usize, f64>) -> Result<Vec<f64>, Failu
     Ok(mass)
 }
 
-fn solve(
-    arguments: &Arguments,
-    problem: &Problem,
+/// What is solved, how, and on how many threads.
+struct Solver<'a> {
+    arguments: &'a Arguments,
+    problem: &'a Problem,
     par: Par,
-    printer: &mut Printer,
-) -> Result<Spectrum, Failure> {
-    let n = problem.size();
-    if arguments.dense && n > MOST_DENSE {
-        return Err(Failure::input(format!(
-            "--dense: {n} unknowns, must be {MOST_DENSE} or fewer; use --all-pairs or --shift, which work on the sparse matrix"
-        )));
-    }
-    if arguments.dense || n < 3 {
-        return Ok(Spectrum::dense(problem));
-    }
-    if arguments.unstable {
-        return amplified(arguments, problem, par, printer);
-    }
-    let symbolic = Symbolic::new(problem.matrix().symbolic());
-    writeln!(
-        printer,
-        "factors: {} entries, {:.3e} operations",
-        symbolic.fill(),
-        symbolic.operations()
-    )?;
-    if arguments.all_pairs {
-        return all_pairs(arguments, problem, &symbolic, par, printer);
-    }
-    let (far, norm) = (arguments.shift.norm(), problem.norm());
-    if far > FARTHEST * norm {
-        return Err(Failure::input(format!(
-            "--shift: all eigenvalues are within {norm:.3e} of 0, so that at {far:.3e} none is nearer than another; give a shift within {:.3e}",
-            FARTHEST * norm
-        )));
-    }
-    let request = Request {
-        shift: arguments.shift,
-        count: arguments.count.unwrap_or(20) as usize,
-        left: !arguments.right_only,
-        par,
-    };
-    let found = nearest(problem, &symbolic, request).map_err(unsolved)?;
-    tell(&found, arguments.shift, printer)?;
-    Ok(found.spectrum)
 }
 
-fn all_pairs(
-    arguments: &Arguments,
-    problem: &Problem,
-    symbolic: &Symbolic,
-    par: Par,
-    printer: &mut Printer,
-) -> Result<Spectrum, Failure> {
-    let bounds = bendixson(problem);
-    let spectrum = if problem.size() <= DENSE {
-        Spectrum::dense(problem)
-    } else {
-        let count = arguments.count.unwrap_or(100) as usize;
-        let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
-        let (disks, solves) = (found.disks, found.solves);
-        writeln!(printer, "scan: {disks} shifts, {solves} solves")?;
-        let (all, n) = (found.spectrum.eigenvalues.len(), problem.size());
-        let all = all + problem.null().ncols();
-        writeln!(printer, "scan: {all} of {n} eigenvalues")?;
-        found.spectrum
-    };
-    let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();
-    known.resize(problem.size().max(known.len()), c64::new(0.0, 0.0));
-    let margin = 0.01 * problem.norm();
-    let strip = Rectangle {
-        re: [bounds.re[0] - margin, bounds.re[1] + margin],
-        im: [f64::EPSILON.sqrt() * problem.norm(), bounds.im[1] + margin],
-    };
-    let inside = known.iter().filter(|&&z| strip.contains(z)).count();
-    match winding(problem, symbolic, strip, &known, par) {
-        Ok(count) => writeln!(
-            printer,
-            "pairs above the limit of trust: {inside} found, {} counted by the winding of the determinant ({} factorisations)",
-            count.eigenvalues, count.factorisations
-        ),
-        Err(Uncounted { at }) => writeln!(
-            printer,
-            "pairs above the limit of trust: {inside} found; not counted, because an eigenvalue lies on the contour at {at:.3e}"
-        ),
-    }?;
-    Ok(spectrum)
-}
-
-fn amplified(
-    arguments: &Arguments,
-    problem: &Problem,
-    par: Par,
-    printer: &mut Printer,
-) -> Result<Spectrum, Failure> {
-    let sought = Sought {
-        resolution: arguments.resolution,
-        most: arguments.count.unwrap_or(100) as usize,
-        par,
-    };
-    let found = unstable(problem, sought).map_err(|stalled| unsolved(Failed::Stalled(stalled)))?;
-    let within = format!("|Im λ| ≥ {:e} ‖A‖", arguments.resolution);
-    writeln!(
-        printer,
-        "polynomials of degrees {:?}, {} products\n{}",
-        found.degrees,
-        found.products,
-        if found.complete {
-            format!("complete: all modes with {within}, or that grow as fast")
-        } else {
-            format!("the fastest-growing modes; there may be more with {within}: increase --count")
+impl Solver<'_> {
+    fn solve(&self, printer: &mut Printer) -> Result<Spectrum, Failure> {
+        let (arguments, problem) = (self.arguments, self.problem);
+        let n = problem.size();
+        if arguments.dense && n > MOST_DENSE {
+            return Err(Failure::input(format!(
+                "--dense: {n} unknowns, must be {MOST_DENSE} or fewer; use --all-pairs or --shift, which work on the sparse matrix"
+            )));
         }
-    )?;
-    Ok(found.spectrum)
+        if arguments.dense || n < 3 {
+            return Ok(Spectrum::dense(problem));
+        }
+        if arguments.unstable {
+            return self.amplified(printer);
+        }
+        let symbolic = Symbolic::new(problem.matrix().symbolic());
+        writeln!(
+            printer,
+            "factors: {} entries, {:.3e} operations",
+            symbolic.fill(),
+            symbolic.operations()
+        )?;
+        if arguments.all_pairs {
+            return self.all_pairs(&symbolic, printer);
+        }
+        let (far, norm) = (arguments.shift.norm(), problem.norm());
+        if far > FARTHEST * norm {
+            return Err(Failure::input(format!(
+                "--shift: all eigenvalues are within {norm:.3e} of 0, so that at {far:.3e} none is nearer than another; give a shift within {:.3e}",
+                FARTHEST * norm
+            )));
+        }
+        let request = Request {
+            shift: arguments.shift,
+            count: arguments.count.unwrap_or(20) as usize,
+            left: !arguments.right_only,
+            par: self.par,
+        };
+        let found = nearest(problem, &symbolic, request).map_err(unsolved)?;
+        tell(&found, arguments.shift, printer)?;
+        Ok(found.spectrum)
+    }
+
+    fn all_pairs(&self, symbolic: &Symbolic, printer: &mut Printer) -> Result<Spectrum, Failure> {
+        let (problem, par) = (self.problem, self.par);
+        let bounds = bendixson(problem);
+        let spectrum = if problem.size() <= DENSE {
+            Spectrum::dense(problem)
+        } else {
+            let count = self.arguments.count.unwrap_or(100) as usize;
+            let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
+            let (disks, solves) = (found.disks, found.solves);
+            writeln!(printer, "scan: {disks} shifts, {solves} solves")?;
+            let (all, n) = (found.spectrum.eigenvalues.len(), problem.size());
+            let all = all + problem.null().ncols();
+            writeln!(printer, "scan: {all} of {n} eigenvalues")?;
+            found.spectrum
+        };
+        let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();
+        known.resize(problem.size().max(known.len()), c64::new(0.0, 0.0));
+        let margin = 0.01 * problem.norm();
+        let strip = Rectangle {
+            re: [bounds.re[0] - margin, bounds.re[1] + margin],
+            im: [f64::EPSILON.sqrt() * problem.norm(), bounds.im[1] + margin],
+        };
+        let inside = known.iter().filter(|&&z| strip.contains(z)).count();
+        match winding(problem, symbolic, strip, &known, par) {
+            Ok(count) => writeln!(
+                printer,
+                "pairs above the limit of trust: {inside} found, {} counted by the winding of the determinant ({} factorisations)",
+                count.eigenvalues, count.factorisations
+            ),
+            Err(Uncounted { at }) => writeln!(
+                printer,
+                "pairs above the limit of trust: {inside} found; not counted, because an eigenvalue lies on the contour at {at:.3e}"
+            ),
+        }?;
+        Ok(spectrum)
+    }
+
+    fn amplified(&self, printer: &mut Printer) -> Result<Spectrum, Failure> {
+        let arguments = self.arguments;
+        let sought = Sought {
+            resolution: arguments.resolution,
+            most: arguments.count.unwrap_or(100) as usize,
+            par: self.par,
+        };
+        let found =
+            unstable(self.problem, sought).map_err(|stalled| unsolved(Failed::Stalled(stalled)))?;
+        let within = format!("|Im λ| ≥ {:e} ‖A‖", arguments.resolution);
+        writeln!(
+            printer,
+            "polynomials of degrees {:?}, {} products\n{}",
+            found.degrees,
+            found.products,
+            if found.complete {
+                format!("complete: all modes with {within}, or that grow as fast")
+            } else {
+                format!(
+                    "the fastest-growing modes; there may be more with {within}: increase --count"
+                )
+            }
+        )?;
+        Ok(found.spectrum)
+    }
+
+    /// Refines residuals above [`RESIDUAL`] and prints how many remain above it.
+    fn refine(&self, spectrum: &mut Spectrum, printer: &mut Printer) -> Result<(), Failure> {
+        let over = |e: &&Eigenvalue| e.residual > RESIDUAL;
+        let before = spectrum.eigenvalues.iter().filter(over).count();
+        if before == 0 {
+            return Ok(());
+        }
+        let symbolic = Symbolic::new(self.problem.matrix().symbolic());
+        let after = spectrum.refine(self.problem, &symbolic, self.par);
+        writeln!(
+            printer,
+            "{before} residuals were over {RESIDUAL:e} ‖A‖ and refined; {after} still are"
+        )
+    }
 }
 
 fn unsolved(failed: Failed) -> Failure {
@@ -424,26 +447,6 @@ fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<(), Failu
         printer,
         "{} solves, {} restarts, {} factorisations",
         found.solves, found.restarts, found.factorisations
-    )
-}
-
-/// Refines residuals above [`RESIDUAL`] and prints how many remain above it.
-fn refine(
-    spectrum: &mut Spectrum,
-    problem: &Problem,
-    par: Par,
-    printer: &mut Printer,
-) -> Result<(), Failure> {
-    let over = |e: &&Eigenvalue| e.residual > RESIDUAL;
-    let before = spectrum.eigenvalues.iter().filter(over).count();
-    if before == 0 {
-        return Ok(());
-    }
-    let symbolic = Symbolic::new(problem.matrix().symbolic());
-    let after = spectrum.refine(problem, &symbolic, par);
-    writeln!(
-        printer,
-        "{before} residuals were over {RESIDUAL:e} ‖A‖ and refined; {after} still are"
     )
 }
 

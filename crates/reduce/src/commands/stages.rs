@@ -99,16 +99,12 @@ impl Arguments {
         let mut steps = map_steps(run, &rows, (step, strain), reduction)?;
         if steps.is_empty() && replay::can(run) {
             let of_run = run.series();
-            let time = |row: usize| {
-                of_run
-                    .step
-                    .binary_search(&step[row])
-                    .map(|k| of_run.time[k])
-            };
-            let ends = [stages.begin, stages.end].map(|row| time(row).unwrap_or(f64::NAN));
-            let window = Rows::Time(ends);
+            let ends = [stages.begin, stages.end].map(|row| {
+                let found = of_run.step.binary_search(&step[row]);
+                found.map_or(f64::NAN, |k| of_run.time[k])
+            });
             let out = results.place("replay");
-            let replayed = replay::window(run, window, None, threads, &out)?;
+            let replayed = replay::window(run, Rows::Time(ends), None, threads, &out)?;
             steps = map_steps(&replayed.run, &rows, (step, strain), reduction)?;
         }
         let grains = run.grains();

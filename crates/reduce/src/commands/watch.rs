@@ -14,13 +14,12 @@ use gshear_driver::folder::is_abandoned;
 use gshear_driver::progress::line;
 use gshear_driver::say::fold_for;
 use gshear_store::checkpoint;
-use gshear_store::file_names::{LOG_FILE, RUN_FILE, STATUS_FILE};
+use gshear_store::file_names::{LOG_FILE, RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::status::{RunState, Status};
 
 use crate::braille::plot;
 use crate::printer::Printer;
-use gshear_store::file_names::folder_of;
 
 /// Time between two looks at the run.
 const INTERVAL: Duration = Duration::from_secs(1);
@@ -65,14 +64,13 @@ impl Arguments {
             let killed = running && is_abandoned(folder);
             curves.read(status.as_ref())?;
             if status.is_none() && curves.rows() == 0 {
-                let (name, what) = if run.exists() {
-                    let what = format!("holds neither {STATUS_FILE} nor {LOG_FILE}");
-                    (folder, what)
+                let what = if run.exists() {
+                    let folder = folder.display();
+                    format!("{folder}: holds neither {STATUS_FILE} nor {LOG_FILE}")
                 } else {
-                    (&**run, "no such folder".into())
+                    format!("{}: no such folder", run.display())
                 };
-                let what = format!("{}: {what}; give the folder of a run", name.display());
-                return Err(Failure::input(what));
+                return Err(Failure::input(format!("{what}; give the folder of a run")));
             }
             let width = if shown {
                 usize::from(term.size().1).saturating_sub(1)
@@ -92,7 +90,6 @@ impl Arguments {
                 }
                 drawn = text.len();
             }
-
             for line in &text {
                 let clear = if shown { "\x1b[2K" } else { "" };
                 writeln!(printer, "{clear}{line}")?;
@@ -101,9 +98,8 @@ impl Arguments {
                 write!(printer, "\x1b[J")?;
             }
             if killed || state == Some(RunState::Stopped) {
-                let has_state = [checkpoint::NAME, checkpoint::PREVIOUS]
-                    .iter()
-                    .any(|name| folder.join(name).exists());
+                let mut states = [checkpoint::NAME, checkpoint::PREVIOUS].into_iter();
+                let has_state = states.any(|name| folder.join(name).exists());
                 let next = if has_state {
                     format!("continue with --resume {}", folder.display())
                 } else {
@@ -127,24 +123,20 @@ fn headline(status: Option<&Status>, killed: bool, width: usize, colours: bool) 
         return text.chars().take(width).collect();
     };
     let what = |words: &str| {
-        let words = match words {
-            "" => String::new(),
-            words => format!("{words} "),
-        };
         let room = width.saturating_sub(words.chars().count());
         // Nothing is left to wait for.
         let left = status.seconds_left.filter(|_| !killed);
-        words + &line(&status.standing, status.speed, left, room, colours)
+        words.to_string() + &line(&status.standing, status.speed, left, room, colours)
     };
     match status.state {
-        RunState::Running if killed => what("killed:"),
+        RunState::Running if killed => what("killed: "),
         RunState::Running if age(status).is_some_and(|age| age > SILENT) => {
             let seconds = age(status).unwrap_or_default().as_secs();
-            what(&format!("no news for {seconds}s,"))
+            what(&format!("no news for {seconds}s, "))
         }
         RunState::Running => what(""),
-        RunState::Stopped => what("stopped:"),
-        RunState::Done => what("done:"),
+        RunState::Stopped => what("stopped: "),
+        RunState::Done => what("done: "),
         RunState::Failed => {
             let message = status.message.as_deref().unwrap_or("unknown");
             let text = format!("failed in {}: {message}", status.standing.stage);
@@ -172,8 +164,14 @@ struct Curves {
 impl Curves {
     fn new(folder: &Path) -> Self {
         Self {
-            log: Tail::new(folder.join(LOG_FILE)),
-            strains: StrainSteps::new(folder.join(RUN_FILE)),
+            log: Tail {
+                path: folder.join(LOG_FILE),
+                ..Tail::default()
+            },
+            strains: StrainSteps {
+                path: folder.join(RUN_FILE),
+                ..StrainSteps::default()
+            },
             names: ["tau", "phi"],
             over: "strain",
             points: [Vec::new(), Vec::new()],
@@ -187,7 +185,7 @@ impl Curves {
     /// Reads what is new.
     fn read(&mut self, status: Option<&Status>) -> Result<(), Failure> {
         self.log.read();
-        if self.log.rows() > 0 {
+        if !self.log.rows.is_empty() {
             let names = ["strain", "time", "stress_ratio", "solid_fraction"];
             let [strain, time, tau, phi] = names.map(|name| self.log.column(name));
             let (over, x) = if returns(&strain) || stands_still(&strain) {
@@ -237,10 +235,8 @@ impl Curves {
 
 /// Whether the terminal takes more than ASCII.
 fn speaks_utf8() -> bool {
-    let names = ["LC_ALL", "LC_CTYPE", "LANG"];
-    let mut values = names
-        .into_iter()
-        .filter_map(|name| std::env::var(name).ok());
+    let names = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter();
+    let mut values = names.filter_map(|name| std::env::var(name).ok());
     let value = values.find(|value| !value.is_empty());
     let value = value.unwrap_or_default().to_lowercase();
     value.contains("utf-8") || value.contains("utf8")
@@ -267,13 +263,6 @@ struct StrainSteps {
 }
 
 impl StrainSteps {
-    fn new(path: PathBuf) -> Self {
-        Self {
-            path,
-            ..Self::default()
-        }
-    }
-
     fn all(&self) -> impl Iterator<Item = &[f64; 3]> {
         self.stored.iter().chain(&self.seen)
     }
@@ -328,24 +317,14 @@ struct Tail {
     file: (u64, u64),
     read: u64,
     names: Vec<String>,
-    columns: Vec<Vec<f64>>,
+    rows: Vec<Vec<f64>>,
 }
 
 impl Tail {
-    fn new(path: PathBuf) -> Self {
-        Self {
-            path,
-            ..Self::default()
-        }
-    }
-
-    fn rows(&self) -> usize {
-        self.columns.first().map_or(0, Vec::len)
-    }
-
     fn column(&self, name: &str) -> Vec<f64> {
         let at = self.names.iter().position(|known| known == name);
-        at.map_or_else(Vec::new, |at| self.columns[at].clone())
+        let value = |row: &Vec<f64>| Some(row[at?]);
+        self.rows.iter().filter_map(value).collect()
     }
 
     /// Reads the complete lines that are new; a file that cannot be read has none.
@@ -358,7 +337,8 @@ impl Tail {
         if id != self.file || of.len() < self.read {
             *self = Self {
                 file: id,
-                ..Self::new(std::mem::take(&mut self.path))
+                path: std::mem::take(&mut self.path),
+                ..Self::default()
             };
         }
         if file.seek(SeekFrom::Start(self.read)).is_err() {
@@ -377,14 +357,11 @@ impl Tail {
         let cells = line.split(',');
         if self.names.is_empty() {
             self.names = cells.map(String::from).collect();
-            self.columns = vec![Vec::new(); self.names.len()];
             return;
         }
         let values: Option<Vec<f64>> = cells.map(|cell| cell.parse().ok()).collect();
-        if let Some(values) = values.filter(|values| values.len() == self.columns.len()) {
-            let columns = self.columns.iter_mut();
-            columns.zip(values).for_each(|(column, x)| column.push(x));
-        }
+        let whole = values.filter(|values| values.len() == self.names.len());
+        self.rows.extend(whole);
     }
 }
 
@@ -395,9 +372,12 @@ mod tests {
     #[test]
     fn a_table_is_read_as_it_grows() {
         let path = std::env::temp_dir().join(format!("gshear-watch-{}.csv", std::process::id()));
-        let mut tail = Tail::new(path.clone());
+        let mut tail = Tail {
+            path: path.clone(),
+            ..Tail::default()
+        };
         tail.read();
-        assert_eq!(tail.rows(), 0);
+        assert!(tail.rows.is_empty());
         let write = |text: &str| std::fs::write(&path, text).expect("written");
         write("step,strain\n0,0\n10,0.5\n20,0.");
         tail.read();

@@ -6,7 +6,7 @@ use plotters::style::RGBColor;
 
 use super::View;
 use crate::colour::{AGING_LAW, FORCE, SLIP_LAW};
-use crate::curves::{decimate, padded};
+use crate::curves::{decimate, padded, thinned};
 use crate::plot::{Layout, Plot, figure};
 use crate::ticks::{self, Tick};
 use gshear_analysis::moments::distinct;
@@ -83,15 +83,15 @@ pub(super) fn draw(
     let x_ticks = ticks_of(x[0], x[1], 9);
     // The jump at the left end does not count for the scale.
     let begin = x[0] + 0.005 * (x[1] - x[0]);
-    let within = |p: &&[f64; 2]| (begin..=x[1]).contains(&p[0]);
-    let mut shown: Vec<[f64; 2]> = Vec::new();
-    for curve in curves {
-        shown.extend(&curve.points);
-        let edges = |[x, low, high]: &[f64; 3]| [[*x, *low], [*x, *high]];
-        shown.extend(curve.band.iter().flat_map(edges));
-        shown.extend(curve.models.iter().flat_map(|(_, points)| points));
-    }
-    let heights = shown.iter().filter(within).map(|p| p[1]);
+    let edges = |[x, low, high]: &[f64; 3]| [[*x, *low], [*x, *high]];
+    let shown = curves.iter().flat_map(|curve| {
+        let models = curve.models.iter().flat_map(|(_, points)| points);
+        let points = curve.points.iter().chain(models).copied();
+        points.chain(curve.band.iter().flat_map(edges))
+    });
+    let heights = shown
+        .filter(|p| (begin..=x[1]).contains(&p[0]))
+        .map(|p| p[1]);
     let y = padded(heights, 0.06);
     let n = curves.len();
     figure(LAYOUT, x, y, |plot| {
@@ -127,22 +127,13 @@ pub(super) fn law_legend(laws: impl Iterator<Item = Evolution>) -> Vec<(RGBColor
     distinct(laws).into_iter().map(entry).collect()
 }
 
-/// Draws a line with no more points than the figure can resolve.
-fn thinned(plot: &mut Plot, points: &[[f64; 2]], colour: RGBColor, width: f64) {
-    let points = decimate(points, 1.0 / plot.scale());
-    if points.len() > 1 {
-        plot.line(&points, colour, width);
-    }
-}
-
 fn band(plot: &mut Plot, edges: &[[f64; 3]], colour: RGBColor) {
-    let column = 2.0 / plot.scale();
     let edge = |c: usize| {
         let points: Vec<[f64; 2]> = edges.iter().map(|e| [e[0], e[c]]).collect();
-        decimate(&points, column)
+        decimate(&points, 2.0 / plot.scale())
     };
-    let (mut outline, upper) = (edge(1), edge(2));
-    outline.extend(upper.into_iter().rev());
+    let mut outline = edge(1);
+    outline.extend(edge(2).into_iter().rev());
     if outline.len() > 2 {
         plot.area(&outline, colour, 0.22);
     }

@@ -6,7 +6,7 @@ use crate::colour::{GREY, INK};
 use crate::curves::padded;
 use crate::plot::figure;
 use crate::ticks::{self, Tick};
-use gshear_analysis::rate_state::{Evolution, Experiment, Healing, Hold, peak_growth};
+use gshear_analysis::rate_state::{Evolution, Healing, Hold, peak_growth};
 
 /// Draws Δμ against ln t_hold: measured with ±2 standard errors, the fitted line, and the laws.
 pub(super) fn healing(views: &[View]) -> Option<String> {
@@ -21,26 +21,22 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
     if fits.is_empty() {
         return None;
     }
-    let of = |(view, healing): &(&View, &Healing)| {
-        let holds = healing.holds.iter();
-        let points = holds.filter_map(|k| point(&view.experiment.holds[*k]));
-        points.collect::<Vec<_>>()
-    };
-    let points: Vec<[f64; 3]> = fits.iter().flat_map(of).collect();
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    for (view, healing) in &fits {
+        let holds = healing.holds.iter().map(|k| &view.experiment.holds[*k]);
+        points.extend(holds.filter_map(point));
+    }
     let x = padded(points.iter().map(|p| p[0]), 0.08);
-    let models: Vec<(Evolution, Vec<[f64; 2]>)> = fits
-        .iter()
-        .flat_map(|(view, healing)| {
-            let of = |(law, model): &(Evolution, Experiment)| {
-                let holds = healing.holds.iter();
-                let points = holds.filter_map(|k| point(model.holds.get(*k)?));
-                let mut points: Vec<[f64; 2]> = points.map(|p| [p[0], p[1]]).collect();
-                points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-                (*law, points)
-            };
-            view.models.iter().map(of).collect::<Vec<_>>()
-        })
-        .collect();
+    let mut models: Vec<(Evolution, Vec<[f64; 2]>)> = Vec::new();
+    for (view, healing) in &fits {
+        for (law, model) in view.models {
+            let holds = healing.holds.iter();
+            let points = holds.filter_map(|k| point(model.holds.get(*k)?));
+            let mut points: Vec<[f64; 2]> = points.map(|p| [p[0], p[1]]).collect();
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            models.push((*law, points));
+        }
+    }
     let ends = |[_, value, error]: &[f64; 3]| [value - 2.0 * error, value + 2.0 * error];
     let heights = points.iter().flat_map(ends);
     let of_models = models.iter().flat_map(|(_, m)| m.iter().map(|p| p[1]));

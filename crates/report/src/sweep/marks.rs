@@ -3,7 +3,6 @@
 use plotters::style::RGBColor;
 
 use crate::colour::{CURVES, VIRIDIS};
-use crate::page::escape;
 use crate::plot::Plot;
 
 /// Most names in a legend.
@@ -78,25 +77,4 @@ pub fn with_error(mean: f64, error: f64) -> String {
     }
     let digits = (1.0 - error.log10().floor()).clamp(0.0, 9.0) as usize;
     format!("{mean:.digits$} ± {error:.digits$}")
-}
-
-/// Text with its subscripts and superscripts as HTML.
-pub fn marked(text: &str) -> String {
-    let text = escape(text);
-    let mut out = String::new();
-    let mut open = None;
-    let mut letters = text.chars().peekable();
-    while let Some(letter) = letters.next() {
-        match (letter, letters.peek()) {
-            ('_' | '^', Some('{')) => {
-                letters.next();
-                let tag = if letter == '_' { "sub" } else { "sup" };
-                open = Some(tag);
-                out += &format!("<{tag}>");
-            }
-            ('}', _) if open.is_some() => out += &format!("</{}>", open.take().unwrap_or("")),
-            _ => out.push(letter),
-        }
-    }
-    out
 }

@@ -5,18 +5,18 @@ mod marks;
 mod values;
 
 use std::cmp::Ordering;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use toml::Value;
 
-use self::marks::{colours, draw_means, key_label, legend, marked, readable, with_error};
+use self::marks::{colours, draw_means, key_label, legend, readable, with_error};
 use self::values::{Places, number, order, shown, text, values_of};
 use crate::ReportFigure;
 use crate::boxes::Measured;
 use crate::curves::{draw, padded};
 use crate::history::Axis;
-use crate::page::{self, escape};
+use crate::page::{self, escape, marked};
 use crate::panels::{Compared, PANELS};
 use crate::plot::{Layout, figure};
 use crate::summary::finite_moments;
@@ -69,9 +69,9 @@ impl SweepRun {
     ) -> Self {
         let series = run.series();
         let later = |values: &[f64]| later_mean(values, start);
-        let mut columns: Vec<(&'static str, Vec<f64>)> = Vec::new();
         let stored = series.declared.iter().zip(&series.columns);
-        columns.extend(stored.map(|(column, values)| (column.name, values.clone())));
+        let stored = stored.map(|(column, values)| (column.name, values.clone()));
+        let mut columns: BTreeMap<&'static str, Vec<f64>> = stored.collect();
         if run.stage() == RunStage::Strain {
             columns.extend(Measured::of(run).columns());
         }
@@ -90,11 +90,11 @@ impl SweepRun {
         });
         // Without D²min, and of spheres without regions, nothing is defined.
         means.extend(of_frames.filter(|(_, mean)| mean.is_finite()));
-        let is_drawn = |name: &str| {
-            let compared = PANELS.compared.iter().any(|of| of.column == name);
-            compared || wanted.iter().any(|of| of == name)
-        };
-        columns.retain(|(name, values)| is_drawn(name) && values.iter().any(|x| x.is_finite()));
+        let compared = PANELS.compared.iter().map(|of| &of.column);
+        let drawn: Vec<&String> = compared.chain(wanted).collect();
+        columns.retain(|name, values| {
+            drawn.iter().any(|of| of == name) && values.iter().any(|x| x.is_finite())
+        });
         Self {
             name,
             digest: run.digest().map(String::from),
@@ -103,7 +103,7 @@ impl SweepRun {
             axes: run.dimension().axes(),
             step: series.step.clone(),
             axis: Axis::of(run),
-            curves: columns.into_iter().collect(),
+            curves: columns,
             means,
         }
     }
@@ -162,10 +162,8 @@ impl<'a> Sweep<'a> {
             runs.iter().any(|run| run.scene.get(*key) != first)
         };
         let all = runs.iter().flat_map(|run| run.scene.keys());
-        let mut keys: Vec<String> = all.filter(differs).cloned().collect();
-        keys.sort();
-        keys.dedup();
-        let has_seeds = keys.iter().any(|key| key == SEED);
+        let keys: BTreeSet<String> = all.filter(differs).cloned().collect();
+        let has_seeds = keys.contains(SEED);
         for (k, run) in runs.iter().enumerate() {
             let same = |other: &&SweepRun| {
                 let is_equal = |key: &String| run.scene.get(key) == other.scene.get(key);
@@ -178,10 +176,9 @@ impl<'a> Sweep<'a> {
                 )));
             }
         }
-        keys.retain(|key| key != SEED);
         let mut sweep = Self {
             runs,
-            keys,
+            keys: keys.into_iter().filter(|key| key != SEED).collect(),
             has_seeds,
             columns: columns_of(runs, columns)?,
             against: None,
@@ -202,13 +199,13 @@ impl<'a> Sweep<'a> {
         };
         let found = self.keys.iter().position(|known| known == key);
         let differ = match &self.keys[..] {
-            [] if self.has_seeds => "they differ in the seed alone".into(),
-            [] => "they differ in no key".into(),
-            keys => format!("they differ in {}", keys.join(", ")),
+            [] if self.has_seeds => "the seed alone".into(),
+            [] => "no key".into(),
+            keys => keys.join(", "),
         };
         found.map(Some).ok_or_else(|| {
             Failure::input(format!(
-                "--against {key}: is not a key in which the runs differ; {differ}"
+                "--against {key}: is not a key in which the runs differ; they differ in {differ}"
             ))
         })
     }
@@ -224,9 +221,9 @@ impl<'a> Sweep<'a> {
         };
         let mut groups: Vec<Group<'a>> = by_values.into_iter().map(group).collect();
         groups.sort_by(|a, b| {
-            let mut pairs = a.values.iter().zip(&b.values);
-            let unequal = pairs.find_map(|(a, b)| Some(order(*a, *b)).filter(|o| o.is_ne()));
-            unequal.unwrap_or(Ordering::Equal)
+            let pairs = a.values.iter().zip(&b.values);
+            let orders = pairs.map(|(a, b)| order(*a, *b));
+            orders.fold(Ordering::Equal, Ordering::then)
         });
         groups
     }
@@ -256,10 +253,8 @@ impl<'a> Sweep<'a> {
     fn telling(&self) -> Vec<usize> {
         let mut keys: Vec<usize> = (0..self.keys.len()).collect();
         let all = self.sets(&keys);
-        let lacks = |k: usize| {
-            let mut runs = self.runs.iter();
-            runs.any(|run| !run.scene.contains_key(&self.keys[k]))
-        };
+        let has = |run: &SweepRun, k: usize| run.scene.contains_key(&self.keys[k]);
+        let lacks = |k: usize| self.runs.iter().any(|run| !has(run, k));
         let is_tied = |k: usize| {
             let sets = |keys: &[usize]| self.sets(keys);
             let is_of = |of: usize| sets(&[of]) == sets(&[k]) && sets(&[of, k]) == sets(&[k]);
@@ -309,13 +304,11 @@ impl<'a> Sweep<'a> {
         let keys: Vec<&String> = self.keys.iter().chain(&seed).collect();
         Table::of(self.runs)
             .column("run", |run| run.name.clone())
-            .columns(&keys, |run| {
-                let values = keys.iter().map(|key| text(run.scene.get(*key)));
-                values.collect::<Vec<_>>()
+            .columns(&keys, |&run| {
+                keys.iter().map(|key| text(run.scene.get(*key)))
             })
-            .columns(&self.columns, |run| {
-                let means = self.columns.iter().map(|column| run.means[&**column]);
-                means.collect::<Vec<_>>()
+            .columns(&self.columns, |&run| {
+                self.columns.iter().map(|column| run.means[&**column])
             })
             .csv()
     }
@@ -326,8 +319,7 @@ impl<'a> Sweep<'a> {
         let names = columns.iter().flat_map(both);
         Table::of(self.groups())
             .columns(&self.keys, |group| {
-                let values = group.values.iter().map(|value| text(*value));
-                values.collect::<Vec<_>>()
+                group.values.clone().into_iter().map(text)
             })
             .columns(names, |group| {
                 let moments = columns.iter().map(|column| group.moments(column));
@@ -360,16 +352,14 @@ impl<'a> Sweep<'a> {
         let [runs, means] = [RUNS, MEANS].map(|name| folder.join(name));
         dictionary::write_table(&runs, &self.table_of_runs(), self.axes())?;
         dictionary::write_table(&means, &self.table_of_means(&self.columns), self.axes())?;
-        let page = self.page(title, start, skipped, &groups, &figures);
+        let page = self.page((title, start, skipped), &groups, &figures);
         let page = crate::write_files(self.axes(), &figures, &page, folder)?;
         Ok([runs, means, page])
     }
 
     fn page(
         &self,
-        title: &str,
-        start: f64,
-        skipped: &[String],
+        (title, start, skipped): (&str, f64, &[String]),
         groups: &[Group<'_>],
         figures: &[ReportFigure],
     ) -> String {
@@ -383,12 +373,8 @@ impl<'a> Sweep<'a> {
         let left_out = |why: &String| format!("<p>Left out: {}</p>\n", escape(why));
         let skipped: String = skipped.iter().map(left_out).collect();
         let labels = self.columns.iter().map(|column| self.label(column));
-        let head = self
-            .keys
-            .iter()
-            .cloned()
-            .chain(["runs".into()])
-            .chain(labels);
+        let keys = self.keys.iter().cloned();
+        let head = keys.chain(["runs".into()]).chain(labels);
         let head = head.map(|name| format!("<th>{}</th>", marked(&name)));
         let head: String = head.collect();
         let row = |group: &Group<'_>| {

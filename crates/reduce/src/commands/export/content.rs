@@ -36,21 +36,17 @@ pub enum GrainField {
 
 impl GrainField {
     /// Names of its components.
-    fn names(self, dimension: Dimensions) -> &'static [&'static str] {
-        match (self, dimension) {
-            (GrainField::Dmin, _) => &["dmin"],
-            (GrainField::Stress, Dimensions::Two) => &["stress_xx", "stress_yy", "stress_xy"],
-            (GrainField::Stress, Dimensions::Three) => &[
-                "stress_xx",
-                "stress_yy",
-                "stress_zz",
-                "stress_xy",
-                "stress_xz",
-                "stress_yz",
-            ],
-            (GrainField::Regions, _) => &["region"],
-            (GrainField::Contacts, _) => &["contacts"],
-            (GrainField::Material, _) => &["material"],
+    fn names(self, dimension: Dimensions) -> Vec<String> {
+        let parts: &[&str] = match dimension {
+            Dimensions::Two => &["xx", "yy", "xy"],
+            Dimensions::Three => &["xx", "yy", "zz", "xy", "xz", "yz"],
+        };
+        match self {
+            GrainField::Dmin => vec!["dmin".into()],
+            GrainField::Stress => parts.iter().map(|part| format!("stress_{part}")).collect(),
+            GrainField::Regions => vec!["region".into()],
+            GrainField::Contacts => vec!["contacts".into()],
+            GrainField::Material => vec!["material".into()],
         }
     }
 
@@ -108,29 +104,12 @@ impl ExportedModes {
     }
 }
 
-/// A number or a vector of every grain.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct FieldShape {
-    /// Its name.
-    pub name: String,
-    /// Number of components: 1 or 3.
-    pub components: usize,
-}
-
-impl FieldShape {
-    /// Names of the components.
-    pub fn names(&self) -> impl Iterator<Item = String> + '_ {
-        component_names(&self.name, self.components)
-    }
-}
-
 /// The name of a number, or those of the components of a vector.
-fn component_names(name: &str, components: usize) -> impl Iterator<Item = String> {
-    let axes: &[&str] = match components {
-        1 => &[""],
-        _ => &["_x", "_y", "_z"],
-    };
-    axes.iter().map(move |axis| format!("{name}{axis}"))
+fn component_names(name: &str, components: usize) -> Vec<String> {
+    match components {
+        1 => vec![name.into()],
+        _ => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
+    }
 }
 
 /// A run, and what is exported of it.
@@ -195,23 +174,20 @@ impl<'a> ExportedRun<'a> {
         self.file.dimension().axes()
     }
 
-    /// The computed fields.
-    pub fn shapes(&self) -> Vec<FieldShape> {
+    /// Name and number of components, 1 or 3, of each of the computed fields.
+    pub fn shapes(&self) -> Vec<(String, usize)> {
         let dimension = self.file.dimension();
         let names = self.fields.iter().flat_map(|field| field.names(dimension));
         let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
-        let shape = |name: &str, components| FieldShape {
-            name: name.into(),
-            components,
-        };
-        (names.map(|name| shape(name, 1)))
-            .chain(modes.map(|(name, _)| shape(name, 3)))
-            .collect()
+        let modes = modes.map(|(name, _)| (name.clone(), 3));
+        names.map(|name| (name, 1)).chain(modes).collect()
     }
 
     /// Names of their components.
     pub fn field_names(&self) -> Vec<String> {
-        self.shapes().iter().flat_map(FieldShape::names).collect()
+        let shapes = self.shapes().into_iter();
+        let names = shapes.flat_map(|(name, components)| component_names(&name, components));
+        names.collect()
     }
 
     /// Position, velocity, angular velocity, radius and mass of a grain.
@@ -353,21 +329,13 @@ impl<'a> ExportedRun<'a> {
         before: Option<&FrameRecords>,
         now: &FrameRecords,
     ) -> Vec<Vec<f64>> {
+        let material = self.file.material().iter().copied().map(f64::from);
         let columns = self.fields.iter().flat_map(|field| match field {
             GrainField::Dmin => vec![self.dmin(number, before, now)],
             GrainField::Stress => self.stress(number, now),
             GrainField::Regions => vec![self.regions(before, now)],
             GrainField::Contacts => vec![self.contacts(now)],
-            GrainField::Material => {
-                vec![
-                    self.file
-                        .material()
-                        .iter()
-                        .copied()
-                        .map(f64::from)
-                        .collect(),
-                ]
-            }
+            GrainField::Material => vec![material.clone().collect()],
         });
         let modes = self.modes.iter().flat_map(|modes| &modes.vectors);
         let flat = modes.map(|(_, values)| values.as_flattened().to_vec());
@@ -375,17 +343,16 @@ impl<'a> ExportedRun<'a> {
     }
 
     fn stress(&self, number: usize, now: &FrameRecords) -> Vec<Vec<f64>> {
-        let cell = self.file.cell(number);
-        match self.file.dimension() {
-            Dimensions::Two => {
-                let tensors = stress::in_cell::<Two>(self.file.grains(), cell, now);
-                let planar: Vec<_> = tensors.iter().map(|s| [s[0], s[1], s[3]]).collect();
-                columns_of(&planar)
-            }
+        let (grains, cell) = (self.file.grains(), self.file.cell(number));
+        let (tensors, parts) = match self.file.dimension() {
+            Dimensions::Two => (stress::in_cell::<Two>(grains, cell, now), &[0, 1, 3][..]),
             Dimensions::Three => {
-                columns_of(&stress::in_cell::<Three>(self.file.grains(), cell, now))
+                let tensors = stress::in_cell::<Three>(grains, cell, now);
+                (tensors, &[0, 1, 2, 3, 4, 5][..])
             }
-        }
+        };
+        let column = |part: &usize| tensors.iter().map(|tensor| tensor[*part]).collect();
+        parts.iter().map(column).collect()
     }
 
     fn dmin(&self, number: usize, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
@@ -425,12 +392,6 @@ impl<'a> ExportedRun<'a> {
     }
 }
 
-/// The columns of an array of rows.
-fn columns_of<const K: usize>(rows: &[[f64; K]]) -> Vec<Vec<f64>> {
-    let column = |k: usize| rows.iter().map(|row| row[k]).collect();
-    (0..K).map(column).collect()
-}
-
 /// A frame of disks.
 fn planar(frame: &FrameRecords) -> Frame {
     let two = |[x, y, _]: [f64; 3]| [x, y];
@@ -457,22 +418,7 @@ pub fn contact_values(form: Form, contact: &ContactSample) -> impl Iterator<Item
 
 /// Names of position, velocity and angular velocity of a grain, which [`ExportedRun::state_values`]
 /// begins with.
-pub const STATE: [&str; 9] = [
-    "x",
-    "y",
-    "z",
-    "velocity_x",
-    "velocity_y",
-    "velocity_z",
-    "angular_velocity_x",
-    "angular_velocity_y",
-    "angular_velocity_z",
-];
-
-/// Which of them change in `axes` dimensions.
-pub fn moving(axes: usize) -> &'static [usize] {
-    match axes {
-        2 => &[0, 1, 3, 4, 8],
-        _ => &[0, 1, 2, 3, 4, 5, 6, 7, 8],
-    }
+pub fn state_names() -> impl Iterator<Item = String> {
+    let vectors = ["", "velocity_", "angular_velocity_"].into_iter();
+    vectors.flat_map(|of| ["x", "y", "z"].map(|axis| format!("{of}{axis}")))
 }

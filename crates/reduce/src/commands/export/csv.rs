@@ -1,74 +1,52 @@
 //! Tables of grains and contacts, one line per grain or contact and frame.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use csv::{StringRecord, Writer};
-
 use gshear_dem::failure::Failure;
-use gshear_store::csv_table::TableCell;
+use gshear_store::csv_table::Table;
 use gshear_store::dictionary;
-use gshear_store::text_writer::{PartFile, unwritten};
+use gshear_store::text_writer::PartFile;
 
-use super::content::{ExportedFrame, ExportedRun, STATE, contact_names, contact_values, moving};
+use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values, state_names};
 use super::{FrameWriter, contacts_beside};
-
-/// Columns that say which frame a line belongs to.
-const FRAME: [&str; 4] = ["frame", "step", "time", "strain"];
 
 /// Writes both tables.
 pub struct CsvWriter {
     grains: TableStream,
     contacts: TableStream,
-}
-
-/// A table that is written line by line.
-struct TableStream {
-    path: PathBuf,
-    writer: Writer<PartFile>,
-    line: StringRecord,
-    names: StringRecord,
-    /// Its name in the dictionary.
-    kind: &'static str,
     axes: usize,
 }
 
+/// A table that is written frame by frame.
+struct TableStream {
+    file: PartFile,
+    /// The line of the names, once it is written.
+    names: String,
+}
+
 impl TableStream {
-    fn create<'a>(
-        (kind, axes): (&'static str, usize),
-        path: &Path,
-        names: impl Iterator<Item = &'a str>,
-    ) -> Result<Self, Failure> {
-        let names: StringRecord = names.collect();
-        let mut table = Self {
-            path: path.to_path_buf(),
-            writer: Writer::from_writer(PartFile::create(path)?),
-            line: names.clone(),
-            names,
-            kind,
-            axes,
-        };
-        table.end_line()?;
-        Ok(table)
+    fn create(path: &Path) -> Result<Self, Failure> {
+        Ok(Self {
+            file: PartFile::create(path)?,
+            names: String::new(),
+        })
     }
 
-    fn cells(&mut self, cells: &[&dyn TableCell]) {
-        for cell in cells {
-            self.line.push_field(&cell.text());
-        }
+    /// Appends the table of a frame, after the first one without its names.
+    fn append(&mut self, csv: &str) -> Result<(), Failure> {
+        let (names, lines) = csv.split_once('\n').unwrap_or_default();
+        let new = if self.names.is_empty() { csv } else { lines };
+        self.names = names.into();
+        let written = self.file.write_all(new.as_bytes());
+        self.file.checked(written)
     }
 
-    fn end_line(&mut self) -> Result<(), Failure> {
-        let written = self.writer.write_record(&self.line);
-        self.line.clear();
-        written.map_err(|e| unwritten(&self.path, &e))
-    }
-
-    fn finish(self) -> Result<PathBuf, Failure> {
-        let path = self.path;
-        let file = self.writer.into_inner().map_err(|e| unwritten(&path, &e))?;
-        let written = file.finish()?;
-        let names: Vec<&str> = self.names.iter().collect();
-        dictionary::write_metadata(self.kind, &written, &names, self.axes)?;
+    /// `kind`: its name in the dictionary.
+    fn finish(self, kind: &str, axes: usize) -> Result<PathBuf, Failure> {
+        let written = self.file.finish()?;
+        let names: Vec<&str> = self.names.split(',').collect();
+        dictionary::write_metadata(kind, &written, &names, axes)?;
         Ok(written)
     }
 }
@@ -77,60 +55,57 @@ impl CsvWriter {
     /// # Errors
     /// Files that cannot be created.
     pub fn create(path: &Path, run: &ExportedRun) -> Result<Self, Failure> {
-        let axes = run.axes();
-        let named = moving(axes).iter().map(|k| STATE[*k]);
-        let fields = run.field_names();
-        let grains = (FRAME.into_iter())
-            .chain(["id", "body", "radius", "mass"])
-            .chain(named)
-            .chain(fields.iter().map(String::as_str));
-        let named: Vec<String> = contact_names(run.file.form()).collect();
-        let named = named.iter().map(String::as_str);
-        let contacts = FRAME.into_iter().chain(["i", "j"]).chain(named);
-        let beside = contacts_beside(path);
         Ok(Self {
-            grains: TableStream::create(("frames.csv", axes), path, grains)?,
-            contacts: TableStream::create(("frames-contacts.csv", axes), &beside, contacts)?,
+            grains: TableStream::create(path)?,
+            contacts: TableStream::create(&contacts_beside(path))?,
+            axes: run.axes(),
         })
     }
 }
 
+/// A table whose lines begin with the frame they belong to.
+fn table_of<I: IntoIterator>(frame: &ExportedFrame, rows: I) -> Table<'_, I> {
+    let records = &frame.records;
+    Table::of(rows)
+        .column("frame", |_| frame.number)
+        .column("step", |_| records.step)
+        .column("time", |_| records.time)
+        .column("strain", |_| frame.strain)
+}
+
 impl FrameWriter for CsvWriter {
     fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
-        let (records, constants, ids) = (&frame.records, run.file.grains(), run.file.ids());
-        let of_frame: [&dyn TableCell; 4] =
-            [&frame.number, &records.step, &records.time, &frame.strain];
-        for &g in &frame.present {
-            let table = &mut self.grains;
-            table.cells(&of_frame);
-            table.cells(&[
-                &ids[g],
-                &constants.body[g],
-                &constants.radius[g],
-                &constants.mass[g],
-            ]);
-            let state: Vec<f64> = run.state_values(frame, g).collect();
-            for k in moving(run.axes()) {
-                table.cells(&[&state[*k]]);
-            }
-            for value in run.field_values(frame, g) {
-                table.cells(&[&value]);
-            }
-            table.end_line()?;
-        }
-        for contact in &records.contacts {
-            let table = &mut self.contacts;
-            table.cells(&of_frame);
-            table.cells(&[&ids[contact.i as usize], &ids[contact.j as usize]]);
-            for value in contact_values(run.file.form(), contact) {
-                table.cells(&[&value]);
-            }
-            table.end_line()?;
-        }
-        Ok(())
+        let (constants, ids) = (run.file.grains(), run.file.ids());
+        let moving: &[usize] = match self.axes {
+            2 => &[0, 1, 3, 4, 8],
+            _ => &[0, 1, 2, 3, 4, 5, 6, 7, 8],
+        };
+        let names: Vec<String> = state_names().collect();
+        let grains = table_of(frame, &frame.present)
+            .column("id", |g| ids[**g])
+            .column("body", |g| constants.body[**g])
+            .column("radius", |g| constants.radius[**g])
+            .column("mass", |g| constants.mass[**g])
+            .columns(moving.iter().map(|k| &names[*k]), |g| {
+                let state: Vec<f64> = run.state_values(frame, **g).collect();
+                moving.iter().map(move |k| state[*k])
+            })
+            .columns(run.field_names(), |g| run.field_values(frame, **g));
+        self.grains.append(&grains.csv())?;
+        let form = run.file.form();
+        let contacts = table_of(frame, &frame.records.contacts)
+            .columns(["i", "j"], |c| [c.i, c.j].map(|row| ids[row as usize]))
+            .columns(contact_names(form), |c| {
+                contact_values(form, c).collect::<Vec<_>>()
+            });
+        self.contacts.append(&contacts.csv())
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
-        Ok(vec![self.grains.finish()?, self.contacts.finish()?])
+        let axes = self.axes;
+        Ok(vec![
+            self.grains.finish("frames.csv", axes)?,
+            self.contacts.finish("frames-contacts.csv", axes)?,
+        ])
     }
 }

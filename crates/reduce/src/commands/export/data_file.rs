@@ -14,30 +14,32 @@ use crate::frame_selection::Which;
 use crate::results::Results;
 
 /// The program that reads a data file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reader {
-    /// LAMMPS.
-    Lammps,
-    /// LIGGGHTS, which takes the density as that of a disk in 2D.
-    Liggghts,
+pub struct Reader {
+    name: &'static str,
+    /// Comments in the file of disks on the column `density`.
+    on_density: [&'static str; 2],
+    /// The volume with which it computes the mass of a disk of this radius.
+    volume: fn(f64) -> f64,
 }
 
-impl Reader {
-    fn text(self, state: &ExportedState) -> String {
-        match (self, state.dimension) {
-            (_, Dimensions::Three) => data_file(state, self.name(), &[], Three::volume),
-            (Reader::Lammps, _) => data_file(state, self.name(), &SPHERES, Three::volume),
-            (Reader::Liggghts, _) => data_file(state, self.name(), &DISKS, Two::volume),
-        }
-    }
-
-    fn name(self) -> &'static str {
-        match self {
-            Reader::Lammps => "LAMMPS",
-            Reader::Liggghts => "LIGGGHTS",
-        }
-    }
-}
+/// LAMMPS.
+pub const LAMMPS: Reader = Reader {
+    name: "LAMMPS",
+    on_density: [
+        "density is that of a sphere with the mass of the disk per metre of depth: density pi d^3/6 = rho pi d^2/4. Forces and",
+        "stiffnesses are per metre of depth; fix nve/sphere with disc gives the disk's moment of inertia, too.",
+    ],
+    volume: Three::volume,
+};
+/// LIGGGHTS, which takes the density as that of a disk in 2D.
+pub const LIGGGHTS: Reader = Reader {
+    name: "LIGGGHTS",
+    on_density: [
+        "density is that of the disk: with dimension 2 LIGGGHTS computes the mass per metre of depth, pi d^2/4 density. Forces and",
+        "stiffnesses are per metre of depth; fix nve/sphere takes the disk's moment of inertia in 2 dimensions.",
+    ],
+    volume: Two::volume,
+};
 
 /// Writes a state of `run`, which is a run or a checkpoint, to `out` or into the folder of the run.
 /// Returns the path.
@@ -46,7 +48,7 @@ impl Reader {
 /// A missing frame, a damaged file, a file that cannot be written.
 pub fn write(
     run: &Path,
-    reader: Reader,
+    reader: &Reader,
     frame: Option<Which>,
     out: Option<&Path>,
 ) -> Result<PathBuf, Failure> {
@@ -64,29 +66,16 @@ pub fn write(
     };
     let beside = || Results::of(None, folder_of(run)).place(&format!("{}.data", state.name));
     let path = out.map_or_else(beside, Path::to_path_buf);
-    text_writer::write(&path, reader.text(&state))?;
+    text_writer::write(&path, data_file(&state, reader))?;
     Ok(path)
 }
 
-/// Comments in the file on the column `density`.
-const SPHERES: [&str; 2] = [
-    "density is that of a sphere with the mass of the disk per metre of depth: density pi d^3/6 = rho pi d^2/4. Forces and",
-    "stiffnesses are per metre of depth; fix nve/sphere with disc gives the disk's moment of inertia, too.",
-];
-const DISKS: [&str; 2] = [
-    "density is that of the disk: with dimension 2 LIGGGHTS computes the mass per metre of depth, pi d^2/4 density. Forces and",
-    "stiffnesses are per metre of depth; fix nve/sphere takes the disk's moment of inertia in 2 dimensions.",
-];
-
-/// Returns a data file of `program`, which computes a grain's mass as density times `volume` of its
-/// radius (m).
-fn data_file(
-    state: &ExportedState,
-    program: &str,
-    density: &[&str],
-    volume: impl Fn(f64) -> f64,
-) -> String {
-    let (title, origin) = (&state.title, provenance::printed());
+fn data_file(state: &ExportedState, reader: &Reader) -> String {
+    let (density, volume) = match state.dimension {
+        Dimensions::Two => (&reader.on_density[..], reader.volume),
+        Dimensions::Three => (&[][..], Three::volume as _),
+    };
+    let (program, title, origin) = (reader.name, &state.title, provenance::printed());
     let title = format!("{program} data file: {title}; {origin}");
     let boxed = state.cell.sheared.is_some();
     let periodic = match (state.dimension, boxed) {

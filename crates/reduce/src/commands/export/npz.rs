@@ -9,7 +9,7 @@ use bytemuck::{NoUninit, cast_slice};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Disks, GrainSample};
+use gshear_dem::state::GrainSample;
 use gshear_store::contact_quantities::of_contacts;
 use gshear_store::text_writer::PartFile;
 
@@ -117,15 +117,6 @@ impl NpzWriter {
         archive.finish()?;
         Ok(())
     }
-
-    /// Appends what all frames share, before the first one.
-    fn append_constants(&mut self, grains: &Disks, ids: &[u32]) {
-        let n = grains.count();
-        self.append("id", n, &[], ids);
-        self.append("radius", n, &[], &grains.radius);
-        self.append("body", n, &[], &grains.body);
-        self.append("mass", n, &[], &grains.mass);
-    }
 }
 
 impl FrameWriter for NpzWriter {
@@ -137,10 +128,13 @@ impl FrameWriter for NpzWriter {
         self.append("strain", 1, &[], &[frame.strain]);
         self.append("bounds", 1, &[3, 2], run.bounds(frame).as_flattened());
         self.append("edges", 1, &[3, 3], run.edges(frame).as_flattened());
+        let (n, shared) = (records.grains.len(), run.file.grains());
         if is_first {
-            self.append_constants(run.file.grains(), run.file.ids());
+            self.append("id", n, &[], run.file.ids());
+            self.append("radius", n, &[], &shared.radius);
+            self.append("body", n, &[], &shared.body);
+            self.append("mass", n, &[], &shared.mass);
         }
-        let n = records.grains.len();
         let vectors = |value: fn(&GrainSample) -> [f64; 3]| -> Vec<f64> {
             records.grains.iter().flat_map(value).collect()
         };
@@ -150,10 +144,10 @@ impl FrameWriter for NpzWriter {
         self.append("angular_velocity", 1, &[n, 3], &spins);
         let images: Vec<i64> = records.grains.iter().flat_map(|g| g.image).collect();
         self.append("image", 1, &[n, 3], &images);
-        for (field, values) in run.shapes().iter().zip(&frame.fields) {
-            let shape = [n, field.components];
-            let axes = if field.components == 1 { 1 } else { 2 };
-            self.append(&field.name, 1, &shape[..axes], values);
+        for ((name, components), values) in run.shapes().iter().zip(&frame.fields) {
+            let shape = [n, *components];
+            let axes = if *components == 1 { 1 } else { 2 };
+            self.append(name, 1, &shape[..axes], values);
         }
         let contacts = &records.contacts;
         // Row of the first contact of each frame, and after the last.

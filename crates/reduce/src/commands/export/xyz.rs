@@ -34,8 +34,8 @@ impl XyzWriter {
             lattice.join(" "),
             pbc.join(" ")
         )?;
-        for shape in run.shapes() {
-            write!(file, ":{}:R:{}", shape.name, shape.components)?;
+        for (name, components) in run.shapes() {
+            write!(file, ":{name}:R:{components}")?;
         }
         write!(
             file,

@@ -11,6 +11,16 @@ const IMPOSED: &str = "imposed_normal_force";
 /// Loads are equal if their means over half a segment agree to this share: an oscillation is no
 /// change.
 const SAME_LOAD: f64 = 0.05;
+/// Columns that a row must have. Friction is undefined where the slider touches nothing.
+const MEASURED: [&str; 7] = [
+    "stress_ratio",
+    "normal_force",
+    "slip",
+    "drive_velocity",
+    "drive_displacement",
+    "slip_rate",
+    "kinetic_energy",
+];
 /// Smallest number of rows of the time series in a segment.
 const FEWEST_ROWS: usize = 20;
 
@@ -26,42 +36,21 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
              (shear.spring_stiffness or shear.spring_number)",
         )
     })?;
-    let mut time = run.series().time.clone();
-    let mut columns = [
-        "stress_ratio",
-        "normal_force",
-        "slip",
-        "drive_velocity",
-        "drive_displacement",
-        "slip_rate",
-        "kinetic_energy",
-    ]
-    .map(|name| run.series().column(name).to_vec());
     let series = run.series();
-    let mut imposed = series.has(IMPOSED).then(|| series.column(IMPOSED).to_vec());
-    // Friction is undefined in rows in which the slider touches nothing.
-    let is_whole = |row: usize| columns.iter().all(|column| column[row].is_finite());
-    let whole: Vec<bool> = (0..time.len()).map(is_whole).collect();
-    for values in columns.iter_mut().chain([&mut time]).chain(&mut imposed) {
-        let mut keep = whole.iter();
-        values.retain(|_| keep.next() == Some(&true));
-    }
-    let [
-        friction,
-        normal,
-        slip,
-        velocity,
-        displacement,
-        rate,
-        kinetic,
-    ] = &columns;
+    let measured = MEASURED.map(|name| series.column(name));
+    let is_whole = |row: &usize| measured.iter().all(|column| column[*row].is_finite());
+    let whole: Vec<usize> = (0..series.rows()).filter(is_whole).collect();
+    let of_whole = |all: &[f64]| -> Vec<f64> { whole.iter().map(|row| all[*row]).collect() };
+    let column = |name: &str| of_whole(series.column(name));
+    let (time, velocity) = (of_whole(&series.time), column("drive_velocity"));
     if let Some(row) = (1..time.len()).find(|&row| time[row] <= time[row - 1]) {
         let name = "observables/stress_ratio/time";
         return Err(run.wrong(format!("{name}: does not increase at row {row}")));
     }
-    let drive = of_drive(&time, velocity, displacement)
+    let drive = of_drive(&time, &velocity, &column("drive_displacement"))
         .map_err(|what| run.wrong(format!("observables/drive_velocity: {what}")))?;
     // What comes before the first slide, perhaps under another load, is left out.
+    let normal = column("normal_force");
     let normal = &normal[velocity.iter().position(|v| *v > 0.0).unwrap_or(0)..];
     let force = mean(normal);
     if !time.is_empty() && (force.is_nan() || force <= 0.0) {
@@ -69,13 +58,14 @@ pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
             "observables/normal_force: its mean is {force:e} N, must be positive: the slider must press on the sample"
         )));
     }
-    let measured = [time, slip.clone(), friction.clone()];
+    let measured = [time, column("slip"), column("stress_ratio")];
     let record = SliderRecord {
-        temperature: temperature(run, rate, kinetic),
+        temperature: temperature(run, &column("slip_rate"), &column("kinetic_energy")),
         ..SliderRecord::of_run(spring / force, drive, measured)
     };
     let tested = tested(&record).map_err(|what| run.wrong(what))?;
-    if let Some(imposed) = imposed {
+    if series.has(IMPOSED) {
+        let imposed = column(IMPOSED);
         let first = record.time.partition_point(|t| *t < tested.time[0]);
         one_load(&tested, &imposed[first..]).map_err(|what| run.wrong(what))?;
     }

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::Reduction;
 use gshear_analysis::moments::mean;
-use gshear_analysis::rate_state::{Evolution, Experiment, Fitted};
+use gshear_analysis::rate_state::{Estimate, Evolution, Experiment, Fit, Fitted};
 use gshear_store::csv_table::Table;
 
 /// Returns the tables with their names.
@@ -86,8 +86,7 @@ fn segments(reduction: &Reduction) -> String {
         })
         .column("granular_temperature", |(_, experiment, segment, _)| {
             let [_, half] = experiment.record.halves(*segment);
-            let values = &experiment.record.temperature[half];
-            known(mean(values))
+            known(mean(&experiment.record.temperature[half]))
         })
         .csv()
 }
@@ -117,10 +116,8 @@ fn steps(reduction: &Reduction) -> String {
 }
 
 fn after_steps(reduction: &Reduction) -> String {
-    let rows = reduction
-        .stacks
-        .iter()
-        .flat_map(|stack| stack.pieces.iter().map(move |piece| (stack, piece)));
+    let stacks = reduction.stacks.iter();
+    let rows = stacks.flat_map(|stack| stack.pieces.iter().map(move |piece| (stack, piece)));
     Table::of(rows)
         .columns(["velocity_before", "velocity_after"], |(stack, _)| {
             stack.velocities.map(known)
@@ -187,46 +184,36 @@ fn fits(reduction: &Reduction) -> String {
         let fits = fitted.fits.iter().zip(&fitted.chi_squared);
         fits.map(move |((law, fit), chi)| (fitted, law, fit, chi))
     });
+    let ends = |e: Estimate| {
+        let [low, high] = e.interval;
+        [e.value, low, high].map(|x| known(x).filter(|_| e.determined))
+    };
+    let windows = ["experiment", "first_segment", "last_segment"];
     let estimates = ["a", "b", "a_minus_b", "d_c", "mu_star"]
         .map(|name| ["", "_low", "_high"].map(|end| format!("{name}{end}")));
     Table::of(rows)
         .column("fit", |(fitted, ..)| fitted.name)
-        .columns(
-            ["experiment", "first_segment", "last_segment"],
-            |(fitted, ..)| match &fitted.event {
-                Some((k, range)) => [*k, range.start, range.end - 1].map(Some),
-                None => [None; 3],
-            },
-        )
-        .column("law", |(_, law, ..)| law.name())
-        .columns(estimates.into_iter().flatten(), |(_, _, fit, _)| {
-            match fit {
-                Ok(fit) => fit.estimates().map(|(_, e)| {
-                    if e.determined {
-                        [e.value, e.interval[0], e.interval[1]].map(known)
-                    } else {
-                        [None; 3]
-                    }
-                }),
-                Err(_) => [[None; 3]; 5],
-            }
-            .into_iter()
-            .flatten()
+        .columns(windows, |(fitted, ..)| match &fitted.event {
+            Some((k, range)) => [*k, range.start, range.end - 1].map(Some),
+            None => [None; 3],
         })
-        .columns(
-            ["v_star", "rms", "effective_values"],
-            |(_, _, fit, _)| match fit {
-                Ok(fit) => [fit.law.v_star, fit.rms, fit.effective].map(known),
-                Err(_) => [None; 3],
-            },
-        )
-        .column("chi_squared", |(_, _, fit, chi)| {
+        .column("law", |(_, law, ..)| law.name())
+        .columns(estimates.into_iter().flatten(), |(.., fit, _)| {
+            let found = |fit: &Fit| fit.estimates().map(|(_, estimate)| ends(estimate));
+            let found = fit.as_ref().map_or([[None; 3]; 5], found);
+            found.into_iter().flatten()
+        })
+        .columns(["v_star", "rms", "effective_values"], |(.., fit, _)| {
+            let found = |fit: &Fit| [fit.law.v_star, fit.rms, fit.effective].map(known);
+            fit.as_ref().map_or([None; 3], found)
+        })
+        .column("chi_squared", |(.., fit, chi)| {
             fit.as_ref().ok().and(**chi).and_then(known)
         })
-        .column("undetermined", |(_, _, fit, _)| {
+        .column("undetermined", |(.., fit, _)| {
             fit.as_ref().ok().map(|fit| fit.undetermined().join(" "))
         })
-        .column("why_none", |(_, _, fit, _)| {
+        .column("why_none", |(.., fit, _)| {
             fit.as_ref().err().map(String::as_str)
         })
         .csv()
@@ -298,36 +285,29 @@ fn experiment(experiment: &Experiment, runs: &[String]) -> Value {
 }
 
 fn fit(fitted: &Fitted) -> Value {
-    let laws = fitted
-        .fits
-        .iter()
-        .zip(&fitted.chi_squared)
-        .map(|((law, fit), chi)| {
-            let value = match fit {
-                Ok(fit) => {
-                    let mut value = json!({
-                        "v_star": fit.law.v_star,
-                        "critical_stiffness": fit.law.critical_stiffness(),
-                        "rms": fit.rms,
-                        "effective_values": fit.effective,
-                        "chi_squared": chi,
-                    });
-                    for (name, e) in fit.estimates() {
-                        value[name] = if e.determined {
-                            json!({ "value": e.value, "interval": e.interval })
-                        } else {
-                            Value::Null
-                        };
-                    }
-                    value
+    let fits = fitted.fits.iter().zip(&fitted.chi_squared);
+    let laws = fits.map(|((law, fit), chi)| {
+        let value = match fit {
+            Ok(fit) => {
+                let mut value = json!({
+                    "v_star": fit.law.v_star,
+                    "critical_stiffness": fit.law.critical_stiffness(),
+                    "rms": fit.rms,
+                    "effective_values": fit.effective,
+                    "chi_squared": chi,
+                });
+                for (name, e) in fit.estimates() {
+                    let known = json!({ "value": e.value, "interval": e.interval });
+                    value[name] = if e.determined { known } else { Value::Null };
                 }
-                Err(why) => json!({ "why_none": why }),
-            };
-            (law.name().to_string(), value)
-        });
-    let event = fitted
-        .event
-        .as_ref()
+                value
+            }
+            Err(why) => json!({ "why_none": why }),
+        };
+        (law.name().to_string(), value)
+    });
+    let event = fitted.event.as_ref();
+    let event = event
         .map(|(k, range)| json!({ "experiment": k, "segments": [range.start, range.end - 1] }));
     json!({
         "fit": fitted.name,

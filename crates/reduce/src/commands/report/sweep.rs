@@ -25,9 +25,8 @@ pub fn runs_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let unread = |e: std::io::Error| Failure::input(format!("{}: {e}", folder.display()));
     let entries = std::fs::read_dir(folder).map_err(unread)?.flatten();
     let paths = entries.map(|entry| entry.path());
-    let mut runs: Vec<_> = paths
-        .filter(|path| path.is_dir() && has_begun(path))
-        .collect();
+    let runs = paths.filter(|path| path.is_dir() && has_begun(path));
+    let mut runs: Vec<_> = runs.collect();
     runs.sort();
     if runs.is_empty() {
         return Err(Failure::input(format!(
@@ -127,11 +126,11 @@ fn unfinished(path: &Path) -> Result<Result<RunFile, String>, Failure> {
 }
 
 fn read(name: String, run: &RunFile, start: f64, columns: &[String]) -> Result<SweepRun, Failure> {
-    let mut of_frames = FrameScalars::COLUMNS.iter();
-    let scalars = if of_frames.any(|of| columns.iter().any(|name| name == of.name)) {
-        scalars::of_any(run)?
-    } else {
-        Vec::new()
-    };
+    let is_of_frames = |name: &String| FrameScalars::COLUMNS.iter().any(|of| of.name == name);
+    let asked = columns.iter().any(is_of_frames);
+    let scalars = asked
+        .then(|| scalars::of_any(run))
+        .transpose()?
+        .unwrap_or_default();
     Ok(SweepRun::of(name, run, start, columns, &scalars))
 }
