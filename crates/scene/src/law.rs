@@ -25,7 +25,7 @@ fn law_names() -> Vec<&'static str> {
 
 table! {
     /// The contacts of the grains.
-    CONTACT: ContactKeys "contact" All {
+    CONTACT: ContactKeys "contact" All Branch {
         /// contact law
         law: Word(law_names) {
             otherwise: "`\"lee-hurley\"`, in 3D `\"hertz\"`",

@@ -19,7 +19,7 @@ const CONTROL_NAMES: [&str; 3] = ["mass", "servo", "volume"];
 
 table! {
     /// The load on the top wall.
-    LOAD: LoadKeys "load" Walls {
+    LOAD: LoadKeys "load" Walls Branch {
         /// κ = d̄/δ̄, mean diameter over mean overlap; in 2D that is k_n/P
         stiffness_number: Number(Bounds {
                 from: Bound::Included(STIFFNESS_NUMBER_MIN),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{
-    BELOW_ONE, Change, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, Values, YOUNG_MODULUS,
+    BELOW_ONE, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, Values, YOUNG_MODULUS,
 };
 use gshear_dem::laws::{Contact, Law};
 use gshear_dem::state::{GrainState, Masses, body};
@@ -20,19 +20,14 @@ use crate::words::list;
 table! {
     /// The material of the grains; several are given as `[[material]]`, the first of them that of
     /// all grains that have no other.
-    MATERIAL: MaterialKeys "material" All {
+    MATERIAL: MaterialKeys "material" All Never {
         /// its name, by which other keys call it
-        name: Text(&[]) { condition: "with several materials", otherwise: "none", change: Change::Never },
+        name: Text(&[]) { condition: "with several materials", otherwise: "none" },
         /// share of the inserted grains that have it, by number; the first has the rest
-        fraction: Number(BELOW_ONE) {
-            condition: "not of the first",
-            otherwise: "0",
-            change: Change::Never,
-        },
+        fraction: Number(BELOW_ONE) { condition: "not of the first", otherwise: "0" },
         /// type of its free atoms in `sample.packing`
         atom_type: Whole(FROM_ONE) {
             otherwise: "1 of the first, 4 of the second, 5 of the third, …",
-            change: Change::Never,
         },
     }
 }

@@ -26,19 +26,15 @@ const METHOD_NAMES: [&str; 2] = names(&METHODS);
 
 table! {
     /// The periodic box.
-    BOX: BoxKeys "box" Box {
+    BOX: BoxKeys "box" Box Never {
         /// φ, the grains' volume (area in 2D) over that of the box; not with `sample.packing`,
         /// whose box it is
         solid_fraction: Number(Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) }) {
             what: "phi, the grains' volume over that of the box",
             example: "0.7",
-            change: Change::Never,
         },
         /// what a strain step does to the box
-        deformation: Text(&DEFORMATION_NAMES) {
-            default: DEFORMATION_NAMES[0],
-            change: Change::Never,
-        },
+        deformation: Text(&DEFORMATION_NAMES) { default: DEFORMATION_NAMES[0] },
         /// the packing is compressed or expanded to this pressure, with the scene's friction,
         /// before the first strain step; with `"biaxial"` the lateral stress, too
         pressure: Number(POSITIVE) {
@@ -46,18 +42,18 @@ table! {
             otherwise: "that of the solid fraction; required with `\"biaxial\"`",
             what: "the lateral stress",
             example: "1e-3",
-            change: Change::Never,
         },
         /// greatest relative error of these pressures, and of `aqs.pressures`
         pressure_tolerance: Number(Bounds { from: Bound::Excluded(0.0), to: Bound::Excluded(1.0) }) {
             default: "1e-4",
+            change: Change::Branch,
         },
     }
 }
 
 table! {
     /// How mechanical equilibrium is found in a box.
-    RELAX: RelaxKeys "relax" Box {
+    RELAX: RelaxKeys "relax" Box Branch {
         /// `"newton"`: Newton's method with the exact K, and overdamped dynamics if it does not
         /// converge; `"overdamped"`: overdamped dynamics only
         method: Text(&METHOD_NAMES) { default: METHOD_NAMES[0] },
@@ -76,7 +72,7 @@ table! {
 
 table! {
     /// Athermal quasi-static deformation of a box.
-    AQS: AqsKeys "aqs" Box {
+    AQS: AqsKeys "aqs" Box Branch {
         /// δγ, or δε of a biaxial box; of a box at a pressure also the greatest relative change of
         /// a length between two relaxations
         strain_step: Number(UNIT) { what: "delta gamma", example: "1e-4" },
@@ -118,7 +114,7 @@ table! {
 
 table! {
     /// Newton's equations in a box, after the strain steps.
-    NEWTONIAN: NewtonianKeys "newtonian" Box {
+    NEWTONIAN: NewtonianKeys "newtonian" Box Resume {
         /// duration of the last stage, in 1/ω_i of the complex pair that grows fastest (without
         /// one, in 1000 Δt); without `[newtonian]` there is none
         growth_times: Number(POSITIVE) {
@@ -128,11 +124,11 @@ table! {
         },
         /// rows of its time series at equal intervals, beside two stretches that resolve the
         /// oscillation; 0 is none
-        rows: Whole(FROM_ZERO) { default: "20000", change: Change::Resume },
+        rows: Whole(FROM_ZERO) { default: "20000" },
         /// frames of it; 0 is none
-        frames: Whole(FROM_ZERO) { default: "200", change: Change::Resume },
+        frames: Whole(FROM_ZERO) { default: "200" },
         /// times at which all eigenvalues are written; 0 is none
-        spectra: Whole(FROM_ZERO) { default: "0", change: Change::Resume },
+        spectra: Whole(FROM_ZERO) { default: "0" },
     }
 }
 

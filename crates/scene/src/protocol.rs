@@ -17,7 +17,7 @@ use crate::words::{known_names, meant, show};
 
 table! {
     /// The shear.
-    SHEAR: ShearKeys "shear" Walls {
+    SHEAR: ShearKeys "shear" Walls Branch {
         /// inertial number I = γ̇ √(m̄/P) with m̄ per depth, in 3D γ̇ d̄ √(ρ/P)
         inertial_number: Number(POSITIVE) {},
         /// V of the top wall
@@ -43,7 +43,7 @@ table! {
 
 table! {
     /// The keys of a part of the protocol.
-    PART: PartKeys {
+    PART: PartKeys Branch {
         /// velocity of the drive; 0 is a hold, less reverses it
         velocity: Number(ANY) { unit: "m/s" },
         /// how far the drive moves, with `velocity`

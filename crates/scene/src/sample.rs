@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Bounds, Change, Integers, Key, POSITIVE, SHARE, UNIT, Values};
+use gshear_dem::laws::keys::{Bounds, Integers, Key, POSITIVE, SHARE, UNIT, Values};
 use gshear_dem::state::{Confinement, Ids};
 use serde::{Deserialize, Serialize};
 
@@ -53,37 +53,29 @@ const LAYERS: Bounds = Bounds {
 
 table! {
     /// The grains and their cell.
-    SAMPLE: SampleKeys "sample" All {
+    SAMPLE: SampleKeys "sample" All Never {
         /// number of grains N, those of the walls included
         grains: Whole(Integers { from: 1, to: u32::MAX as i64 }) {
             what: "the number of grains",
             example: "1000",
-            change: Change::Never,
         },
         /// least radius R
-        radius_min: Number(POSITIVE) {
-            unit: "m",
-            what: "the least R",
-            example: "0.5e-6",
-            change: Change::Never,
-        },
+        radius_min: Number(POSITIVE) { unit: "m", what: "the least R", example: "0.5e-6" },
         /// greatest radius R
         radius_max: Number(POSITIVE) {
             unit: "m",
             condition: "≥ `radius_min`",
             what: "the greatest R",
             example: "1e-6",
-            change: Change::Never,
         },
         /// distribution of R between them; `"binary"` is either of the two
-        sizes: Text(&Sizes::NAMES) { default: Sizes::NAMES[0], change: Change::Never },
+        sizes: Text(&Sizes::NAMES) { default: Sizes::NAMES[0] },
         /// mean of R of the distribution before its ends are cut off
         radius_mean: Number(POSITIVE) {
             unit: "m",
             condition: "with `\"normal\"` and `\"lognormal\"`",
             what: "the mean of R of the distribution before its ends are cut off",
             example: "1.5e-3",
-            change: Change::Never,
         },
         /// its standard deviation
         radius_deviation: Number(POSITIVE) {
@@ -91,14 +83,12 @@ table! {
             condition: "with `\"normal\"` and `\"lognormal\"`",
             what: "the standard deviation of R of the distribution before its ends are cut off",
             example: "0.5e-3",
-            change: Change::Never,
         },
         /// α of a number of grains per radius of R^-α
         radius_exponent: Number(EXPONENT) {
             condition: "with `\"power\"`",
             what: "α of a number of grains per radius of R^-α",
             example: "2.5",
-            change: Change::Never,
         },
         /// mesh widths of a grading curve: diameters, instead of `radius_min` and `radius_max`
         sieves: Numbers(POSITIVE) {
@@ -106,39 +96,33 @@ table! {
             condition: "two or more, ascending, with `\"table\"`",
             what: "the mesh widths of a grading curve (diameters)",
             example: "[0.5e-3, 1e-3, 2e-3]",
-            change: Change::Never,
         },
         /// share that passes each sieve; straight lines over the logarithm of the width between
         passing: Numbers(SHARE) {
             condition: "0 … 1, ascending, with `\"table\"`",
             what: "the share that passes each of sample.sieves",
             example: "[0.0, 0.4, 1.0]",
-            change: Change::Never,
         },
         /// what the shares are of
         passing_by: Text(&PASSING_NAMES) {
             condition: "with `\"table\"`",
             default: PASSING_NAMES[0],
-            change: Change::Never,
         },
         /// share of the grains that have `radius_max`
         large_fraction: Number(UNIT) {
             condition: "with `\"binary\"`",
             what: "the share of the grains that have radius_max",
             example: "0.5",
-            change: Change::Never,
         },
         /// what that share is of
         large_fraction_by: Text(&SHARE_NAMES) {
             condition: "with `\"binary\"`",
             default: SHARE_NAMES[0],
-            change: Change::Never,
         },
         /// material of the grains that have `radius_max`
         large_material: Text(&[]) {
             condition: "with `\"binary\"` and several materials",
             otherwise: "as `material.fraction` says",
-            change: Change::Never,
         },
         /// radii, each as likely as the others, instead of `radius_min` and `radius_max`
         radii: Numbers(POSITIVE) {
@@ -146,13 +130,11 @@ table! {
             condition: "one or more, with `\"list\"`",
             what: "the radii, each as likely as the others",
             example: "[1e-3, 1.5e-3]",
-            change: Change::Never,
         },
         /// where the grains of a box begin
         placement: Text(&PLACEMENT_NAMES) {
             condition: "with `[box]`",
             default: PLACEMENT_NAMES[0],
-            change: Change::Never,
         },
         /// L_x, periodic
         length: Number(POSITIVE) {
@@ -160,7 +142,6 @@ table! {
             condition: "≥ 4 diameters of the largest grain",
             what: "L_x",
             example: "48e-6",
-            change: Change::Never,
         },
         /// L_y, periodic; 3D only
         width: Number(POSITIVE) {
@@ -168,40 +149,29 @@ table! {
             condition: "≥ 4 diameters of the largest grain",
             what: "L_y",
             example: "30e-3",
-            change: Change::Never,
         },
         /// file with the grains, instead of insertion: LAMMPS data or dump, a list, or a run
-        packing: Text(&[]) {
-            condition: "a path, from the folder of this file",
-            otherwise: "none",
-            change: Change::Never,
-        },
+        packing: Text(&[]) { condition: "a path, from the folder of this file", otherwise: "none" },
         /// copies of the packing beside each other along its periodic axes: `[n_x]`, in 3D
         /// `[n_x, n_y]`; in a box one more
-        replicate: Numbers(COPIES) {
-            condition: "whole numbers",
-            otherwise: "once",
-            change: Change::Never,
-        },
+        replicate: Numbers(COPIES) { condition: "whole numbers", otherwise: "once" },
         /// what bounds the sample below and above: walls of its grains; its own images, which
         /// move as a top wall does (Lees and Edwards); `"free"`, a wall below and nothing above
-        boundary: Text(&BOUNDARY_NAMES) { default: BOUNDARY_NAMES[0], change: Change::Never },
+        boundary: Text(&BOUNDARY_NAMES) { default: BOUNDARY_NAMES[0] },
         /// what its walls are: its grains near the edges; those of the types 2 and 3 of a packing;
         /// or planes, `"flat"`
         walls: Text(&WALLS_NAMES) {
             otherwise: "`\"types\"` if a packing has the types 1, 2 and 3, below a free surface 1 and 2, else `\"layers\"`",
-            change: Change::Never,
         },
         /// material of the walls
         wall_material: Text(&[]) {
             condition: "with several materials",
             otherwise: "those of their grains",
-            change: Change::Never,
         },
         /// what happens to a grain that passes a wall: it ends the run, or is removed
-        outside: Text(&OUTSIDE_NAMES) { default: OUTSIDE_NAMES[0], change: Change::Never },
+        outside: Text(&OUTSIDE_NAMES) { default: OUTSIDE_NAMES[0] },
         /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min
-        wall_thickness: Number(LAYERS) { default: "1.0", change: Change::Never },
+        wall_thickness: Number(LAYERS) { default: "1.0" },
     }
 }
 

@@ -14,7 +14,7 @@ use crate::words::show;
 
 table! {
     /// The time step.
-    TIME: TimeKeys "time" All {
+    TIME: TimeKeys "time" All Branch {
         /// Δt
         step: Number(POSITIVE) { unit: "s", condition: "at most the stability limit" },
         /// Δt is a hundredth of the time for which two of the smallest spheres collide at this

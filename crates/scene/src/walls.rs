@@ -18,7 +18,7 @@ use crate::table::table;
 
 table! {
     /// The compression of the sample.
-    PACK: PackKeys "pack" Walls {
+    PACK: PackKeys "pack" Walls Branch {
         /// shear the grains of `sample.packing` as they are
         skip: Flag {
             condition: "true with `sample.packing` only",
