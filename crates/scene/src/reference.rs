@@ -1,7 +1,6 @@
 //! The reference of the configuration, made from the declarations of its keys: the tables of
 //! docs/config.md and the JSON schema docs/scene.schema.json. `make docs` writes both.
 
-use std::fmt::Write;
 use std::ops::Bound;
 
 use gshear_dem::dimension::Dimensions;
@@ -113,9 +112,7 @@ pub fn key_tables() -> String {
             "" => "Above all tables".into(),
             name => format!("`[{name}]`"),
         };
-        // Writing to a string cannot fail.
-        let _ = write!(
-            page,
+        page += &format!(
             "\n### {heading}\n\n| key | meaning | unit | default | allowed | change |\n| --- | --- | --- | --- | --- | --- |\n"
         );
         for key in table.keys() {
@@ -127,19 +124,12 @@ pub fn key_tables() -> String {
                 marked(allowed(key), key, TableColumn::Allowed),
                 key.change.name().into(),
             ];
-            page.push('|');
-            for cell in cells {
-                let _ = match &cell[..] {
-                    "" => write!(page, " |"),
-                    cell => write!(page, " {cell} |"),
-                };
-            }
-            page.push('\n');
+            page += &row(&cells);
         }
     }
-    page.push_str("\n### Footnotes\n");
+    page += "\n### Footnotes\n";
     for Footnote { mark, text, .. } in &FOOTNOTES {
-        let _ = write!(page, "\n{mark} {text}\n");
+        page += &format!("\n{mark} {text}\n");
     }
     page + &part_table() + "\n" + END
 }
@@ -156,16 +146,19 @@ fn part_table() -> String {
             key.unit.into(),
             allowed(key),
         ];
-        let cells = cells.map(|cell| {
-            if cell.is_empty() {
-                " ".into()
-            } else {
-                format!(" {cell} ")
-            }
-        });
-        let _ = writeln!(table, "|{}|", cells.join("|"));
+        table += &row(&cells);
     }
     table
+}
+
+/// A row of a table.
+fn row(cells: &[String]) -> String {
+    let cell = |text: &String| match &text[..] {
+        "" => " |".into(),
+        text => format!(" {text} |"),
+    };
+    let cells: String = cells.iter().map(cell).collect();
+    format!("|{cells}\n")
 }
 
 /// A cell with the marks of its footnotes.
