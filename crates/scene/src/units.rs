@@ -30,29 +30,34 @@ struct Unit {
 /// A unit that has a symbol.
 struct Symbol {
     name: &'static str,
-    dimension: Dimension,
-    /// The exponent of ten.
-    ten: i32,
-    factor: f64,
+    unit: Unit,
     /// Whether it takes a prefix.
     prefixed: bool,
 }
 
+/// `ten`: the exponent.
 const fn symbol(name: &'static str, dimension: Dimension, ten: i32) -> Symbol {
+    let ten = 2 * ten;
     Symbol {
         name,
-        dimension,
-        ten,
-        factor: 1.0,
+        unit: Unit {
+            dimension,
+            ten,
+            ..Unit::ONE
+        },
         prefixed: true,
     }
 }
 
-const fn of_time(name: &'static str, factor: f64) -> Symbol {
+const fn without_prefix(name: &'static str, dimension: Dimension, factor: f64) -> Symbol {
     Symbol {
-        factor,
+        name,
+        unit: Unit {
+            dimension,
+            factor,
+            ..Unit::ONE
+        },
         prefixed: false,
-        ..symbol(name, TIME, 0)
     }
 }
 
@@ -65,8 +70,8 @@ const SYMBOLS: [Symbol; 11] = [
     symbol("J", [4, 2, -4], 0),
     symbol("Hz", [0, 0, -2], 0),
     symbol("bar", PRESSURE, 5),
-    of_time("min", 60.0),
-    of_time("h", 3600.0),
+    without_prefix("min", TIME, 60.0),
+    without_prefix("h", TIME, 3600.0),
     Symbol {
         prefixed: false,
         ..symbol("t", [0, 2, 0], 3)
@@ -91,10 +96,8 @@ const PREFIXES: [(&str, i32); 12] = [
 
 /// The digit or sign that a raised character stands for, as in `m⁻²`.
 fn raised(c: char) -> Option<char> {
-    let characters = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().zip("0123456789-".chars());
-    characters
-        .into_iter()
-        .find_map(|(of, plain)| (of == c).then_some(plain))
+    let mut characters = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().zip("0123456789-".chars());
+    characters.find_map(|(of, plain)| (of == c).then_some(plain))
 }
 
 /// What dimensions are called.
@@ -188,18 +191,15 @@ impl Unit {
         if name == "1" {
             return Ok((Self::ONE, exponent));
         }
-        let found = |symbol: &Symbol, prefix: i32| Self {
-            dimension: symbol.dimension,
-            ten: 2 * (symbol.ten + prefix),
-            factor: symbol.factor,
-        };
         if let Some(symbol) = SYMBOLS.iter().find(|symbol| symbol.name == name) {
-            return Ok((found(symbol, 0), exponent));
+            return Ok((symbol.unit, exponent));
         }
         let prefixed = PREFIXES.iter().find_map(|(prefix, ten)| {
             let name = name.strip_prefix(prefix)?;
             let mut all = SYMBOLS.iter().filter(|symbol| symbol.prefixed);
-            Some(found(all.find(|symbol| symbol.name == name)?, *ten))
+            let mut unit = all.find(|symbol| symbol.name == name)?.unit;
+            unit.ten += 2 * ten;
+            Some(unit)
         });
         Ok((prefixed.ok_or_else(unknown)?, exponent))
     }
@@ -309,14 +309,12 @@ fn converted(text: &str, units: &[String]) -> Result<String, String> {
         ));
     }
     if units.iter().all(String::is_empty) || wanted.is_empty() {
-        let plain = match unit {
-            "%" => Unit {
-                ten: -4,
-                ..Unit::ONE
-            }
-            .convert(number),
-            _ => None,
+        let percent = Unit {
+            ten: -4,
+            ..Unit::ONE
         };
+        let plain = Some(percent).filter(|_| unit == "%");
+        let plain = plain.and_then(|percent| percent.convert(number));
         let plain = plain.map_or(number.to_string(), |value| format!("{value:?}"));
         return Err(format!(
             "takes a number without a unit, found {text:?}; write {plain}"
@@ -329,10 +327,8 @@ fn converted(text: &str, units: &[String]) -> Result<String, String> {
             let prefixed = prefixed.map(|(prefix, _)| format!("{prefix}{}", symbol.name));
             prefixed.chain([symbol.name.to_string()])
         });
-        let near = near
-            .filter(|name| name.to_lowercase() == part.to_lowercase())
-            .collect::<Vec<_>>();
-        let hint = match &near[..] {
+        let near = near.filter(|name| name.to_lowercase() == part.to_lowercase());
+        let hint = match &near.collect::<Vec<_>>()[..] {
             [] => String::new(),
             near => format!(" (did you mean {}?)", near.join(" or ")),
         };
