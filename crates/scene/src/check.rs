@@ -2,6 +2,7 @@
 
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::KeyReader;
 
 use crate::checker::Checker;
 use crate::general::{SCENE, check_bookkeeping};
@@ -47,14 +48,10 @@ pub(crate) fn scene(
     if !c.is_given(&SCENE.title) {
         c.fill(&SCENE.title, default_title);
     }
-    let of_walls = match &boundary {
-        Boundary::Walls(walls) => Some(walls),
-        Boundary::Periodic(_) => None,
-    };
     for (law, contact) in &materials.laws {
         law::check_attraction(c, (law, contact), &sample);
     }
-    let time_step = time::derive(c, &materials, &sample, of_walls)?;
+    let time_step = time::derive(c, &materials, &sample, boundary.walls())?;
     if let Boundary::Walls(walls) = &mut boundary {
         let greatest = (
             walls.greatest_overlap(&law, &contact, &sample),
@@ -104,7 +101,7 @@ const PATIENCE: f64 = 10.0;
 
 /// Stiff samples come to rest in as many more steps as their time step is shorter.
 fn allow_steps(c: &mut Checker<'_>, scene: &mut Scene) {
-    let Ok(PlaneShear { load, .. }) = scene.plane_shear("") else {
+    let Some(PlaneShear { load, .. }) = scene.boundary.walls() else {
         return;
     };
     let allowed = PATIENCE * packing_steps(scene, load);

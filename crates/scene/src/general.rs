@@ -1,6 +1,6 @@
 //! The keys above all tables, and `[bookkeeping]`.
 
-use gshear_dem::laws::keys::{Change, FROM_ZERO, Integers, NOT_NEGATIVE, UNIT};
+use gshear_dem::laws::keys::{Change, FROM_ZERO, Integers, KeyReader, NOT_NEGATIVE, UNIT};
 use gshear_dem::simd::Isa;
 use gshear_dem::system::ListSettings;
 

@@ -45,7 +45,7 @@ pub struct Atom {
     pub line: usize,
 }
 
-const AXES: [&str; 3] = ["x", "y", "z"];
+pub(crate) const AXES: [&str; 3] = ["x", "y", "z"];
 /// Sections that are skipped, by their last word.
 const PASSED_OVER: [&str; 3] = ["Masses", "Coeffs", "Labels"];
 /// Sections of what grains do not have, which must be empty.

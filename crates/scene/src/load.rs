@@ -4,7 +4,7 @@ use std::ops::Bound;
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{Bounds, Change, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{Bounds, Change, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::state::{Confinement, Masses};
 use gshear_dem::wave::sine_and_cosine;
 
@@ -123,9 +123,8 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     let is_free = confinement == Confinement::FreeSurface;
     if is_free {
         let why = "loads a top wall, but sample.boundary = \"free\" has none";
-        for key in WAYS.into_iter().chain([&LOAD.control]) {
-            c.useless(key, why);
-        }
+        c.all_useless(&WAYS, why);
+        c.useless(&LOAD.control, why);
         c.required(&LOAD.gravity);
     } else {
         c.exactly_one(
@@ -139,22 +138,16 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     let gravity = c.number_or_default(&LOAD.gravity);
     let incline = c.number_or_default(&LOAD.incline);
     if is_free && gravity <= 0.0 && c.is_given(&LOAD.gravity) {
-        c.refuse(
-            &LOAD.gravity,
-            "must be positive where sample.boundary = \"free\"",
-        );
+        let what = "must be positive where sample.boundary = \"free\"";
+        c.refuse(&LOAD.gravity, what);
     }
     if is_free && incline >= 90.0 {
-        c.refuse(
-            &LOAD.incline,
-            "must be less than 90 degrees where sample.boundary = \"free\"",
-        );
+        let what = "must be less than 90 degrees where sample.boundary = \"free\"";
+        c.refuse(&LOAD.incline, what);
     }
     if incline > 0.0 && gravity <= 0.0 {
-        c.refuse(
-            &LOAD.incline,
-            "inclines gravity; give load.gravity, or leave it out",
-        );
+        let what = "inclines gravity; give load.gravity, or leave it out";
+        c.refuse(&LOAD.incline, what);
     }
     if c.choice(&LOAD.control) != Some("volume") {
         let why = "applies to load.control = \"volume\"";
@@ -162,8 +155,7 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     }
     if c.choice(&LOAD.control) != Some("servo") {
         let why = "applies to load.control = \"servo\"";
-        c.useless(&LOAD.servo_gain, why);
-        c.useless(&LOAD.servo_speed_max, why);
+        c.all_useless(&[&LOAD.servo_gain, &LOAD.servo_speed_max], why);
     }
 }
 
@@ -209,11 +201,11 @@ pub(crate) fn derive(
     let range = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN];
     let [least, most] = range.map(|kappa| derived::pressure(law, sample, kappa));
     // What the key must be multiplied by for a pressure, and its value.
-    let (unit, factor, found) = match (key.path, sample.is_planar()) {
-        (path, planar) if path == LOAD.normal_force.path => {
-            (if planar { "N/m" } else { "N" }, base, normal_force)
+    let (unit, factor, found) = match key.path {
+        path if path == LOAD.normal_force.path => {
+            (sample.by_dimension("N/m", "N"), base, normal_force)
         }
-        (path, _) if path == LOAD.gravity.path => ("m/s²", gravity / pressure, gravity),
+        path if path == LOAD.gravity.path => ("m/s²", gravity / pressure, gravity),
         _ => ("Pa", 1.0, pressure),
     };
     let what = format!(
@@ -238,11 +230,7 @@ pub(crate) fn check_packable(c: &mut Checker<'_>, law: &Law, sample: &Sample, lo
     let overlap = law.largest_overlap(r, r);
     let force = law.normal_stiffness(r, r, overlap) * overlap;
     let largest = 2.0 * sample.radius_max;
-    let section = if sample.is_planar() {
-        largest
-    } else {
-        largest * largest
-    };
+    let section = sample.by_dimension(1.0, largest) * largest;
     let most = force / (BORNE * section);
     if load.pressure <= most {
         return;

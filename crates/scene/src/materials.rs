@@ -15,7 +15,7 @@ use crate::law::{CONTACT, ContactKeys, PAIR, contact_of, is_jkr, lacks_stiffness
 use crate::sample::{SAMPLE, is_flat};
 use crate::table::{Table, laws_with, table};
 use crate::value::{Entries, Value};
-use crate::words::list;
+use crate::words::quoted_list;
 
 table! {
     /// The material of the grains; several are given as `[[material]]`, the first of them that of
@@ -278,9 +278,8 @@ pub(crate) fn check(
     };
     if others.is_empty() {
         let why = "names one of several [[material]], but there is one material";
-        for key in [&CONTACT.pair, &SAMPLE.wall_material, &SAMPLE.large_material] {
-            c.useless(key, why);
-        }
+        let keys = [&CONTACT.pair, &SAMPLE.wall_material, &SAMPLE.large_material];
+        c.all_useless(&keys, why);
         if c.number(&MATERIAL.fraction).is_some_and(|part| part > 0.0) {
             c.refuse(
                 &MATERIAL.fraction,
@@ -297,19 +296,18 @@ pub(crate) fn check(
     all.wall = named(c, &SAMPLE.wall_material, &all.names);
     all.large = named(c, &SAMPLE.large_material, &all.names);
     if all.wall.is_none() && is_flat(c) {
-        let names: Vec<String> = all.names.iter().map(|name| format!("{name:?}")).collect();
-        let names = list(&names, "or");
+        let names = quoted_list(&all.names, "or");
         let what = format!(
             "sample.walls = \"flat\" needs a material where there are several; give {names}"
         );
         c.refuse(&SAMPLE.wall_material, &what);
     }
     let count = all.names.len();
-    let densities: Vec<f64> = (0..count)
-        .map(|k| match k {
-            0 => c.known(&DENSITY),
-            k => others[k - 1].number(&DENSITY).unwrap_or(f64::NAN),
-        })
+    let of_others = others
+        .iter()
+        .map(|of| of.number(&DENSITY).unwrap_or(f64::NAN));
+    let densities: Vec<f64> = std::iter::once(c.known(&DENSITY))
+        .chain(of_others)
         .collect();
     if densities.iter().any(|density| density.is_nan()) {
         c.refuse(&OTHERS, "each material must have a density (kg/m³)");
@@ -431,12 +429,8 @@ fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<([usize;
                 found.push(([i, j], table));
             }
             _ => {
-                let known: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
-                let what = format!(
-                    "{}: materials must be a list of two names of {}",
-                    table.place,
-                    list(&known, "and")
-                );
+                let (place, names) = (&table.place, quoted_list(names, "and"));
+                let what = format!("{place}: materials must be a list of two names of {names}");
                 c.refuse(&CONTACT.pair, &what);
             }
         }
@@ -449,11 +443,8 @@ fn named(c: &mut Checker<'_>, key: &Key, names: &[String]) -> Option<u64> {
     let name = c.text(key)?.to_string();
     let found = names.iter().position(|known| *known == name);
     if found.is_none() {
-        let known: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
-        c.refuse(
-            key,
-            &format!("must be {}, found {name:?}", list(&known, "or")),
-        );
+        let what = format!("must be {}, found {name:?}", quoted_list(names, "or"));
+        c.refuse(key, &what);
     }
     found.map(|k| k as u64)
 }
@@ -467,6 +458,7 @@ mod tests {
     use crate::identity::identity;
     use crate::insertion::Lattice;
     use crate::sample::Origin;
+    use crate::testing::overrides;
     use crate::{Scene, Source, load};
 
     const MIXTURE: &str = r#"
@@ -485,8 +477,7 @@ mod tests {
     "#;
 
     fn mixture(sets: &[&str]) -> Result<Scene, Failure> {
-        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        load(&Source::new("mixture.toml", MIXTURE), &sets)
+        load(&Source::new("mixture.toml", MIXTURE), &overrides(sets))
     }
 
     /// F_n = (4/3) E* √R* δ^(3/2) and k_t = 8 G* √(R*δ) of unlike spheres (K. L. Johnson, Contact
@@ -558,11 +549,8 @@ mod tests {
         let scene = load(&Source::new("s", &text), &sets.map(String::from)).expect("a scene");
         let grains = made(&scene);
         let is_large = |r: f64| r == scene.sample.radius_max;
-        assert!(
-            grains
-                .iter()
-                .all(|g| (g.material == 1) == is_large(g.radius))
-        );
+        let mut materials = grains.iter().map(|g| (g.material == 1, is_large(g.radius)));
+        assert!(materials.all(|(is_steel, is_large)| is_steel == is_large));
         let volume = |large: bool| -> f64 {
             let of = grains.iter().filter(|g| is_large(g.radius) == large);
             of.map(|g| g.radius.powi(3)).sum()
@@ -582,10 +570,8 @@ mod tests {
         for sets in [&[][..], &hertz] {
             let scene = mixture(sets).expect("a scene");
             let again = load(&Source::new("s", &scene.toml), &[]).expect("a scene");
-            assert_eq!(
-                (&again.toml, &again.materials.laws),
-                (&scene.toml, &scene.materials.laws)
-            );
+            assert_eq!(again.toml, scene.toml);
+            assert_eq!(again.materials.laws, scene.materials.laws);
             assert_eq!(identity(&again), identity(&scene));
         }
         let scene = mixture(&[]).expect("a scene");

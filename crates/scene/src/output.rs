@@ -1,7 +1,7 @@
 //! What is written and computed of the shear: `[output]` and `[analysis]`.
 
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::laws::keys::{FROM_ZERO, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{FROM_ZERO, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 
 use crate::checker::Checker;
 use crate::table::table;
@@ -107,13 +107,10 @@ pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
     let keys = &OUTPUT;
     if protocol {
         let why = "does not apply to the parts of shear.protocol; give frame_rows and series_rows, the frames and rows of each part";
-        for key in STRAINS {
-            c.useless(key, why);
-        }
+        c.all_useless(&STRAINS, why);
     } else {
         let why = "counts per part of shear.protocol, which is not given";
-        c.useless(&keys.frame_rows, why);
-        c.useless(&keys.series_rows, why);
+        c.all_useless(&[&keys.frame_rows, &keys.series_rows], why);
     }
     Output {
         frame_strain: c.number_or_default(&keys.frame_strain),
@@ -152,10 +149,8 @@ pub(crate) fn check_analysis(
         start: c.number(&keys.start).unwrap_or(output.frame_start),
     };
     if scalars && dimension == Dimensions::Three {
-        c.refuse(
-            &keys.scalars,
-            "the scalars of frames are those of disks; leave it out with dimension = 3",
-        );
+        let what = "the scalars of frames are those of disks; leave it out with dimension = 3";
+        c.refuse(&keys.scalars, what);
     }
     // 0 is no interval of its own.
     if found.strain > 0.0 {
@@ -164,8 +159,7 @@ pub(crate) fn check_analysis(
     c.fill(&keys.start, found.start);
     if protocol {
         let why = "does not apply to the parts of shear.protocol";
-        c.useless(&keys.strain, why);
-        c.useless(&keys.start, why);
+        c.all_useless(&[&keys.strain, &keys.start], why);
         if scalars {
             c.useless(&keys.scalars, why);
         }

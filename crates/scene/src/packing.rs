@@ -10,7 +10,7 @@ use flate2::read::MultiGzDecoder;
 
 use crate::identity::hash;
 use crate::insertion::{finish_walls, freeze_walls};
-use crate::lammps_data::{self, Atom, DataFile};
+use crate::lammps_data::{self, AXES, Atom, DataFile};
 use crate::lammps_dump;
 use crate::sample::{Arrangement, PackingFile, Walls};
 use crate::scene::{Boundary, Scene};
@@ -149,7 +149,7 @@ fn replicated(
         !(low + (high - low) * f64::from(copies[axis])).is_finite()
     };
     if let Some(axis) = (0..3).find(|axis| too_long(*axis)) {
-        let (copies, axis) = (copies[axis], ["x", "y", "z"][axis]);
+        let (copies, axis) = (copies[axis], AXES[axis]);
         let what = format!(
             "{copies} copies of the box along {axis} (sample.replicate) are longer than a number can say; give fewer"
         );
@@ -160,11 +160,8 @@ fn replicated(
         let faster = data.stream.filter(|_| axis == up).unwrap_or(0.0);
         let [low, high] = data.bounds[axis];
         let [xy, xz, yz] = data.tilt;
-        let edge = [
-            [high - low, 0.0, 0.0],
-            [xy, high - low, 0.0],
-            [xz, yz, high - low],
-        ][axis];
+        let mut edge = [[0.0; 3], [xy, 0.0, 0.0], [xz, yz, 0.0]][axis];
+        edge[axis] = high - low;
         let once = data.atoms.clone();
         let last = once.iter().map(|atom| atom.id).max().unwrap_or(0);
         for copy in 1..copies {
@@ -184,10 +181,8 @@ fn replicated(
         if axis == up {
             data.stream = data.stream.map(|stream| stream * f64::from(copies));
         }
-        for (k, to) in [(0, 1), (1, 2), (2, 2)] {
-            if to == axis {
-                data.tilt[k] *= f64::from(copies);
-            }
+        for tilt in [&[][..], &[0], &[1, 2]][axis] {
+            data.tilt[*tilt] *= f64::from(copies);
         }
     }
     Ok(data)
@@ -259,15 +254,14 @@ fn unpacked(name: &str, bytes: Vec<u8>) -> Result<Vec<u8>, Failure> {
 }
 
 /// Refuses a grain that is out of the box or moves out of the plane of disks, and puts it into the
-/// periods: coordinates along them begin at 0. `offset`: of a box that is periodic along its last
+/// periods: coordinates along them begin at 0. `up`: the last axis; `offset`: of a box that is periodic along its last
 /// axis, too.
 fn place(
     a: &mut Atom,
-    planar: bool,
+    up: usize,
     bounds: &[[f64; 2]; 3],
     offset: Option<f64>,
 ) -> Result<(), String> {
-    let up = if planar { 1 } else { 2 };
     let out_of_plane = [
         ("z", a.position[2]),
         ("vz", a.velocity[2]),
@@ -275,7 +269,7 @@ fn place(
         ("wy", a.angular_velocity[1]),
     ];
     let moving = out_of_plane.into_iter().find(|(_, value)| *value != 0.0);
-    if let Some((what, value)) = moving.filter(|_| planar) {
+    if let Some((what, value)) = moving.filter(|_| up == 1) {
         return Err(format!(
             "{what} of atom {} is {value:?}; in a packing of disks it is 0",
             a.id
@@ -283,7 +277,7 @@ fn place(
     }
     let (height, [bottom, top]) = (a.position[up], bounds[up]);
     if offset.is_none() && !(bottom..=top).contains(&height) {
-        let axis = ["x", "y", "z"][up];
+        let axis = AXES[up];
         return Err(format!(
             "atom {} is out of the box: {axis} = {height:?}, the box has {bottom:?} {top:?} {axis}lo {axis}hi",
             a.id
@@ -295,7 +289,7 @@ fn place(
         let (inside, period) = (a.position[axis] - low, high - low);
         let is_near = inside.abs() <= MOST_PERIODS * period;
         if !is_near {
-            let name = ["x", "y", "z"][axis];
+            let name = AXES[axis];
             return Err(format!(
                 "{name} of atom {} is {:?}, more than {MOST_PERIODS:e} periods from the box, {low:?} {high:?} {name}lo {name}hi; give a place in the box",
                 a.id, a.position[axis]
@@ -359,18 +353,24 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
     Ok(())
 }
 
-/// Whether the grains are disks: all in the plane z = 0, or in a box no thicker than `thinnest`
-/// (m).
-fn is_planar(name: &str, atoms: &[Atom], z: [f64; 2], thinnest: f64) -> Result<bool, Failure> {
-    let planar = gradient(atoms) == 1 || z[1] - z[0] <= (1.0 + 1e-9) * thinnest;
-    let [low, high] = z;
-    if planar && (low > 0.0 || high < 0.0) {
+/// Disks if all are in the plane z = 0, or in a box no thicker than `thinnest` (m).
+fn dimension_of(
+    name: &str,
+    atoms: &[Atom],
+    [low, high]: [f64; 2],
+    thinnest: f64,
+) -> Result<Dimensions, Failure> {
+    let planar = gradient(atoms) == 1 || high - low <= (1.0 + 1e-9) * thinnest;
+    if !planar {
+        return Ok(Dimensions::Three);
+    }
+    if low > 0.0 || high < 0.0 {
         let what = format!(
             "the box is beside the plane z = 0, in which the disks are: {low:?} {high:?} zlo zhi"
         );
         return Err(wrong(name, 0, what));
     }
-    Ok(planar)
+    Ok(Dimensions::Two)
 }
 
 /// Refuses ids of sorted atoms that occur twice or are too great.
@@ -479,8 +479,8 @@ impl Packing {
         let largest = atoms.iter().fold(0.0, |d: f64, a| d.max(a.diameter));
         // Flat walls may hold a single layer of spheres.
         let thinnest = if arrangement.flat { 0.0 } else { largest };
-        let planar = is_planar(name, &atoms, data.bounds[2], thinnest)?;
-        let up = if planar { 1 } else { 2 };
+        let dimension = dimension_of(name, &atoms, data.bounds[2], thinnest)?;
+        let up = dimension.axes() - 1;
         let mut tilt = data.tilt;
         // Images along the last axis may be displaced along x in a box.
         let offset = arrangement.boxed.then(|| std::mem::take(&mut tilt[up - 1]));
@@ -497,7 +497,7 @@ impl Packing {
         let farthest = coordinates.fold(0.0, |most: f64, x| most.max(x.abs()));
         for a in &mut atoms {
             let line = a.line;
-            let placed = place(a, planar, &data.bounds, offset);
+            let placed = place(a, up, &data.bounds, offset);
             placed.map_err(|what| wrong(name, line, what))?;
         }
         let periods = data.bounds.map(|[low, high]| high - low);
@@ -508,11 +508,6 @@ impl Packing {
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
         let edge = |a: &Atom, sign: f64| a.position[up] + sign * 0.5 * a.diameter;
         let edges = |sign: f64| atoms.iter().map(move |a| edge(a, sign));
-        let dimension = if planar {
-            Dimensions::Two
-        } else {
-            Dimensions::Three
-        };
         let has = |kind| atoms.iter().any(|a| a.kind == kind);
         let file = PackingFile {
             path: path.into(),
@@ -523,7 +518,7 @@ impl Packing {
             mean_diameter: 2.0 * radii().sum::<f64>() / f64::from(count),
             mean_volume: radii().map(|r| dimension.volume(r)).sum::<f64>() / f64::from(count),
             length: periods[0],
-            width: (!planar).then_some(periods[1]),
+            width: (up == 2).then_some(periods[1]),
             boxed: offset.map(|offset| [periods[up], nearest_image(offset, periods[0])]),
             stream: data.stream.unwrap_or(0.0),
             edges: if arrangement.flat {
@@ -621,9 +616,9 @@ impl Packing {
         let all = &scene.materials;
         let walls = [BOTTOM_TYPE, TOP_TYPE];
         let both = || (walls.iter()).all(|kind| self.atoms.iter().any(|a| a.kind == *kind));
-        let to_a_bottom = scene
-            .plane_shear("")
-            .is_ok_and(|of| of.walls == Walls::Types && of.confinement == Confinement::FreeSurface);
+        let to_a_bottom = scene.boundary.walls().is_some_and(|of| {
+            of.walls == Walls::Types && of.confinement == Confinement::FreeSurface
+        });
         let has_walls = self.is_state || to_a_bottom || both();
         let material = |a: &Atom| match all.of_type(a.kind.into()) {
             Some(material) => Ok(material),
@@ -780,10 +775,7 @@ fn at_planes<'a>(
     grains: &'a [GrainState],
 ) -> impl Iterator<Item = (usize, [f64; 2], f64)> + 'a {
     let up = scene.dimension.axes() - 1;
-    let planes = scene
-        .plane_shear("")
-        .ok()
-        .and_then(PlaneShear::planes_of_file);
+    let planes = scene.boundary.walls().and_then(PlaneShear::planes_of_file);
     let sides = planes.map(|[low, high]| [[-1.0, low], [1.0, high]]);
     let sides = move |g| sides.into_iter().flatten().map(move |side| (g, side));
     let touching = move |(g, [sign, plane]): (usize, [f64; 2])| {
@@ -819,7 +811,9 @@ pub(crate) fn force_on_top(scene: &Scene, grains: &[GrainState]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::ffi::OsStr;
     use std::io::Write;
+    use std::os::unix::ffi::OsStrExt;
 
     use super::*;
     use crate::Source;
@@ -872,12 +866,16 @@ mod tests {
         packing.grains(&scene)
     }
 
-    fn refused(edit: impl Fn(String) -> String, sets: &[&str]) -> String {
-        match grains(edit, sets) {
-            Err(Failure::Input(message)) => message,
+    fn message<T>(result: Result<T, Failure>) -> String {
+        match result {
+            Err(Failure::Input(message)) => message.replace(FILE, "f"),
             Err(other) => panic!("not bad input: {other}"),
-            Ok(grains) => panic!("{} grains were taken", grains.len()),
+            Ok(_) => panic!("taken"),
         }
+    }
+
+    fn refused(edit: impl Fn(String) -> String, sets: &[&str]) -> String {
+        message(grains(edit, sets))
     }
 
     /// Replaces the row of an atom, which begins with its id.
@@ -891,47 +889,13 @@ mod tests {
         }
     }
 
-    #[test]
-    fn copies_stand_beside_each_other() {
-        let once = Packing::read(Path::new(FILE), along(1)).unwrap();
-        let thrice = Packing::read(Path::new(FILE), along(3)).unwrap();
-        assert_eq!(thrice.file.grains, 3 * once.file.grains);
-        assert_eq!(thrice.file.length, 3.0 * once.file.length);
-        assert_eq!(thrice.file.edges, once.file.edges);
-        let place = |a: &Atom, shift: f64| [a.position[0] + shift, a.position[1]];
-        let mut copies: Vec<[f64; 2]> = (0..3)
-            .flat_map(|k| {
-                let shift = f64::from(k) * once.file.length;
-                once.atoms.iter().map(move |a| place(a, shift))
-            })
-            .collect();
-        let mut found: Vec<[f64; 2]> = thrice.atoms.iter().map(|a| place(a, 0.0)).collect();
-        let by_place = |a: &[f64; 2], b: &[f64; 2]| a.partial_cmp(b).unwrap();
-        copies.sort_by(by_place);
-        found.sort_by(by_place);
-        for (copy, found) in copies.iter().zip(&found) {
-            // A grain left of the box is wrapped before it is copied, or after.
-            assert!((copy[0] - found[0]).abs() < 1e-12 * thrice.file.length);
-            assert_eq!(copy[1], found[1]);
-        }
-    }
-
-    fn message<T>(result: Result<T, Failure>) -> String {
-        match result {
-            Err(Failure::Input(message)) => message.replace(FILE, "f"),
-            Err(other) => panic!("not bad input: {other}"),
-            Ok(_) => panic!("taken"),
-        }
-    }
-
     /// Before memory is taken for them.
     #[test]
     fn too_many_copies_are_refused() {
         let read = |n| {
             let arrangement = Arrangement {
                 copies: [n, n, 1],
-                boxed: false,
-                flat: false,
+                ..Arrangement::BETWEEN_WALLS
             };
             message(Packing::read(Path::new(FILE), arrangement))
         };
@@ -942,29 +906,14 @@ mod tests {
             reason: "fit".into(),
         };
         let expected = "f: has 120 atoms: 120 grains are more than the 119 that fit; give fewer";
-        assert_eq!(
-            message(Packing::read_at_most(Path::new(FILE), along(1), &limit)),
-            expected
-        );
-        let data = |text: String| lammps_data::parse("f", &text).unwrap();
+        let read = Packing::read_at_most(Path::new(FILE), along(1), &limit);
+        assert_eq!(message(read), expected);
         let long = TEXT.replace("-0.002 0.00799 xlo", "-0.002 1e307 xlo");
         assert_ne!(long, TEXT);
-        assert_eq!(
-            message(replicated(
-                "f",
-                data(long),
-                [100, 1, 1],
-                &limit_of(1_000_000)
-            )),
-            "f: 100 copies of the box along x (sample.replicate) are longer than a number can say; give fewer"
-        );
-    }
-
-    fn limit_of(most: u32) -> GrainLimit {
-        GrainLimit {
-            most,
-            ..GrainLimit::default()
-        }
+        let data = lammps_data::parse("f", &long).unwrap();
+        let copies = replicated("f", data, [100, 1, 1], &GrainLimit::default());
+        let expected = "f: 100 copies of the box along x (sample.replicate) are longer than a number can say; give fewer";
+        assert_eq!(message(copies), expected);
     }
 
     #[test]
@@ -975,16 +924,12 @@ mod tests {
             message(Packing::read(path, along(1))).replace(&name, "")
         };
         let path = folder.path().join("file");
-        assert_eq!(
-            read(folder.path()).split_once(": ").unwrap().1,
-            format!("is a directory; give {FORMAT}")
-        );
+        let said = read(folder.path());
+        assert!(said.ends_with(&format!(": is a directory; give {FORMAT}")));
         assert_eq!(read(&path), format!("file: no such file; give {FORMAT}"));
         // Without an end.
-        assert_eq!(
-            read(Path::new("/dev/zero")),
-            format!("/dev/zero: is a device; give {FORMAT}")
-        );
+        let device = read(Path::new("/dev/zero"));
+        assert_eq!(device, format!("/dev/zero: is a device; give {FORMAT}"));
         // As gzip writes them, cut short, or of zeros alone.
         let packed = |text: &[u8]| {
             let mut to = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
@@ -994,18 +939,13 @@ mod tests {
         let good = packed(&TEXT.replace('\n', " # Gr\u{f6}\u{df}e\n").into_bytes());
         std::fs::write(&path, &good).unwrap();
         assert_eq!(Packing::read(&path, along(1)).unwrap().file.grains, 120);
-        let latin1 = TEXT.replace('\n', " # Gr?e\n").into_bytes();
-        let latin1 = latin1
-            .into_iter()
-            .map(|byte| if byte == b'?' { 0xf6 } else { byte });
-        std::fs::write(&path, latin1.collect::<Vec<u8>>()).unwrap();
+        let mut latin1 = TEXT.as_bytes().to_vec();
+        latin1.extend(b"# Gr\xf6\xdfe\n");
+        std::fs::write(&path, latin1).unwrap();
         assert_eq!(Packing::read(&path, along(1)).unwrap().file.grains, 120);
         std::fs::write(&path, &good[..good.len() / 2]).unwrap();
-        assert!(
-            read(&path).starts_with("file: cannot be unpacked: "),
-            "{}",
-            read(&path)
-        );
+        let said = read(&path);
+        assert!(said.starts_with("file: cannot be unpacked: "), "{said}");
         std::fs::write(&path, packed(&vec![0; 10_000_000])).unwrap();
         let expected =
             "file: has more than 100 times its bytes when unpacked; unpack it with gunzip";
@@ -1015,17 +955,10 @@ mod tests {
         std::fs::write(&path, format!("\n{}", "7".repeat(10_000_000))).unwrap();
         assert!(read(&path).len() < 300, "{}", read(&path).len());
         // The scene names the path.
-        #[cfg(unix)]
-        {
-            use std::os::unix::ffi::OsStrExt;
-            let odd = folder.path().join(std::ffi::OsStr::from_bytes(b"\xff"));
-            std::fs::write(&odd, TEXT).unwrap();
-            assert!(
-                read(&odd).ends_with("is not UTF-8; rename it"),
-                "{}",
-                read(&odd)
-            );
-        }
+        let odd = folder.path().join(OsStr::from_bytes(b"\xff"));
+        std::fs::write(&odd, TEXT).unwrap();
+        let said = read(&odd);
+        assert!(said.ends_with("is not UTF-8; rename it"), "{said}");
     }
 
     /// The same grains in other formats.
@@ -1158,13 +1091,18 @@ mod tests {
         assert!((file.edges[1] / rows - 1.0).abs() < 1e-14);
     }
 
-    /// A grain is followed by its id; copies are numbered on.
+    /// A grain is followed by its id; copies are numbered on, and stand beside each other.
     #[test]
     fn ids_are_those_of_the_file() {
         let once = lammps_data::parse("f", TEXT).unwrap();
         let [low, high] = once.bounds[0];
+        let edges = packing_of(once.clone(), 1, &[]).unwrap().0.file.edges;
         for copies in [1, 2] {
             let (packing, scene) = packing_of(once.clone(), copies, &[]).unwrap();
+            let file = &packing.file;
+            assert_eq!((file.grains, file.edges), (120 * copies, edges));
+            let length = f64::from(copies) * (high - low);
+            assert!((file.length / length - 1.0).abs() < 1e-14);
             let all = packing.grains(&scene).unwrap();
             assert_eq!(all.len(), 120 * copies as usize);
             for (k, grain) in all.iter().enumerate() {
@@ -1174,6 +1112,7 @@ mod tests {
                 let x = atom.position[0] - low + (k / 120) as f64 * (high - low);
                 let apart = (grain.position[0] - x).abs() % (f64::from(copies) * (high - low));
                 assert!(apart < 1e-15, "{k}: {apart}");
+                assert_eq!(grain.position[1], atom.position[1]);
                 assert_eq!(grain.radius, 0.5 * atom.diameter);
             }
         }
@@ -1377,28 +1316,5 @@ mod tests {
         };
         let expected = "s:4: sample.packing: the cell is too narrow for its grains: length = 0.00999 m; give at least 4 diameters of the largest, 4.000e0 m";
         assert_eq!(refused(two, &[]), expected);
-    }
-
-    #[test]
-    fn size_classes_are_not_taken_for_walls() {
-        // Types 1, 2 and 3 all over the place.
-        let classes = |text: String| {
-            let (head, tail) = text.split_once("Velocities").unwrap();
-            let row = |line: &str| match line.split_once(" 0.001 2500 ") {
-                Some((left, right)) => {
-                    let id: u32 = left.split(' ').next().unwrap().parse().unwrap();
-                    format!("{id} {} 0.001 2500 {right}\n", id % 3 + 1)
-                }
-                None => format!("{line}\n"),
-            };
-            let head: String = head.lines().map(row).collect();
-            format!("{head}Velocities{tail}")
-        };
-        let said = refused(classes, &[]);
-        assert!(
-            said.ends_with("the types are taken as top and bottom wall; give sample.walls = \"layers\" if they are not"),
-            "{said}"
-        );
-        assert!(grains(classes, &["sample.walls=layers"]).is_ok());
     }
 }

@@ -6,7 +6,9 @@ use std::ops::Bound;
 use gshear_dem::contact::portable_exp;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Bounds, Change, FROM_ONE, FROM_ZERO, NOT_NEGATIVE, POSITIVE, UNIT};
+use gshear_dem::laws::keys::{
+    Bounds, Change, FROM_ONE, FROM_ZERO, KeyReader, NOT_NEGATIVE, POSITIVE, UNIT,
+};
 
 use crate::checker::Checker;
 use crate::grains::{Sample, Sizes};
@@ -163,18 +165,9 @@ impl PeriodicBox {
     /// along the last axis.
     pub fn lengths(&self, sample: &Sample) -> [f64; 3] {
         let boxed = self.packing.as_ref().and_then(|file| file.boxed);
-        let width = if sample.is_planar() {
-            1.0
-        } else {
-            sample.width
-        };
+        let width = sample.by_dimension(1.0, sample.width);
         let height = boxed.map_or(sample.length, |[height, _]| height);
         [sample.length, width, height]
-    }
-
-    /// Whether the packing is brought to a pressure.
-    pub fn has_pressures(&self) -> bool {
-        self.least_pressure().is_some()
     }
 
     /// The least pressure to which the packing is brought, if it is brought to any.
@@ -352,10 +345,8 @@ fn check_deformation(c: &mut Checker<'_>) -> Deformation {
         Some("biaxial") => Deformation::Biaxial,
         _ => Deformation::SimpleShear,
     };
-    c.useless(
-        &AQS.pressures,
-        "applies to box.deformation = \"compression\"",
-    );
+    let why = "applies to box.deformation = \"compression\"";
+    c.useless(&AQS.pressures, why);
     deformation
 }
 
@@ -364,18 +355,14 @@ fn check_pressure(c: &mut Checker<'_>, deformation: &Deformation) -> Option<f64>
     match deformation {
         Deformation::Biaxial => Some(c.required(&BOX.pressure)),
         Deformation::Compression(_) => {
-            c.useless(
-                &BOX.pressure,
-                "is the first of aqs.pressures in a compression",
-            );
+            let why = "is the first of aqs.pressures in a compression";
+            c.useless(&BOX.pressure, why);
             None
         }
         Deformation::SimpleShear | Deformation::PureShear => {
             if !c.is_given(&BOX.pressure) {
-                c.useless(
-                    &BOX.pressure_tolerance,
-                    "applies to a box at a pressure, and there is no box.pressure",
-                );
+                let why = "applies to a box at a pressure, and there is no box.pressure";
+                c.useless(&BOX.pressure_tolerance, why);
             }
             c.number(&BOX.pressure)
         }
@@ -387,8 +374,7 @@ fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation) -> Aqs {
     let spectrum = c.flag_or_default(&keys.spectrum);
     if !spectrum {
         let why = "applies to the eigenvalues, which need aqs.spectrum = true";
-        c.useless(&keys.birth_precision, why);
-        c.useless(&keys.until_imaginary, why);
+        c.all_useless(&[&keys.birth_precision, &keys.until_imaginary], why);
     }
     if spectrum && *deformation != Deformation::SimpleShear {
         c.refuse(

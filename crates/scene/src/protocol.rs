@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{ANY, Change, Key, POSITIVE, Values};
+use gshear_dem::laws::keys::{ANY, Change, Key, KeyReader, POSITIVE, Values};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part};
 use gshear_dem::state::Confinement;
 use gshear_dem::wave::Wave;
@@ -143,9 +143,7 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     let springs = [&keys.spring_stiffness, &keys.spring_number];
     if confinement == Confinement::FreeSurface {
         let why = "moves a top wall, but sample.boundary = \"free\" has none";
-        for key in springs {
-            c.useless(key, why);
-        }
+        c.all_useless(&springs, why);
         if !c.is_given(&keys.protocol) {
             let what = "how long the grains flow, such as protocol = [{ time = 1.0 }] (s)";
             c.lacks("shear", what);
@@ -158,9 +156,8 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     }
     if c.is_given(&keys.protocol) {
         let why = "says how the drive moves, and so does shear.protocol";
-        for key in [&keys.inertial_number, &keys.velocity, &keys.strain] {
-            c.useless(key, why);
-        }
+        let speeds = [&keys.inertial_number, &keys.velocity, &keys.strain];
+        c.all_useless(&speeds, why);
         return;
     }
     c.exactly_one(

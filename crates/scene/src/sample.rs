@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Bounds, Integers, Key, POSITIVE, SHARE, UNIT, Values};
+use gshear_dem::laws::keys::{Bounds, Integers, Key, KeyReader, POSITIVE, SHARE, UNIT, Values};
 use gshear_dem::state::{Confinement, Ids};
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +16,7 @@ use crate::grains::{Sample, SizeClass, Sizes};
 use crate::insertion::volume_in_box;
 use crate::table::{names, table};
 use crate::value::Value;
-use crate::words::{list, show};
+use crate::words::{quoted_list, show};
 
 const PLACEMENT_NAMES: [&str; Placement::NAMES.len()] = names(&Placement::NAMES);
 /// The names of what bounds the sample, as `sample.boundary` has them.
@@ -334,14 +334,7 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     let arrangement = arrangement(c, dimension, periodic);
     if periodic {
         let why = "is of walls, but sample.boundary = \"periodic\"";
-        for key in [
-            &keys.walls,
-            &keys.wall_thickness,
-            &keys.wall_material,
-            &keys.outside,
-        ] {
-            c.useless(key, why);
-        }
+        c.all_useless(&OF_WALLS, why);
     }
     c.choice(&keys.walls);
     c.number(&keys.wall_thickness);
@@ -350,24 +343,18 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
         c.useless(&keys.wall_thickness, why);
     }
     if dimension == Dimensions::Two {
-        c.useless(
-            &keys.width,
-            "is L_y (m) of three dimensions, and dimension = 2",
-        );
+        let why = "is L_y (m) of three dimensions, and dimension = 2";
+        c.useless(&keys.width, why);
     }
-    c.useless(
-        &keys.placement,
-        "applies to the grains of a [box]; between walls they fall from above",
-    );
+    let why = "applies to the grains of a [box]; between walls they fall from above";
+    c.useless(&keys.placement, why);
     if c.is_given(&keys.packing) {
         check_filed(c);
         return Grains::File(arrangement);
     }
     if c.is_given(&keys.walls) && !periodic && !is_flat(c) {
-        c.refuse(
-            &keys.walls,
-            "there is no packing to find walls in; give sample.packing, or leave it out",
-        );
+        let what = "there is no packing to find walls in; give sample.packing, or leave it out";
+        c.refuse(&keys.walls, what);
     }
     check_inserted(c);
     c.required(&keys.length);
@@ -393,6 +380,31 @@ pub(crate) fn confinement(c: &mut Checker<'_>) -> Confinement {
     given.unwrap_or(Confinement::Walls)
 }
 
+/// The keys of walls.
+static OF_WALLS: [&Key; 4] = [
+    &SAMPLE.walls,
+    &SAMPLE.wall_thickness,
+    &SAMPLE.wall_material,
+    &SAMPLE.outside,
+];
+
+/// Keys of inserted grains that apply to some distributions of sizes only, and these.
+static OF_SIZES: [(&Key, &[&str]); 10] = [
+    (&SAMPLE.radius_mean, &["normal", "lognormal"]),
+    (&SAMPLE.radius_deviation, &["normal", "lognormal"]),
+    (&SAMPLE.radius_exponent, &["power"]),
+    (&SAMPLE.sieves, &["table"]),
+    (&SAMPLE.passing, &["table"]),
+    (&SAMPLE.passing_by, &["table"]),
+    (&SAMPLE.large_fraction, &["binary"]),
+    (&SAMPLE.large_fraction_by, &["binary"]),
+    (&SAMPLE.large_material, &["binary"]),
+    (&SAMPLE.radii, &["list"]),
+];
+
+/// Why the keys of inserted grains do not apply to a packing.
+const OF_INSERTED: &str = "applies to inserted grains, but the grains come from sample.packing";
+
 /// The keys of inserted grains, where a file has them.
 fn check_filed(c: &mut Checker<'_>) {
     let keys = &SAMPLE;
@@ -405,47 +417,32 @@ fn check_filed(c: &mut Checker<'_>) {
     ] {
         c.number(key);
     }
-    let why = "applies to inserted grains, but the grains come from sample.packing";
-    for key in [
-        &keys.sizes,
-        &keys.radii,
-        &keys.radius_mean,
-        &keys.radius_deviation,
-        &keys.radius_exponent,
-        &keys.sieves,
-        &keys.passing,
-        &keys.passing_by,
-        &keys.large_fraction,
-        &keys.large_fraction_by,
-        &keys.large_material,
-    ] {
-        c.useless(key, why);
+    c.useless(&keys.sizes, OF_INSERTED);
+    for (key, _) in OF_SIZES {
+        c.useless(key, OF_INSERTED);
     }
 }
 
 /// How the scene takes its packing.
 fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arrangement {
     let key = &SAMPLE.replicate;
-    let flat = !boxed && is_flat(c);
-    let mut copies = [1; 3];
+    let mut arrangement = Arrangement {
+        boxed,
+        flat: !boxed && is_flat(c),
+        ..Arrangement::BETWEEN_WALLS
+    };
     let (Some(Value::Numbers(given)), Values::Numbers(range)) = (c.value(key), key.values) else {
-        return Arrangement {
-            copies,
-            boxed,
-            flat,
-        };
+        return arrangement;
     };
     let given = given.clone();
     if !c.is_given(&SAMPLE.packing) {
-        c.useless(
-            key,
-            "says how often sample.packing is repeated, which is not given",
-        );
+        let why = "says how often sample.packing is repeated, which is not given";
+        c.useless(key, why);
     }
     let whole = |x: &f64| x.fract() == 0.0 && range.hold(*x);
     let axes = periodic_axes(dimension, boxed);
     if given.len() == axes && given.iter().all(whole) {
-        for (copies, given) in copies.iter_mut().zip(given) {
+        for (copies, given) in arrangement.copies.iter_mut().zip(given) {
             *copies = given as u32;
         }
     } else {
@@ -456,11 +453,7 @@ fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arran
         ][axes - 1];
         c.refuse(key, &format!("must be {example}"));
     }
-    Arrangement {
-        copies,
-        boxed,
-        flat,
-    }
+    arrangement
 }
 
 /// The number of walls.
@@ -495,27 +488,16 @@ fn check_inserted(c: &mut Checker<'_>) {
 pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     let keys = &SAMPLE;
     let why = "applies to scenes with walls only";
-    for key in [
-        &keys.boundary,
-        &keys.walls,
-        &keys.wall_thickness,
-        &keys.wall_material,
-        &keys.outside,
-    ] {
-        c.useless(key, why);
-    }
+    c.useless(&keys.boundary, why);
+    c.all_useless(&OF_WALLS, why);
     let arrangement = arrangement(c, dimension, true);
     if c.is_given(&keys.packing) {
-        c.useless(
-            &keys.placement,
-            "applies to inserted grains, but the grains come from sample.packing",
-        );
+        c.useless(&keys.placement, OF_INSERTED);
         check_filed(c);
         return Grains::File(arrangement);
     }
     let why = "follows from box.solid_fraction";
-    c.useless(&keys.length, why);
-    c.useless(&keys.width, why);
+    c.all_useless(&[&keys.length, &keys.width], why);
     check_inserted(c);
     Grains::Inserted(check_sizes(c, dimension))
 }
@@ -534,12 +516,10 @@ pub(crate) fn derive_filed(
     let [height, _] = file.boxed.unwrap_or_default();
     let lengths = [sample.length, sample.width, height];
     if let Some(length) = lengths.into_iter().find(|length| *length < least) {
-        c.refuse(
-            &SAMPLE.packing,
-            &format!(
-                "the box is {length:.3e} long, so that grains would touch their own images; give a packing at least {least:.3e} long, or copies of it (sample.replicate)"
-            ),
+        let what = format!(
+            "the box is {length:.3e} long, so that grains would touch their own images; give a packing at least {least:.3e} long, or copies of it (sample.replicate)"
         );
+        c.refuse(&SAMPLE.packing, &what);
     }
     c.settle()?;
     Ok((sample, file))
@@ -581,13 +561,11 @@ pub(crate) fn derive_boxed(
     }
     let least = sample.least_box_length();
     if sample.length < least {
-        c.refuse(
-            &SAMPLE.grains,
-            &format!(
-                "the box would be {:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}",
-                sample.length
-            ),
+        let what = format!(
+            "the box would be {:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}",
+            sample.length
         );
+        c.refuse(&SAMPLE.grains, &what);
     }
     c.settle()?;
     Ok(sample)
@@ -670,25 +648,11 @@ fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
     let Some(name) = c.choice(&keys.sizes) else {
         return Sizes::Uniform;
     };
-    for (key, of) in [
-        (&keys.radius_mean, &["normal", "lognormal"][..]),
-        (&keys.radius_deviation, &["normal", "lognormal"]),
-        (&keys.radius_exponent, &["power"]),
-        (&keys.sieves, &["table"]),
-        (&keys.passing, &["table"]),
-        (&keys.passing_by, &["table"]),
-        (&keys.large_fraction, &["binary"]),
-        (&keys.large_fraction_by, &["binary"]),
-        (&keys.large_material, &["binary"]),
-        (&keys.radii, &["list"]),
-    ] {
+    for (key, of) in OF_SIZES {
         if !of.contains(&name) {
-            let of: Vec<String> = of.iter().map(|name| format!("{name:?}")).collect();
-            let of = list(&of, "and");
-            c.useless(
-                key,
-                &format!("applies to sample.sizes = {of}, not to {name:?}"),
-            );
+            let of = quoted_list(of, "and");
+            let why = format!("applies to sample.sizes = {of}, not to {name:?}");
+            c.useless(key, &why);
         }
     }
     match name {
@@ -740,10 +704,8 @@ fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
     let passing = c.required_list(&keys.passing, "share");
     let rises = sieves.windows(2).all(|pair| pair[0] < pair[1]);
     if sieves.len() < 2 || !rises {
-        c.refuse(
-            &keys.sieves,
-            "must hold two mesh widths or more, from the finest to the coarsest",
-        );
+        let what = "must hold two mesh widths or more, from the finest to the coarsest";
+        c.refuse(&keys.sieves, what);
         return Vec::new();
     }
     let rises = passing.windows(2).all(|pair| pair[0] <= pair[1]);
@@ -861,10 +823,8 @@ fn of_file(
             Some(_) => ("spheres", 3),
             None => ("disks in the plane z = 0", 2),
         };
-        c.refuse(
-            &keys.packing,
-            &format!("holds {is}; give dimension = {dimension}"),
-        );
+        let what = format!("holds {is}; give dimension = {dimension}");
+        c.refuse(&keys.packing, &what);
     }
     c.settle()?;
     Ok(Sample {

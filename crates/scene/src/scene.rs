@@ -80,17 +80,16 @@ impl Scene {
     /// # Errors
     /// `Failure::Input` for a scene in a periodic box.
     pub fn plane_shear(&self, name: &str) -> Result<&PlaneShear, Failure> {
-        match &self.boundary {
-            Boundary::Walls(walls) => Ok(walls),
-            Boundary::Periodic(_) => Err(Failure::input(format!(
+        self.boundary.walls().ok_or_else(|| {
+            Failure::input(format!(
                 "{name}: is a scene in a periodic box; this needs one of plane shear, without [box]"
-            ))),
-        }
+            ))
+        })
     }
 
     /// The flat walls of a shear between such.
     pub fn flat_walls(&self) -> Option<FlatWalls> {
-        self.plane_shear("").ok().filter(|of| of.has_planes())?;
+        self.boundary.walls().filter(|of| of.has_planes())?;
         Some(FlatWalls {
             first_id: self.sample.grains,
             material: self.materials.wall.unwrap_or(0),
@@ -130,4 +129,14 @@ pub enum Boundary {
     Walls(PlaneShear),
     /// A periodic box: with a table `[box]`.
     Periodic(PeriodicBox),
+}
+
+impl Boundary {
+    /// The walls, if they are the bounds.
+    pub fn walls(&self) -> Option<&PlaneShear> {
+        match self {
+            Boundary::Walls(walls) => Some(walls),
+            Boundary::Periodic(_) => None,
+        }
+    }
 }

@@ -104,18 +104,13 @@ pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
         let whole = value.as_integer().map(|whole| whole as f64);
         value.as_float().or(whole).or_else(|| first(value))
     };
-    let walls = match &scene.boundary {
-        Boundary::Walls(walls) => Some(walls),
-        Boundary::Periodic(_) => None,
-    };
-    let material = MATERIAL.iter().filter(|_| walls.is_some());
+    let has_walls = scene.boundary.walls().is_some();
+    let material = MATERIAL.iter().filter(|_| has_walls);
     for likely in material.chain(&CONTACT) {
         let [least, most] = likely.range;
         if let Some(value) = value(likely.key).filter(|x| !(least..=most).contains(x)) {
-            let Likely {
-                key, unit, doubt, ..
-            } = likely;
-            doubts.push(format!("{} {doubt}", is(key, value, unit)));
+            let what = is(likely.key, value, likely.unit);
+            doubts.push(format!("{what} {}", likely.doubt));
         }
     }
     match &scene.boundary {
@@ -132,7 +127,7 @@ const AT_LOAD: f64 = 2.0;
 /// another force than it is loaded with at the start. `grains`: all of them.
 pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
     let loaded = |of: &&PlaneShear| of.pack.skip && of.confinement == Confinement::Walls;
-    let walls = scene.plane_shear("").ok().filter(loaded)?;
+    let walls = scene.boundary.walls().filter(loaded)?;
     let first = match &walls.shear.motion {
         Motion::Strain { .. } if walls.load.control == Control::Volume => return None,
         Motion::Strain { .. } => None,
@@ -289,7 +284,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
     if let Some(spring) = walls.shear.spring {
         // About the mass of the top wall.
         let mass = mean_mass(scene) * sample.base() / sample.mean_section();
-        let unit = if sample.is_planar() { "kg/m" } else { "kg" };
+        let unit = sample.by_dimension("kg/m", "kg");
         let step = scene.time_step.step;
         let steps = std::f64::consts::TAU * (mass / spring).sqrt() / step;
         if steps < RESOLVED {

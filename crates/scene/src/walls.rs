@@ -3,7 +3,7 @@
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::drive::Servo;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Change, FROM_ONE, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{Change, FROM_ONE, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{Contact, Law};
 use gshear_dem::state::{Confinement, Masses};
 
@@ -129,12 +129,18 @@ impl PlaneShear {
 
     /// Layers of grains that give way together where the top of this sample moves along its normal.
     pub(crate) fn layers(&self, sample: &Sample) -> f64 {
-        let height = match &self.origin {
-            _ if self.confinement != Confinement::Images => return 1.0,
+        match self.confinement {
+            Confinement::Images => self.height(sample) / sample.mean_diameter,
+            _ => 1.0,
+        }
+    }
+
+    /// H (m) of this sample with its walls: estimated, or that of its file.
+    pub(crate) fn height(&self, sample: &Sample) -> f64 {
+        match &self.origin {
             Origin::Insertion(_) => derived::packed_height(sample),
             Origin::Packing(file) => file.height(),
-        };
-        height / sample.mean_diameter
+        }
     }
 
     /// The servo that moves the top wall of this sample, if one does.
@@ -288,24 +294,20 @@ fn check_pack(c: &mut Checker<'_>) -> Pack {
     let skip = c.flag(&keys.skip).unwrap_or(packing);
     c.fill(&keys.skip, skip);
     if skip && !packing {
-        c.refuse(
-            &keys.skip,
-            "inserted grains are loose and must be packed; give sample.packing, or leave it out",
-        );
+        let what =
+            "inserted grains are loose and must be packed; give sample.packing, or leave it out";
+        c.refuse(&keys.skip, what);
     }
     if skip {
         let how: [&Key; 4] = [&keys.friction, &keys.drag, &keys.tolerance, &keys.max_steps];
         c.omit(&how);
-        let skipped = match c.offset(&keys.skip) {
-            Some(at) => c.mention(at),
-            None => "the default with sample.packing".into(),
-        };
+        let skipped = c.mention(&keys.skip, "the default with sample.packing");
+        let what = format!(
+            "says how to pack, but pack.skip = true ({skipped}); leave it out, or give pack.skip = false"
+        );
         for key in how.into_iter().filter(|_| packing) {
             if c.is_given(key) {
-                c.refuse(
-                    key,
-                    &format!("says how to pack, but pack.skip = true ({skipped}); leave it out, or give pack.skip = false"),
-                );
+                c.refuse(key, &what);
             }
         }
     }
