@@ -2,7 +2,7 @@
 //! key, with the bits that the same number without a unit has.
 
 use toml::Spanned;
-use toml::de::{DeArray, DeTable, DeValue};
+use toml::de::{DeTable, DeValue};
 
 use super::keys::table;
 use super::source::Input;
@@ -372,40 +372,29 @@ fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<(),
     };
     let of_law = (spheres, law.as_deref());
     for (name, value) in tree.iter_mut() {
-        let Some(known) = table(name.get_ref()) else {
-            continue;
-        };
-        match value.get_mut() {
-            DeValue::Table(inner) => each_of(known, inner, of_law, &mut visit)?,
-            DeValue::Array(tables) => each_of_list(known, tables, of_law, &mut visit)?,
-            _ => {}
+        if let Some(known) = table(name.get_ref()) {
+            each_of(known, value.get_mut(), of_law, &mut visit)?;
         }
     }
     Ok(())
 }
 
-/// [`each_quantity`] of the tables of a list.
-fn each_of_list<'a>(
-    known: &Table,
-    tables: &mut DeArray<'a>,
-    of_law: (bool, Option<&str>),
-    visit: Visit<'_, 'a>,
-) -> Result<(), Failure> {
-    for table in tables.iter_mut() {
-        if let DeValue::Table(inner) = table.get_mut() {
-            each_of(known, inner, of_law, visit)?;
-        }
-    }
-    Ok(())
-}
-
-/// [`each_quantity`] of a table. `of_law`: whether the grains are spheres, and the law.
+/// [`each_quantity`] of a table, or of the tables of a list. `of_law`: whether the grains are
+/// spheres, and the law.
 fn each_of<'a>(
     known: &Table,
-    inner: &mut DeTable<'a>,
+    value: &mut DeValue<'a>,
     of_law: (bool, Option<&str>),
     visit: Visit<'_, 'a>,
 ) -> Result<(), Failure> {
+    let inner = match value {
+        DeValue::Table(inner) => inner,
+        DeValue::Array(tables) => {
+            let mut tables = tables.iter_mut();
+            return tables.try_for_each(|table| each_of(known, table.get_mut(), of_law, visit));
+        }
+        _ => return Ok(()),
+    };
     for (name, value) in inner.iter_mut() {
         let Some(key) = known.key(name.get_ref()) else {
             continue;
@@ -433,9 +422,7 @@ fn each_of<'a>(
                 }
             }
             // Pairs have keys of the table itself.
-            (Values::Tables(_), DeValue::Array(tables)) => {
-                each_of_list(known, tables, of_law, visit)?;
-            }
+            (Values::Tables(_), value) => each_of(known, value, of_law, visit)?,
             _ => {}
         }
     }
