@@ -83,6 +83,7 @@ mod tests {
         embedded(sets).unwrap_err().to_string()
     }
 
+    /// The last of two wins.
     #[test]
     fn values_replace_those_of_the_file() {
         let sets = [
@@ -91,17 +92,13 @@ mod tests {
             "title=Half as many",
             "time.force=false",
             "seed=7",
+            "seed=8",
         ];
         let scene = embedded(&sets).unwrap();
         assert_eq!(scene.sample.grains, 500);
         assert_eq!(scene.sample.length, 24e-6);
         assert_eq!(scene.title, "Half as many");
-        assert_eq!(scene.seed, 7);
-    }
-
-    #[test]
-    fn the_last_of_two_wins() {
-        assert_eq!(embedded(&["seed=7", "seed=8"]).unwrap().seed, 8);
+        assert_eq!(scene.seed, 8);
     }
 
     #[test]
@@ -139,12 +136,13 @@ mod tests {
 
     #[test]
     fn two_overrides_can_contradict_each_other() {
+        let sets = [
+            "load.pressure=1e4",
+            "load.stiffness_number=none",
+            "load.normal_force=1",
+        ];
         assert_eq!(
-            message(&[
-                "load.pressure=1e4",
-                "load.stiffness_number=none",
-                "load.normal_force=1"
-            ]),
+            message(&sets),
             "--set load.normal_force=1: contradicts load.pressure (--set load.pressure=1e4); give exactly one of stiffness_number, pressure, normal_force; --set load.pressure=none takes that one away"
         );
     }
