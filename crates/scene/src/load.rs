@@ -11,7 +11,7 @@ use gshear_dem::wave::sine_and_cosine;
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
-use crate::table::table;
+use crate::table::{from_to, table};
 use crate::words::show;
 
 /// Names of [`Control`].
@@ -21,10 +21,7 @@ table! {
     /// The load on the top wall.
     LOAD: LoadKeys "load" Walls Branch {
         /// κ = d̄/δ̄, mean diameter over mean overlap; in 2D that is k_n/P
-        stiffness_number: Number(Bounds {
-                from: Bound::Included(STIFFNESS_NUMBER_MIN),
-                to: Bound::Included(STIFFNESS_NUMBER_MAX),
-            }) {},
+        stiffness_number: Number(from_to(STIFFNESS_NUMBER_MIN, STIFFNESS_NUMBER_MAX)) {},
         /// pressure P
         pressure: Number(POSITIVE) { unit: "Pa", condition: "κ in its range" },
         /// N = P L_x, in 3D P L_x L_y, on the top wall
@@ -38,7 +35,7 @@ table! {
         },
         /// angle θ in degrees by which x points downwards: g sin θ pulls along x, g cos θ to the
         /// bottom; while the sample is packed only that
-        incline: Number(Bounds { from: Bound::Included(0.0), to: Bound::Included(90.0) }) {
+        incline: Number(from_to(0.0, 90.0)) {
             condition: "with `gravity`; less than 90 below a free surface",
             default: "0.0",
         },
@@ -175,28 +172,28 @@ pub(crate) fn derive(
         _ => Control::Mass,
     };
     let solid_fraction = c.number(&LOAD.solid_fraction);
-    let load = |pressure, normal_force, stiffness_number| Load {
-        pressure,
-        normal_force,
-        stiffness_number,
-        gravity,
-        incline,
-        control,
-        solid_fraction,
-    };
     let [kappa, pressure, normal_force] = WAYS.map(|key| c.number(key));
     let (key, pressure, normal_force) = match (kappa, pressure, normal_force) {
         (Some(kappa), ..) => {
             let p = derived::pressure(law, sample, kappa);
-            return Ok(load(p, p * base, kappa));
+            (&LOAD.stiffness_number, p, p * base)
         }
         (_, Some(p), _) => (&LOAD.pressure, p, p * base),
         (_, _, Some(force)) => (&LOAD.normal_force, force / base, force),
         // Of a free surface.
         (None, None, None) => (&LOAD.gravity, mass * gravity / base, mass * gravity),
     };
-    if let Some(kappa) = derived::stiffness_number(law, sample, pressure) {
-        return Ok(load(pressure, normal_force, kappa));
+    let kappa = kappa.or_else(|| derived::stiffness_number(law, sample, pressure));
+    if let Some(stiffness_number) = kappa {
+        return Ok(Load {
+            pressure,
+            normal_force,
+            stiffness_number,
+            gravity,
+            incline,
+            control,
+            solid_fraction,
+        });
     }
     let range = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN];
     let [least, most] = range.map(|kappa| derived::pressure(law, sample, kappa));

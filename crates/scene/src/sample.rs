@@ -1,6 +1,5 @@
 //! The sample: `[sample]`, and the file it may come from.
 
-use std::ops::Bound;
 use std::path::{Path, PathBuf};
 
 use gshear_dem::contact::{portable_exp, portable_ln};
@@ -14,7 +13,7 @@ use crate::checker::Checker;
 use crate::derived;
 use crate::grains::{Sample, SizeClass, Sizes};
 use crate::insertion::volume_in_box;
-use crate::table::{names, table};
+use crate::table::{from_to, names, table};
 use crate::value::Value;
 use crate::words::{quoted_list, show};
 
@@ -36,20 +35,11 @@ const PASSING_NAMES: [&str; 2] = ["mass", "number"];
 /// Whether a share is of the number of grains, or of their volume (area in 2D).
 const SHARE_NAMES: [&str; 2] = ["number", "volume"];
 /// Exponents of a power law of sizes.
-const EXPONENT: Bounds = Bounds {
-    from: Bound::Included(-10.0),
-    to: Bound::Included(10.0),
-};
+const EXPONENT: Bounds = from_to(-10.0, 10.0);
 /// Copies of a packing.
-const COPIES: Bounds = Bounds {
-    from: Bound::Included(1.0),
-    to: Bound::Included(1e6),
-};
+const COPIES: Bounds = from_to(1.0, 1e6);
 /// Mean diameters. The default is that of runs from before wide sizes had thicker walls, too.
-const LAYERS: Bounds = Bounds {
-    from: Bound::Included(0.5),
-    to: Bound::Included(1e6),
-};
+const LAYERS: Bounds = from_to(0.5, 1e6);
 
 table! {
     /// The grains and their cell.
@@ -601,10 +591,10 @@ fn radii(c: &mut Checker<'_>, sizes: &Sizes) -> [f64; 2] {
         _ => keys.map(|key| c.known(key)),
     };
     if a > b {
-        c.refuse_among(
-            &keys,
-            &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
+        let what = format!(
+            "radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"
         );
+        c.refuse_among(&keys, &what);
     }
     // What is drawn until one is in the distribution: R, or its logarithm.
     let (name, bell, [from, to]) = match sizes {

@@ -3,12 +3,10 @@
 
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::{Contact, Law};
-use gshear_dem::state::{Cell, FlatWalls, Sheared};
-
 use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::LawSpace;
 use gshear_dem::laws::mixture::pair_force;
+use gshear_dem::laws::{Contact, Law, LawSpace};
+use gshear_dem::state::{Cell, FlatWalls, Sheared};
 
 use crate::general::Bookkeeping;
 use crate::grains::Sample;
@@ -100,15 +98,13 @@ impl Scene {
     pub fn cell(&self) -> Cell {
         let boxed = self.packing().and_then(|file| file.boxed);
         let is_box = matches!(self.boundary, Boundary::Periodic(_));
-        let Some([height, offset]) = boxed.or(is_box.then_some([self.sample.length, 0.0])) else {
-            return self.sample.cell();
-        };
-        let sheared = Sheared {
+        let boxed = boxed.or(is_box.then_some([self.sample.length, 0.0]));
+        let sheared = boxed.map(|[height, offset]| Sheared {
             offset,
             ..Sheared::upright(height)
-        };
+        });
         Cell {
-            sheared: Some(sheared),
+            sheared,
             ..self.sample.cell()
         }
     }

@@ -1,6 +1,8 @@
 //! What a table of the configuration is, and how its keys are declared.
 
-use gshear_dem::laws::keys::Key;
+use std::ops::Bound;
+
+use gshear_dem::laws::keys::{Bounds, Key};
 use gshear_dem::laws::{self, LawKind};
 
 /// A table of the configuration, or its top.
@@ -123,6 +125,12 @@ macro_rules! table {
     };
 }
 pub(crate) use table;
+
+/// The numbers from … to, both included.
+pub(crate) const fn from_to(from: f64, to: f64) -> Bounds {
+    let [from, to] = [Bound::Included(from), Bound::Included(to)];
+    Bounds { from, to }
+}
 
 /// The names of a list of names and values.
 pub(crate) const fn names<T: Copy, const N: usize>(
