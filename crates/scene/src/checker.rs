@@ -157,10 +157,8 @@ impl<'a> Checker<'a> {
         let hold = |x: &f64| x.is_finite() && bounds.hold(*x);
         if given.is_empty() || !given.iter().all(hold) {
             let each = bounds.words();
-            self.refuse(
-                key,
-                &format!("must hold one {what} or more, each of which {each}"),
-            );
+            let what = format!("must hold one {what} or more, each of which {each}");
+            self.refuse(key, &what);
         }
         given
     }
@@ -281,8 +279,7 @@ impl<'a> Checker<'a> {
     /// Notes a problem of a key, and returns the first problem.
     pub fn refused(&mut self, key: &Key, what: &str) -> Failure {
         self.refuse(key, what);
-        self.first_problem()
-            .unwrap_or_else(|| self.out_of_range(what))
+        self.first_problem().expect("at least that one")
     }
 
     /// Fails with the first problem, if there is any.
@@ -291,19 +288,18 @@ impl<'a> Checker<'a> {
     }
 
     /// The first problem; if it is a key that does not apply, all such keys.
-    pub fn first_problem(&mut self) -> Option<Failure> {
+    fn first_problem(&mut self) -> Option<Failure> {
         self.problems.sort_by_key(|(at, _)| *at);
         self.useless.sort_unstable();
         let (at, text) = self.problems.first()?;
         let mut text = text.clone();
         if self.useless.iter().any(|(of, _)| of == at) {
             let others = self.useless.iter().filter(|(of, _)| of != at);
-            let others: Vec<String> = others
-                .map(|(at, path)| match self.input.override_at(*at) {
-                    Some(_) => self.input.place(*at),
-                    None => format!("{path} ({})", self.input.place(*at)),
-                })
-                .collect();
+            let place = |(at, path): &(usize, &str)| match self.input.override_at(*at) {
+                Some(_) => self.input.place(*at),
+                None => format!("{path} ({})", self.input.place(*at)),
+            };
+            let others: Vec<String> = others.map(place).collect();
             if !others.is_empty() {
                 text += &format!("; likewise {}", list(&others, "and"));
             }

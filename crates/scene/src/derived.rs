@@ -166,10 +166,8 @@ pub fn step_limit(
         let damping = 2.0 * eta * (inertia * stiffness * mass).sqrt();
         (turning, stiffness, damping)
     };
-    let (eta_r, eta_w) = (
-        contact.rolling_damping_ratio,
-        contact.twisting_damping_ratio,
-    );
+    let eta_r = contact.rolling_damping_ratio;
+    let eta_w = contact.twisting_damping_ratio;
     // Share, stiffness and damping constant.
     let modes = [
         (along, rigid.normal, rigid.damping[0]),

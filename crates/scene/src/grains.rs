@@ -217,11 +217,8 @@ fn weighted(
     let (mut sum, mut all) = (0.0, 0.0);
     for k in 0..=intervals {
         let r = a + (b - a) * k as f64 / intervals as f64;
-        let share = match k {
-            0 => 1.0,
-            k if k == intervals => 1.0,
-            k => [2.0, 4.0][k % 2],
-        };
+        let is_end = k == 0 || k == intervals;
+        let share = if is_end { 1.0 } else { [2.0, 4.0][k % 2] };
         let w = share * weight(r);
         sum += w * f(r);
         all += w;
@@ -236,11 +233,6 @@ fn weighted_by_logarithm(
     weight: impl Fn(f64) -> f64,
 ) -> f64 {
     let [from, to] = [a, b].map(portable_ln);
-    weighted(
-        from,
-        to,
-        2000,
-        |x| f(b * portable_exp((x - to).min(0.0))),
-        weight,
-    )
+    let of_logarithm = |x: f64| f(b * portable_exp((x - to).min(0.0)));
+    weighted(from, to, 2000, of_logarithm, weight)
 }

@@ -1,7 +1,7 @@
 //! The identity of a run: the hash of all that decides its trajectory. Files of a run carry it, so
 //! that two runs are never mixed in one folder.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use toml::{Table, Value};
@@ -80,9 +80,7 @@ impl fmt::Display for KeyChange {
 /// Returns the keys whose values differ between two scenes as TOML, in the order of their paths.
 pub fn changes(before: &str, after: &str) -> Vec<KeyChange> {
     let [before, after] = [before, after].map(values);
-    let mut paths: Vec<&String> = before.keys().chain(after.keys()).collect();
-    paths.sort();
-    paths.dedup();
+    let paths: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
     let differing = paths
         .into_iter()
         .filter(|path| before.get(*path) != after.get(*path));

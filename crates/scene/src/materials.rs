@@ -151,10 +151,8 @@ fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), gi
             } else if of_law || laws_with(key).is_empty() {
                 continue;
             } else {
-                format!(
-                    "does not apply to the law {:?}; leave it out",
-                    law.kind().name
-                )
+                let name = law.kind().name;
+                format!("does not apply to the law {name:?}; leave it out")
             };
             c.refuse(of, &format!("{}: {name} {what}", listed.place));
         }
@@ -281,10 +279,8 @@ pub(crate) fn check(
         let keys = [&CONTACT.pair, &SAMPLE.wall_material, &SAMPLE.large_material];
         c.all_useless(&keys, why);
         if c.number(&MATERIAL.fraction).is_some_and(|part| part > 0.0) {
-            c.refuse(
-                &MATERIAL.fraction,
-                "all grains have the only material; leave it out",
-            );
+            let what = "all grains have the only material; leave it out";
+            c.refuse(&MATERIAL.fraction, what);
         }
         return Ok(all);
     }
@@ -341,10 +337,8 @@ pub(crate) fn check(
 /// Names, fractions and types of the other materials.
 fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
     if all.names[0].is_empty() {
-        c.refuse(
-            &OTHERS,
-            "each of several materials needs a name; the first has none",
-        );
+        let what = "each of several materials needs a name; the first has none";
+        c.refuse(&OTHERS, what);
     }
     for (k, table) in others.iter().enumerate() {
         let name = match table.value(&MATERIAL.name) {
@@ -352,10 +346,8 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
             _ => String::new(),
         };
         if name.is_empty() || all.names.contains(&name) {
-            let what = format!(
-                "{} needs a name of its own, such as name = \"steel\"",
-                table.place
-            );
+            let place = &table.place;
+            let what = format!("{place} needs a name of its own, such as name = \"steel\"");
             c.refuse(&OTHERS, &what);
         }
         all.names.push(name);
@@ -366,25 +358,20 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
             _ => atom_type(body::FREE, k as u64 + 1).into(),
         };
         if all.atom_types.contains(&of_type) {
-            c.refuse(
-                &OTHERS,
-                &format!("{}: another has the atom_type {of_type}", table.place),
-            );
+            let what = format!("{}: another has the atom_type {of_type}", table.place);
+            c.refuse(&OTHERS, &what);
         }
         all.atom_types.push(of_type);
     }
     let sum: f64 = all.fractions.iter().sum();
     if sum > 1.0 {
-        c.refuse(
-            &OTHERS,
-            &format!("the fractions add up to {sum}; they must leave the first the rest of 1"),
-        );
+        let what =
+            format!("the fractions add up to {sum}; they must leave the first the rest of 1");
+        c.refuse(&OTHERS, &what);
     }
     if c.number(&MATERIAL.fraction).is_some_and(|part| part > 0.0) {
-        c.refuse(
-            &MATERIAL.fraction,
-            "the first material has the grains that have no other; leave it out",
-        );
+        let what = "the first material has the grains that have no other; leave it out";
+        c.refuse(&MATERIAL.fraction, what);
     }
     if c.is_given(&SAMPLE.packing) && sum > 0.0 {
         let what = "a fraction applies to inserted grains, but the grains come from sample.packing; give material.atom_type";

@@ -156,10 +156,8 @@ impl PlaneShear {
 
     /// δ̄ (m) at the greatest pressure, with the attraction.
     pub(crate) fn greatest_overlap(&self, law: &Law, contact: &Contact, sample: &Sample) -> f64 {
-        let (pressure, section) = (
-            self.shear.greatest_pressure(self.load.pressure),
-            sample.mean_section(),
-        );
+        let pressure = self.shear.greatest_pressure(self.load.pressure);
+        let section = sample.mean_section();
         let attraction = derived::attraction_under(pressure * section, contact, sample);
         let most = pressure + attraction / section;
         match derived::stiffness_number(law, sample, most) {

@@ -86,10 +86,8 @@ mod tests {
 
     #[test]
     fn a_far_name_is_not_suggested() {
-        assert_eq!(
-            nearest("radius", &["radius_min", "length"]),
-            Some("radius_min")
-        );
-        assert_eq!(nearest("gravity", &["radius_min", "length"]), None);
+        let names = ["radius_min", "length"];
+        assert_eq!(nearest("radius", &names), Some("radius_min"));
+        assert_eq!(nearest("gravity", &names), None);
     }
 }
