@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn the_embedded_scene_is_the_shipped_one() {
-        let scene = embedded(&[]).unwrap();
+        let scene = embedded("").unwrap();
         assert_eq!(scene, shipped("plane-shear-2d.toml"));
         assert_eq!(motion(&scene), (WallSpeed::InertialNumber(2e-4), 0.1));
         assert_eq!(walls(&scene).output.progress_lines, 20);
@@ -281,10 +281,8 @@ mod tests {
             ]
         );
         let walls = walls(&scene);
-        assert_eq!(
-            (walls.pack.max_steps, walls.output.energy),
-            (5_000_000, true)
-        );
+        assert_eq!(walls.pack.max_steps, 5_000_000);
+        assert!(walls.output.energy);
         assert_eq!(scene.bookkeeping.list, ListSettings::default());
     }
 
@@ -311,12 +309,12 @@ mod tests {
 
     #[test]
     fn load_is_given_in_three_ways() {
-        let by = |sets: &[&str]| walls(&embedded(sets).unwrap()).load;
-        let reference = by(&[]);
+        let by = |sets: &str| walls(&embedded(sets).unwrap()).load;
+        let reference = by("");
         let p = format!("load.pressure={:?}", reference.pressure);
         let n = format!("load.normal_force={:?}", reference.normal_force);
         for set in [p, n] {
-            let load = by(&["load.stiffness_number=none", &set]);
+            let load = by(&format!("load.stiffness_number=none {set}"));
             assert!((load.stiffness_number / 1e4 - 1.0).abs() < 1e-14);
             assert!((load.pressure / reference.pressure - 1.0).abs() < 1e-15);
             assert!((load.normal_force / reference.normal_force - 1.0).abs() < 1e-15);
@@ -325,7 +323,7 @@ mod tests {
 
     #[test]
     fn a_forced_step_is_taken_as_it_is() {
-        let scene = embedded(&["time.step=1e-6", "time.force=true"]).unwrap();
+        let scene = embedded("time.step=1e-6 time.force=true").unwrap();
         let time_step = scene.time_step;
         assert_eq!(time_step.step, 1e-6);
         assert!(time_step.limit < 1e-6);

@@ -463,7 +463,7 @@ mod tests {
         shear = { inertial_number = 1e-2, strain = 0.02 }
     "#;
 
-    fn mixture(sets: &[&str]) -> Result<Scene, Failure> {
+    fn mixture(sets: &str) -> Result<Scene, Failure> {
         load(&Source::new("mixture.toml", MIXTURE), &overrides(sets))
     }
 
@@ -471,7 +471,7 @@ mod tests {
     /// Mechanics, eqs 4.22 and 7.42), and √0.4·0.1 of the frictions of like ones.
     #[test]
     fn unlike_spheres_have_the_stiffness_of_their_moduli() {
-        let scene = mixture(&[]).expect("a scene");
+        let scene = mixture("").expect("a scene");
         let force = scene.force::<Three>();
         let (radii, overlap) = ([0.8e-3, 1e-3], 1e-6);
         let small: f64 = radii[0] * radii[1] / (radii[0] + radii[1]);
@@ -523,17 +523,13 @@ mod tests {
             assert_eq!(whole, parts);
             whole
         };
-        let grains = made(&mixture(&[]).expect("a scene"));
+        let grains = made(&mixture("").expect("a scene"));
         let of_steel = grains.iter().filter(|g| g.material == 1).count() as f64;
         assert!((of_steel / 4000.0 - 0.3).abs() < 4.0 * (0.21f64 / 4000.0).sqrt());
         let text = MIXTURE.replace(", fraction = 0.3", "");
-        let sets = [
-            "sample.sizes=binary",
-            "sample.large_fraction=0.5",
-            "sample.large_fraction_by=volume",
-            "sample.large_material=steel",
-        ];
-        let scene = load(&Source::new("s", &text), &sets.map(String::from)).expect("a scene");
+        let sets = "sample.sizes=binary sample.large_fraction=0.5
+            sample.large_fraction_by=volume sample.large_material=steel";
+        let scene = load(&Source::new("s", &text), &overrides(sets)).expect("a scene");
         let grains = made(&scene);
         let is_large = |r: f64| r == scene.sample.radius_max;
         let mut materials = grains.iter().map(|g| (g.material == 1, is_large(g.radius)));
@@ -549,19 +545,15 @@ mod tests {
     /// What is written is read again as the same scene.
     #[test]
     fn what_is_written_is_the_same_scene() {
-        let hertz = [
-            "contact.law=hertz",
-            "contact.impact_speed=1.0",
-            "contact.impact_diameter=2e-3",
-        ];
-        for sets in [&[][..], &hertz] {
+        let hertz = "contact.law=hertz contact.impact_speed=1.0 contact.impact_diameter=2e-3";
+        for sets in ["", hertz] {
             let scene = mixture(sets).expect("a scene");
             let again = load(&Source::new("s", &scene.toml), &[]).expect("a scene");
             assert_eq!(again.toml, scene.toml);
             assert_eq!(again.materials.laws, scene.materials.laws);
             assert_eq!(identity(&again), identity(&scene));
         }
-        let scene = mixture(&[]).expect("a scene");
+        let scene = mixture("").expect("a scene");
         let other = MIXTURE.replace("friction = 0.1", "friction = 0.2");
         let other = load(&Source::new("s", &other), &[]).expect("a scene");
         assert_ne!(identity(&other), identity(&scene));

@@ -458,7 +458,7 @@ pub(super) fn put<'a>(tree: &mut DeTable<'a>, numbers: &'a [String]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{cases, embedded, overrides};
+    use crate::testing::cases;
     use crate::{Source, load};
 
     fn number(text: &str, unit: &str) -> Result<f64, String> {
@@ -555,7 +555,7 @@ mod tests {
     fn units_of_a_box_are_si() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/bonfanti.toml");
         let source = Source::read(path).expect("a scene");
-        let of = |sets: [&str; 3]| load(&source, &overrides(&sets)).expect("a scene").toml;
+        let of = |sets: [&str; 3]| load(&source, &sets.map(Into::into)).expect("a scene").toml;
         let plain = ["box.pressure=1e7", "relax.tolerance=2e-3", "relax.drag=50"];
         let units = [
             "box.pressure=10 MPa",
@@ -589,7 +589,7 @@ mod tests {
             "shear.protocol=[{velocity='10 cm/s', distance='20 mm'}, {velocity=0, time='10 ms'}]",
             "bookkeeping.watchdog=10 min",
         ];
-        let of = |sets: [&str; 6]| load(&Source::new("x", text), &overrides(&sets)).unwrap();
+        let of = |sets: [&str; 6]| load(&Source::new("x", text), &sets.map(Into::into)).unwrap();
         let [plain, units] = [plain, units].map(of);
         assert_eq!(plain.toml, units.toml);
         assert_eq!(plain, units);
@@ -602,8 +602,9 @@ mod tests {
         assert_eq!(of(true, Some("hooke")), ["N/m"]);
         assert_eq!(of(true, Some("mindlin")), ["N/m^1.5"]);
         assert_eq!(of(true, None), ["N/m", "N/m^1.5"]);
-        let sets = ["load.stiffness_number=none", "load.normal_force=1 N"];
+        let sets = ["load.stiffness_number=none", "load.normal_force=1 N"].map(Into::into);
         let expected = "--set load.normal_force=1 N: is in N/m, but \"1 N\" is a force; give a force per length, such as \"5 N/m\"";
-        assert_eq!(embedded(&sets).unwrap_err().to_string(), expected);
+        let refused = load(&Source::embedded(), &sets);
+        assert_eq!(refused.unwrap_err().to_string(), expected);
     }
 }

@@ -13,17 +13,13 @@ const MINDLIN: &str = "
     material.density=none material.mass=1.25e-9 contact.normal_stiffness=1e11
     contact.damping_ratio=none contact.rolling_friction=none contact.rolling_damping_ratio=none";
 
-fn words(sets: &str) -> Vec<&str> {
-    sets.split_whitespace().collect()
-}
-
 fn with(sets: &str) -> Scene {
-    embedded(&words(sets)).unwrap()
+    embedded(sets).unwrap()
 }
 
 fn boxed(sets: &str) -> Scene {
     let text = include_str!("../../../configs/bonfanti.toml");
-    load(&Source::new("box.toml", text), &overrides(&words(sets))).unwrap()
+    load(&Source::new("box.toml", text), &overrides(sets)).unwrap()
 }
 
 /// Equal as values and in every digit: `{:?}` tells -0 from 0 too.
@@ -70,7 +66,7 @@ fn every_choice_reads_back_as_the_same_scene() {
         reads_back(&with(sets));
     }
     let title = "title='''a \"quoted\" \\ title\twith # and a 'tick'. '''";
-    reads_back(&embedded(&[title]).unwrap());
+    reads_back(&load(&Source::embedded(), &[title.into()]).unwrap());
 }
 
 #[test]
