@@ -53,13 +53,10 @@ pub(crate) fn scene(
     }
     let time_step = time::derive(c, &materials, &sample, boundary.walls())?;
     if let Boundary::Walls(walls) = &mut boundary {
-        let greatest = (
-            walls.greatest_overlap(&law, &contact, &sample),
-            time_step.step,
-        );
-        let layers = walls.layers(&sample);
-        walls.load.control =
-            load::derive_servo(c, (&law, &sample), (&walls.load, layers), greatest);
+        let overlap = walls.greatest_overlap(&law, &contact, &sample);
+        let load = (&walls.load, walls.layers(&sample));
+        let at = (overlap, time_step.step);
+        walls.load.control = load::derive_servo(c, (&law, &sample), load, at);
         c.settle()?;
     }
     let mut scene = Scene {

@@ -84,21 +84,22 @@ pub(crate) fn check(
     several: bool,
 ) -> Result<(Law, Contact), Failure> {
     let kind = choose(c, dimension)?;
-    let rolling = [
-        &CONTACT.rolling_friction,
-        &CONTACT.rolling_stiffness,
-        &CONTACT.rolling_damping_ratio,
-    ];
-    let twisting = [
-        &CONTACT.twisting_friction,
-        &CONTACT.twisting_stiffness,
-        &CONTACT.twisting_damping_ratio,
-    ];
     if dimension == Dimensions::Two {
-        for key in rolling.into_iter().filter(|_| !kind.rolling) {
-            let what = "has no rolling resistance between disks";
-            c.useless(key, &format!("the law {:?} {what}", kind.name));
+        if !kind.rolling {
+            let rolling = [
+                &CONTACT.rolling_friction,
+                &CONTACT.rolling_stiffness,
+                &CONTACT.rolling_damping_ratio,
+            ];
+            let law = kind.name;
+            let why = format!("the law {law:?} has no rolling resistance between disks");
+            c.all_useless(&rolling, &why);
         }
+        let twisting = [
+            &CONTACT.twisting_friction,
+            &CONTACT.twisting_stiffness,
+            &CONTACT.twisting_damping_ratio,
+        ];
         c.all_useless(&twisting, "disks do not twist");
         let why = "gives the attraction of spheres; give disks contact.attraction (N/m)";
         c.useless(&CONTACT.surface_energy, why);
@@ -142,7 +143,7 @@ pub(crate) fn contact_of(
 ) -> Contact {
     let mut coefficient = |key| number(key).unwrap_or(0.0);
     let energy = coefficient(&CONTACT.surface_energy);
-    let modulus = law.contact_modulus().filter(|_| adheres);
+    let modulus = law.contact_modulus().filter(|_| adheres && energy > 0.0);
     Contact {
         friction: coefficient(&CONTACT.friction),
         rolling_friction: coefficient(&CONTACT.rolling_friction),
@@ -152,9 +153,7 @@ pub(crate) fn contact_of(
         attraction: Attraction {
             constant: coefficient(&CONTACT.attraction),
             per_radius: if adheres { 0.0 } else { 4.0 * PI * energy },
-            jkr: modulus
-                .filter(|_| energy > 0.0)
-                .map(|modulus| Jkr::new(energy, modulus)),
+            jkr: modulus.map(|modulus| Jkr::new(energy, modulus)),
         },
         rolling_stiffness: number(&CONTACT.rolling_stiffness),
         twisting_stiffness: number(&CONTACT.twisting_stiffness),
@@ -192,10 +191,8 @@ pub(crate) fn check_attraction(
         let of_all = [&CONTACT.attraction, &CONTACT.surface_energy];
         let unit = sample.by_dimension("N/m", "N");
         let what = format!(
-            "mean grains attract each other by {:.3e} {unit}, which presses them further together than the law {:?} takes; give less, for at most {:.3e} {unit}, or a stiffer law",
-            given,
+            "mean grains attract each other by {given:.3e} {unit}, which presses them further together than the law {:?} takes; give less, for at most {most:.3e} {unit}, or a stiffer law",
             law.kind().name,
-            most,
         );
         c.refuse_among(&of_all, &what);
     }

@@ -302,10 +302,7 @@ pub(crate) fn check(
             sample
         }
     };
-    let per_grain = match dimension {
-        Dimensions::Two => 3,
-        Dimensions::Three => 6,
-    };
+    let per_grain = sample.by_dimension(3, 6);
     if periodic.aqs.spectrum && u64::from(sample.grains) * per_grain > MOST_UNKNOWNS {
         return Err(c.out_of_range(&format!(
             "aqs.spectrum finds all eigenvalues at once, of up to {} grains in this dimension; leave it out, and take gshear-reduce spectrum \

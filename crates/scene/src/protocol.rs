@@ -120,12 +120,10 @@ impl Shear {
             Motion::Strain { .. } => &[],
             Motion::Protocol(parts) => &parts[..],
         };
-        parts.iter().enumerate().filter_map(|(n, part)| {
-            if let Some(Normal::Load(pressure)) = &part.imposed.normal {
-                Some((n, pressure))
-            } else {
-                None
-            }
+        let numbered = parts.iter().enumerate();
+        numbered.filter_map(|(n, part)| match &part.imposed.normal {
+            Some(Normal::Load(pressure)) => Some((n, pressure)),
+            _ => None,
         })
     }
 
@@ -193,16 +191,9 @@ pub(crate) fn derive(
             Confinement::FreeSurface => without_top(given),
             _ => Ok(given.clone()),
         };
-        let parts = given.and_then(|given| parts(&given, load.pressure, spring.is_some()));
-        let vibrates = |parts: &[Part]| parts.iter().any(|of| of.imposed.bottom.is_some());
-        match parts {
-            Ok(parts) if confinement == Confinement::Images && vibrates(&parts) => {
-                let what = "bottom_amplitude moves a wall, but sample.boundary = \"periodic\"; leave it out";
-                return Err(c.refused(&keys.protocol, what));
-            }
-            Ok(parts) => Motion::Protocol(parts),
-            Err(what) => return Err(c.refused(&keys.protocol, &what)),
-        }
+        let spring = spring.is_some();
+        let parts = given.and_then(|given| parts(&given, load.pressure, spring, confinement));
+        Motion::Protocol(parts.map_err(|what| c.refused(&keys.protocol, &what))?)
     } else {
         let drive = match c.number(&keys.inertial_number) {
             Some(i) => WallSpeed::InertialNumber(i),
@@ -246,6 +237,7 @@ fn parts(
     given: &[Vec<(String, f64)>],
     mut pressure: f64,
     spring: bool,
+    confinement: Confinement,
 ) -> Result<Vec<Part>, String> {
     if given.is_empty() {
         return Err("has no parts; give one or more, such as [[shear.protocol]] with velocity and distance or time".into());
@@ -272,6 +264,13 @@ fn parts(
         for part in &mut parts {
             part.imposed.normal = None;
         }
+    }
+    let vibrates = parts.iter().any(|part| part.imposed.bottom.is_some());
+    if vibrates && confinement == Confinement::Images {
+        return Err(
+            "bottom_amplitude moves a wall, but sample.boundary = \"periodic\"; leave it out"
+                .into(),
+        );
     }
     Ok(parts)
 }
@@ -358,19 +357,17 @@ impl PartValues<'_> {
     fn check(&self) -> Result<(), String> {
         for (name, x) in self.0 {
             let known = PartKeys::TABLE.key(name);
-            let Some((key, Values::Number(range))) = known.map(|key| (key, key.values)) else {
+            let Some(Values::Number(range)) = known.map(|key| key.values) else {
                 let all: Vec<&str> = PartKeys::TABLE.own.iter().map(|key| key.path).collect();
                 let unknown = format!("unknown key {name}{}", meant(name, &all));
                 return Err(known_names(unknown, "a part knows", &all));
             };
-            if !x.is_finite() || !range.hold(*x) {
-                let words = if range.hold(*x) {
-                    "must be a finite number".into()
-                } else {
-                    range.words()
-                };
-                return Err(format!("{} {words}, found {}", key.path, show(*x)));
-            }
+            let words = match range.hold(*x) {
+                true if x.is_finite() => continue,
+                true => "must be a finite number".into(),
+                false => range.words(),
+            };
+            return Err(format!("{name} {words}, found {}", show(*x)));
         }
         for (key, others) in NEEDS {
             if self.of(key).is_some() && others.iter().all(|other| self.of(other).is_none()) {
@@ -434,21 +431,16 @@ fn check_pressures(shear: &Shear, (law, sample): (&Law, &Sample), load: f64) -> 
                 show(of.amplitude())
             ));
         }
-        let extremes = [most + of.amplitude(), least]
-            .into_iter()
-            .filter(|p| *p != load);
-        for pressure in extremes {
-            if derived::stiffness_number(law, sample, pressure).is_none() {
-                let range = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN]
-                    .map(|kappa| derived::pressure(law, sample, kappa));
-                return Err(format!(
-                    "part {}: a pressure of {} Pa is outside the range of the law, {:.3e} … {:.3e} Pa",
-                    n + 1,
-                    show(pressure),
-                    range[0],
-                    range[1]
-                ));
-            }
+        let extremes = [most + of.amplitude(), least];
+        let is_out = |p: &f64| *p != load && derived::stiffness_number(law, sample, *p).is_none();
+        if let Some(pressure) = extremes.into_iter().find(is_out) {
+            let [least, most] = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN]
+                .map(|kappa| derived::pressure(law, sample, kappa));
+            return Err(format!(
+                "part {}: a pressure of {} Pa is outside the range of the law, {least:.3e} … {most:.3e} Pa",
+                n + 1,
+                show(pressure),
+            ));
         }
     }
     Ok(())

@@ -95,10 +95,7 @@ pub fn definition_of_inertial_number(dimension: Dimensions) -> &'static str {
 /// I/γ̇ (s): √(m̄/P), in three dimensions d̄ √(ρ/P) with ρ = m̄ over the mean volume.
 pub fn inertial_time(scene: &Scene, load: &Load) -> f64 {
     let sample = &scene.sample;
-    let of_spheres = match scene.dimension {
-        Dimensions::Two => 1.0,
-        Dimensions::Three => sample.mean_section() / sample.mean_volume,
-    };
+    let of_spheres = sample.by_dimension(1.0, sample.mean_section() / sample.mean_volume);
     (mean_mass(scene) / load.pressure * of_spheres).sqrt()
 }
 

@@ -203,18 +203,13 @@ fn leaves<'a, 'b>(
 
 fn product(axes: &[Axis]) -> Vec<Member> {
     let short = |axis: &Axis| axis.path.rsplit('.').next().unwrap_or_default().to_string();
-    let names: Vec<String> = axes
-        .iter()
-        .map(|axis| {
-            let same = axes.iter().filter(|other| short(other) == short(axis));
-            match same.count() {
-                1 => short(axis),
-                _ => axis.path.replace('.', "-"),
-            }
-        })
-        .collect();
+    let name = |axis: &Axis| match axes.iter().filter(|of| short(of) == short(axis)).count() {
+        1 => short(axis),
+        _ => axis.path.replace('.', "-"),
+    };
     let mut members = vec![Member::default()];
-    for (axis, name) in axes.iter().zip(&names) {
+    for axis in axes {
+        let name = name(axis);
         let longer = |member: &Member, [text, value]: &[String; 2]| {
             let own = format!("{name}-{}", in_a_path(text));
             let mut member = member.clone();
@@ -226,9 +221,7 @@ fn product(axes: &[Axis]) -> Vec<Member> {
             };
             member
         };
-        let each = |member: &Member| -> Vec<Member> {
-            axis.values.iter().map(|v| longer(member, v)).collect()
-        };
+        let each = |member| axis.values.iter().map(move |value| longer(member, value));
         members = members.iter().flat_map(each).collect();
     }
     members
@@ -292,10 +285,8 @@ mod tests {
                 "contact-friction-0.1_strain-0.3_frame_strain-1e-3_pack-friction-0.5"
             ]
         );
-        assert_eq!(
-            names("[sweep]\ntitle = ['a/b c', \"ü\"]"),
-            ["title-a-b-c", "title-ü"]
-        );
+        let titles = names("[sweep]\ntitle = ['a/b c', \"ü\"]");
+        assert_eq!(titles, ["title-a-b-c", "title-ü"]);
     }
 
     #[test]
@@ -346,12 +337,8 @@ mod tests {
 
     #[test]
     fn a_sweep_is_not_one_run() {
-        let refused = load(&with("[sweep]\nseed = [1, 2]"), &[])
-            .expect_err("refused")
-            .to_string();
-        assert!(
-            refused.contains("sweep: makes 2 runs of this scene; --sweep list"),
-            "{refused}"
-        );
+        let refused = load(&with("[sweep]\nseed = [1, 2]"), &[]).expect_err("refused");
+        let said = "sweep: makes 2 runs of this scene; --sweep list";
+        assert!(refused.to_string().contains(said), "{refused}");
     }
 }
