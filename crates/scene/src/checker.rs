@@ -356,11 +356,8 @@ impl KeyReader for Checker<'_> {
             } else if self.input.is_extended(second_at)
                 && !self.input.are_beside(first_at, second_at)
             {
-                text += &format!(
-                    "; {} = \"none\" in {} takes this one away",
-                    keys[second].path,
-                    self.input.source.name()
-                );
+                let (path, name) = (keys[second].path, self.input.source.name());
+                text += &format!("; {path} = \"none\" in {name} takes this one away");
             }
             self.refuse(keys[second], &text);
         }

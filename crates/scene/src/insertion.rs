@@ -298,12 +298,9 @@ mod tests {
             let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
             let of = |f: fn(f64) -> f64| {
                 let n = grains.len() as f64;
-                let mean = grains.iter().map(|g| f(g.radius / 1e-6)).sum::<f64>() / n;
-                let square = grains
-                    .iter()
-                    .map(|g| f(g.radius / 1e-6).powi(2))
-                    .sum::<f64>()
-                    / n;
+                let values = grains.iter().map(|g| f(g.radius / 1e-6));
+                let mean = values.clone().sum::<f64>() / n;
+                let square = values.map(|x| x * x).sum::<f64>() / n;
                 let error = ((square - mean * mean) / n).sqrt();
                 let expected = sizes.mean([0.5e-6, 1e-6], |r| f(r / 1e-6));
                 assert!(

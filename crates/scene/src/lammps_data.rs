@@ -10,7 +10,7 @@ use crate::words::{quoted, shortened};
 use gshear_dem::failure::Failure;
 
 /// A file's content.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct DataFile {
     /// lo and hi along x, y, z.
     pub bounds: [[f64; 2]; 3],
@@ -315,10 +315,9 @@ impl<'a> Lines<'a> {
         match words[0].parse::<u64>() {
             Ok(id) if id > 0 => Ok(id),
             _ => {
-                let what = format!(
-                    "the id must be a whole number from 1 on, found {}; {form}",
-                    quoted(words[0])
-                );
+                let found = quoted(words[0]);
+                let what =
+                    format!("the id must be a whole number from 1 on, found {found}; {form}");
                 Err(self.wrong(line, &what))
             }
         }
@@ -374,10 +373,8 @@ impl<'a> Lines<'a> {
         let kind = match words[1].parse::<u32>() {
             Ok(kind) if (1..=types).contains(&kind) => kind,
             _ => {
-                let what = format!(
-                    "the type must lie in 1 … {types}, found {}; {form}",
-                    quoted(words[1])
-                );
+                let found = quoted(words[1]);
+                let what = format!("the type must lie in 1 … {types}, found {found}; {form}");
                 return Err(self.wrong(line, &what));
             }
         };
@@ -466,10 +463,9 @@ impl DataHeader {
                 expect(1, &format!("N {keyword}"))?;
                 let count = words[0].parse::<u32>();
                 count.ok().filter(|&count| count > 0).ok_or_else(|| {
+                    let (most, found) = (u32::MAX, shortened(words[0]));
                     let what = format!(
-                        "the number of {keyword} must be a whole number in 1 … {}, found {}",
-                        u32::MAX,
-                        shortened(words[0])
+                        "the number of {keyword} must be a whole number in 1 … {most}, found {found}"
                     );
                     lines.wrong(at, &what)
                 })
@@ -527,14 +523,13 @@ impl DataHeader {
         let count = self.atoms.ok_or_else(|| missing("N atoms"))?;
         let file = DataFile {
             tilt: self.tilt,
-            stream: None,
             types: self.types.ok_or_else(|| missing("n atom types"))?,
             bounds: [
                 bounds(0, "lo hi xlo xhi")?,
                 bounds(1, "lo hi ylo yhi")?,
                 bounds(2, "lo hi zlo zhi")?,
             ],
-            atoms: Vec::new(),
+            ..DataFile::default()
         };
         Ok((file, count))
     }

@@ -133,10 +133,10 @@ fn replicated(
     if grains > limit.most.into() {
         let of_copies = match number {
             1 => String::new(),
-            _ => format!(
-                " in {} copies (sample.replicate)",
-                copies.map(|n| n.to_string()).join(" × ")
-            ),
+            _ => {
+                let copies = copies.map(|n| n.to_string()).join(" × ");
+                format!(" in {copies} copies (sample.replicate)")
+            }
         };
         let (atoms, GrainLimit { most, reason }) = (data.atoms.len(), limit);
         let what = format!(
@@ -254,8 +254,8 @@ fn unpacked(name: &str, bytes: Vec<u8>) -> Result<Vec<u8>, Failure> {
 }
 
 /// Refuses a grain that is out of the box or moves out of the plane of disks, and puts it into the
-/// periods: coordinates along them begin at 0. `up`: the last axis; `offset`: of a box that is periodic along its last
-/// axis, too.
+/// periods: coordinates along them begin at 0. `up`: the last axis; `offset`: of a box that is
+/// periodic along that, too.
 fn place(
     a: &mut Atom,
     up: usize,
@@ -990,10 +990,9 @@ mod tests {
         }
         let one = parsed("f", dump.as_bytes(), Some(0)).unwrap();
         assert_eq!(one.atoms.len(), 1);
-        assert_eq!(
-            message(parsed("f", dump.as_bytes(), Some(2))),
-            "f: has 2 frames; give @0 … of one that it has, or none for the last"
-        );
+        let said = message(parsed("f", dump.as_bytes(), Some(2)));
+        let expected = "f: has 2 frames; give @0 … of one that it has, or none for the last";
+        assert_eq!(said, expected);
 
         // Parts of the edges of a tilted box, as LAMMPS computes them.
         let tilted = "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS xy xz yz pp pp pp\n-1.25 4.5 -0.25\n0 2.5 0.5\n0 1 0.5\nITEM: ATOMS id xs ys zs diameter\n3 0.5 0.25 0.5 0.1\n";
@@ -1126,14 +1125,11 @@ mod tests {
         ids.sort_unstable();
         let of_rows = (0..120).map(|row| u64::from(packing.file.ids.of(row)));
         assert!(of_rows.eq(ids.iter().copied()), "{:?}", packing.file.ids);
-        let last = ids[119] + 1;
-        assert_eq!(
-            message(packing_of(data, 2, "")),
-            format!(
-                "f: the id of atom {} is greater than 4294967296; number the atoms of the file from 1 on",
-                2 * last
-            )
+        let last = 2 * (ids[119] + 1);
+        let expected = format!(
+            "f: the id of atom {last} is greater than 4294967296; number the atoms of the file from 1 on"
         );
+        assert_eq!(message(packing_of(data, 2, "")), expected);
         for ids in [&[0, 1, 2][..], &[1, 2, 3], &[0, 1, 3, 4, 9], &[u32::MAX]] {
             let jumps = Ids::new(ids.iter().copied());
             let of_rows: Vec<u32> = (0..ids.len() as u32).map(|row| jumps.of(row)).collect();
@@ -1160,9 +1156,9 @@ mod tests {
         let data = DataFile {
             bounds: [[1.0, 1.0 + length], [2.0, 2.0 + height], [-1.0, 1.0]],
             tilt: [tilt, 0.0, 0.0],
-            stream: None,
             types: 1,
             atoms: (1..=30).map(atom).collect(),
+            ..DataFile::default()
         };
         let sorted = |mut all: Vec<f64>| {
             all.retain(|apart| *apart < 2.0);
@@ -1253,15 +1249,10 @@ mod tests {
     fn force_of_spheres_on_the_top() {
         let at = |n: usize| (n as f64 + 0.5) * 1e-3;
         let row = |n: usize| {
-            let [i, j, k] = [n / 144, n / 9 % 16, n % 9];
+            let (x, y, k) = (at(n / 144), at(n / 9 % 16), n % 9);
             let kind = [2, 1, 1, 1, 1, 1, 1, 1, 3][k];
             let z = 0.5e-3 + 0.999e-3 * k as f64;
-            format!(
-                "{} {kind} 0.001 2500 {:e} {:e} {z:e}\n",
-                n + 1,
-                at(i),
-                at(j)
-            )
+            format!("{} {kind} 0.001 2500 {x:e} {y:e} {z:e}\n", n + 1)
         };
         let rows: String = (0..1728).map(row).collect();
         let text = format!(

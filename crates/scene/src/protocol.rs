@@ -362,12 +362,14 @@ impl PartValues<'_> {
                 let unknown = format!("unknown key {name}{}", meant(name, &all));
                 return Err(known_names(unknown, "a part knows", &all));
             };
-            let words = match range.hold(*x) {
-                true if x.is_finite() => continue,
-                true => "must be a finite number".into(),
-                false => range.words(),
-            };
-            return Err(format!("{name} {words}, found {}", show(*x)));
+            if !range.hold(*x) {
+                return Err(format!("{name} {}, found {}", range.words(), show(*x)));
+            } else if !x.is_finite() {
+                return Err(format!(
+                    "{name} must be a finite number, found {}",
+                    show(*x)
+                ));
+            }
         }
         for (key, others) in NEEDS {
             if self.of(key).is_some() && others.iter().all(|other| self.of(other).is_none()) {

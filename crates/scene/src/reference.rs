@@ -349,11 +349,10 @@ fn quantity() -> &'static str {
 }
 
 fn number(Bounds { from, to }: Bounds, with_unit: bool) -> Value {
-    let mut schema = if with_unit {
-        json!({ "type": ["number", "string"], "pattern": quantity() })
-    } else {
-        json!({ "type": "number" })
-    };
+    let mut schema = json!({ "type": "number" });
+    if with_unit {
+        schema = json!({ "type": ["number", "string"], "pattern": quantity() });
+    }
     match from {
         Bound::Included(x) => schema["minimum"] = x.into(),
         Bound::Excluded(x) => schema["exclusiveMinimum"] = x.into(),

@@ -144,11 +144,8 @@ pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
         ratio if ratio < 1.0 / AT_LOAD => "falls onto it",
         _ => return None,
     };
-    let or_pressure = if own > 0.0 {
-        format!(", or load.pressure = {own:.3e}")
-    } else {
-        String::new()
-    };
+    let or_pressure = (own > 0.0).then(|| format!(", or load.pressure = {own:.3e}"));
+    let or_pressure = or_pressure.unwrap_or_default();
     Some(format!(
         "sample.packing is not at its load: its overlaps press on the top wall with {own:.3e} Pa, and the load is {load:.3e} Pa; the wall {begins}; give pack.skip = false to compress it under the load{or_pressure}"
     ))
@@ -197,12 +194,9 @@ pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
 
 /// [`intervals`] of Newton's equations without a complex pair, which strain steps may find.
 fn intervals_of_box(periodic: &PeriodicBox) -> Option<String> {
-    let of = periodic
-        .newtonian
-        .as_ref()
-        .filter(|_| !periodic.aqs.spectrum)?;
+    let of = periodic.newtonian.filter(|_| !periodic.aqs.spectrum)?;
     let steps = (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil() as u64;
-    intervals_of_newtonian(of, steps)
+    intervals_of_newtonian(&of, steps)
 }
 
 /// A sentence if Newton's equations take fewer steps than are to be written.
@@ -233,10 +227,8 @@ fn is(key: &str, value: f64, unit: &str) -> String {
     } else {
         format!("{value:.3e}")
     };
-    format!(
-        "{key} is {value}{}{unit}:",
-        if unit.is_empty() { "" } else { " " }
-    )
+    let space = if unit.is_empty() { "" } else { " " };
+    format!("{key} is {value}{space}{unit}:")
 }
 
 fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<String>) {
@@ -253,14 +245,10 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
     }
     let schedule = Schedule::new(scene, walls, height);
     let given = match &walls.shear.motion {
-        Motion::Strain {
-            drive: WallSpeed::InertialNumber(i),
-            ..
-        } => *i,
-        Motion::Strain {
-            drive: WallSpeed::Velocity(v),
-            ..
-        } => schedule.inertial_number(*v),
+        Motion::Strain { drive, .. } => match drive {
+            WallSpeed::InertialNumber(i) => *i,
+            WallSpeed::Velocity(v) => schedule.inertial_number(*v),
+        },
         Motion::Protocol(parts) => {
             let speeds = parts.iter().map(|part| part.speed(height));
             schedule.inertial_number(speeds.fold(0.0, |most, v| most.max(v.abs())))
@@ -299,10 +287,9 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
             "the mean diameter is {diameter:.3e} m: sand has 1e-4 to 2e-3, gouge 1e-6 to 1e-4; \"0.8 mm\" is a way to write a radius"
         ));
     }
-    let layers = [height / diameter, sample.length / diameter];
     for (layers, what, key) in [
-        (layers[0], "layers high", "sample.grains"),
-        (layers[1], "grains long", "sample.length"),
+        (height / diameter, "layers high", "sample.grains"),
+        (sample.length / diameter, "grains long", "sample.length"),
     ] {
         if layers < LAYERS {
             doubts.push(format!(

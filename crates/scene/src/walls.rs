@@ -259,11 +259,9 @@ fn refuse_scalars(c: &mut Checker<'_>, boundary: &str) {
 
 /// Refuses what needs all of the grains.
 fn refuse_with_removal(c: &mut Checker<'_>) {
+    let budget = "what removed grains take away is not in the energy budget";
     for (key, needs) in [
-        (
-            &OUTPUT.energy,
-            "what removed grains take away is not in the energy budget",
-        ),
+        (&OUTPUT.energy, budget),
         (&ANALYSIS.scalars, "scalars of frames are of all grains"),
     ] {
         if c.is_given(key) && c.flag(key) == Some(true) {
