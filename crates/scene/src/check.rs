@@ -27,11 +27,10 @@ pub(crate) fn scene(
 ) -> Result<Scene, Failure> {
     let c = &mut c;
     let seed = c.count(&SCENE.seed);
-    let dimension = match c.count(&SCENE.dimension) {
-        3 => Dimensions::Three,
-        _ => Dimensions::Two,
-    };
-    let (law, contact) = law::check(c, dimension, c.is_given(&OTHERS))?;
+    if c.count(&SCENE.dimension) == 3 {
+        c.dimension = Dimensions::Three;
+    }
+    let (law, contact) = law::check(c, c.is_given(&OTHERS))?;
     let materials = materials::check(c, &law, &contact)?;
     time::check(c, &law, boxed);
     check_limit(c, limit);
@@ -39,10 +38,10 @@ pub(crate) fn scene(
     let keep_checkpoints = c.flag_or_default(&OUTPUT.keep_checkpoints);
     let bookkeeping = check_bookkeeping(c);
     let (default_title, sample, mut boundary) = if boxed {
-        let (sample, periodic) = periodic::check(c, dimension, seed, packing)?;
+        let (sample, periodic) = periodic::check(c, seed, packing)?;
         ("Periodic box", sample, Boundary::Periodic(periodic))
     } else {
-        let (sample, walls) = walls::check(c, dimension, (&law, &materials.masses), packing)?;
+        let (sample, walls) = walls::check(c, (&law, &materials.masses), packing)?;
         ("Plane shear", sample, Boundary::Walls(walls))
     };
     if !c.is_given(&SCENE.title) {
@@ -63,7 +62,7 @@ pub(crate) fn scene(
         title: c.text(&SCENE.title).unwrap_or(default_title).into(),
         author: c.text(&SCENE.author).map(Into::into),
         seed,
-        dimension,
+        dimension: c.dimension,
         law,
         contact,
         materials,

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{Key, KeyReader, Values};
 
@@ -28,6 +29,8 @@ pub(crate) struct Checker<'a> {
     problems: Vec<(usize, String)>,
     /// Places and paths of the keys that do not apply, which are reported together.
     useless: Vec<(usize, &'static str)>,
+    /// Disks, until it is known that the scene has spheres.
+    pub dimension: Dimensions,
 }
 
 impl<'a> Checker<'a> {
@@ -40,6 +43,7 @@ impl<'a> Checker<'a> {
             omitted: BTreeSet::new(),
             problems: Vec::new(),
             useless: Vec::new(),
+            dimension: Dimensions::Two,
         }
     }
 

@@ -78,12 +78,9 @@ pub(crate) fn pair_keys() -> Vec<&'static Key> {
 ///
 /// With `several` materials, what follows from other keys differs from pair to pair, and is not
 /// filled in.
-pub(crate) fn check(
-    c: &mut Checker<'_>,
-    dimension: Dimensions,
-    several: bool,
-) -> Result<(Law, Contact), Failure> {
-    let kind = choose(c, dimension)?;
+pub(crate) fn check(c: &mut Checker<'_>, several: bool) -> Result<(Law, Contact), Failure> {
+    let kind = choose(c)?;
+    let dimension = c.dimension;
     if dimension == Dimensions::Two {
         if !kind.rolling {
             let rolling = [
@@ -199,8 +196,8 @@ pub(crate) fn check_attraction(
 }
 
 /// The law that is named; refuses what only other laws take.
-fn choose(c: &mut Checker<'_>, dimension: Dimensions) -> Result<&'static LawKind, Failure> {
-    let key = &CONTACT.law;
+fn choose(c: &mut Checker<'_>) -> Result<&'static LawKind, Failure> {
+    let (key, dimension) = (&CONTACT.law, c.dimension);
     let default = match dimension {
         Dimensions::Two => lee_hurley::KIND.name,
         Dimensions::Three => hertz::KIND.name,

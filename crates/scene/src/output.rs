@@ -135,12 +135,7 @@ pub(crate) fn check_box(c: &mut Checker<'_>) {
 }
 
 /// What is computed of the frames of a scene between walls. `protocol`: it has one.
-pub(crate) fn check_analysis(
-    c: &mut Checker<'_>,
-    dimension: Dimensions,
-    protocol: bool,
-    output: &Output,
-) -> Analysis {
+pub(crate) fn check_analysis(c: &mut Checker<'_>, protocol: bool, output: &Output) -> Analysis {
     let keys = &ANALYSIS;
     let scalars = c.flag_or_default(&keys.scalars);
     let found = Analysis {
@@ -148,7 +143,7 @@ pub(crate) fn check_analysis(
         strain: c.number(&keys.strain).unwrap_or(output.frame_strain),
         start: c.number(&keys.start).unwrap_or(output.frame_start),
     };
-    if scalars && dimension == Dimensions::Three {
+    if scalars && c.dimension == Dimensions::Three {
         let what = "the scalars of frames are those of disks; leave it out with dimension = 3";
         c.refuse(&keys.scalars, what);
     }

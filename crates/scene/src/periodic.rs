@@ -4,7 +4,6 @@
 use std::ops::Bound;
 
 use gshear_dem::contact::portable_exp;
-use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{
     Bounds, Change, FROM_ONE, FROM_ZERO, KeyReader, NOT_NEGATIVE, POSITIVE, UNIT,
@@ -253,11 +252,10 @@ const MOST_UNKNOWNS: u64 = 6000;
 /// Checks every key by itself, then those that must agree, and derives the sample.
 pub(crate) fn check(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     seed: u64,
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, PeriodicBox), Failure> {
-    let grains = sample::check_boxed(c, dimension);
+    let grains = sample::check_boxed(c);
     let deformation = check_deformation(c);
     let solid_fraction = match &grains {
         Grains::Inserted(_) => c.required(&BOX.solid_fraction),
@@ -290,12 +288,12 @@ pub(crate) fn check(
 
     let sample = match grains {
         Grains::Inserted(sizes) => {
-            let sample = sample::derive_boxed(c, dimension, seed, &sizes, solid_fraction)?;
+            let sample = sample::derive_boxed(c, seed, &sizes, solid_fraction)?;
             periodic.sizes = sizes;
             sample
         }
         Grains::File(arrangement) => {
-            let (sample, file) = sample::derive_filed(c, dimension, arrangement, packing)?;
+            let (sample, file) = sample::derive_filed(c, arrangement, packing)?;
             periodic.packing = Some(file);
             let volume: f64 = periodic.lengths(&sample).iter().product();
             periodic.solid_fraction = f64::from(sample.grains) * sample.mean_volume / volume;

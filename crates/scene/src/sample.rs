@@ -318,10 +318,10 @@ pub(crate) enum Grains {
 }
 
 /// Checks each key of a scene between walls by itself.
-pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
+pub(crate) fn check(c: &mut Checker<'_>) -> Grains {
     let keys = &SAMPLE;
     let periodic = confinement(c) == Confinement::Images;
-    let arrangement = arrangement(c, dimension, periodic);
+    let arrangement = arrangement(c, periodic);
     if periodic {
         let why = "is of walls, but sample.boundary = \"periodic\"";
         c.all_useless(&OF_WALLS, why);
@@ -332,7 +332,7 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
         let why = "is of walls of grains, but sample.walls = \"flat\"";
         c.useless(&keys.wall_thickness, why);
     }
-    if dimension == Dimensions::Two {
+    if c.dimension == Dimensions::Two {
         let why = "is L_y (m) of three dimensions, and dimension = 2";
         c.useless(&keys.width, why);
     }
@@ -348,10 +348,10 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
     }
     check_inserted(c);
     c.required(&keys.length);
-    if dimension == Dimensions::Three {
+    if c.dimension == Dimensions::Three {
         c.required(&keys.width);
     }
-    Grains::Inserted(check_sizes(c, dimension))
+    Grains::Inserted(check_sizes(c))
 }
 
 /// Whether the walls are planes.
@@ -414,7 +414,7 @@ fn check_filed(c: &mut Checker<'_>) {
 }
 
 /// How the scene takes its packing.
-fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arrangement {
+fn arrangement(c: &mut Checker<'_>, boxed: bool) -> Arrangement {
     let key = &SAMPLE.replicate;
     let mut arrangement = Arrangement {
         boxed,
@@ -430,7 +430,7 @@ fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arran
         c.useless(key, why);
     }
     let whole = |x: &f64| x.fract() == 0.0 && range.hold(*x);
-    let axes = periodic_axes(dimension, boxed);
+    let axes = periodic_axes(c, boxed);
     if given.len() == axes && given.iter().all(whole) {
         for (copies, given) in arrangement.copies.iter_mut().zip(given) {
             *copies = given as u32;
@@ -455,8 +455,8 @@ pub(crate) fn walls_of(confinement: Confinement) -> f64 {
     }
 }
 
-fn periodic_axes(dimension: Dimensions, boxed: bool) -> usize {
-    dimension.axes() - usize::from(!boxed)
+fn periodic_axes(c: &Checker<'_>, boxed: bool) -> usize {
+    c.dimension.axes() - usize::from(!boxed)
 }
 
 /// How many grains are inserted, and between which radii.
@@ -475,12 +475,12 @@ fn check_inserted(c: &mut Checker<'_>) {
 }
 
 /// The keys of grains in a box, whose size follows from its solid fraction or from a file.
-pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
+pub(crate) fn check_boxed(c: &mut Checker<'_>) -> Grains {
     let keys = &SAMPLE;
     let why = "applies to scenes with walls only";
     c.useless(&keys.boundary, why);
     c.all_useless(&OF_WALLS, why);
-    let arrangement = arrangement(c, dimension, true);
+    let arrangement = arrangement(c, true);
     if c.is_given(&keys.packing) {
         c.useless(&keys.placement, OF_INSERTED);
         check_filed(c);
@@ -489,19 +489,18 @@ pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Grains 
     let why = "follows from box.solid_fraction";
     c.all_useless(&[&keys.length, &keys.width], why);
     check_inserted(c);
-    Grains::Inserted(check_sizes(c, dimension))
+    Grains::Inserted(check_sizes(c))
 }
 
 /// The sample of a file in its box.
 pub(crate) fn derive_filed(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     arrangement: Arrangement,
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, PackingFile), Failure> {
     let file = read(c, arrangement, packing)?;
-    let sample = of_file(c, dimension, &file)?;
-    fill_from(c, dimension, &file);
+    let sample = of_file(c, &file)?;
+    fill_from(c, &file);
     let least = sample.least_box_length();
     let [height, _] = file.boxed.unwrap_or_default();
     let lengths = [sample.length, sample.width, height];
@@ -533,12 +532,12 @@ fn read(
 /// The sample in a cubic box (square in 2D) in which its grains have the solid fraction φ.
 pub(crate) fn derive_boxed(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     seed: u64,
     sizes: &Sizes,
     solid_fraction: f64,
 ) -> Result<Sample, Failure> {
-    let sample = inserted(c, dimension, sizes)?;
+    let dimension = c.dimension;
+    let sample = inserted(c, sizes)?;
     let volume = |r| dimension.volume(r);
     let grains = volume_in_box(seed, &sample, sizes, volume);
     let length = derived::box_length(dimension, grains / solid_fraction);
@@ -562,7 +561,8 @@ pub(crate) fn derive_boxed(
 }
 
 /// Inserted grains in a cell of the given size.
-fn inserted(c: &mut Checker<'_>, dimension: Dimensions, sizes: &Sizes) -> Result<Sample, Failure> {
+fn inserted(c: &mut Checker<'_>, sizes: &Sizes) -> Result<Sample, Failure> {
+    let dimension = c.dimension;
     let [a, b] = radii(c, sizes);
     c.settle()?;
     Ok(Sample {
@@ -633,7 +633,7 @@ fn taken(mean: f64, deviation: f64, [a, b]: [f64; 2]) -> f64 {
 }
 
 /// How the radii of inserted grains are distributed.
-fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
+fn check_sizes(c: &mut Checker<'_>) -> Sizes {
     let keys = &SAMPLE;
     let Some(name) = c.choice(&keys.sizes) else {
         return Sizes::Uniform;
@@ -664,9 +664,9 @@ fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
             between: [&keys.radius_min, &keys.radius_max].map(|key| c.known(key)),
             exponent: c.required(&keys.radius_exponent),
         }]),
-        "table" => Sizes::Classes(check_table(c, dimension)),
+        "table" => Sizes::Classes(check_table(c)),
         "binary" => Sizes::Binary {
-            large_fraction: large_fraction(c, dimension),
+            large_fraction: large_fraction(c),
         },
         "list" => Sizes::List(c.required_list(&keys.radii, "radius")),
         _ => Sizes::Uniform,
@@ -675,20 +675,20 @@ fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
 
 /// The share of the large grains of a binary mixture by number. n_l V_l = φ V and n_s V_s = (1-φ) V
 /// give it from their share φ of the volume V.
-fn large_fraction(c: &mut Checker<'_>, dimension: Dimensions) -> f64 {
+fn large_fraction(c: &mut Checker<'_>) -> f64 {
     let share = c.required(&SAMPLE.large_fraction);
     if c.choice(&SAMPLE.large_fraction_by) != Some("volume") {
         return share;
     }
     let [small, large] = [&SAMPLE.radius_min, &SAMPLE.radius_max].map(|key| c.known(key));
-    let of_one = (small / large).powi(dimension.axes() as i32);
+    let of_one = (small / large).powi(c.dimension.axes() as i32);
     share * of_one / (share * of_one + 1.0 - share)
 }
 
 /// The classes of a grading curve that hold grains. The curve is straight over the logarithm of the
 /// diameter, so in a class the number of grains per radius goes as 1/R, or as 1/R over the volume
 /// if the curve is one of mass.
-fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
+fn check_table(c: &mut Checker<'_>) -> Vec<SizeClass> {
     let keys = &SAMPLE;
     let sieves = c.required_list(&keys.sieves, "mesh width");
     let passing = c.required_list(&keys.passing, "share");
@@ -708,9 +708,10 @@ fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
         c.refuse(&keys.passing, &what);
         return Vec::new();
     }
+    let axes = c.dimension.axes();
     let exponent = match c.choice(&keys.passing_by) {
         Some("number") => 1.0,
-        _ => 1.0 + dimension.axes() as f64,
+        _ => 1.0 + axes as f64,
     };
     let largest = 0.5 * sieves[sieves.len() - 1];
     let mut classes: Vec<SizeClass> = sieves
@@ -725,7 +726,7 @@ fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
         .collect();
     if exponent > 1.0 {
         for class in &mut classes {
-            class.share /= class.mean(|r| (r / largest).powi(dimension.axes() as i32));
+            class.share /= class.mean(|r| (r / largest).powi(axes as i32));
         }
         let all: f64 = classes.iter().map(|class| class.share).sum();
         classes.iter_mut().for_each(|class| class.share /= all);
@@ -737,7 +738,6 @@ fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
 /// not compressed.
 pub(crate) fn derive(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     grains: Grains,
     skip: bool,
     packing: ReadPacking<'_>,
@@ -746,7 +746,7 @@ pub(crate) fn derive(
     let flat = is_flat(c).then_some(Walls::Flat);
     let (sample, origin, (walls, layers)) = match grains {
         Grains::Inserted(sizes) => {
-            let sample = inserted(c, dimension, &sizes)?;
+            let sample = inserted(c, &sizes)?;
             let height = derived::packed_height(&sample);
             let sized_by = [
                 &keys.grains,
@@ -760,7 +760,7 @@ pub(crate) fn derive(
         }
         Grains::File(arrangement) => {
             let file = read(c, arrangement, packing)?;
-            let sample = of_file(c, dimension, &file)?;
+            let sample = of_file(c, &file)?;
             let layers = check_size(c, &sample, file.height(), &[&keys.packing])?;
             let types = match confinement(c) {
                 Confinement::Walls => file.wall_types,
@@ -770,7 +770,7 @@ pub(crate) fn derive(
             let by_type = skip && types;
             let default = if by_type { Walls::Types } else { Walls::Layers };
             let walls = c.named(&keys.walls, &Walls::NAMES).unwrap_or(default);
-            fill_from(c, dimension, &file);
+            fill_from(c, &file);
             let name = Walls::NAMES.iter().find(|(_, known)| *known == walls);
             c.fill(&keys.walls, name.map_or("", |(name, _)| name));
             (sample, Origin::Packing(file), (walls, layers))
@@ -781,11 +781,7 @@ pub(crate) fn derive(
 }
 
 /// The sample that a file holds, which the keys that are given must agree with.
-fn of_file(
-    c: &mut Checker<'_>,
-    dimension: Dimensions,
-    file: &PackingFile,
-) -> Result<Sample, Failure> {
+fn of_file(c: &mut Checker<'_>, file: &PackingFile) -> Result<Sample, Failure> {
     let keys = &SAMPLE;
     let unlike = |given: &dyn std::fmt::Display, of_file: &dyn std::fmt::Display| {
         format!("is {of_file} in the packing of sample.packing, found {given}; leave it out")
@@ -808,7 +804,7 @@ fn of_file(
             c.refuse(key, &unlike(&show(x), &show(of_file)));
         }
     }
-    if file.width.is_some() != (dimension == Dimensions::Three) {
+    if file.width.is_some() != (c.dimension == Dimensions::Three) {
         let (is, dimension) = match file.width {
             Some(_) => ("spheres", 3),
             None => ("disks in the plane z = 0", 2),
@@ -829,10 +825,10 @@ fn of_file(
 }
 
 /// Fills in what follows from a file.
-fn fill_from(c: &mut Checker<'_>, dimension: Dimensions, file: &PackingFile) {
+fn fill_from(c: &mut Checker<'_>, file: &PackingFile) {
     let keys = &SAMPLE;
     c.fill(&keys.packing, &*file.path.display().to_string());
-    let axes = periodic_axes(dimension, file.boxed.is_some());
+    let axes = periodic_axes(c, file.boxed.is_some());
     let copies: Vec<u32> = (0..axes)
         .map(|axis| file.replicate.get(axis).copied().unwrap_or(1))
         .collect();

@@ -1,6 +1,5 @@
 //! Plane shear between walls: `[pack]`, and what follows from all of its tables.
 
-use gshear_dem::dimension::Dimensions;
 use gshear_dem::drive::Servo;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{Change, FROM_ONE, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
@@ -170,12 +169,11 @@ impl PlaneShear {
 /// Checks every key by itself, then those that must agree, and derives the sample and its shear.
 pub(crate) fn check(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     (law, masses): (&Law, &Masses),
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, PlaneShear), Failure> {
     let confinement = sample::confinement(c);
-    let grains = sample::check(c, dimension);
+    let grains = sample::check(c);
     load::check(c, confinement);
     let pack = check_pack(c);
     protocol::check(c, confinement);
@@ -209,11 +207,10 @@ pub(crate) fn check(
         output.energy = false;
         c.fill(&OUTPUT.energy, false);
     }
-    let analysis = output::check_analysis(c, dimension, has_protocol, &output);
+    let analysis = output::check_analysis(c, has_protocol, &output);
     c.settle()?;
 
-    let (sample, origin, (walls, wall_layers)) =
-        sample::derive(c, dimension, grains, pack.skip, packing)?;
+    let (sample, origin, (walls, wall_layers)) = sample::derive(c, grains, pack.skip, packing)?;
     let load = load::derive(c, (law, masses), &sample)?;
     if !pack.skip {
         load::check_packable(c, law, &sample, &load);
