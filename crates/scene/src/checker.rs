@@ -169,11 +169,10 @@ impl<'a> Checker<'a> {
 
     /// An integer, if given.
     pub fn whole(&mut self, key: &Key) -> Option<i64> {
-        let (Some(&Value::Whole(n)), Values::Whole(range)) = (self.value(key), key.values) else {
-            return None;
-        };
-        if n < range.from || n > range.to {
-            self.refuse(key, &format!("{}, found {n}", range.words()));
+        let given = self.value(key)?;
+        let &Value::Whole(n) = given else { return None };
+        if let Some(what) = given.out_of_bounds(key) {
+            self.refuse(key, &what);
         }
         Some(n)
     }

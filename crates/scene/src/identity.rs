@@ -71,8 +71,8 @@ pub struct KeyChange {
 
 impl fmt::Display for KeyChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "none".into());
-        let (before, after) = (value(&self.before), value(&self.after));
+        let values = [&self.before, &self.after];
+        let [before, after] = values.map(|value| value.as_deref().unwrap_or("none"));
         write!(f, "{} from {before} to {after}", self.path)
     }
 }
