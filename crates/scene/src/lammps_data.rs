@@ -438,17 +438,18 @@ impl DataHeader {
             }
             let text = split_comment(line).0;
             let words: Vec<&str> = text.split_whitespace().collect();
-            let numbers = words
-                .iter()
-                .take_while(|word| word.parse::<f64>().is_ok())
-                .count();
+            let is_number = |word: &&&str| word.parse::<f64>().is_ok();
+            let numbers = words.iter().take_while(is_number).count();
             let keyword = words[numbers..].join(" ");
+            let check = |holds: bool, what: String| {
+                let holds = holds.then_some(());
+                holds.ok_or_else(|| lines.wrong(at, &what))
+            };
             let expect = |wanted: usize, form: &str| {
-                if numbers == wanted {
-                    Ok(())
-                } else {
-                    Err(lines.wrong(at, &format!("{numbers} numbers; write: {form}")))
-                }
+                check(
+                    numbers == wanted,
+                    format!("{numbers} numbers; write: {form}"),
+                )
             };
             let count = || {
                 expect(1, &format!("N {keyword}"))?;
@@ -461,16 +462,10 @@ impl DataHeader {
                     lines.wrong(at, &what)
                 })
             };
-            let once = |given: bool| {
-                if given {
-                    Err(lines.wrong(at, &format!("a second line {keyword}; leave it out")))
-                } else {
-                    Ok(())
-                }
-            };
-            let axis = AXES
-                .iter()
-                .position(|axis| keyword == format!("{axis}lo {axis}hi"));
+            let once =
+                |given: bool| check(!given, format!("a second line {keyword}; leave it out"));
+            let names_it = |axis: &&str| keyword == format!("{axis}lo {axis}hi");
+            let axis = AXES.iter().position(names_it);
             match (keyword.as_str(), axis) {
                 (_, Some(axis)) => {
                     once(header.bounds[axis].is_some())?;
