@@ -299,13 +299,11 @@ fn place(
             a.position[axis] = inside;
             continue;
         }
-        let (wrapped, images) = (inside.rem_euclid(period), (inside / period).floor());
+        let (mut wrapped, mut images) = (inside.rem_euclid(period), (inside / period).floor());
         // A little below zero rounds to the period.
-        let (wrapped, images) = if wrapped < period {
-            (wrapped, images)
-        } else {
-            (0.0, images + 1.0)
-        };
+        if wrapped >= period {
+            (wrapped, images) = (0.0, images + 1.0);
+        }
         a.position[axis] = wrapped;
         if axis == up {
             a.position[0] -= images * offset.unwrap_or_default();
@@ -667,11 +665,7 @@ impl Packing {
         let highest = of(BOTTOM_TYPE).max_by(by_height);
         let lowest = of(TOP_TYPE).min_by(by_height);
         let (Some(highest), Some(lowest)) = (highest, lowest) else {
-            let lacks = if highest.is_none() {
-                BOTTOM_TYPE
-            } else {
-                TOP_TYPE
-            };
+            let lacks = highest.map_or(BOTTOM_TYPE, |_| TOP_TYPE);
             let what = format!(
                 "no atom is of type {lacks}; with walls = \"types\" type {BOTTOM_TYPE} is the bottom wall and type {TOP_TYPE} the top wall"
             );

@@ -178,11 +178,7 @@ pub(crate) fn derive(
     let of_number = number.map(|number| number * load.normal_force / sample.mean_diameter);
     let spring = c.number(&keys.spring_stiffness).or(of_number);
     if spring.is_some_and(|k| !k.is_normal()) {
-        let key = if of_number.is_some() {
-            &keys.spring_number
-        } else {
-            &keys.spring_stiffness
-        };
+        let key = of_number.map_or(&keys.spring_stiffness, |_| &keys.spring_number);
         let what = "makes a spring stiffness outside the range of numbers; give one within it";
         return Err(c.refused(key, what));
     }

@@ -79,10 +79,8 @@ impl Source {
                 ));
             }
             if known && base.exists() {
-                let names = seen
-                    .iter()
-                    .chain([&base])
-                    .map(|path| path.display().to_string());
+                seen.push(base);
+                let names = seen.iter().map(|path| path.display().to_string());
                 let circle = names.collect::<Vec<_>>().join(" extends ");
                 return refuse(&format!("is a circle: {circle}; leave one of them out"));
             }
@@ -121,10 +119,8 @@ impl Source {
         match value.get_ref().as_str() {
             Some(path) if !path.trim().is_empty() => Ok(Some((at, last.folder.join(path)))),
             text => {
-                let found = match text {
-                    Some(_) => "none".into(),
-                    None => format!("a value of type {}", value.get_ref().type_str()),
-                };
+                let kind = format!("a value of type {}", value.get_ref().type_str());
+                let found = text.map_or(&kind[..], |_| "none");
                 let what = format!(
                     "must be the path of a file in quotes, such as \"base.toml\", found {found}"
                 );

@@ -168,14 +168,11 @@ pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
         return short.next();
     };
     let (all, per_step) = (schedule.intervals[0], schedule.strain(1));
+    let checkpoint = output.checkpoint_strain;
     let given = [
         ("output.series_strain", output.series_strain, all.series),
         ("output.frame_strain", output.frame_strain, all.frames),
-        (
-            "output.checkpoint_strain",
-            output.checkpoint_strain,
-            all.checkpoints,
-        ),
+        ("output.checkpoint_strain", checkpoint, all.checkpoints),
         ("analysis.strain", walls.analysis.strain, all.analysis),
     ];
     let inflated = |(_, asked, steps): &(&str, f64, u64)| *steps as f64 * per_step > 1.5 * asked;
