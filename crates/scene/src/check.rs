@@ -2,6 +2,7 @@
 
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
+use gshear_dem::laws::keys::KeyReader;
 
 use crate::checker::Checker;
 use crate::general::{SCENE, check_bookkeeping};
@@ -26,11 +27,10 @@ pub(crate) fn scene(
 ) -> Result<Scene, Failure> {
     let c = &mut c;
     let seed = c.count(&SCENE.seed);
-    let dimension = match c.count(&SCENE.dimension) {
-        3 => Dimensions::Three,
-        _ => Dimensions::Two,
-    };
-    let (law, contact) = law::check(c, dimension, c.is_given(&OTHERS))?;
+    if c.count(&SCENE.dimension) == 3 {
+        c.dimension = Dimensions::Three;
+    }
+    let (law, contact) = law::check(c, c.is_given(&OTHERS))?;
     let materials = materials::check(c, &law, &contact)?;
     time::check(c, &law, boxed);
     check_limit(c, limit);
@@ -38,38 +38,31 @@ pub(crate) fn scene(
     let keep_checkpoints = c.flag_or_default(&OUTPUT.keep_checkpoints);
     let bookkeeping = check_bookkeeping(c);
     let (default_title, sample, mut boundary) = if boxed {
-        let (sample, periodic) = periodic::check(c, dimension, seed, packing)?;
+        let (sample, periodic) = periodic::check(c, seed, packing)?;
         ("Periodic box", sample, Boundary::Periodic(periodic))
     } else {
-        let (sample, walls) = walls::check(c, dimension, (&law, &materials.masses), packing)?;
+        let (sample, walls) = walls::check(c, (&law, &materials.masses), packing)?;
         ("Plane shear", sample, Boundary::Walls(walls))
     };
     if !c.is_given(&SCENE.title) {
         c.fill(&SCENE.title, default_title);
     }
-    let of_walls = match &boundary {
-        Boundary::Walls(walls) => Some(walls),
-        Boundary::Periodic(_) => None,
-    };
     for (law, contact) in &materials.laws {
         law::check_attraction(c, (law, contact), &sample);
     }
-    let time_step = time::derive(c, &materials, &sample, of_walls)?;
+    let time_step = time::derive(c, &materials, &sample, boundary.walls())?;
     if let Boundary::Walls(walls) = &mut boundary {
-        let greatest = (
-            walls.greatest_overlap(&law, &contact, &sample),
-            time_step.step,
-        );
-        let layers = walls.layers(&sample);
-        walls.load.control =
-            load::derive_servo(c, (&law, &sample), (&walls.load, layers), greatest);
+        let overlap = walls.greatest_overlap(&law, &contact, &sample);
+        let load = (&walls.load, walls.layers(&sample));
+        let at = (overlap, time_step.step);
+        walls.load.control = load::derive_servo(c, (&law, &sample), load, at);
         c.settle()?;
     }
     let mut scene = Scene {
         title: c.text(&SCENE.title).unwrap_or(default_title).into(),
         author: c.text(&SCENE.author).map(Into::into),
         seed,
-        dimension,
+        dimension: c.dimension,
         law,
         contact,
         materials,
@@ -104,7 +97,7 @@ const PATIENCE: f64 = 10.0;
 
 /// Stiff samples come to rest in as many more steps as their time step is shorter.
 fn allow_steps(c: &mut Checker<'_>, scene: &mut Scene) {
-    let Ok(PlaneShear { load, .. }) = scene.plane_shear("") else {
+    let Some(PlaneShear { load, .. }) = scene.boundary.walls() else {
         return;
     };
     let allowed = PATIENCE * packing_steps(scene, load);

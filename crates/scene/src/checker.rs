@@ -3,13 +3,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::str::FromStr;
 
+use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{Key, KeyReader, Values};
 
 use crate::source::Input;
 use crate::value::Value;
-use crate::words::{list, show};
+use crate::words::{list, quoted_list, show};
 
 /// The values that were given, by their paths, with their places.
 pub(crate) type Given = BTreeMap<&'static str, (usize, Value)>;
@@ -18,7 +20,7 @@ pub(crate) type Given = BTreeMap<&'static str, (usize, Value)>;
 pub(crate) struct Checker<'a> {
     input: Input<'a>,
     /// Where each table that was given begins.
-    tables: Vec<(String, usize)>,
+    tables: BTreeMap<String, usize>,
     given: Given,
     /// Defaults and values that follow from others.
     filled: BTreeMap<&'static str, Value>,
@@ -27,10 +29,12 @@ pub(crate) struct Checker<'a> {
     problems: Vec<(usize, String)>,
     /// Places and paths of the keys that do not apply, which are reported together.
     useless: Vec<(usize, &'static str)>,
+    /// Disks, until it is known that the scene has spheres.
+    pub dimension: Dimensions,
 }
 
 impl<'a> Checker<'a> {
-    pub fn new(input: Input<'a>, tables: Vec<(String, usize)>, given: Given) -> Self {
+    pub fn new(input: Input<'a>, tables: BTreeMap<String, usize>, given: Given) -> Self {
         Checker {
             input,
             tables,
@@ -39,6 +43,7 @@ impl<'a> Checker<'a> {
             omitted: BTreeSet::new(),
             problems: Vec::new(),
             useless: Vec::new(),
+            dimension: Dimensions::Two,
         }
     }
 
@@ -71,9 +76,10 @@ impl<'a> Checker<'a> {
         value.filter(|_| !self.omitted.contains(key.path))
     }
 
-    /// `line 12` or `--set a.b=c`.
-    pub fn mention(&self, offset: usize) -> String {
-        self.input.mention(offset)
+    /// `line 12` or `--set a.b=c`, where a key is given.
+    pub fn mention(&self, key: &Key, otherwise: &str) -> String {
+        let mention = |at| self.input.mention(at);
+        self.offset(key).map_or(otherwise.into(), mention)
     }
 
     /// The path that a key's value names, relative to the folder of the file that gives it; one
@@ -92,13 +98,6 @@ impl<'a> Checker<'a> {
         self.input.failure(offset, key.path, what)
     }
 
-    /// Notes a problem of a key that was given.
-    pub fn refuse(&mut self, key: &Key, what: &str) {
-        let offset = self.offset(key).unwrap_or(0);
-        let message = self.input.message(offset, key.path, what);
-        self.problems.push((offset, message));
-    }
-
     /// Notes a problem that several keys cause: at the one given by `--set`, otherwise at the first
     /// that was given.
     pub fn refuse_among(&mut self, keys: &[&Key], what: &str) {
@@ -115,40 +114,27 @@ impl<'a> Checker<'a> {
 
     /// Notes that a table lacks what it must have.
     pub fn lacks(&mut self, table: &str, what: &str) {
-        let problem = if let Some((_, at)) = self.tables.iter().find(|(name, _)| name == table) {
-            (
-                *at,
-                format!("{}: [{table}] lacks {what}", self.input.place(*at)),
-            )
-        } else {
-            let name = self.input.source.name();
-            (
-                usize::MAX,
-                format!("{name}: [{table}] is missing; it must have {what}"),
-            )
+        let problem = match self.tables.get(table) {
+            Some(&at) => {
+                let place = self.input.place(at);
+                (at, format!("{place}: [{table}] lacks {what}"))
+            }
+            None => {
+                let name = self.input.source.name();
+                let what = format!("{name}: [{table}] is missing; it must have {what}");
+                (usize::MAX, what)
+            }
         };
         self.problems.push(problem);
     }
 
     /// The default that a key declares, which is filled in.
-    fn default(&mut self, key: &Key) -> Value {
-        let value = Value::default_of(key).expect("a key with a default");
-        self.fill(key, value.clone());
-        value
-    }
-
-    /// A number, if given.
-    pub fn number(&mut self, key: &Key) -> Option<f64> {
-        let (Some(&Value::Number(x)), Values::Number(bounds)) = (self.value(key), key.values)
-        else {
-            return None;
+    fn default<T: FromStr + Copy + Into<Value>>(&mut self, key: &Key) -> T {
+        let Ok(value) = key.default.parse::<T>() else {
+            unreachable!("{} has a default of its kind", key.path)
         };
-        if !x.is_finite() {
-            self.refuse(key, &format!("must be a finite number, found {}", show(x)));
-        } else if !bounds.hold(x) {
-            self.refuse(key, &format!("{}, found {}", bounds.words(), show(x)));
-        }
-        Some(x)
+        self.fill(key, value);
+        value
     }
 
     /// A number that is given and was checked; NaN if it is not.
@@ -161,21 +147,7 @@ impl<'a> Checker<'a> {
 
     /// A number, or the default that its key declares.
     pub fn number_or_default(&mut self, key: &Key) -> f64 {
-        match self
-            .number(key)
-            .map_or_else(|| self.default(key), Value::Number)
-        {
-            Value::Number(x) => x,
-            _ => unreachable!("{} is a number", key.path),
-        }
-    }
-
-    /// A number that must be given; NaN if it is not.
-    pub fn required(&mut self, key: &Key) -> f64 {
-        self.number(key).unwrap_or_else(|| {
-            self.lacks(key.table(), &key.lacking());
-            f64::NAN
-        })
+        self.number(key).unwrap_or_else(|| self.default(key))
     }
 
     /// Numbers that must be given, one or more; `what`: each of them.
@@ -189,34 +161,26 @@ impl<'a> Checker<'a> {
         let hold = |x: &f64| x.is_finite() && bounds.hold(*x);
         if given.is_empty() || !given.iter().all(hold) {
             let each = bounds.words();
-            self.refuse(
-                key,
-                &format!("must hold one {what} or more, each of which {each}"),
-            );
+            let what = format!("must hold one {what} or more, each of which {each}");
+            self.refuse(key, &what);
         }
         given
     }
 
     /// An integer, if given.
     pub fn whole(&mut self, key: &Key) -> Option<i64> {
-        let (Some(&Value::Whole(n)), Values::Whole(range)) = (self.value(key), key.values) else {
-            return None;
-        };
-        if n < range.from || n > range.to {
-            self.refuse(key, &format!("{}, found {n}", range.words()));
+        let given = self.value(key)?;
+        let &Value::Whole(n) = given else { return None };
+        if let Some(what) = given.out_of_bounds(key) {
+            self.refuse(key, &what);
         }
         Some(n)
     }
 
     /// A number of things, or the default that its key declares.
     pub fn count(&mut self, key: &Key) -> u64 {
-        match self
-            .whole(key)
-            .map_or_else(|| self.default(key), Value::Whole)
-        {
-            Value::Whole(n) => n.unsigned_abs(),
-            _ => unreachable!("{} is an integer", key.path),
-        }
+        let given = self.whole(key).map(i64::unsigned_abs);
+        given.unwrap_or_else(|| self.default(key))
     }
 
     /// A number of things that must be given; 0 if it is not.
@@ -238,13 +202,7 @@ impl<'a> Checker<'a> {
 
     /// True or false, or the default that its key declares.
     pub fn flag_or_default(&mut self, key: &Key) -> bool {
-        match self
-            .flag(key)
-            .map_or_else(|| self.default(key), Value::Flag)
-        {
-            Value::Flag(b) => b,
-            _ => unreachable!("{} is true or false", key.path),
-        }
+        self.flag(key).unwrap_or_else(|| self.default(key))
     }
 
     /// A string, if given.
@@ -270,8 +228,7 @@ impl<'a> Checker<'a> {
         };
         let known = names.iter().find(|name| **name == given);
         if known.is_none() {
-            let names: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
-            let what = format!("must be {}, found {given:?}", list(&names, "or"));
+            let what = format!("must be {}, found {given:?}", quoted_list(&names, "or"));
             self.refuse(key, &what);
         }
         known.copied()
@@ -284,43 +241,6 @@ impl<'a> Checker<'a> {
         known.map(|(_, value)| *value)
     }
 
-    /// Ways to give one quantity: exactly one must be there. Returns which; `what` names the ways
-    /// with their units.
-    pub fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize {
-        let mut given: Vec<(usize, usize)> = (0..keys.len())
-            .filter_map(|k| self.offset(keys[k]).map(|at| (at, k)))
-            .collect();
-        given.sort_unstable();
-        if let [(first_at, first), (_, second), ..] = given[..] {
-            let names: Vec<&str> = keys.iter().map(|k| k.name()).collect();
-            let second_at = self.offset(keys[second]).unwrap_or(0);
-            let mut text = format!(
-                "contradicts {} ({}); give exactly one of {}",
-                keys[first].path,
-                self.input.mention_beside(first_at, second_at),
-                names.join(", ")
-            );
-            if self.input.override_at(second_at).is_some() {
-                text += &format!("; --set {}=none takes that one away", keys[first].path);
-            } else if self.input.is_extended(second_at)
-                && !self.input.are_beside(first_at, second_at)
-            {
-                text += &format!(
-                    "; {} = \"none\" in {} takes this one away",
-                    keys[second].path,
-                    self.input.source.name()
-                );
-            }
-            self.refuse(keys[second], &text);
-        }
-        if let Some((_, k)) = given.first() {
-            *k
-        } else {
-            self.lacks(keys[0].table(), what);
-            0
-        }
-    }
-
     /// Ways to give one quantity, of which none may be there.
     pub fn at_most_one(&mut self, keys: &[&Key]) {
         if keys.iter().any(|key| self.is_given(key)) {
@@ -328,9 +248,11 @@ impl<'a> Checker<'a> {
         }
     }
 
-    /// Refuses a key that does not apply, and omits its default; `why` says when it does.
-    pub fn useless(&mut self, key: &Key, why: &str) {
-        self.refuse_useless(key, &format!("{why}; leave it out"));
+    /// Refuses keys that do not apply, and omits their defaults; `why` says when they do.
+    pub fn all_useless(&mut self, keys: &[&Key], why: &str) {
+        for key in keys {
+            self.useless(key, why);
+        }
     }
 
     /// Refuses a key that does not apply; `what` says why and what to do. Adds how to take it away
@@ -360,8 +282,7 @@ impl<'a> Checker<'a> {
     /// Notes a problem of a key, and returns the first problem.
     pub fn refused(&mut self, key: &Key, what: &str) -> Failure {
         self.refuse(key, what);
-        self.first_problem()
-            .unwrap_or_else(|| self.out_of_range(what))
+        self.first_problem().expect("at least that one")
     }
 
     /// Fails with the first problem, if there is any.
@@ -370,19 +291,18 @@ impl<'a> Checker<'a> {
     }
 
     /// The first problem; if it is a key that does not apply, all such keys.
-    pub fn first_problem(&mut self) -> Option<Failure> {
+    fn first_problem(&mut self) -> Option<Failure> {
         self.problems.sort_by_key(|(at, _)| *at);
         self.useless.sort_unstable();
         let (at, text) = self.problems.first()?;
         let mut text = text.clone();
         if self.useless.iter().any(|(of, _)| of == at) {
             let others = self.useless.iter().filter(|(of, _)| of != at);
-            let others: Vec<String> = others
-                .map(|(at, path)| match self.input.override_at(*at) {
-                    Some(_) => self.input.place(*at),
-                    None => format!("{path} ({})", self.input.place(*at)),
-                })
-                .collect();
+            let place = |(at, path): &(usize, &str)| match self.input.override_at(*at) {
+                Some(_) => self.input.place(*at),
+                None => format!("{path} ({})", self.input.place(*at)),
+            };
+            let others: Vec<String> = others.map(place).collect();
             if !others.is_empty() {
                 text += &format!("; likewise {}", list(&others, "and"));
             }
@@ -400,22 +320,66 @@ impl<'a> Checker<'a> {
 
 impl KeyReader for Checker<'_> {
     fn number(&mut self, key: &Key) -> Option<f64> {
-        Checker::number(self, key)
+        let (Some(&Value::Number(x)), Values::Number(bounds)) = (self.value(key), key.values)
+        else {
+            return None;
+        };
+        if !x.is_finite() {
+            self.refuse(key, &format!("must be a finite number, found {}", show(x)));
+        } else if !bounds.hold(x) {
+            self.refuse(key, &format!("{}, found {}", bounds.words(), show(x)));
+        }
+        Some(x)
     }
 
     fn required(&mut self, key: &Key) -> f64 {
-        Checker::required(self, key)
+        self.number(key).unwrap_or_else(|| {
+            self.lacks(key.table(), &key.lacking());
+            f64::NAN
+        })
     }
 
+    /// `what` names the ways with their units.
     fn exactly_one(&mut self, keys: &[&Key], what: &str) -> usize {
-        Checker::exactly_one(self, keys, what)
+        let mut given: Vec<(usize, usize)> = (0..keys.len())
+            .filter_map(|k| self.offset(keys[k]).map(|at| (at, k)))
+            .collect();
+        given.sort_unstable();
+        if let [(first_at, first), (_, second), ..] = given[..] {
+            let names: Vec<&str> = keys.iter().map(|k| k.name()).collect();
+            let second_at = self.offset(keys[second]).unwrap_or(0);
+            let mut text = format!(
+                "contradicts {} ({}); give exactly one of {}",
+                keys[first].path,
+                self.input.mention_beside(first_at, second_at),
+                names.join(", ")
+            );
+            if self.input.override_at(second_at).is_some() {
+                text += &format!("; --set {}=none takes that one away", keys[first].path);
+            } else if self.input.is_extended(second_at)
+                && !self.input.are_beside(first_at, second_at)
+            {
+                let (path, name) = (keys[second].path, self.input.source.name());
+                text += &format!("; {path} = \"none\" in {name} takes this one away");
+            }
+            self.refuse(keys[second], &text);
+        }
+        if let Some((_, k)) = given.first() {
+            *k
+        } else {
+            self.lacks(keys[0].table(), what);
+            0
+        }
     }
 
+    /// Omits the default of the key, too; `why` says when it applies.
     fn useless(&mut self, key: &Key, why: &str) {
-        Checker::useless(self, key, why);
+        self.refuse_useless(key, &format!("{why}; leave it out"));
     }
 
     fn refuse(&mut self, key: &Key, what: &str) {
-        Checker::refuse(self, key, what);
+        let offset = self.offset(key).unwrap_or(0);
+        let message = self.input.message(offset, key.path, what);
+        self.problems.push((offset, message));
     }
 }

@@ -5,7 +5,6 @@
 use super::grains::Sample;
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::laws::{Contact, Law, hooke};
 
 /// Last δ/(R1+R2) of the laws for two equal disks: of LH at a/R = 0.3, beyond which its tangential
@@ -22,7 +21,7 @@ pub const STIFFNESS_NUMBER_MAX: f64 = 1e10;
 /// Solid fraction by which the height of a packing is estimated: random close packing of disks, and
 /// of spheres.
 fn packed_fraction(sample: &Sample) -> f64 {
-    if sample.is_planar() { 0.84 } else { 0.64 }
+    sample.by_dimension(0.84, 0.64)
 }
 
 /// Greatest R_max/R_min with which walls are one mean diameter thick.
@@ -39,11 +38,7 @@ pub fn wall_layers(sample: &Sample) -> f64 {
         return 1.0;
     }
     let beside = 1.0 + least / greatest;
-    let over = if sample.is_planar() {
-        (4.0 - beside * beside).sqrt()
-    } else {
-        1.5 * (4.0 - beside * beside).sqrt()
-    };
+    let over = sample.by_dimension(1.0, 1.5) * (4.0 - beside * beside).sqrt();
     (greatest * (1.0 + over) / sample.mean_diameter).max(1.0)
 }
 
@@ -122,11 +117,7 @@ fn lightest_and_stiffest(law: &Law, sample: &Sample, mean_overlap: f64) -> [f64;
     let radius = sample.radius_min;
     let overlap = (10.0 * mean_overlap).min(OVERLAP_LIMIT * 2.0 * radius);
     let stiffness = law.normal_stiffness(radius, radius, overlap);
-    let volume = if sample.is_planar() {
-        Two::volume(radius)
-    } else {
-        Three::volume(radius)
-    };
+    let volume = sample.dimension().volume(radius);
     [law.masses().of(0, volume), stiffness]
 }
 
@@ -162,11 +153,8 @@ pub fn step_limit(
     let [mass, secant] = lightest_and_stiffest(law, sample, mean_overlap);
     let rigid = law.rigidity(secant, mass, friction);
     // Of two equal grains 2 I_r/(mR²); ¾m of disks is that of A22.
-    let (along, across, turning, of_rolling) = if sample.is_planar() {
-        (12.0, 36.0, 24.0, 0.75)
-    } else {
-        (24.0, 84.0, 60.0, 0.7)
-    };
+    let [along, across, turning, of_rolling] =
+        sample.by_dimension([12.0, 36.0, 24.0, 0.75], [24.0, 84.0, 60.0, 0.7]);
     let rolls = contact.rolling_stiffness.map(|k| 0.5 * k);
     let twists = contact.twisting_stiffness.map(|k| 0.5 * k).or(rolls);
     let turns = |friction: f64, stiffness: Option<f64>, eta: f64, inertia: f64| {
@@ -175,17 +163,11 @@ pub fn step_limit(
         } else {
             0.0
         };
-        (
-            turning,
-            stiffness,
-            2.0 * eta * (inertia * stiffness * mass).sqrt(),
-        )
+        let damping = 2.0 * eta * (inertia * stiffness * mass).sqrt();
+        (turning, stiffness, damping)
     };
-    let Contact {
-        rolling_damping_ratio: eta_r,
-        twisting_damping_ratio: eta_w,
-        ..
-    } = *contact;
+    let eta_r = contact.rolling_damping_ratio;
+    let eta_w = contact.twisting_damping_ratio;
     // Share, stiffness and damping constant.
     let modes = [
         (along, rigid.normal, rigid.damping[0]),
@@ -256,6 +238,14 @@ mod tests {
     };
     const SAMPLE: Sample = Sample::uniform(1000, 0.5e-6, 1e-6, 48e-6);
 
+    const SPRINGS: Springs = Springs {
+        normal_stiffness: 1e8,
+        tangential_stiffness: 5e7,
+        density: 2500.0,
+        damping_ratio: 0.1,
+        sliding_damping: 0.0,
+    };
+
     fn law() -> Law {
         damped(MATERIAL.damping_ratio)
     }
@@ -273,16 +263,6 @@ mod tests {
     }
 
     #[test]
-    fn effective_modulus_of_the_paper() {
-        close(MATERIAL.effective_modulus(), 0.5208e9, 1e-4);
-    }
-
-    #[test]
-    fn stiffness_at_a_typical_overlap() {
-        close(normal_stiffness(1.0, 1.0, 1.0, 2e-4), 0.26, 0.02);
-    }
-
-    #[test]
     fn restitution_and_damping_ratio() {
         close(damping_ratio(0.73), 0.1, 5e-3);
         assert_eq!(damping_ratio(1.0), 0.0);
@@ -292,9 +272,11 @@ mod tests {
         }
     }
 
+    /// E*, k_n at a typical overlap, and P = k_n/κ with k_n = 0.26 E*.
     #[test]
-    fn pressure_of_the_paper() {
-        // P = k_n/κ with k_n = 0.26 E* at that overlap.
+    fn numbers_of_the_paper() {
+        close(MATERIAL.effective_modulus(), 0.5208e9, 1e-4);
+        close(normal_stiffness(1.0, 1.0, 1.0, 2e-4), 0.26, 0.02);
         close(pressure(&law(), &SAMPLE, 1e4), 13.5e3, 5e-3);
     }
 
@@ -321,14 +303,7 @@ mod tests {
     /// Linear springs: P = k_n/κ, and a contact time that does not depend on the load.
     #[test]
     fn numbers_of_linear_springs() {
-        let springs = Springs {
-            normal_stiffness: 1e8,
-            tangential_stiffness: 5e7,
-            density: 2500.0,
-            damping_ratio: 0.0,
-            sliding_damping: 0.0,
-        };
-        let law = Law::of(&hooke::KIND, springs);
+        let law = Law::of(&hooke::KIND, SPRINGS);
         assert_eq!(pressure(&law, &SAMPLE, 1e4), 1e4);
         close(stiffness_number(&law, &SAMPLE, 1e4).unwrap(), 1e4, 1e-14);
         for overlap in [1e-12, 1e-8] {
@@ -419,26 +394,13 @@ mod tests {
     /// Linear springs: 1/Z = d̄/√(m̄ k), and d̄/(4 (k Δt + 3 c)) with c = 2α√(k m̄/2).
     #[test]
     fn gain_of_a_servo() {
-        let springs = Springs {
-            normal_stiffness: 1e8,
-            tangential_stiffness: 5e7,
-            density: 2500.0,
-            damping_ratio: 0.1,
-            sliding_damping: 0.0,
-        };
-        let law = Law::of(&hooke::KIND, springs);
+        let law = Law::of(&hooke::KIND, SPRINGS);
         let mass = 2500.0 * PI * 1.75e-12 / 3.0;
-        close(
-            servo_gain(&law, &SAMPLE, 1e-10),
-            1.5e-6 / (mass * 1e8_f64).sqrt(),
-            1e-14,
-        );
+        let gain = 1.5e-6 / (mass * 1e8_f64).sqrt();
+        close(servo_gain(&law, &SAMPLE, 1e-10), gain, 1e-14);
         let damping = 0.2 * (1e8 * 0.5 * mass).sqrt();
-        close(
-            servo_gain_limit(&law, &SAMPLE, 1e-10, 1e-9),
-            1.5e-6 / (4.0 * (0.1 + 3.0 * damping)),
-            1e-14,
-        );
+        let limit = 1.5e-6 / (4.0 * (0.1 + 3.0 * damping));
+        close(servo_gain_limit(&law, &SAMPLE, 1e-10, 1e-9), limit, 1e-14);
     }
 
     /// Of three disks of R_max in a gap of 2 R_min, by the law of cosines; spheres higher; and
@@ -462,13 +424,11 @@ mod tests {
     fn height_of_the_default_sample() {
         close(packed_height(&SAMPLE), 45.45e-6, 1e-3);
         let enough = least_grains(&SAMPLE, 2.0);
-        let at = |grains: f64| {
-            packed_height(&Sample {
-                grains: grains as u32,
-                ..SAMPLE
-            })
-        };
-        assert!(at(enough) >= 7.0 * SAMPLE.mean_diameter);
-        assert!(at(enough - 1.0) < 7.0 * SAMPLE.mean_diameter);
+        let [less, enough] = [enough - 1.0, enough].map(|grains| {
+            let grains = grains as u32;
+            packed_height(&Sample { grains, ..SAMPLE })
+        });
+        let least = 7.0 * SAMPLE.mean_diameter;
+        assert!(less < least && enough >= least);
     }
 }

@@ -1,7 +1,7 @@
 //! What a run of the scene takes: steps that can be counted, and files that a disk can hold.
 
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::Key;
+use gshear_dem::laws::keys::{Key, KeyReader};
 use gshear_dem::protocol::{Normal, Part, Segment};
 use gshear_dem::system::THICKEST_SKIN;
 
@@ -11,16 +11,24 @@ use crate::load::WAYS;
 use crate::output::OUTPUT;
 use crate::periodic::{AQS, BOX, NEWTONIAN, PeriodicBox};
 use crate::protocol::{Motion, SHEAR};
-use crate::sample::{Origin, SAMPLE};
+use crate::sample::SAMPLE;
 use crate::scene::{Boundary, Scene};
 use crate::schedule::{Intervals, MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
 use crate::time::TIME;
 use crate::walls::PlaneShear;
 use crate::words::show;
 
-/// Bytes of a grain in a frame, and of a row of the time series, at least.
-const FRAME_BYTES: f64 = 50.0;
-const ROW_BYTES: f64 = 100.0;
+/// What is written, with the bytes of each, at least.
+type Written = (&'static str, f64);
+
+/// Rows of the time series.
+const ROWS: Written = ("rows of the time series", 100.0);
+
+/// Frames of the scene.
+fn frames_of(scene: &Scene) -> Written {
+    ("frames", 50.0 * f64::from(scene.sample.grains))
+}
+
 /// Time steps of a cycle, at least.
 const LEAST_STEPS_OF_A_CYCLE: f64 = 20.0;
 /// Greatest rounding of a coordinate over the mean overlap.
@@ -46,10 +54,8 @@ fn resolution(c: &mut Checker<'_>, scene: &Scene) {
     let sample = &scene.sample;
     let (height, kappa, keys) = match &scene.boundary {
         Boundary::Walls(walls) => {
-            let height = match &walls.origin {
-                Origin::Insertion(_) => derived::packed_height(sample),
-                Origin::Packing(file) => file.farthest.max(file.height()),
-            };
+            let farthest = walls.origin.file().map_or(0.0, |file| file.farthest);
+            let height = farthest.max(walls.height(sample));
             let keys = [&[&SAMPLE.packing][..], &WAYS].concat();
             (height, walls.load.stiffness_number, keys)
         }
@@ -75,15 +81,13 @@ fn resolution(c: &mut Checker<'_>, scene: &Scene) {
     // How many times too coarse.
     let coarse = rounding / (FINEST * overlap);
     if coarse > 1.0 {
-        c.refuse_among(
-            &keys,
-            &format!(
-                "coordinates up to {farthest:.1e} are rounded by {rounding:.1e}, more than {FINEST:e} of the mean overlap of {overlap:.1e}; give coordinates up to {:.1e}, or a load that presses grains together by {:.1e} or more (a stiffness number of at most {:.1e})",
-                farthest / coarse,
-                overlap * coarse,
-                kappa / coarse,
-            ),
+        let what = format!(
+            "coordinates up to {farthest:.1e} are rounded by {rounding:.1e}, more than {FINEST:e} of the mean overlap of {overlap:.1e}; give coordinates up to {:.1e}, or a load that presses grains together by {:.1e} or more (a stiffness number of at most {:.1e})",
+            farthest / coarse,
+            overlap * coarse,
+            kappa / coarse,
         );
+        c.refuse_among(&keys, &what);
     }
 }
 
@@ -100,11 +104,7 @@ struct DrivePart {
 static RATE: [&Key; 3] = [&SHEAR.protocol, &SHEAR.velocity, &SHEAR.inertial_number];
 
 fn of_walls(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
-    let height = match &walls.origin {
-        Origin::Insertion(_) => derived::packed_height(&scene.sample),
-        Origin::Packing(file) => file.height(),
-    };
-    let height = height - walls.thickness_of_walls(&scene.sample);
+    let height = walls.height(&scene.sample) - walls.thickness_of_walls(&scene.sample);
     let schedule = Schedule::new(scene, walls, height);
     let step = scene.time_step.step;
     let parts: Vec<DrivePart> = match &walls.shear.motion {
@@ -232,22 +232,14 @@ fn check_output(c: &mut Checker<'_>, scene: &Scene, schedule: &Schedule) {
     };
     let frames = count(|s| s.frames, schedule.first_frame);
     let rows = count(|s| s.series, 0);
-    let frame = f64::from(scene.sample.grains) * FRAME_BYTES;
-    let keys = &OUTPUT;
-    written(
-        c,
-        &[&keys.frame_strain, &keys.frame_rows],
-        frames,
-        "frames",
-        frame,
-    );
-    let of_rows = [&keys.series_strain, &keys.series_rows];
-    written(c, &of_rows, rows, "rows of the time series", ROW_BYTES);
+    let keys = [&OUTPUT.frame_strain, &OUTPUT.frame_rows];
+    written(c, &keys, frames, frames_of(scene));
+    let keys = [&OUTPUT.series_strain, &OUTPUT.series_rows];
+    written(c, &keys, rows, ROWS);
 }
 
 fn of_a_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
     let aqs = &periodic.aqs;
-    let frame = f64::from(scene.sample.grains) * FRAME_BYTES;
     if aqs.steps > MOST_STEPS {
         let what = format!(
             "must be at most {MOST_STEPS}, which is as far as steps are counted, found {}",
@@ -265,15 +257,9 @@ fn of_a_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
         );
         c.refuse(&AQS.birth_precision, &what);
     }
-    written(
-        c,
-        &[&AQS.steps],
-        aqs.steps as f64,
-        "rows of the time series",
-        ROW_BYTES,
-    );
+    written(c, &[&AQS.steps], aqs.steps as f64, ROWS);
     let frames = aqs.steps.checked_div(aqs.frame_every).unwrap_or(0) as f64;
-    written(c, &[&AQS.frame_every], frames, "frames", frame);
+    written(c, &[&AQS.frame_every], frames, frames_of(scene));
     let Some(newtonian) = &periodic.newtonian else {
         return;
     };
@@ -289,31 +275,18 @@ fn of_a_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
     // No more than one in each step.
     let most = newtonian.growth_times * STEPS_WITHOUT_A_PAIR;
     let at_most = |count: u64| (count as f64).min(most);
-    written(
-        c,
-        &[&NEWTONIAN.rows],
-        at_most(newtonian.rows),
-        "rows of the time series",
-        ROW_BYTES,
-    );
-    written(
-        c,
-        &[&NEWTONIAN.frames],
-        at_most(newtonian.frames),
-        "frames",
-        frame,
-    );
+    written(c, &[&NEWTONIAN.rows], at_most(newtonian.rows), ROWS);
+    let frames = at_most(newtonian.frames);
+    written(c, &[&NEWTONIAN.frames], frames, frames_of(scene));
 }
 
 /// Refuses more output than any disk holds.
-fn written(c: &mut Checker<'_>, keys: &[&Key], count: f64, what: &str, bytes: f64) {
-    if count * bytes > MOST_BYTES {
-        c.refuse_among(
-            keys,
-            &format!(
-                "asks for {count:.1e} {what}, at least {:.1e} bytes, more than the {MOST_BYTES:.0e} bytes that a run may write; give fewer",
-                count * bytes
-            ),
+fn written(c: &mut Checker<'_>, keys: &[&Key], count: f64, (name, bytes): Written) {
+    let bytes = count * bytes;
+    if bytes > MOST_BYTES {
+        let what = format!(
+            "asks for {count:.1e} {name}, at least {bytes:.1e} bytes, more than the {MOST_BYTES:.0e} bytes that a run may write; give fewer"
         );
+        c.refuse_among(keys, &what);
     }
 }

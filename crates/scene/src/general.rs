@@ -1,6 +1,6 @@
 //! The keys above all tables, and `[bookkeeping]`.
 
-use gshear_dem::laws::keys::{Change, FROM_ZERO, Integers, NOT_NEGATIVE, UNIT};
+use gshear_dem::laws::keys::{Change, FROM_ZERO, Integers, KeyReader, NOT_NEGATIVE, UNIT};
 use gshear_dem::simd::Isa;
 use gshear_dem::system::ListSettings;
 
@@ -9,7 +9,7 @@ use crate::table::table;
 
 table! {
     /// The whole file.
-    SCENE: SceneKeys {
+    SCENE: SceneKeys Never {
         /// name of the run
         title: Text(&[]) {
             otherwise: "`\"Plane shear\"`, of a box `\"Periodic box\"`",
@@ -21,23 +21,23 @@ table! {
             change: Change::Resume,
         },
         /// seed of every random number
-        seed: Whole(FROM_ZERO) { default: "1", change: Change::Never },
+        seed: Whole(FROM_ZERO) { default: "1" },
         /// 2: disks, 3: spheres
-        dimension: Whole(Integers { from: 2, to: 3 }) { default: "2", change: Change::Never },
+        dimension: Whole(Integers { from: 2, to: 3 }) { default: "2" },
     }
 }
 
 table! {
     /// What changes speed, not results.
-    BOOKKEEPING: BookkeepingKeys "bookkeeping" All {
+    BOOKKEEPING: BookkeepingKeys "bookkeeping" All Resume {
         /// skin of the neighbour list over d̄; changes speed, not results
-        skin: Number(UNIT) { otherwise: "adapted", change: Change::Resume },
+        skin: Number(UNIT) { otherwise: "adapted" },
         /// rebuild the list at least every so many steps; 0 is when needed
-        rebuild_every: Whole(FROM_ZERO) { default: "0", change: Change::Resume },
+        rebuild_every: Whole(FROM_ZERO) { default: "0" },
         /// instruction set of the kernel; changes speed, not results
-        simd: Text(&SIMD_NAMES) { default: SIMD_NAMES[0], change: Change::Resume },
+        simd: Text(&SIMD_NAMES) { default: SIMD_NAMES[0] },
         /// a run ends if a rank has not answered for so long; 0 is never
-        watchdog: Number(NOT_NEGATIVE) { unit: "s", default: "600.0", change: Change::Resume },
+        watchdog: Number(NOT_NEGATIVE) { unit: "s", default: "600.0" },
     }
 }
 

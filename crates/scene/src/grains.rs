@@ -58,13 +58,8 @@ impl Sample {
 
     /// A box of this length (m) along every axis, its images straight above each other.
     pub fn box_cell(&self, length: f64) -> Cell {
-        let width = if self.is_planar() {
-            f64::INFINITY
-        } else {
-            length
-        };
         Cell {
-            periods: [length, width],
+            periods: [length, self.by_dimension(f64::INFINITY, length)],
             sheared: Some(Sheared::upright(length)),
         }
     }
@@ -74,27 +69,30 @@ impl Sample {
         4.4 * self.radius_max
     }
 
-    /// Whether the grains are disks, in a cell without a width.
-    pub fn is_planar(&self) -> bool {
-        self.width == f64::INFINITY
+    /// Disks, in a cell without a width, or spheres.
+    pub fn dimension(&self) -> Dimensions {
+        match self.width {
+            f64::INFINITY => Dimensions::Two,
+            _ => Dimensions::Three,
+        }
+    }
+
+    /// One of two values.
+    pub(crate) fn by_dimension<T>(&self, of_disks: T, of_spheres: T) -> T {
+        match self.dimension() {
+            Dimensions::Two => of_disks,
+            Dimensions::Three => of_spheres,
+        }
     }
 
     /// Length of a wall L_x (m), in 3D its area L_x L_y (m²).
     pub fn base(&self) -> f64 {
-        if self.is_planar() {
-            self.length
-        } else {
-            self.length * self.width
-        }
+        self.by_dimension(self.length, self.length * self.width)
     }
 
     /// d̄ (m), in 3D d̄² (m²): a mean grain carries the force F = P d̄, in 3D P d̄².
     pub fn mean_section(&self) -> f64 {
-        if self.is_planar() {
-            self.mean_diameter
-        } else {
-            self.mean_diameter * self.mean_diameter
-        }
+        self.by_dimension(1.0, self.mean_diameter) * self.mean_diameter
     }
 }
 
@@ -219,11 +217,8 @@ fn weighted(
     let (mut sum, mut all) = (0.0, 0.0);
     for k in 0..=intervals {
         let r = a + (b - a) * k as f64 / intervals as f64;
-        let share = match k {
-            0 => 1.0,
-            k if k == intervals => 1.0,
-            k => [2.0, 4.0][k % 2],
-        };
+        let is_end = k == 0 || k == intervals;
+        let share = if is_end { 1.0 } else { [2.0, 4.0][k % 2] };
         let w = share * weight(r);
         sum += w * f(r);
         all += w;
@@ -238,11 +233,6 @@ fn weighted_by_logarithm(
     weight: impl Fn(f64) -> f64,
 ) -> f64 {
     let [from, to] = [a, b].map(portable_ln);
-    weighted(
-        from,
-        to,
-        2000,
-        |x| f(b * portable_exp((x - to).min(0.0))),
-        weight,
-    )
+    let of_logarithm = |x: f64| f(b * portable_exp((x - to).min(0.0)));
+    weighted(from, to, 2000, of_logarithm, weight)
 }

@@ -1,7 +1,7 @@
 //! The identity of a run: the hash of all that decides its trajectory. Files of a run carry it, so
 //! that two runs are never mixed in one folder.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use toml::{Table, Value};
@@ -71,8 +71,8 @@ pub struct KeyChange {
 
 impl fmt::Display for KeyChange {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "none".into());
-        let (before, after) = (value(&self.before), value(&self.after));
+        let values = [&self.before, &self.after];
+        let [before, after] = values.map(|value| value.as_deref().unwrap_or("none"));
         write!(f, "{} from {before} to {after}", self.path)
     }
 }
@@ -80,9 +80,7 @@ impl fmt::Display for KeyChange {
 /// Returns the keys whose values differ between two scenes as TOML, in the order of their paths.
 pub fn changes(before: &str, after: &str) -> Vec<KeyChange> {
     let [before, after] = [before, after].map(values);
-    let mut paths: Vec<&String> = before.keys().chain(after.keys()).collect();
-    paths.sort();
-    paths.dedup();
+    let paths: BTreeSet<&String> = before.keys().chain(after.keys()).collect();
     let differing = paths
         .into_iter()
         .filter(|path| before.get(*path) != after.get(*path));
@@ -135,45 +133,46 @@ mod tests {
     use super::*;
     use crate::testing::embedded;
 
-    fn scene(sets: &[&str]) -> Scene {
+    fn scene(sets: &str) -> Scene {
         embedded(sets).unwrap()
     }
 
     #[test]
     fn physics_counts_and_the_rest_does_not() {
-        let identity = |sets: &[&str]| identity(&scene(sets));
-        let first = identity(&[]);
+        let identity = |sets: &str| identity(&scene(sets));
+        let first = identity("");
         assert_eq!(first.len(), 32);
         // The sliding damping came after the first runs.
         let other = "title=other shear.strain=0.7 output.frame_strain=0 output.energy=false
             bookkeeping.skin=0.3 bookkeeping.simd=portable pack.max_steps=7000000
             analysis.scalars=true contact.sliding_damping=0";
         for set in other.split_whitespace() {
-            assert_eq!(identity(&[set]), first, "{set}");
+            assert_eq!(identity(set), first, "{set}");
         }
         let physics = "seed=2 sample.grains=900 contact.friction=0.6 contact.sliding_damping=0.5
             pack.tolerance=1e-6 load.gravity=1.0 shear.inertial_number=1e-4
             shear.spring_number=0.1";
         for set in physics.split_whitespace() {
-            assert_ne!(identity(&[set]), first, "{set}");
+            assert_ne!(identity(set), first, "{set}");
         }
     }
 
     #[test]
     fn changed_keys_are_named_with_their_values() {
-        let [before, after] = [&[][..], &["shear.strain=0.2", "contact.friction=0.6"]].map(scene);
+        let [before, after] = ["", "shear.strain=0.2 contact.friction=0.6"].map(scene);
         let found = changes(&before.toml, &after.toml);
-        let texts: Vec<String> = found.iter().map(ToString::to_string).collect();
-        let wanted = [
-            "contact.friction from 0.7 to 0.6",
-            "shear.strain from 0.1 to 0.2",
-        ];
-        assert_eq!(texts, wanted);
-        let silent = scene(&["output.energy=false"]);
+        let [friction, strain] = &found[..] else {
+            panic!("{found:?}")
+        };
+        assert_eq!(friction.to_string(), "contact.friction from 0.7 to 0.6");
+        assert_eq!(strain.to_string(), "shear.strain from 0.1 to 0.2");
+        assert_eq!(
+            [friction.change, strain.change],
+            [Change::Branch, Change::End]
+        );
+        let silent = scene("output.energy=false");
         let of_default = &changes(&silent.toml, &before.toml)[0];
         assert_eq!(of_default.to_string(), "output.energy from false to true");
-        assert_eq!(found[0].change, Change::Branch);
-        assert_eq!(found[1].change, Change::End);
         assert_eq!(changes(&before.toml, &before.toml), []);
     }
 }

@@ -35,13 +35,8 @@ pub struct Lattice<'a> {
 impl<'a> Lattice<'a> {
     /// The lattice on which the grains of a sample are inserted.
     pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
-        let planar = sample.is_planar();
         let along = columns(sample.length, sample.radius_max);
-        let across = if planar {
-            1
-        } else {
-            columns(sample.width, sample.radius_max)
-        };
+        let across = sample.by_dimension(1, columns(sample.width, sample.radius_max));
         let width = |length: f64, columns: u32| length / f64::from(columns);
         Self {
             sample,
@@ -49,11 +44,7 @@ impl<'a> Lattice<'a> {
             columns: [along, across],
             width: [
                 width(sample.length, along),
-                if planar {
-                    0.0
-                } else {
-                    width(sample.width, across)
-                },
+                sample.by_dimension(0.0, width(sample.width, across)),
             ],
         }
     }
@@ -78,20 +69,20 @@ impl<'a> Lattice<'a> {
     fn column(&self, seed: u64, column: u32) -> Vec<GrainState> {
         let at = [column / self.columns[1], column % self.columns[1]];
         let periods = [self.sample.length, self.sample.width];
-        let planar = self.sample.is_planar();
+        let up = self.sample.dimension().axes() - 1;
         let mut bottom = 0.0;
         let grain = |id| {
             let mut uniform = stream(seed, id);
             let radius = radius(self.sample, self.sizes, &mut uniform);
             let mut position = [0.0; 3];
-            for axis in 0..if planar { 1 } else { 2 } {
+            for axis in 0..up {
                 let width = self.width[axis];
                 let free = width - 2.0 * radius;
                 let x = width * f64::from(at[axis]) + radius + free * uniform();
                 position[axis] = if x < periods[axis] { x } else { 0.0 };
             }
             let gap = 2.0 * radius * (ROOM - 1.0);
-            position[if planar { 1 } else { 2 }] = bottom + radius + gap * uniform();
+            position[up] = bottom + radius + gap * uniform();
             bottom += 2.0 * radius + gap;
             GrainState {
                 id,
@@ -307,12 +298,9 @@ mod tests {
             let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
             let of = |f: fn(f64) -> f64| {
                 let n = grains.len() as f64;
-                let mean = grains.iter().map(|g| f(g.radius / 1e-6)).sum::<f64>() / n;
-                let square = grains
-                    .iter()
-                    .map(|g| f(g.radius / 1e-6).powi(2))
-                    .sum::<f64>()
-                    / n;
+                let values = grains.iter().map(|g| f(g.radius / 1e-6));
+                let mean = values.clone().sum::<f64>() / n;
+                let square = values.map(|x| x * x).sum::<f64>() / n;
                 let error = ((square - mean * mean) / n).sqrt();
                 let expected = sizes.mean([0.5e-6, 1e-6], |r| f(r / 1e-6));
                 assert!(

@@ -19,7 +19,7 @@ use crate::table::{Scenes, Table};
 use crate::time::TimeKeys;
 use crate::value::Value;
 use crate::walls::PackKeys;
-use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, known_names, nearest};
+use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, known_names, meant, nearest};
 
 /// The keys above all tables.
 pub(crate) static TOP: Table = SceneKeys::TABLE;
@@ -142,10 +142,8 @@ pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), F
                     match table.get_ref() {
                         DeValue::Table(table) => unknown_of(known, table, &mut problems),
                         other => {
-                            let what = format!(
-                                "must be a table, not a value of type {}",
-                                other.type_str()
-                            );
+                            let kind = other.type_str();
+                            let what = format!("must be a table, not a value of type {kind}");
                             problems.push((offset, name.to_string(), what));
                         }
                     }
@@ -191,11 +189,8 @@ fn unknown_of(known: &Table, table: &DeTable<'_>, problems: &mut Vec<(usize, Str
         for (key, _) in keys.flatten() {
             if known.iter().all(|of| of.name() != key.get_ref()) {
                 let what = unknown_key(declared.table(), key.get_ref());
-                problems.push((
-                    key.span().start,
-                    format!("{}.{}", declared.path, key.get_ref()),
-                    what,
-                ));
+                let path = format!("{}.{}", declared.path, key.get_ref());
+                problems.push((key.span().start, path, what));
             }
         }
     }
@@ -243,26 +238,20 @@ fn home(key: &str) -> Option<&'static str> {
 fn unknown_key(table: &str, key: &str) -> String {
     let keys = self::table(table).map(names).unwrap_or_default();
     let on_top = key == EXTENDS || TOP.key(key).is_some();
-    let hint = match (nearest(key, &keys), home(key)) {
+    let hint = match home(key) {
         _ if on_top => "; it belongs at the top, in no table".into(),
-        (_, Some(other)) => format!("; it belongs in [{other}]"),
-        (Some(near), None) => format!("; did you mean {near}?"),
-        (None, None) => String::new(),
+        Some(other) => format!("; it belongs in [{other}]"),
+        None => meant(key, &keys),
     };
-    known_names(
-        format!("unknown key{hint}"),
-        &format!("[{table}] knows"),
-        &keys,
-    )
+    let intro = format!("[{table}] knows");
+    known_names(format!("unknown key{hint}"), &intro, &keys)
 }
 
 fn unknown_table(table: &str) -> String {
     let mut names: Vec<&str> = TABLES.iter().map(|table| table.name).collect();
     names.push(SWEEP);
-    let hint = match nearest(table, &names) {
-        Some(near) => format!("; did you mean [{near}]?"),
-        None => String::new(),
-    };
+    let near = nearest(table, &names);
+    let hint = near.map_or(String::new(), |near| format!("; did you mean [{near}]?"));
     known_names(format!("unknown table{hint}"), "the tables are", &names)
 }
 
@@ -273,10 +262,7 @@ fn unknown_top(key: &str) -> String {
     names.push(SWEEP);
     let hint = match home(key) {
         Some(table) => format!("; it belongs in [{table}]"),
-        None => match nearest(key, &names) {
-            Some(near) => format!("; did you mean {near}?"),
-            None => String::new(),
-        },
+        None => meant(key, &names),
     };
     known_names(format!("unknown key{hint}"), "the top level knows", &names)
 }

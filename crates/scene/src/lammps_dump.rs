@@ -246,9 +246,8 @@ pub fn parse_list(name: &str, text: &str) -> Result<DataFile, Failure> {
     }
     Ok(DataFile {
         bounds: periods.map(|length| [0.0, length]),
-        tilt: [0.0; 3],
-        stream: None,
         types: 1,
         atoms,
+        ..DataFile::default()
     })
 }

@@ -6,14 +6,14 @@ use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::contact::jkr::Jkr;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, NOT_NEGATIVE, POSITIVE, Values};
+use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, KeyReader, NOT_NEGATIVE, POSITIVE, Values};
 use gshear_dem::laws::{self, Contact, Law, LawKind, hertz, lee_hurley};
 
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
 use crate::table::{law_keys, laws_with, table};
-use crate::words::list;
+use crate::words::quoted_list;
 
 /// The values of `contact.adhesion`.
 const ADHESION_NAMES: [&str; 2] = ["dmt", "jkr"];
@@ -25,7 +25,7 @@ fn law_names() -> Vec<&'static str> {
 
 table! {
     /// The contacts of the grains.
-    CONTACT: ContactKeys "contact" All {
+    CONTACT: ContactKeys "contact" All Branch {
         /// contact law
         law: Word(law_names) {
             otherwise: "`\"lee-hurley\"`, in 3D `\"hertz\"`",
@@ -78,34 +78,28 @@ pub(crate) fn pair_keys() -> Vec<&'static Key> {
 ///
 /// With `several` materials, what follows from other keys differs from pair to pair, and is not
 /// filled in.
-pub(crate) fn check(
-    c: &mut Checker<'_>,
-    dimension: Dimensions,
-    several: bool,
-) -> Result<(Law, Contact), Failure> {
-    let kind = choose(c, dimension)?;
-    let rolling = [
-        &CONTACT.rolling_friction,
-        &CONTACT.rolling_stiffness,
-        &CONTACT.rolling_damping_ratio,
-    ];
-    let twisting = [
-        &CONTACT.twisting_friction,
-        &CONTACT.twisting_stiffness,
-        &CONTACT.twisting_damping_ratio,
-    ];
+pub(crate) fn check(c: &mut Checker<'_>, several: bool) -> Result<(Law, Contact), Failure> {
+    let kind = choose(c)?;
+    let dimension = c.dimension;
     if dimension == Dimensions::Two {
-        for key in rolling.into_iter().filter(|_| !kind.rolling) {
-            let what = "has no rolling resistance between disks";
-            c.useless(key, &format!("the law {:?} {what}", kind.name));
+        if !kind.rolling {
+            let rolling = [
+                &CONTACT.rolling_friction,
+                &CONTACT.rolling_stiffness,
+                &CONTACT.rolling_damping_ratio,
+            ];
+            let law = kind.name;
+            let why = format!("the law {law:?} has no rolling resistance between disks");
+            c.all_useless(&rolling, &why);
         }
-        for key in twisting {
-            c.useless(key, "disks do not twist");
-        }
-        c.useless(
-            &CONTACT.surface_energy,
-            "gives the attraction of spheres; give disks contact.attraction (N/m)",
-        );
+        let twisting = [
+            &CONTACT.twisting_friction,
+            &CONTACT.twisting_stiffness,
+            &CONTACT.twisting_damping_ratio,
+        ];
+        c.all_useless(&twisting, "disks do not twist");
+        let why = "gives the attraction of spheres; give disks contact.attraction (N/m)";
+        c.useless(&CONTACT.surface_energy, why);
         c.useless(&CONTACT.adhesion, "is that of spheres");
     }
     let law = Law::read(kind, c);
@@ -146,8 +140,8 @@ pub(crate) fn contact_of(
 ) -> Contact {
     let mut coefficient = |key| number(key).unwrap_or(0.0);
     let energy = coefficient(&CONTACT.surface_energy);
-    let modulus = law.contact_modulus().filter(|_| adheres);
-    let contact = Contact {
+    let modulus = law.contact_modulus().filter(|_| adheres && energy > 0.0);
+    Contact {
         friction: coefficient(&CONTACT.friction),
         rolling_friction: coefficient(&CONTACT.rolling_friction),
         rolling_damping_ratio: coefficient(&CONTACT.rolling_damping_ratio),
@@ -156,16 +150,11 @@ pub(crate) fn contact_of(
         attraction: Attraction {
             constant: coefficient(&CONTACT.attraction),
             per_radius: if adheres { 0.0 } else { 4.0 * PI * energy },
-            jkr: modulus
-                .filter(|_| energy > 0.0)
-                .map(|modulus| Jkr::new(energy, modulus)),
+            jkr: modulus.map(|modulus| Jkr::new(energy, modulus)),
         },
-        ..Contact::NONE
-    };
-    Contact {
         rolling_stiffness: number(&CONTACT.rolling_stiffness),
         twisting_stiffness: number(&CONTACT.twisting_stiffness),
-        ..contact
+        ..Contact::NONE
     }
 }
 
@@ -197,20 +186,18 @@ pub(crate) fn check_attraction(
     let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN) * sample.mean_section();
     if given > most {
         let of_all = [&CONTACT.attraction, &CONTACT.surface_energy];
-        let unit = if sample.is_planar() { "N/m" } else { "N" };
+        let unit = sample.by_dimension("N/m", "N");
         let what = format!(
-            "mean grains attract each other by {:.3e} {unit}, which presses them further together than the law {:?} takes; give less, for at most {:.3e} {unit}, or a stiffer law",
-            given,
+            "mean grains attract each other by {given:.3e} {unit}, which presses them further together than the law {:?} takes; give less, for at most {most:.3e} {unit}, or a stiffer law",
             law.kind().name,
-            most,
         );
         c.refuse_among(&of_all, &what);
     }
 }
 
 /// The law that is named; refuses what only other laws take.
-fn choose(c: &mut Checker<'_>, dimension: Dimensions) -> Result<&'static LawKind, Failure> {
-    let key = &CONTACT.law;
+fn choose(c: &mut Checker<'_>) -> Result<&'static LawKind, Failure> {
+    let (key, dimension) = (&CONTACT.law, c.dimension);
     let default = match dimension {
         Dimensions::Two => lee_hurley::KIND.name,
         Dimensions::Three => hertz::KIND.name,
@@ -231,7 +218,7 @@ fn choose(c: &mut Checker<'_>, dimension: Dimensions) -> Result<&'static LawKind
             Dimensions::Three => ("disks", "with dimension = 3 give"),
             Dimensions::Two => ("spheres", "give dimension = 3, or"),
         };
-        let others = quoted(others.map(|kind| kind.name), "or");
+        let others = quoted_list(others.map(|kind| kind.name), "or");
         c.refuse(key, &format!("is a law of {of}; {give} {others}"));
     }
     let mut seen = Vec::new();
@@ -242,27 +229,18 @@ fn choose(c: &mut Checker<'_>, dimension: Dimensions) -> Result<&'static LawKind
             continue;
         }
         seen.push(other.path);
-        let place = c
-            .offset(key)
-            .map_or("the default".into(), |at| c.mention(at));
-        let choose = if owners.len() == 1 {
-            "that law"
-        } else {
-            "one of those"
+        let choose = match owners[..] {
+            [_] => "that law",
+            _ => "one of those",
         };
         let what = format!(
-            "does not apply to the law {:?} ({place}), only to {}; leave it out, or choose {choose} with {}",
+            "does not apply to the law {:?} ({}), only to {}; leave it out, or choose {choose} with {}",
             kind.name,
-            quoted(owners.iter().map(|(name, _)| *name), "and"),
+            c.mention(key, "the default"),
+            quoted_list(owners.iter().map(|(name, _)| *name), "and"),
             key.path
         );
         c.refuse_useless(other, &what);
     }
     Ok(kind)
-}
-
-/// `"a", "b" and "c"`.
-fn quoted<'n>(names: impl Iterator<Item = &'n str>, and: &str) -> String {
-    let names: Vec<String> = names.map(|name| format!("{name:?}")).collect();
-    list(&names, and)
 }

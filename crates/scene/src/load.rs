@@ -4,14 +4,14 @@ use std::ops::Bound;
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{Bounds, Change, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{Bounds, Change, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::state::{Confinement, Masses};
 use gshear_dem::wave::sine_and_cosine;
 
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
-use crate::table::table;
+use crate::table::{from_to, table};
 use crate::words::show;
 
 /// Names of [`Control`].
@@ -19,12 +19,9 @@ const CONTROL_NAMES: [&str; 3] = ["mass", "servo", "volume"];
 
 table! {
     /// The load on the top wall.
-    LOAD: LoadKeys "load" Walls {
+    LOAD: LoadKeys "load" Walls Branch {
         /// κ = d̄/δ̄, mean diameter over mean overlap; in 2D that is k_n/P
-        stiffness_number: Number(Bounds {
-                from: Bound::Included(STIFFNESS_NUMBER_MIN),
-                to: Bound::Included(STIFFNESS_NUMBER_MAX),
-            }) {},
+        stiffness_number: Number(from_to(STIFFNESS_NUMBER_MIN, STIFFNESS_NUMBER_MAX)) {},
         /// pressure P
         pressure: Number(POSITIVE) { unit: "Pa", condition: "κ in its range" },
         /// N = P L_x, in 3D P L_x L_y, on the top wall
@@ -38,7 +35,7 @@ table! {
         },
         /// angle θ in degrees by which x points downwards: g sin θ pulls along x, g cos θ to the
         /// bottom; while the sample is packed only that
-        incline: Number(Bounds { from: Bound::Included(0.0), to: Bound::Included(90.0) }) {
+        incline: Number(from_to(0.0, 90.0)) {
             condition: "with `gravity`; less than 90 below a free surface",
             default: "0.0",
         },
@@ -123,9 +120,8 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     let is_free = confinement == Confinement::FreeSurface;
     if is_free {
         let why = "loads a top wall, but sample.boundary = \"free\" has none";
-        for key in WAYS.into_iter().chain([&LOAD.control]) {
-            c.useless(key, why);
-        }
+        c.all_useless(&WAYS, why);
+        c.useless(&LOAD.control, why);
         c.required(&LOAD.gravity);
     } else {
         c.exactly_one(
@@ -139,22 +135,16 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     let gravity = c.number_or_default(&LOAD.gravity);
     let incline = c.number_or_default(&LOAD.incline);
     if is_free && gravity <= 0.0 && c.is_given(&LOAD.gravity) {
-        c.refuse(
-            &LOAD.gravity,
-            "must be positive where sample.boundary = \"free\"",
-        );
+        let what = "must be positive where sample.boundary = \"free\"";
+        c.refuse(&LOAD.gravity, what);
     }
     if is_free && incline >= 90.0 {
-        c.refuse(
-            &LOAD.incline,
-            "must be less than 90 degrees where sample.boundary = \"free\"",
-        );
+        let what = "must be less than 90 degrees where sample.boundary = \"free\"";
+        c.refuse(&LOAD.incline, what);
     }
     if incline > 0.0 && gravity <= 0.0 {
-        c.refuse(
-            &LOAD.incline,
-            "inclines gravity; give load.gravity, or leave it out",
-        );
+        let what = "inclines gravity; give load.gravity, or leave it out";
+        c.refuse(&LOAD.incline, what);
     }
     if c.choice(&LOAD.control) != Some("volume") {
         let why = "applies to load.control = \"volume\"";
@@ -162,8 +152,7 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     }
     if c.choice(&LOAD.control) != Some("servo") {
         let why = "applies to load.control = \"servo\"";
-        c.useless(&LOAD.servo_gain, why);
-        c.useless(&LOAD.servo_speed_max, why);
+        c.all_useless(&[&LOAD.servo_gain, &LOAD.servo_speed_max], why);
     }
 }
 
@@ -183,37 +172,37 @@ pub(crate) fn derive(
         _ => Control::Mass,
     };
     let solid_fraction = c.number(&LOAD.solid_fraction);
-    let load = |pressure, normal_force, stiffness_number| Load {
-        pressure,
-        normal_force,
-        stiffness_number,
-        gravity,
-        incline,
-        control,
-        solid_fraction,
-    };
     let [kappa, pressure, normal_force] = WAYS.map(|key| c.number(key));
     let (key, pressure, normal_force) = match (kappa, pressure, normal_force) {
         (Some(kappa), ..) => {
             let p = derived::pressure(law, sample, kappa);
-            return Ok(load(p, p * base, kappa));
+            (&LOAD.stiffness_number, p, p * base)
         }
         (_, Some(p), _) => (&LOAD.pressure, p, p * base),
         (_, _, Some(force)) => (&LOAD.normal_force, force / base, force),
         // Of a free surface.
         (None, None, None) => (&LOAD.gravity, mass * gravity / base, mass * gravity),
     };
-    if let Some(kappa) = derived::stiffness_number(law, sample, pressure) {
-        return Ok(load(pressure, normal_force, kappa));
+    let kappa = kappa.or_else(|| derived::stiffness_number(law, sample, pressure));
+    if let Some(stiffness_number) = kappa {
+        return Ok(Load {
+            pressure,
+            normal_force,
+            stiffness_number,
+            gravity,
+            incline,
+            control,
+            solid_fraction,
+        });
     }
     let range = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN];
     let [least, most] = range.map(|kappa| derived::pressure(law, sample, kappa));
     // What the key must be multiplied by for a pressure, and its value.
-    let (unit, factor, found) = match (key.path, sample.is_planar()) {
-        (path, planar) if path == LOAD.normal_force.path => {
-            (if planar { "N/m" } else { "N" }, base, normal_force)
+    let (unit, factor, found) = match key.path {
+        path if path == LOAD.normal_force.path => {
+            (sample.by_dimension("N/m", "N"), base, normal_force)
         }
-        (path, _) if path == LOAD.gravity.path => ("m/s²", gravity / pressure, gravity),
+        path if path == LOAD.gravity.path => ("m/s²", gravity / pressure, gravity),
         _ => ("Pa", 1.0, pressure),
     };
     let what = format!(
@@ -238,11 +227,7 @@ pub(crate) fn check_packable(c: &mut Checker<'_>, law: &Law, sample: &Sample, lo
     let overlap = law.largest_overlap(r, r);
     let force = law.normal_stiffness(r, r, overlap) * overlap;
     let largest = 2.0 * sample.radius_max;
-    let section = if sample.is_planar() {
-        largest
-    } else {
-        largest * largest
-    };
+    let section = sample.by_dimension(1.0, largest) * largest;
     let most = force / (BORNE * section);
     if load.pressure <= most {
         return;

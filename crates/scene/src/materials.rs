@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::keys::{
-    BELOW_ONE, Change, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, Values, YOUNG_MODULUS,
+    BELOW_ONE, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, Values, YOUNG_MODULUS,
 };
 use gshear_dem::laws::{Contact, Law};
 use gshear_dem::state::{GrainState, Masses, body};
@@ -15,24 +15,19 @@ use crate::law::{CONTACT, ContactKeys, PAIR, contact_of, is_jkr, lacks_stiffness
 use crate::sample::{SAMPLE, is_flat};
 use crate::table::{Table, laws_with, table};
 use crate::value::{Entries, Value};
-use crate::words::list;
+use crate::words::quoted_list;
 
 table! {
     /// The material of the grains; several are given as `[[material]]`, the first of them that of
     /// all grains that have no other.
-    MATERIAL: MaterialKeys "material" All {
+    MATERIAL: MaterialKeys "material" All Never {
         /// its name, by which other keys call it
-        name: Text(&[]) { condition: "with several materials", otherwise: "none", change: Change::Never },
+        name: Text(&[]) { condition: "with several materials", otherwise: "none" },
         /// share of the inserted grains that have it, by number; the first has the rest
-        fraction: Number(BELOW_ONE) {
-            condition: "not of the first",
-            otherwise: "0",
-            change: Change::Never,
-        },
+        fraction: Number(BELOW_ONE) { condition: "not of the first", otherwise: "0" },
         /// type of its free atoms in `sample.packing`
         atom_type: Whole(FROM_ONE) {
             otherwise: "1 of the first, 4 of the second, 5 of the third, …",
-            change: Change::Never,
         },
     }
 }
@@ -156,10 +151,8 @@ fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), gi
             } else if of_law || laws_with(key).is_empty() {
                 continue;
             } else {
-                format!(
-                    "does not apply to the law {:?}; leave it out",
-                    law.kind().name
-                )
+                let name = law.kind().name;
+                format!("does not apply to the law {name:?}; leave it out")
             };
             c.refuse(of, &format!("{}: {name} {what}", listed.place));
         }
@@ -283,14 +276,11 @@ pub(crate) fn check(
     };
     if others.is_empty() {
         let why = "names one of several [[material]], but there is one material";
-        for key in [&CONTACT.pair, &SAMPLE.wall_material, &SAMPLE.large_material] {
-            c.useless(key, why);
-        }
+        let keys = [&CONTACT.pair, &SAMPLE.wall_material, &SAMPLE.large_material];
+        c.all_useless(&keys, why);
         if c.number(&MATERIAL.fraction).is_some_and(|part| part > 0.0) {
-            c.refuse(
-                &MATERIAL.fraction,
-                "all grains have the only material; leave it out",
-            );
+            let what = "all grains have the only material; leave it out";
+            c.refuse(&MATERIAL.fraction, what);
         }
         return Ok(all);
     }
@@ -302,19 +292,18 @@ pub(crate) fn check(
     all.wall = named(c, &SAMPLE.wall_material, &all.names);
     all.large = named(c, &SAMPLE.large_material, &all.names);
     if all.wall.is_none() && is_flat(c) {
-        let names: Vec<String> = all.names.iter().map(|name| format!("{name:?}")).collect();
-        let names = list(&names, "or");
+        let names = quoted_list(&all.names, "or");
         let what = format!(
             "sample.walls = \"flat\" needs a material where there are several; give {names}"
         );
         c.refuse(&SAMPLE.wall_material, &what);
     }
     let count = all.names.len();
-    let densities: Vec<f64> = (0..count)
-        .map(|k| match k {
-            0 => c.known(&DENSITY),
-            k => others[k - 1].number(&DENSITY).unwrap_or(f64::NAN),
-        })
+    let of_others = others
+        .iter()
+        .map(|of| of.number(&DENSITY).unwrap_or(f64::NAN));
+    let densities: Vec<f64> = std::iter::once(c.known(&DENSITY))
+        .chain(of_others)
         .collect();
     if densities.iter().any(|density| density.is_nan()) {
         c.refuse(&OTHERS, "each material must have a density (kg/m³)");
@@ -348,10 +337,8 @@ pub(crate) fn check(
 /// Names, fractions and types of the other materials.
 fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
     if all.names[0].is_empty() {
-        c.refuse(
-            &OTHERS,
-            "each of several materials needs a name; the first has none",
-        );
+        let what = "each of several materials needs a name; the first has none";
+        c.refuse(&OTHERS, what);
     }
     for (k, table) in others.iter().enumerate() {
         let name = match table.value(&MATERIAL.name) {
@@ -359,10 +346,8 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
             _ => String::new(),
         };
         if name.is_empty() || all.names.contains(&name) {
-            let what = format!(
-                "{} needs a name of its own, such as name = \"steel\"",
-                table.place
-            );
+            let place = &table.place;
+            let what = format!("{place} needs a name of its own, such as name = \"steel\"");
             c.refuse(&OTHERS, &what);
         }
         all.names.push(name);
@@ -373,25 +358,20 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
             _ => atom_type(body::FREE, k as u64 + 1).into(),
         };
         if all.atom_types.contains(&of_type) {
-            c.refuse(
-                &OTHERS,
-                &format!("{}: another has the atom_type {of_type}", table.place),
-            );
+            let what = format!("{}: another has the atom_type {of_type}", table.place);
+            c.refuse(&OTHERS, &what);
         }
         all.atom_types.push(of_type);
     }
     let sum: f64 = all.fractions.iter().sum();
     if sum > 1.0 {
-        c.refuse(
-            &OTHERS,
-            &format!("the fractions add up to {sum}; they must leave the first the rest of 1"),
-        );
+        let what =
+            format!("the fractions add up to {sum}; they must leave the first the rest of 1");
+        c.refuse(&OTHERS, &what);
     }
     if c.number(&MATERIAL.fraction).is_some_and(|part| part > 0.0) {
-        c.refuse(
-            &MATERIAL.fraction,
-            "the first material has the grains that have no other; leave it out",
-        );
+        let what = "the first material has the grains that have no other; leave it out";
+        c.refuse(&MATERIAL.fraction, what);
     }
     if c.is_given(&SAMPLE.packing) && sum > 0.0 {
         let what = "a fraction applies to inserted grains, but the grains come from sample.packing; give material.atom_type";
@@ -436,12 +416,8 @@ fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<([usize;
                 found.push(([i, j], table));
             }
             _ => {
-                let known: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
-                let what = format!(
-                    "{}: materials must be a list of two names of {}",
-                    table.place,
-                    list(&known, "and")
-                );
+                let (place, names) = (&table.place, quoted_list(names, "and"));
+                let what = format!("{place}: materials must be a list of two names of {names}");
                 c.refuse(&CONTACT.pair, &what);
             }
         }
@@ -454,11 +430,8 @@ fn named(c: &mut Checker<'_>, key: &Key, names: &[String]) -> Option<u64> {
     let name = c.text(key)?.to_string();
     let found = names.iter().position(|known| *known == name);
     if found.is_none() {
-        let known: Vec<String> = names.iter().map(|name| format!("{name:?}")).collect();
-        c.refuse(
-            key,
-            &format!("must be {}, found {name:?}", list(&known, "or")),
-        );
+        let what = format!("must be {}, found {name:?}", quoted_list(names, "or"));
+        c.refuse(key, &what);
     }
     found.map(|k| k as u64)
 }
@@ -472,6 +445,7 @@ mod tests {
     use crate::identity::identity;
     use crate::insertion::Lattice;
     use crate::sample::Origin;
+    use crate::testing::overrides;
     use crate::{Scene, Source, load};
 
     const MIXTURE: &str = r#"
@@ -489,16 +463,15 @@ mod tests {
         shear = { inertial_number = 1e-2, strain = 0.02 }
     "#;
 
-    fn mixture(sets: &[&str]) -> Result<Scene, Failure> {
-        let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        load(&Source::new("mixture.toml", MIXTURE), &sets)
+    fn mixture(sets: &str) -> Result<Scene, Failure> {
+        load(&Source::new("mixture.toml", MIXTURE), &overrides(sets))
     }
 
     /// F_n = (4/3) E* √R* δ^(3/2) and k_t = 8 G* √(R*δ) of unlike spheres (K. L. Johnson, Contact
     /// Mechanics, eqs 4.22 and 7.42), and √0.4·0.1 of the frictions of like ones.
     #[test]
     fn unlike_spheres_have_the_stiffness_of_their_moduli() {
-        let scene = mixture(&[]).expect("a scene");
+        let scene = mixture("").expect("a scene");
         let force = scene.force::<Three>();
         let (radii, overlap) = ([0.8e-3, 1e-3], 1e-6);
         let small: f64 = radii[0] * radii[1] / (radii[0] + radii[1]);
@@ -550,24 +523,17 @@ mod tests {
             assert_eq!(whole, parts);
             whole
         };
-        let grains = made(&mixture(&[]).expect("a scene"));
+        let grains = made(&mixture("").expect("a scene"));
         let of_steel = grains.iter().filter(|g| g.material == 1).count() as f64;
         assert!((of_steel / 4000.0 - 0.3).abs() < 4.0 * (0.21f64 / 4000.0).sqrt());
         let text = MIXTURE.replace(", fraction = 0.3", "");
-        let sets = [
-            "sample.sizes=binary",
-            "sample.large_fraction=0.5",
-            "sample.large_fraction_by=volume",
-            "sample.large_material=steel",
-        ];
-        let scene = load(&Source::new("s", &text), &sets.map(String::from)).expect("a scene");
+        let sets = "sample.sizes=binary sample.large_fraction=0.5
+            sample.large_fraction_by=volume sample.large_material=steel";
+        let scene = load(&Source::new("s", &text), &overrides(sets)).expect("a scene");
         let grains = made(&scene);
         let is_large = |r: f64| r == scene.sample.radius_max;
-        assert!(
-            grains
-                .iter()
-                .all(|g| (g.material == 1) == is_large(g.radius))
-        );
+        let mut materials = grains.iter().map(|g| (g.material == 1, is_large(g.radius)));
+        assert!(materials.all(|(is_steel, is_large)| is_steel == is_large));
         let volume = |large: bool| -> f64 {
             let of = grains.iter().filter(|g| is_large(g.radius) == large);
             of.map(|g| g.radius.powi(3)).sum()
@@ -579,21 +545,15 @@ mod tests {
     /// What is written is read again as the same scene.
     #[test]
     fn what_is_written_is_the_same_scene() {
-        let hertz = [
-            "contact.law=hertz",
-            "contact.impact_speed=1.0",
-            "contact.impact_diameter=2e-3",
-        ];
-        for sets in [&[][..], &hertz] {
+        let hertz = "contact.law=hertz contact.impact_speed=1.0 contact.impact_diameter=2e-3";
+        for sets in ["", hertz] {
             let scene = mixture(sets).expect("a scene");
             let again = load(&Source::new("s", &scene.toml), &[]).expect("a scene");
-            assert_eq!(
-                (&again.toml, &again.materials.laws),
-                (&scene.toml, &scene.materials.laws)
-            );
+            assert_eq!(again.toml, scene.toml);
+            assert_eq!(again.materials.laws, scene.materials.laws);
             assert_eq!(identity(&again), identity(&scene));
         }
-        let scene = mixture(&[]).expect("a scene");
+        let scene = mixture("").expect("a scene");
         let other = MIXTURE.replace("friction = 0.1", "friction = 0.2");
         let other = load(&Source::new("s", &other), &[]).expect("a scene");
         assert_ne!(identity(&other), identity(&scene));

@@ -14,12 +14,11 @@ pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
     let source = input.source;
     let mut merged = DeTable::new();
     let mut sweeps = false;
-    let parts = source.parts();
-    for (n, part) in parts.iter().enumerate() {
-        let tree = DeTable::parse(part.padded()).map_err(|e| not_toml(input, &e))?;
+    for (n, part) in source.parts.iter().enumerate() {
+        let tree = DeTable::parse(&part.padded).map_err(|e| not_toml(input, &e))?;
         let mut tree = tree.into_inner();
         let sweep = tree.remove_entry(SWEEP);
-        if let Some((key, value)) = sweep.filter(|_| !sweeps && !source.is_member()) {
+        if let Some((key, value)) = sweep.filter(|_| !sweeps && !source.member) {
             sweeps = true;
             if value.get_ref().as_str() != Some(TAKE_AWAY) {
                 let what = sweep::not_one_run(source)?;
@@ -27,7 +26,7 @@ pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
             }
         }
         let base = tree.remove_entry(EXTENDS);
-        if let Some((key, _)) = base.filter(|_| n + 1 == parts.len()) {
+        if let Some((key, _)) = base.filter(|_| n + 1 == source.parts.len()) {
             let what = "only a file can extend another one; leave it out";
             return Err(input.failure(key.span().start, EXTENDS, what));
         }

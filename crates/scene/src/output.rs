@@ -1,7 +1,7 @@
 //! What is written and computed of the shear: `[output]` and `[analysis]`.
 
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::laws::keys::{Change, FROM_ZERO, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{FROM_ZERO, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 
 use crate::checker::Checker;
 use crate::table::table;
@@ -9,50 +9,45 @@ use crate::words::show;
 
 table! {
     /// What is written.
-    OUTPUT: OutputKeys "output" All {
+    OUTPUT: OutputKeys "output" All Resume {
         /// Δγ between frames; 0 is never
-        frame_strain: Number(NOT_NEGATIVE) { default: "1e-4", change: Change::Resume },
+        frame_strain: Number(NOT_NEGATIVE) { default: "1e-4" },
         /// γ of the first frame, rounded to a multiple of `frame_strain`
-        frame_start: Number(NOT_NEGATIVE) { default: "0.0", change: Change::Resume },
+        frame_start: Number(NOT_NEGATIVE) { default: "0.0" },
         /// Δγ between rows of the time series; 0 is never
-        series_strain: Number(NOT_NEGATIVE) { default: "1e-5", change: Change::Resume },
+        series_strain: Number(NOT_NEGATIVE) { default: "1e-5" },
         /// Δγ between checkpoints; 0 is only at the end
-        checkpoint_strain: Number(NOT_NEGATIVE) { default: "0.02", change: Change::Resume },
+        checkpoint_strain: Number(NOT_NEGATIVE) { default: "0.02" },
         /// time of computing between checkpoints, besides those by strain and of parts; 0 is never
-        checkpoint_time: Number(NOT_NEGATIVE) {
-            unit: "s",
-            default: "600.0",
-            change: Change::Resume,
-        },
+        checkpoint_time: Number(NOT_NEGATIVE) { unit: "s", default: "600.0" },
         /// keep every checkpoint of the shear as `checkpoint-<step>.h5`, from step 0 on, for
         /// `gshear-reduce replay`; of a box as `checkpoint-aqs-<step>.h5` and
         /// `checkpoint-newtonian-<step>.h5`
-        keep_checkpoints: Flag { default: "false", change: Change::Resume },
+        keep_checkpoints: Flag { default: "false" },
         /// with a protocol: frames in each part; 0 is none
-        frame_rows: Whole(FROM_ZERO) { default: "0", change: Change::Resume },
+        frame_rows: Whole(FROM_ZERO) { default: "0" },
         /// with a protocol: rows of the time series in each part; 0 is none
-        series_rows: Whole(FROM_ZERO) { default: "1000", change: Change::Resume },
+        series_rows: Whole(FROM_ZERO) { default: "1000" },
         /// lines of progress over the whole run; a terminal has one that is drawn anew
-        progress_lines: Whole(FROM_ZERO) { default: "20", change: Change::Resume },
+        progress_lines: Whole(FROM_ZERO) { default: "20" },
         /// record the energy budget in the time series
-        energy: Flag { default: "true", change: Change::Resume },
+        energy: Flag { default: "true" },
     }
 }
 
 table! {
     /// What the run computes of its frames.
-    ANALYSIS: AnalysisKeys "analysis" Walls {
+    ANALYSIS: AnalysisKeys "analysis" Walls Resume {
         /// compute the scalars of frames during the run (docs/reduction.md), so that frames need
         /// not be written; 2D only
-        scalars: Flag { default: "false", change: Change::Resume },
+        scalars: Flag { default: "false" },
         /// Δγ between these frames
         strain: Number(POSITIVE) {
             condition: "a whole number of `output.series_strain`",
             otherwise: "`output.frame_strain`",
-            change: Change::Resume,
         },
         /// γ of the first of them, rounded to a multiple of `analysis.strain`
-        start: Number(NOT_NEGATIVE) { otherwise: "`output.frame_start`", change: Change::Resume },
+        start: Number(NOT_NEGATIVE) { otherwise: "`output.frame_start`" },
     }
 }
 
@@ -112,13 +107,10 @@ pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
     let keys = &OUTPUT;
     if protocol {
         let why = "does not apply to the parts of shear.protocol; give frame_rows and series_rows, the frames and rows of each part";
-        for key in STRAINS {
-            c.useless(key, why);
-        }
+        c.all_useless(&STRAINS, why);
     } else {
         let why = "counts per part of shear.protocol, which is not given";
-        c.useless(&keys.frame_rows, why);
-        c.useless(&keys.series_rows, why);
+        c.all_useless(&[&keys.frame_rows, &keys.series_rows], why);
     }
     Output {
         frame_strain: c.number_or_default(&keys.frame_strain),
@@ -143,12 +135,7 @@ pub(crate) fn check_box(c: &mut Checker<'_>) {
 }
 
 /// What is computed of the frames of a scene between walls. `protocol`: it has one.
-pub(crate) fn check_analysis(
-    c: &mut Checker<'_>,
-    dimension: Dimensions,
-    protocol: bool,
-    output: &Output,
-) -> Analysis {
+pub(crate) fn check_analysis(c: &mut Checker<'_>, protocol: bool, output: &Output) -> Analysis {
     let keys = &ANALYSIS;
     let scalars = c.flag_or_default(&keys.scalars);
     let found = Analysis {
@@ -156,11 +143,9 @@ pub(crate) fn check_analysis(
         strain: c.number(&keys.strain).unwrap_or(output.frame_strain),
         start: c.number(&keys.start).unwrap_or(output.frame_start),
     };
-    if scalars && dimension == Dimensions::Three {
-        c.refuse(
-            &keys.scalars,
-            "the scalars of frames are those of disks; leave it out with dimension = 3",
-        );
+    if scalars && c.dimension == Dimensions::Three {
+        let what = "the scalars of frames are those of disks; leave it out with dimension = 3";
+        c.refuse(&keys.scalars, what);
     }
     // 0 is no interval of its own.
     if found.strain > 0.0 {
@@ -169,8 +154,7 @@ pub(crate) fn check_analysis(
     c.fill(&keys.start, found.start);
     if protocol {
         let why = "does not apply to the parts of shear.protocol";
-        c.useless(&keys.strain, why);
-        c.useless(&keys.start, why);
+        c.all_useless(&[&keys.strain, &keys.start], why);
         if scalars {
             c.useless(&keys.scalars, why);
         }

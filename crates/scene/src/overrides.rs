@@ -77,36 +77,30 @@ fn parse(value: &str) -> Result<DeValue<'_>, String> {
 #[cfg(test)]
 mod tests {
     use crate::testing::{cases, embedded};
-    use crate::{Motion, WallSpeed};
+    use crate::{Motion, Source, WallSpeed, load};
 
-    fn message(sets: &[&str]) -> String {
-        embedded(sets).unwrap_err().to_string()
+    fn message(set: &str) -> String {
+        let refused = load(&Source::embedded(), &[set.into()]);
+        refused.unwrap_err().to_string()
     }
 
+    /// The last of two wins.
     #[test]
     fn values_replace_those_of_the_file() {
         let sets = [
-            "sample.grains=500",
             "sample.length = 24e-6",
             "title=Half as many",
-            "time.force=false",
             "seed=7",
+            "seed=8",
         ];
-        let scene = embedded(&sets).unwrap();
-        assert_eq!(scene.sample.grains, 500);
+        let scene = load(&Source::embedded(), &sets.map(Into::into)).unwrap();
         assert_eq!(scene.sample.length, 24e-6);
-        assert_eq!(scene.title, "Half as many");
-        assert_eq!(scene.seed, 7);
-    }
-
-    #[test]
-    fn the_last_of_two_wins() {
-        assert_eq!(embedded(&["seed=7", "seed=8"]).unwrap().seed, 8);
+        assert_eq!((&scene.title[..], scene.seed), ("Half as many", 8));
     }
 
     #[test]
     fn none_takes_a_key_away() {
-        let scene = embedded(&["shear.inertial_number=none", "shear.velocity=1e-3"]).unwrap();
+        let scene = embedded("shear.inertial_number=none shear.velocity=1e-3").unwrap();
         let (drive, strain) = (WallSpeed::Velocity(1e-3), 0.1);
         let motion = &scene.plane_shear("the scene").unwrap().shear.motion;
         assert_eq!(*motion, Motion::Strain { drive, strain });
@@ -130,21 +124,18 @@ mod tests {
             shear.velocity=1e-3 | contradicts shear.inertial_number (line 33); give exactly one of inertial_number, velocity; --set shear.inertial_number=none takes that one away
             "#,
         ) {
-            assert_eq!(message(&[&set]), format!("--set {set}: {expected}"));
+            assert_eq!(message(&set), format!("--set {set}: {expected}"));
         }
         let expected = "embedded default scene:20: [sample] lacks grains: the number of grains, such as grains = 1000";
-        assert_eq!(message(&["sample.grains=none"]), expected);
-        assert!(message(&["title=\"open"]).starts_with("--set title=\"open: no TOML value: "));
+        assert_eq!(message("sample.grains=none"), expected);
+        assert!(message("title=\"open").starts_with("--set title=\"open: no TOML value: "));
     }
 
     #[test]
     fn two_overrides_can_contradict_each_other() {
+        let refused = embedded("load.pressure=1e4 load.stiffness_number=none load.normal_force=1");
         assert_eq!(
-            message(&[
-                "load.pressure=1e4",
-                "load.stiffness_number=none",
-                "load.normal_force=1"
-            ]),
+            refused.unwrap_err().to_string(),
             "--set load.normal_force=1: contradicts load.pressure (--set load.pressure=1e4); give exactly one of stiffness_number, pressure, normal_force; --set load.pressure=none takes that one away"
         );
     }

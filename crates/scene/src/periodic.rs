@@ -4,9 +4,10 @@
 use std::ops::Bound;
 
 use gshear_dem::contact::portable_exp;
-use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Bounds, Change, FROM_ONE, FROM_ZERO, NOT_NEGATIVE, POSITIVE, UNIT};
+use gshear_dem::laws::keys::{
+    Bounds, Change, FROM_ONE, FROM_ZERO, KeyReader, NOT_NEGATIVE, POSITIVE, UNIT,
+};
 
 use crate::checker::Checker;
 use crate::grains::{Sample, Sizes};
@@ -26,19 +27,15 @@ const METHOD_NAMES: [&str; 2] = names(&METHODS);
 
 table! {
     /// The periodic box.
-    BOX: BoxKeys "box" Box {
+    BOX: BoxKeys "box" Box Never {
         /// φ, the grains' volume (area in 2D) over that of the box; not with `sample.packing`,
         /// whose box it is
         solid_fraction: Number(Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) }) {
             what: "phi, the grains' volume over that of the box",
             example: "0.7",
-            change: Change::Never,
         },
         /// what a strain step does to the box
-        deformation: Text(&DEFORMATION_NAMES) {
-            default: DEFORMATION_NAMES[0],
-            change: Change::Never,
-        },
+        deformation: Text(&DEFORMATION_NAMES) { default: DEFORMATION_NAMES[0] },
         /// the packing is compressed or expanded to this pressure, with the scene's friction,
         /// before the first strain step; with `"biaxial"` the lateral stress, too
         pressure: Number(POSITIVE) {
@@ -46,18 +43,18 @@ table! {
             otherwise: "that of the solid fraction; required with `\"biaxial\"`",
             what: "the lateral stress",
             example: "1e-3",
-            change: Change::Never,
         },
         /// greatest relative error of these pressures, and of `aqs.pressures`
         pressure_tolerance: Number(Bounds { from: Bound::Excluded(0.0), to: Bound::Excluded(1.0) }) {
             default: "1e-4",
+            change: Change::Branch,
         },
     }
 }
 
 table! {
     /// How mechanical equilibrium is found in a box.
-    RELAX: RelaxKeys "relax" Box {
+    RELAX: RelaxKeys "relax" Box Branch {
         /// `"newton"`: Newton's method with the exact K, and overdamped dynamics if it does not
         /// converge; `"overdamped"`: overdamped dynamics only
         method: Text(&METHOD_NAMES) { default: METHOD_NAMES[0] },
@@ -76,7 +73,7 @@ table! {
 
 table! {
     /// Athermal quasi-static deformation of a box.
-    AQS: AqsKeys "aqs" Box {
+    AQS: AqsKeys "aqs" Box Branch {
         /// δγ, or δε of a biaxial box; of a box at a pressure also the greatest relative change of
         /// a length between two relaxations
         strain_step: Number(UNIT) { what: "delta gamma", example: "1e-4" },
@@ -118,7 +115,7 @@ table! {
 
 table! {
     /// Newton's equations in a box, after the strain steps.
-    NEWTONIAN: NewtonianKeys "newtonian" Box {
+    NEWTONIAN: NewtonianKeys "newtonian" Box Resume {
         /// duration of the last stage, in 1/ω_i of the complex pair that grows fastest (without
         /// one, in 1000 Δt); without `[newtonian]` there is none
         growth_times: Number(POSITIVE) {
@@ -128,11 +125,11 @@ table! {
         },
         /// rows of its time series at equal intervals, beside two stretches that resolve the
         /// oscillation; 0 is none
-        rows: Whole(FROM_ZERO) { default: "20000", change: Change::Resume },
+        rows: Whole(FROM_ZERO) { default: "20000" },
         /// frames of it; 0 is none
-        frames: Whole(FROM_ZERO) { default: "200", change: Change::Resume },
+        frames: Whole(FROM_ZERO) { default: "200" },
         /// times at which all eigenvalues are written; 0 is none
-        spectra: Whole(FROM_ZERO) { default: "0", change: Change::Resume },
+        spectra: Whole(FROM_ZERO) { default: "0" },
     }
 }
 
@@ -167,18 +164,9 @@ impl PeriodicBox {
     /// along the last axis.
     pub fn lengths(&self, sample: &Sample) -> [f64; 3] {
         let boxed = self.packing.as_ref().and_then(|file| file.boxed);
-        let width = if sample.is_planar() {
-            1.0
-        } else {
-            sample.width
-        };
+        let width = sample.by_dimension(1.0, sample.width);
         let height = boxed.map_or(sample.length, |[height, _]| height);
         [sample.length, width, height]
-    }
-
-    /// Whether the packing is brought to a pressure.
-    pub fn has_pressures(&self) -> bool {
-        self.least_pressure().is_some()
     }
 
     /// The least pressure to which the packing is brought, if it is brought to any.
@@ -264,11 +252,10 @@ const MOST_UNKNOWNS: u64 = 6000;
 /// Checks every key by itself, then those that must agree, and derives the sample.
 pub(crate) fn check(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     seed: u64,
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, PeriodicBox), Failure> {
-    let grains = sample::check_boxed(c, dimension);
+    let grains = sample::check_boxed(c);
     let deformation = check_deformation(c);
     let solid_fraction = match &grains {
         Grains::Inserted(_) => c.required(&BOX.solid_fraction),
@@ -301,22 +288,19 @@ pub(crate) fn check(
 
     let sample = match grains {
         Grains::Inserted(sizes) => {
-            let sample = sample::derive_boxed(c, dimension, seed, &sizes, solid_fraction)?;
+            let sample = sample::derive_boxed(c, seed, &sizes, solid_fraction)?;
             periodic.sizes = sizes;
             sample
         }
         Grains::File(arrangement) => {
-            let (sample, file) = sample::derive_filed(c, dimension, arrangement, packing)?;
+            let (sample, file) = sample::derive_filed(c, arrangement, packing)?;
             periodic.packing = Some(file);
             let volume: f64 = periodic.lengths(&sample).iter().product();
             periodic.solid_fraction = f64::from(sample.grains) * sample.mean_volume / volume;
             sample
         }
     };
-    let per_grain = match dimension {
-        Dimensions::Two => 3,
-        Dimensions::Three => 6,
-    };
+    let per_grain = sample.by_dimension(3, 6);
     if periodic.aqs.spectrum && u64::from(sample.grains) * per_grain > MOST_UNKNOWNS {
         return Err(c.out_of_range(&format!(
             "aqs.spectrum finds all eigenvalues at once, of up to {} grains in this dimension; leave it out, and take gshear-reduce spectrum \
@@ -356,10 +340,8 @@ fn check_deformation(c: &mut Checker<'_>) -> Deformation {
         Some("biaxial") => Deformation::Biaxial,
         _ => Deformation::SimpleShear,
     };
-    c.useless(
-        &AQS.pressures,
-        "applies to box.deformation = \"compression\"",
-    );
+    let why = "applies to box.deformation = \"compression\"";
+    c.useless(&AQS.pressures, why);
     deformation
 }
 
@@ -368,18 +350,14 @@ fn check_pressure(c: &mut Checker<'_>, deformation: &Deformation) -> Option<f64>
     match deformation {
         Deformation::Biaxial => Some(c.required(&BOX.pressure)),
         Deformation::Compression(_) => {
-            c.useless(
-                &BOX.pressure,
-                "is the first of aqs.pressures in a compression",
-            );
+            let why = "is the first of aqs.pressures in a compression";
+            c.useless(&BOX.pressure, why);
             None
         }
         Deformation::SimpleShear | Deformation::PureShear => {
             if !c.is_given(&BOX.pressure) {
-                c.useless(
-                    &BOX.pressure_tolerance,
-                    "applies to a box at a pressure, and there is no box.pressure",
-                );
+                let why = "applies to a box at a pressure, and there is no box.pressure";
+                c.useless(&BOX.pressure_tolerance, why);
             }
             c.number(&BOX.pressure)
         }
@@ -391,8 +369,7 @@ fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation) -> Aqs {
     let spectrum = c.flag_or_default(&keys.spectrum);
     if !spectrum {
         let why = "applies to the eigenvalues, which need aqs.spectrum = true";
-        c.useless(&keys.birth_precision, why);
-        c.useless(&keys.until_imaginary, why);
+        c.all_useless(&[&keys.birth_precision, &keys.until_imaginary], why);
     }
     if spectrum && *deformation != Deformation::SimpleShear {
         c.refuse(

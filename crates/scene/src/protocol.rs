@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{ANY, Change, Key, POSITIVE, Values};
+use gshear_dem::laws::keys::{ANY, Change, Key, KeyReader, POSITIVE, Values};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part};
 use gshear_dem::state::Confinement;
 use gshear_dem::wave::Wave;
@@ -17,7 +17,7 @@ use crate::words::{known_names, meant, show};
 
 table! {
     /// The shear.
-    SHEAR: ShearKeys "shear" Walls {
+    SHEAR: ShearKeys "shear" Walls Branch {
         /// inertial number I = γ̇ √(m̄/P) with m̄ per depth, in 3D γ̇ d̄ √(ρ/P)
         inertial_number: Number(POSITIVE) {},
         /// V of the top wall
@@ -43,7 +43,7 @@ table! {
 
 table! {
     /// The keys of a part of the protocol.
-    PART: PartKeys {
+    PART: PartKeys Branch {
         /// velocity of the drive; 0 is a hold, less reverses it
         velocity: Number(ANY) { unit: "m/s" },
         /// how far the drive moves, with `velocity`
@@ -120,12 +120,10 @@ impl Shear {
             Motion::Strain { .. } => &[],
             Motion::Protocol(parts) => &parts[..],
         };
-        parts.iter().enumerate().filter_map(|(n, part)| {
-            if let Some(Normal::Load(pressure)) = &part.imposed.normal {
-                Some((n, pressure))
-            } else {
-                None
-            }
+        let numbered = parts.iter().enumerate();
+        numbered.filter_map(|(n, part)| match &part.imposed.normal {
+            Some(Normal::Load(pressure)) => Some((n, pressure)),
+            _ => None,
         })
     }
 
@@ -143,9 +141,7 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     let springs = [&keys.spring_stiffness, &keys.spring_number];
     if confinement == Confinement::FreeSurface {
         let why = "moves a top wall, but sample.boundary = \"free\" has none";
-        for key in springs {
-            c.useless(key, why);
-        }
+        c.all_useless(&springs, why);
         if !c.is_given(&keys.protocol) {
             let what = "how long the grains flow, such as protocol = [{ time = 1.0 }] (s)";
             c.lacks("shear", what);
@@ -158,9 +154,8 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     }
     if c.is_given(&keys.protocol) {
         let why = "says how the drive moves, and so does shear.protocol";
-        for key in [&keys.inertial_number, &keys.velocity, &keys.strain] {
-            c.useless(key, why);
-        }
+        let speeds = [&keys.inertial_number, &keys.velocity, &keys.strain];
+        c.all_useless(&speeds, why);
         return;
     }
     c.exactly_one(
@@ -183,11 +178,7 @@ pub(crate) fn derive(
     let of_number = number.map(|number| number * load.normal_force / sample.mean_diameter);
     let spring = c.number(&keys.spring_stiffness).or(of_number);
     if spring.is_some_and(|k| !k.is_normal()) {
-        let key = if of_number.is_some() {
-            &keys.spring_number
-        } else {
-            &keys.spring_stiffness
-        };
+        let key = of_number.map_or(&keys.spring_stiffness, |_| &keys.spring_number);
         let what = "makes a spring stiffness outside the range of numbers; give one within it";
         return Err(c.refused(key, what));
     }
@@ -196,16 +187,9 @@ pub(crate) fn derive(
             Confinement::FreeSurface => without_top(given),
             _ => Ok(given.clone()),
         };
-        let parts = given.and_then(|given| parts(&given, load.pressure, spring.is_some()));
-        let vibrates = |parts: &[Part]| parts.iter().any(|of| of.imposed.bottom.is_some());
-        match parts {
-            Ok(parts) if confinement == Confinement::Images && vibrates(&parts) => {
-                let what = "bottom_amplitude moves a wall, but sample.boundary = \"periodic\"; leave it out";
-                return Err(c.refused(&keys.protocol, what));
-            }
-            Ok(parts) => Motion::Protocol(parts),
-            Err(what) => return Err(c.refused(&keys.protocol, &what)),
-        }
+        let spring = spring.is_some();
+        let parts = given.and_then(|given| parts(&given, load.pressure, spring, confinement));
+        Motion::Protocol(parts.map_err(|what| c.refused(&keys.protocol, &what))?)
     } else {
         let drive = match c.number(&keys.inertial_number) {
             Some(i) => WallSpeed::InertialNumber(i),
@@ -249,6 +233,7 @@ fn parts(
     given: &[Vec<(String, f64)>],
     mut pressure: f64,
     spring: bool,
+    confinement: Confinement,
 ) -> Result<Vec<Part>, String> {
     if given.is_empty() {
         return Err("has no parts; give one or more, such as [[shear.protocol]] with velocity and distance or time".into());
@@ -275,6 +260,13 @@ fn parts(
         for part in &mut parts {
             part.imposed.normal = None;
         }
+    }
+    let vibrates = parts.iter().any(|part| part.imposed.bottom.is_some());
+    if vibrates && confinement == Confinement::Images {
+        return Err(
+            "bottom_amplitude moves a wall, but sample.boundary = \"periodic\"; leave it out"
+                .into(),
+        );
     }
     Ok(parts)
 }
@@ -361,18 +353,18 @@ impl PartValues<'_> {
     fn check(&self) -> Result<(), String> {
         for (name, x) in self.0 {
             let known = PartKeys::TABLE.key(name);
-            let Some((key, Values::Number(range))) = known.map(|key| (key, key.values)) else {
+            let Some(Values::Number(range)) = known.map(|key| key.values) else {
                 let all: Vec<&str> = PartKeys::TABLE.own.iter().map(|key| key.path).collect();
                 let unknown = format!("unknown key {name}{}", meant(name, &all));
                 return Err(known_names(unknown, "a part knows", &all));
             };
-            if !x.is_finite() || !range.hold(*x) {
-                let words = if range.hold(*x) {
-                    "must be a finite number".into()
-                } else {
-                    range.words()
-                };
-                return Err(format!("{} {words}, found {}", key.path, show(*x)));
+            if !range.hold(*x) {
+                return Err(format!("{name} {}, found {}", range.words(), show(*x)));
+            } else if !x.is_finite() {
+                return Err(format!(
+                    "{name} must be a finite number, found {}",
+                    show(*x)
+                ));
             }
         }
         for (key, others) in NEEDS {
@@ -437,21 +429,16 @@ fn check_pressures(shear: &Shear, (law, sample): (&Law, &Sample), load: f64) -> 
                 show(of.amplitude())
             ));
         }
-        let extremes = [most + of.amplitude(), least]
-            .into_iter()
-            .filter(|p| *p != load);
-        for pressure in extremes {
-            if derived::stiffness_number(law, sample, pressure).is_none() {
-                let range = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN]
-                    .map(|kappa| derived::pressure(law, sample, kappa));
-                return Err(format!(
-                    "part {}: a pressure of {} Pa is outside the range of the law, {:.3e} … {:.3e} Pa",
-                    n + 1,
-                    show(pressure),
-                    range[0],
-                    range[1]
-                ));
-            }
+        let extremes = [most + of.amplitude(), least];
+        let is_out = |p: &f64| *p != load && derived::stiffness_number(law, sample, *p).is_none();
+        if let Some(pressure) = extremes.into_iter().find(is_out) {
+            let [least, most] = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN]
+                .map(|kappa| derived::pressure(law, sample, kappa));
+            return Err(format!(
+                "part {}: a pressure of {} Pa is outside the range of the law, {least:.3e} … {most:.3e} Pa",
+                n + 1,
+                show(pressure),
+            ));
         }
     }
     Ok(())

@@ -1,7 +1,6 @@
 //! The reference of the configuration, made from the declarations of its keys: the tables of
 //! docs/config.md and the JSON schema docs/scene.schema.json. `make docs` writes both.
 
-use std::fmt::Write;
 use std::ops::Bound;
 
 use gshear_dem::dimension::Dimensions;
@@ -33,7 +32,8 @@ enum TableColumn {
 struct Footnote {
     mark: char,
     column: TableColumn,
-    paths: &'static [&'static str],
+    /// With spaces between them.
+    paths: &'static str,
     text: &'static str,
 }
 
@@ -41,18 +41,9 @@ const FOOTNOTES: [Footnote; 4] = [
     Footnote {
         mark: '¹',
         column: TableColumn::Default,
-        paths: &[
-            "material.density",
-            "material.mass",
-            "contact.damping_ratio",
-            "contact.restitution",
-            "contact.normal_damping",
-            "load.stiffness_number",
-            "load.pressure",
-            "load.normal_force",
-            "shear.inertial_number",
-            "shear.velocity",
-        ],
+        paths: "material.density material.mass contact.damping_ratio contact.restitution
+            contact.normal_damping load.stiffness_number load.pressure load.normal_force
+            shear.inertial_number shear.velocity",
         text: "Give exactly one of each group:
 
 - `density`, or with the law mindlin `mass`;
@@ -64,7 +55,7 @@ const FOOTNOTES: [Footnote; 4] = [
     Footnote {
         mark: '²',
         column: TableColumn::Allowed,
-        paths: &["sample.grains", "sample.length"],
+        paths: "sample.grains sample.length",
         text:
             "The packed sample must have room for two walls of one mean diameter d̄ each and five d̄
 between them. Its height is N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(0.64 L_x L_y).",
@@ -72,7 +63,7 @@ between them. Its height is N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(
     Footnote {
         mark: '³',
         column: TableColumn::Default,
-        paths: &["time.step"],
+        paths: "time.step",
         text: "The default is a tenth of √(m_min/k_n,max), or the stability limit if that is less.
 Intervals of output are rounded to whole steps, so that output never changes the trajectory. An
 interval that is a whole number of `series_strain` is rounded to as many rows of the time series, so
@@ -81,13 +72,7 @@ that a frame falls on a row.",
     Footnote {
         mark: '⁴',
         column: TableColumn::Default,
-        paths: &[
-            "sample.grains",
-            "sample.radius_min",
-            "sample.radius_max",
-            "sample.length",
-            "sample.width",
-        ],
+        paths: "sample.grains sample.radius_min sample.radius_max sample.length sample.width",
         text: "Required without `sample.packing`. With it they follow from the file; if given, they
 must match it.",
     },
@@ -113,9 +98,7 @@ pub fn key_tables() -> String {
             "" => "Above all tables".into(),
             name => format!("`[{name}]`"),
         };
-        // Writing to a string cannot fail.
-        let _ = write!(
-            page,
+        page += &format!(
             "\n### {heading}\n\n| key | meaning | unit | default | allowed | change |\n| --- | --- | --- | --- | --- | --- |\n"
         );
         for key in table.keys() {
@@ -127,19 +110,12 @@ pub fn key_tables() -> String {
                 marked(allowed(key), key, TableColumn::Allowed),
                 key.change.name().into(),
             ];
-            page.push('|');
-            for cell in cells {
-                let _ = match &cell[..] {
-                    "" => write!(page, " |"),
-                    cell => write!(page, " {cell} |"),
-                };
-            }
-            page.push('\n');
+            page += &row(&cells);
         }
     }
-    page.push_str("\n### Footnotes\n");
+    page += "\n### Footnotes\n";
     for Footnote { mark, text, .. } in &FOOTNOTES {
-        let _ = write!(page, "\n{mark} {text}\n");
+        page += &format!("\n{mark} {text}\n");
     }
     page + &part_table() + "\n" + END
 }
@@ -156,23 +132,26 @@ fn part_table() -> String {
             key.unit.into(),
             allowed(key),
         ];
-        let cells = cells.map(|cell| {
-            if cell.is_empty() {
-                " ".into()
-            } else {
-                format!(" {cell} ")
-            }
-        });
-        let _ = writeln!(table, "|{}|", cells.join("|"));
+        table += &row(&cells);
     }
     table
 }
 
+/// A row of a table.
+fn row(cells: &[String]) -> String {
+    let cell = |text: &String| match &text[..] {
+        "" => " |".into(),
+        text => format!(" {text} |"),
+    };
+    let cells: String = cells.iter().map(cell).collect();
+    format!("|{cells}\n")
+}
+
 /// A cell with the marks of its footnotes.
 fn marked(cell: String, key: &Key, column: TableColumn) -> String {
-    let notes = FOOTNOTES
-        .iter()
-        .filter(|note| note.column == column && note.paths.contains(&key.path));
+    let notes = FOOTNOTES.iter().filter(|note| {
+        note.column == column && note.paths.split_whitespace().any(|of| of == key.path)
+    });
     let marks = notes.map(|note| note.mark.to_string());
     let words = (!cell.is_empty()).then_some(cell);
     words.into_iter().chain(marks).collect::<Vec<_>>().join(" ")
@@ -356,11 +335,10 @@ fn quantity() -> &'static str {
 }
 
 fn number(Bounds { from, to }: Bounds, with_unit: bool) -> Value {
-    let mut schema = if with_unit {
-        json!({ "type": ["number", "string"], "pattern": quantity() })
-    } else {
-        json!({ "type": "number" })
-    };
+    let mut schema = json!({ "type": "number" });
+    if with_unit {
+        schema = json!({ "type": ["number", "string"], "pattern": quantity() });
+    }
     match from {
         Bound::Included(x) => schema["minimum"] = x.into(),
         Bound::Excluded(x) => schema["exclusiveMinimum"] = x.into(),
@@ -465,8 +443,8 @@ mod tests {
             assert_eq!(default, !key.default.is_empty(), "{}", key.path);
         }
         for note in &FOOTNOTES {
-            for path in note.paths {
-                assert!(keys().any(|key| key.path == *path), "{path}");
+            for path in note.paths.split_whitespace() {
+                assert!(keys().any(|key| key.path == path), "{path}");
             }
         }
     }

@@ -1,12 +1,11 @@
 //! The sample: `[sample]`, and the file it may come from.
 
-use std::ops::Bound;
 use std::path::{Path, PathBuf};
 
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Bounds, Change, Integers, Key, POSITIVE, SHARE, UNIT, Values};
+use gshear_dem::laws::keys::{Bounds, Integers, Key, KeyReader, POSITIVE, SHARE, UNIT, Values};
 use gshear_dem::state::{Confinement, Ids};
 use serde::{Deserialize, Serialize};
 
@@ -14,9 +13,9 @@ use crate::checker::Checker;
 use crate::derived;
 use crate::grains::{Sample, SizeClass, Sizes};
 use crate::insertion::volume_in_box;
-use crate::table::{names, table};
+use crate::table::{from_to, names, table};
 use crate::value::Value;
-use crate::words::{list, show};
+use crate::words::{quoted_list, show};
 
 const PLACEMENT_NAMES: [&str; Placement::NAMES.len()] = names(&Placement::NAMES);
 /// The names of what bounds the sample, as `sample.boundary` has them.
@@ -36,54 +35,37 @@ const PASSING_NAMES: [&str; 2] = ["mass", "number"];
 /// Whether a share is of the number of grains, or of their volume (area in 2D).
 const SHARE_NAMES: [&str; 2] = ["number", "volume"];
 /// Exponents of a power law of sizes.
-const EXPONENT: Bounds = Bounds {
-    from: Bound::Included(-10.0),
-    to: Bound::Included(10.0),
-};
+const EXPONENT: Bounds = from_to(-10.0, 10.0);
 /// Copies of a packing.
-const COPIES: Bounds = Bounds {
-    from: Bound::Included(1.0),
-    to: Bound::Included(1e6),
-};
+const COPIES: Bounds = from_to(1.0, 1e6);
 /// Mean diameters. The default is that of runs from before wide sizes had thicker walls, too.
-const LAYERS: Bounds = Bounds {
-    from: Bound::Included(0.5),
-    to: Bound::Included(1e6),
-};
+const LAYERS: Bounds = from_to(0.5, 1e6);
 
 table! {
     /// The grains and their cell.
-    SAMPLE: SampleKeys "sample" All {
+    SAMPLE: SampleKeys "sample" All Never {
         /// number of grains N, those of the walls included
         grains: Whole(Integers { from: 1, to: u32::MAX as i64 }) {
             what: "the number of grains",
             example: "1000",
-            change: Change::Never,
         },
         /// least radius R
-        radius_min: Number(POSITIVE) {
-            unit: "m",
-            what: "the least R",
-            example: "0.5e-6",
-            change: Change::Never,
-        },
+        radius_min: Number(POSITIVE) { unit: "m", what: "the least R", example: "0.5e-6" },
         /// greatest radius R
         radius_max: Number(POSITIVE) {
             unit: "m",
             condition: "≥ `radius_min`",
             what: "the greatest R",
             example: "1e-6",
-            change: Change::Never,
         },
         /// distribution of R between them; `"binary"` is either of the two
-        sizes: Text(&Sizes::NAMES) { default: Sizes::NAMES[0], change: Change::Never },
+        sizes: Text(&Sizes::NAMES) { default: Sizes::NAMES[0] },
         /// mean of R of the distribution before its ends are cut off
         radius_mean: Number(POSITIVE) {
             unit: "m",
             condition: "with `\"normal\"` and `\"lognormal\"`",
             what: "the mean of R of the distribution before its ends are cut off",
             example: "1.5e-3",
-            change: Change::Never,
         },
         /// its standard deviation
         radius_deviation: Number(POSITIVE) {
@@ -91,14 +73,12 @@ table! {
             condition: "with `\"normal\"` and `\"lognormal\"`",
             what: "the standard deviation of R of the distribution before its ends are cut off",
             example: "0.5e-3",
-            change: Change::Never,
         },
         /// α of a number of grains per radius of R^-α
         radius_exponent: Number(EXPONENT) {
             condition: "with `\"power\"`",
             what: "α of a number of grains per radius of R^-α",
             example: "2.5",
-            change: Change::Never,
         },
         /// mesh widths of a grading curve: diameters, instead of `radius_min` and `radius_max`
         sieves: Numbers(POSITIVE) {
@@ -106,39 +86,33 @@ table! {
             condition: "two or more, ascending, with `\"table\"`",
             what: "the mesh widths of a grading curve (diameters)",
             example: "[0.5e-3, 1e-3, 2e-3]",
-            change: Change::Never,
         },
         /// share that passes each sieve; straight lines over the logarithm of the width between
         passing: Numbers(SHARE) {
             condition: "0 … 1, ascending, with `\"table\"`",
             what: "the share that passes each of sample.sieves",
             example: "[0.0, 0.4, 1.0]",
-            change: Change::Never,
         },
         /// what the shares are of
         passing_by: Text(&PASSING_NAMES) {
             condition: "with `\"table\"`",
             default: PASSING_NAMES[0],
-            change: Change::Never,
         },
         /// share of the grains that have `radius_max`
         large_fraction: Number(UNIT) {
             condition: "with `\"binary\"`",
             what: "the share of the grains that have radius_max",
             example: "0.5",
-            change: Change::Never,
         },
         /// what that share is of
         large_fraction_by: Text(&SHARE_NAMES) {
             condition: "with `\"binary\"`",
             default: SHARE_NAMES[0],
-            change: Change::Never,
         },
         /// material of the grains that have `radius_max`
         large_material: Text(&[]) {
             condition: "with `\"binary\"` and several materials",
             otherwise: "as `material.fraction` says",
-            change: Change::Never,
         },
         /// radii, each as likely as the others, instead of `radius_min` and `radius_max`
         radii: Numbers(POSITIVE) {
@@ -146,13 +120,11 @@ table! {
             condition: "one or more, with `\"list\"`",
             what: "the radii, each as likely as the others",
             example: "[1e-3, 1.5e-3]",
-            change: Change::Never,
         },
         /// where the grains of a box begin
         placement: Text(&PLACEMENT_NAMES) {
             condition: "with `[box]`",
             default: PLACEMENT_NAMES[0],
-            change: Change::Never,
         },
         /// L_x, periodic
         length: Number(POSITIVE) {
@@ -160,7 +132,6 @@ table! {
             condition: "≥ 4 diameters of the largest grain",
             what: "L_x",
             example: "48e-6",
-            change: Change::Never,
         },
         /// L_y, periodic; 3D only
         width: Number(POSITIVE) {
@@ -168,40 +139,29 @@ table! {
             condition: "≥ 4 diameters of the largest grain",
             what: "L_y",
             example: "30e-3",
-            change: Change::Never,
         },
         /// file with the grains, instead of insertion: LAMMPS data or dump, a list, or a run
-        packing: Text(&[]) {
-            condition: "a path, from the folder of this file",
-            otherwise: "none",
-            change: Change::Never,
-        },
+        packing: Text(&[]) { condition: "a path, from the folder of this file", otherwise: "none" },
         /// copies of the packing beside each other along its periodic axes: `[n_x]`, in 3D
         /// `[n_x, n_y]`; in a box one more
-        replicate: Numbers(COPIES) {
-            condition: "whole numbers",
-            otherwise: "once",
-            change: Change::Never,
-        },
+        replicate: Numbers(COPIES) { condition: "whole numbers", otherwise: "once" },
         /// what bounds the sample below and above: walls of its grains; its own images, which
         /// move as a top wall does (Lees and Edwards); `"free"`, a wall below and nothing above
-        boundary: Text(&BOUNDARY_NAMES) { default: BOUNDARY_NAMES[0], change: Change::Never },
+        boundary: Text(&BOUNDARY_NAMES) { default: BOUNDARY_NAMES[0] },
         /// what its walls are: its grains near the edges; those of the types 2 and 3 of a packing;
         /// or planes, `"flat"`
         walls: Text(&WALLS_NAMES) {
             otherwise: "`\"types\"` if a packing has the types 1, 2 and 3, below a free surface 1 and 2, else `\"layers\"`",
-            change: Change::Never,
         },
         /// material of the walls
         wall_material: Text(&[]) {
             condition: "with several materials",
             otherwise: "those of their grains",
-            change: Change::Never,
         },
         /// what happens to a grain that passes a wall: it ends the run, or is removed
-        outside: Text(&OUTSIDE_NAMES) { default: OUTSIDE_NAMES[0], change: Change::Never },
+        outside: Text(&OUTSIDE_NAMES) { default: OUTSIDE_NAMES[0] },
         /// thickness of each wall over d̄: 2 makes walls of two layers; more if R_max > 2 R_min
-        wall_thickness: Number(LAYERS) { default: "1.0", change: Change::Never },
+        wall_thickness: Number(LAYERS) { default: "1.0" },
     }
 }
 
@@ -358,20 +318,13 @@ pub(crate) enum Grains {
 }
 
 /// Checks each key of a scene between walls by itself.
-pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
+pub(crate) fn check(c: &mut Checker<'_>) -> Grains {
     let keys = &SAMPLE;
     let periodic = confinement(c) == Confinement::Images;
-    let arrangement = arrangement(c, dimension, periodic);
+    let arrangement = arrangement(c, periodic);
     if periodic {
         let why = "is of walls, but sample.boundary = \"periodic\"";
-        for key in [
-            &keys.walls,
-            &keys.wall_thickness,
-            &keys.wall_material,
-            &keys.outside,
-        ] {
-            c.useless(key, why);
-        }
+        c.all_useless(&OF_WALLS, why);
     }
     c.choice(&keys.walls);
     c.number(&keys.wall_thickness);
@@ -379,32 +332,26 @@ pub(crate) fn check(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
         let why = "is of walls of grains, but sample.walls = \"flat\"";
         c.useless(&keys.wall_thickness, why);
     }
-    if dimension == Dimensions::Two {
-        c.useless(
-            &keys.width,
-            "is L_y (m) of three dimensions, and dimension = 2",
-        );
+    if c.dimension == Dimensions::Two {
+        let why = "is L_y (m) of three dimensions, and dimension = 2";
+        c.useless(&keys.width, why);
     }
-    c.useless(
-        &keys.placement,
-        "applies to the grains of a [box]; between walls they fall from above",
-    );
+    let why = "applies to the grains of a [box]; between walls they fall from above";
+    c.useless(&keys.placement, why);
     if c.is_given(&keys.packing) {
         check_filed(c);
         return Grains::File(arrangement);
     }
     if c.is_given(&keys.walls) && !periodic && !is_flat(c) {
-        c.refuse(
-            &keys.walls,
-            "there is no packing to find walls in; give sample.packing, or leave it out",
-        );
+        let what = "there is no packing to find walls in; give sample.packing, or leave it out";
+        c.refuse(&keys.walls, what);
     }
     check_inserted(c);
     c.required(&keys.length);
-    if dimension == Dimensions::Three {
+    if c.dimension == Dimensions::Three {
         c.required(&keys.width);
     }
-    Grains::Inserted(check_sizes(c, dimension))
+    Grains::Inserted(check_sizes(c))
 }
 
 /// Whether the walls are planes.
@@ -423,6 +370,31 @@ pub(crate) fn confinement(c: &mut Checker<'_>) -> Confinement {
     given.unwrap_or(Confinement::Walls)
 }
 
+/// The keys of walls.
+static OF_WALLS: [&Key; 4] = [
+    &SAMPLE.walls,
+    &SAMPLE.wall_thickness,
+    &SAMPLE.wall_material,
+    &SAMPLE.outside,
+];
+
+/// Keys of inserted grains that apply to some distributions of sizes only, and these.
+static OF_SIZES: [(&Key, &[&str]); 10] = [
+    (&SAMPLE.radius_mean, &["normal", "lognormal"]),
+    (&SAMPLE.radius_deviation, &["normal", "lognormal"]),
+    (&SAMPLE.radius_exponent, &["power"]),
+    (&SAMPLE.sieves, &["table"]),
+    (&SAMPLE.passing, &["table"]),
+    (&SAMPLE.passing_by, &["table"]),
+    (&SAMPLE.large_fraction, &["binary"]),
+    (&SAMPLE.large_fraction_by, &["binary"]),
+    (&SAMPLE.large_material, &["binary"]),
+    (&SAMPLE.radii, &["list"]),
+];
+
+/// Why the keys of inserted grains do not apply to a packing.
+const OF_INSERTED: &str = "applies to inserted grains, but the grains come from sample.packing";
+
 /// The keys of inserted grains, where a file has them.
 fn check_filed(c: &mut Checker<'_>) {
     let keys = &SAMPLE;
@@ -435,47 +407,32 @@ fn check_filed(c: &mut Checker<'_>) {
     ] {
         c.number(key);
     }
-    let why = "applies to inserted grains, but the grains come from sample.packing";
-    for key in [
-        &keys.sizes,
-        &keys.radii,
-        &keys.radius_mean,
-        &keys.radius_deviation,
-        &keys.radius_exponent,
-        &keys.sieves,
-        &keys.passing,
-        &keys.passing_by,
-        &keys.large_fraction,
-        &keys.large_fraction_by,
-        &keys.large_material,
-    ] {
-        c.useless(key, why);
+    c.useless(&keys.sizes, OF_INSERTED);
+    for (key, _) in OF_SIZES {
+        c.useless(key, OF_INSERTED);
     }
 }
 
 /// How the scene takes its packing.
-fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arrangement {
+fn arrangement(c: &mut Checker<'_>, boxed: bool) -> Arrangement {
     let key = &SAMPLE.replicate;
-    let flat = !boxed && is_flat(c);
-    let mut copies = [1; 3];
+    let mut arrangement = Arrangement {
+        boxed,
+        flat: !boxed && is_flat(c),
+        ..Arrangement::BETWEEN_WALLS
+    };
     let (Some(Value::Numbers(given)), Values::Numbers(range)) = (c.value(key), key.values) else {
-        return Arrangement {
-            copies,
-            boxed,
-            flat,
-        };
+        return arrangement;
     };
     let given = given.clone();
     if !c.is_given(&SAMPLE.packing) {
-        c.useless(
-            key,
-            "says how often sample.packing is repeated, which is not given",
-        );
+        let why = "says how often sample.packing is repeated, which is not given";
+        c.useless(key, why);
     }
     let whole = |x: &f64| x.fract() == 0.0 && range.hold(*x);
-    let axes = periodic_axes(dimension, boxed);
+    let axes = periodic_axes(c, boxed);
     if given.len() == axes && given.iter().all(whole) {
-        for (copies, given) in copies.iter_mut().zip(given) {
+        for (copies, given) in arrangement.copies.iter_mut().zip(given) {
             *copies = given as u32;
         }
     } else {
@@ -486,11 +443,7 @@ fn arrangement(c: &mut Checker<'_>, dimension: Dimensions, boxed: bool) -> Arran
         ][axes - 1];
         c.refuse(key, &format!("must be {example}"));
     }
-    Arrangement {
-        copies,
-        boxed,
-        flat,
-    }
+    arrangement
 }
 
 /// The number of walls.
@@ -502,8 +455,8 @@ pub(crate) fn walls_of(confinement: Confinement) -> f64 {
     }
 }
 
-fn periodic_axes(dimension: Dimensions, boxed: bool) -> usize {
-    dimension.axes() - usize::from(!boxed)
+fn periodic_axes(c: &Checker<'_>, boxed: bool) -> usize {
+    c.dimension.axes() - usize::from(!boxed)
 }
 
 /// How many grains are inserted, and between which radii.
@@ -522,54 +475,40 @@ fn check_inserted(c: &mut Checker<'_>) {
 }
 
 /// The keys of grains in a box, whose size follows from its solid fraction or from a file.
-pub(crate) fn check_boxed(c: &mut Checker<'_>, dimension: Dimensions) -> Grains {
+pub(crate) fn check_boxed(c: &mut Checker<'_>) -> Grains {
     let keys = &SAMPLE;
     let why = "applies to scenes with walls only";
-    for key in [
-        &keys.boundary,
-        &keys.walls,
-        &keys.wall_thickness,
-        &keys.wall_material,
-        &keys.outside,
-    ] {
-        c.useless(key, why);
-    }
-    let arrangement = arrangement(c, dimension, true);
+    c.useless(&keys.boundary, why);
+    c.all_useless(&OF_WALLS, why);
+    let arrangement = arrangement(c, true);
     if c.is_given(&keys.packing) {
-        c.useless(
-            &keys.placement,
-            "applies to inserted grains, but the grains come from sample.packing",
-        );
+        c.useless(&keys.placement, OF_INSERTED);
         check_filed(c);
         return Grains::File(arrangement);
     }
     let why = "follows from box.solid_fraction";
-    c.useless(&keys.length, why);
-    c.useless(&keys.width, why);
+    c.all_useless(&[&keys.length, &keys.width], why);
     check_inserted(c);
-    Grains::Inserted(check_sizes(c, dimension))
+    Grains::Inserted(check_sizes(c))
 }
 
 /// The sample of a file in its box.
 pub(crate) fn derive_filed(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     arrangement: Arrangement,
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, PackingFile), Failure> {
     let file = read(c, arrangement, packing)?;
-    let sample = of_file(c, dimension, &file)?;
-    fill_from(c, dimension, &file);
+    let sample = of_file(c, &file)?;
+    fill_from(c, &file);
     let least = sample.least_box_length();
     let [height, _] = file.boxed.unwrap_or_default();
     let lengths = [sample.length, sample.width, height];
     if let Some(length) = lengths.into_iter().find(|length| *length < least) {
-        c.refuse(
-            &SAMPLE.packing,
-            &format!(
-                "the box is {length:.3e} long, so that grains would touch their own images; give a packing at least {least:.3e} long, or copies of it (sample.replicate)"
-            ),
+        let what = format!(
+            "the box is {length:.3e} long, so that grains would touch their own images; give a packing at least {least:.3e} long, or copies of it (sample.replicate)"
         );
+        c.refuse(&SAMPLE.packing, &what);
     }
     c.settle()?;
     Ok((sample, file))
@@ -593,12 +532,12 @@ fn read(
 /// The sample in a cubic box (square in 2D) in which its grains have the solid fraction φ.
 pub(crate) fn derive_boxed(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     seed: u64,
     sizes: &Sizes,
     solid_fraction: f64,
 ) -> Result<Sample, Failure> {
-    let sample = inserted(c, dimension, sizes)?;
+    let dimension = c.dimension;
+    let sample = inserted(c, sizes)?;
     let volume = |r| dimension.volume(r);
     let grains = volume_in_box(seed, &sample, sizes, volume);
     let length = derived::box_length(dimension, grains / solid_fraction);
@@ -611,20 +550,19 @@ pub(crate) fn derive_boxed(
     }
     let least = sample.least_box_length();
     if sample.length < least {
-        c.refuse(
-            &SAMPLE.grains,
-            &format!(
-                "the box would be {:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}",
-                sample.length
-            ),
+        let what = format!(
+            "the box would be {:.3e} long, so that grains would touch their own images; give more grains, for a length of at least {least:.3e}",
+            sample.length
         );
+        c.refuse(&SAMPLE.grains, &what);
     }
     c.settle()?;
     Ok(sample)
 }
 
 /// Inserted grains in a cell of the given size.
-fn inserted(c: &mut Checker<'_>, dimension: Dimensions, sizes: &Sizes) -> Result<Sample, Failure> {
+fn inserted(c: &mut Checker<'_>, sizes: &Sizes) -> Result<Sample, Failure> {
+    let dimension = c.dimension;
     let [a, b] = radii(c, sizes);
     c.settle()?;
     Ok(Sample {
@@ -653,10 +591,10 @@ fn radii(c: &mut Checker<'_>, sizes: &Sizes) -> [f64; 2] {
         _ => keys.map(|key| c.known(key)),
     };
     if a > b {
-        c.refuse_among(
-            &keys,
-            &format!("radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"),
+        let what = format!(
+            "radius_min = {a:?} is greater than radius_max = {b:?}; give radius_min <= radius_max"
         );
+        c.refuse_among(&keys, &what);
     }
     // What is drawn until one is in the distribution: R, or its logarithm.
     let (name, bell, [from, to]) = match sizes {
@@ -695,30 +633,16 @@ fn taken(mean: f64, deviation: f64, [a, b]: [f64; 2]) -> f64 {
 }
 
 /// How the radii of inserted grains are distributed.
-fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
+fn check_sizes(c: &mut Checker<'_>) -> Sizes {
     let keys = &SAMPLE;
     let Some(name) = c.choice(&keys.sizes) else {
         return Sizes::Uniform;
     };
-    for (key, of) in [
-        (&keys.radius_mean, &["normal", "lognormal"][..]),
-        (&keys.radius_deviation, &["normal", "lognormal"]),
-        (&keys.radius_exponent, &["power"]),
-        (&keys.sieves, &["table"]),
-        (&keys.passing, &["table"]),
-        (&keys.passing_by, &["table"]),
-        (&keys.large_fraction, &["binary"]),
-        (&keys.large_fraction_by, &["binary"]),
-        (&keys.large_material, &["binary"]),
-        (&keys.radii, &["list"]),
-    ] {
+    for (key, of) in OF_SIZES {
         if !of.contains(&name) {
-            let of: Vec<String> = of.iter().map(|name| format!("{name:?}")).collect();
-            let of = list(&of, "and");
-            c.useless(
-                key,
-                &format!("applies to sample.sizes = {of}, not to {name:?}"),
-            );
+            let of = quoted_list(of, "and");
+            let why = format!("applies to sample.sizes = {of}, not to {name:?}");
+            c.useless(key, &why);
         }
     }
     match name {
@@ -740,9 +664,9 @@ fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
             between: [&keys.radius_min, &keys.radius_max].map(|key| c.known(key)),
             exponent: c.required(&keys.radius_exponent),
         }]),
-        "table" => Sizes::Classes(check_table(c, dimension)),
+        "table" => Sizes::Classes(check_table(c)),
         "binary" => Sizes::Binary {
-            large_fraction: large_fraction(c, dimension),
+            large_fraction: large_fraction(c),
         },
         "list" => Sizes::List(c.required_list(&keys.radii, "radius")),
         _ => Sizes::Uniform,
@@ -751,29 +675,27 @@ fn check_sizes(c: &mut Checker<'_>, dimension: Dimensions) -> Sizes {
 
 /// The share of the large grains of a binary mixture by number. n_l V_l = φ V and n_s V_s = (1-φ) V
 /// give it from their share φ of the volume V.
-fn large_fraction(c: &mut Checker<'_>, dimension: Dimensions) -> f64 {
+fn large_fraction(c: &mut Checker<'_>) -> f64 {
     let share = c.required(&SAMPLE.large_fraction);
     if c.choice(&SAMPLE.large_fraction_by) != Some("volume") {
         return share;
     }
     let [small, large] = [&SAMPLE.radius_min, &SAMPLE.radius_max].map(|key| c.known(key));
-    let of_one = (small / large).powi(dimension.axes() as i32);
+    let of_one = (small / large).powi(c.dimension.axes() as i32);
     share * of_one / (share * of_one + 1.0 - share)
 }
 
 /// The classes of a grading curve that hold grains. The curve is straight over the logarithm of the
 /// diameter, so in a class the number of grains per radius goes as 1/R, or as 1/R over the volume
 /// if the curve is one of mass.
-fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
+fn check_table(c: &mut Checker<'_>) -> Vec<SizeClass> {
     let keys = &SAMPLE;
     let sieves = c.required_list(&keys.sieves, "mesh width");
     let passing = c.required_list(&keys.passing, "share");
     let rises = sieves.windows(2).all(|pair| pair[0] < pair[1]);
     if sieves.len() < 2 || !rises {
-        c.refuse(
-            &keys.sieves,
-            "must hold two mesh widths or more, from the finest to the coarsest",
-        );
+        let what = "must hold two mesh widths or more, from the finest to the coarsest";
+        c.refuse(&keys.sieves, what);
         return Vec::new();
     }
     let rises = passing.windows(2).all(|pair| pair[0] <= pair[1]);
@@ -786,9 +708,10 @@ fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
         c.refuse(&keys.passing, &what);
         return Vec::new();
     }
+    let axes = c.dimension.axes();
     let exponent = match c.choice(&keys.passing_by) {
         Some("number") => 1.0,
-        _ => 1.0 + dimension.axes() as f64,
+        _ => 1.0 + axes as f64,
     };
     let largest = 0.5 * sieves[sieves.len() - 1];
     let mut classes: Vec<SizeClass> = sieves
@@ -803,7 +726,7 @@ fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
         .collect();
     if exponent > 1.0 {
         for class in &mut classes {
-            class.share /= class.mean(|r| (r / largest).powi(dimension.axes() as i32));
+            class.share /= class.mean(|r| (r / largest).powi(axes as i32));
         }
         let all: f64 = classes.iter().map(|class| class.share).sum();
         classes.iter_mut().for_each(|class| class.share /= all);
@@ -815,7 +738,6 @@ fn check_table(c: &mut Checker<'_>, dimension: Dimensions) -> Vec<SizeClass> {
 /// not compressed.
 pub(crate) fn derive(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     grains: Grains,
     skip: bool,
     packing: ReadPacking<'_>,
@@ -824,7 +746,7 @@ pub(crate) fn derive(
     let flat = is_flat(c).then_some(Walls::Flat);
     let (sample, origin, (walls, layers)) = match grains {
         Grains::Inserted(sizes) => {
-            let sample = inserted(c, dimension, &sizes)?;
+            let sample = inserted(c, &sizes)?;
             let height = derived::packed_height(&sample);
             let sized_by = [
                 &keys.grains,
@@ -838,7 +760,7 @@ pub(crate) fn derive(
         }
         Grains::File(arrangement) => {
             let file = read(c, arrangement, packing)?;
-            let sample = of_file(c, dimension, &file)?;
+            let sample = of_file(c, &file)?;
             let layers = check_size(c, &sample, file.height(), &[&keys.packing])?;
             let types = match confinement(c) {
                 Confinement::Walls => file.wall_types,
@@ -848,7 +770,7 @@ pub(crate) fn derive(
             let by_type = skip && types;
             let default = if by_type { Walls::Types } else { Walls::Layers };
             let walls = c.named(&keys.walls, &Walls::NAMES).unwrap_or(default);
-            fill_from(c, dimension, &file);
+            fill_from(c, &file);
             let name = Walls::NAMES.iter().find(|(_, known)| *known == walls);
             c.fill(&keys.walls, name.map_or("", |(name, _)| name));
             (sample, Origin::Packing(file), (walls, layers))
@@ -859,11 +781,7 @@ pub(crate) fn derive(
 }
 
 /// The sample that a file holds, which the keys that are given must agree with.
-fn of_file(
-    c: &mut Checker<'_>,
-    dimension: Dimensions,
-    file: &PackingFile,
-) -> Result<Sample, Failure> {
+fn of_file(c: &mut Checker<'_>, file: &PackingFile) -> Result<Sample, Failure> {
     let keys = &SAMPLE;
     let unlike = |given: &dyn std::fmt::Display, of_file: &dyn std::fmt::Display| {
         format!("is {of_file} in the packing of sample.packing, found {given}; leave it out")
@@ -886,15 +804,13 @@ fn of_file(
             c.refuse(key, &unlike(&show(x), &show(of_file)));
         }
     }
-    if file.width.is_some() != (dimension == Dimensions::Three) {
+    if file.width.is_some() != (c.dimension == Dimensions::Three) {
         let (is, dimension) = match file.width {
             Some(_) => ("spheres", 3),
             None => ("disks in the plane z = 0", 2),
         };
-        c.refuse(
-            &keys.packing,
-            &format!("holds {is}; give dimension = {dimension}"),
-        );
+        let what = format!("holds {is}; give dimension = {dimension}");
+        c.refuse(&keys.packing, &what);
     }
     c.settle()?;
     Ok(Sample {
@@ -909,10 +825,10 @@ fn of_file(
 }
 
 /// Fills in what follows from a file.
-fn fill_from(c: &mut Checker<'_>, dimension: Dimensions, file: &PackingFile) {
+fn fill_from(c: &mut Checker<'_>, file: &PackingFile) {
     let keys = &SAMPLE;
     c.fill(&keys.packing, &*file.path.display().to_string());
-    let axes = periodic_axes(dimension, file.boxed.is_some());
+    let axes = periodic_axes(c, file.boxed.is_some());
     let copies: Vec<u32> = (0..axes)
         .map(|axis| file.replicate.get(axis).copied().unwrap_or(1))
         .collect();

@@ -3,12 +3,10 @@
 
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::{Contact, Law};
-use gshear_dem::state::{Cell, FlatWalls, Sheared};
-
 use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::LawSpace;
 use gshear_dem::laws::mixture::pair_force;
+use gshear_dem::laws::{Contact, Law, LawSpace};
+use gshear_dem::state::{Cell, FlatWalls, Sheared};
 
 use crate::general::Bookkeeping;
 use crate::grains::Sample;
@@ -80,17 +78,16 @@ impl Scene {
     /// # Errors
     /// `Failure::Input` for a scene in a periodic box.
     pub fn plane_shear(&self, name: &str) -> Result<&PlaneShear, Failure> {
-        match &self.boundary {
-            Boundary::Walls(walls) => Ok(walls),
-            Boundary::Periodic(_) => Err(Failure::input(format!(
+        self.boundary.walls().ok_or_else(|| {
+            Failure::input(format!(
                 "{name}: is a scene in a periodic box; this needs one of plane shear, without [box]"
-            ))),
-        }
+            ))
+        })
     }
 
     /// The flat walls of a shear between such.
     pub fn flat_walls(&self) -> Option<FlatWalls> {
-        self.plane_shear("").ok().filter(|of| of.has_planes())?;
+        self.boundary.walls().filter(|of| of.has_planes())?;
         Some(FlatWalls {
             first_id: self.sample.grains,
             material: self.materials.wall.unwrap_or(0),
@@ -101,15 +98,13 @@ impl Scene {
     pub fn cell(&self) -> Cell {
         let boxed = self.packing().and_then(|file| file.boxed);
         let is_box = matches!(self.boundary, Boundary::Periodic(_));
-        let Some([height, offset]) = boxed.or(is_box.then_some([self.sample.length, 0.0])) else {
-            return self.sample.cell();
-        };
-        let sheared = Sheared {
+        let boxed = boxed.or(is_box.then_some([self.sample.length, 0.0]));
+        let sheared = boxed.map(|[height, offset]| Sheared {
             offset,
             ..Sheared::upright(height)
-        };
+        });
         Cell {
-            sheared: Some(sheared),
+            sheared,
             ..self.sample.cell()
         }
     }
@@ -130,4 +125,14 @@ pub enum Boundary {
     Walls(PlaneShear),
     /// A periodic box: with a table `[box]`.
     Periodic(PeriodicBox),
+}
+
+impl Boundary {
+    /// The walls, if they are the bounds.
+    pub fn walls(&self) -> Option<&PlaneShear> {
+        match self {
+            Boundary::Walls(walls) => Some(walls),
+            Boundary::Periodic(_) => None,
+        }
+    }
 }

@@ -95,10 +95,7 @@ pub fn definition_of_inertial_number(dimension: Dimensions) -> &'static str {
 /// I/γ̇ (s): √(m̄/P), in three dimensions d̄ √(ρ/P) with ρ = m̄ over the mean volume.
 pub fn inertial_time(scene: &Scene, load: &Load) -> f64 {
     let sample = &scene.sample;
-    let of_spheres = match scene.dimension {
-        Dimensions::Two => 1.0,
-        Dimensions::Three => sample.mean_section() / sample.mean_volume,
-    };
+    let of_spheres = sample.by_dimension(1.0, sample.mean_section() / sample.mean_volume);
     (mean_mass(scene) / load.pressure * of_spheres).sqrt()
 }
 
@@ -332,7 +329,7 @@ mod tests {
     use crate::{Source, load};
 
     /// The schedule of the default scene, as changed by `set`, 40 μm high.
-    fn schedule(set: &[&str]) -> Schedule {
+    fn schedule(set: &str) -> Schedule {
         let scene = embedded(set).expect("the default scene is sound");
         let walls = scene.plane_shear("the default scene").expect("walls");
         Schedule::new(&scene, walls, 40e-6)
@@ -340,7 +337,7 @@ mod tests {
 
     #[test]
     fn strains_become_whole_steps() {
-        let schedule = schedule(&[]);
+        let schedule = schedule("");
         let per_step = schedule.strain(1);
         assert!((schedule.strain(schedule.total) - 0.1).abs() <= 0.5 * per_step);
         let whole = schedule.intervals[0];
@@ -361,8 +358,8 @@ mod tests {
         let disks = f64::sqrt(density * std::f64::consts::PI * mean_square / pressure);
         let spheres = (least + greatest) * f64::sqrt(density / pressure);
         for (sets, time) in [
-            (&["dimension=2"][..], disks),
-            (&["dimension=3", "sample.width=12e-3"], spheres),
+            ("dimension=2", disks),
+            ("dimension=3 sample.width=12e-3", spheres),
         ] {
             let text = "
                 material.density = 2500
@@ -376,7 +373,7 @@ mod tests {
             let schedule = Schedule::new(&scene, walls, height);
             let velocity = schedule.protocol.velocity(0);
             let expected = 1e-3 / time * height;
-            assert!((velocity / expected - 1.0).abs() < 1e-14, "{sets:?}");
+            assert!((velocity / expected - 1.0).abs() < 1e-14, "{sets}");
             assert!((schedule.inertial_number(velocity) / 1e-3 - 1.0).abs() < 1e-14);
         }
     }
@@ -387,8 +384,8 @@ mod tests {
     fn intervals_are_as_near_as_steps_allow() {
         for fast in ["2e-4", "1e-3", "1e-2", "1e-1"] {
             for rows in ["1e-5", "1e-9"] {
-                let fast = format!("shear.inertial_number={fast}");
-                let s = schedule(&[&fast, &format!("output.series_strain={rows}")]);
+                let set = format!("shear.inertial_number={fast} output.series_strain={rows}");
+                let s = schedule(&set);
                 let (all, per_step) = (s.intervals[0], s.strain(1));
                 for (wanted, every, unit) in
                     [(1e-4, all.frames, all.series), (0.02, all.checkpoints, 1)]
@@ -404,14 +401,10 @@ mod tests {
     /// is a multiple of an interval.
     #[test]
     fn frames_have_rows() {
-        let set = [
-            "output.series_strain=7.2e-7",
-            "output.frame_strain=3.6e-6",
-            "output.frame_start=0.022",
-            "analysis.scalars=true",
-            "analysis.strain=1.44e-6",
-        ];
-        let s = schedule(&set);
+        let s = schedule(
+            "output.series_strain=7.2e-7 output.frame_strain=3.6e-6 output.frame_start=0.022
+            analysis.scalars=true analysis.strain=1.44e-6",
+        );
         let all = s.intervals[0];
         for (first, every) in [
             (s.first_frame, all.frames),
@@ -429,24 +422,13 @@ mod tests {
     /// Counted step by step, of strains and of parts.
     #[test]
     fn counts_are_those_of_the_steps() {
-        let parts = "shear.protocol=[{velocity=1e-3, time=1e-6}, {velocity=0, time=0.7e-6}]";
-        let of_parts = [
-            "shear.inertial_number=none",
-            "shear.strain=none",
-            "output.frame_strain=none",
-            "output.series_strain=none",
-            "output.checkpoint_strain=none",
-            parts,
-            "output.frame_rows=7",
-            "output.series_rows=13",
-        ];
-        let strains = [
-            "shear.strain=0.001",
-            "output.frame_strain=1.7e-5",
-            "output.frame_start=3e-4",
-            "output.checkpoint_strain=2e-4",
-        ];
-        for set in [&of_parts[..], &strains] {
+        let of_parts = "shear.inertial_number=none shear.strain=none output.frame_strain=none
+            output.series_strain=none output.checkpoint_strain=none
+            shear.protocol=[{velocity=1e-3,time=1e-6},{velocity=0,time=0.7e-6}]
+            output.frame_rows=7 output.series_rows=13";
+        let strains = "shear.strain=0.001 output.frame_strain=1.7e-5 output.frame_start=3e-4
+            output.checkpoint_strain=2e-4";
+        for set in [of_parts, strains] {
             let s = schedule(set);
             let wanted = |last: u64| {
                 let count =
@@ -459,7 +441,7 @@ mod tests {
             };
             // Whole, and stopped in each part.
             for last in [s.total, s.total - 1, s.total / 2, s.total / 3, 1] {
-                assert_eq!(s.counts(last), wanted(last), "{set:?} to step {last}");
+                assert_eq!(s.counts(last), wanted(last), "{set} to step {last}");
             }
             let whole = wanted(s.total);
             assert!(whole.frames > 10 && whole.rows > 20 && whole.checkpoints > 1);
@@ -469,15 +451,11 @@ mod tests {
     /// Contract 2: nothing about output moves the time step or the number of steps.
     #[test]
     fn output_does_not_reach_the_steps() {
-        let with = |set: &[&str]| {
+        let with = |set: &str| {
             let s = schedule(set);
             (s.step, s.total, s.protocol.velocity(0))
         };
-        let other = [
-            "output.frame_strain=3.3e-5",
-            "output.series_strain=0.0",
-            "output.frame_start=0.01",
-        ];
-        assert_eq!(with(&[]), with(&other));
+        let other = "output.frame_strain=3.3e-5 output.series_strain=0.0 output.frame_start=0.01";
+        assert_eq!(with(""), with(other));
     }
 }

@@ -16,9 +16,9 @@ use gshear_dem::failure::Failure;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Source {
     /// The file itself, then the one that it extends, and so on.
-    parts: Vec<Part>,
+    pub(super) parts: Vec<Part>,
     /// Whether its sweep is passed over, as by one of the runs that it makes.
-    member: bool,
+    pub(super) member: bool,
 }
 
 /// A text of a configuration.
@@ -29,19 +29,9 @@ pub(super) struct Part {
     folder: PathBuf,
     /// Offset of its first byte among those of all parts.
     start: usize,
-    /// The text after as many spaces: the parser then counts from the first part on.
-    padded: String,
-}
-
-impl Part {
-    pub fn text(&self) -> &str {
-        &self.padded[self.start..]
-    }
-
-    /// What the parser reads.
-    pub fn padded(&self) -> &str {
-        &self.padded
-    }
+    /// What the parser reads: the text after as many spaces, so that it counts from the first part
+    /// on.
+    pub padded: String,
 }
 
 impl Source {
@@ -89,10 +79,8 @@ impl Source {
                 ));
             }
             if known && base.exists() {
-                let names = seen
-                    .iter()
-                    .chain([&base])
-                    .map(|path| path.display().to_string());
+                seen.push(base);
+                let names = seen.iter().map(|path| path.display().to_string());
                 let circle = names.collect::<Vec<_>>().join(" extends ");
                 return refuse(&format!("is a circle: {circle}; leave one of them out"));
             }
@@ -131,10 +119,8 @@ impl Source {
         match value.get_ref().as_str() {
             Some(path) if !path.trim().is_empty() => Ok(Some((at, last.folder.join(path)))),
             text => {
-                let found = match text {
-                    Some(_) => "none".into(),
-                    None => format!("a value of type {}", value.get_ref().type_str()),
-                };
+                let kind = format!("a value of type {}", value.get_ref().type_str());
+                let found = text.map_or(&kind[..], |_| "none");
                 let what = format!(
                     "must be the path of a file in quotes, such as \"base.toml\", found {found}"
                 );
@@ -143,7 +129,8 @@ impl Source {
         }
     }
 
-    fn input(&self) -> Input<'_> {
+    /// The source without overrides.
+    pub(super) fn input(&self) -> Input<'_> {
         Input {
             source: self,
             overrides: &[],
@@ -158,18 +145,9 @@ impl Source {
         }
     }
 
-    pub(super) fn is_member(&self) -> bool {
-        self.member
-    }
-
     /// The name in messages.
     pub fn name(&self) -> &str {
         &self.parts[0].name
-    }
-
-    /// The file and those that it extends.
-    pub(super) fn parts(&self) -> &[Part] {
-        &self.parts
     }
 
     /// The part that holds an offset.
@@ -302,7 +280,7 @@ impl<'a> Input<'a> {
     /// The text of the line.
     pub fn text_of_line(&self, offset: usize) -> Option<&'a str> {
         let part = self.source.part_at(offset);
-        part.text().lines().nth(self.line(offset) - 1)
+        part.padded[part.start..].lines().nth(self.line(offset) - 1)
     }
 
     /// [`Self::mention`] in a message about the place `beside`: names the file if that is another
@@ -396,7 +374,7 @@ mod tests {
         let said = format!("{}:1: extends: is one file too many", at(15).display());
         assert!(e.starts_with(&said), "{e}");
         std::fs::write(at(MOST_FILES), "seed = 1\n").unwrap();
-        assert_eq!(Source::read(at(1)).unwrap().parts().len(), MOST_FILES);
+        assert_eq!(Source::read(at(1)).unwrap().parts.len(), MOST_FILES);
     }
 
     #[test]

@@ -19,7 +19,7 @@ const LONGEST_NAME: usize = 255;
 const PACKING: &str = "sample.packing";
 
 /// A run of a sweep.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Member {
     /// Of its folder: `friction-0.7_seed-2`.
     pub name: String,
@@ -57,14 +57,11 @@ struct Axis {
 /// # Errors `Failure::Input` where the table is none, has an unknown key, or something else than
 /// lists of different values.
 pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
-    let input = Input {
-        source,
-        overrides: &[],
-    };
+    let input = source.input();
     let mut found = None;
-    for part in source.parts() {
+    for part in &source.parts {
         // What is not TOML is said by whoever reads the rest of it.
-        let Ok(mut tree) = DeTable::parse(part.padded()).map(Spanned::into_inner) else {
+        let Ok(mut tree) = DeTable::parse(&part.padded).map(Spanned::into_inner) else {
             return Ok(None);
         };
         found = found.or(tree.remove_entry(SWEEP));
@@ -76,42 +73,34 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
     let refuse = |offset, path: &str, what: &str| refuse(&input, offset, path, what);
     let at = key.span().start;
     let DeValue::Table(table) = value.get_ref() else {
-        return refuse(
-            at,
-            "",
-            "is a table; write [sweep] and under it lists of values, such as seed = [1, 2, 3]",
-        );
+        let what =
+            "is a table; write [sweep] and under it lists of values, such as seed = [1, 2, 3]";
+        return refuse(at, "", what);
     };
     let mut found = Vec::new();
     leaves(table, "", &mut found);
     found.sort_by_key(|(offset, ..)| *offset);
     let axes = axes(&input, found)?;
     if axes.is_empty() {
-        return refuse(
-            at,
-            "",
-            "is empty; give lists of values, such as seed = [1, 2, 3]",
-        );
+        let what = "is empty; give lists of values, such as seed = [1, 2, 3]";
+        return refuse(at, "", what);
     }
     let all = product(&axes);
     let mut seen = HashSet::new();
-    for member in &all {
-        if member.name.len() > LONGEST_NAME {
-            let last = &axes[axes.len() - 1];
-            let what = format!(
+    let last = &axes[axes.len() - 1];
+    for Member { name, .. } in &all {
+        let what = if name.len() > LONGEST_NAME {
+            format!(
                 "gives a run a folder whose name has {} characters, more than {LONGEST_NAME}; make the values shorter, or split the sweep",
-                member.name.len()
-            );
-            return refuse(last.offset, &last.path, &what);
-        }
-        if !seen.insert(&member.name) {
-            let last = &axes[axes.len() - 1];
-            let what = format!(
-                "gives two runs the name {}; make the values shorter",
-                shortened(&member.name)
-            );
-            return refuse(last.offset, &last.path, &what);
-        }
+                name.len()
+            )
+        } else if !seen.insert(name) {
+            let name = shortened(name);
+            format!("gives two runs the name {name}; make the values shorter")
+        } else {
+            continue;
+        };
+        return refuse(last.offset, &last.path, &what);
     }
     Ok(Some(all))
 }
@@ -139,11 +128,8 @@ fn axes(
         }
         let list = value.get_ref().as_array().filter(|list| !list.is_empty());
         let Some(list) = list else {
-            return refuse(
-                offset,
-                &path,
-                "must be a list of one value or more, such as [0.1, 0.3]",
-            );
+            let what = "must be a list of one value or more, such as [0.1, 0.3]";
+            return refuse(offset, &path, what);
         };
         // Before anything is done for each of them.
         runs = runs.saturating_mul(list.len());
@@ -217,40 +203,25 @@ fn leaves<'a, 'b>(
 
 fn product(axes: &[Axis]) -> Vec<Member> {
     let short = |axis: &Axis| axis.path.rsplit('.').next().unwrap_or_default().to_string();
-    let names: Vec<String> = axes
-        .iter()
-        .map(|axis| {
-            let same = axes.iter().filter(|other| short(other) == short(axis));
-            match same.count() {
-                1 => short(axis),
-                _ => axis.path.replace('.', "-"),
-            }
-        })
-        .collect();
-    let mut members = vec![Member {
-        name: String::new(),
-        set: Vec::new(),
-        places: Vec::new(),
-    }];
-    for (axis, name) in axes.iter().zip(&names) {
+    let name = |axis: &Axis| match axes.iter().filter(|of| short(of) == short(axis)).count() {
+        1 => short(axis),
+        _ => axis.path.replace('.', "-"),
+    };
+    let mut members = vec![Member::default()];
+    for axis in axes {
+        let name = name(axis);
         let longer = |member: &Member, [text, value]: &[String; 2]| {
             let own = format!("{name}-{}", in_a_path(text));
-            let mut set = member.set.clone();
-            set.push(format!("{}={value}", axis.path));
-            let mut places = member.places.clone();
-            places.push(axis.place.clone());
-            Member {
-                name: match &member.name[..] {
-                    "" => own,
-                    before => format!("{before}_{own}"),
-                },
-                set,
-                places,
-            }
+            let mut member = member.clone();
+            member.set.push(format!("{}={value}", axis.path));
+            member.places.push(axis.place.clone());
+            member.name = match &member.name[..] {
+                "" => own,
+                before => format!("{before}_{own}"),
+            };
+            member
         };
-        let each = |member: &Member| -> Vec<Member> {
-            axis.values.iter().map(|v| longer(member, v)).collect()
-        };
+        let each = |member| axis.values.iter().map(move |value| longer(member, value));
         members = members.iter().flat_map(each).collect();
     }
     members
@@ -314,10 +285,8 @@ mod tests {
                 "contact-friction-0.1_strain-0.3_frame_strain-1e-3_pack-friction-0.5"
             ]
         );
-        assert_eq!(
-            names("[sweep]\ntitle = ['a/b c', \"ü\"]"),
-            ["title-a-b-c", "title-ü"]
-        );
+        let titles = names("[sweep]\ntitle = ['a/b c', \"ü\"]");
+        assert_eq!(titles, ["title-a-b-c", "title-ü"]);
     }
 
     #[test]
@@ -368,12 +337,8 @@ mod tests {
 
     #[test]
     fn a_sweep_is_not_one_run() {
-        let refused = load(&with("[sweep]\nseed = [1, 2]"), &[])
-            .expect_err("refused")
-            .to_string();
-        assert!(
-            refused.contains("sweep: makes 2 runs of this scene; --sweep list"),
-            "{refused}"
-        );
+        let refused = load(&with("[sweep]\nseed = [1, 2]"), &[]).expect_err("refused");
+        let said = "sweep: makes 2 runs of this scene; --sweep list";
+        assert!(refused.to_string().contains(said), "{refused}");
     }
 }

@@ -1,6 +1,8 @@
 //! What a table of the configuration is, and how its keys are declared.
 
-use gshear_dem::laws::keys::Key;
+use std::ops::Bound;
+
+use gshear_dem::laws::keys::{Bounds, Key};
 use gshear_dem::laws::{self, LawKind};
 
 /// A table of the configuration, or its top.
@@ -63,24 +65,28 @@ pub(crate) fn unit(key: &Key) -> String {
     units.collect::<Vec<_>>().join("; ")
 }
 
-/// Declares a table: `KEYS: Type "name" Scenes { key: Values { what is declared of it }, … }`. A
-/// key's comment is its meaning in docs/config.md; the other fields are those of [`Key`]. Without a
-/// name the keys are those of the top, or of a part of a protocol.
+/// Declares a table: `KEYS: Type "name" Scenes Change { key: Values { what is declared of it }, … }`.
+/// A key's comment is its meaning in docs/config.md; the other fields are those of [`Key`], whose
+/// `change` is that of the table if it is not declared. Without a name the keys are those of the
+/// top, or of a part of a protocol.
 macro_rules! table {
     (
         $(#[doc = $about:literal])+
-        $keys:ident: $type:ident $table:literal $scenes:ident { $($declared:tt)* }
+        $keys:ident: $type:ident $table:literal $scenes:ident $change:ident { $($declared:tt)* }
     ) => {
         $crate::table::table! {
-            @all (concat!($table, ".")) $table $scenes [$($about)+] $keys: $type { $($declared)* }
+            @all (concat!($table, ".")) $table $scenes [$($about)+]
+            $keys: $type $change { $($declared)* }
         }
     };
-    ($(#[doc = $about:literal])+ $keys:ident: $type:ident { $($declared:tt)* }) => {
-        $crate::table::table! { @all ("") "" All [$($about)+] $keys: $type { $($declared)* } }
+    ($(#[doc = $about:literal])+ $keys:ident: $type:ident $change:ident { $($declared:tt)* }) => {
+        $crate::table::table! {
+            @all ("") "" All [$($about)+] $keys: $type $change { $($declared)* }
+        }
     };
     (
         @all ($prefix:expr) $table:literal $scenes:ident [$($about:literal)+]
-        $keys:ident: $type:ident {
+        $keys:ident: $type:ident $change:ident {
             $(
                 $(#[doc = $doc:literal])+
                 $key:ident: $kind:ident $(($values:expr))? {
@@ -101,7 +107,10 @@ macro_rules! table {
                 doc: concat!($($doc),+),
                 values: gshear_dem::laws::keys::Values::$kind $(($values))?,
                 $($field: $value,)*
-                ..gshear_dem::laws::keys::Key::PLAIN
+                ..gshear_dem::laws::keys::Key {
+                    change: gshear_dem::laws::keys::Change::$change,
+                    ..gshear_dem::laws::keys::Key::PLAIN
+                }
             },)*
         };
 
@@ -116,6 +125,12 @@ macro_rules! table {
     };
 }
 pub(crate) use table;
+
+/// The numbers from … to, both included.
+pub(crate) const fn from_to(from: f64, to: f64) -> Bounds {
+    let [from, to] = [Bound::Included(from), Bound::Included(to)];
+    Bounds { from, to }
+}
 
 /// The names of a list of names and values.
 pub(crate) const fn names<T: Copy, const N: usize>(

@@ -17,12 +17,12 @@ pub fn cases<const K: usize>(table: &str) -> Vec<[String; K]> {
         .collect()
 }
 
-/// Overrides, as `--set` gives them.
-pub fn overrides(sets: &[&str]) -> Vec<String> {
-    sets.iter().map(ToString::to_string).collect()
+/// Overrides with spaces between them, as `--set` gives each.
+pub fn overrides(sets: &str) -> Vec<String> {
+    sets.split_whitespace().map(Into::into).collect()
 }
 
 /// The default scene with overrides.
-pub fn embedded(sets: &[&str]) -> Result<Scene, Failure> {
+pub fn embedded(sets: &str) -> Result<Scene, Failure> {
     load(&Source::embedded(), &overrides(sets))
 }

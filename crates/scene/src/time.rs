@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::Law;
-use gshear_dem::laws::keys::{Change, POSITIVE};
+use gshear_dem::laws::keys::{Change, KeyReader, POSITIVE};
 
 use crate::checker::Checker;
 use crate::derived;
@@ -14,7 +14,7 @@ use crate::words::show;
 
 table! {
     /// The time step.
-    TIME: TimeKeys "time" All {
+    TIME: TimeKeys "time" All Branch {
         /// Δt
         step: Number(POSITIVE) { unit: "s", condition: "at most the stability limit" },
         /// Δt is a hundredth of the time for which two of the smallest spheres collide at this
@@ -57,10 +57,8 @@ pub(crate) fn check(c: &mut Checker<'_>, law: &Law, boxed: bool) {
     }
     let is_given = [&keys.step, &keys.collision_speed].map(|key| c.is_given(key));
     if c.flag_or_default(&keys.force) && is_given == [false; 2] {
-        c.refuse(
-            &keys.force,
-            "there is no step to force; give time.step (s), or leave both out",
-        );
+        let what = "there is no step to force; give time.step (s), or leave both out";
+        c.refuse(&keys.force, what);
     }
     if is_given[1] && law.collision_time(1.0, 1.0).is_none() {
         c.refuse(

@@ -2,7 +2,7 @@
 //! key, with the bits that the same number without a unit has.
 
 use toml::Spanned;
-use toml::de::{DeArray, DeTable, DeValue};
+use toml::de::{DeTable, DeValue};
 
 use super::keys::table;
 use super::source::Input;
@@ -30,29 +30,34 @@ struct Unit {
 /// A unit that has a symbol.
 struct Symbol {
     name: &'static str,
-    dimension: Dimension,
-    /// The exponent of ten.
-    ten: i32,
-    factor: f64,
+    unit: Unit,
     /// Whether it takes a prefix.
     prefixed: bool,
 }
 
+/// `ten`: the exponent.
 const fn symbol(name: &'static str, dimension: Dimension, ten: i32) -> Symbol {
+    let ten = 2 * ten;
     Symbol {
         name,
-        dimension,
-        ten,
-        factor: 1.0,
+        unit: Unit {
+            dimension,
+            ten,
+            ..Unit::ONE
+        },
         prefixed: true,
     }
 }
 
-const fn of_time(name: &'static str, factor: f64) -> Symbol {
+const fn without_prefix(name: &'static str, dimension: Dimension, factor: f64) -> Symbol {
     Symbol {
-        factor,
+        name,
+        unit: Unit {
+            dimension,
+            factor,
+            ..Unit::ONE
+        },
         prefixed: false,
-        ..symbol(name, TIME, 0)
     }
 }
 
@@ -65,8 +70,8 @@ const SYMBOLS: [Symbol; 11] = [
     symbol("J", [4, 2, -4], 0),
     symbol("Hz", [0, 0, -2], 0),
     symbol("bar", PRESSURE, 5),
-    of_time("min", 60.0),
-    of_time("h", 3600.0),
+    without_prefix("min", TIME, 60.0),
+    without_prefix("h", TIME, 3600.0),
     Symbol {
         prefixed: false,
         ..symbol("t", [0, 2, 0], 3)
@@ -91,10 +96,8 @@ const PREFIXES: [(&str, i32); 12] = [
 
 /// The digit or sign that a raised character stands for, as in `m⁻²`.
 fn raised(c: char) -> Option<char> {
-    let characters = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().zip("0123456789-".chars());
-    characters
-        .into_iter()
-        .find_map(|(of, plain)| (of == c).then_some(plain))
+    let mut characters = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().zip("0123456789-".chars());
+    characters.find_map(|(of, plain)| (of == c).then_some(plain))
 }
 
 /// What dimensions are called.
@@ -188,18 +191,15 @@ impl Unit {
         if name == "1" {
             return Ok((Self::ONE, exponent));
         }
-        let found = |symbol: &Symbol, prefix: i32| Self {
-            dimension: symbol.dimension,
-            ten: 2 * (symbol.ten + prefix),
-            factor: symbol.factor,
-        };
         if let Some(symbol) = SYMBOLS.iter().find(|symbol| symbol.name == name) {
-            return Ok((found(symbol, 0), exponent));
+            return Ok((symbol.unit, exponent));
         }
         let prefixed = PREFIXES.iter().find_map(|(prefix, ten)| {
             let name = name.strip_prefix(prefix)?;
             let mut all = SYMBOLS.iter().filter(|symbol| symbol.prefixed);
-            Some(found(all.find(|symbol| symbol.name == name)?, *ten))
+            let mut unit = all.find(|symbol| symbol.name == name)?.unit;
+            unit.ten += 2 * ten;
+            Some(unit)
         });
         Ok((prefixed.ok_or_else(unknown)?, exponent))
     }
@@ -309,14 +309,12 @@ fn converted(text: &str, units: &[String]) -> Result<String, String> {
         ));
     }
     if units.iter().all(String::is_empty) || wanted.is_empty() {
-        let plain = match unit {
-            "%" => Unit {
-                ten: -4,
-                ..Unit::ONE
-            }
-            .convert(number),
-            _ => None,
+        let percent = Unit {
+            ten: -4,
+            ..Unit::ONE
         };
+        let plain = Some(percent).filter(|_| unit == "%");
+        let plain = plain.and_then(|percent| percent.convert(number));
         let plain = plain.map_or(number.to_string(), |value| format!("{value:?}"));
         return Err(format!(
             "takes a number without a unit, found {text:?}; write {plain}"
@@ -329,10 +327,8 @@ fn converted(text: &str, units: &[String]) -> Result<String, String> {
             let prefixed = prefixed.map(|(prefix, _)| format!("{prefix}{}", symbol.name));
             prefixed.chain([symbol.name.to_string()])
         });
-        let near = near
-            .filter(|name| name.to_lowercase() == part.to_lowercase())
-            .collect::<Vec<_>>();
-        let hint = match &near[..] {
+        let near = near.filter(|name| name.to_lowercase() == part.to_lowercase());
+        let hint = match &near.collect::<Vec<_>>()[..] {
             [] => String::new(),
             near => format!(" (did you mean {}?)", near.join(" or ")),
         };
@@ -376,40 +372,29 @@ fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<(),
     };
     let of_law = (spheres, law.as_deref());
     for (name, value) in tree.iter_mut() {
-        let Some(known) = table(name.get_ref()) else {
-            continue;
-        };
-        match value.get_mut() {
-            DeValue::Table(inner) => each_of(known, inner, of_law, &mut visit)?,
-            DeValue::Array(tables) => each_of_list(known, tables, of_law, &mut visit)?,
-            _ => {}
+        if let Some(known) = table(name.get_ref()) {
+            each_of(known, value.get_mut(), of_law, &mut visit)?;
         }
     }
     Ok(())
 }
 
-/// [`each_quantity`] of the tables of a list.
-fn each_of_list<'a>(
-    known: &Table,
-    tables: &mut DeArray<'a>,
-    of_law: (bool, Option<&str>),
-    visit: Visit<'_, 'a>,
-) -> Result<(), Failure> {
-    for table in tables.iter_mut() {
-        if let DeValue::Table(inner) = table.get_mut() {
-            each_of(known, inner, of_law, visit)?;
-        }
-    }
-    Ok(())
-}
-
-/// [`each_quantity`] of a table. `of_law`: whether the grains are spheres, and the law.
+/// [`each_quantity`] of a table, or of the tables of a list. `of_law`: whether the grains are
+/// spheres, and the law.
 fn each_of<'a>(
     known: &Table,
-    inner: &mut DeTable<'a>,
+    value: &mut DeValue<'a>,
     of_law: (bool, Option<&str>),
     visit: Visit<'_, 'a>,
 ) -> Result<(), Failure> {
+    let inner = match value {
+        DeValue::Table(inner) => inner,
+        DeValue::Array(tables) => {
+            let mut tables = tables.iter_mut();
+            return tables.try_for_each(|table| each_of(known, table.get_mut(), of_law, visit));
+        }
+        _ => return Ok(()),
+    };
     for (name, value) in inner.iter_mut() {
         let Some(key) = known.key(name.get_ref()) else {
             continue;
@@ -437,9 +422,7 @@ fn each_of<'a>(
                 }
             }
             // Pairs have keys of the table itself.
-            (Values::Tables(_), DeValue::Array(tables)) => {
-                each_of_list(known, tables, of_law, visit)?;
-            }
+            (Values::Tables(_), value) => each_of(known, value, of_law, visit)?,
             _ => {}
         }
     }
@@ -475,7 +458,7 @@ pub(super) fn put<'a>(tree: &mut DeTable<'a>, numbers: &'a [String]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{cases, embedded, overrides};
+    use crate::testing::cases;
     use crate::{Source, load};
 
     fn number(text: &str, unit: &str) -> Result<f64, String> {
@@ -572,7 +555,7 @@ mod tests {
     fn units_of_a_box_are_si() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/bonfanti.toml");
         let source = Source::read(path).expect("a scene");
-        let of = |sets: [&str; 3]| load(&source, &overrides(&sets)).expect("a scene").toml;
+        let of = |sets: [&str; 3]| load(&source, &sets.map(Into::into)).expect("a scene").toml;
         let plain = ["box.pressure=1e7", "relax.tolerance=2e-3", "relax.drag=50"];
         let units = [
             "box.pressure=10 MPa",
@@ -606,7 +589,7 @@ mod tests {
             "shear.protocol=[{velocity='10 cm/s', distance='20 mm'}, {velocity=0, time='10 ms'}]",
             "bookkeeping.watchdog=10 min",
         ];
-        let of = |sets: [&str; 6]| load(&Source::new("x", text), &overrides(&sets)).unwrap();
+        let of = |sets: [&str; 6]| load(&Source::new("x", text), &sets.map(Into::into)).unwrap();
         let [plain, units] = [plain, units].map(of);
         assert_eq!(plain.toml, units.toml);
         assert_eq!(plain, units);
@@ -619,8 +602,9 @@ mod tests {
         assert_eq!(of(true, Some("hooke")), ["N/m"]);
         assert_eq!(of(true, Some("mindlin")), ["N/m^1.5"]);
         assert_eq!(of(true, None), ["N/m", "N/m^1.5"]);
-        let sets = ["load.stiffness_number=none", "load.normal_force=1 N"];
+        let sets = ["load.stiffness_number=none", "load.normal_force=1 N"].map(Into::into);
         let expected = "--set load.normal_force=1 N: is in N/m, but \"1 N\" is a force; give a force per length, such as \"5 N/m\"";
-        assert_eq!(embedded(&sets).unwrap_err().to_string(), expected);
+        let refused = load(&Source::embedded(), &sets);
+        assert_eq!(refused.unwrap_err().to_string(), expected);
     }
 }

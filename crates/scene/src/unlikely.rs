@@ -104,18 +104,13 @@ pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
         let whole = value.as_integer().map(|whole| whole as f64);
         value.as_float().or(whole).or_else(|| first(value))
     };
-    let walls = match &scene.boundary {
-        Boundary::Walls(walls) => Some(walls),
-        Boundary::Periodic(_) => None,
-    };
-    let material = MATERIAL.iter().filter(|_| walls.is_some());
+    let has_walls = scene.boundary.walls().is_some();
+    let material = MATERIAL.iter().filter(|_| has_walls);
     for likely in material.chain(&CONTACT) {
         let [least, most] = likely.range;
         if let Some(value) = value(likely.key).filter(|x| !(least..=most).contains(x)) {
-            let Likely {
-                key, unit, doubt, ..
-            } = likely;
-            doubts.push(format!("{} {doubt}", is(key, value, unit)));
+            let what = is(likely.key, value, likely.unit);
+            doubts.push(format!("{what} {}", likely.doubt));
         }
     }
     match &scene.boundary {
@@ -132,7 +127,7 @@ const AT_LOAD: f64 = 2.0;
 /// another force than it is loaded with at the start. `grains`: all of them.
 pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
     let loaded = |of: &&PlaneShear| of.pack.skip && of.confinement == Confinement::Walls;
-    let walls = scene.plane_shear("").ok().filter(loaded)?;
+    let walls = scene.boundary.walls().filter(loaded)?;
     let first = match &walls.shear.motion {
         Motion::Strain { .. } if walls.load.control == Control::Volume => return None,
         Motion::Strain { .. } => None,
@@ -149,11 +144,8 @@ pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
         ratio if ratio < 1.0 / AT_LOAD => "falls onto it",
         _ => return None,
     };
-    let or_pressure = if own > 0.0 {
-        format!(", or load.pressure = {own:.3e}")
-    } else {
-        String::new()
-    };
+    let or_pressure = (own > 0.0).then(|| format!(", or load.pressure = {own:.3e}"));
+    let or_pressure = or_pressure.unwrap_or_default();
     Some(format!(
         "sample.packing is not at its load: its overlaps press on the top wall with {own:.3e} Pa, and the load is {load:.3e} Pa; the wall {begins}; give pack.skip = false to compress it under the load{or_pressure}"
     ))
@@ -176,14 +168,11 @@ pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
         return short.next();
     };
     let (all, per_step) = (schedule.intervals[0], schedule.strain(1));
+    let checkpoint = output.checkpoint_strain;
     let given = [
         ("output.series_strain", output.series_strain, all.series),
         ("output.frame_strain", output.frame_strain, all.frames),
-        (
-            "output.checkpoint_strain",
-            output.checkpoint_strain,
-            all.checkpoints,
-        ),
+        ("output.checkpoint_strain", checkpoint, all.checkpoints),
         ("analysis.strain", walls.analysis.strain, all.analysis),
     ];
     let inflated = |(_, asked, steps): &(&str, f64, u64)| *steps as f64 * per_step > 1.5 * asked;
@@ -202,12 +191,9 @@ pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
 
 /// [`intervals`] of Newton's equations without a complex pair, which strain steps may find.
 fn intervals_of_box(periodic: &PeriodicBox) -> Option<String> {
-    let of = periodic
-        .newtonian
-        .as_ref()
-        .filter(|_| !periodic.aqs.spectrum)?;
+    let of = periodic.newtonian.filter(|_| !periodic.aqs.spectrum)?;
     let steps = (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil() as u64;
-    intervals_of_newtonian(of, steps)
+    intervals_of_newtonian(&of, steps)
 }
 
 /// A sentence if Newton's equations take fewer steps than are to be written.
@@ -238,10 +224,8 @@ fn is(key: &str, value: f64, unit: &str) -> String {
     } else {
         format!("{value:.3e}")
     };
-    format!(
-        "{key} is {value}{}{unit}:",
-        if unit.is_empty() { "" } else { " " }
-    )
+    let space = if unit.is_empty() { "" } else { " " };
+    format!("{key} is {value}{space}{unit}:")
 }
 
 fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<String>) {
@@ -258,14 +242,10 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
     }
     let schedule = Schedule::new(scene, walls, height);
     let given = match &walls.shear.motion {
-        Motion::Strain {
-            drive: WallSpeed::InertialNumber(i),
-            ..
-        } => *i,
-        Motion::Strain {
-            drive: WallSpeed::Velocity(v),
-            ..
-        } => schedule.inertial_number(*v),
+        Motion::Strain { drive, .. } => match drive {
+            WallSpeed::InertialNumber(i) => *i,
+            WallSpeed::Velocity(v) => schedule.inertial_number(*v),
+        },
         Motion::Protocol(parts) => {
             let speeds = parts.iter().map(|part| part.speed(height));
             schedule.inertial_number(speeds.fold(0.0, |most, v| most.max(v.abs())))
@@ -289,7 +269,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
     if let Some(spring) = walls.shear.spring {
         // About the mass of the top wall.
         let mass = mean_mass(scene) * sample.base() / sample.mean_section();
-        let unit = if sample.is_planar() { "kg/m" } else { "kg" };
+        let unit = sample.by_dimension("kg/m", "kg");
         let step = scene.time_step.step;
         let steps = std::f64::consts::TAU * (mass / spring).sqrt() / step;
         if steps < RESOLVED {
@@ -304,10 +284,9 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
             "the mean diameter is {diameter:.3e} m: sand has 1e-4 to 2e-3, gouge 1e-6 to 1e-4; \"0.8 mm\" is a way to write a radius"
         ));
     }
-    let layers = [height / diameter, sample.length / diameter];
     for (layers, what, key) in [
-        (layers[0], "layers high", "sample.grains"),
-        (layers[1], "grains long", "sample.length"),
+        (height / diameter, "layers high", "sample.grains"),
+        (sample.length / diameter, "grains long", "sample.length"),
     ] {
         if layers < LAYERS {
             doubts.push(format!(
@@ -329,7 +308,7 @@ mod tests {
     use super::*;
     use crate::testing::{cases, embedded};
 
-    fn doubts(sets: &[&str]) -> Vec<String> {
+    fn doubts(sets: &str) -> Vec<String> {
         let scene = embedded(sets).expect("a legal scene");
         let height = 40.0 / 1.5 * scene.sample.mean_diameter;
         unlikely(&scene, height)
@@ -337,7 +316,7 @@ mod tests {
 
     #[test]
     fn each_unlikely_value_is_doubted_once() {
-        assert_eq!(doubts(&[]), [""; 0]);
+        assert_eq!(doubts(""), [""; 0]);
         for [sets, word] in cases(
             r"
             material.young_modulus=1.0 | material.young_modulus is 1 Pa
@@ -352,9 +331,8 @@ mod tests {
             sample.radius_min=0.3 sample.radius_max=0.5 sample.length=30 | the mean diameter is 8.000e-1 m
             ",
         ) {
-            let sets: Vec<&str> = sets.split_whitespace().collect();
             let found = doubts(&sets);
-            assert_eq!(found.len(), 1, "{sets:?}: {found:?}");
+            assert_eq!(found.len(), 1, "{sets}: {found:?}");
             assert!(found[0].contains(&word), "{found:?}");
         }
     }

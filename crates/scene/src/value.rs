@@ -66,12 +66,9 @@ impl Value {
                 Self::Parts(parts.collect::<Option<_>>()?)
             }
             Values::Names => {
-                let names = found.as_array()?.iter().map(toml::Value::as_str);
-                Self::Names(
-                    names
-                        .map(|name| name.map(Into::into))
-                        .collect::<Option<_>>()?,
-                )
+                let names = found.as_array()?.iter();
+                let names = names.map(|name| name.as_str().map(Into::into));
+                Self::Names(names.collect::<Option<_>>()?)
             }
             Values::Tables(_) => return None,
         })
@@ -119,20 +116,13 @@ impl Value {
             Self::Text(s) => toml::Value::String(s.clone()).to_string(),
             Self::Names(list) => format!("{list:?}"),
             Self::Parts(parts) => {
-                let parts = parts.iter().map(|part| {
-                    let entries = part.iter();
-                    entries
-                        .map(|(name, x)| format!("{name} = {}", show(*x)))
-                        .collect()
-                });
-                lines(parts)
+                let entry = |(name, x): &(String, f64)| format!("{name} = {}", show(*x));
+                lines(parts, entry)
             }
-            Self::Tables(tables) => lines(tables.iter().map(|table| {
-                let entries = table.iter();
-                entries
-                    .map(|(name, value)| format!("{name} = {}", value.toml()))
-                    .collect()
-            })),
+            Self::Tables(tables) => {
+                let entry = |(name, x): &(String, Self)| format!("{name} = {}", x.toml());
+                lines(tables, entry)
+            }
         }
     }
 }
@@ -167,10 +157,13 @@ impl From<&str> for Value {
     }
 }
 
-/// Tables of these lines as a list of TOML.
-fn lines(tables: impl Iterator<Item = Vec<String>>) -> String {
-    let tables = tables.map(|entries| format!("    {{ {} }},\n", entries.join(", ")));
-    format!("[\n{}]", tables.collect::<String>())
+/// Tables of these entries as a list of TOML, a line each.
+fn lines<T>(tables: &[Vec<T>], entry: impl Fn(&T) -> String) -> String {
+    let line = |table: &Vec<T>| {
+        let entries: Vec<String> = table.iter().map(&entry).collect();
+        format!("    {{ {} }},\n", entries.join(", "))
+    };
+    format!("[\n{}]", tables.iter().map(line).collect::<String>())
 }
 
 /// What a key of this kind takes.

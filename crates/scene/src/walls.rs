@@ -1,9 +1,8 @@
 //! Plane shear between walls: `[pack]`, and what follows from all of its tables.
 
-use gshear_dem::dimension::Dimensions;
 use gshear_dem::drive::Servo;
 use gshear_dem::failure::Failure;
-use gshear_dem::laws::keys::{Change, FROM_ONE, Key, NOT_NEGATIVE, POSITIVE};
+use gshear_dem::laws::keys::{Change, FROM_ONE, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{Contact, Law};
 use gshear_dem::state::{Confinement, Masses};
 
@@ -18,7 +17,7 @@ use crate::table::table;
 
 table! {
     /// The compression of the sample.
-    PACK: PackKeys "pack" Walls {
+    PACK: PackKeys "pack" Walls Branch {
         /// shear the grains of `sample.packing` as they are
         skip: Flag {
             condition: "true with `sample.packing` only",
@@ -129,12 +128,18 @@ impl PlaneShear {
 
     /// Layers of grains that give way together where the top of this sample moves along its normal.
     pub(crate) fn layers(&self, sample: &Sample) -> f64 {
-        let height = match &self.origin {
-            _ if self.confinement != Confinement::Images => return 1.0,
+        match self.confinement {
+            Confinement::Images => self.height(sample) / sample.mean_diameter,
+            _ => 1.0,
+        }
+    }
+
+    /// H (m) of this sample with its walls: estimated, or that of its file.
+    pub(crate) fn height(&self, sample: &Sample) -> f64 {
+        match &self.origin {
             Origin::Insertion(_) => derived::packed_height(sample),
             Origin::Packing(file) => file.height(),
-        };
-        height / sample.mean_diameter
+        }
     }
 
     /// The servo that moves the top wall of this sample, if one does.
@@ -150,10 +155,8 @@ impl PlaneShear {
 
     /// δ̄ (m) at the greatest pressure, with the attraction.
     pub(crate) fn greatest_overlap(&self, law: &Law, contact: &Contact, sample: &Sample) -> f64 {
-        let (pressure, section) = (
-            self.shear.greatest_pressure(self.load.pressure),
-            sample.mean_section(),
-        );
+        let pressure = self.shear.greatest_pressure(self.load.pressure);
+        let section = sample.mean_section();
         let attraction = derived::attraction_under(pressure * section, contact, sample);
         let most = pressure + attraction / section;
         match derived::stiffness_number(law, sample, most) {
@@ -166,12 +169,11 @@ impl PlaneShear {
 /// Checks every key by itself, then those that must agree, and derives the sample and its shear.
 pub(crate) fn check(
     c: &mut Checker<'_>,
-    dimension: Dimensions,
     (law, masses): (&Law, &Masses),
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, PlaneShear), Failure> {
     let confinement = sample::confinement(c);
-    let grains = sample::check(c, dimension);
+    let grains = sample::check(c);
     load::check(c, confinement);
     let pack = check_pack(c);
     protocol::check(c, confinement);
@@ -205,11 +207,10 @@ pub(crate) fn check(
         output.energy = false;
         c.fill(&OUTPUT.energy, false);
     }
-    let analysis = output::check_analysis(c, dimension, has_protocol, &output);
+    let analysis = output::check_analysis(c, has_protocol, &output);
     c.settle()?;
 
-    let (sample, origin, (walls, wall_layers)) =
-        sample::derive(c, dimension, grains, pack.skip, packing)?;
+    let (sample, origin, (walls, wall_layers)) = sample::derive(c, grains, pack.skip, packing)?;
     let load = load::derive(c, (law, masses), &sample)?;
     if !pack.skip {
         load::check_packable(c, law, &sample, &load);
@@ -255,11 +256,9 @@ fn refuse_scalars(c: &mut Checker<'_>, boundary: &str) {
 
 /// Refuses what needs all of the grains.
 fn refuse_with_removal(c: &mut Checker<'_>) {
+    let budget = "what removed grains take away is not in the energy budget";
     for (key, needs) in [
-        (
-            &OUTPUT.energy,
-            "what removed grains take away is not in the energy budget",
-        ),
+        (&OUTPUT.energy, budget),
         (&ANALYSIS.scalars, "scalars of frames are of all grains"),
     ] {
         if c.is_given(key) && c.flag(key) == Some(true) {
@@ -288,24 +287,20 @@ fn check_pack(c: &mut Checker<'_>) -> Pack {
     let skip = c.flag(&keys.skip).unwrap_or(packing);
     c.fill(&keys.skip, skip);
     if skip && !packing {
-        c.refuse(
-            &keys.skip,
-            "inserted grains are loose and must be packed; give sample.packing, or leave it out",
-        );
+        let what =
+            "inserted grains are loose and must be packed; give sample.packing, or leave it out";
+        c.refuse(&keys.skip, what);
     }
     if skip {
         let how: [&Key; 4] = [&keys.friction, &keys.drag, &keys.tolerance, &keys.max_steps];
         c.omit(&how);
-        let skipped = match c.offset(&keys.skip) {
-            Some(at) => c.mention(at),
-            None => "the default with sample.packing".into(),
-        };
+        let skipped = c.mention(&keys.skip, "the default with sample.packing");
+        let what = format!(
+            "says how to pack, but pack.skip = true ({skipped}); leave it out, or give pack.skip = false"
+        );
         for key in how.into_iter().filter(|_| packing) {
             if c.is_given(key) {
-                c.refuse(
-                    key,
-                    &format!("says how to pack, but pack.skip = true ({skipped}); leave it out, or give pack.skip = false"),
-                );
+                c.refuse(key, &what);
             }
         }
     }

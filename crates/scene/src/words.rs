@@ -29,6 +29,12 @@ pub fn list(names: &[impl AsRef<str>], and: &str) -> String {
     }
 }
 
+/// `"a", "b" and "c"`.
+pub fn quoted_list(names: impl IntoIterator<Item = impl AsRef<str>>, and: &str) -> String {
+    let quoted = names.into_iter().map(|name| format!("{:?}", name.as_ref()));
+    list(&quoted.collect::<Vec<_>>(), and)
+}
+
 /// A part of the input in a message, in quotes: its beginning, if it is long.
 pub fn quoted(text: &str) -> String {
     match text.char_indices().nth(LONGEST_QUOTE) {
@@ -80,10 +86,8 @@ mod tests {
 
     #[test]
     fn a_far_name_is_not_suggested() {
-        assert_eq!(
-            nearest("radius", &["radius_min", "length"]),
-            Some("radius_min")
-        );
-        assert_eq!(nearest("gravity", &["radius_min", "length"]), None);
+        let names = ["radius_min", "length"];
+        assert_eq!(nearest("radius", &names), Some("radius_min"));
+        assert_eq!(nearest("gravity", &names), None);
     }
 }

@@ -2,13 +2,11 @@
 //! chosen, what follows from it stands in comments, so that reading it gives the same scene to the
 //! last bit.
 
-use gshear_dem::dimension::Dimensions;
-
 use crate::checker::Checker;
 use crate::derived::mean_attraction;
 use crate::keys::tables;
 use crate::materials::{MaterialKeys, OTHERS};
-use crate::scene::{Boundary, Scene};
+use crate::scene::Scene;
 use crate::value::Value;
 
 /// The configuration of a scene: the values that the checks left, in the order of the declarations.
@@ -47,19 +45,14 @@ pub(crate) fn toml(c: &Checker<'_>, scene: &Scene) -> String {
 /// What follows from the keys: symbol, value, unit.
 fn derived(scene: &Scene) -> Vec<(&'static str, f64, &'static str)> {
     let (step, limit) = (scene.time_step.step, scene.time_step.limit);
-    let walls = match &scene.boundary {
-        Boundary::Walls(walls) => walls,
-        Boundary::Periodic(_) => {
-            return vec![
-                ("time step", step, ""),
-                ("its limit of stability", limit, ""),
-            ];
-        }
+    let Some(walls) = scene.boundary.walls() else {
+        return vec![
+            ("time step", step, ""),
+            ("its limit of stability", limit, ""),
+        ];
     };
-    let [of_force, of_stiffness] = match scene.dimension {
-        Dimensions::Two => ["N/m", "Pa"],
-        Dimensions::Three => ["N", "N/m"],
-    };
+    let units = scene.sample.by_dimension(["N/m", "Pa"], ["N", "N/m"]);
+    let [of_force, of_stiffness] = units;
     let load = &walls.load;
     let mut found = scene.law.derived();
     let attraction = mean_attraction(&scene.contact, &scene.sample);
