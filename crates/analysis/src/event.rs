@@ -144,16 +144,14 @@ pub fn between_frames(
     radius: f64,
 ) -> Vec<f64> {
     let mut rattler = Vec::new();
-    let contacts = &interval.frames[0].contacts;
+    rattlers::mark(axes, grains, &interval.frames[0].contacts, &mut rattler);
     if axes == 2 {
-        rattlers::mark::<2>(grains, contacts, &mut rattler);
         non_affine::<Two>(interval, radius, |n| {
-            !rattler[n] && !interval.removes::<Two>(n)
+            !(rattler[n] || interval.removes::<Two>(n))
         })
     } else {
-        rattlers::mark::<3>(grains, contacts, &mut rattler);
         non_affine::<Three>(interval, radius, |n| {
-            !rattler[n] && !interval.removes::<Three>(n)
+            !(rattler[n] || interval.removes::<Three>(n))
         })
     }
 }
