@@ -40,14 +40,10 @@ impl Stability {
     /// Counts the eigenvalues of a matrix of this norm.
     pub fn of_values(values: &[c64], norm: f64) -> Self {
         let mut found = Self {
-            pairs: 0.0,
-            pairs_negative: 0.0,
-            negative: 0.0,
-            imaginary_greatest: 0.0,
             pair_real: f64::NAN,
             real_least: f64::INFINITY,
             real_greatest: f64::NEG_INFINITY,
-            growth_rate: 0.0,
+            ..Self::from_columns([0.0; Self::COLUMNS.len()])
         };
         for value in values {
             let verdict = Verdict::of_value(*value, norm);
