@@ -26,6 +26,24 @@ pub fn contact(i: u32, j: u32) -> ContactSample {
     }
 }
 
+/// Returns a contact of i and j with these forces.
+pub fn pushed(i: u32, j: u32, normal_force: f64, tangential_force: f64) -> ContactSample {
+    ContactSample {
+        normal_force,
+        tangential_force: [tangential_force, 0.0, 0.0],
+        ..contact(i, j)
+    }
+}
+
+/// Returns a frame of 2D grains at these places, with these contacts.
+pub fn touching(position: Vec<[f64; 2]>, contacts: Vec<ContactSample>) -> Frame {
+    Frame {
+        position,
+        contacts,
+        ..Frame::default()
+    }
+}
+
 /// Returns contacts that leave no rattler among n ≥ 5 grains.
 pub fn enough_contacts(n: usize) -> Vec<ContactSample> {
     let n = n as u32;
