@@ -255,13 +255,8 @@ impl<D: Dimension, W: Drive<D>> Rig<D, W> {
     /// F_n and F_t of the contact, if two grains touch.
     pub fn contact_force(&self) -> Option<(f64, Vector)> {
         let at = self.system.contacts.touching().next()?;
-        let mut tangential = [0.0; 3];
-        for (f, lanes) in tangential[..D::SPINS]
-            .iter_mut()
-            .zip(&self.samples.tangential[at.block])
-        {
-            *f = lanes.0[at.lane];
-        }
+        let mut tangential = self.samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
+        tangential[D::SPINS..].fill(0.0);
         Some((self.samples.normal[at.block].0[at.lane], tangential))
     }
 }
@@ -278,10 +273,8 @@ impl<D: Dimension> Rig<D> {
         let largest = radii[0].max(radii[1]);
         let grain = |id: usize| {
             let [place, velocity, angular_velocity] = of[id];
-            let mut position = [0.0; 3];
-            for (axis, x) in position[..D::AXES].iter_mut().enumerate() {
-                *x = 15.0 * largest + place[axis];
-            }
+            let mut position = place.map(|x| 15.0 * largest + x);
+            position[D::AXES..].fill(0.0);
             GrainState {
                 id: id as u32,
                 radius: radii[id],

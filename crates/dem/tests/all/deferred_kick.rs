@@ -115,12 +115,8 @@ fn access_changes_nothing<D: LawSpace>(law: &Law, stiffness: f64) {
     // Every accessor.
     let accessors: [Access<D>; 4] = [
         |system, _| drop(system.grain_states()),
-        |system, _| {
-            system.grains_mut();
-        },
-        |system, _| {
-            system.grains_and_contacts();
-        },
+        |system, _| _ = system.grains_mut(),
+        |system, _| _ = system.grains_and_contacts(),
         |system, _| {
             system.grains();
             system.grains();

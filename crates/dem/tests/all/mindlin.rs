@@ -56,13 +56,8 @@ fn along_either(history: f64, slip: f64, [force, after]: [f64; 2], slides: bool)
 #[test]
 fn values_by_hand() {
     // |t|/t* and 1 + s - s².
-    for (s, factor) in [
-        (0.1, 1.09),
-        (0.5, 1.25),
-        (0.9, 1.09),
-        (-0.3, 1.21),
-        (0.0, 1.0),
-    ] {
+    let factors = [1.09, 1.25, 1.09, 1.21, 1.0];
+    for (s, factor) in [0.1, 0.5, 0.9, -0.3, 0.0].into_iter().zip(factors) {
         let t = 0.07 * s;
         let expected = -(2.0 / 35.0) * factor * t;
         along_either(0.4 * t, 0.6 * t, [expected, t], false);

@@ -343,17 +343,18 @@ fn a_free_servo_falls_at_its_speed() {
     a_free_servo_falls::<Three>();
 }
 
+fn servo(gain: f64) -> Servo {
+    let fastest = f64::MAX;
+    Servo { gain, fastest }
+}
+
 /// How far the top fell on one free layer, over the overlap at rest, after every step under a load
 /// that rises to 1.1 times that of the start.
 fn fall<D: LawSpace>(gain: f64, step: f64, steps: u64) -> Vec<f64> {
     let load = rest_load::<D>();
     let imposed = with_normal(Normal::Load(ramp(load, 1.1 * load)), Along::Velocity(0.0));
-    let servo = Servo {
-        gain,
-        fastest: f64::MAX,
-    };
     let protocol = Protocol::of(step, [(imposed, steps)]);
-    let mut rig = between_walls::<D>(Some(servo), (1, 0.0), step, protocol);
+    let mut rig = between_walls::<D>(Some(servo(gain)), (1, 0.0), step, protocol);
     let start = rig.walls.motion.piston.height;
     let mut fallen = vec![0.0];
     for _ in 0..steps {
@@ -419,10 +420,7 @@ fn a_servo_is_stable_up_to_its_bound() {
 fn of_a_servo<D: LawSpace>() {
     let [k, c] = rigidity::<D>();
     let load = rest_load::<D>();
-    let servo = Some(Servo {
-        gain: 0.1 / c,
-        fastest: f64::MAX,
-    });
+    let servo = Some(servo(0.1 / c));
     assert!(duration::<D>() * 0.1 * k / c > 1.0);
     is_second_order::<D>(servo, "vibrating load by a servo", |step| {
         vec![(oscillating_load::<D>(step), 1.0)]

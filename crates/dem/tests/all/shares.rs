@@ -57,11 +57,7 @@ fn any_number_gives_the_bits_of_one<D: LawSpace>(side: usize, numbers: &[usize])
 }
 
 #[test]
-fn of_disks() {
+fn any_number_of_threads_gives_the_same_bits() {
     any_number_gives_the_bits_of_one::<Two>(24, &[2, 3, 7]);
-}
-
-#[test]
-fn of_spheres() {
     any_number_gives_the_bits_of_one::<Three>(9, &[2, 3]);
 }

@@ -106,11 +106,7 @@ fn a_grain_that_is_put_elsewhere_wakes_its_block() {
 }
 
 #[test]
-fn of_disks() {
+fn no_first_touch_is_missed() {
     nothing_is_missed::<Two>(20);
-}
-
-#[test]
-fn of_spheres() {
     nothing_is_missed::<Three>(8);
 }

@@ -200,8 +200,9 @@ fn sticking_and_sliding_are_of_second_order() {
     }
 }
 
-/// Sliding throughout, because v_t is ten times v_n and the springs have no damper: the impulse of friction is μ times that of the
-/// normal force, and each grain takes R/I of it as spin, in whatever direction (physics.md).
+/// Sliding throughout, because v_t is ten times v_n and the springs have no damper: the impulse of
+/// friction is μ times that of the normal force, and each grain takes R/I of it as spin, in whatever
+/// direction (physics.md).
 fn gross_slip<D: LawSpace>(law: &Law) {
     const FRICTION: f64 = 0.15;
     let [n, t] = directions::<D>();
@@ -228,12 +229,9 @@ fn gross_slip<D: LawSpace>(law: &Law) {
     for grain in ends {
         let of_inertia = -grain.radius / (D::INERTIA * mass(grain.radius) * grain.radius.powi(2));
         let expected = cross(n, impulse).map(|j| of_inertia * j);
-        let error = norm(minus(grain.angular_velocity, expected)) / norm(expected);
-        assert!(
-            error < 5e-3,
-            "{name}: {:?} is not {expected:?}",
-            grain.angular_velocity
-        );
+        let found = grain.angular_velocity;
+        let error = norm(minus(found, expected)) / norm(expected);
+        assert!(error < 5e-3, "{name}: {found:?} is not {expected:?}");
     }
 }
 
