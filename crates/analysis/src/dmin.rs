@@ -157,6 +157,7 @@ impl Work for SumMoments<'_> {
         moments.resize(moving.len(), [0.0; 8]);
         neighbours.clear();
         neighbours.resize(moving.len(), 0);
+        let (moving, moments, neighbours) = (&moving[..], &mut moments[..], &mut neighbours[..]);
         for (i, from) in moving.iter().enumerate() {
             let after = near.after(i);
             // Every candidate is stored and overwritten by the next one if it lies outside the
@@ -224,15 +225,12 @@ mod tests {
     use bytemuck::Zeroable;
     use gshear_dem::dimension::Two;
     use gshear_dem::state::{Cell, FrameRecords, GrainSample};
-    use rand::{RngExt, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
 
     const L: f64 = 48e-6;
 
     fn packing(n: usize) -> Disks {
-        let mut random = ChaCha8Rng::seed_from_u64(7);
-        let radius = (0..n).map(|_| 0.5e-6 * (1.0 + random.random::<f64>()));
-        grains_in(L, &radius.collect::<Vec<f64>>())
+        let radius = scattered(7, n, 0.5e-6, 0.0).into_iter();
+        grains_in(L, &radius.map(|by| 0.75e-6 + by.x).collect::<Vec<f64>>())
     }
 
     /// Asserts D²min ≤ 1e-24 r̄² for every grain.

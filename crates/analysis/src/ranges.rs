@@ -7,9 +7,9 @@ use super::spearman::{Correlation, Spearman};
 pub enum Bins {
     /// Whole decades, as the thresholds in LH's text.
     #[default]
-    Decades,
+    Decades = 1,
     /// Half-decades.
-    HalfDecades,
+    HalfDecades = 2,
 }
 
 /// log10 of the least |Δτ| in a range.
@@ -19,10 +19,7 @@ const LAST: i32 = -2;
 
 impl Bins {
     fn per_decade(self) -> i32 {
-        match self {
-            Bins::Decades => 1,
-            Bins::HalfDecades => 2,
-        }
+        self as i32
     }
 
     /// The edge with this number; 0 is 1.

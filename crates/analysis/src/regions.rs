@@ -78,7 +78,6 @@ pub struct Regions {
     changes: Vec<f64>,
     /// `[N]` Reduction of force of a grain (N/m), negative.
     reduction: Vec<f64>,
-    order: Vec<u32>,
     points: Vec<[f64; 2]>,
     dbscan: Dbscan,
     /// By [`Reduction`].
@@ -113,16 +112,12 @@ impl Regions {
                     *lost = reduction.with(*lost, *change);
                 }
             }
-            self.choose();
             self.cluster(grains, later, reduction);
         }
     }
 
     /// Writes the ids of the grains of the greatest reduction to `order`, ascending.
-    fn choose(&mut self) {
-        let Regions {
-            reduction, order, ..
-        } = self;
+    fn choose(reduction: &[f64], order: &mut Vec<u32>) {
         let wanted = ((SHARE * reduction.len() as f64).round() as usize).max(1);
         order.clear();
         order.extend((0..reduction.len() as u32).filter(|n| reduction[*n as usize] < 0.0));
@@ -139,8 +134,7 @@ impl Regions {
 
     fn cluster(&mut self, grains: &Disks, later: &Frame, reduction: Reduction) {
         let found = &mut self.found[reduction as usize];
-        found.grains.clear();
-        found.grains.extend_from_slice(&self.order);
+        Self::choose(&self.reduction, &mut found.grains);
         found.within.clear();
         found.within.resize(grains.count(), false);
         self.points.clear();

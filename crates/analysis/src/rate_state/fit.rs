@@ -339,7 +339,7 @@ impl FitProblem<'_> {
             ));
         }
         let covariance = self.covariance(&noise)?;
-        let half_width = |a, b, d_c, mu| covariance.half_width(&Vector4::new(a, b, d_c, mu));
+        let half_width = |a, b, d_c, mu| half_width(&covariance, &Vector4::new(a, b, d_c, mu));
         let law = self.law(&self.at);
         let count = residuals.iter().map(Vec::len).sum::<usize>() as f64;
         let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
@@ -358,7 +358,8 @@ impl FitProblem<'_> {
         })
     }
 
-    fn covariance(&self, noise: &[Vec<Noise>]) -> Result<Covariance, String> {
+    /// C_s of each segment and its degrees of freedom.
+    fn covariance(&self, noise: &[Vec<Noise>]) -> Result<Vec<(Matrix4<f64>, f64)>, String> {
         let j = self.derivatives();
         let mut squares = Vec::new();
         let mut row = 0;
@@ -385,23 +386,18 @@ impl FitProblem<'_> {
             let part = inverse * square * inverse * (weight * variance);
             (part, noise.freedom)
         };
-        Ok(Covariance(squares.into_iter().map(part).collect()))
+        Ok(squares.into_iter().map(part).collect())
     }
 }
 
-/// C_s of each segment and its degrees of freedom.
-struct Covariance(Vec<(Matrix4<f64>, f64)>);
-
-impl Covariance {
-    /// Half the 95 % interval of the linear combination of parameters with these factors.
-    fn half_width(&self, factors: &Vector4<f64>) -> f64 {
-        let parts = self.0.iter().map(|(part, freedom)| {
-            let variance = factors.dot(&(part * factors));
-            (variance, variance * variance / freedom)
-        });
-        let (variance, square) = parts.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-        student(variance * variance / square) * variance.sqrt()
-    }
+/// Half the 95 % interval of the linear combination of parameters with these factors.
+fn half_width(covariance: &[(Matrix4<f64>, f64)], factors: &Vector4<f64>) -> f64 {
+    let parts = covariance.iter().map(|(part, freedom)| {
+        let variance = factors.dot(&(part * factors));
+        (variance, variance * variance / freedom)
+    });
+    let (variance, square) = parts.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    student(variance * variance / square) * variance.sqrt()
 }
 
 /// Least eigenvalue of the scaled JᵀJ; below it the finite differences of the model are noise.
