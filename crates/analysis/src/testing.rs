@@ -69,10 +69,9 @@ pub fn mapped(points: &[Vector2<f64>], map: Matrix2<f64>) -> Vec<Vector2<f64>> {
 pub fn frame(grains: &Disks, points: &[Vector2<f64>]) -> Frame {
     let place = |r: &Vector2<f64>| [r.x.rem_euclid(grains.length), r.y];
     let image = |r: &Vector2<f64>| r.x.div_euclid(grains.length) as i64;
+    let position = points.iter().map(place).collect();
     Frame {
-        position: points.iter().map(place).collect(),
         image: points.iter().map(image).collect(),
-        contacts: enough_contacts(points.len()),
-        ..Frame::default()
+        ..touching(position, enough_contacts(points.len()))
     }
 }

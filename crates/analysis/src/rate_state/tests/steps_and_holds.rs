@@ -157,7 +157,8 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
     // slip; each run has its own level.
     let record = |level: f64, jump: f64| {
         let drive = [0.1, 1.0, 0.1, 1.0].map(|v| segment(v, 1.0 / v));
-        let (mut slip, mut time, mut friction) = (vec![], vec![], vec![]);
+        // Segments count from the first row.
+        let (mut time, mut slip, mut friction) = (vec![0.0], vec![0.0], vec![level]);
         let mut now = 0.0;
         for (k, s) in drive.iter().enumerate() {
             for row in 0..1000 {
@@ -169,10 +170,6 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
             }
             now += s.duration;
         }
-        // Segments count from the first row.
-        time.insert(0, 0.0);
-        slip.insert(0, 0.0);
-        friction.insert(0, level);
         SliderRecord::of_run(STIFFNESS, drive.to_vec(), [time, slip, friction])
     };
     let found = stacks(&[record(0.3, 0.02), record(0.5, 0.04)]);
