@@ -184,7 +184,7 @@ fn removed_grains_have_no_dmin(out: &Path) {
     for t in 1..frames.len() {
         let interval = run.interval([t - 1, t], [&frames[t - 1], &frames[t]]);
         let mut left_out = Vec::new();
-        rattlers::mark::<2>(run.grains(), &frames[t - 1].contacts, &mut left_out);
+        rattlers::mark(2, run.grains(), &frames[t - 1].contacts, &mut left_out);
         for (n, left_out) in left_out.iter_mut().enumerate() {
             *left_out |= run.is_removed(&frames[t].grains[n].image);
         }

@@ -84,18 +84,17 @@ impl BoxChange {
         let (&first, &last) = (series.time.first()?, series.time.last()?);
         let begin = last - END * (last - first);
         let from = series.time.partition_point(|t| *t < begin);
-        let [pressure, stress, energy, contacts, msd] = [
-            series.pressure,
-            series.stress,
-            series.energy,
-            series.contacts,
-            series.msd,
-        ]
-        .map(|column| {
-            let end = &column[from..];
-            (column[0], mean_in_time(&series.time[from..], end))
-        });
-        let relative = |(before, after): (f64, f64)| after / before - 1.0;
+        let ends = |column: &[f64]| {
+            (
+                column[0],
+                mean_in_time(&series.time[from..], &column[from..]),
+            )
+        };
+        let (pressure, stress) = (ends(series.pressure), ends(series.stress));
+        let relative = |column: &[f64]| {
+            let (before, after) = ends(column);
+            after / before - 1.0
+        };
         let change = stress.1 - stress.0;
         let first_with = |displacement: f64| {
             let msd = (displacement * mean_diameter).powi(2);
@@ -108,10 +107,10 @@ impl BoxChange {
             stress_change: change,
             change_over_pressure: change.abs() / pressure.0,
             change_over_stress: change.abs() / stress.0.abs(),
-            pressure_change: relative(pressure),
-            energy_change: relative(energy),
-            contacts_change: relative(contacts),
-            displacement: msd.1.sqrt() / mean_diameter,
+            pressure_change: relative(series.pressure),
+            energy_change: relative(series.energy),
+            contacts_change: relative(series.contacts),
+            displacement: ends(series.msd).1.sqrt() / mean_diameter,
             linear_until: first_with(LINEAR),
             catastrophe_at: first_with(CATASTROPHE),
         })
@@ -144,12 +143,27 @@ mod tests {
     use super::Aftermath::{Catastrophe, Growing, Saturation};
     use super::*;
 
+    /// The change over a series of mean square displacement, stress, pressure, energy and number
+    /// of contacts.
+    fn change(time: &[f64], [msd, stress, pressure, energy, contacts]: [&[f64]; 5]) -> BoxChange {
+        let series = BoxSeries {
+            time,
+            msd,
+            stress,
+            pressure,
+            energy,
+            contacts,
+        };
+        BoxChange::of(series, DIAMETER).expect("rows")
+    }
+
+    const DIAMETER: f64 = 2.0;
+
     /// A stress that falls from 4 to 3 and vibrates about it, on uneven rows.
     #[test]
     fn changes_are_of_the_mean_at_the_end() {
-        let time: Vec<f64> = (0..2001)
-            .map(|k| f64::from(k) + if k % 3 == 0 { 0.3 } else { 0.0 })
-            .collect();
+        let row = |k: u32| f64::from(k) + if k.is_multiple_of(3) { 0.3 } else { 0.0 };
+        let time: Vec<f64> = (0..2001).map(row).collect();
         let column = |before: f64, after: f64| -> Vec<f64> {
             let vibrating = |t: &f64| after + 0.2 * (std::f64::consts::TAU * t / 20.0).sin();
             let at = |t: &f64| if *t < 1000.0 { before } else { vibrating(t) };
@@ -159,15 +173,7 @@ mod tests {
         let (energy, contacts) = (column(10.0, 8.0), column(400.0, 380.0));
         let of = |msd: f64| {
             let msd = vec![msd; time.len()];
-            let series = BoxSeries {
-                time: &time,
-                msd: &msd,
-                stress: &stress,
-                pressure: &pressure,
-                energy: &energy,
-                contacts: &contacts,
-            };
-            BoxChange::of(series, 2.0).expect("rows")
+            change(&time, [&msd, &stress, &pressure, &energy, &contacts])
         };
         let change = of(4e-2);
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-3, "{a} {b}");
@@ -188,20 +194,11 @@ mod tests {
     #[test]
     fn times_are_those_of_the_displacement() {
         let time: Vec<f64> = (0..1800).map(|k| 5.0 + 0.01 * f64::from(k)).collect();
-        let diameter: f64 = 3.0;
-        let msd = |t: &f64| (1e-8 * diameter * (t - 5.0).exp()).powi(2);
+        let msd = |t: &f64| (1e-8 * DIAMETER * (t - 5.0).exp()).powi(2);
         let msd: Vec<f64> = time.iter().map(msd).collect();
-        let ones = vec![1.0; time.len()];
         let of = |rows: usize| {
-            let series = BoxSeries {
-                time: &time[..rows],
-                msd: &msd[..rows],
-                stress: &ones[..rows],
-                pressure: &ones[..rows],
-                energy: &ones[..rows],
-                contacts: &ones[..rows],
-            };
-            BoxChange::of(series, diameter).expect("rows")
+            let ones = vec![1.0; rows];
+            change(&time[..rows], [&msd[..rows], &ones, &ones, &ones, &ones])
         };
         let whole = of(time.len());
         let within = |found: f64, factor: f64| {

@@ -68,7 +68,7 @@ impl NonAffine {
         dmin: &mut [f64],
     ) {
         let length = grains.length;
-        rattlers::mark::<2>(grains, &earlier.contacts, &mut self.rattler);
+        rattlers::mark(2, grains, &earlier.contacts, &mut self.rattler);
         self.near.update(length, radius, &earlier.position);
         self.moving.clear();
         let grains = self.rattler.iter().zip(&earlier.position).enumerate();
@@ -80,7 +80,11 @@ impl NonAffine {
                 displacement,
             }
         }));
-        self.sum_moments(length, radius);
+        Isa::detect().run(SumMoments {
+            of: self,
+            length,
+            radius,
+        });
         self.gradient.clear();
         let sums = self.moments.iter().zip(&self.neighbours);
         self.gradient
@@ -93,22 +97,6 @@ impl NonAffine {
     /// Returns the rattlers of the earlier frame in the last call of [`Self::between`], `[N]`.
     pub fn rattlers(&self) -> &[bool] {
         &self.rattler
-    }
-
-    fn sum_moments(&mut self, length: f64, radius: f64) {
-        self.moments.clear();
-        self.moments.resize(self.moving.len(), [0.0; 8]);
-        self.neighbours.clear();
-        self.neighbours.resize(self.moving.len(), 0);
-        Isa::detect().run(SumMoments {
-            length,
-            radius,
-            near: &self.near,
-            moving: &self.moving,
-            within: &mut self.within,
-            moments: &mut self.moments,
-            neighbours: &mut self.neighbours,
-        });
     }
 
     /// Σ (u - G b)² (m²), as Σ u² - tr(G Xᵀ) with X = Σ u ⊗ b, or term by term if that difference
@@ -146,13 +134,9 @@ pub fn between(grains: &Disks, earlier: &Frame, later: &Frame) -> Vec<f64> {
 /// Sums the moments of every grain pair by pair in order of (i, j), with the same bits on every
 /// instruction set.
 struct SumMoments<'a> {
+    of: &'a mut NonAffine,
     length: f64,
     radius: f64,
-    near: &'a NearPairs,
-    moving: &'a [Moving],
-    within: &'a mut Vec<(u32, [f64; 2])>,
-    moments: &'a mut [MomentSums],
-    neighbours: &'a mut [u32],
 }
 
 impl Work for SumMoments<'_> {
@@ -160,15 +144,20 @@ impl Work for SumMoments<'_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) {
-        let SumMoments {
-            length,
-            radius,
+        let (length, radius) = (self.length, self.radius);
+        let NonAffine {
             near,
             moving,
             within,
             moments,
             neighbours,
-        } = self;
+            ..
+        } = self.of;
+        moments.clear();
+        moments.resize(moving.len(), [0.0; 8]);
+        neighbours.clear();
+        neighbours.resize(moving.len(), 0);
+        let (moving, moments, neighbours) = (&moving[..], &mut moments[..], &mut neighbours[..]);
         for (i, from) in moving.iter().enumerate() {
             let after = near.after(i);
             // Every candidate is stored and overwritten by the next one if it lies outside the
@@ -231,19 +220,17 @@ fn best_fit(moments: &MomentSums, neighbours: u32) -> Matrix2<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::{self, Interval};
     use crate::testing::{frame, grains_in, mapped, scattered};
-    use nalgebra::{DMatrix, DVector};
-    use rand::{RngExt, SeedableRng};
-    use rand_chacha::ChaCha8Rng;
+    use bytemuck::Zeroable;
+    use gshear_dem::dimension::Two;
+    use gshear_dem::state::{Cell, FrameRecords, GrainSample};
 
     const L: f64 = 48e-6;
 
     fn packing(n: usize) -> Disks {
-        let mut random = ChaCha8Rng::seed_from_u64(7);
-        let radius: Vec<f64> = (0..n)
-            .map(|_| 0.5e-6 * (1.0 + random.random::<f64>()))
-            .collect();
-        grains_in(L, &radius)
+        let radius = scattered(7, n, 0.5e-6, 0.0).into_iter();
+        grains_in(L, &radius.map(|by| 0.75e-6 + by.x).collect::<Vec<f64>>())
     }
 
     /// Asserts D²min ≤ 1e-24 r̄² for every grain.
@@ -256,63 +243,60 @@ mod tests {
     }
 
     #[test]
-    fn an_affine_map_leaves_nothing_in_a_periodic_cell() {
-        let grains = packing(1000);
-        let points = scattered(1, 1000, L, 36e-6);
-        // Maps that keep the period along x: simple shear and stretch along y.
-        for (shear, stretch) in [(0.0, 1.0), (7e-7, 1.0 + 1e-7), (0.02, 0.99), (0.5, 1.3)] {
-            let map = Matrix2::new(1.0, shear, 0.0, stretch);
-            let [earlier, later] = [points.clone(), mapped(&points, map)];
-            assert_affine(&grains, &frame(&grains, &earlier), &frame(&grains, &later));
-        }
-    }
-
-    #[test]
-    fn a_general_affine_map_leaves_nothing_across_the_seam() {
-        // The grains lie close to both sides of the periodic boundary, so that any map keeps their
-        // nearest images.
-        let grains = packing(400);
-        let points = scattered(2, 400, 0.4 * L, 30e-6);
-        for map in [
-            Matrix2::new(1.1, 0.3, -0.2, 0.8),
-            Matrix2::new(0.6, -0.8, 0.8, 0.6),
+    fn an_affine_map_leaves_nothing() {
+        // Maps that keep the period along x, simple shear and stretch along y, of the whole cell;
+        // any map of grains close to both sides of the periodic boundary, whose nearest images it
+        // keeps.
+        let (whole, seam) = (
+            scattered(1, 1000, L, 36e-6),
+            scattered(2, 400, 0.4 * L, 30e-6),
+        );
+        for (points, [xx, xy, yx, yy]) in [
+            (&whole, [1.0, 0.0, 0.0, 1.0]),
+            (&whole, [1.0, 7e-7, 0.0, 1.0 + 1e-7]),
+            (&whole, [1.0, 0.02, 0.0, 0.99]),
+            (&whole, [1.0, 0.5, 0.0, 1.3]),
+            (&seam, [1.1, 0.3, -0.2, 0.8]),
+            (&seam, [0.6, -0.8, 0.8, 0.6]),
         ] {
-            let [earlier, later] = [points.clone(), mapped(&points, map)];
-            assert_affine(&grains, &frame(&grains, &earlier), &frame(&grains, &later));
+            let grains = packing(points.len());
+            let moved = mapped(points, Matrix2::new(xx, xy, yx, yy));
+            assert_affine(&grains, &frame(&grains, points), &frame(&grains, &moved));
         }
     }
 
-    /// B1 minimised over Γ - 1 by SVD of the whole design matrix, for the changes of the
-    /// separations, which rounding does not affect; neighbours by trying every grain and image.
-    fn direct(grains: &Disks, rattler: &[bool], earlier: &Frame, later: &Frame, i: usize) -> f64 {
-        let nearest = |a: [f64; 2], b: [f64; 2]| {
-            let image = |k: f64| [b[0] - a[0] + k * grains.length, b[1] - a[1]];
-            let by_length = |a: &[f64; 2], b: &[f64; 2]| a[0].abs().total_cmp(&b[0].abs());
-            let images = [-1.0, 0.0, 1.0].map(image).into_iter();
-            images.min_by(by_length).expect("three images")
-        };
-        let radius = 5.0 * grains.radius.iter().sum::<f64>() / grains.radius.len() as f64;
-        let others = (0..grains.count()).filter(|&j| j != i && !rattler[j]);
-        let moved = |n: usize| nearest(earlier.position[n], later.position[n]);
-        let (mut before, mut after) = (Vec::new(), Vec::new());
-        for j in others {
-            let d = nearest(earlier.position[i], earlier.position[j]);
-            if d[0].hypot(d[1]) <= radius {
-                before.push(d);
-                after.extend([0, 1].map(|k| moved(j)[k] - moved(i)[k]));
-            }
-        }
-        let design = DMatrix::from_fn(after.len(), 4, |row, column| {
-            if column / 2 == row % 2 {
-                before[row / 2][column % 2]
-            } else {
-                0.0
+    /// Compares D²min with what [`event::non_affine`] finds grain by grain, without the grains that
+    /// are left out.
+    fn assert_direct(grains: &Disks, left_out: &[bool], earlier: &Frame, later: &Frame) {
+        let cell = Cell::between_walls([grains.length, f64::INFINITY]);
+        let [before, after] = [earlier, later].map(|frame| {
+            let grain = |([x, y], image): (&[f64; 2], &i64)| GrainSample {
+                position: [*x, *y, 0.0],
+                image: [*image, 0, 0],
+                ..GrainSample::zeroed()
+            };
+            FrameRecords {
+                grains: frame.position.iter().zip(&frame.image).map(grain).collect(),
+                ..FrameRecords::default()
             }
         });
-        let wanted = DVector::from_vec(after);
-        let gamma = design.clone().svd(true, true).solve(&wanted, 0.0);
-        let gamma = gamma.expect("U and V were asked for");
-        (design * gamma - wanted).norm_squared() / before.len() as f64
+        let interval = Interval {
+            cells: [cell; 2],
+            frames: [&before, &after],
+            periods: 0,
+        };
+        let radius = RADIUS * grains.mean_radius();
+        let expected = event::non_affine::<Two>(&interval, radius, |n| !left_out[n]);
+        let found = between(grains, earlier, later);
+        for (i, (value, wanted)) in found.into_iter().zip(expected).enumerate() {
+            // Two neighbours always fit an affine map, so only rounding is left.
+            let tolerance = 1e-12 * wanted + 1e-24 * grains.mean_radius().powi(2);
+            let same = (value - wanted).abs() <= tolerance;
+            assert!(
+                same || (left_out[i] && value.is_nan() && wanted.is_nan()),
+                "grain {i}: {value:e} against {wanted:e}"
+            );
+        }
     }
 
     /// Grains that move by several periods, each by its own number of them, between two frames.
@@ -332,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn a_random_displacement_gives_what_dense_least_squares_gives() {
+    fn a_random_displacement_gives_what_least_squares_give_grain_by_grain() {
         let mut grains = packing(600);
         grains.body[..40].fill(1);
         let points = scattered(3, 600, L, 24e-6);
@@ -341,31 +325,17 @@ mod tests {
         earlier.contacts.retain(|c| c.i % 50 != 3 && c.j % 50 != 3);
         for size in [1e-9, 1e-7] {
             let sheared = mapped(&points, Matrix2::new(1.0, 0.01, 0.0, 1.0));
-            let moved = shaken(&sheared, 4, size);
-            let mut later = frame(&grains, &moved);
+            let mut later = frame(&grains, &shaken(&sheared, 4, size));
             later.contacts.clear();
-            let mut rattler = Vec::new();
-            rattlers::mark::<2>(&grains, &earlier.contacts, &mut rattler);
+            let mut left_out = Vec::new();
+            rattlers::mark(2, &grains, &earlier.contacts, &mut left_out);
+            assert!(left_out.contains(&true) && left_out.contains(&false));
             // Removed grains count as little as rattlers.
             for n in (5..600).step_by(37) {
                 later.position[n] = [f64::NAN; 2];
-                rattler[n] = true;
+                left_out[n] = true;
             }
-            let values = between(&grains, &earlier, &later);
-            assert!(rattler.contains(&true) && rattler.contains(&false));
-            for (i, value) in values.into_iter().enumerate() {
-                if rattler[i] {
-                    assert!(value.is_nan(), "rattler {i} has {value:e}");
-                } else {
-                    let wanted = direct(&grains, &rattler, &earlier, &later, i);
-                    // Two neighbours always fit an affine map, so only rounding is left.
-                    let tolerance = 1e-12 * wanted + 1e-24 * grains.mean_radius().powi(2);
-                    assert!(
-                        (value - wanted).abs() <= tolerance,
-                        "grain {i}: {value:e} against {wanted:e}"
-                    );
-                }
-            }
+            assert_direct(&grains, &left_out, &earlier, &later);
         }
     }
 
@@ -375,12 +345,14 @@ mod tests {
         points.iter().zip(moves).map(|(r, d)| r + d).collect()
     }
 
-    /// D²min of disks of radius 1 at the given places after small random displacements.
-    fn small(points: &[[f64; 2]]) -> Vec<f64> {
+    /// Whether D²min of disks of radius 1 at the given places is defined after small random
+    /// displacements.
+    fn defined(points: &[[f64; 2]]) -> Vec<bool> {
         let grains = grains_in(100.0, &vec![1.0; points.len()]);
-        let points: Vec<_> = points.iter().map(|r| Vector2::new(r[0], r[1])).collect();
+        let points: Vec<_> = points.iter().map(|r| Vector2::from(*r)).collect();
         let moved = shaken(&points, 5, 0.1);
-        between(&grains, &frame(&grains, &points), &frame(&grains, &moved))
+        let values = between(&grains, &frame(&grains, &points), &frame(&grains, &moved));
+        values.iter().map(|value| value.is_finite()).collect()
     }
 
     #[test]
@@ -388,38 +360,27 @@ mod tests {
         // A pair, a triple in which two grains are farther apart than 5 r̄, and a single grain.
         let (pair, single) = ([[0.0, 0.0], [2.0, 1.0]], [[60.0, 0.0]]);
         let triple = [[30.0, 0.0], [30.0, 4.9], [34.0, 1.0]];
-        let values = small(&[&pair[..], &triple, &single].concat());
-        let defined: Vec<bool> = values.iter().map(|value| value.is_finite()).collect();
-        assert_eq!(defined, [false, false, true, false, false, false]);
+        let found = defined(&[&pair[..], &triple, &single].concat());
+        assert_eq!(found, [false, false, true, false, false, false]);
     }
 
     #[test]
     fn neighbours_on_one_line_leave_it_undefined() {
-        let line: Vec<[f64; 2]> = (0..5)
-            .map(|k| [97.0 + 0.8 * f64::from(k), 0.3 + 0.24 * f64::from(k)])
-            .collect();
-        assert!(small(&line).iter().all(|value| value.is_nan()));
-        let mut bent = line;
-        bent[2][1] += 1e-3;
-        assert!(small(&bent)[0].is_finite());
+        let mut line = [0.0, 1.0, 2.0, 3.0, 4.0].map(|k| [97.0 + 0.8 * k, 0.3 + 0.24 * k]);
+        assert_eq!(defined(&line), [false; 5]);
+        line[2][1] += 1e-3;
+        assert!(defined(&line)[0]);
     }
 
     #[test]
     fn the_choice_of_cells_does_not_matter() {
-        // Long and flat, narrower than three cells, and all in one cell: each must agree with
-        // direct least squares.
+        // Long and flat, narrower than three cells, and all in one cell.
         for (width, height) in [(40.0, 3.0), (12.0, 40.0), (8.0, 8.0)] {
             let grains = grains_in(width, &[1.0; 60]);
             let points = scattered(6, 60, width, height);
             let moved = shaken(&points, 8, 0.1);
             let (earlier, later) = (frame(&grains, &points), frame(&grains, &moved));
-            for (i, value) in between(&grains, &earlier, &later).into_iter().enumerate() {
-                let wanted = direct(&grains, &[false; 60], &earlier, &later, i);
-                assert!(
-                    (value - wanted).abs() <= 1e-12 * wanted,
-                    "grain {i}: {value:e} against {wanted:e}"
-                );
-            }
+            assert_direct(&grains, &[false; 60], &earlier, &later);
         }
     }
 }

@@ -93,66 +93,51 @@ mod tests {
         Stages::around(&phases, largest_drop(&phases).expect("a slip"), tau)
     }
 
-    fn ends(of: &Stages) -> [usize; 4] {
-        [of.begin, of.drop, of.calm, of.end]
-    }
-
-    /// A series that begins at τ = 10 and consists of pieces: a number of rows and the step of τ
-    /// per row.
-    fn series(pieces: &[(usize, f64)]) -> Vec<f64> {
+    /// The stages of a series that begins at τ = 10 and consists of pieces: a number of rows and
+    /// the step of τ per row.
+    fn assert_stages(pieces: &[(usize, f64)], ends: [usize; 4], drops: &[[usize; 2]]) {
         let mut tau = vec![10.0];
         for (rows, step) in pieces {
             for _ in 0..*rows {
                 tau.push(tau[tau.len() - 1] + step);
             }
         }
-        tau
+        let [begin, drop, calm, end] = ends;
+        let found = stages(&tau);
+        assert_eq!([found.begin, found.drop, found.calm, found.end], ends);
+        assert_eq!(found.drops, drops);
+        let intervals = [begin + 1..=drop, drop + 1..=calm, calm + 1..=end];
+        assert_eq!(found.intervals(), intervals);
     }
 
     #[test]
     fn a_single_slip_is_stage_ii_with_eight_intervals_on_either_side() {
-        let found = stages(&series(&[(19, 0.1), (3, -2.0), (20, 0.1)]));
-        assert_eq!(ends(&found), [11, 19, 22, 30]);
-        assert_eq!(found.drops, [[19, 22]]);
-        assert_eq!(found.intervals(), [12..=19, 20..=22, 23..=30]);
+        let slip = [(19, 0.1), (3, -2.0), (20, 0.1)];
+        assert_stages(&slip, [11, 19, 22, 30], &[[19, 22]]);
     }
 
     #[test]
     fn a_drop_that_pauses_is_one_stage() {
         // Slips of 2 and 4 with a rise between them, then one of 0.9: too small to count as a
         // further drop, but part of Stage II.
-        let found = stages(&series(&[
-            (19, 0.1),
-            (2, -1.0),
-            (1, 0.1),
-            (2, -2.0),
-            (2, 0.1),
-            (1, -0.9),
-            (30, 0.1),
-        ]));
-        assert_eq!(ends(&found), [11, 19, 27, 35]);
-        assert_eq!(found.drops, [[22, 24]]);
+        let (two, four, last) = ((2, -1.0), (2, -2.0), (1, -0.9));
+        let slips = [(19, 0.1), two, (1, 0.1), four, (2, 0.1), last, (30, 0.1)];
+        assert_stages(&slips, [11, 19, 27, 35], &[[22, 24]]);
     }
 
     #[test]
     fn a_further_drop_follows_closely() {
-        let of = |pause: usize| {
-            let (drop, further) = ((2, -2.0), (2, -1.9));
-            stages(&series(&[
-                (19, 0.1),
-                drop,
-                (pause, 0.1),
-                further,
-                (30, 0.1),
-            ]))
-        };
-        assert_eq!((of(4).drops, of(4).calm), (vec![[19, 21], [25, 27]], 27));
-        assert_eq!((of(20).drops, of(20).calm), (vec![[19, 21]], 21));
+        let slips = |pause| [(19, 0.1), (2, -2.0), (pause, 0.1), (2, -1.9), (30, 0.1)];
+        assert_stages(&slips(4), [11, 19, 27, 35], &[[19, 21], [25, 27]]);
+        assert_stages(&slips(20), [11, 19, 21, 29], &[[19, 21]]);
     }
 
     #[test]
     fn stages_end_where_the_series_does() {
         let found = stages(&[5.0, 5.1, 1.0, 1.1]);
-        assert_eq!(ends(&found), [0, 1, 2, 3]);
+        assert_eq!(
+            [found.begin, found.drop, found.calm, found.end],
+            [0, 1, 2, 3]
+        );
     }
 }

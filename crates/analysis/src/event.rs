@@ -144,16 +144,14 @@ pub fn between_frames(
     radius: f64,
 ) -> Vec<f64> {
     let mut rattler = Vec::new();
-    let contacts = &interval.frames[0].contacts;
+    rattlers::mark(axes, grains, &interval.frames[0].contacts, &mut rattler);
     if axes == 2 {
-        rattlers::mark::<2>(grains, contacts, &mut rattler);
         non_affine::<Two>(interval, radius, |n| {
-            !rattler[n] && !interval.removes::<Two>(n)
+            !(rattler[n] || interval.removes::<Two>(n))
         })
     } else {
-        rattlers::mark::<3>(grains, contacts, &mut rattler);
         non_affine::<Three>(interval, radius, |n| {
-            !rattler[n] && !interval.removes::<Three>(n)
+            !(rattler[n] || interval.removes::<Three>(n))
         })
     }
 }
@@ -193,10 +191,8 @@ mod tests {
 
     fn random(count: usize, seed: u64) -> Vec<[f64; 3]> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut number = |_| random.random::<f64>();
-        (0..count)
-            .map(|_| std::array::from_fn(&mut number))
-            .collect()
+        let place = || std::array::from_fn(|_| random.random());
+        std::iter::repeat_with(place).take(count).collect()
     }
 
     /// The frame of grains at these unwrapped places, none of which is a rattler.
@@ -219,13 +215,6 @@ mod tests {
         }
     }
 
-    fn cell(sheared: bool, axes: usize) -> Cell {
-        Cell {
-            periods: [L, if axes == 2 { f64::INFINITY } else { L }],
-            sheared: sheared.then(|| Sheared::upright(L)),
-        }
-    }
-
     /// An affine motion has no residual, however far the grains and their images move, and in a box
     /// of less than two radii. If one grain moves by a further d, least squares leave at that grain
     /// the residual of -d at all neighbours: |d|² (1 - Σ r·(Σ rr)⁻¹·Σ r/N).
@@ -235,7 +224,10 @@ mod tests {
         strain: f64,
         lengths: [f64; 3],
     ) {
-        let mut cells = [cell(sheared, D::AXES); 2];
+        let mut cells = [Cell {
+            periods: [L, if D::AXES == 2 { f64::INFINITY } else { L }],
+            sheared: sheared.then(|| Sheared::upright(L)),
+        }; 2];
         cells[0].shear(0.37 * L);
         cells[1] = cells[0].with_lengths::<D>(lengths);
         let periods = cells[1].shear(strain * lengths[D::UP]);
@@ -244,23 +236,21 @@ mod tests {
         let mut places = random(grains, 2);
         for (place, wandered) in places.iter_mut().zip(&wandered) {
             *place = place.map(|x| L * x);
-            (D::AXES..3).for_each(|axis| place[axis] = 0.0);
+            place[D::AXES..].fill(0.0);
             // Images of before the earlier frame; there are none across walls.
             for axis in 0..if sheared { D::AXES } else { D::UP } {
                 let images = (6.0 * wandered[axis] - 3.0).round();
                 (0..3).for_each(|k| place[k] += images * edges[axis][k]);
             }
         }
-        let drift = [33.1, -27.3, if sheared { 14.9 } else { 0.0 }];
+        let mut drift = [33.1, -27.3, 14.9];
+        if !sheared {
+            drift[D::UP] = 0.0;
+        }
         let moved = |place: &[f64; 3]| {
             let mut place = *place;
             (0..D::AXES).for_each(|axis| place[axis] *= lengths[axis] / L);
             place[0] += strain * place[D::UP];
-            let drift = if sheared || D::AXES == 3 {
-                drift
-            } else {
-                [33.1, 0.0, 0.0]
-            };
             (0..D::AXES).for_each(|axis| place[axis] += drift[axis]);
             place
         };

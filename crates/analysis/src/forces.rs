@@ -53,35 +53,21 @@ pub fn changes(earlier: &Frame, later: &Frame, changes: &mut Vec<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{contact, grains_in};
+    use crate::testing::{grains_in, pushed, touching};
     use std::f64::consts::PI;
-
-    fn with_force(i: u32, j: u32, normal_force: f64, tangential_force: f64) -> ContactSample {
-        ContactSample {
-            normal_force,
-            tangential_force: [tangential_force, 0.0, 0.0],
-            ..contact(i, j)
-        }
-    }
-
-    fn frame(contacts: &[ContactSample]) -> Frame {
-        Frame {
-            contacts: contacts.to_vec(),
-            ..Frame::default()
-        }
-    }
 
     #[test]
     fn changes_are_those_of_the_size_of_contacts_in_both_frames() {
+        let frame = |contacts: &[ContactSample]| touching(Vec::new(), contacts.to_vec());
         let earlier = frame(&[
-            with_force(0, 1, 3.0, -4.0),
-            with_force(0, 2, 1.0, 0.0),
-            with_force(1, 2, 1.0, 0.0),
+            pushed(0, 1, 3.0, -4.0),
+            pushed(0, 2, 1.0, 0.0),
+            pushed(1, 2, 1.0, 0.0),
         ]);
         let later = frame(&[
-            with_force(0, 1, 12.0, 5.0),
-            with_force(1, 2, 0.5, 0.0),
-            with_force(1, 3, 9.0, 0.0),
+            pushed(0, 1, 12.0, 5.0),
+            pushed(1, 2, 0.5, 0.0),
+            pushed(1, 3, 9.0, 0.0),
         ]);
         let mut found = vec![7.0];
         changes(&earlier, &later, &mut found);
@@ -103,14 +89,11 @@ mod tests {
             (0.0, 2.0, PI / 2.0),
             (3.0_f64.sqrt(), 1.0, PI / 6.0),
         ] {
-            let frame = Frame {
-                position: vec![[0.4, 3.0], [8.5, 3.0]],
-                contacts: vec![with_force(0, 1, normal, tangential)],
-                ..Frame::default()
-            };
-            let (n, f) = vector(&grains, &frame, &frame.contacts[0]);
+            let contact = pushed(0, 1, normal, tangential);
+            let frame = touching(vec![[0.4, 3.0], [8.5, 3.0]], vec![contact]);
+            let (n, f) = vector(&grains, &frame, &contact);
             assert_eq!((n, f), ([1.0, 0.0], [normal, tangential]));
-            let found = angle(&grains, &frame, &frame.contacts[0]);
+            let found = angle(&grains, &frame, &contact);
             assert!((found - wanted).abs() < 1e-15, "{found} for {wanted}");
         }
     }

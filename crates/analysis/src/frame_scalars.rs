@@ -242,31 +242,27 @@ mod tests {
     #[test]
     fn what_a_scratch_was_used_for_before_does_not_matter() {
         let grains = grains_in(40.0, &[1.0; 300]);
-        let frames: Vec<Stressed> = (0..6)
-            .map(|k| {
-                let start = scattered(1, 300, 40.0, 30.0);
-                // Small moves, for which the pair lists stay valid, and a large one.
-                let size = if k == 4 { 3.0 } else { 0.05 * f64::from(k) };
-                let moves = scattered(2 + k as u64, 300, size, size);
-                let places: Vec<_> = start.iter().zip(moves).map(|(r, d)| r + d).collect();
-                let mut frame = frame(&grains, &places);
-                for (n, contact) in frame.contacts.iter_mut().enumerate() {
-                    contact.normal_force = 1.0 + (7.3 * n as f64 + f64::from(k)).sin();
-                    contact.tangential_force[0] = 0.3 * (2.1 * n as f64 - f64::from(k)).cos();
-                }
-                Stressed::new(&grains, frame)
-            })
-            .collect();
+        let start = scattered(1, 300, 40.0, 30.0);
+        let frames = [0, 1, 2, 3, 4, 5].map(|k: u32| {
+            // Small moves, for which the pair lists stay valid, and a large one.
+            let size = if k == 4 { 3.0 } else { 0.05 * f64::from(k) };
+            let moves = scattered(2 + u64::from(k), 300, size, size);
+            let places: Vec<_> = start.iter().zip(moves).map(|(r, d)| r + d).collect();
+            let mut frame = frame(&grains, &places);
+            for (n, contact) in frame.contacts.iter_mut().enumerate() {
+                contact.normal_force = 1.0 + (7.3 * n as f64 + f64::from(k)).sin();
+                contact.tangential_force[0] = 0.3 * (2.1 * n as f64 - f64::from(k)).cos();
+            }
+            Stressed::new(&grains, frame)
+        });
         let bits = |pair: &[Stressed], scratch: &mut ScalarScratch| {
             let scalars = frame_scalars(&grains, &pair[0], &pair[1], scratch);
             scalars.columns().map(f64::to_bits)
         };
         let mut used = ScalarScratch::default();
         for pair in frames.windows(2) {
-            assert_eq!(
-                bits(pair, &mut used),
-                bits(pair, &mut ScalarScratch::default())
-            );
+            let fresh = bits(pair, &mut ScalarScratch::default());
+            assert_eq!(bits(pair, &mut used), fresh);
         }
         let fewer = grains_in(40.0, &[1.0; 200]);
         let points = scattered(9, 200, 40.0, 30.0);

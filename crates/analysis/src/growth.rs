@@ -100,24 +100,12 @@ fn least_squares(
 /// Averages of the points over 400 equal intervals, so that dense rows do not outweigh sparse ones.
 fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     const INTERVALS: f64 = 400.0;
-    let (first, last) = match (points.first(), points.last()) {
-        (Some(first), Some(last)) => (first[0], last[0]),
-        _ => return Vec::new(),
+    let [[first, _], .., [last, _]] = points else {
+        return points.to_vec();
     };
-    let mut kept: Vec<[f64; 2]> = Vec::new();
-    let mut sums = [0.0; 3];
-    let mut interval = 0.0;
-    for point in points {
-        let of = ((point[0] - first) / (last - first) * INTERVALS).floor();
-        if of != interval && sums[2] > 0.0 {
-            kept.push([sums[0] / sums[2], sums[1] / sums[2]]);
-            sums = [0.0; 3];
-        }
-        interval = of;
-        sums = [sums[0] + point[0], sums[1] + point[1], sums[2] + 1.0];
-    }
-    kept.push([sums[0] / sums[2], sums[1] / sums[2]]);
-    kept
+    let interval = |point: &[f64; 2]| ((point[0] - first) / (last - first) * INTERVALS).floor();
+    let parts = points.chunk_by(|a, b| interval(a) == interval(b));
+    parts.map(|part| joint_moments(part).0).collect()
 }
 
 /// Slope of the least-squares line.

@@ -90,18 +90,31 @@ mod tests {
     use crate::phases::PhaseKind;
     use crate::regions::{MinPoints, Reduction};
 
-    /// Scalars with gD²min, g_t10%D²min, regions and mean angle; the median is twice the mean.
-    fn scalars(rows: &[[f64; 4]]) -> Vec<FrameScalars> {
-        let row = |[one, top, regions, angle]: &[f64; 4]| FrameScalars {
-            dmin_greatest: *one,
-            dmin_top_tenth: *top,
-            regions: *regions,
+    /// The measures of phases of τ on γ = 0, 1, 2, … and of scalars with gD²min, g_t10%D²min,
+    /// regions and mean angle; the median is twice the mean.
+    fn measured<const L: usize>(tau: [f64; L], rows: [[f64; 4]; L]) -> Vec<Measured> {
+        of(
+            &strain::<L>(),
+            &tau,
+            &rows.map(scalars),
+            GrReading::default(),
+        )
+    }
+
+    fn strain<const L: usize>() -> [f64; L] {
+        std::array::from_fn(|k| k as f64)
+    }
+
+    fn scalars([one, top, regions, angle]: [f64; 4]) -> FrameScalars {
+        FrameScalars {
+            dmin_greatest: one,
+            dmin_top_tenth: top,
+            regions,
             regions_of_two: 1.0,
-            region_angle_mean: *angle,
+            region_angle_mean: angle,
             region_angle_median: 2.0 * angle,
             ..FrameScalars::UNDEFINED
-        };
-        rows.iter().map(row).collect()
+        }
     }
 
     const NAN: f64 = f64::NAN;
@@ -109,7 +122,6 @@ mod tests {
     #[test]
     fn sums_begin_where_the_regions_are_fewest_and_angles_are_of_the_last_such_row() {
         // A slip of four intervals with a plateau, then a stick phase of one interval.
-        let strain = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0];
         let tau = [9.0, 7.0, 7.0, 6.0, 2.0, 3.0];
         let rows = [
             [NAN; 4],
@@ -119,31 +131,28 @@ mod tests {
             [2.0, 1.0, 2.0, 0.4],
             [7.0, 6.0, 5.0, 0.5],
         ];
-        let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
+        let found = measured(tau, rows);
         assert_eq!(found.len(), 2);
-        let [slip, stick] = [found[0].measures, found[1].measures];
         let first = found[0].phase;
         assert_eq!((first.kind, first.change), (PhaseKind::Slip, -7.0));
         assert!(first.is_long());
-        assert_eq!((slip.dmin_max, slip.top_max), (8.0, 3.0));
-        assert_eq!(slip.dmin_sum, 8.0 + 4.0 + 2.0);
-        assert_eq!(slip.top_sum, 2.0 + 3.0 + 1.0);
-        assert_eq!(slip.regions_least, 2.0);
-        assert_eq!((slip.angle_mean, slip.angle_median), (0.4, 0.8));
+        // Greatest, sums, fewest regions, angles.
+        let slip = [8.0, 3.0, 8.0 + 4.0 + 2.0, 2.0 + 3.0 + 1.0, 2.0, 0.4, 0.8];
+        assert_eq!(found[0].measures.columns(), slip);
         assert_eq!(found[1].phase.duration(), 1);
-        assert_eq!((stick.dmin_max, stick.dmin_sum), (7.0, 7.0));
-        assert_eq!((stick.regions_least, stick.angle_mean), (5.0, 0.5));
+        let stick = [7.0, 6.0, 7.0, 6.0, 5.0, 0.5, 1.0];
+        assert_eq!(found[1].measures.columns(), stick);
 
         // With the other reading every row has one region, so the sum is over the whole phase.
         let of_two = GrReading {
             min_points: MinPoints::OneNeighbour,
             ..GrReading::default()
         };
-        let slip = of(&strain, &tau, &scalars(&rows), of_two)[0].measures;
+        let slip = of(&strain::<6>(), &tau, &rows.map(scalars), of_two)[0].measures;
         assert_eq!((slip.dmin_sum, slip.angle_mean), (15.0, 0.4));
 
         // By losses the third interval has the fewest regions.
-        let mut by_losses = scalars(&rows);
+        let mut by_losses = rows.map(scalars);
         for (row, count) in by_losses.iter_mut().zip([0.0, 3.0, 3.0, 1.0, 3.0, 4.0]) {
             row.loss_regions = count;
             row.loss_region_angle_mean = 0.01 * row.dmin_greatest;
@@ -153,22 +162,20 @@ mod tests {
             reduction: Reduction::Losses,
             ..GrReading::default()
         };
-        let slip = of(&strain, &tau, &by_losses, reading)[0].measures;
+        let slip = of(&strain::<6>(), &tau, &by_losses, reading)[0].measures;
         assert_eq!((slip.dmin_sum, slip.regions_least), (4.0 + 2.0, 1.0));
         assert_eq!((slip.angle_mean, slip.angle_median), (0.04, 0.08));
     }
 
     #[test]
     fn an_undefined_scalar_leaves_the_measures_of_its_phase_undefined() {
-        let strain = [0.0, 1.0, 2.0, 3.0];
-        let tau = [0.0, 1.0, 2.0, 0.0];
         let rows = [
             [NAN; 4],
             [NAN, 1.0, 3.0, 0.1],
             [2.0, 1.0, 3.0, 0.1],
             [2.0, 1.0, NAN, 0.1],
         ];
-        let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
+        let found = measured([0.0, 1.0, 2.0, 0.0], rows);
         let [stick, slip] = [found[0].measures, found[1].measures];
         assert!(stick.dmin_max.is_nan() && stick.dmin_sum.is_nan());
         assert_eq!((stick.top_max, stick.top_sum), (1.0, 2.0));
@@ -178,16 +185,8 @@ mod tests {
 
     #[test]
     fn a_tau_that_is_not_a_number_splits_phases_and_their_measures() {
-        let strain = [0.0, 1.0, 2.0, 3.0, 4.0];
-        let tau = [0.0, 1.0, NAN, 3.0, 4.0];
-        let rows = [
-            [1.0, 1.0, 1.0, 0.0],
-            [2.0; 4],
-            [50.0; 4],
-            [60.0; 4],
-            [3.0; 4],
-        ];
-        let found = of(&strain, &tau, &scalars(&rows), GrReading::default());
+        let rows = [1.0, 2.0, 50.0, 60.0, 3.0].map(|x| [x; 4]);
+        let found = measured([0.0, 1.0, NAN, 3.0, 4.0], rows);
         let maxima: Vec<f64> = found.iter().map(|phase| phase.measures.dmin_max).collect();
         assert_eq!(maxima, [2.0, 3.0]);
     }

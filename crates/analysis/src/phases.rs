@@ -178,38 +178,30 @@ mod tests {
 
     #[test]
     fn phases_alternate_and_share_their_ends() {
-        let tau = [0.0, 1.0, 3.0, 2.0, -1.0, 0.0];
-        let expected = [(0, 2, 3.0, Stick), (2, 4, -4.0, Slip), (4, 5, 1.0, Stick)];
-        assert_eq!(phases(&tau), expected);
-    }
-
-    #[test]
-    fn a_plateau_continues_the_phase_before_it() {
-        // Within a phase, at a maximum, at a minimum, and at the end.
-        let tau = [0.0, 1.0, 1.0, 2.0, 2.0, 2.0, 1.0, 1.0, 3.0, 3.0];
-        let expected = [(0, 5, 2.0, Stick), (5, 7, -1.0, Slip), (7, 9, 2.0, Stick)];
-        assert_eq!(phases(&tau), expected);
-    }
-
-    #[test]
-    fn a_leading_plateau_joins_the_first_phase() {
-        let expected = [(0, 2, -1.0, Slip), (2, 3, 2.0, Stick)];
-        assert_eq!(phases(&[1.0, 1.0, 0.0, 2.0]), expected);
-    }
-
-    #[test]
-    fn what_is_not_finite_splits() {
         let (none, most) = (f64::NAN, f64::INFINITY);
-        let tau = [none, 0.0, 1.0, none, 2.0, 3.0, most, 5.0, 4.0];
-        let expected = [(1, 2, 1.0, Stick), (4, 5, 1.0, Stick), (7, 8, -1.0, Slip)];
-        assert_eq!(phases(&tau), expected);
-    }
-
-    #[test]
-    fn flat_short_and_empty_series_have_no_phase() {
-        let nothing = [f64::NAN; 3];
-        for tau in [&[][..], &[1.0], &[2.0, 2.0, 2.0], &[0.0, -0.0], &nothing] {
-            assert_eq!(phases(tau), []);
+        let alternating = [(0, 2, 3.0, Stick), (2, 4, -4.0, Slip), (4, 5, 1.0, Stick)];
+        let plateaus = [(0, 5, 2.0, Stick), (5, 7, -1.0, Slip), (7, 9, 2.0, Stick)];
+        let leading = [(0, 2, -1.0, Slip), (2, 3, 2.0, Stick)];
+        let split = [(1, 2, 1.0, Stick), (4, 5, 1.0, Stick), (7, 8, -1.0, Slip)];
+        for (tau, expected) in [
+            (&[0.0, 1.0, 3.0, 2.0, -1.0, 0.0][..], &alternating[..]),
+            // A plateau continues the phase before it: within a phase, at a maximum, at a minimum,
+            // and at the end.
+            (
+                &[0.0, 1.0, 1.0, 2.0, 2.0, 2.0, 1.0, 1.0, 3.0, 3.0],
+                &plateaus,
+            ),
+            // A leading one joins the first phase.
+            (&[1.0, 1.0, 0.0, 2.0], &leading),
+            // What is not finite splits.
+            (&[none, 0.0, 1.0, none, 2.0, 3.0, most, 5.0, 4.0], &split),
+            (&[], &[]),
+            (&[1.0], &[]),
+            (&[2.0, 2.0, 2.0], &[]),
+            (&[0.0, -0.0], &[]),
+            (&[none; 3], &[]),
+        ] {
+            assert_eq!(phases(tau), expected);
         }
     }
 

@@ -7,9 +7,9 @@ use super::spearman::{Correlation, Spearman};
 pub enum Bins {
     /// Whole decades, as the thresholds in LH's text.
     #[default]
-    Decades,
+    Decades = 1,
     /// Half-decades.
-    HalfDecades,
+    HalfDecades = 2,
 }
 
 /// log10 of the least |Δτ| in a range.
@@ -19,10 +19,7 @@ const LAST: i32 = -2;
 
 impl Bins {
     fn per_decade(self) -> i32 {
-        match self {
-            Bins::Decades => 1,
-            Bins::HalfDecades => 2,
-        }
+        self as i32
     }
 
     /// The edge with this number; 0 is 1.
@@ -142,13 +139,13 @@ mod tests {
 
     #[test]
     fn a_value_is_in_the_range_of_its_sign_that_begins_with_it() {
-        let of = |bins: Bins, value: f64| -> Vec<usize> {
-            let ranges = bins.of_stress_changes();
-            let holding = (0..ranges.len()).filter(|k| ranges[*k].contains(value));
-            holding.collect()
+        let of = |value: f64| {
+            [Bins::Decades, Bins::HalfDecades].map(|bins| {
+                let ranges = bins.of_stress_changes().into_iter().enumerate();
+                let holding = ranges.filter(|(_, range)| range.contains(value));
+                holding.map(|(k, _)| k).collect::<Vec<usize>>()
+            })
         };
-        let decades = |value: f64| of(Bins::Decades, value);
-        let halves = |value: f64| of(Bins::HalfDecades, value);
         for (value, decade, half) in [
             (1e-5, 4, 8),
             (9e-5, 4, 9),
@@ -160,13 +157,11 @@ mod tests {
             (0.1, 7, 15),
             (0.5, 7, 15),
         ] {
-            assert_eq!((decades(value), halves(value)), (vec![decade], vec![half]));
-            let mirrored = (decades(-value), halves(-value));
-            assert_eq!(mirrored, (vec![7 - decade], vec![15 - half]));
+            assert_eq!(of(value), [[decade], [half]]);
+            assert_eq!(of(-value), [[7 - decade], [15 - half]]);
         }
         for outside in [0.0, 9e-6, f64::NAN, f64::INFINITY, -f64::INFINITY] {
-            assert_eq!(decades(outside), [0; 0], "{outside}");
-            assert_eq!(halves(outside), [0; 0], "{outside}");
+            assert_eq!(of(outside), [[0; 0]; 2], "{outside}");
         }
     }
 
@@ -191,19 +186,12 @@ mod tests {
 
     #[test]
     fn only_the_rows_of_a_range_are_correlated() {
-        let row = |by: f64, value: f64| KeyedPair {
-            by,
-            pair: [by, value],
-        };
         // Decreasing in one range, increasing in another, and one row outside.
-        let rows = [
-            row(2e-3, 3.0),
-            row(1.5e-3, 4.0),
-            row(1.1e-3, 9.0),
-            row(0.02, 1.0),
-            row(0.03, 2.0),
-            row(0.5, 0.0),
-        ];
+        let decreasing = [[2e-3, 3.0], [1.5e-3, 4.0], [1.1e-3, 9.0]];
+        let others = [[0.02, 1.0], [0.03, 2.0], [0.5, 0.0]];
+        let rows = [decreasing, others].concat().into_iter();
+        let rows = rows.map(|pair| KeyedPair { by: pair[0], pair });
+        let rows: Vec<KeyedPair> = rows.collect();
         let found = correlations(&rows, &Bins::HalfDecades.of_stress_changes());
         let [a, b] = [found[12].1, found[14].1];
         assert_eq!((a.rho, a.count, b.rho, b.count), (-1.0, 3, 1.0, 2));

@@ -78,7 +78,6 @@ pub struct Regions {
     changes: Vec<f64>,
     /// `[N]` Reduction of force of a grain (N/m), negative.
     reduction: Vec<f64>,
-    order: Vec<u32>,
     points: Vec<[f64; 2]>,
     dbscan: Dbscan,
     /// By [`Reduction`].
@@ -113,16 +112,12 @@ impl Regions {
                     *lost = reduction.with(*lost, *change);
                 }
             }
-            self.choose();
             self.cluster(grains, later, reduction);
         }
     }
 
     /// Writes the ids of the grains of the greatest reduction to `order`, ascending.
-    fn choose(&mut self) {
-        let Regions {
-            reduction, order, ..
-        } = self;
+    fn choose(reduction: &[f64], order: &mut Vec<u32>) {
         let wanted = ((SHARE * reduction.len() as f64).round() as usize).max(1);
         order.clear();
         order.extend((0..reduction.len() as u32).filter(|n| reduction[*n as usize] < 0.0));
@@ -139,8 +134,7 @@ impl Regions {
 
     fn cluster(&mut self, grains: &Disks, later: &Frame, reduction: Reduction) {
         let found = &mut self.found[reduction as usize];
-        found.grains.clear();
-        found.grains.extend_from_slice(&self.order);
+        Self::choose(&self.reduction, &mut found.grains);
         found.within.clear();
         found.within.resize(grains.count(), false);
         self.points.clear();
@@ -198,24 +192,27 @@ impl Regions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{contact, grains_in};
-    use gshear_dem::state::ContactSample;
-
-    fn pressed(i: u32, j: u32, normal_force: f64) -> ContactSample {
-        ContactSample {
-            normal_force,
-            ..contact(i, j)
-        }
-    }
+    use crate::testing::{grains_in, pushed, touching};
 
     /// 300 grains in a row along x, 1 apart, each touching the next; contact k has the force
     /// `force(k)`.
     fn chain(force: impl Fn(u32) -> f64) -> Frame {
-        Frame {
-            position: (0..300).map(|k| [f64::from(k), 0.0]).collect(),
-            contacts: (0..299).map(|k| pressed(k, k + 1, force(k))).collect(),
-            ..Frame::default()
-        }
+        let contact = |k: u32| pushed(k, k + 1, force(k), 0.0);
+        let places = (0..300).map(|k| [f64::from(k), 0.0]).collect();
+        touching(places, (0..299).map(contact).collect())
+    }
+
+    /// The regions of a chain whose contacts all had the force 10, and the number of angles in
+    /// those by the net reduction, all along x. With a radius of 0.4, ε = 2 and 1 % are three
+    /// grains.
+    fn found(later: &Frame) -> (Regions, usize) {
+        let grains = grains_in(300.0, &[0.4; 300]);
+        let mut regions = Regions::default();
+        regions.find(&grains, &chain(|_| 10.0), later);
+        let mut angles = vec![1.0];
+        regions.angles(NET, &grains, later, &mut angles);
+        assert!(angles.iter().all(|angle| *angle == 0.0));
+        (regions, angles.len())
     }
 
     const NET: Reduction = Reduction::Net;
@@ -234,45 +231,34 @@ mod tests {
 
     #[test]
     fn the_greatest_reduction_is_that_of_the_sum_over_a_grains_contacts() {
-        // With a radius of 0.4, ε = 2 and 1 % are three grains.
-        let grains = grains_in(300.0, &[0.4; 300]);
-        let earlier = chain(|_| 10.0);
         // Contacts 100 and 101 weaken, so grain 101 loses twice; contact 200 weakens most, but its
         // neighbour gains as much.
-        let later = chain(|k| match k {
+        let (regions, angles) = found(&chain(|k| match k {
             100 | 101 => 7.0,
             200 => 5.0,
             201 => 15.0,
             _ => 10.0,
-        });
-        let mut regions = Regions::default();
-        regions.find(&grains, &earlier, &later);
+        }));
         // Grain 101: -6; 200: -5; then 100 and 102: -3 each, of which the lower id counts.
         assert_eq!(regions.grains(NET), [100, 101, 200]);
         let labels = MinPoints::ALL.map(|of| regions.labels(reading(NET, of)));
         assert_eq!(labels[0], [Some(0), Some(0), Some(1)]);
         assert_eq!(labels[1], [Some(0), Some(0), None]);
         assert_eq!(counts(&regions, NET), [2, 1]);
-        let mut angles = Vec::new();
-        regions.angles(NET, &grains, &later, &mut angles);
-        // Contacts 99 to 101 and 199 and 200, all along x.
-        assert_eq!(angles, [0.0; 5]);
+        // Contacts 99 to 101 and 199 and 200.
+        assert_eq!(angles, 5);
     }
 
     #[test]
     fn losses_and_the_greatest_loss_are_not_made_up_for_by_gains() {
-        let grains = grains_in(300.0, &[0.4; 300]);
-        let earlier = chain(|_| 10.0);
         // Grain 51 loses 4 + 4, grain 101 loses 7 and gains 9, its neighbours lose as little as
         // they gain; all others gain.
-        let later = chain(|k| match k {
+        let (regions, _) = found(&chain(|k| match k {
             50 | 51 => 6.0,
             100 => 3.0,
             101 => 19.0,
             _ => 10.5,
-        });
-        let mut regions = Regions::default();
-        regions.find(&grains, &earlier, &later);
+        }));
         // Net: -8 of grain 51, -6.5 of grain 100, then 50 and 52 with -3.5, of which the lower
         // id counts. Losses: -8 of 51, -7 of 100 and 101. Greatest loss: -7 of 100 and 101, then
         // 50, 51 and 52 with -4.
@@ -288,31 +274,25 @@ mod tests {
 
     #[test]
     fn regions_join_across_the_seam() {
-        let grains = grains_in(300.0, &[0.4; 300]);
-        let earlier = chain(|_| 10.0);
-        let mut later = chain(|k| if k == 0 || k == 298 { 1.0 } else { 10.0 });
-        later.contacts.last_mut().expect("a contact").normal_force = 0.5;
-        let mut regions = Regions::default();
-        regions.find(&grains, &earlier, &later);
+        let (regions, _) = found(&chain(|k| match k {
+            0 => 1.0,
+            298 => 0.5,
+            _ => 10.0,
+        }));
         assert_eq!(regions.grains(NET), [0, 298, 299]);
         assert_eq!(counts(&regions, NET)[0], 1);
     }
 
     #[test]
     fn contacts_made_or_lost_and_forces_that_grow_make_no_region() {
-        let grains = grains_in(300.0, &[0.4; 300]);
-        let earlier = chain(|_| 10.0);
         let mut later = chain(|_| 11.0);
         later.contacts.remove(50);
-        later.contacts.insert(60, pressed(60, 70, 4.0));
-        let mut regions = Regions::default();
-        regions.find(&grains, &earlier, &later);
+        later.contacts.insert(60, pushed(60, 70, 4.0, 0.0));
+        let (regions, angles) = found(&later);
         assert_eq!(regions.grains(NET), [0; 0]);
         for reduction in Reduction::ALL {
             assert_eq!(counts(&regions, reduction), [0, 0]);
         }
-        let mut angles = vec![1.0];
-        regions.angles(NET, &grains, &later, &mut angles);
-        assert!(angles.is_empty());
+        assert_eq!(angles, 0);
     }
 }

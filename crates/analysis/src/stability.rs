@@ -40,14 +40,10 @@ impl Stability {
     /// Counts the eigenvalues of a matrix of this norm.
     pub fn of_values(values: &[c64], norm: f64) -> Self {
         let mut found = Self {
-            pairs: 0.0,
-            pairs_negative: 0.0,
-            negative: 0.0,
-            imaginary_greatest: 0.0,
             pair_real: f64::NAN,
             real_least: f64::INFINITY,
             real_greatest: f64::NEG_INFINITY,
-            growth_rate: 0.0,
+            ..Self::from_columns([0.0; Self::COLUMNS.len()])
         };
         for value in values {
             let verdict = Verdict::of_value(*value, norm);
@@ -86,20 +82,13 @@ mod tests {
     /// Blocks of known eigenvalues: 2 ± 0.5i, -1 ± 0.1i, -0.04, 3, 0.
     #[test]
     fn known_eigenvalues_are_counted() {
-        let entries = [
-            (0, 0, 2.0),
-            (0, 1, 0.5),
-            (1, 0, -0.5),
-            (1, 1, 2.0),
-            (2, 2, -1.0),
-            (2, 3, 0.1),
-            (3, 2, -0.1),
-            (3, 3, -1.0),
-            (4, 4, -0.04),
-            (5, 5, 3.0),
-            (6, 6, 0.0),
-        ];
-        let entries = entries.map(|(i, j, x)| Triplet::new(i, j, x));
+        let diagonal = [2.0, 2.0, -1.0, -1.0, -0.04, 3.0, 0.0];
+        let diagonal = diagonal.into_iter().enumerate().map(|(i, x)| (i, i, x));
+        let beside = [(0, 1, 0.5), (1, 0, -0.5), (2, 3, 0.1), (3, 2, -0.1)];
+        let entries = diagonal
+            .chain(beside)
+            .map(|(i, j, x)| Triplet::new(i, j, x));
+        let entries: Vec<_> = entries.collect();
         let k = SparseColMat::try_new_from_triplets(7, 7, &entries).unwrap();
         let problem = Problem::new(&k, &[1.0; 7], Mat::zeros(7, 0).as_ref()).unwrap();
         let found = Stability::of(&problem);

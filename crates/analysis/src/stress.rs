@@ -101,8 +101,7 @@ pub fn largest_principals(grains: &Disks, frame: &Frame) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{contact, grains_in};
-    use gshear_dem::state::ContactSample;
+    use crate::testing::{grains_in, pushed, touching};
     use nalgebra::Matrix2;
     use std::f64::consts::PI;
 
@@ -111,22 +110,15 @@ mod tests {
         // Six equal forces F around a disk of radius R: σ = 3 F/(πR) in every direction.
         let (radius, force) = (2.0, 5.0);
         let grains = grains_in(100.0, &[radius; 7]);
-        let mut frame = Frame {
-            position: vec![[50.0, 50.0]],
-            ..Frame::default()
-        };
-        for k in 1..7 {
+        let around = (1..7).map(|k| {
             let angle = 0.3 + PI / 3.0 * f64::from(k);
-            let place = [50.0 + 4.0 * angle.cos(), 50.0 + 4.0 * angle.sin()];
-            frame.position.push(place);
-            frame.contacts.push(ContactSample {
-                normal_force: force,
-                ..contact(0, k as u32)
-            });
-        }
-        let stress = tensors(&grains, &frame);
+            [50.0 + 4.0 * angle.cos(), 50.0 + 4.0 * angle.sin()]
+        });
+        let places = std::iter::once([50.0, 50.0]).chain(around).collect();
+        let contacts = (1..7).map(|k| pushed(0, k, force, 0.0)).collect();
+        let mut frame = touching(places, contacts);
         let wanted = 3.0 * force / (PI * radius);
-        let [xx, yy, xy] = stress[0];
+        let [xx, yy, xy] = tensors(&grains, &frame)[0];
         assert!((xx - wanted).abs() < 1e-13 && (yy - wanted).abs() < 1e-13 && xy.abs() < 1e-13);
         // One force alone: R F/(πR²) along it.
         let principal = largest_principals(&grains, &frame);
@@ -141,19 +133,16 @@ mod tests {
         // Four contacts on the axes, F_t = ±T so that the torques cancel: T along ±y at the sides,
         // along ±x above and below.
         let grains = grains_in(100.0, &[1.0; 5]);
-        let around = [[52.0, 50.0], [50.0, 52.0], [48.0, 50.0], [50.0, 48.0]];
-        let frame = Frame {
-            position: std::iter::once([50.0, 50.0]).chain(around).collect(),
-            contacts: (1..5)
-                .map(|k| ContactSample {
-                    tangential_force: [if k % 2 == 1 { 3.0 } else { -3.0 }, 0.0, 0.0],
-                    ..contact(0, k)
-                })
-                .collect(),
-            ..Frame::default()
-        };
-        let stress = tensors(&grains, &frame);
-        let [xx, yy, xy] = stress[0];
+        let middle = [50.0, 50.0];
+        let places = vec![
+            middle,
+            [52.0, 50.0],
+            [50.0, 52.0],
+            [48.0, 50.0],
+            [50.0, 48.0],
+        ];
+        let contact = |k: u32| pushed(0, k, 0.0, if k % 2 == 1 { 3.0 } else { -3.0 });
+        let [xx, yy, xy] = tensors(&grains, &touching(places, (1..5).map(contact).collect()))[0];
         assert!(xx.abs() < 1e-15 && yy.abs() < 1e-15, "{xx} {yy}");
         assert!((xy - 2.0 * 3.0 / PI).abs() < 1e-14, "{xy}");
     }
@@ -164,34 +153,27 @@ mod tests {
         let mut grains = grains_in(100.0, &[1.0; 4]);
         grains.body = vec![0, 0, 2, 2];
         let height = 3.0_f64.sqrt();
-        let pushed = |i, j, normal_force, tangential_force| ContactSample {
-            normal_force,
-            tangential_force: [tangential_force, 0.0, 0.0],
-            ..contact(i, j)
-        };
-        let frame = Frame {
-            position: vec![[49.0, 0.0], [51.0, 0.0], [50.0, height], [52.0, height]],
-            contacts: vec![
-                pushed(0, 2, 2.0, 0.0),
-                pushed(1, 2, 4.0, 0.0),
-                pushed(2, 3, 99.0, 9.0),
-            ],
-            ..Frame::default()
-        };
+        let contacts = vec![
+            pushed(0, 2, 2.0, 0.0),
+            pushed(1, 2, 4.0, 0.0),
+            pushed(2, 3, 99.0, 9.0),
+        ];
+        let places = vec![[49.0, 0.0], [51.0, 0.0], [50.0, height], [52.0, height]];
         // On 2: 2 (½, √3/2) + 4 (-½, √3/2) = (-1, 3√3).
-        let found = ratio_on_top(&grains, &frame);
+        let found = ratio_on_top(&grains, &touching(places, contacts));
         assert!((found - 1.0 / (3.0 * height)).abs() < 1e-15, "{found}");
         assert!(ratio_on_top(&grains, &Frame::default()).is_nan());
     }
 
     #[test]
     fn the_largest_principal_stress_is_the_greater_eigenvalue() {
-        for s in [
+        let tensors = [
             [1.0, 2.0, 0.5],
             [-3.0, 4.0, 7.0],
             [2.0, 2.0, 0.0],
             [0.0, 0.0, -1.0],
-        ] {
+        ];
+        for s in tensors {
             let eigen = Matrix2::new(s[0], s[2], s[2], s[1]).symmetric_eigenvalues();
             assert!((largest_principal(s) - eigen.max()).abs() < 1e-14, "{s:?}");
         }

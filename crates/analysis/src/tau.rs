@@ -41,33 +41,29 @@ impl TauReading {
 mod tests {
     use super::*;
 
-    fn reading(every: usize, average: bool, round: Option<f64>) -> TauReading {
-        TauReading {
-            every: NonZeroUsize::new(every).expect("one or more"),
+    fn of(tau: &[f64], every: usize, average: bool, round: Option<f64>) -> (Vec<usize>, Vec<f64>) {
+        let every = NonZeroUsize::new(every).expect("one or more");
+        let reading = TauReading {
+            every,
             average,
             round,
-        }
+        };
+        reading.of(tau)
     }
 
     const TAU: [f64; 8] = [0.0, 1.0, 2.0, 6.0, 4.0, 3.0, 8.0, 9.0];
 
     #[test]
-    fn every_row_is_taken_by_default() {
-        let (rows, tau) = reading(1, false, None).of(&TAU);
-        assert_eq!((rows, &tau[..]), ((0..8).collect::<Vec<usize>>(), &TAU[..]));
-        assert_eq!(reading(1, false, None).of(&[]), (vec![], vec![]));
-    }
-
-    #[test]
-    fn values_and_means_are_of_the_interval_that_ends_there() {
-        let of = |average| reading(3, average, None).of(&TAU);
-        assert_eq!(of(false), (vec![0, 3, 6], vec![0.0, 6.0, 8.0]));
-        assert_eq!(of(true), (vec![3, 6], vec![3.0, 5.0]));
-    }
-
-    #[test]
-    fn rounded_values_are_the_nearest_multiples() {
-        let (_, tau) = reading(1, false, Some(2.5)).of(&TAU);
-        assert_eq!(tau, [0.0, 0.0, 2.5, 5.0, 5.0, 2.5, 7.5, 10.0]);
+    fn values_are_of_the_interval_that_ends_there() {
+        let all: Vec<usize> = (0..8).collect();
+        assert_eq!(of(&TAU, 1, false, None), (all.clone(), TAU.to_vec()));
+        assert_eq!(of(&[], 1, false, None), (vec![], vec![]));
+        assert_eq!(
+            of(&TAU, 3, false, None),
+            (vec![0, 3, 6], vec![0.0, 6.0, 8.0])
+        );
+        assert_eq!(of(&TAU, 3, true, None), (vec![3, 6], vec![3.0, 5.0]));
+        let rounded = vec![0.0, 0.0, 2.5, 5.0, 5.0, 2.5, 7.5, 10.0];
+        assert_eq!(of(&TAU, 1, false, Some(2.5)), (all, rounded));
     }
 }

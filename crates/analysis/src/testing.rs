@@ -26,6 +26,24 @@ pub fn contact(i: u32, j: u32) -> ContactSample {
     }
 }
 
+/// Returns a contact of i and j with these forces.
+pub fn pushed(i: u32, j: u32, normal_force: f64, tangential_force: f64) -> ContactSample {
+    ContactSample {
+        normal_force,
+        tangential_force: [tangential_force, 0.0, 0.0],
+        ..contact(i, j)
+    }
+}
+
+/// Returns a frame of 2D grains at these places, with these contacts.
+pub fn touching(position: Vec<[f64; 2]>, contacts: Vec<ContactSample>) -> Frame {
+    Frame {
+        position,
+        contacts,
+        ..Frame::default()
+    }
+}
+
 /// Returns contacts that leave no rattler among n ≥ 5 grains.
 pub fn enough_contacts(n: usize) -> Vec<ContactSample> {
     let n = n as u32;
@@ -51,10 +69,9 @@ pub fn mapped(points: &[Vector2<f64>], map: Matrix2<f64>) -> Vec<Vector2<f64>> {
 pub fn frame(grains: &Disks, points: &[Vector2<f64>]) -> Frame {
     let place = |r: &Vector2<f64>| [r.x.rem_euclid(grains.length), r.y];
     let image = |r: &Vector2<f64>| r.x.div_euclid(grains.length) as i64;
+    let position = points.iter().map(place).collect();
     Frame {
-        position: points.iter().map(place).collect(),
         image: points.iter().map(image).collect(),
-        contacts: enough_contacts(points.len()),
-        ..Frame::default()
+        ..touching(position, enough_contacts(points.len()))
     }
 }

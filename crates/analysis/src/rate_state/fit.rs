@@ -79,8 +79,8 @@ pub struct Fit {
     pub effective: f64,
     /// `[windows][means]` measured minus modelled μ.
     pub residuals: Vec<Vec<f64>>,
-    /// `[windows][segments]` γ_0 g of the residuals.
-    pub(super) noise: Vec<Vec<f64>>,
+    /// `[segments]` of all windows, γ_0 g of the residuals.
+    pub(super) noise: Vec<f64>,
 }
 
 impl Fit {
@@ -141,13 +141,16 @@ pub fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
         windows,
         evolution,
         v_star,
-        roots: equal_weights(windows),
+        roots: segments(windows).map(equal_weight).collect(),
         at: Vector4::zeros(),
     };
     problem.at = problem.guess();
     problem = problem.minimized()?;
     let noise = problem.noise(&problem.residuals_of_windows()?);
-    problem.roots = by_segment(&noise, |noise| noise.variance.sqrt().recip());
+    problem.roots = noise
+        .iter()
+        .map(|noise| noise.variance.sqrt().recip())
+        .collect();
     problem.minimized()?.result()
 }
 
@@ -157,14 +160,12 @@ pub fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
 /// windows, the one with the lesser χ² is more likely; take the noise from the fit with the lesser
 /// `rms`.
 pub fn chi_squared(windows: &[FitWindow], fit: &Fit, noise_of: &Fit) -> f64 {
-    let mut sum = 0.0;
-    for ((window, residuals), noise) in windows.iter().zip(&fit.residuals).zip(&noise_of.noise) {
-        for (means, noise) in window.segments.iter().zip(noise) {
-            let square: f64 = residuals[means.clone()].iter().map(|r| r * r).sum();
-            sum += square / noise;
-        }
-    }
-    sum
+    let squares = by_segment(windows, &fit.residuals)
+        .map(|residuals| residuals.iter().map(|r| r * r).sum::<f64>());
+    squares
+        .zip(&noise_of.noise)
+        .map(|(square, noise)| square / noise)
+        .sum()
 }
 
 /// Noise of the residuals in one segment.
@@ -184,22 +185,29 @@ struct FitProblem<'a> {
     windows: &'a [FitWindow],
     evolution: Evolution,
     v_star: f64,
-    /// `[windows][segments]` square roots of the weights.
-    roots: Vec<Vec<f64>>,
+    /// `[segments]` of all windows, square roots of the weights.
+    roots: Vec<f64>,
     /// ln a, b, ln D_c, μ*.
     at: Vector4<f64>,
 }
 
-fn equal_weights(windows: &[FitWindow]) -> Vec<Vec<f64>> {
-    let root = |means: &Range<usize>| (means.len().max(1) as f64).sqrt().recip();
-    let of = |window: &FitWindow| window.segments.iter().map(root).collect();
-    windows.iter().map(of).collect()
+/// The square root of the weight of a segment if all segments count alike.
+fn equal_weight(means: &Range<usize>) -> f64 {
+    (means.len().max(1) as f64).sqrt().recip()
 }
 
-/// `[windows][segments]`.
-fn by_segment(noise: &[Vec<Noise>], value: fn(&Noise) -> f64) -> Vec<Vec<f64>> {
-    let of = |segments: &Vec<Noise>| segments.iter().map(value).collect();
-    noise.iter().map(of).collect()
+/// The segments of all windows.
+fn segments(windows: &[FitWindow]) -> impl Iterator<Item = &Range<usize>> {
+    windows.iter().flat_map(|window| &window.segments)
+}
+
+/// The values of the segments of all windows, from `[windows][means]`.
+fn by_segment<'a>(
+    windows: &'a [FitWindow],
+    values: &'a [Vec<f64>],
+) -> impl Iterator<Item = &'a [f64]> {
+    let windows = windows.iter().zip(values);
+    windows.flat_map(|(window, values)| window.segments.iter().map(|means| &values[means.clone()]))
 }
 
 impl FitProblem<'_> {
@@ -252,9 +260,10 @@ impl FitProblem<'_> {
     fn weighted(&self, at: &Vector4<f64>) -> OVector<f64, Dyn> {
         let law = self.law(at);
         let mut all = Vec::with_capacity(self.means());
-        for (window, roots) in self.windows.iter().zip(&self.roots) {
+        let mut roots = self.roots.iter();
+        for window in self.windows {
             let model = window.model_means(&law);
-            for (means, root) in window.segments.iter().zip(roots) {
+            for (means, root) in window.segments.iter().zip(&mut roots) {
                 all.extend(means.clone().map(|k| match &model {
                     Ok(model) => root * (window.friction[k] - model[k]),
                     Err(_) => root * FAILED,
@@ -275,8 +284,7 @@ impl FitProblem<'_> {
             };
             j.set_column(c, &((moved(h) - moved(-h)) / (2.0 * h)));
         }
-        let windows = self.windows.iter().zip(&self.roots);
-        let segments = windows.flat_map(|(window, roots)| window.segments.iter().zip(roots));
+        let segments = segments(self.windows).zip(&self.roots);
         let roots = segments.flat_map(|(means, root)| std::iter::repeat_n(-root, means.len()));
         j.set_column(3, &OVector::<f64, Dyn>::from_iterator(self.means(), roots));
         j
@@ -308,8 +316,8 @@ impl FitProblem<'_> {
         self.windows.iter().map(of).collect()
     }
 
-    /// `[windows][segments]`.
-    fn noise(&self, residuals: &[Vec<f64>]) -> Vec<Vec<Noise>> {
+    /// `[segments]` of all windows.
+    fn noise(&self, residuals: &[Vec<f64>]) -> Vec<Noise> {
         let of = |residuals: &[f64]| {
             let correlation = correlation(residuals);
             let floor = MODEL_ERROR * MODEL_ERROR;
@@ -319,19 +327,13 @@ impl FitProblem<'_> {
                 freedom: (residuals.len() as f64 / (2 * correlation.window + 1) as f64).max(1.0),
             }
         };
-        let of_window = |(window, residuals): (&FitWindow, &Vec<f64>)| {
-            let segments = window.segments.iter();
-            segments
-                .map(|means| of(&residuals[means.clone()]))
-                .collect()
-        };
-        self.windows.iter().zip(residuals).map(of_window).collect()
+        by_segment(self.windows, residuals).map(of).collect()
     }
 
     fn result(self) -> Result<Fit, String> {
         let residuals = self.residuals_of_windows()?;
         let noise = self.noise(&residuals);
-        let effective: f64 = noise.iter().flatten().map(|noise| noise.effective).sum();
+        let effective: f64 = noise.iter().map(|noise| noise.effective).sum();
         if effective < PARAMETERS as f64 + 1.0 {
             return Err(format!(
                 "the data are worth {effective:.1} independent values, but {PARAMETERS} parameters need at least {}; record longer or more often",
@@ -339,7 +341,7 @@ impl FitProblem<'_> {
             ));
         }
         let covariance = self.covariance(&noise)?;
-        let half_width = |a, b, d_c, mu| covariance.half_width(&Vector4::new(a, b, d_c, mu));
+        let half_width = |a, b, d_c, mu| half_width(&covariance, &Vector4::new(a, b, d_c, mu));
         let law = self.law(&self.at);
         let count = residuals.iter().map(Vec::len).sum::<usize>() as f64;
         let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
@@ -354,21 +356,20 @@ impl FitProblem<'_> {
             rms: (square / count).sqrt(),
             effective,
             residuals,
-            noise: by_segment(&noise, |noise| noise.variance),
+            noise: noise.iter().map(|noise| noise.variance).collect(),
         })
     }
 
-    fn covariance(&self, noise: &[Vec<Noise>]) -> Result<Covariance, String> {
+    /// C_s of each segment and its degrees of freedom.
+    fn covariance(&self, noise: &[Noise]) -> Result<Vec<(Matrix4<f64>, f64)>, String> {
         let j = self.derivatives();
         let mut squares = Vec::new();
         let mut row = 0;
-        for ((window, roots), noise) in self.windows.iter().zip(&self.roots).zip(noise) {
-            for ((means, root), noise) in window.segments.iter().zip(roots).zip(noise) {
-                let part = j.rows(row, means.len());
-                // `part` holds weighted derivatives, so this is w JᵀJ.
-                squares.push((part.transpose() * part, root * root, *noise));
-                row += means.len();
-            }
+        for ((means, root), noise) in segments(self.windows).zip(&self.roots).zip(noise) {
+            let part = j.rows(row, means.len());
+            // `part` holds weighted derivatives, so this is w JᵀJ.
+            squares.push((part.transpose() * part, root * root, *noise));
+            row += means.len();
         }
         let a: Matrix4<f64> = squares.iter().map(|(square, ..)| square).sum();
         // Scaled to a unit diagonal, so that small parameters count as much as large ones.
@@ -385,23 +386,18 @@ impl FitProblem<'_> {
             let part = inverse * square * inverse * (weight * variance);
             (part, noise.freedom)
         };
-        Ok(Covariance(squares.into_iter().map(part).collect()))
+        Ok(squares.into_iter().map(part).collect())
     }
 }
 
-/// C_s of each segment and its degrees of freedom.
-struct Covariance(Vec<(Matrix4<f64>, f64)>);
-
-impl Covariance {
-    /// Half the 95 % interval of the linear combination of parameters with these factors.
-    fn half_width(&self, factors: &Vector4<f64>) -> f64 {
-        let parts = self.0.iter().map(|(part, freedom)| {
-            let variance = factors.dot(&(part * factors));
-            (variance, variance * variance / freedom)
-        });
-        let (variance, square) = parts.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
-        student(variance * variance / square) * variance.sqrt()
-    }
+/// Half the 95 % interval of the linear combination of parameters with these factors.
+fn half_width(covariance: &[(Matrix4<f64>, f64)], factors: &Vector4<f64>) -> f64 {
+    let parts = covariance.iter().map(|(part, freedom)| {
+        let variance = factors.dot(&(part * factors));
+        (variance, variance * variance / freedom)
+    });
+    let (variance, square) = parts.fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    student(variance * variance / square) * variance.sqrt()
 }
 
 /// Least eigenvalue of the scaled JᵀJ; below it the finite differences of the model are noise.

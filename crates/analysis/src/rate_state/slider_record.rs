@@ -146,34 +146,32 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
     let end = members.iter().map(last).fold(f64::INFINITY, f64::min);
     // Times count from each record's first row.
     let rows = first.time.partition_point(|t| t - first.time[0] <= end);
-    let mut joined = SliderRecord {
-        stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / members.len() as f64,
-        drive: first.drive.clone(),
-        time: first.time[..rows].to_vec(),
-        slip: Vec::with_capacity(rows),
-        friction: Vec::with_capacity(rows),
-        temperature: Vec::with_capacity(rows),
-        deviation: Vec::with_capacity(rows),
-        realisations: members.len(),
-    };
-    for time in &joined.time {
-        let at = |values: fn(&SliderRecord) -> &[f64]| -> Vec<f64> {
+    let time = first.time[..rows].to_vec();
+    // The values of all members, row by row.
+    let rows = |values: fn(&SliderRecord) -> &[f64]| {
+        time.iter().map(move |time| -> Vec<f64> {
             let since = time - first.time[0];
             let at = |r: &&SliderRecord| interpolated(&r.time, values(r), r.time[0] + since);
             members.iter().map(at).collect()
-        };
-        let friction = at(|r| &r.friction);
-        let moments = Moments::of(&friction);
-        joined.friction.push(moments.mean);
-        joined.deviation.push(moments.deviation());
-        joined.slip.push(moments::mean(&at(|r| &r.slip)));
-        let temperatures = at(|r| &r.temperature);
-        joined.temperature.push(moments::mean(&temperatures));
-    }
-    if let (Some(segment), Some(time)) = (joined.drive.last_mut(), joined.time.last()) {
+        })
+    };
+    let means = |values| rows(values).map(|values| moments::mean(&values)).collect();
+    let friction = rows(|r| &r.friction).map(|values| Moments::of(&values));
+    let friction: Vec<Moments> = friction.collect();
+    let mut drive = first.drive.clone();
+    if let (Some(segment), Some(time)) = (drive.last_mut(), time.last()) {
         segment.duration = time - first.begin(first.drive.len() - 1);
     }
-    joined
+    SliderRecord {
+        stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / members.len() as f64,
+        drive,
+        slip: means(|r| &r.slip),
+        friction: friction.iter().map(|of| of.mean).collect(),
+        temperature: means(|r| &r.temperature),
+        deviation: friction.iter().map(Moments::deviation).collect(),
+        realisations: members.len(),
+        time,
+    }
 }
 
 /// Linear between the rows, constant beyond them.

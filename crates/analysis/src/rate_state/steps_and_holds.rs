@@ -127,21 +127,18 @@ pub fn steps(
         let (before, after) = (steady[segment - 1]?, steady[segment]?);
         let up = after.velocity > before.velocity;
         let extreme = extreme(record, segment, up, d_c)?;
+        let change = |[from, of_from]: [f64; 2], [to, of_to]: [f64; 2]| {
+            // With the standard error.
+            [to - from, of_from.hypot(of_to)]
+        };
+        let [start, end] = [before, after].map(|steady| [steady.friction, steady.error]);
+        let peak = [extreme.friction, extreme.error];
         Some(VelocityStep {
             segment,
             velocities: [before.velocity, after.velocity],
-            direct: [
-                extreme.friction - before.friction,
-                before.error.hypot(extreme.error),
-            ],
-            evolution: [
-                extreme.friction - after.friction,
-                after.error.hypot(extreme.error),
-            ],
-            net: [
-                after.friction - before.friction,
-                before.error.hypot(after.error),
-            ],
+            direct: change(start, peak),
+            evolution: change(end, peak),
+            net: change(start, end),
         })
     };
     (1..record.drive.len()).filter_map(of).collect()

@@ -1,21 +1,17 @@
 //! The second kick of a step is given before grains are read, or by the next step: the bits are the
 //! same.
 
-use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
-use gshear_dem::domain::Solo;
-use gshear_dem::drive::{GrainWalls, Piston, Slider, Top};
-use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::Contact;
-use gshear_dem::laws::hertz::{Hertz, Spheres};
-use gshear_dem::laws::hooke::{Hooke, Springs};
-use gshear_dem::observe;
+use gshear_dem::drive::{GrainWalls, Slider, Top};
+use gshear_dem::laws::hertz::{self, Spheres};
+use gshear_dem::laws::hooke::{self, Springs};
+use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::protocol::Protocol;
-use gshear_dem::state::{Cell, GrainState, Masses, body};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::state::{Cell, GrainState, body};
 use gshear_dem::system::{ListSettings, Setup, System};
 
-const RADIUS: f64 = 1e-3;
+use crate::common::{RADIUS, Rig, elastic, layers, periods, piston, random, undamped};
+
 const DENSITY: f64 = 2500.0;
 /// Grains along every periodic axis, and layers.
 const SIDE: usize = 8;
@@ -28,89 +24,55 @@ type Access<D> = fn(&mut System<D>, &GrainWalls);
 
 /// A pressed layer between a fixed wall and one that a spring pulls along: its grains move, collide
 /// and cross the periodic boundary. Returns the digest of grains, contacts and walls.
-fn run<D: Dimension>(law: &dyn PairForce<D>, step: f64, every: u64, access: Access<D>) -> String {
+fn run<D: LawSpace>(law: &Law, step: f64, every: u64, access: Access<D>) -> String {
     let length = SIDE as f64 * SPACING;
-    let width = match D::AXES {
-        2 => f64::INFINITY,
-        _ => length,
-    };
+    let cell = Cell::between_walls(periods::<D>(length, length));
     let setup = Setup {
         list: ListSettings {
             skin: Some(0.1),
             rebuild_every: 7,
         },
         mean_diameter: 2.0 * RADIUS,
-        ..Setup::new(
-            Cell::between_walls([length, width]),
-            1.01 * RADIUS,
-            Masses::Density(DENSITY),
-            step,
-        )
+        ..Setup::new(cell, 1.01 * RADIUS, law.masses(), step)
     };
-    let mass = DENSITY * D::volume(RADIUS);
     let per_layer = SIDE.pow(D::UP as u32);
+    let mass = per_layer as f64 * DENSITY * D::volume(RADIUS);
     let area = SPACING.powi(D::UP as i32) * per_layer as f64;
-    let piston = Piston {
-        height: (LAYERS - 1) as f64 * SPACING,
-        velocity: 0.0,
-        acceleration: 0.0,
-        mass: per_layer as f64 * mass,
-        load: 1e4 * area,
-    };
-    let slider = Slider::new(
-        Protocol::new(step, [(0.5, STEPS)]),
-        Some(1e-3 * per_layer as f64 * mass / (step * step)),
-    );
-    let mut walls = GrainWalls::new(Top::new(piston, slider, None, true));
-    let mut system = System::new(&Solo, setup).expect("one rank");
-    system
-        .replace(&Solo, law, &mut walls, grains::<D>(), Vec::new())
-        .expect("a list");
-    initial_forces(&Solo, &mut system, law, &mut walls, None).expect("sound forces");
+    let protocol = Protocol::new(step, [(0.5, STEPS)]);
+    let slider = Slider::new(protocol, Some(1e-3 * mass / (step * step)));
+    let piston = piston((LAYERS - 1) as f64 * SPACING, mass, 1e4 * area);
+    let walls = GrainWalls::new(Top::new(piston, slider, None, true));
+    let law = D::pair_force(law, &CONTACT).expect("a law of this dimension");
+    let mut rig = Rig::new(setup, law, walls, (grains::<D>(), Vec::new()));
     for k in 1..=STEPS {
-        advance(&Solo, &mut system, law, &mut walls, StepRequest::default()).expect("sound");
+        rig.step();
         if every > 0 && k % every == 0 {
-            access(&mut system, &walls);
+            access(&mut rig.system, &rig.walls);
         }
     }
-    assert!(system.list.rebuilds > STEPS / 8);
-    assert!(walls.motion.slider.state.displacement > 0.0 && walls.motion.piston.velocity != 0.0);
-    let state = walls.motion.state();
-    observe::digest(&Solo, &mut system, law, bytemuck::cast_slice(&state), STEPS)
+    let motion = &rig.walls.motion;
+    assert!(rig.system.list.rebuilds > STEPS / 8);
+    assert!(motion.slider.state.displacement > 0.0 && motion.piston.velocity != 0.0);
+    let state = motion.state();
+    rig.digest(&state)
 }
 
 fn grains<D: Dimension>() -> Vec<GrainState> {
-    let mut random = crate::common::random(5);
-    let per_layer = SIDE.pow(D::UP as u32);
-    let grain = |id: usize| {
-        let layer = id / per_layer;
-        let body = match layer {
-            0 => body::BOTTOM,
-            k if k == LAYERS - 1 => body::TOP,
-            _ => body::FREE,
-        };
-        let mut state = GrainState {
-            id: id as u32,
-            body,
-            radius: RADIUS * (1.0 + 0.01 * random()),
-            ..GrainState::zeroed()
-        };
+    let mut random = random(5);
+    layers::<D>((SIDE, LAYERS), SPACING, |grain| {
+        grain.radius *= 1.0 + 0.01 * random();
         for axis in 0..D::UP {
-            let place = (id / SIDE.pow(axis as u32) % SIDE) as f64;
-            state.position[axis] = (place + 0.1 + 0.005 * random()) * SPACING;
+            grain.position[axis] += 0.005 * random() * SPACING;
         }
-        state.position[D::UP] = layer as f64 * SPACING;
-        if body == body::FREE {
+        if grain.body == body::FREE {
             for axis in 0..D::AXES {
-                state.velocity[axis] = 0.3 * random();
+                grain.velocity[axis] = 0.3 * random();
             }
             for axis in 3 - D::SPINS..3 {
-                state.angular_velocity[axis] = 100.0 * random();
+                grain.angular_velocity[axis] = 100.0 * random();
             }
         }
-        state
-    };
-    (0..LAYERS * per_layer).map(grain).collect()
+    })
 }
 
 /// The result of an immediate kick: v(t+½Δt) + ½Δt F/m, and likewise for spins; the drive sets the
@@ -139,20 +101,22 @@ fn at_the_full_step<D: Dimension>(system: &mut System<D>, walls: &GrainWalls) {
     assert!(moving > 0, "no free grain is pushed");
 }
 
-fn access_changes_nothing<D: Dimension>(law: &dyn PairForce<D>, step: f64) {
-    let never = run(law, step, 0, at_the_full_step);
+/// `stiffness` (N/m; Pa in 2D): of a contact.
+fn access_changes_nothing<D: LawSpace>(law: &Law, stiffness: f64) {
+    let step = 0.1 * (DENSITY * D::volume(RADIUS) / stiffness).sqrt();
+    let never = run::<D>(law, step, 0, at_the_full_step);
     for every in [1, 3, STEPS] {
-        assert_eq!(run(law, step, every, at_the_full_step), never, "{every}");
+        assert_eq!(
+            run(law, step, every, at_the_full_step::<D>),
+            never,
+            "{every}"
+        );
     }
     // Every accessor.
     let accessors: [Access<D>; 4] = [
         |system, _| drop(system.grain_states()),
-        |system, _| {
-            system.grains_mut();
-        },
-        |system, _| {
-            system.grains_and_contacts();
-        },
+        |system, _| _ = system.grains_mut(),
+        |system, _| _ = system.grains_and_contacts(),
         |system, _| {
             system.grains();
             system.grains();
@@ -173,28 +137,19 @@ const CONTACT: Contact = Contact {
 #[test]
 fn of_disks() {
     let springs = Springs {
-        normal_stiffness: 1e7,
-        tangential_stiffness: 4e6,
-        density: DENSITY,
         damping_ratio: 0.1,
-        sliding_damping: 0.0,
+        ..elastic(1e7, 4e6, DENSITY)
     };
-    let mass = DENSITY * Two::volume(RADIUS);
-    let step = 0.1 * (mass / springs.normal_stiffness).sqrt();
-    access_changes_nothing(&Hooke::<Two, true, true>::new(&springs, &CONTACT), step);
+    access_changes_nothing::<Two>(&Law::of(&hooke::KIND, springs), springs.normal_stiffness);
 }
 
 #[test]
 fn of_spheres() {
     let spheres = Spheres {
-        young_modulus: 1e9,
-        poisson_ratio: 0.2,
-        density: DENSITY,
         normal_damping: 1e5,
         tangential_damping: 5e4,
+        ..undamped(1e9, 0.2, DENSITY)
     };
-    let mass = DENSITY * Three::volume(RADIUS);
     let stiffness = spheres.normal_stiffness() * (0.5 * RADIUS * 0.02 * RADIUS).sqrt();
-    let step = 0.1 * (mass / stiffness).sqrt();
-    access_changes_nothing(&Hertz::<true>::new(&spheres, &CONTACT), step);
+    access_changes_nothing::<Three>(&Law::of(&hertz::KIND, spheres), stiffness);
 }

@@ -1,34 +1,33 @@
 //! The halo holds the ghosts that the forces need and no others. The ranks are threads.
 
-use std::sync::{Arc, Barrier, Mutex};
+use std::sync::{Barrier, Mutex};
 
-use crate::common::{CONTACT, gas, setup, springs};
+use crate::common::{gas, gas_law, setup};
 use bytemuck::{cast_slice, pod_collect_to_vec};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::{Exchange, Link, Solo};
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::hooke::Hooke;
+use gshear_dem::laws::LawSpace;
 use gshear_dem::observe;
 use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, System};
+use gshear_dem::system::System;
 
 /// A rank of a job whose ranks are threads.
-struct Thread {
+struct Thread<'a> {
     rank: usize,
-    barrier: Arc<Barrier>,
+    barrier: &'a Barrier,
     /// By sender and receiver.
-    messages: Arc<Mutex<Vec<Vec<Vec<u8>>>>>,
+    messages: &'a Mutex<Vec<Vec<Vec<u8>>>>,
 }
 
-impl Thread {
+impl Thread<'_> {
     fn sums(&self, values: &[i64]) -> Vec<Vec<i64>> {
         let all = self.gather(cast_slice(values));
         all.iter().map(|bytes| pod_collect_to_vec(bytes)).collect()
     }
 }
 
-impl Exchange for Thread {
+impl Exchange for Thread<'_> {
     fn rank(&self) -> usize {
         self.rank
     }
@@ -102,31 +101,26 @@ impl Exchange for Thread {
     }
 }
 
-/// Runs `steps` steps on this rank, and returns the digest. After each list that it makes, calls
+const STEPS: u64 = 3000;
+
+/// Runs [`STEPS`] on this rank, and returns the digest. After each list that it makes, calls
 /// `look`.
-fn run<D: Dimension>(
+fn run<D: LawSpace>(
     exchange: &dyn Exchange,
-    law: &dyn PairForce<D>,
     side: usize,
-    steps: u64,
     mut look: impl FnMut(&mut System<D>),
 ) -> String {
-    let list = ListSettings {
-        skin: Some(0.1),
-        rebuild_every: 0,
-    };
-    let setup = setup::<D>(side, 0.2, list);
     let mut grains = gas::<D>(side, 0.5, 5);
     if exchange.rank() > 0 {
         grains.clear();
     }
-    let mut system = System::new(exchange, setup).expect("wide slabs");
-    let walls = &mut NoWalls;
+    let (law, walls) = (&*gas_law(), &mut NoWalls);
+    let mut system = System::new(exchange, setup::<D>(side, 0.2, (0.1, 0))).expect("wide slabs");
     let made = system.replace(exchange, law, walls, grains, Vec::new());
     made.expect("a list");
     look(&mut system);
-    initial_forces(exchange, &mut system, law, walls, None).expect("sound forces");
-    for _ in 0..steps {
+    initial_forces(exchange, &mut system, law, walls, None).expect("sound");
+    for _ in 0..STEPS {
         let lists = system.list.rebuilds;
         advance(exchange, &mut system, law, walls, StepRequest::default()).expect("sound");
         if system.list.rebuilds > lists {
@@ -134,7 +128,7 @@ fn run<D: Dimension>(
         }
     }
     assert!(system.list.rebuilds > 3, "too few lists");
-    observe::digest(exchange, &mut system, law, &[], steps)
+    observe::digest(exchange, &mut system, law, &[], STEPS)
 }
 
 /// Fails if a ghost is in no pair. Returns the number of ghosts.
@@ -155,54 +149,44 @@ fn count_paired_ghosts<D: Dimension>(system: &mut System<D>) -> usize {
     local - owned
 }
 
-fn on_ranks<D: Dimension>(law: &(dyn PairForce<D> + Sync), side: usize, ranks: usize) {
-    let steps = 3000;
-    let expected = run::<D>(&Solo, law, side, steps, |_| ());
-    let barrier = Arc::new(Barrier::new(ranks));
-    let messages = Arc::new(Mutex::new(vec![Vec::new(); ranks]));
-    std::thread::scope(|scope| {
-        let threads = (0..ranks).map(|rank| Thread {
-            rank,
-            barrier: barrier.clone(),
-            messages: messages.clone(),
+fn on_ranks<D: LawSpace>(side: usize, ranks: usize) {
+    let expected = run::<D>(&Solo, side, |_| ());
+    let (barrier, messages) = (&Barrier::new(ranks), &Mutex::new(vec![Vec::new(); ranks]));
+    let on_one = |exchange: Thread<'_>| {
+        let mut ghosts = 0;
+        let digest = run::<D>(&exchange, side, |system| {
+            let here = count_paired_ghosts(system);
+            ghosts = here.max(ghosts);
+            let sent = system.slabs.traffic().0 / size_of::<D::Record>();
+            let mut counts = [here, sent].map(|n| n as i64);
+            exchange.sum(&mut counts);
+            assert_eq!(counts[0], counts[1], "what is sent is received");
         });
-        let handles: Vec<_> = threads
-            .map(|exchange| {
-                scope.spawn(move || {
-                    let mut ghosts = 0;
-                    let digest = run::<D>(&exchange, law, side, steps, |system| {
-                        let here = count_paired_ghosts(system);
-                        ghosts = here.max(ghosts);
-                        let sent = system.slabs.traffic().0 / size_of::<D::Record>();
-                        let counts = [here, sent].map(|n| n as i64);
-                        let all = exchange.sums(&counts);
-                        let total = |k: usize| all.iter().map(|of| of[k]).sum::<i64>();
-                        assert_eq!(total(0), total(1), "what is sent is received");
-                    });
-                    (digest, ghosts)
-                })
-            })
-            .collect();
-        for handle in handles {
-            let (digest, ghosts) = handle.join().expect("no panic");
-            assert_eq!(digest, expected);
-            assert!(ghosts > 0, "no ghosts");
+        assert_eq!(digest, expected);
+        assert!(ghosts > 0, "no ghosts");
+    };
+    std::thread::scope(|scope| {
+        for rank in 0..ranks {
+            let exchange = Thread {
+                rank,
+                barrier,
+                messages,
+            };
+            scope.spawn(|| on_one(exchange));
         }
     });
 }
 
 #[test]
 fn ghosts_of_disks_are_those_in_pairs() {
-    let law = Hooke::<Two, true, false>::new(&springs::<Two>(), &CONTACT);
     for ranks in [2, 3] {
-        on_ranks(&law, 24, ranks);
+        on_ranks::<Two>(24, ranks);
     }
 }
 
 #[test]
 fn ghosts_of_spheres_are_those_in_pairs() {
-    let law = Hooke::<Three, true, false>::new(&springs::<Three>(), &CONTACT);
     for ranks in [2, 3] {
-        on_ranks(&law, 12, ranks);
+        on_ranks::<Three>(12, ranks);
     }
 }

@@ -2,18 +2,14 @@
 //! the offset of a sheared box returns.
 
 use bytemuck::Zeroable;
-use gshear_dem::dimension::{Dimension, Two};
-use gshear_dem::domain::Solo;
+use gshear_dem::dimension::{Three, Two};
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::Contact;
-use gshear_dem::laws::hertz::{Hertz, Spheres};
-use gshear_dem::laws::hooke::{Hooke, Springs};
+use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{Setup, System};
+use gshear_dem::system::Setup;
 
-const RADIUS: f64 = 1e-3;
+use crate::common::{RADIUS, Rig, gas_law, periods};
+
 /// Edges of the box (m), and the time step (s).
 const EDGES: [f64; 3] = [20e-3, 16e-3, 12e-3];
 const STEP: f64 = 1e-5;
@@ -21,13 +17,10 @@ const STEPS: u64 = 20_000;
 
 /// Four grains that never touch each other, because they fly in different planes or one after the
 /// other: in unwrapped coordinates each moves along a straight line, whatever the images do.
-fn straight<D: Dimension>(law: &dyn PairForce<D>, sheared: bool) {
+fn straight<D: LawSpace>(sheared: bool) {
     let height = EDGES[D::UP];
     let cell = Cell {
-        periods: match D::AXES {
-            2 => [EDGES[0], f64::INFINITY],
-            _ => [EDGES[0], EDGES[1]],
-        },
+        periods: periods::<D>(EDGES[0], EDGES[1]),
         sheared: sheared.then_some(Sheared {
             offset: 0.3e-3,
             velocity: 0.37,
@@ -54,28 +47,16 @@ fn straight<D: Dimension>(law: &dyn PairForce<D>, sheared: bool) {
         grain
     };
     let start: Vec<GrainState> = (0..4).map(grain).collect();
-    let mut system = System::<D>::new(
-        &Solo,
-        Setup::new(cell, RADIUS, Masses::Density(2500.0), STEP),
-    )
-    .expect("one rank");
-    (system.replace(&Solo, law, &mut NoWalls, start.clone(), Vec::new())).expect("a list");
-    initial_forces(&Solo, &mut system, law, &mut NoWalls, None).expect("sound forces");
+    let setup = Setup::new(cell, RADIUS, Masses::Density(2500.0), STEP);
+    let mut rig = Rig::new(setup, gas_law::<D>(), NoWalls, (start.clone(), Vec::new()));
     let (mut farthest, mut above) = ([0i64; 3], 0);
     for k in 1..=STEPS {
-        advance(
-            &Solo,
-            &mut system,
-            law,
-            &mut NoWalls,
-            StepRequest::default(),
-        )
-        .expect("sound");
+        rig.step();
         if k % 7 != 0 && k != STEPS {
             continue;
         }
-        let edges = system.cell.edges::<D>(height);
-        for grain in system.grain_states() {
+        let edges = rig.system.cell.edges::<D>(height);
+        for grain in rig.system.grain_states() {
             let from = start[grain.id as usize];
             for axis in 0..D::AXES {
                 let images = (0..D::AXES).map(|n| grain.image[n] as f64 * edges[n][axis]);
@@ -97,29 +78,9 @@ fn straight<D: Dimension>(law: &dyn PairForce<D>, sheared: bool) {
 }
 
 #[test]
-fn disks_fly_straight() {
-    let springs = Springs {
-        normal_stiffness: 1e6,
-        tangential_stiffness: 1e6,
-        density: 2500.0,
-        damping_ratio: 0.1,
-        sliding_damping: 0.0,
-    };
-    let law = Hooke::<Two, false, false>::new(&springs, &Contact::default());
-    straight(&law, false);
-    straight(&law, true);
-}
-
-#[test]
-fn spheres_fly_straight() {
-    let spheres = Spheres {
-        young_modulus: 1e9,
-        poisson_ratio: 0.2,
-        density: 2500.0,
-        normal_damping: 1e5,
-        tangential_damping: 5e4,
-    };
-    let law = Hertz::<false>::new(&spheres, &Contact::default());
-    straight(&law, false);
-    straight(&law, true);
+fn free_grains_fly_straight() {
+    for sheared in [false, true] {
+        straight::<Two>(sheared);
+        straight::<Three>(sheared);
+    }
 }

@@ -2,21 +2,16 @@
 
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Three, Two};
-use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::laws::damping::damping_ratio;
 use gshear_dem::laws::mixture::pair_force;
 use gshear_dem::laws::{Contact, Law, LawSpace, hooke};
 use gshear_dem::state::{GrainState, Masses};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::system::Setup;
 
-use crate::common::{CONTACT, gas, setup, springs};
+use crate::common::{CONTACT, Rig, gas, setup, springs};
 
-const ALWAYS: ListSettings = ListSettings {
-    skin: Some(0.1),
-    rebuild_every: 7,
-};
+const ALWAYS: (f64, u64) = (0.1, 7);
 
 /// The grains after so many steps, by id.
 fn after<D: LawSpace>(
@@ -26,42 +21,39 @@ fn after<D: LawSpace>(
     steps: usize,
 ) -> Vec<GrainState> {
     let law = pair_force::<D>(laws).expect("a law of this dimension");
-    let mut system = System::new(&Solo, setup).expect("one rank");
-    let none = Vec::new();
-    (system.replace(&Solo, law.as_ref(), &mut NoWalls, grains, none)).expect("a list");
-    initial_forces(&Solo, &mut system, law.as_ref(), &mut NoWalls, None).expect("sound");
-    for _ in 0..steps {
-        let request = StepRequest::default();
-        advance(&Solo, &mut system, law.as_ref(), &mut NoWalls, request).expect("sound");
-    }
-    system.grain_states()
+    let mut rig = Rig::new(setup, law, NoWalls, (grains, Vec::new()));
+    (0..steps).for_each(|_| rig.step());
+    rig.system.grain_states()
 }
 
-fn materials_of_one_kind_are_one<D: LawSpace>(contact: Contact) {
-    let law = Law::of(&hooke::KIND, springs::<D>());
+/// Fails unless grains of these materials, with the laws of all pairs, move as those of one
+/// material with the law of `alone`.
+fn move_as_one<D: LawSpace>(
+    alone: &(Law, Contact),
+    mixture: &[(Law, Contact)],
+    material: impl Fn(u32) -> u64,
+) {
     let side = if D::AXES == 2 { 12 } else { 6 };
-    let alone = gas::<D>(side, 0.9, 5);
-    let mut mixed = alone.clone();
-    for g in &mut mixed {
-        g.material = u64::from(g.id * 7 % 5 % 2);
-    }
+    let grains = gas::<D>(side, 0.9, 5);
+    let mut mixed = grains.clone();
+    mixed.iter_mut().for_each(|g| g.material = material(g.id));
     for threads in [1, 3] {
         let setup = Setup {
             threads,
             ..setup::<D>(side, 3.0, ALWAYS)
         };
-        let of_one = after::<D>(
-            setup.clone(),
-            &[(law.clone(), contact)],
-            alone.clone(),
-            2000,
-        );
-        let of_two = vec![(law.clone(), contact); 4];
-        let of_two = after::<D>(setup, &of_two, mixed.clone(), 2000);
-        let moved = |a: &GrainState, b: &GrainState| a.moving() == b.moving();
-        assert!(of_one.iter().zip(&of_two).all(|(a, b)| moved(a, b)));
-        assert!(of_one.iter().any(|g| g.angular_velocity != [0.0; 3]));
+        let one = std::slice::from_ref(alone);
+        let expected = after::<D>(setup.clone(), one, grains.clone(), 2000);
+        let found = after::<D>(setup, mixture, mixed.clone(), 2000);
+        let moved = |(a, b): (&GrainState, &GrainState)| a.moving() == b.moving();
+        assert!(found.iter().zip(&expected).all(moved));
+        assert!(found.iter().any(|g| g.angular_velocity != [0.0; 3]));
     }
+}
+
+fn materials_of_one_kind_are_one<D: LawSpace>(contact: Contact) {
+    let law = (Law::of(&hooke::KIND, springs::<D>()), contact);
+    move_as_one::<D>(&law, &vec![law.clone(); 4], |id| u64::from(id * 7 % 5 % 2));
 }
 
 /// Grains of the second material alone have its law, and not that of the first.
@@ -71,16 +63,8 @@ fn the_second_material_alone<D: LawSpace>() {
         springs.normal_stiffness *= factor;
         (Law::of(&hooke::KIND, springs), CONTACT)
     });
-    let side = if D::AXES == 2 { 12 } else { 6 };
-    let alone = gas::<D>(side, 0.9, 5);
-    let mut of_second = alone.clone();
-    of_second.iter_mut().for_each(|g| g.material = 1);
-    let setup = setup::<D>(side, 3.0, ALWAYS);
     let mixture = [&first, &first, &first, &second].map(Clone::clone);
-    let found = after::<D>(setup.clone(), &mixture, of_second, 1000);
-    let expected = after::<D>(setup, &[second], alone, 1000);
-    let moved = |(a, b): (&GrainState, &GrainState)| a.moving() == b.moving();
-    assert!(found.iter().zip(&expected).all(moved));
+    move_as_one::<D>(&second, &mixture, |_| 1);
 }
 
 #[test]
@@ -90,18 +74,14 @@ fn grains_of_the_second_material_have_its_law() {
 }
 
 #[test]
-fn disks_of_two_equal_materials_move_as_one() {
-    materials_of_one_kind_are_one::<Two>(CONTACT);
-}
-
-#[test]
-fn spheres_of_two_equal_materials_move_as_one() {
+fn grains_of_two_equal_materials_move_as_one() {
     let rolling = Contact {
         rolling_friction: 0.1,
         rolling_stiffness: Some(1e3),
         twisting_friction: 0.1,
         ..CONTACT
     };
+    materials_of_one_kind_are_one::<Two>(CONTACT);
     materials_of_one_kind_are_one::<Three>(CONTACT);
     materials_of_one_kind_are_one::<Three>(rolling);
 }
@@ -112,12 +92,8 @@ fn spheres_of_two_equal_materials_move_as_one() {
 fn friction_of_other_pairs_does_not_reach_smooth_ones() {
     let law = Law::of(&hooke::KIND, springs::<Three>());
     let smooth = (law.clone(), Contact::NONE);
-    let beside = [
-        smooth.clone(),
-        smooth.clone(),
-        smooth.clone(),
-        (law, CONTACT),
-    ];
+    let mut beside = vec![smooth.clone(); 3];
+    beside.push((law, CONTACT));
     let [alone, beside] = [&[smooth][..], &beside].map(|laws| {
         let grains = gas::<Three>(6, 0.9, 11);
         after::<Three>(setup::<Three>(6, 3.0, ALWAYS), laws, grains, 2000)
@@ -135,23 +111,15 @@ fn friction_of_other_pairs_does_not_reach_smooth_ones() {
 fn unlike_grains_have_their_own_masses() {
     fn impact<D: LawSpace>() {
         let (densities, e) = ([2500.0, 400.0], 0.6);
-        let mut constants = springs::<D>();
-        constants.damping_ratio = damping_ratio(e);
-        let law = |k: usize| {
-            let mut constants = constants;
-            constants.density = densities[k];
-            Law::of(&hooke::KIND, constants)
-        };
-        let laws: Vec<_> = (0..4)
-            .map(|pair| {
-                let [i, j] = [pair / 2, pair % 2];
-                let contact = Contact {
-                    relative_densities: [1.0, densities[j] / densities[i]],
-                    ..Contact::NONE
-                };
-                (law(i), contact)
-            })
-            .collect();
+        let laws = [[0, 0], [0, 1], [1, 0], [1, 1]].map(|[i, j]: [usize; 2]| {
+            let mut constants = springs::<D>();
+            (constants.damping_ratio, constants.density) = (damping_ratio(e), densities[i]);
+            let contact = Contact {
+                relative_densities: [1.0, densities[j] / densities[i]],
+                ..Contact::NONE
+            };
+            (Law::of(&hooke::KIND, constants), contact)
+        });
         let mut restitution = Vec::new();
         for order in [[0, 0], [0, 1], [1, 0]] {
             let speed = 0.1;
@@ -180,10 +148,8 @@ fn unlike_grains_have_their_own_masses() {
             panic!("three impacts");
         };
         assert!((of_like - e).abs() < 0.05, "{of_like}");
-        assert!(
-            unlike.iter().all(|e| (e - of_like).abs() < 1e-3),
-            "{restitution:?}"
-        );
+        let alike = unlike.iter().all(|e| (e - of_like).abs() < 1e-3);
+        assert!(alike, "{restitution:?}");
     }
     impact::<Two>();
     impact::<Three>();

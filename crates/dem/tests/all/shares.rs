@@ -1,41 +1,30 @@
 //! Each thread has a share of the grains; any number of threads gives the same bits.
 
-use crate::common::{CONTACT, gas, setup, springs};
+use crate::common::{Rig, gas, gas_law, setup};
 use gshear_dem::dimension::{Dimension, Three, Two};
-use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::hooke::Hooke;
-use gshear_dem::observe;
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::laws::LawSpace;
+use gshear_dem::system::{Setup, System};
 
 const STEPS: u64 = 1500;
 
-fn run<D: Dimension>(law: &dyn PairForce<D>, side: usize, threads: usize) -> String {
-    let list = ListSettings {
-        skin: Some(0.1),
-        rebuild_every: 0,
-    };
+fn run<D: LawSpace>(side: usize, threads: usize) -> String {
     let setup = Setup {
         threads,
-        ..setup::<D>(side, 0.2, list)
+        ..setup::<D>(side, 0.2, (0.1, 0))
     };
-    let mut system = System::new(&Solo, setup).expect("a wide cell");
-    let (walls, grains) = (&mut NoWalls, gas::<D>(side, 0.5, 5));
-    let made = system.replace(&Solo, law, walls, grains, Vec::new());
-    made.expect("a list");
-    initial_forces(&Solo, &mut system, law, walls, None).expect("sound forces");
+    let grains = (gas::<D>(side, 0.5, 5), Vec::new());
+    let mut rig = Rig::new(setup, gas_law::<D>(), NoWalls, grains);
     let mut looked_at = 0;
     for _ in 0..STEPS {
-        advance(&Solo, &mut system, law, walls, StepRequest::default()).expect("sound");
-        if system.list.rebuilds > looked_at {
-            looked_at = system.list.rebuilds;
-            check_shares(&system, threads);
+        rig.step();
+        if rig.system.list.rebuilds > looked_at {
+            looked_at = rig.system.list.rebuilds;
+            check_shares(&rig.system, threads);
         }
     }
     assert!(looked_at > 3, "too few lists");
-    observe::digest(&Solo, &mut system, law, &[], STEPS)
+    rig.digest(&[])
 }
 
 /// Fails unless the shares hold every grain once and have about the same work, and every pair of a
@@ -60,22 +49,15 @@ fn check_shares<D: Dimension>(system: &System<D>, threads: usize) {
     assert_eq!(contacts.shared_blocks() == contacts.blocks(), threads == 1);
 }
 
-#[test]
-fn of_disks() {
-    let law = Hooke::<Two, true, false>::new(&springs::<Two>(), &CONTACT);
-    let expected = run(&law, 24, 1);
-    assert_eq!(
-        [2, 3, 7].map(|threads| run(&law, 24, threads)),
-        [(); 3].map(|()| expected.clone())
-    );
+fn any_number_gives_the_bits_of_one<D: LawSpace>(side: usize, numbers: &[usize]) {
+    let expected = run::<D>(side, 1);
+    for &threads in numbers {
+        assert_eq!(run::<D>(side, threads), expected, "{threads} threads");
+    }
 }
 
 #[test]
-fn of_spheres() {
-    let law = Hooke::<Three, true, false>::new(&springs::<Three>(), &CONTACT);
-    let expected = run(&law, 9, 1);
-    assert_eq!(
-        [2, 3].map(|threads| run(&law, 9, threads)),
-        [(); 2].map(|()| expected.clone())
-    );
+fn any_number_of_threads_gives_the_same_bits() {
+    any_number_gives_the_bits_of_one::<Two>(24, &[2, 3, 7]);
+    any_number_gives_the_bits_of_one::<Three>(9, &[2, 3]);
 }

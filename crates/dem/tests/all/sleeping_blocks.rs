@@ -1,15 +1,12 @@
 //! Blocks of pairs that cannot touch yet are left out: no first touch is missed, however long the
 //! list lives.
 
-use crate::common::{CONTACT, RADIUS, gas, setup, springs};
-use gshear_dem::dimension::{Dimension, Three, Two};
+use crate::common::{RADIUS, Rig, gas, gas_law, setup};
+use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::kernel::PairForce;
-use gshear_dem::laws::hooke::Hooke;
-use gshear_dem::observe;
-use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
-use gshear_dem::system::{ListSettings, System};
+use gshear_dem::laws::LawSpace;
+use gshear_dem::step::forces;
 
 const STEPS: u64 = 3000;
 
@@ -24,58 +21,40 @@ enum Start {
 }
 
 /// Grains in a periodic box, with lists that live for at most `every` steps.
-fn begin<D: Dimension>(law: &dyn PairForce<D>, side: usize, start: Start, every: u64) -> System<D> {
+fn begin<D: LawSpace>(side: usize, start: Start, every: u64) -> Rig<D> {
     let velocity = match start {
         Start::Gas => 0.2,
         Start::HeadOn => 0.0,
     };
-    let list = ListSettings {
-        skin: Some(0.3),
-        rebuild_every: every,
-    };
-    let setup = setup::<D>(side, velocity, list);
     let mut grains = gas::<D>(side, 1.0, 11);
     if start == Start::HeadOn {
         for (id, grain) in grains.iter_mut().enumerate() {
             grain.velocity = [[1.0, -1.0][id % side % 2], 0.0, 0.0];
         }
     }
-    let mut system = System::new(&Solo, setup).expect("one rank");
-    let walls = &mut NoWalls;
-    let made = system.replace(&Solo, law, walls, grains, Vec::new());
-    made.expect("a list");
-    initial_forces(&Solo, &mut system, law, walls, None).expect("sound forces");
-    system
+    let setup = setup::<D>(side, velocity, (0.3, every));
+    Rig::new(setup, gas_law(), NoWalls, (grains, Vec::new()))
 }
 
 /// Returns the digest after [`STEPS`], the number of lists, and in how many steps blocks slept.
-fn run<D: Dimension>(
-    law: &dyn PairForce<D>,
-    side: usize,
-    start: Start,
-    every: u64,
-) -> (String, u64, u64) {
-    let mut system = begin(law, side, start, every);
-    let walls = &mut NoWalls;
+fn run<D: LawSpace>(side: usize, start: Start, every: u64) -> (String, u64, u64) {
+    let mut rig = begin::<D>(side, start, every);
     let mut slept = 0;
     for _ in 0..STEPS {
-        advance(&Solo, &mut system, law, walls, StepRequest::default()).expect("sound");
-        slept += u64::from(system.contacts.asleep_until.iter().any(|x| *x > 0.0));
+        rig.step();
+        let asleep_until = &rig.system.contacts.asleep_until;
+        slept += u64::from(asleep_until.iter().any(|x| *x > 0.0));
     }
-    assert!(system.contacts.touching().count() > 10, "too few touch");
-    let lists = system.list.rebuilds;
-    (
-        observe::digest(&Solo, &mut system, law, &[], STEPS),
-        lists,
-        slept,
-    )
+    let touching = rig.system.contacts.touching().count();
+    assert!(touching > 10, "too few touch");
+    (rig.digest(&[]), rig.system.list.rebuilds, slept)
 }
 
-fn nothing_is_missed<D: Dimension>(law: &dyn PairForce<D>, side: usize) {
+fn nothing_is_missed<D: LawSpace>(side: usize) {
     for start in [Start::Gas, Start::HeadOn] {
-        let (expected, lists, _) = run(law, side, start, 1);
+        let (expected, lists, _) = run::<D>(side, start, 1);
         assert!(lists >= STEPS);
-        let (digest, lists, slept) = run(law, side, start, 0);
+        let (digest, lists, slept) = run::<D>(side, start, 0);
         assert!(lists < 60 && slept > STEPS / 2, "{lists} lists, {slept}");
         assert_eq!(digest, expected);
     }
@@ -92,13 +71,10 @@ enum Relist {
 /// list with the grains in place or sorted anew changes no bit.
 #[test]
 fn a_grain_that_is_put_elsewhere_wakes_its_block() {
-    let law = Hooke::<Two, true, false>::new(&springs::<Two>(), &CONTACT);
     let run = |relist: Relist| {
-        let mut system = begin::<Two>(&law, 20, Start::HeadOn, 0);
-        let walls = &mut NoWalls;
-        for _ in 0..10 {
-            advance(&Solo, &mut system, &law, walls, StepRequest::default()).expect("sound");
-        }
+        let mut rig = begin::<Two>(20, Start::HeadOn, 0);
+        (0..10).for_each(|_| rig.step());
+        let (system, law, walls) = (&mut rig.system, &*rig.law, &mut rig.walls);
         for g in 0..400 {
             let grains = system.grains_mut();
             let away = if grains.id[g].is_multiple_of(2) {
@@ -109,22 +85,20 @@ fn a_grain_that_is_put_elsewhere_wakes_its_block() {
             grains.fields_mut(g)[0] += away * RADIUS;
         }
         let step = system.step;
-        assert!(forces(&Solo, &mut system, &law, walls, step, None).is_none());
+        assert!(forces(&Solo, system, law, walls, step, None).is_none());
         // Each is put 0.12 radii closer to one neighbour, of a mean gap of 0.1: most then touch.
         let touching = system.contacts.touching().count();
         assert!(touching > 100, "{touching} of 200 touch");
-        let (grains, contacts) = (system.grain_states(), system.contact_states(&law));
+        let (grains, contacts) = (system.grain_states(), system.contact_states(law));
         assert!(contacts.iter().any(|c| c.history != [0.0; 3]));
         match relist {
             Relist::No => Ok(()),
-            Relist::InPlace => system.rebuild(&Solo, &law, walls),
-            Relist::Sorted => system.replace(&Solo, &law, walls, grains, contacts),
+            Relist::InPlace => system.rebuild(&Solo, law, walls),
+            Relist::Sorted => system.replace(&Solo, law, walls, grains, contacts),
         }
         .expect("a list");
-        for _ in 0..20 {
-            advance(&Solo, &mut system, &law, walls, StepRequest::default()).expect("sound");
-        }
-        observe::digest(&Solo, &mut system, &law, &[], 30)
+        (0..20).for_each(|_| rig.step());
+        rig.digest(&[])
     };
     let expected = run(Relist::No);
     assert_eq!(run(Relist::InPlace), expected);
@@ -132,17 +106,7 @@ fn a_grain_that_is_put_elsewhere_wakes_its_block() {
 }
 
 #[test]
-fn of_disks() {
-    nothing_is_missed(
-        &Hooke::<Two, true, false>::new(&springs::<Two>(), &CONTACT),
-        20,
-    );
-}
-
-#[test]
-fn of_spheres() {
-    nothing_is_missed(
-        &Hooke::<Three, true, false>::new(&springs::<Three>(), &CONTACT),
-        8,
-    );
+fn no_first_touch_is_missed() {
+    nothing_is_missed::<Two>(20);
+    nothing_is_missed::<Three>(8);
 }

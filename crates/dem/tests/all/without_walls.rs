@@ -4,87 +4,40 @@
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
-use gshear_dem::drive::{Drive, Images, Piston, Slider, Top};
-use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::laws::Contact;
-use gshear_dem::laws::hertz::{Hertz, Spheres};
-use gshear_dem::laws::hooke::{Hooke, Springs};
+use gshear_dem::drive::{Images, Slider, Top};
+use gshear_dem::laws::hooke::Springs;
+use gshear_dem::laws::{Contact, LawSpace};
 use gshear_dem::protocol::{Along, Imposed, Normal, Protocol};
 use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
-use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{Setup, System};
+use gshear_dem::step::initial_forces;
+use gshear_dem::system::Setup;
 use gshear_dem::wave::Wave;
+
+use crate::common::{Rig, elastic, hooke, periods, piston, runge_kutta};
 
 const RADIUS: f64 = 0.5;
 const DENSITY: f64 = 1.0;
-const SPRINGS: Springs = Springs {
-    normal_stiffness: 1.0,
-    tangential_stiffness: 0.5,
-    density: DENSITY,
-    damping_ratio: 0.0,
-    sliding_damping: 0.0,
-};
+const SPRINGS: Springs = elastic(1.0, 0.5, DENSITY);
 
-fn smooth_disks() -> Hooke<Two, false, false> {
-    Hooke::new(&SPRINGS, &Contact::NONE)
-}
-
-/// A system in a cell whose images move by what is imposed, or under the load of a mass.
-struct Rig<'l, D: Dimension> {
-    system: System<D>,
-    law: &'l dyn PairForce<D>,
-    images: Images,
-    samples: ContactForces,
-}
-
-impl<'l, D: Dimension> Rig<'l, D> {
-    fn new(
-        law: &'l dyn PairForce<D>,
-        lengths: [f64; 3],
-        (step, protocol): (f64, Protocol),
-        (load, mass): (f64, f64),
-        grains: Vec<GrainState>,
-    ) -> Self {
-        let height = lengths[D::UP];
-        let width = if D::AXES == 2 {
-            f64::INFINITY
-        } else {
-            lengths[1]
-        };
-        let cell = Cell {
-            periods: [lengths[0], width],
-            sheared: Some(Sheared::upright(height)),
-        };
-        let setup = Setup::new(cell, RADIUS, Masses::Density(DENSITY), step).with_skin(0.3);
-        let piston = Piston {
-            height,
-            velocity: 0.0,
-            acceleration: 0.0,
-            mass,
-            load,
-        };
-        let mut images = Images::new(Top::new(piston, Slider::new(protocol, None), None, true));
-        images.motion.begin();
-        let mut system = System::new(&Solo, setup).expect("one rank");
-        (system.replace(&Solo, law, &mut images, grains, Vec::new())).expect("a list");
-        let mut rig = Self {
-            system,
-            law,
-            images,
-            samples: ContactForces::default(),
-        };
-        let samples = Some(&mut rig.samples);
-        initial_forces(&Solo, &mut rig.system, law, &mut rig.images, samples).expect("sound");
-        rig
-    }
-
-    fn advance(&mut self, steps: u64) {
-        for _ in 0..steps {
-            let request = StepRequest::sampled(&mut self.samples);
-            let drive: &mut dyn Drive<D> = &mut self.images;
-            advance(&Solo, &mut self.system, self.law, drive, request).expect("sound");
-        }
-    }
+/// Smooth grains in a cell whose images move by what is imposed, or under the load of a mass.
+fn in_cell<D: LawSpace>(
+    springs: Springs,
+    lengths: [f64; 3],
+    (step, protocol): (f64, Protocol),
+    (load, mass): (f64, f64),
+    grains: Vec<GrainState>,
+) -> Rig<D, Images> {
+    let height = lengths[D::UP];
+    let cell = Cell {
+        periods: periods::<D>(lengths[0], lengths[1]),
+        sheared: Some(Sheared::upright(height)),
+    };
+    let setup = Setup::new(cell, RADIUS, Masses::Density(DENSITY), step).with_skin(0.3);
+    let piston = piston(height, mass, load);
+    let mut images = Images::new(Top::new(piston, Slider::new(protocol, None), None, true));
+    images.motion.begin();
+    let law = hooke(springs, &Contact::NONE);
+    Rig::new(setup, law, images, (grains, Vec::new()))
 }
 
 /// Grains apart from each other.
@@ -106,8 +59,8 @@ fn sparse<D: Dimension>(velocity: [f64; 3]) -> Vec<GrainState> {
 /// With y = h s, m h ds/dt = m u falls as 1/h in free flight, so s = s_0 + u_0 h_0 (1/h_0 - 1/h)/W
 /// for the constant velocity W of the height. The scheme has both to rounding, because 1/(h h') of
 /// its steps add up to the integral of 1/h².
-fn flight<D: Dimension>(law: &dyn PairForce<D>) {
-    let (lengths, rate) = ([12.0, 12.0, 12.0], 1.5);
+fn flight<D: LawSpace>() {
+    let rate = 1.5;
     for steps in [200u32, 400] {
         let step = 2.0 / f64::from(steps);
         let mut velocity = [0.0; 3];
@@ -118,9 +71,15 @@ fn flight<D: Dimension>(law: &dyn PairForce<D>) {
         };
         let protocol = Protocol::of(step, [(imposed, u64::from(steps))]);
         let grains = sparse::<D>(velocity);
-        let mut rig = Rig::<D>::new(law, lengths, (step, protocol), (0.0, 1.0), grains.clone());
-        rig.advance(steps.into());
-        let height = rig.images.motion.piston.height;
+        let mut rig = in_cell::<D>(
+            elastic(1e6, 0.5, DENSITY),
+            [12.0; 3],
+            (step, protocol),
+            (0.0, 1.0),
+            grains.clone(),
+        );
+        (0..steps).for_each(|_| rig.step());
+        let height = rig.walls.motion.piston.height;
         assert!((height - 15.0).abs() < 1e-12);
         for (before, after) in grains.iter().zip(rig.system.grain_states()) {
             let u = after.velocity[D::UP] * height / 12.0;
@@ -136,26 +95,14 @@ fn flight<D: Dimension>(law: &dyn PairForce<D>) {
 
 #[test]
 fn free_grains_fly_through_a_cell_that_grows() {
-    let stiff = Springs {
-        normal_stiffness: 1e6,
-        ..SPRINGS
-    };
-    flight::<Two>(&Hooke::<Two, false, false>::new(&stiff, &Contact::NONE));
-    let spheres = Spheres {
-        young_modulus: 1e9,
-        poisson_ratio: 0.3,
-        density: DENSITY,
-        normal_damping: 0.0,
-        tangential_damping: 0.0,
-    };
-    flight::<Three>(&Hertz::<false>::new(&spheres, &Contact::NONE));
+    flight::<Two>();
+    flight::<Three>();
 }
 
 /// Grains without contacts stream: x moves by y/h times the displacement of the images, whether
 /// these oscillate, jump or stand, to rounding.
 #[test]
 fn grains_stream_with_the_images() {
-    let law = smooth_disks();
     let step = 1e-3;
     let wave = Wave {
         amplitude: 3.0,
@@ -168,12 +115,11 @@ fn grains_stream_with_the_images() {
         (Along::Velocity(0.0).into(), 100),
     ];
     let protocol = Protocol::of(step, parts);
-    let lengths = [12.0, 12.0, 12.0];
     let grains = sparse::<Two>([0.0; 3]);
     let of_rig = (step, protocol.clone());
-    let mut rig = Rig::<Two>::new(&law, lengths, of_rig, (0.0, 1e9), grains.clone());
+    let mut rig = in_cell::<Two>(SPRINGS, [12.0; 3], of_rig, (0.0, 1e9), grains.clone());
     for k in 1..=24 {
-        rig.advance(100);
+        (0..100).for_each(|_| rig.step());
         let moved = protocol.position(100 * k);
         for (before, after) in grains.iter().zip(rig.system.grain_states()) {
             let part = before.position[1] / 12.0;
@@ -227,23 +173,20 @@ fn exerted(apart: f64, gamma: f64) -> [f64; 2] {
 
 #[test]
 fn the_stress_is_that_of_the_lattice() {
-    let law = smooth_disks();
     let height = SIDE as f64 * row();
     for gamma in [0.0, 0.01, -0.013] {
         let protocol = Protocol::new(1e-3, [(0.0, 10)]);
         let lengths = [SIDE as f64 * SPACING, height, 1.0];
-        let of_rig = (1e-3, protocol);
-        let mut rig = Rig::<Two>::new(&law, lengths, of_rig, (0.0, 1e9), lattice(0.0));
+        let mut rig = in_cell::<Two>(SPRINGS, lengths, (1e-3, protocol), (0.0, 1e9), lattice(0.0));
         // The offset first, then the grains that fit it.
-        rig.system.shear(gamma * height);
-        let images = &mut rig.images;
-        (rig.system)
-            .replace(&Solo, &law, images, lattice(gamma), Vec::new())
-            .expect("a list");
+        let (system, law, images) = (&mut rig.system, &*rig.law, &mut rig.walls);
+        system.shear(gamma * height);
+        let made = system.replace(&Solo, law, images, lattice(gamma), Vec::new());
+        made.expect("a list");
         let samples = Some(&mut rig.samples);
-        initial_forces(&Solo, &mut rig.system, &law, images, samples).expect("sound");
+        initial_forces(&Solo, system, law, images, samples).expect("sound");
         let [up, along] = exerted(row(), gamma);
-        let felt = rig.images.felt;
+        let felt = rig.walls.felt;
         assert!((felt.up / up - 1.0).abs() < 1e-11, "{felt:?} {up}");
         assert!((felt.along - along).abs() < 1e-11, "{felt:?} {along}");
         assert!((gamma == 0.0) == (felt.along.abs() < 1e-11));
@@ -255,27 +198,24 @@ fn the_stress_is_that_of_the_lattice() {
 /// order.
 #[test]
 fn a_lattice_swings_under_its_load() {
-    let law = smooth_disks();
     let height = SIDE as f64 * row();
     let (load, mass, time) = (0.7 * exerted(row(), 0.0)[0], 3.0, 40.0);
     let acceleration = |h: f64| (exerted(h / SIDE as f64, 0.0)[0] - load) / mass;
-    let (mut h, mut v, dt) = (height, 0.0, time / 400_000.0);
-    for _ in 0..400_000 {
-        let (a1, v1) = (acceleration(h), v);
-        let (a2, v2) = (acceleration(h + 0.5 * dt * v1), v + 0.5 * dt * a1);
-        let (a3, v3) = (acceleration(h + 0.5 * dt * v2), v + 0.5 * dt * a2);
-        let (a4, v4) = (acceleration(h + dt * v3), v + dt * a3);
-        h += dt / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4);
-        v += dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
-    }
+    let rate = |_, [h, v]: [f64; 2]| [v, acceleration(h)];
+    let [h, _] = runge_kutta([height, 0.0], (400_000, time / 400_000.0), rate);
     let error = |steps: u64| {
         let step = time / steps as f64;
         let protocol = Protocol::new(step, [(0.0, steps)]);
         let lengths = [SIDE as f64 * SPACING, height, 1.0];
-        let of_rig = (step, protocol);
-        let mut rig = Rig::<Two>::new(&law, lengths, of_rig, (load, mass), lattice(0.0));
-        rig.advance(steps);
-        let piston = rig.images.motion.piston;
+        let mut rig = in_cell::<Two>(
+            SPRINGS,
+            lengths,
+            (step, protocol),
+            (load, mass),
+            lattice(0.0),
+        );
+        (0..steps).for_each(|_| rig.step());
+        let piston = rig.walls.motion.piston;
         for grain in rig.system.grain_states() {
             let line = (grain.id as usize / SIDE) as f64 + 0.5;
             let expected = line * piston.height / SIDE as f64;

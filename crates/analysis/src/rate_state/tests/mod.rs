@@ -35,26 +35,46 @@ fn synthetic(law: &RateStateLaw, drive: &[DriveSegment], interval: f64) -> Slide
     let total: f64 = drive.iter().map(|s| s.duration).sum();
     let rows = (total / interval).round() as usize;
     let time: Vec<f64> = (0..=rows).map(|k| interval * k as f64).collect();
-    let start = law.steady(drive[0].velocity);
-    let states = RateStateSlider::new(*law, STIFFNESS)
-        .motion(drive, start, &time)
-        .expect("a motion");
+    let slider = RateStateSlider::new(*law, STIFFNESS);
+    let states = moved(slider, drive[0].velocity, drive, &time);
     let friction: Vec<f64> = states.iter().map(|s| law.friction(*s)).collect();
-    let driven = |time: f64| -> f64 {
-        let mut left = time;
-        drive
-            .iter()
-            .map(|s| {
-                let part = left.clamp(0.0, s.duration);
-                left -= s.duration;
-                s.velocity * part
-            })
-            .sum()
+    let driven = |mut left: f64| -> f64 {
+        let way = drive.iter().map(|s| {
+            let part = left.clamp(0.0, s.duration);
+            left -= s.duration;
+            s.velocity * part
+        });
+        way.sum()
     };
     let rows = time.iter().zip(&friction);
     let slip = rows.map(|(t, f)| driven(*t) - (f - friction[0]) / STIFFNESS);
     let slip = slip.collect();
     SliderRecord::of_run(STIFFNESS, drive.to_vec(), [time, slip, friction])
+}
+
+/// The states at these times, from steady sliding at a velocity.
+fn moved(
+    slider: RateStateSlider,
+    velocity: f64,
+    drive: &[DriveSegment],
+    times: &[f64],
+) -> Vec<LogState> {
+    let start = slider.law.steady(velocity);
+    slider.motion(drive, start, times).expect("a motion")
+}
+
+/// Fails unless a number is what is expected, to a share of it.
+#[track_caller]
+fn assert_near(found: f64, expected: f64, share: f64) {
+    let off = (found / expected - 1.0).abs();
+    assert!(off < share, "{found} for {expected}");
+}
+
+/// Holds between slides of one velocity.
+fn with_holds(velocity: f64, slide: f64, holds: &[f64]) -> Vec<DriveSegment> {
+    let slide = segment(velocity, slide);
+    let after = holds.iter().flat_map(|hold| [segment(0.0, *hold), slide]);
+    std::iter::once(slide).chain(after).collect()
 }
 
 /// Values of a Gaussian process with standard deviation σ and a correlation length of `memory`
@@ -65,11 +85,7 @@ fn noise(seed: u64, count: usize, sigma: f64, memory: f64) -> Vec<f64> {
         let [u, v]: [f64; 2] = [1.0 - random.random::<f64>(), random.random()];
         (-2.0 * u.ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
     };
-    let kept = if memory > 0.0 {
-        (-1.0 / memory).exp()
-    } else {
-        0.0
-    };
+    let kept = kept(memory);
     let mut value = normal();
     let next = |_| {
         let now = sigma * value;
@@ -79,14 +95,20 @@ fn noise(seed: u64, count: usize, sigma: f64, memory: f64) -> Vec<f64> {
     (0..count).map(next).collect()
 }
 
+/// Autocorrelation of neighbours with this correlation length; 0: none.
+fn kept(memory: f64) -> f64 {
+    if memory > 0.0 {
+        (-1.0 / memory).exp()
+    } else {
+        0.0
+    }
+}
+
 fn disturbed(record: &SliderRecord, seed: u64, sigma: f64, memory: f64) -> SliderRecord {
     let mut record = record.clone();
     let noise = noise(seed, record.time.len(), sigma, memory);
-    record
-        .friction
-        .iter_mut()
-        .zip(noise)
-        .for_each(|(f, n)| *f += n);
+    let rows = record.friction.iter_mut().zip(noise);
+    rows.for_each(|(f, n)| *f += n);
     record
 }
 

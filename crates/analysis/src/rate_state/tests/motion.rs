@@ -10,13 +10,11 @@ fn sliding_becomes_steady_at_the_friction_of_the_law() {
         for velocity in [2e-4, 0.1] {
             // 40 D_c.
             let drive = [segment(velocity, 40.0 * law.d_c / velocity)];
-            let start = law.steady(0.02);
-            let end = slider.motion(&drive, start, &[drive[0].duration]);
-            let state = end.expect("a motion")[0];
+            let state = moved(slider, 0.02, &drive, &[drive[0].duration])[0];
             let steady = 0.35 + (0.0247 - 0.0178) * (velocity / 0.02).ln();
             assert!((law.friction(state) - steady).abs() < 1e-8);
-            assert!((law.velocity(state) / velocity - 1.0).abs() < 1e-6);
-            assert!((law.theta(state) * velocity / law.d_c - 1.0).abs() < 1e-6);
+            assert_near(law.velocity(state), velocity, 1e-6);
+            assert_near(law.theta(state), law.d_c / velocity, 1e-6);
         }
     }
 }
@@ -28,23 +26,19 @@ fn stationary_contacts_age_by_the_aging_law_only() {
     let times = [1e-3, 1.0, 1e3];
     for evolution in BOTH {
         let law = law(evolution);
-        let start = law.steady(0.02);
         let slider = RateStateSlider::new(law, 1e9);
-        let states = slider
-            .motion(&[segment(0.0, 1e3)], start, &times)
-            .expect("a motion");
+        let states = moved(slider, 0.02, &[segment(0.0, 1e3)], &times);
         for (time, state) in times.into_iter().zip(states) {
-            let theta = law.theta(start)
-                + if evolution == Evolution::Aging {
-                    time
-                } else {
-                    0.0
-                };
+            let aged = match evolution {
+                Evolution::Aging => time,
+                Evolution::Slip => 0.0,
+            };
+            let theta = law.theta(law.steady(0.02)) + aged;
             // It still slips a/k̄ per factor of e by which V falls; by the slip law θ then falls
             // with ln(Vθ/D_c) of about -25.
             let slip = (0.35 - law.friction(state)) / 1e9;
             assert!(slip / law.d_c < 1e-6);
-            assert!((law.theta(state) / theta - 1.0).abs() < 30.0 * slip / law.d_c + 1e-7);
+            assert_near(law.theta(state), theta, 30.0 * slip / law.d_c + 1e-7);
         }
     }
 }
@@ -55,16 +49,12 @@ fn the_spring_is_in_balance() {
     let law = law(Evolution::Slip);
     let drive = [segment(0.0, 0.5), segment(0.2, 0.05)];
     let times: Vec<f64> = (0..=110_000).map(|k| 5e-6 * f64::from(k)).collect();
-    let states = RateStateSlider::new(law, 300.0)
-        .motion(&drive, law.steady(0.02), &times)
-        .expect("a motion");
+    let states = moved(RateStateSlider::new(law, 300.0), 0.02, &drive, &times);
     let velocity: Vec<f64> = states.iter().map(|s| law.velocity(*s)).collect();
     let slip: f64 = velocity.windows(2).map(|v| 2.5e-6 * (v[0] + v[1])).sum();
     let pulled = (law.friction(states[110_000]) - 0.35) / 300.0;
-    assert!(
-        (slip + pulled - drive[1].distance()).abs() < 1e-8,
-        "{slip} {pulled}"
-    );
+    let off = (slip + pulled - drive[1].distance()).abs();
+    assert!(off < 1e-8, "{slip} {pulled}");
 }
 
 /// Linear stability (Ruina 1983), for both laws: perturbations of steady sliding grow if k̄ < k̄_c
@@ -92,19 +82,15 @@ fn oscillations_grow_below_the_critical_stiffness_only() {
             };
             let period = 2.0 * std::f64::consts::PI / omega(stiffness);
             let times = [period, 2.0 * period, 3.0 * period];
-            let mut slider = RateStateSlider::new(law, stiffness);
-            slider.tolerance = 1e-11;
-            let states = slider
-                .motion(&[segment(v, 1.0)], start, &times)
-                .expect("a motion");
-            for (state, time) in states.into_iter().zip(times) {
+            let slider = RateStateSlider {
+                tolerance: 1e-11,
+                ..RateStateSlider::new(law, stiffness)
+            };
+            let states = slider.motion(&[segment(v, 1.0)], start, &times);
+            for (state, time) in states.expect("a motion").into_iter().zip(times) {
                 let expected = 1e-4 * (growth(stiffness) * time).exp();
                 // Terms of second order are 1e-4.
-                assert!(
-                    (state.ln_v / expected - 1.0).abs() < 2e-3,
-                    "{evolution:?} {share}: {} for {expected}",
-                    state.ln_v
-                );
+                assert_near(state.ln_v, expected, 2e-3);
             }
         }
     }
@@ -136,55 +122,46 @@ fn a_protocol_gives_the_states_of_scipy() {
         segment(0.02, 2.0),
     ];
     for (evolution, expected) in BOTH.into_iter().zip(SCIPY) {
-        let law = law(evolution);
         let error = |tolerance: f64| -> f64 {
-            let mut slider = RateStateSlider::new(law, STIFFNESS);
-            slider.tolerance = tolerance;
-            let times = [10.0, 12.0, 12.2, 14.2];
-            let states = slider
-                .motion(&drive, law.steady(0.02), &times)
-                .expect("a motion");
-            let difference =
-                |(s, e): (LogState, [f64; 2])| (s.ln_v - e[0]).abs().max((s.ln_theta - e[1]).abs());
-            states
-                .into_iter()
-                .zip(expected)
-                .map(difference)
-                .fold(0.0, f64::max)
+            let states = within(evolution, tolerance, &drive, &[10.0, 12.0, 12.2, 14.2]);
+            let pairs = states.into_iter().zip(expected);
+            let off =
+                pairs.map(|(s, [v, theta])| (s.ln_v - v).abs().max((s.ln_theta - theta).abs()));
+            off.fold(0.0, f64::max)
         };
         let errors = [1e-5, 1e-7, 1e-9].map(error);
         // Errors of μ are 100 times less.
-        assert!(
-            errors[0] < 1e-3 && errors[1] < 3e-5 && errors[2] < 1e-6,
-            "{errors:?}"
-        );
+        let small = errors[0] < 1e-3 && errors[1] < 3e-5 && errors[2] < 1e-6;
+        assert!(small, "{errors:?}");
     }
+}
+
+/// The states at these times with steps of this tolerance.
+fn within(
+    evolution: Evolution,
+    tolerance: f64,
+    drive: &[DriveSegment],
+    times: &[f64],
+) -> Vec<LogState> {
+    let mut slider = RateStateSlider::new(law(evolution), STIFFNESS);
+    slider.tolerance = tolerance;
+    moved(slider, 0.02, drive, times)
 }
 
 #[test]
 fn states_between_the_steps_are_as_good_as_those_at_their_ends() {
+    let drive = [segment(0.02, 0.1), segment(0.2, 0.1), segment(0.0, 1.0)];
+    let times: Vec<f64> = (1..1200).map(|k| 1e-3 * f64::from(k)).collect();
     for evolution in BOTH {
-        let law = law(evolution);
-        let drive = [segment(0.02, 0.1), segment(0.2, 0.1), segment(0.0, 1.0)];
-        let times: Vec<f64> = (1..1200).map(|k| 1e-3 * f64::from(k)).collect();
-        let motion = |tolerance: f64| {
-            let mut slider = RateStateSlider::new(law, STIFFNESS);
-            slider.tolerance = tolerance;
-            let states = slider
-                .motion(&drive, law.steady(0.02), &times)
-                .expect("a motion");
+        let [coarse, fine] = [1e-9, 1e-11].map(|tolerance| {
+            let states = within(evolution, tolerance, &drive, &times);
+            assert_eq!(states.len(), times.len());
             states
-                .into_iter()
-                .map(|s| law.friction(s))
-                .collect::<Vec<f64>>()
-        };
-        let (coarse, fine) = (motion(1e-9), motion(1e-11));
-        assert_eq!(coarse.len(), times.len());
-        let worst = coarse
-            .iter()
-            .zip(&fine)
-            .map(|(a, b)| (a - b).abs())
-            .fold(0.0, f64::max);
-        assert!(worst < 1e-7, "{worst:e}");
+        });
+        let friction = |state| law(evolution).friction(state);
+        for (coarse, fine) in coarse.into_iter().zip(fine) {
+            let off = (friction(coarse) - friction(fine)).abs();
+            assert!(off < 1e-7, "{off:e}");
+        }
     }
 }

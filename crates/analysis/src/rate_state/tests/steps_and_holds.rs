@@ -9,11 +9,7 @@ use super::*;
 #[test]
 fn errors_of_means_count_correlated_values_as_few() {
     for memory in [0.0, 3.0, 10.0] {
-        let kept = if memory > 0.0 {
-            f64::exp(-1.0 / memory)
-        } else {
-            0.0
-        };
+        let kept = kept(memory);
         let g = (1.0 + kept) / (1.0 - kept);
         let n = (1000.0 * g) as usize;
         let expected = 0.3 * 0.3 * g / n as f64;
@@ -23,7 +19,8 @@ fn errors_of_means_count_correlated_values_as_few() {
             blocks += block_error(&values).powi(2) / 40.0;
             sums += correlation(&values).spectral_variance() / n as f64 / 40.0;
         }
-        assert!((blocks / expected - 1.0).abs() < 0.1 && (sums / expected - 1.0).abs() < 0.1);
+        assert_near(blocks, expected, 0.1);
+        assert_near(sums, expected, 0.1);
     }
     assert!(block_error(&[1.0; 3]).is_nan());
     assert_eq!(block_error(&[1.0; 300]), 0.0);
@@ -36,62 +33,40 @@ fn a_drive_is_cut_where_its_velocity_changes() {
         segment(0.0, 0.5),
         segment(0.1, 0.0777),
     ];
-    let (mut velocity, mut displacement) = (vec![], vec![]);
     let time: Vec<f64> = (0..=350).map(|k| 2e-3 * f64::from(k)).collect();
-    for t in &time {
-        let (mut left, mut x) = (*t, 0.0);
-        let mut now = made[2].velocity;
-        for s in made {
-            x += s.velocity * left.min(s.duration);
-            if left <= s.duration {
-                now = s.velocity;
-                break;
-            }
-            left -= s.duration;
-        }
-        velocity.push(now);
-        displacement.push(x);
-    }
+    let [first, second, third] = made;
+    let changes = [first.duration, first.duration + second.duration];
+    let now = |t: &f64| made[changes.iter().filter(|change| *t > **change).count()].velocity;
+    let mut velocity: Vec<f64> = time.iter().map(now).collect();
+    let way = |t: &f64| {
+        let after = (t - changes[1]).max(0.0);
+        first.velocity * t.min(first.duration) + third.velocity * after
+    };
+    let mut displacement: Vec<f64> = time.iter().map(way).collect();
     let found = of_drive(&time, &velocity, &displacement).expect("a drive");
     assert_eq!(found.len(), 3);
-    for (found, made) in found.iter().zip(made) {
+    // The last segment ends with the rows.
+    let durations = [first.duration, second.duration, 0.7 - changes[1]];
+    for ((found, made), duration) in found.iter().zip(made).zip(durations) {
         assert_eq!(found.velocity, made.velocity);
+        assert!((found.duration - duration).abs() < 1e-12);
     }
-    for (found, made) in found.iter().zip(made).take(2) {
-        assert!((found.duration - made.duration).abs() < 1e-12);
-    }
-    let total: f64 = found.iter().map(|s| s.duration).sum();
-    assert!((total - 0.7).abs() < 1e-12);
 
     // A segment between two rows.
     displacement[20..].iter_mut().for_each(|x| *x += 1e-3);
     velocity[20..].iter_mut().for_each(|v| *v += 1e-3);
-    assert!(
-        of_drive(&time, &velocity, &displacement)
-            .unwrap_err()
-            .contains("between row 19 and row 20")
-    );
+    let refused = of_drive(&time, &velocity, &displacement).unwrap_err();
+    assert!(refused.contains("between row 19 and row 20"));
     velocity[3] = -1.0;
-    assert!(
-        of_drive(&time, &velocity, &displacement)
-            .unwrap_err()
-            .contains("row 3")
-    );
+    let refused = of_drive(&time, &velocity, &displacement).unwrap_err();
+    assert!(refused.contains("row 3"));
 }
 
 /// Slide-hold-slide without noise: measurements agree with the law.
 #[test]
 fn steps_and_holds_are_measured() {
-    let drive = [
-        segment(0.02, 8.0),
-        segment(0.0, 1.0),
-        segment(0.02, 8.0),
-        segment(0.0, 10.0),
-        segment(0.02, 8.0),
-        segment(0.0, 100.0),
-        segment(0.02, 8.0),
-        segment(0.1, 2.0),
-    ];
+    let mut drive = with_holds(0.02, 8.0, &[1.0, 10.0, 100.0]);
+    drive.push(segment(0.1, 2.0));
     let law = law(Evolution::Aging);
     let record = synthetic(&law, &drive, 2e-4);
     let steady = steady_segments(&record);
@@ -101,30 +76,23 @@ fn steps_and_holds_are_measured() {
     for hold in &holds {
         assert!((steady[hold.segment - 1].expect("a slide").friction - 0.35).abs() < 1e-4);
         let reslide = hold.reslide.expect("a reslide");
-        assert!(
-            (reslide.peak - 0.35 - reslide.healing).abs() < 1e-4
-                && reslide.healing > 0.0
-                && hold.relaxation < 0.0
-        );
+        assert!((reslide.peak - 0.35 - reslide.healing).abs() < 1e-4);
+        assert!(reslide.healing > 0.0 && hold.relaxation < 0.0);
     }
     // On a stiff spring long holds heal by b per factor of e (aging law): θ = t_hold, and V at the
     // peak is that of the drive.
-    let of_long = healing(&holds[1..]);
-    assert!((of_long[0].slope / law.b - 1.0).abs() < 0.03, "{of_long:?}");
-    assert_eq!(
-        (of_long[0].interval, of_long[0].velocities),
-        (None, [0.02, 0.02])
-    );
+    let of_long = &healing(&holds[1..])[0];
+    assert_near(of_long.slope, law.b, 0.03);
+    assert_eq!(of_long.interval, None);
+    assert_eq!(of_long.velocities, [0.02, 0.02]);
     assert!(healing(&holds)[0].interval.expect("of three holds")[1] > law.b * 0.9);
 
     let steps = steps(&record, &steady, None);
     assert_eq!(steps.len(), 1);
     let (step, ln) = (steps[0], f64::ln(5.0));
     assert!((step.net[0] / ln - (law.a - law.b)).abs() < 1e-4);
-    assert!(
-        (step.direct[0] / ln / law.a - 1.0).abs() < 0.01
-            && (step.evolution[0] / ln / law.b - 1.0).abs() < 0.01
-    );
+    assert_near(step.direct[0], ln * law.a, 0.01);
+    assert_near(step.evolution[0], ln * law.b, 0.01);
 }
 
 #[test]
@@ -153,16 +121,8 @@ fn realisations_are_joined_by_their_protocol() {
     assert!((mean.drive[2].duration - 1.7).abs() < 1e-9);
     for k in 0..2001 {
         // Rows next to a step are interpolated across it.
-        let close = if one
-            .drive
-            .iter()
-            .enumerate()
-            .any(|(s, _)| (one.time[k] - one.begin(s)).abs() < 3e-3)
-        {
-            0.05
-        } else {
-            1e-9
-        };
+        let is_near = (0..one.drive.len()).any(|s| (one.time[k] - one.begin(s)).abs() < 3e-3);
+        let close = if is_near { 0.05 } else { 1e-9 };
         assert!((mean.friction[k] - one.friction[k]).abs() < close, "{k}");
         assert!((mean.deviation[k] - 0.03).abs() < close);
     }
@@ -180,20 +140,15 @@ fn peaks_are_not_those_of_the_noise() {
         holds(record, &steady, d_c)[0].reslide.expect("a reslide")
     };
     let [raw, mean] = [None, Some(0.0053)].map(|d_c| healing(&clean, d_c).healing);
-    assert!((mean / raw - 0.975).abs() < 0.02, "{mean} {raw}");
+    assert_near(mean, 0.975 * raw, 0.02);
 
     let mut flat = clean.clone();
     flat.friction = vec![0.35; flat.time.len()];
     let noisy = disturbed(&flat, 3, 5e-3, 0.0);
     let [raw, mean] = [None, Some(0.0053)].map(|d_c| healing(&noisy, d_c));
-    assert!(
-        raw.healing > 2.5 * 5e-3 && mean.healing < 1.0 * 5e-3,
-        "{raw:?} {mean:?}"
-    );
-    assert!(
-        (mean.error / 5e-3 * 13f64.sqrt() - 1.0).abs() < 0.2,
-        "{mean:?}"
-    );
+    let (most, least) = (mean.healing, raw.healing);
+    assert!(least > 2.5 * 5e-3 && most < 5e-3, "{least} {most}");
+    assert_near(mean.error, 5e-3 / 13f64.sqrt(), 0.2);
 }
 
 #[test]
@@ -202,7 +157,8 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
     // slip; each run has its own level.
     let record = |level: f64, jump: f64| {
         let drive = [0.1, 1.0, 0.1, 1.0].map(|v| segment(v, 1.0 / v));
-        let (mut slip, mut time, mut friction) = (vec![], vec![], vec![]);
+        // Segments count from the first row.
+        let (mut time, mut slip, mut friction) = (vec![0.0], vec![0.0], vec![level]);
         let mut now = 0.0;
         for (k, s) in drive.iter().enumerate() {
             for row in 0..1000 {
@@ -214,10 +170,6 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
             }
             now += s.duration;
         }
-        // Segments count from the first row.
-        time.insert(0, 0.0);
-        slip.insert(0, 0.0);
-        friction.insert(0, level);
         SliderRecord::of_run(STIFFNESS, drive.to_vec(), [time, slip, friction])
     };
     let found = stacks(&[record(0.3, 0.02), record(0.5, 0.04)]);
@@ -235,10 +187,7 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
             near(piece.change, sign * 0.03 * part);
             // Half the steps are at 0.02 and half at 0.04: standard deviation 0.01 √(n/(n-1)),
             // divided by √n.
-            near(
-                piece.error,
-                0.01 * part / f64::from(steps as u32 - 1).sqrt(),
-            );
+            near(piece.error, 0.01 * part / (steps as f64 - 1.0).sqrt());
         }
         near(stack.pieces.last().expect("pieces").slip[1], 1.0);
     }
@@ -249,12 +198,8 @@ fn what_follows_like_steps_is_averaged_over_steps_and_runs() {
 #[test]
 fn relaxations_are_averaged_over_holds() {
     let relaxing = |c: f64| {
-        let drive = [
-            segment(0.1, 0.1),
-            segment(0.0, 0.01),
-            segment(0.1, 0.1),
-            segment(0.0, 0.01),
-        ];
+        let mut drive = with_holds(0.1, 0.1, &[0.01, 0.01]);
+        drive.pop();
         let time: Vec<f64> = (0..22_000).map(|row| f64::from(row) * 1e-5).collect();
         let of = |t: &f64| {
             let since = [0.1, 0.21].map(|begin| t - begin);
@@ -264,22 +209,20 @@ fn relaxations_are_averaged_over_holds() {
         let (slip, friction) = (time.clone(), time.iter().map(of).collect());
         SliderRecord {
             temperature: vec![10.0 * c; time.len()],
-            ..SliderRecord::of_run(STIFFNESS, drive.to_vec(), [time, slip, friction])
+            ..SliderRecord::of_run(STIFFNESS, drive, [time, slip, friction])
         }
     };
     let found = relaxations(&[relaxing(0.01), relaxing(0.03)]);
-    let times: Vec<f64> = found.iter().map(|of| of.time).collect();
-    assert_eq!(times.len(), 7, "{times:?}");
-    for (time, expected) in times.iter().zip([1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01]) {
-        assert!((time / expected - 1.0).abs() < 1e-9, "{times:?}");
+    assert_eq!(found.len(), 7, "{found:?}");
+    for (of, expected) in found.iter().zip([1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.01]) {
+        assert_near(of.time, expected, 1e-9);
     }
     for of in &found[2..] {
         assert_eq!((of.holds, of.before), (4, 0.1));
         let law = -(1.0 + of.time / 1e-4).ln();
-        assert!((of.change / (0.02 * law) - 1.0).abs() < 3e-3, "{of:?}");
+        assert_near(of.change, 0.02 * law, 3e-3);
         // 0.01 above and below, two of each: 0.01 √(4/3)/√4.
-        let error = 0.01 * law.abs() / 3f64.sqrt();
-        assert!((of.error / error - 1.0).abs() < 3e-3, "{of:?}");
+        assert_near(of.error, 0.01 * law.abs() / 3f64.sqrt(), 3e-3);
         assert!((of.temperature - 0.2).abs() < 1e-12);
     }
 
@@ -289,16 +232,12 @@ fn relaxations_are_averaged_over_holds() {
     };
     let record = synthetic(&law, &[segment(0.1, 1.0), segment(0.0, 0.1)], 1e-5);
     let found = relaxations(&[record]);
-    let [.., last] = &found[..] else {
-        panic!("no hold");
-    };
-    assert!((last.time / 0.1 - 1.0).abs() < 1e-3 && last.error.is_nan());
+    let last = found.last().expect("a hold");
+    assert_near(last.time, 0.1, 1e-3);
+    assert!(last.error.is_nan());
     for of in &found[4..] {
-        let expected = of.of_direct_effect(law.a, of.stiffness);
-        assert!(
-            (of.change / expected - 1.0).abs() < 0.02 && of.reload.is_nan(),
-            "{of:?} {expected}"
-        );
+        assert_near(of.change, of.of_direct_effect(law.a, of.stiffness), 0.02);
+        assert!(of.reload.is_nan());
     }
 }
 
@@ -308,7 +247,7 @@ fn a_reload_shows_its_stiffness() {
     let drive = [segment(0.02, 8.0), segment(0.0, 10.0), segment(0.02, 8e-3)];
     let record = synthetic(&law(Evolution::Aging), &drive, 1e-6);
     let found = reload_stiffness(&record, 2).expect("a reload");
-    assert!((found / STIFFNESS - 1.0).abs() < 0.01, "{found}");
+    assert_near(found, STIFFNESS, 0.01);
     let of_hold = relaxations(std::slice::from_ref(&record));
     assert_eq!(of_hold[0].reload, found);
     for segment in [1, 3] {
@@ -321,29 +260,24 @@ fn a_reload_shows_its_stiffness() {
 #[test]
 fn peaks_grow_by_a_with_the_velocity_of_the_slide() {
     let law = law(Evolution::Aging);
-    let reslides = [0.05, 0.1, 0.3];
-    let tests: Vec<Hold> = reslides
-        .iter()
-        .flat_map(|&velocity| {
-            let drive = [
-                segment(0.02, 8.0),
-                segment(0.0, 100.0),
-                segment(velocity, 2.0),
-            ];
-            let record = synthetic(&law, &drive, 1e-5);
-            holds(&record, &steady_segments(&record), None)
-        })
-        .collect();
+    let test = |velocity: f64| {
+        let drive = [
+            segment(0.02, 8.0),
+            segment(0.0, 100.0),
+            segment(velocity, 2.0),
+        ];
+        let record = synthetic(&law, &drive, 1e-5);
+        holds(&record, &steady_segments(&record), None)
+    };
+    let tests: Vec<Hold> = [0.05, 0.1, 0.3].into_iter().flat_map(test).collect();
     let [growth] = peak_growth(&tests)[..] else {
         panic!("one duration: {tests:?}");
     };
-    assert_eq!(
-        (growth.peaks, growth.before, growth.duration),
-        (3, 0.02, 100.0)
-    );
-    assert!((growth.slope / law.a - 1.0).abs() < 0.03, "{growth:?}");
+    assert_eq!((growth.peaks, growth.before), (3, 0.02));
+    assert_eq!(growth.duration, 100.0);
+    assert_near(growth.slope, law.a, 0.03);
     let long = law.b * (0.02 * 100.0 / law.d_c).ln();
-    assert!((growth.intercept / long - 1.0).abs() < 0.03, "{growth:?}");
+    assert_near(growth.intercept, long, 0.03);
     // Weights of a least-squares line: equal errors e give e/√(Σ (x - x̄)²).
     let same = tests.iter().map(|hold| {
         let reslide = hold.reslide.map(|peak| Reslide {
@@ -354,9 +288,7 @@ fn peaks_grow_by_a_with_the_velocity_of_the_slide() {
     });
     let same: Vec<Hold> = same.collect();
     let growth = peak_growth(&same)[0];
-    assert!((growth.error * growth.spread.sqrt() / 2e-3 - 1.0).abs() < 1e-12);
-    assert!(
-        peak_growth(&tests[..1]).is_empty(),
-        "one ratio has no slope"
-    );
+    assert_near(growth.error, 2e-3 / growth.spread.sqrt(), 1e-12);
+    // One ratio has no slope.
+    assert!(peak_growth(&tests[..1]).is_empty());
 }
