@@ -123,14 +123,14 @@ impl Contents {
         for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
             let texts = checkpoint::read_texts(&folder.join(name));
             let read = texts.and_then(|[header, scene]| Ok((Header::parse(&header)?, scene)));
-            if let Some(((header, record), scene)) = readable(read)? {
+            if let Some(((header, record, packing), scene)) = readable(read)? {
                 found.stopped.get_or_insert((header.stage(), header.step()));
                 found.owners.push(FileOwner {
                     name,
                     branch: record.parent.is_some(),
                     id: Some(record.id),
                     scene,
-                    packing: header.packing().map(|file| file.content.clone()),
+                    packing: packing.map(|file| file.content),
                 });
             }
         }
@@ -503,7 +503,7 @@ impl RunFolder {
     /// them again if it does not.
     fn remove_later(&self, path: &Path) -> Result<(), Failure> {
         let [header, _] = checkpoint::read_texts(path)?;
-        let (header, _) = Header::parse(&header)?;
+        let (header, ..) = Header::parse(&header)?;
         let (stage, step) = (header.stage(), header.step());
         let mut later = checkpoint::kept(&self.path, stage);
         later.retain(|(kept, _)| *kept > step);

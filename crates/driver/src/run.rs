@@ -10,7 +10,6 @@ use gshear_scene::Scene;
 use gshear_store::checkpoint;
 use gshear_store::collective::on_root;
 
-use crate::files::Destination;
 use crate::folder::RunFolder;
 use crate::header::{Header, Saved};
 use crate::options::{Options, Outcome};
@@ -108,8 +107,8 @@ pub struct Run<'a> {
     pub exchange: &'a dyn Parallel,
     /// Options of the command line.
     pub options: &'a Options,
-    /// The scene as TOML, with all defaults.
-    pub toml: &'a str,
+    /// The scene.
+    pub scene: &'a Scene,
     /// The identity and history of the run.
     pub record: RunRecord,
     /// The instruction set of the kernel.
@@ -145,7 +144,7 @@ impl<'a> Run<'a> {
         Ok(Self {
             exchange,
             options,
-            toml: &scene.toml,
+            scene,
             record,
             isa,
             folder: None,
@@ -211,18 +210,6 @@ impl<'a> Run<'a> {
         Ok(Outcome::Done)
     }
 
-    /// The folder of the files, and the scene that they record.
-    pub(crate) fn place(&self) -> Destination<'_> {
-        Destination {
-            exchange: self.exchange,
-            folder: &self.options.out,
-            toml: self.toml,
-            record: &self.record,
-            owned: self.folder.as_ref(),
-            replay: self.options.replay,
-        }
-    }
-
     /// Whether a signal or the wall time requests a stop on this rank.
     pub(crate) fn asked_to_stop(&self) -> bool {
         let wall_time = self.options.wall_time;
@@ -262,7 +249,8 @@ impl<'a> Run<'a> {
         if let Some(folder) = &self.folder {
             folder.verify(exchange)?;
         }
-        let texts = [&*header.text(&self.record), self.toml];
+        let header_text = header.text(&self.record, self.scene.packing());
+        let texts = [&*header_text, &self.scene.toml];
         checkpoint::write(exchange, out, texts, &state)?;
         self.terminal
             .saved(header.stage(), header.step(), self.saved.elapsed());

@@ -195,7 +195,6 @@ fn falling(scene: &Scene, plane_shear: &PlaneShear, height: f64, starts: u32) ->
         },
         drag: falling_drag(scene, load, first_load),
         starts,
-        packing: None,
     }
 }
 
@@ -211,7 +210,6 @@ fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHead
         slider: None,
         written: Written::default(),
         energy_budget: None,
-        packing: None,
     }
 }
 

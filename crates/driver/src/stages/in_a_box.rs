@@ -133,7 +133,6 @@ fn begin<D: LawSpace>(
         progress,
         written: Written::default(),
         unfinished: None,
-        packing: scene.packing().cloned(),
     };
     Ok(prepared.map(|state| (header, state)))
 }

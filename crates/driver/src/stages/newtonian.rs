@@ -153,14 +153,12 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         let format = Format {
             name: NEWTONIAN_PART,
             columns: &NewtonianRow::COLUMNS,
-            scene,
-            law: assembly.law,
             attributes: attributes(scene, strain, &progress),
-            shear: None,
+            height: None,
         };
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
         let before = goes_on.map(|r| UpToCheckpoint::new(r.step));
-        let files = Files::open(run.place(), &mut assembly.system, &format, before)?;
+        let files = Files::open(run, &mut assembly, &format, before)?;
         let spectra = if due.spectra == u64::MAX {
             None
         } else {
@@ -322,7 +320,6 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
                 progress: self.progress,
                 written,
                 lines,
-                packing: self.scene.packing().cloned(),
             },
             state: Snapshot {
                 displacements: Some(self.motion.displacements.clone()),

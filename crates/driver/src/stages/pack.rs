@@ -107,7 +107,6 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             piston,
             drag,
             starts,
-            ..
         } = header;
         let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
         assembly.system.steps = step;
@@ -293,7 +292,6 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
                 piston: self.drive.piston,
                 drag: self.drive.drag,
                 starts: self.starts,
-                packing: self.plane_shear.origin.file().cloned(),
             }),
             state: self.assembly.owned(),
             keep: false,

@@ -5,7 +5,6 @@ use std::time::Instant;
 
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
-use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Exchange;
 use gshear_dem::drive::{Drive, GrainWalls, Images, Piston, Slider, Top};
@@ -15,13 +14,13 @@ use gshear_dem::observe::{self, SampleConstants, UpperEnd};
 use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
-use gshear_scene::{PackingFile, PlaneShear, Scene};
+use gshear_scene::{PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
 use super::assembly::Assembly;
 use super::top_wall::mass_of;
-use crate::files::{Files, Format, ShearFormat};
+use crate::files::{Files, Format};
 use crate::frame_analysis::FrameAnalysis;
 use crate::header::{Header, ShearHeader};
 use crate::options::Outcome;
@@ -67,8 +66,6 @@ impl Above {
 /// The stage that shears the sample.
 pub(super) struct ShearStage<'a, D: Dimension> {
     scene: &'a Scene,
-    /// The file that the grains came from.
-    packing: Option<&'a PackingFile>,
     schedule: Schedule,
     assembly: Assembly<'a, D>,
     above: Above,
@@ -146,18 +143,22 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             .shearing(scene, plane_shear, &schedule, from.step);
         let goes_on = run.options.replay.is_none();
         let before = goes_on.then(|| UpToCheckpoint::new(from.step));
-        let format = format(scene, plane_shear, &schedule, law);
-        let files = Files::open(run.place(), system, &format, before)?;
+        let format = Format {
+            name: RUN_FILE,
+            columns: schedule.columns,
+            attributes: attributes(scene, plane_shear, &schedule),
+            height: Some(schedule.height),
+        };
+        let files = Files::open(run, &mut assembly, &format, before)?;
         // The first row of new scalars is of a frame without a frame before it.
         let before = state.analysed.filter(|_| files.resumed());
         let analysis = if plane_shear.analysis.scalars {
-            Some(FrameAnalysis::new(exchange, system, before))
+            Some(FrameAnalysis::new(exchange, &mut assembly.system, before))
         } else {
             None
         };
         Ok(Self {
             scene,
-            packing: plane_shear.origin.file(),
             schedule,
             assembly,
             above,
@@ -341,7 +342,6 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             height: self.schedule.height,
             written,
             energy_budget: (self.assembly.system.budget.as_ref()).map(|b| b.save(run.exchange)),
-            packing: self.packing.cloned(),
         })
     }
 
@@ -555,27 +555,6 @@ fn set_moving(grains: &mut [GrainState], top: &mut Top, schedule: &Schedule, up:
             body::BOTTOM if schedule.protocol.has_bottom() => g.velocity[up] = bottom,
             _ => {}
         }
-    }
-}
-
-/// The file of the run.
-fn format<'a>(
-    scene: &'a Scene,
-    plane_shear: &PlaneShear,
-    schedule: &Schedule,
-    law: &'a dyn PairModel,
-) -> Format<'a> {
-    Format {
-        name: RUN_FILE,
-        columns: schedule.columns,
-        scene,
-        law,
-        attributes: attributes(scene, plane_shear, schedule),
-        shear: Some(ShearFormat {
-            height: schedule.height,
-            scalars: plane_shear.analysis.scalars,
-            confinement: plane_shear.confinement,
-        }),
     }
 }
 

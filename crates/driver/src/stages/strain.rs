@@ -85,17 +85,15 @@ impl<'a, D: Dimension> Strain<'a, D> {
         let format = Format {
             name: RUN_FILE,
             columns: &AqsRow::COLUMNS,
-            scene,
-            law: assembly.law,
             attributes: vec![("mean_diameter", scene.sample.mean_diameter.into())],
-            shear: None,
+            height: None,
         };
         let before = UpToCheckpoint {
             step: progress.steps,
             last: (written.rows > 0).then_some(progress.steps),
         };
         Ok(Self {
-            files: Files::open(run.place(), &mut assembly.system, &format, Some(before))?,
+            files: Files::open(run, &mut assembly, &format, Some(before))?,
             relaxation: Relaxation::new(periodic.relax, &scene.sample),
             scene,
             periodic,
@@ -428,7 +426,6 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 progress: self.progress,
                 written: self.files.flush(run.exchange)?,
                 unfinished,
-                packing: self.scene.packing().cloned(),
             },
             state: Snapshot {
                 held: self.held.iter().map(RestState::owned).collect(),
