@@ -12,7 +12,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Boundary, Deformation, Dimensions, Method, PeriodicBox, Sample, Scene};
+use gshear_scene::{Boundary, Deformation, Dimensions, Method, Sample, Scene};
 
 use crate::estimate::index;
 use crate::launch::Task;
@@ -32,10 +32,7 @@ pub fn speed(
     task: &Task,
     options: &Options,
 ) -> Result<Option<f64>, Failure> {
-    let of = [
-        &speed_on_a_lattice::<Two> as &Measurement<'_>,
-        &speed_on_a_lattice::<Three>,
-    ];
+    let of = [speed_on_a_lattice::<Two>, speed_on_a_lattice::<Three>];
     measured(exchange, task, options, of)
 }
 
@@ -51,12 +48,11 @@ pub fn strain_step(
 ) -> Result<Option<f64>, Failure> {
     match &task.scene.boundary {
         Boundary::Periodic(periodic) if periodic.relax.method == Method::Newton => {
-            let of_disks =
-                |run: &Run<'_>, scene: &Scene| strain_step_on_lattices::<Two>(run, scene, periodic);
-            let of_spheres = |run: &Run<'_>, scene: &Scene| {
-                strain_step_on_lattices::<Three>(run, scene, periodic)
-            };
-            measured(exchange, task, options, [&of_disks, &of_spheres])
+            let of = [
+                strain_step_on_lattices::<Two>,
+                strain_step_on_lattices::<Three>,
+            ];
+            measured(exchange, task, options, of)
         }
         _ => Ok(None),
     }
@@ -67,7 +63,7 @@ const MOST_GRAINS: u32 = 100_000;
 /// Time of the measurement (s), about.
 const MEASURED: f64 = 0.4;
 
-type Measurement<'a> = dyn Fn(&Run<'_>, &Scene) -> Result<f64, Failure> + 'a;
+type Measurement = fn(&Run<'_>) -> Result<f64, Failure>;
 
 /// What a measurement of disks or spheres finds, in a run that says nothing and writes nothing, on
 /// all ranks; `None` if it failed on one, as where the law does not hold on the lattice. Refuses
@@ -76,7 +72,7 @@ fn measured(
     exchange: &dyn Parallel,
     task: &Task,
     options: &Options,
-    [of_disks, of_spheres]: [&Measurement<'_>; 2],
+    [of_disks, of_spheres]: [Measurement; 2],
 ) -> Result<Option<f64>, Failure> {
     let scene = &task.scene;
     let options = Options {
@@ -86,8 +82,8 @@ fn measured(
     let run = Run::new(exchange, scene, task.record.clone(), &options)?;
     let cell = scene.cell();
     let found = match scene.dimension {
-        Dimensions::Two => system::<Two>(&run, scene, cell).map(|_| of_disks(&run, scene))?,
-        Dimensions::Three => system::<Three>(&run, scene, cell).map(|_| of_spheres(&run, scene))?,
+        Dimensions::Two => system::<Two>(&run, scene, cell).map(|_| of_disks(&run))?,
+        Dimensions::Three => system::<Three>(&run, scene, cell).map(|_| of_spheres(&run))?,
     };
     let failed = exchange.maximum(f64::from(u8::from(found.is_err()))) > 0.0;
     Ok(found.ok().filter(|_| !failed))
@@ -111,10 +107,9 @@ impl Lattice {
     fn assembly<'a, D: LawSpace>(
         &self,
         run: &Run<'a>,
-        scene: &Scene,
         law: &'a dyn PairForce<D>,
     ) -> Result<Assembly<'a, D>, Failure> {
-        let exchange = run.exchange;
+        let (exchange, scene) = (run.exchange, run.scene);
         let diameter = scene.sample.mean_diameter;
         let [along, across, up] = self.grains;
         let lengths: [f64; 3] =
@@ -170,8 +165,8 @@ fn overlap(scene: &Scene) -> f64 {
 
 /// Speed of all ranks together (grain-steps/s) on a lattice of equal grains, two or three of whose
 /// neighbours each touch, as in a packing. Collective.
-fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, Failure> {
-    let exchange = run.exchange;
+fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
+    let (exchange, scene) = (run.exchange, run.scene);
     let sample = &scene.sample;
     let diameter = sample.mean_diameter;
     let (touching, near) = (diameter * (1.0 - overlap(scene)), 1.001 * diameter);
@@ -189,7 +184,7 @@ fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, 
         spacing: [touching, near, touching],
     };
     let law = scene.force::<D>();
-    let mut assembly = lattice.assembly(run, scene, law.as_ref())?;
+    let mut assembly = lattice.assembly(run, law.as_ref())?;
     let mut steps = |steps: u64| -> Result<f64, Failure> {
         exchange.barrier();
         let begun = Instant::now();
@@ -221,12 +216,11 @@ const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
 /// Time of a strain step (s): that of its factorisations of K and, if the scene asks for them, of
 /// all eigenvalues, of lattices in which every grain touches as many others as in a packing.
 /// Collective.
-fn strain_step_on_lattices<D: LawSpace>(
-    run: &Run<'_>,
-    scene: &Scene,
-    periodic: &PeriodicBox,
-) -> Result<f64, Failure> {
-    let exchange = run.exchange;
+fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
+    let (exchange, scene) = (run.exchange, run.scene);
+    let Boundary::Periodic(periodic) = &scene.boundary else {
+        unreachable!("strain steps are those of a box")
+    };
     let all = scene.sample.grains;
     let law = scene.force::<D>();
     let law = law.as_ref();
@@ -254,7 +248,7 @@ fn strain_step_on_lattices<D: LawSpace>(
     let mut grains = all.min(FEW);
     let relaxation = loop {
         let lattice = lattice(grains);
-        let mut assembly = lattice.assembly(run, scene, law)?;
+        let mut assembly = lattice.assembly(run, law)?;
         let seconds = timed(&mut || relax::factor_once(&mut assembly))?;
         let larger = f64::from(all) / f64::from(lattice.count());
         if grains == all || seconds > LONG {
@@ -271,7 +265,7 @@ fn strain_step_on_lattices<D: LawSpace>(
     let mut seconds = relaxations * FACTORISATIONS * relaxation;
     if periodic.aqs.spectrum {
         let lattice = lattice(all.min(FEW));
-        let mut assembly = lattice.assembly(run, scene, law)?;
+        let mut assembly = lattice.assembly(run, law)?;
         let one = timed(&mut || relax::eigenvalues_once(&mut assembly))?;
         let larger = f64::from(all) / f64::from(lattice.count());
         seconds += one * larger.powi(3);

@@ -73,8 +73,8 @@ impl Task {
             run.terminal.warn(warning);
         }
         let outcome = match scene.dimension {
-            Dimensions::Two => stages::<Two>(&mut run, scene, self.start),
-            Dimensions::Three => stages::<Three>(&mut run, scene, self.start),
+            Dimensions::Two => stages::<Two>(&mut run, self.start),
+            Dimensions::Three => stages::<Three>(&mut run, self.start),
         };
         run.terminal.run_ended(&outcome);
         outcome
@@ -136,10 +136,11 @@ impl Task {
     }
 }
 
-fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
+fn stages<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcome, Failure> {
+    let scene = run.scene;
     match &scene.boundary {
-        Boundary::Walls(plane_shear) => between_walls::run::<D>(run, scene, plane_shear, start),
-        Boundary::Periodic(periodic) => in_a_box::run::<D>(run, scene, periodic, start),
+        Boundary::Walls(plane_shear) => between_walls::run::<D>(run, plane_shear, start),
+        Boundary::Periodic(periodic) => in_a_box::run::<D>(run, periodic, start),
     }
 }
 

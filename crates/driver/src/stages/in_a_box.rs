@@ -6,7 +6,7 @@ use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
-use gshear_scene::{PeriodicBox, Scene};
+use gshear_scene::PeriodicBox;
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
@@ -27,10 +27,10 @@ use gshear_dem::state::{HeldState, Snapshot};
 /// Numbers that fail, or a file that cannot be written.
 pub fn run<D: LawSpace>(
     run: &mut Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     start: Start,
 ) -> Result<Outcome, Failure> {
+    let scene = run.scene;
     let law = scene.force::<D>();
     let law = law.as_ref();
     let begins = !matches!(start, Start::Checkpoint(..));
@@ -39,7 +39,7 @@ pub fn run<D: LawSpace>(
     // A packing of a file has no forces, and one that is prepared those without attraction.
     let is_unloaded =
         matches!(start, Start::Grains(_)) || attracts && matches!(start, Start::Insertion);
-    let Some((header, state)) = begin::<D>(run, scene, periodic, start)? else {
+    let Some((header, state)) = begin::<D>(run, periodic, start)? else {
         run.terminal.unprepared();
         return Ok(Outcome::Stopped);
     };
@@ -70,7 +70,7 @@ pub fn run<D: LawSpace>(
         };
         (assembly, progress, Some(resumed))
     } else {
-        let mut strain = Strain::new(run, scene, periodic, assembly, (header, held))?;
+        let mut strain = Strain::new(run, periodic, assembly, (header, held))?;
         let outcome = run.drive(&mut strain, begins);
         let (assembly, progress, outcome) = strain.finish(run, outcome)?;
         if outcome == Outcome::Stopped {
@@ -92,7 +92,7 @@ pub fn run<D: LawSpace>(
     let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
     assembly.system.clock = Clock::default();
     let of = (periodic, newtonian);
-    let mut stage = NewtonianStage::new(run, scene, of, assembly, progress, resumed)?;
+    let mut stage = NewtonianStage::new(run, of, assembly, progress, resumed)?;
     let outcome = run.drive(&mut stage, begins);
     stage.finish(run, outcome)
 }
@@ -102,10 +102,10 @@ pub fn run<D: LawSpace>(
 /// prepared.
 fn begin<D: LawSpace>(
     run: &mut Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     start: Start,
 ) -> Result<Option<(Header, Snapshot)>, Failure> {
+    let scene = run.scene;
     let mut progress = Progress {
         length: Some(scene.sample.length),
         ..Progress::default()
@@ -126,7 +126,7 @@ fn begin<D: LawSpace>(
         }
         Start::Insertion => {
             let smooth = scene.force_with::<D>(|law, contact| (law.clone(), contact.smooth()));
-            prepare::prepare(run, scene, periodic, smooth.as_ref())?
+            prepare::prepare(run, periodic, smooth.as_ref())?
         }
     };
     let header = Header::Aqs {

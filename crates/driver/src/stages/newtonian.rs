@@ -126,14 +126,13 @@ impl Due {
 
 impl<'a, D: Dimension> NewtonianStage<'a, D> {
     pub fn new(
-        run: &Run<'_>,
-        scene: &'a Scene,
+        run: &Run<'a>,
         (periodic, of): (&PeriodicBox, &gshear_scene::Newtonian),
         mut assembly: Assembly<'a, D>,
         progress: Progress,
         resumed: Option<Resumed>,
     ) -> Result<Self, Failure> {
-        let (exchange, step) = (run.exchange, assembly.system.step);
+        let (exchange, scene, step) = (run.exchange, run.scene, assembly.system.step);
         let strain = strain::reached::<D>(periodic, &progress);
         let mut due = Due::new(of, progress.pair.as_ref(), step);
         if due.steps > MOST_STEPS {

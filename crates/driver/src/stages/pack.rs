@@ -94,9 +94,8 @@ pub(super) fn falling_drag(scene: &Scene, load: &Load, part: f64) -> f64 {
 
 impl<'a, D: Dimension> PackStage<'a, D> {
     /// The sample as its packing begins or goes on; `plane` is the law of the planes.
-    pub fn new<'r: 'a>(
-        run: &Run<'r>,
-        scene: &'a Scene,
+    pub fn new(
+        run: &Run<'a>,
         plane_shear: &'a PlaneShear,
         (law, plane): (&'a dyn PairForce<D>, Box<dyn PairForce<D>>),
         header: PackHeader,
@@ -108,6 +107,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             drag,
             starts,
         } = header;
+        let scene = run.scene;
         let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
         assembly.system.steps = step;
         // What pulls along smooth planes would move the sample as a whole.

@@ -45,19 +45,18 @@ const CLOSEST: f64 = 0.9;
 /// checkpoints of a preparation. Collective.
 pub(super) fn prepare<D: Dimension>(
     run: &mut Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>, Failure> {
     match periodic.placement {
-        Placement::Lattice => compress(run, scene, periodic, law),
+        Placement::Lattice => compress(run, periodic, law),
         Placement::Random => {
             let standing = Standing {
                 stage: super::PREPARE.into(),
                 ..Standing::default()
             };
             run.terminal.begin(&standing);
-            part(run, scene, periodic, law)
+            part(run, periodic, law)
         }
     }
 }
@@ -80,11 +79,10 @@ pub(crate) fn steps(scene: &Scene, periodic: &PeriodicBox) -> u64 {
 /// The packing of grains that begin at random places of the box; `None` if asked to stop.
 fn part<D: Dimension>(
     run: &Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>, Failure> {
-    let exchange = run.exchange;
+    let (exchange, scene) = (run.exchange, run.scene);
     let length = scene.sample.length;
     let cell = scene.sample.box_cell(length);
     let remedy = "give a lower box.solid_fraction, another seed, or sample.placement = \"lattice\"";
@@ -159,11 +157,10 @@ fn rest<D: Dimension>(
 /// The packing of grains that begin on a lattice; `None` if asked to stop.
 fn compress<D: Dimension>(
     run: &mut Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>, Failure> {
-    let exchange = run.exchange;
+    let (exchange, scene) = (run.exchange, run.scene);
     let target = scene.sample.length;
     let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());
     length = length.max(target);

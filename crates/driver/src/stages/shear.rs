@@ -90,15 +90,14 @@ pub(super) struct ShearStage<'a, D: Dimension> {
 
 impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Takes the sample and opens its files.
-    pub fn new<'r: 'a>(
-        run: &mut Run<'r>,
-        scene: &'a Scene,
+    pub fn new(
+        run: &Run<'a>,
         plane_shear: &'a PlaneShear,
         law: &'a dyn PairForce<D>,
         from: ShearHeader,
         mut state: Snapshot,
     ) -> Result<Self, Failure> {
-        let exchange = run.exchange;
+        let (exchange, scene) = (run.exchange, run.scene);
         let mut schedule = Schedule::new(scene, plane_shear, from.height);
         if let Some(window) = run.options.replay {
             schedule = schedule.of_window(window);

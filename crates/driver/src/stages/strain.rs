@@ -61,17 +61,16 @@ pub(super) struct Strain<'a, D: Dimension> {
 
 impl<'a, D: Dimension> Strain<'a, D> {
     pub fn new(
-        run: &Run<'_>,
-        scene: &'a Scene,
+        run: &Run<'a>,
         periodic: &'a PeriodicBox,
         mut assembly: Assembly<'a, D>,
         (header, held): (Header, Vec<HeldState>),
     ) -> Result<Self, Failure> {
+        let scene = run.scene;
         let Header::Aqs {
             progress,
             written,
             unfinished,
-            ..
         } = header
         else {
             unreachable!("strain steps begin with their header")
