@@ -45,14 +45,13 @@ pub enum Save {
 
 /// A stage of a run, which takes one step at a time. Calls are collective.
 pub trait Stage {
-    /// The name in messages.
-    fn name(&self) -> &'static str;
-
-    /// Number of completed steps.
-    fn steps(&self) -> u64;
+    /// The name in messages, and the number of completed steps.
+    fn at(&self) -> (&'static str, u64);
 
     /// The number by which `--stop-at` counts the next step; `None` if it does not count it.
-    fn count(&self) -> Option<u64>;
+    fn count(&self) -> Option<u64> {
+        Some(self.at().1 + 1)
+    }
 
     /// Whether all steps are done.
     fn is_done(&self) -> bool;
@@ -170,7 +169,7 @@ impl<'a> Run<'a> {
         stage: &mut dyn Stage,
         begins: bool,
     ) -> Result<Outcome, Failure> {
-        let name = stage.name();
+        let (name, _) = stage.at();
         if let Some(folder) = &self.folder {
             folder.clear(self.exchange)?;
         }
@@ -194,14 +193,14 @@ impl<'a> Run<'a> {
                 self.save(stage).map_err(|e| in_stage(e, name))?;
             }
             stage.log(self);
-            let due = stage.goes_on() || self.terminal.is_due(stage.steps());
+            let (_, step) = stage.at();
+            let due = stage.goes_on() || self.terminal.is_due(step);
             if due && self.terminal.progress(&stage.standing()) {
                 stage.publish();
             }
             if stopped {
                 self.terminal.set(&stage.standing());
-                self.terminal
-                    .stopped(&self.options.out, name, stage.steps());
+                self.terminal.stopped(&self.options.out, name, step);
                 return Ok(Outcome::Stopped);
             }
         }

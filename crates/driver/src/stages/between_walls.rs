@@ -80,7 +80,7 @@ fn packed<D: LawSpace>(
         else {
             return Err(failure);
         };
-        run.terminal.packs_again(pack.steps());
+        run.terminal.packs_again(pack.at().1);
         let (height, grains) = inserted(run, sizes);
         header = falling(scene, plane_shear, height, starts);
         state = of_grains(grains);

@@ -213,12 +213,8 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
 }
 
 impl<D: Dimension> Stage for NewtonianStage<'_, D> {
-    fn name(&self) -> &'static str {
-        RunStage::Newtonian.name()
-    }
-
-    fn steps(&self) -> u64 {
-        self.step
+    fn at(&self) -> (&'static str, u64) {
+        (RunStage::Newtonian.name(), self.step)
     }
 
     /// Newton's equations follow the strain steps.

@@ -181,12 +181,8 @@ impl<'a, D: Dimension> PackStage<'a, D> {
 }
 
 impl<D: Dimension> Stage for PackStage<'_, D> {
-    fn name(&self) -> &'static str {
-        "packing"
-    }
-
-    fn steps(&self) -> u64 {
-        self.step
+    fn at(&self) -> (&'static str, u64) {
+        ("packing", self.step)
     }
 
     fn count(&self) -> Option<u64> {

@@ -353,16 +353,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
 }
 
 impl<D: Dimension> Stage for ShearStage<'_, D> {
-    fn name(&self) -> &'static str {
-        RunStage::Shear.name()
-    }
-
-    fn steps(&self) -> u64 {
-        self.step
-    }
-
-    fn count(&self) -> Option<u64> {
-        Some(self.step + 1)
+    fn at(&self) -> (&'static str, u64) {
+        (RunStage::Shear.name(), self.step)
     }
 
     fn is_done(&self) -> bool {

@@ -296,16 +296,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
 }
 
 impl<D: Dimension> Stage for Strain<'_, D> {
-    fn name(&self) -> &'static str {
-        RunStage::Strain.name()
-    }
-
-    fn steps(&self) -> u64 {
-        self.progress.steps
-    }
-
-    fn count(&self) -> Option<u64> {
-        Some(self.progress.steps + 1)
+    fn at(&self) -> (&'static str, u64) {
+        (RunStage::Strain.name(), self.progress.steps)
     }
 
     fn is_done(&self) -> bool {
