@@ -8,34 +8,23 @@ use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
-use gshear_scene::{Boundary, Change, Dimensions, Scene, Source, unlikely};
+use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
-use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
 
 use crate::ends;
 use crate::exported_state::read_packing;
-use crate::folder::{Claim, Contents, Entry, RunFolder};
+use crate::folder::{Contents, RunFolder};
 use crate::header::Saved;
 use crate::lock::Lock;
 use crate::memory;
-use crate::options::Options;
-use crate::options::Outcome;
-use crate::run::{Run, Start};
+use crate::options::{Options, Outcome};
+use crate::run::Run;
 use crate::run_record::{Continuation, RunRecord};
 use crate::say::say_error;
 use crate::stages::{between_walls, in_a_box};
-
-/// A scene, and the state from which its run starts.
-pub struct Task {
-    /// The scene.
-    pub scene: Scene,
-    /// The initial state.
-    pub start: Start,
-    /// The identity and history of the run.
-    pub record: RunRecord,
-    entry: Entry,
-}
+pub use crate::task::Task;
+use crate::task::{Entry, Start};
 
 impl Task {
     /// A window of a run from one of its checkpoints, for [`Options::replay`]. `set`: overrides.
@@ -60,8 +49,8 @@ impl Task {
         let record = self.record.clone();
         let mut run = Run::new(exchange, scene, record, options)?;
         if options.replay.is_none() {
-            self.check_ends(options.stop_at)?;
-            run.folder = Some(RunFolder::take(exchange, &self.claim(), options)?);
+            ends::check(&self, options.stop_at)?;
+            run.folder = Some(RunFolder::take(exchange, &self, options)?);
             if exchange.rank() == 0 {
                 let folder = options.out.clone();
                 run.terminal
@@ -78,61 +67,6 @@ impl Task {
         };
         run.terminal.run_ended(&outcome);
         outcome
-    }
-
-    /// The checkpoint that the run starts from, if it does.
-    pub(crate) fn saved(&self) -> Option<&Saved> {
-        match &self.start {
-            Start::Checkpoint(saved, _) => Some(saved),
-            Start::Insertion | Start::Grains(_) => None,
-        }
-    }
-
-    /// Refuses ends that lie before the step reached, and another drive up to there.
-    ///
-    /// # Errors
-    /// Such an end, or such a drive.
-    pub(crate) fn check_ends(&self, stop_at: Option<u64>) -> Result<(), Failure> {
-        let header = self.saved().map(|saved| &saved.header);
-        let before = match &self.start {
-            Start::Checkpoint(_, before) => before.as_deref(),
-            Start::Insertion | Start::Grains(_) => None,
-        };
-        ends::check(header, before, &self.scene, stop_at)
-    }
-
-    /// What the run asks of its folder.
-    pub(crate) fn claim(&self) -> Claim<'_> {
-        Claim {
-            entry: self.entry,
-            record: &self.record,
-            scene: &self.scene,
-            saved: self.saved(),
-            last_file: self.last_file(),
-        }
-    }
-
-    /// A sentence if the grains that the shear starts with are not at their load; of rank 0.
-    pub(crate) fn not_at_load(&self) -> Option<String> {
-        match &self.start {
-            Start::Grains(grains) if !grains.is_empty() => {
-                unlikely::not_at_load(&self.scene, grains)
-            }
-            _ => None,
-        }
-    }
-
-    /// Whether it starts from a checkpoint.
-    pub fn is_resumed(&self) -> bool {
-        matches!(self.start, Start::Checkpoint(..))
-    }
-
-    /// The file, or its part, of the last stage, whose attribute `digest` marks a finished run.
-    pub(crate) fn last_file(&self) -> &'static str {
-        match &self.scene.boundary {
-            Boundary::Periodic(periodic) if periodic.newtonian.is_some() => NEWTONIAN_PART,
-            _ => RUN_FILE,
-        }
     }
 }
 
@@ -254,7 +188,7 @@ pub fn resume_if_begun(
 ) -> Result<Resumable, Failure> {
     let empty = told_by_root(exchange, || {
         let found = Contents::of(folder)?;
-        found.is_of(folder, &task.record, &task.scene, true)?;
+        found.is_of(folder, &task, true)?;
         Ok(found.is_empty())
     })?;
     if empty {
@@ -279,9 +213,7 @@ pub fn resume_if_begun(
 
 /// Whether the run in the folder has come to the end that the task asks for. Collective.
 fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> Result<bool, Failure> {
-    told_by_root(exchange, || {
-        Ok(Contents::of(folder)?.is_finished(task.last_file(), &task.scene))
-    })
+    told_by_root(exchange, || Ok(Contents::of(folder)?.is_finished(task)))
 }
 
 /// The newest good checkpoint of a folder; `None` if there is none. Collective.

@@ -5,6 +5,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
 
 use crate::calibration;
+use crate::ends;
 use crate::estimate::{Estimate, bytes, cores, dense_height};
 use crate::folder::{free, outlook};
 use crate::launch::{Resumable, Task, resume_if_begun};
@@ -20,7 +21,7 @@ use crate::terminal::ranks as in_words;
 /// Ends that a checkpoint has passed; more ranks than the sample has room for; standard output that
 /// cannot be written.
 pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<(), Failure> {
-    task.check_ends(options.stop_at)?;
+    ends::check(task, options.stop_at)?;
     print(exchange, task)?;
     prospects(exchange, task, options, None)
 }
@@ -84,7 +85,7 @@ fn prospects(
     }
     let (folder, may_write) = match refused {
         Some(refused) => (refused.to_string(), false),
-        None => outlook(&options.out, &task.claim()),
+        None => outlook(&options.out, task),
     };
     let mut text = estimate.text();
     if may_write {

@@ -4,14 +4,14 @@ use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::simd::Isa;
-use gshear_dem::state::{GrainState, Snapshot};
+use gshear_dem::state::Snapshot;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_store::checkpoint;
 use gshear_store::collective::on_root;
 
 use crate::folder::RunFolder;
-use crate::header::{Header, Saved};
+use crate::header::Header;
 use crate::options::{Options, Outcome};
 use crate::run_record::RunRecord;
 use crate::signals::Signals;
@@ -20,17 +20,6 @@ use gshear_store::status::Standing;
 
 /// Steps of Newton's equations after which a stage looks whether the last checkpoint is old.
 pub(crate) const LOOK: u64 = 100;
-
-/// The start of a run. Grains are this rank's part of all grains, in any distribution.
-#[derive(Debug, Clone)]
-pub enum Start {
-    /// Grains that the scene inserts.
-    Insertion,
-    /// The grains of the scene's packing.
-    Grains(Vec<GrainState>),
-    /// A checkpoint, and its scene, where that of the run may differ.
-    Checkpoint(Box<Saved>, Option<Box<Scene>>),
-}
 
 /// Whether a checkpoint is due after a step. A stop always writes one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

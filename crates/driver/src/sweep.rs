@@ -12,8 +12,7 @@ use gshear_store::status::{RunState, Status};
 use crate::calibration;
 use crate::estimate::{Estimate, bytes};
 use crate::launch::{Resumable, Task, await_lock, from_the_start, resume_if_begun};
-use crate::options::Outcome;
-use crate::options::{Options, Verbosity};
+use crate::options::{Options, Outcome, Verbosity};
 use crate::preview::{check_continued, doubts};
 use crate::say::{self, say_error};
 use crate::terminal::progress::duration;
@@ -80,7 +79,7 @@ impl<'a> Sweep<'a> {
             let state = match &found {
                 Resumable::Finished => "done",
                 Resumable::Task(_) if failed() => "failed",
-                Resumable::Task(task) if task.is_resumed() => "stopped",
+                Resumable::Task(task) if task.saved().is_some() => "stopped",
                 Resumable::Task(_) => "new",
             };
             if let (Resumable::Task(task), false) = (&found, quiet) {

@@ -15,7 +15,8 @@ use super::shear::ShearStage;
 use super::top_wall::{height_between, mass_of_layer, mass_of_top, stretch};
 use crate::header::{Header, PackHeader, ShearHeader};
 use crate::options::Outcome;
-use crate::run::{Run, Stage, Start};
+use crate::run::{Run, Stage};
+use crate::task::Start;
 use crate::written::Written;
 
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.

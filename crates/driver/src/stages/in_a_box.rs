@@ -17,7 +17,8 @@ use super::rest::RestState;
 use super::strain::Strain;
 use crate::header::{Header, Progress, Shape, Stretched};
 use crate::options::Outcome;
-use crate::run::{Run, Start};
+use crate::run::Run;
+use crate::task::Start;
 use crate::written::Written;
 use gshear_dem::state::{HeldState, Snapshot};
 
