@@ -19,7 +19,7 @@ use gshear_driver::version;
 use gshear_mpi_exchange::World;
 use gshear_scene::Source;
 use gshear_scene::packing::split_frame;
-use gshear_store::collective::agree;
+use gshear_store::collective::told_by_root;
 use gshear_store::file_names::is_reduced;
 use gshear_store::{h5, provenance};
 
@@ -219,13 +219,10 @@ fn check_or_run(
 
 /// Reads the configuration on one rank, so that all ranks run the same scene.
 fn read(world: &World, arguments: &CommandLine) -> Result<Source, Failure> {
-    let read = match (&arguments.config, world.rank()) {
-        (Some(path), 0) => Source::read(path).map(Some),
-        (Some(_), _) => Ok(None),
-        (None, _) => Ok(Some(Source::embedded())),
+    let read = || match &arguments.config {
+        Some(path) => Source::read(path).map(Some),
+        None => Ok(Some(Source::embedded())),
     };
-    let source = agree(world, read)?;
-    let text = serde_json::to_vec(&source).expect("texts");
-    let source = serde_json::from_slice(&world.broadcast(text)).expect("what rank 0 wrote");
-    Ok(source)
+    let source = told_by_root(world, read)?;
+    Ok(source.expect("rank 0 has read it"))
 }

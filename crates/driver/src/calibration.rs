@@ -19,6 +19,7 @@ use crate::launch::Task;
 use crate::options::{Options, Verbosity};
 use crate::run::Run;
 use crate::stages::assembly::Assembly;
+use crate::stages::prepare::share_of;
 use crate::stages::relax;
 use crate::stages::setup::system;
 
@@ -111,7 +112,7 @@ impl Lattice {
     ) -> Result<Assembly<'a, D>, Failure> {
         let (exchange, scene) = (run.exchange, run.scene);
         let diameter = scene.sample.mean_diameter;
-        let [along, across, up] = self.grains;
+        let [_, across, up] = self.grains;
         let lengths: [f64; 3] =
             std::array::from_fn(|k| f64::from(self.grains[k]) * self.spacing[k]);
         let planar = D::AXES == 2;
@@ -127,9 +128,6 @@ impl Lattice {
             },
             ..scene.clone()
         };
-        let all = along * across * up;
-        let (rank, size) = (exchange.rank() as u64, exchange.size() as u64);
-        let part = |r: u64| (u64::from(all) * r / size) as u32;
         let grain = |id: u32| {
             let at = [id / (across * up), id / up % across, id % up].map(|k| f64::from(k) + 0.5);
             let mut position = [0.0; 3];
@@ -145,7 +143,8 @@ impl Lattice {
                 ..GrainState::zeroed()
             }
         };
-        let grains = (part(rank)..part(rank + 1)).map(grain).collect();
+        let owned = share_of(self.count(), exchange.rank(), exchange.size());
+        let grains = owned.map(grain).collect();
         let mut assembly = Assembly::new(run, &equal, cell, law)?;
         // Nothing holds a periodic lattice: it would fall.
         assembly.system.gravity = [0.0; 2];
@@ -161,6 +160,17 @@ fn overlap(scene: &Scene) -> f64 {
         Boundary::Walls(walls) => (1.0 / walls.load.stiffness_number).min(0.01),
         Boundary::Periodic(_) => 0.01,
     }
+}
+
+/// Time in which all ranks have done this (s). Collective.
+fn timed(
+    exchange: &dyn Parallel,
+    measured: impl FnOnce() -> Result<(), Failure>,
+) -> Result<f64, Failure> {
+    exchange.barrier();
+    let begun = Instant::now();
+    measured()?;
+    Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
 }
 
 /// Speed of all ranks together (grain-steps/s) on a lattice of equal grains, two or three of whose
@@ -185,13 +195,9 @@ fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
     };
     let law = scene.force::<D>();
     let mut assembly = lattice.assembly(run, law.as_ref())?;
-    let mut steps = |steps: u64| -> Result<f64, Failure> {
-        exchange.barrier();
-        let begun = Instant::now();
-        for _ in 0..steps {
-            assembly.advance(&mut NoWalls, false, false)?;
-        }
-        Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
+    let mut steps = |steps: u64| {
+        let mut step = |_| assembly.advance(&mut NoWalls, false, false).map(drop);
+        timed(exchange, || (0..steps).try_for_each(&mut step))
     };
     // The first steps fill the caches.
     steps(3)?;
@@ -238,18 +244,11 @@ fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
             spacing: [touching; 3],
         }
     };
-    let timed = |of: &mut dyn FnMut() -> Result<(), Failure>| -> Result<f64, Failure> {
-        exchange.barrier();
-        let begun = Instant::now();
-        of()?;
-        Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
-    };
-
     let mut grains = all.min(FEW);
     let relaxation = loop {
         let lattice = lattice(grains);
         let mut assembly = lattice.assembly(run, law)?;
-        let seconds = timed(&mut || relax::factor_once(&mut assembly))?;
+        let seconds = timed(exchange, || relax::factor_once(&mut assembly))?;
         let larger = f64::from(all) / f64::from(lattice.count());
         if grains == all || seconds > LONG {
             let power = FACTORISATION_POWER[index(scene)];
@@ -266,7 +265,7 @@ fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
     if periodic.aqs.spectrum {
         let lattice = lattice(all.min(FEW));
         let mut assembly = lattice.assembly(run, law)?;
-        let one = timed(&mut || relax::eigenvalues_once(&mut assembly))?;
+        let one = timed(exchange, || relax::eigenvalues_once(&mut assembly))?;
         let larger = f64::from(all) / f64::from(lattice.count());
         seconds += one * larger.powi(3);
     }

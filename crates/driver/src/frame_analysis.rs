@@ -70,7 +70,10 @@ impl FrameAnalysis {
         contacts: &[ContactSample],
     ) -> Vec<ScalarsRow> {
         let first = self.frames.is_empty();
-        self.frames.push(part(grains, contacts));
+        self.frames.push(FramePart {
+            grains: grains.iter().map(GrainPosition::from).collect(),
+            contacts: contacts.iter().map(ContactForce::from).collect(),
+        });
         if first {
             return vec![(step, FrameScalars::UNDEFINED)];
         }
@@ -131,14 +134,6 @@ impl FrameAnalysis {
     pub fn last(&self) -> Option<&FramePart> {
         assert!(self.steps.is_empty(), "frames wait to be analysed");
         self.frames.last()
-    }
-}
-
-/// The positions and forces from which the scalars are computed.
-fn part(grains: &[GrainSample], contacts: &[ContactSample]) -> FramePart {
-    FramePart {
-        grains: grains.iter().map(GrainPosition::from).collect(),
-        contacts: contacts.iter().map(ContactForce::from).collect(),
     }
 }
 

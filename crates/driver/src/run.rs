@@ -179,7 +179,8 @@ impl<'a> Run<'a> {
                 Save::IfOld => stopped || self.last_checkpoint_is_old(),
             };
             if due {
-                self.save(stage).map_err(|e| in_stage(e, name))?;
+                let saved = stage.checkpoint(self).and_then(|of| self.save(&of));
+                saved.map_err(|e| in_stage(e, name))?;
             }
             stage.log(self);
             let (_, step) = stage.at();
@@ -220,18 +221,9 @@ impl<'a> Run<'a> {
         self.exchange.maximum(self.saved.elapsed().as_secs_f64()) > time
     }
 
-    fn save(&mut self, stage: &mut dyn Stage) -> Result<(), Failure> {
-        let checkpoint = stage.checkpoint(self)?;
-        self.save_as(checkpoint)
-    }
-
     /// Writes a checkpoint; collective.
-    pub(crate) fn save_as(&mut self, checkpoint: Checkpoint) -> Result<(), Failure> {
-        let Checkpoint {
-            header,
-            state,
-            keep,
-        } = checkpoint;
+    pub(crate) fn save(&mut self, checkpoint: &Checkpoint) -> Result<(), Failure> {
+        let header = &checkpoint.header;
         self.saved = Instant::now();
         let (exchange, out) = (self.exchange, &self.options.out);
         if let Some(folder) = &self.folder {
@@ -239,11 +231,11 @@ impl<'a> Run<'a> {
         }
         let header_text = header.text(&self.record, self.scene.packing());
         let texts = [&*header_text, &self.scene.toml];
-        checkpoint::write(exchange, out, texts, &state)?;
+        checkpoint::write(exchange, out, texts, &checkpoint.state)?;
         self.terminal
             .saved(header.stage(), header.step(), self.saved.elapsed());
         on_root(exchange, || {
-            if keep {
+            if checkpoint.keep {
                 checkpoint::keep(out, header.stage(), header.step())
             } else {
                 Ok(())

@@ -99,6 +99,15 @@ impl<'a, D: Dimension> Assembly<'a, D> {
         }
     }
 
+    /// This rank's part of the state with which a stage begins: that of [`Self::held`].
+    pub fn snapshot(&mut self) -> Snapshot {
+        Snapshot {
+            grains: self.system.grain_states(),
+            contacts: self.system.contact_states(self.law),
+            ..Snapshot::default()
+        }
+    }
+
     /// This rank's part of a checkpoint, each contact on the rank that has its first grain.
     pub fn owned(&mut self) -> Snapshot {
         Snapshot {

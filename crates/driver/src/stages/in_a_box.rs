@@ -11,7 +11,7 @@ use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
 use super::assembly::Assembly;
-use super::newtonian::{NewtonianStage, Resumed};
+use super::newtonian::NewtonianStage;
 use super::prepare;
 use super::rest::RestState;
 use super::strain::Strain;
@@ -65,11 +65,8 @@ pub fn run<D: LawSpace>(
 
     let (mut assembly, progress, resumed) = if let Header::Newtonian { step, progress, .. } = header
     {
-        let resumed = Resumed {
-            step,
-            displacements: displacements.unwrap_or_default(),
-        };
-        (assembly, progress, Some(resumed))
+        let resumed = Some((step, displacements.unwrap_or_default()));
+        (assembly, progress, resumed)
     } else {
         let mut strain = Strain::new(run, periodic, assembly, (header, held))?;
         let outcome = run.drive(&mut strain, begins);
@@ -90,7 +87,7 @@ pub fn run<D: LawSpace>(
         run.terminal.go_on(&run.options.out);
         return Ok(Outcome::Done);
     };
-    let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
+    let begins = resumed.as_ref().is_none_or(|(step, _)| *step == 0);
     assembly.system.clock = Clock::default();
     let of = (periodic, newtonian);
     let mut stage = NewtonianStage::new(run, of, assembly, progress, resumed)?;

@@ -13,8 +13,7 @@ use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
 use gshear_scene::unlikely::intervals_of_newtonian;
 use gshear_scene::{PeriodicBox, Scene};
 use gshear_store::box_columns::NewtonianRow;
-use gshear_store::collective::exists;
-use gshear_store::collective::gathered;
+use gshear_store::collective::{exists, gathered};
 use gshear_store::file_names::{NEWTONIAN_PART, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
@@ -43,13 +42,6 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     due: Due,
     /// Shear stress of the last row.
     latest: Option<f64>,
-}
-
-/// The data with which the stage resumes.
-pub(super) struct Resumed {
-    /// Completed steps.
-    pub step: u64,
-    pub displacements: Vec<Displacement>,
 }
 
 /// The steps at which output is due. An interval longer than the stage disables an output.
@@ -125,12 +117,13 @@ impl Due {
 }
 
 impl<'a, D: Dimension> NewtonianStage<'a, D> {
+    /// `resumed`: the completed steps, and the displacements up to there.
     pub fn new(
         run: &Run<'a>,
         (periodic, of): (&PeriodicBox, &gshear_scene::Newtonian),
         mut assembly: Assembly<'a, D>,
         progress: Progress,
-        resumed: Option<Resumed>,
+        resumed: Option<(u64, Vec<Displacement>)>,
     ) -> Result<Self, Failure> {
         let (exchange, scene, step) = (run.exchange, run.scene, assembly.system.step);
         let strain = strain::reached::<D>(periodic, &progress);
@@ -156,7 +149,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             height: None,
         };
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
-        let before = goes_on.map(|r| UpToCheckpoint::new(r.step));
+        let before = goes_on.map(|(step, _)| UpToCheckpoint::new(*step));
         let files = Files::open(run, &mut assembly, &format, before)?;
         let spectra = if due.spectra == u64::MAX {
             None
@@ -168,8 +161,8 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             let last = last.map(|last| last as f64 * step);
             Some(SpectraFile::open(exchange, &path, last)?)
         };
-        let motion = if let Some(resumed) = &resumed {
-            GrainMotion::resume(exchange, &mut assembly.system, &resumed.displacements)
+        let motion = if let Some((_, displacements)) = &resumed {
+            GrainMotion::resume(exchange, &mut assembly.system, displacements)
         } else {
             assembly.rebuild()?;
             GrainMotion::begin(&mut assembly.system)
@@ -181,7 +174,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             files,
             spectra,
             progress,
-            step: resumed.map_or(0, |r| r.step),
+            step: resumed.map_or(0, |(step, _)| step),
             due,
             latest: None,
         })
@@ -230,7 +223,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the state at rest.
             let checkpoint = self.checkpoint(run)?;
-            run.save_as(checkpoint)?;
+            run.save(&checkpoint)?;
         }
         self.assembly.initial_forces(&mut NoWalls, false)
     }

@@ -7,7 +7,7 @@ use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{Confinement, HeldState, Snapshot, body};
+use gshear_dem::state::{Confinement, Snapshot, body};
 use gshear_scene::insertion::freeze_walls;
 use gshear_scene::schedule::packing_time;
 use gshear_scene::{Load, PlaneShear, Scene};
@@ -150,20 +150,17 @@ impl<'a, D: Dimension> PackStage<'a, D> {
     /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
     /// shear.
     pub fn finish(mut self, run: &Run<'_>) -> (Piston, Snapshot) {
-        let HeldState {
-            mut grains,
-            contacts,
-        } = self.assembly.held();
+        let mut state = self.assembly.snapshot();
         let (scene, height) = (self.scene, self.drive.piston.height);
         let of = self.plane_shear;
         if of.confinement != Confinement::Images && !of.has_planes() {
             let planes = self.plane_shear.planes(&scene.sample, [0.0, height]);
-            freeze_walls(&mut grains, D::UP, planes, scene.materials.wall);
+            freeze_walls(&mut state.grains, D::UP, planes, scene.materials.wall);
         }
         let piston = Piston {
             velocity: 0.0,
             acceleration: 0.0,
-            mass: mass_of_top(run, scene, self.plane_shear, (&grains, height)),
+            mass: mass_of_top(run, scene, self.plane_shear, (&state.grains, height)),
             ..self.drive.piston
         };
         run.terminal.packed(
@@ -171,11 +168,6 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             height_between(scene, self.plane_shear, &piston),
             self.plane_shear,
         );
-        let state = Snapshot {
-            grains,
-            contacts,
-            ..Snapshot::default()
-        };
         (piston, state)
     }
 }

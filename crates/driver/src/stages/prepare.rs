@@ -17,7 +17,7 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::state::{GrainState, HeldState, Snapshot};
+use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::{self, radius, stream};
 use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
 use gshear_store::status::Standing;
@@ -146,12 +146,7 @@ fn rest<D: Dimension>(
         }
     }
     run.terminal.prepared(steps);
-    let HeldState { grains, contacts } = assembly.held();
-    Ok(Some(Snapshot {
-        grains,
-        contacts,
-        ..Snapshot::default()
-    }))
+    Ok(Some(assembly.snapshot()))
 }
 
 /// The packing of grains that begin on a lattice; `None` if asked to stop.
@@ -317,7 +312,7 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
 }
 
 /// The ids that a rank inserts.
-fn share_of(grains: u32, rank: usize, ranks: usize) -> Range<u32> {
+pub(crate) fn share_of(grains: u32, rank: usize, ranks: usize) -> Range<u32> {
     let first = |r: usize| (u64::from(grains) * r as u64 / ranks as u64) as u32;
     first(rank)..first(rank + 1)
 }

@@ -355,7 +355,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the packed sample.
-            run.save_as(Checkpoint {
+            run.save(&Checkpoint {
                 header: self.header(run, Written::default()),
                 state: self.state(),
                 keep: true,

@@ -346,13 +346,9 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         let Some(found) = self.unrecorded.take() else {
             return Ok(());
         };
-        let (exchange, aqs) = (run.exchange, &self.periodic.aqs);
+        let (exchange, aqs) = (run.exchange, self.periodic.aqs);
         let observed = self.assembly.observe(self.scene.sample.grains);
-        let eigenvalues = if aqs.spectrum {
-            Some(self.eigenvalues()?)
-        } else {
-            None
-        };
+        let eigenvalues = aqs.spectrum.then(|| self.eigenvalues()).transpose()?;
         if let Some(found) = &eigenvalues {
             (self.progress.pairs, self.progress.pair) = (found.pairs(), found.fastest_pair());
         }
