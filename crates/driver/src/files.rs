@@ -9,15 +9,12 @@ use gshear_dem::state::Confinement;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::{agree, exists, on_root, told_by_root};
-use gshear_store::dictionary;
-use gshear_store::existing;
 use gshear_store::file_names::{LOG_FILE, RUN_FILE, SCENE_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
-use gshear_store::part;
-use gshear_store::provenance;
 use gshear_store::text_writer::{self, unwritten};
 use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
+use gshear_store::{dictionary, existing, part, provenance};
 
 use crate::folder::Watched;
 use crate::run::Run;

@@ -16,19 +16,15 @@ use gshear_scene::identity::changes;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Scene};
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
-use gshear_store::checkpoint;
 use gshear_store::collective::{agree, on_root};
 use gshear_store::csv_table::rows_up_to;
-use gshear_store::existing;
 use gshear_store::file_names::{
     LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_PART, RUN_FILE, SCENE_FILE, SPECTRA_FILE, STATUS_FILE,
     is_reduced,
 };
-use gshear_store::h5;
 use gshear_store::log::Log;
-use gshear_store::part;
 use gshear_store::run_reader::{self, RunFile, RunStage};
-use gshear_store::text_writer;
+use gshear_store::{checkpoint, existing, h5, part, text_writer};
 
 use crate::header::Header;
 pub use crate::lock::is_abandoned;

@@ -12,12 +12,10 @@ use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
 
-use crate::ends;
 use crate::exported_state::read_packing;
 use crate::folder::{Contents, RunFolder};
 use crate::header::Saved;
 use crate::lock::Lock;
-use crate::memory;
 use crate::options::{Options, Outcome};
 use crate::run::Run;
 use crate::run_record::{Continuation, RunRecord};
@@ -25,6 +23,7 @@ use crate::say::say_error;
 use crate::stages::{between_walls, in_a_box};
 pub use crate::task::Task;
 use crate::task::{Entry, Start};
+use crate::{ends, memory};
 
 impl Task {
     /// A window of a run from one of its checkpoints, for [`Options::replay`]. `set`: overrides.

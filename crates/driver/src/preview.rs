@@ -4,15 +4,13 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
 
-use crate::calibration;
-use crate::ends;
 use crate::estimate::{Estimate, bytes, cores, dense_height};
 use crate::folder::{free, outlook};
 use crate::launch::{Resumable, Task, resume_if_begun};
-use crate::memory;
 use crate::options::{Options, Verbosity};
 use crate::say::{self, say_error};
 use crate::terminal::ranks as in_words;
+use crate::{calibration, ends, memory};
 
 /// Prints the scene of a task on standard output and, unless told to be quiet, what its run takes
 /// on standard error. Collective.

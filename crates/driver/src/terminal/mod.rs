@@ -24,9 +24,9 @@ use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::derived::mean_attraction;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
-use gshear_scene::unlikely;
 use gshear_scene::{
     Boundary, Control, Dimensions, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls,
+    unlikely,
 };
 use gshear_store::box_columns::AqsRow;
 use gshear_store::provenance;
