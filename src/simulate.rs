@@ -8,7 +8,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
-use gshear_driver::folder::same_folder;
+use gshear_driver::folder::{named, same_folder};
 use gshear_driver::launch::{self, Changes, Resumable, Task};
 use gshear_driver::options::{Options, Outcome, Verbosity};
 use gshear_driver::preview::{check, check_continued};
@@ -96,15 +96,10 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         ));
     }
     let source = read(world, arguments)?;
-    let name = arguments
-        .config
-        .as_deref()
-        .and_then(|p| p.file_stem())
-        .map_or("plane-shear-2d".into(), |s| s.to_string_lossy());
-    options.out = arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("out").join(&*name));
+    let config = arguments.config.as_deref().and_then(Path::file_stem);
+    let name = config.map_or("plane-shear-2d".into(), |stem| stem.to_string_lossy());
+    let out = arguments.out.clone();
+    options.out = out.unwrap_or_else(|| Path::new("out").join(&*name));
     let Some(choice) = arguments.sweep else {
         let begin = || launch::from_the_start(world, &source, &arguments.set);
         if auto && arguments.check {
@@ -122,13 +117,12 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
+        Choice::All if !arguments.check => sweep.all(world, &options),
         // The list checks every scene, and says what they take together.
-        Choice::All if arguments.check => sweep.list(world, &options).map(|()| Outcome::Done),
+        Choice::All | Choice::List => sweep.list(world, &options).map(|()| Outcome::Done),
         Choice::One(number) if arguments.check => {
             sweep.check(world, number, &options).map(|()| Outcome::Done)
         }
-        Choice::List => sweep.list(world, &options).map(|()| Outcome::Done),
-        Choice::All => sweep.all(world, &options),
         Choice::One(number) => sweep.one(world, number, &options),
     }
 }
@@ -154,8 +148,7 @@ fn resume_from(
     // The folder of `checkpoint.h5` alone is the present one.
     let folder = match path.parent() {
         _ if path.is_dir() => path,
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
+        folder => named(folder.unwrap_or(path)),
     };
     let other = arguments.branch.as_ref().or(arguments.out.as_ref());
     options.out = other.cloned().unwrap_or_else(|| folder.into());

@@ -166,10 +166,8 @@ impl Contents {
         let Some(other) = self.foreign(task, ends) else {
             return Ok(());
         };
-        let differs = match changes(&other.scene, &task.scene.toml)
-            .into_iter()
-            .find(|change| change.change.is_physics())
-        {
+        let changes = changes(&other.scene, &task.scene.toml);
+        let differs = match changes.iter().find(|change| change.change.is_physics()) {
             Some(change) if !other.scene.is_empty() => format!("; {change}"),
             _ => String::new(),
         };
@@ -510,19 +508,21 @@ fn check_name(folder: &Path) -> Result<(), Failure> {
     }
 }
 
+/// The present folder, if the path is empty.
+pub fn named(path: &Path) -> &Path {
+    if path.as_os_str().is_empty() {
+        Path::new(".")
+    } else {
+        path
+    }
+}
+
 /// What a run finds in its folder, without writing there: a sentence, and whether the run can begin
 /// or go on in it.
 pub fn outlook(folder: &Path, task: &Task) -> (String, bool) {
-    let place = if folder.as_os_str().is_empty() {
-        Path::new(".")
-    } else {
-        folder
-    };
+    let place = named(folder);
     let existing = place.ancestors().find(|path| path.exists());
-    let existing = match existing {
-        Some(path) if !path.as_os_str().is_empty() => path,
-        _ => Path::new("."),
-    };
+    let existing = named(existing.unwrap_or(Path::new("")));
     let name = place.display();
     if !existing.is_dir() {
         let why = std::io::Error::from(std::io::ErrorKind::NotADirectory);
@@ -568,14 +568,7 @@ fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Writte
 
 /// Whether two paths lead to the same folder. An empty path is the present one.
 pub fn same_folder(one: &Path, other: &Path) -> bool {
-    let place = |path: &Path| {
-        if path.as_os_str().is_empty() {
-            Path::new(".").canonicalize()
-        } else {
-            path.canonicalize()
-        }
-    };
-    match (place(one), place(other)) {
+    match (named(one).canonicalize(), named(other).canonicalize()) {
         (Ok(one), Ok(other)) => one == other,
         _ => one == other,
     }

@@ -76,11 +76,8 @@ fn launcher_width() -> Option<u16> {
 /// column of a line such as `steps       about 380000` or `shear: I = 2e-4`, and is indented by two
 /// characters in others. Longer words stay whole.
 pub fn fold(text: &str, width: usize) -> String {
-    let lines: Vec<String> = text
-        .split('\n')
-        .map(|line| fold_line(line, width))
-        .collect();
-    lines.join("\n")
+    let lines = text.split('\n').map(|line| fold_line(line, width));
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// Heads of the lines of a run that have one blank before the second column.

@@ -377,14 +377,11 @@ impl Exchange for World {
         if self.size == 1 {
             return value;
         }
-        let local = [
-            f64::from(u8::from(value.is_nan())),
-            if value.is_nan() {
-                f64::NEG_INFINITY
-            } else {
-                value
-            },
-        ];
+        let local = if value.is_nan() {
+            [1.0, f64::NEG_INFINITY]
+        } else {
+            [0.0, value]
+        };
         let mut all = [0.0; 2];
         self.communicator
             .all_reduce_into(&local[..], &mut all[..], SystemOperation::max());

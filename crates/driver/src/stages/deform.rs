@@ -76,10 +76,8 @@ impl<D: Dimension> Strain<'_, D> {
     /// Fails if a strain step has led outside the law.
     pub(super) fn within_law(&mut self, followed: Followed) -> Result<(), Failure> {
         followed.map_err(|outside| {
-            let failure = self
-                .assembly
-                .system
-                .explain(self.assembly.exchange, outside);
+            let exchange = self.assembly.exchange;
+            let failure = self.assembly.system.explain(exchange, outside);
             self.of_strain_step(failure)
         })
     }

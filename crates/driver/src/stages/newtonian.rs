@@ -321,22 +321,19 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
 /// Attributes of `run.h5/newtonian`.
 fn attributes(scene: &Scene, strain: f64, progress: &Progress) -> Vec<(&'static str, Attribute)> {
     let mut attributes = vec![
-        ("mean_diameter", scene.sample.mean_diameter),
-        ("strain", strain),
-        ("image_offset", progress.offset),
+        ("mean_diameter", scene.sample.mean_diameter.into()),
+        ("strain", strain.into()),
+        ("image_offset", progress.offset.into()),
     ];
     if let Some(pair) = &progress.pair {
         attributes.extend([
-            ("lambda_r", pair.lambda_r),
-            ("lambda_i", pair.lambda_i),
-            ("omega_r", pair.omega_r),
-            ("omega_i", pair.omega_i),
+            ("lambda_r", pair.lambda_r.into()),
+            ("lambda_i", pair.lambda_i.into()),
+            ("omega_r", pair.omega_r.into()),
+            ("omega_i", pair.omega_i.into()),
         ]);
     }
-    let numbers = attributes.into_iter();
-    numbers
-        .map(|(name, number)| (name, number.into()))
-        .collect()
+    attributes
 }
 
 /// Steps between frames: about `wanted`, adjusted to whole periods of the pair plus 1/24 of a
@@ -442,26 +439,21 @@ impl GrainMotion {
         let cell = system.cell;
         let grains = system.grains();
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
-        let owned: Vec<Moved> = self
-            .displacements
-            .iter()
-            .enumerate()
-            .map(|(g, displacement)| {
-                let (fields, radius) = (grains.fields(g), grains.radius[g]);
-                let [now, before] = [grains.image[g], displacement.image];
-                let crossed = std::array::from_fn(|axis| now[axis] - before[axis]);
-                let moved = cell.displacement::<D>(fields, &displacement.start, crossed);
-                let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
-                let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
-                Moved {
-                    id: displacement.id.into(),
-                    msd: square(&moved) + radius * radius * square(&displacement.angle),
-                    kinetic_energy: 0.5
-                        * grains.mass[g]
-                        * (velocity + D::INERTIA * radius * radius * spin),
-                }
-            })
-            .collect();
+        let moved = |(g, displacement): (usize, &Displacement)| {
+            let (fields, radius) = (grains.fields(g), grains.radius[g]);
+            let [now, before] = [grains.image[g], displacement.image];
+            let crossed = std::array::from_fn(|axis| now[axis] - before[axis]);
+            let moved = cell.displacement::<D>(fields, &displacement.start, crossed);
+            let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
+            let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
+            let motion = velocity + D::INERTIA * radius * radius * spin;
+            Moved {
+                id: displacement.id.into(),
+                msd: square(&moved) + radius * radius * square(&displacement.angle),
+                kinetic_energy: 0.5 * grains.mass[g] * motion,
+            }
+        };
+        let owned: Vec<Moved> = self.displacements.iter().enumerate().map(moved).collect();
         let all = gathered(exchange, &owned, |moved| moved.id);
         Moved {
             id: 0,

@@ -273,9 +273,8 @@ fn in_preparation(scene: &Scene, length: f64, what: &str) -> Failure {
 fn lattice(scene: &Scene) -> (u32, f64) {
     let sample = &scene.sample;
     let axes = scene.dimension.axes() as u32;
-    let side = (1u32..)
-        .find(|side| u64::from(*side).pow(axes) >= u64::from(sample.grains))
-        .unwrap_or(1);
+    let has_room = |side: &u32| u64::from(*side).pow(axes) >= u64::from(sample.grains);
+    let side = (1u32..).find(has_room).unwrap_or(1);
     let room = (2.0 * ROOM * sample.radius_max).max(sample.length / f64::from(side));
     (side, room)
 }

@@ -124,14 +124,9 @@ impl Relaxation {
                 let Some(moves) = newton_step(assembly, tangent) else {
                     return Ok(Some(false));
                 };
-                let furthest = moves
-                    .iter()
-                    .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
-                let furthest = assembly
-                    .exchange
-                    .maximum(furthest.fold(0.0, f64::max))
-                    .sqrt();
-                let smooth = furthest < longest;
+                let square = |[way, _]: &Move| way.iter().map(|x| x * x).sum::<f64>();
+                let furthest = moves.iter().map(square).fold(0.0, f64::max);
+                let smooth = assembly.exchange.maximum(furthest).sqrt() < longest;
                 if !smooth || assembly.displace(&moves, 0.0).is_err() {
                     return Ok(Some(false));
                 }

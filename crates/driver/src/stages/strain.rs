@@ -28,11 +28,8 @@ use gshear_store::status::Standing;
 /// of a compression the part by which the volume has decreased.
 pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &Progress) -> f64 {
     let of_volume = |of: &Stretched| {
-        let parts = of.lengths.iter().zip(of.initial);
-        1.0 - parts
-            .take(D::AXES)
-            .map(|(now, then)| now / then)
-            .product::<f64>()
+        let parts = of.lengths.iter().zip(of.initial).take(D::AXES);
+        1.0 - parts.map(|(now, then)| now / then).product::<f64>()
     };
     match periodic.deformation {
         Deformation::Compression(_) => progress.stretched.as_ref().map_or(0.0, of_volume),
