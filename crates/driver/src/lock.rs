@@ -113,8 +113,8 @@ pub struct Lock {
     text: String,
     /// The kernel holds its lock until this is closed.
     _file: Arc<File>,
-    stop: Option<Sender<()>>,
-    heartbeat: Option<JoinHandle<()>>,
+    /// Renews the time of the file until what stops it is dropped.
+    heartbeat: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 impl Lock {
@@ -263,12 +263,12 @@ impl Lock {
                 let _ = renewed.set_modified(SystemTime::now());
             }
         };
+        let heartbeat = std::thread::Builder::new().spawn(beat).ok();
         Ok(Some(Self {
             path: path.into(),
             text,
             _file: file,
-            stop: Some(stop),
-            heartbeat: std::thread::Builder::new().spawn(beat).ok(),
+            heartbeat: heartbeat.map(|thread| (stop, thread)),
         }))
     }
 
@@ -298,8 +298,8 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(heartbeat) = self.heartbeat.take() {
+        if let Some((stop, heartbeat)) = self.heartbeat.take() {
+            drop(stop);
             let _ = heartbeat.join();
         }
         if fs::read_to_string(&self.path).is_ok_and(|text| text == self.text) {

@@ -193,11 +193,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         ];
         let known = if complete { &attributes[..] } else { &[] };
         self.files.finish(exchange, known)?;
-        let phases = self.assembly.system.clock.table(exchange);
         run.terminal.end(
             exchange,
             &mut self.assembly.system,
-            &phases,
             done / seconds,
             &digest,
             (&run.options.out, complete),

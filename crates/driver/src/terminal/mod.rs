@@ -383,18 +383,18 @@ impl Terminal {
         &self,
         exchange: &dyn Parallel,
         system: &mut System<impl Dimension>,
-        phases: &str,
         speed: f64,
         digest: &str,
         (out, complete): (&Path, bool),
     ) {
         self.clear();
+        let phases = system.clock.table(exchange);
         let memory = exchange.maximum(system.memory() as f64);
         let rebuilds = system.list.rebuilds;
         let (bytes, messages) = system.slabs.traffic();
         self.say(format!("results in {}", out.display()));
         let room = width(&Term::stdout()).unwrap_or(usize::MAX);
-        self.say(phases_within(phases, room).trim_end());
+        self.say(phases_within(&phases, room).trim_end());
         if exchange.size() > 1 {
             let micro = |phase| 1e6 * system.clock.per_step(phase);
             self.say(format!(
