@@ -30,7 +30,8 @@ pub struct Files {
     log_state: Result<(), Failure>,
     /// Rows of scalars that an earlier part of the run wrote, if none are computed now.
     scalars_before: u64,
-    resumed: bool,
+    /// Whether the files of a resumed run were opened.
+    pub resumed: bool,
     /// The open files of rank 0.
     watched: Vec<Watched>,
 }
@@ -116,7 +117,7 @@ impl Files {
         let path = out.join(format.name);
         let is_there = told_by_root(exchange, || Ok(part::exists(&path)))?;
         let resumed = before.and_then(|before| before.last).filter(|_| is_there);
-        let (trajectory, log, scalars_before) = match resumed {
+        let (mut trajectory, log, mut scalars_before) = match resumed {
             Some(last) => {
                 // Counted by steps: a file that was begun anew at a later step holds fewer frames
                 // and rows than the checkpoint says.
@@ -143,24 +144,17 @@ impl Files {
         let open = [Some(RUN_FILE), format.height.map(|_| LOG_FILE)];
         let open = open.into_iter().flatten().filter(|_| exchange.rank() == 0);
         let open = open.map(|name| out.join(name));
-        let mut files = Self {
+        if (run.scene.plane_shear("")).is_ok_and(|of| of.analysis.scalars) {
+            trajectory.begin_scalars(exchange, std::mem::take(&mut scalars_before))?;
+        }
+        Ok(Self {
             trajectory,
             log,
             log_state: Ok(()),
             scalars_before,
             resumed: resumed.is_some(),
             watched: open.map(Watched::new).collect(),
-        };
-        if (run.scene.plane_shear("")).is_ok_and(|of| of.analysis.scalars) {
-            let before = std::mem::take(&mut files.scalars_before);
-            files.trajectory.begin_scalars(exchange, before)?;
-        }
-        Ok(files)
-    }
-
-    /// Whether the files of a resumed run were opened.
-    pub fn resumed(&self) -> bool {
-        self.resumed
+        })
     }
 
     /// Writes a row to the log.

@@ -218,7 +218,8 @@ impl<'a> Sweep<'a> {
 
     /// A run from the start.
     fn task(&self, exchange: &dyn Parallel, member: &Member) -> Result<Task, Failure> {
-        let task = from_the_start(exchange, &self.source, &self.values(member));
+        let set: Vec<String> = member.set.iter().chain(self.set).cloned().collect();
+        let task = from_the_start(exchange, &self.source, &set);
         task.map_err(|failure| member.place(failure))
     }
 
@@ -227,11 +228,6 @@ impl<'a> Sweep<'a> {
             out: self.folder(member),
             ..options.clone()
         }
-    }
-
-    /// The overrides of a run, those of `--set` included.
-    pub fn values(&self, member: &Member) -> Vec<String> {
-        member.set.iter().chain(self.set).cloned().collect()
     }
 
     fn folder(&self, member: &Member) -> PathBuf {

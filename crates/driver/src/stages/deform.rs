@@ -249,32 +249,37 @@ impl<D: Dimension> Strain<'_, D> {
     /// the law. Chooses how far to change the lengths next.
     fn judge(&mut self, of: &mut Pressing, now: Option<f64>) -> Result<(), Failure> {
         let allowed = self.periodic.pressure_tolerance * of.wanted;
-        match now {
-            Some(now) if of.toward * (now - of.wanted) <= allowed => {
-                let slope = of.toward * (now - of.pressure) / of.change;
-                of.slope = Some(slope).filter(|slope| *slope > 0.0);
-                of.pressure = now;
-                self.held.pop();
-                self.held.push(RestState::of(&mut self.assembly));
-                let change = of.change;
-                of.beyond = of.beyond.and_then(|of| {
-                    let left = of.change - change;
-                    (left > 0.0).then_some(Beyond { change: left, ..of })
-                });
-            }
-            _ => {
-                let state = self.held.last().expect("the packing before").clone();
-                state.put_back(&mut self.assembly)?;
-                of.beyond = Some(Beyond {
-                    change: of.change,
-                    pressure: now,
-                });
-            }
+        if judged(of, now, allowed, self.periodic.aqs.strain_step) {
+            self.held.pop();
+            self.held.push(RestState::of(&mut self.assembly));
+            return Ok(());
         }
-        let most = self.periodic.aqs.strain_step;
-        of.change = next_change(of.pressure, of.wanted, of.slope, of.beyond, most);
-        Ok(())
+        let state = self.held.last().expect("the packing before").clone();
+        state.put_back(&mut self.assembly)
     }
+}
+
+/// Goes on after a trial with the pressure `now`, `None` outside the law; its packing is kept if
+/// that is at most so much beyond the wanted one. Returns whether it is kept.
+fn judged(of: &mut Pressing, now: Option<f64>, allowed: f64, most: f64) -> bool {
+    let kept = now.filter(|now| of.toward * (now - of.wanted) <= allowed);
+    let change = of.change;
+    if let Some(now) = kept {
+        let slope = of.toward * (now - of.pressure) / change;
+        of.slope = Some(slope).filter(|slope| *slope > 0.0);
+        of.pressure = now;
+        of.beyond = of.beyond.and_then(|of| {
+            let left = of.change - change;
+            (left > 0.0).then_some(Beyond { change: left, ..of })
+        });
+    } else {
+        of.beyond = Some(Beyond {
+            change,
+            pressure: now,
+        });
+    }
+    of.change = next_change(of.pressure, of.wanted, of.slope, of.beyond, most);
+    kept.is_some()
 }
 
 /// The lengths with those along all axes but the last longer by this part.
@@ -319,33 +324,27 @@ mod tests {
 
     /// Looks for the wanted pressure of a packing whose pressure is a power of its compression.
     fn trials(power: f64, onset: f64, from: f64, wanted: f64) -> usize {
-        let of = |x: f64| (x - onset).max(0.0).powf(power);
-        let toward = if of(from) < wanted { 1.0 } else { -1.0 };
-        let (mut x, mut slope, mut beyond) = (from, None, None::<Beyond>);
-        let mut change = 1e-3;
+        let at = |x: f64| (x - onset).max(0.0).powf(power);
+        let mut x = from;
+        let mut of = Pressing {
+            wanted,
+            toward: if at(from) < wanted { 1.0 } else { -1.0 },
+            pressure: at(from),
+            change: 1e-3,
+            slope: None,
+            beyond: None,
+        };
         for trial in 0..200 {
-            let pressure = of(x);
-            if (pressure / wanted - 1.0).abs() <= 1e-6 {
+            if (of.pressure / wanted - 1.0).abs() <= 1e-6 {
                 return trial;
             }
-            let now = of(x + toward * change);
-            if toward * (now - wanted) <= 1e-6 * wanted {
-                slope = Some(toward * (now - pressure) / change).filter(|slope| *slope > 0.0);
-                x += toward * change;
-                beyond = beyond.and_then(|b: Beyond| {
-                    let change = b.change - change;
-                    (change > 0.0).then_some(Beyond { change, ..b })
-                });
-            } else {
-                beyond = Some(Beyond {
-                    change,
-                    pressure: Some(now),
-                });
+            let tried = x + of.toward * of.change;
+            if judged(&mut of, Some(at(tried)), 1e-6 * wanted, 1e-3) {
+                x = tried;
             }
-            change = next_change(of(x), wanted, slope, beyond, 1e-3);
             // It is not used once the pressure is found.
-            let found = (of(x) / wanted - 1.0).abs() <= 1e-6;
-            assert!(found || change > 0.0 && change <= 1e-3, "{change}");
+            let found = (of.pressure / wanted - 1.0).abs() <= 1e-6;
+            assert!(found || of.change > 0.0 && of.change <= 1e-3, "{of:?}");
         }
         panic!("{power} {onset} {from} {wanted}: not found")
     }
@@ -369,12 +368,8 @@ mod tests {
                     let up = trials(power, onset, 0.0, wanted);
                     let onto = (onset / 1e-3) as usize + (1e-3f64.powf(power) / wanted) as usize;
                     assert!(up < 40 + onto + 40, "{power} {onset} {wanted}: {up}");
-                    let more = trials(
-                        power,
-                        onset,
-                        onset + (4.0 * wanted).powf(1.0 / power),
-                        wanted,
-                    );
+                    let above = onset + (4.0 * wanted).powf(1.0 / power);
+                    let more = trials(power, onset, above, wanted);
                     assert!(more < 60, "{power} {onset} {wanted}: {more}");
                 }
             }

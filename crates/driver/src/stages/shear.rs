@@ -143,7 +143,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         };
         let files = Files::open(run, &mut assembly, &format, before)?;
         // The first row of new scalars is of a frame without a frame before it.
-        let before = state.analysed.filter(|_| files.resumed());
+        let before = state.analysed.filter(|_| files.resumed);
         let scalars = plane_shear.analysis.scalars;
         let analysis = scalars.then(|| FrameAnalysis::new(exchange, &mut assembly.system, before));
         Ok(Self {
