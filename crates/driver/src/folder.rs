@@ -467,10 +467,7 @@ impl RunFolder {
             later.extend(checkpoint::kept(&self.path, RunStage::Newtonian.name()));
         }
         for (_, path) in later {
-            let removed = fs::remove_file(&path);
-            removed.map_err(|e| {
-                Failure::other(format!("{}: cannot be removed: {e}", path.display()))
-            })?;
+            removed(&path, fs::remove_file(&path))?;
         }
         Ok(())
     }
@@ -517,30 +514,26 @@ pub fn named(path: &Path) -> &Path {
     }
 }
 
-/// What a run finds in its folder, without writing there: a sentence, and whether the run can begin
-/// or go on in it.
-pub fn outlook(folder: &Path, task: &Task) -> (String, bool) {
+/// What a run finds in its folder, without writing there, as a sentence.
+///
+/// # Errors
+/// A folder in which the run cannot begin or go on.
+pub fn outlook(folder: &Path, task: &Task) -> Result<String, Failure> {
     let place = named(folder);
     let existing = place.ancestors().find(|path| path.exists());
     let existing = named(existing.unwrap_or(Path::new("")));
-    let name = place.display();
     if !existing.is_dir() {
         let why = std::io::Error::from(std::io::ErrorKind::NotADirectory);
-        return (unwritable(place, &why).to_string(), false);
+        return Err(unwritable(place, &why));
     }
-    if let Err(why) = rustix::fs::access(existing, Access::WRITE_OK | Access::EXEC_OK) {
-        return (unwritable(place, &why.into()).to_string(), false);
-    }
-    let look = || {
-        check_name(place)?;
-        let found = Contents::of(place)?;
-        may_enter(task, place, &found)?;
-        Ok::<_, Failure>(if found.is_empty() { "no" } else { "this" })
-    };
-    match look() {
-        Err(refused) => (refused.to_string(), false),
-        Ok(which) => (format!("{name}: can be written, holds {which} run"), true),
-    }
+    rustix::fs::access(existing, Access::WRITE_OK | Access::EXEC_OK)
+        .map_err(|why| unwritable(place, &why.into()))?;
+    check_name(place)?;
+    let found = Contents::of(place)?;
+    may_enter(task, place, &found)?;
+    let which = if found.is_empty() { "no" } else { "this" };
+    let name = place.display();
+    Ok(format!("{name}: can be written, holds {which} run"))
 }
 
 /// Bytes that are free where the folder is or would be, if the system tells.
@@ -585,14 +578,18 @@ fn remove_run(folder: &Path) -> Result<(), Failure> {
             continue;
         }
         let path = entry.path();
-        let removed = match entry.file_type() {
+        let done = match entry.file_type() {
             Ok(of) if of.is_dir() => fs::remove_dir_all(&path),
             _ => fs::remove_file(&path),
         };
-        removed
-            .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))?;
+        removed(&path, done)?;
     }
     Ok(())
+}
+
+/// The failure of what could not be removed.
+fn removed(path: &Path, done: std::io::Result<()>) -> Result<(), Failure> {
+    done.map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))
 }
 
 /// A file that is open for writing, and must stay where it is.

@@ -49,7 +49,7 @@ pub fn check_continued(
         Err(refused @ Failure::Input(_)) => {
             let task = begin()?;
             print(exchange, &task)?;
-            prospects(exchange, &task, options, Some(&refused))
+            prospects(exchange, &task, options, Some(refused))
         }
         Err(failure) => Err(failure),
     }
@@ -67,7 +67,7 @@ fn prospects(
     exchange: &dyn Parallel,
     task: &Task,
     options: &Options,
-    refused: Option<&Failure>,
+    refused: Option<Failure>,
 ) -> Result<(), Failure> {
     if options.verbosity == Verbosity::Quiet {
         return Ok(());
@@ -81,17 +81,14 @@ fn prospects(
     if exchange.rank() != 0 {
         return Ok(());
     }
-    let (folder, may_write) = match refused {
-        Some(refused) => (refused.to_string(), false),
-        None => outlook(&options.out, task),
-    };
+    let folder = refused.map_or_else(|| outlook(&options.out, task), Err);
     let mut text = estimate.text();
-    if may_write {
+    if let Ok(folder) = &folder {
         text += &format!("{:<12}{folder}\n", "folder");
     }
     say_error(text.trim_end());
-    if !may_write {
-        say_error(&format!("warning: {folder}"));
+    if let Err(refused) = folder {
+        say_error(&format!("warning: {refused}"));
     }
     let place = free(&options.out);
     for warning in warnings(task, &estimate, memory, place, options) {

@@ -364,31 +364,30 @@ mod tests {
     use gshear_dem::state::length;
     use gshear_scene::{Boundary, Dimensions, Source, load};
 
-    fn scene(name: &str, sets: &[&str]) -> Scene {
-        let path = format!("{}/../../configs/{name}", env!("CARGO_MANIFEST_DIR"));
-        let source = Source::read(&path).unwrap();
+    const TEXT: &str = include_str!("../../../../configs/bonfanti.toml");
+
+    /// The scene of a box, and the sizes of its grains.
+    fn scene(text: &str, sets: &[&str]) -> (Scene, Sizes) {
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        load(&source, &sets).unwrap()
+        let scene = load(&Source::new("a box", text), &sets).unwrap();
+        let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
+            panic!("walls")
+        };
+        let sizes = sizes.clone();
+        (scene, sizes)
     }
 
     #[test]
     fn grains_do_not_overlap_and_half_of_them_are_large() {
         for dimension in [Dimensions::Two, Dimensions::Three] {
-            let scene = scene(
-                "bonfanti.toml",
-                &[&format!("dimension={}", dimension.axes())],
-            );
-            let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
-                panic!("walls")
-            };
-            let (box_length, grains) = insert(&scene, sizes, 0, 1);
-            let parts: Vec<_> = (0..3).flat_map(|r| insert(&scene, sizes, r, 3).1).collect();
+            let (scene, sizes) = scene(TEXT, &[&format!("dimension={}", dimension.axes())]);
+            let (box_length, grains) = insert(&scene, &sizes, 0, 1);
+            let part = |rank| insert(&scene, &sizes, rank, 3).1;
+            let parts: Vec<_> = (0..3).flat_map(part).collect();
             assert_eq!(grains, parts);
             assert_eq!(grains.len(), 100);
-            let large = grains
-                .iter()
-                .filter(|g| g.radius == scene.sample.radius_max);
-            assert_eq!(large.count(), 50);
+            let large = |g: &&GrainState| g.radius == scene.sample.radius_max;
+            assert_eq!(grains.iter().filter(large).count(), 50);
             let cell = scene.sample.box_cell(box_length);
             for (k, a) in grains.iter().enumerate() {
                 for b in &grains[..k] {
@@ -406,28 +405,17 @@ mod tests {
     /// distributed.
     #[test]
     fn the_solid_fraction_is_that_of_the_grains() {
-        let path = format!("{}/../../configs/bonfanti.toml", env!("CARGO_MANIFEST_DIR"));
-        let text = std::fs::read_to_string(path).unwrap();
         let is_of_binary = |line: &&str| line.starts_with("large_fraction");
-        let without = text.lines().filter(|line| !is_of_binary(line));
+        let without = TEXT.lines().filter(|line| !is_of_binary(line));
         let without = without.collect::<Vec<_>>().join("\n");
-        for (text, sizes) in [
-            (without, &["sample.sizes=uniform"][..]),
-            (
-                text,
-                &["sample.sizes=binary", "sample.large_fraction=0.333"],
-            ),
-        ] {
+        let binary = &["sample.sizes=binary", "sample.large_fraction=0.333"];
+        for (text, sizes) in [(&*without, &["sample.sizes=uniform"][..]), (TEXT, binary)] {
             for (seed, axes) in [(1, 2), (2, 2), (3, 3), (4, 3)] {
                 let seed = format!("seed={seed}");
                 let dimension = format!("dimension={axes}");
                 let sets = [sizes, &[&seed, &dimension, "box.solid_fraction=0.6"]].concat();
-                let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-                let scene = load(&Source::new("a box", text.clone()), &sets).unwrap();
-                let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
-                    panic!("walls")
-                };
-                let (_, grains) = insert(&scene, sizes, 0, 1);
+                let (scene, sizes) = scene(text, &sets);
+                let (_, grains) = insert(&scene, &sizes, 0, 1);
                 let volume = |g: &GrainState| scene.dimension.volume(g.radius);
                 let all = grains.iter().map(volume).sum::<f64>();
                 let fraction = all / scene.sample.length.powi(axes);
