@@ -199,13 +199,12 @@ impl Node {
             window
         };
         communicator.barrier();
-        let zero = || [Cell::new(0), Cell::new(0)];
         Some(Self {
             slots,
             rank: world.rank() as usize,
             sums: Cell::new(0),
-            sent: zero(),
-            received: zero(),
+            sent: Default::default(),
+            received: Default::default(),
             patience: Patience {
                 polls,
                 at_once: Cell::new(0),

@@ -67,10 +67,7 @@ pub(crate) fn steps(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64
 impl Due {
     fn new(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64) -> Self {
         let steps = steps(of, pair, step);
-        let every = |count: u64| match count {
-            0 => u64::MAX,
-            count => (steps / count).max(1),
-        };
+        let every = |count| (steps.checked_div(count)).map_or(u64::MAX, |every| every.max(1));
         let dense = pair.map(|pair| Dense::new(pair, steps, step));
         let frames = match (pair, every(of.frames)) {
             (Some(pair), wanted) if wanted != u64::MAX => strobe(pair, wanted, step),

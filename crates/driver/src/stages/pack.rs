@@ -101,20 +101,14 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         header: PackHeader,
         state: Snapshot,
     ) -> Result<Self, Failure> {
-        let PackHeader {
-            step,
-            piston,
-            drag,
-            starts,
-        } = header;
         let scene = run.scene;
         let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
-        assembly.system.steps = step;
+        assembly.system.steps = header.step;
         // What pulls along smooth planes would move the sample as a whole.
         let [along, down] = &mut assembly.system.gravity;
         *along = 0.0;
         let down = *down;
-        let mut drive = Planes::new(plane, piston, drag);
+        let mut drive = Planes::new(plane, header.piston, header.drag);
         let weight = down * mass_of(run, scene, &state.grains, body::FREE);
         assembly.replace(&mut drive, state.grains, state.contacts)?;
         let (load, sample) = (&plane_shear.load, &scene.sample);
@@ -127,12 +121,12 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             assembly,
             drive,
             weight,
-            step,
+            step: header.step,
             unit,
             at_rest: false,
             fell_outside: false,
-            starts,
-            advance: Advance::new(scene, D::AXES, piston.height),
+            starts: header.starts,
+            advance: Advance::new(scene, D::AXES, header.piston.height),
         })
     }
 

@@ -80,18 +80,18 @@ impl Relaxation {
         let before: Vec<[u32; 2]> = before.state.contacts.iter().map(|c| [c.i, c.j]).collect();
         let before = gathered(assembly.exchange, &before, |pair| *pair);
         let factorisations = &mut found.factorisations;
-        let converged = self.newton(assembly, (&before, of_newton), factorisations)?;
-        let state = match converged {
-            None => return Ok(false),
-            Some(_) => held.pop().expect("the state before Newton's method"),
+        let newton = self.newton(assembly, (&before, of_newton), factorisations)?;
+        let Some(converged) = newton else {
+            return Ok(false);
         };
-        if converged == Some(false) {
+        let state = held.pop().expect("the state before Newton's method");
+        if !converged {
             state.put_back(assembly)?;
             *opened = None;
             found.fell_back = true;
             assembly.begin_overdamped(&self.relax)?;
         }
-        Ok(converged == Some(true))
+        Ok(converged)
     }
 
     /// Newton's method with one K. Every displacement is one step of the dynamics, so that the
@@ -168,14 +168,6 @@ pub(crate) fn factor_once<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Resul
         Some(_) => Ok(()),
         None => Err(Failure::numbers("the stiffness matrix has no factors")),
     }
-}
-
-/// All eigenvalues of K: for measurements of their time. Collective.
-pub(crate) fn eigenvalues_once<D: Dimension>(
-    assembly: &mut Assembly<'_, D>,
-) -> Result<(), Failure> {
-    let whole = GlobalState::at_rest(assembly);
-    whole.eigenvalues(assembly).map(drop)
 }
 
 /// Whether all overlaps are within the law, and what is outside it on this rank.

@@ -12,7 +12,7 @@ use gshear_store::run_reader::RunStage;
 
 use super::assembly::Assembly;
 use super::box_state::Observed;
-use super::eigenvalues::{Eigenvalues, GlobalState};
+use super::eigenvalues::Eigenvalues;
 use super::relax::{LONGEST, Relaxation};
 use super::rest::RestState;
 use crate::files::{Files, Format};
@@ -181,7 +181,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             (Search::Lateral(of), _) => self.correct(of),
             (Search::Birth { low, high }, _) => {
                 let middle = 0.5 * (low + high);
-                if self.eigenvalues()?.pairs() > 0 {
+                if self.assembly.eigenvalues()?.pairs() > 0 {
                     return self.bisect(run, low, middle);
                 }
                 self.held[0] = RestState::of(&mut self.assembly);
@@ -263,10 +263,6 @@ impl<'a, D: Dimension> Strain<'a, D> {
         }
     }
 
-    fn eigenvalues(&mut self) -> Result<Eigenvalues, Failure> {
-        GlobalState::at_rest(&mut self.assembly).eigenvalues(&self.assembly)
-    }
-
     /// Begins the next step of the bisection of the strain of the birth, between these strains from
     /// the state before the last strain step on, or ends it.
     fn bisect(&mut self, run: &Run<'_>, low: f64, high: f64) -> Result<Option<Search>, Failure> {
@@ -345,7 +341,10 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         };
         let (exchange, aqs) = (run.exchange, self.periodic.aqs);
         let observed = self.assembly.observe(self.scene.sample.grains);
-        let eigenvalues = aqs.spectrum.then(|| self.eigenvalues()).transpose()?;
+        let eigenvalues = aqs
+            .spectrum
+            .then(|| self.assembly.eigenvalues())
+            .transpose()?;
         if let Some(found) = &eigenvalues {
             (self.progress.pairs, self.progress.pair) = (found.pairs(), found.fastest_pair());
         }

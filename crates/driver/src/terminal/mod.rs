@@ -85,10 +85,7 @@ impl Terminal {
         Self {
             verbosity,
             speaks,
-            screen: match verbosity {
-                Verbosity::Quiet => None,
-                _ => Screen::find(),
-            },
+            screen: (verbosity != Verbosity::Quiet).then(Screen::find).flatten(),
             next_packing_line: 10_000,
             status: None,
         }
