@@ -18,10 +18,9 @@ use crate::estimate::index;
 use crate::launch::Task;
 use crate::options::{Options, Verbosity};
 use crate::run::Run;
-use crate::stages::assembly::Assembly;
+use crate::stages::assembly::{Assembly, system};
 use crate::stages::prepare::share_of;
 use crate::stages::relax;
-use crate::stages::setup::system;
 
 /// Speed of all ranks together (grain-steps/s), measured within a second; `None` if the law does
 /// not hold on the lattice. Collective.

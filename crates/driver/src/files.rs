@@ -17,9 +17,9 @@ use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
 use gshear_store::{dictionary, existing, part, provenance};
 
 use crate::folder::Watched;
+use crate::header::{UpToCheckpoint, Written};
 use crate::run::Run;
 use crate::stages::assembly::Assembly;
-use crate::written::{UpToCheckpoint, Written};
 
 /// The files of a stage. Every call is collective.
 pub struct Files {

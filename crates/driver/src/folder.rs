@@ -26,14 +26,13 @@ use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile, RunStage};
 use gshear_store::{checkpoint, existing, h5, part, text_writer};
 
-use crate::header::Header;
+use crate::header::{Header, UpToCheckpoint, Written};
 pub use crate::lock::is_abandoned;
 use crate::lock::{Lock, unwritable};
 use crate::options::Options;
 use crate::run_record::{RunRecord, id_in_scene};
 use crate::say::say_error;
 use crate::task::{Entry, Task};
-use crate::written::{UpToCheckpoint, Written};
 
 /// What a run writes beside its name and renames.
 const WRITTEN_BESIDE: [&str; 7] = [

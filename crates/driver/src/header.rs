@@ -18,7 +18,6 @@ use gshear_store::run_reader::RunStage;
 
 use crate::run_record::RunRecord;
 use crate::stages::PACK;
-use crate::written::Written;
 
 /// Fields of the header with the record of the run, and with the file that the grains came from.
 const RECORD: &str = "run";
@@ -265,6 +264,38 @@ impl Saved {
             scene.sample = scene.sample.in_box(scene.dimension, length);
         }
         Ok(scene)
+    }
+}
+
+/// The number of frames and rows in the files of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Written {
+    /// Frames.
+    pub frames: u64,
+    /// Rows of the time series.
+    pub rows: u64,
+    /// Rows of the scalars of frames.
+    #[serde(default)]
+    pub scalars: u64,
+}
+
+/// What the files of a resumed stage hold up to its checkpoint.
+#[derive(Debug, Clone, Copy)]
+pub struct UpToCheckpoint {
+    /// Steps at the checkpoint.
+    pub step: u64,
+    /// The last step whose frame and row stay; `None`: none stays.
+    pub last: Option<u64>,
+}
+
+impl UpToCheckpoint {
+    /// After this step. A stage without steps begins anew and writes the row of step 0 again.
+    pub fn new(step: u64) -> Self {
+        Self {
+            step,
+            last: (step > 0).then_some(step),
+        }
     }
 }
 

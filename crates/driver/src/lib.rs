@@ -46,6 +46,5 @@ pub mod sweep;
 mod task;
 mod terminal;
 pub mod version;
-pub mod written;
 
 pub use terminal::progress;

@@ -13,11 +13,10 @@ use gshear_store::checkpoint;
 use super::pack::{PackStage, falling_drag};
 use super::shear::ShearStage;
 use super::top_wall::{height_between, mass_of_layer, mass_of_top, stretch};
-use crate::header::{Header, PackHeader, ShearHeader};
+use crate::header::{Header, PackHeader, ShearHeader, Written};
 use crate::options::Outcome;
 use crate::run::{Run, Stage};
 use crate::task::Start;
-use crate::written::Written;
 
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
 /// At first few grains bear it, each about fifteen times its share in 2D and more in 3D. A softer

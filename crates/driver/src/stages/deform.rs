@@ -5,9 +5,9 @@ use gshear_dem::contact::portable_exp;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 
+use super::assembly::RestState;
 use super::box_state::{Observed, volume};
 use super::relax::{Followed, LONGEST};
-use super::rest::RestState;
 use super::strain::Strain;
 use crate::header::{Beyond, Correction, Pressing, Search, Stretched};
 use gshear_scene::Deformation;

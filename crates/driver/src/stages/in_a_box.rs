@@ -10,16 +10,14 @@ use gshear_scene::PeriodicBox;
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
-use super::assembly::Assembly;
+use super::assembly::{Assembly, RestState};
 use super::newtonian::NewtonianStage;
 use super::prepare;
-use super::rest::RestState;
 use super::strain::Strain;
-use crate::header::{Header, Progress, Shape, Stretched};
+use crate::header::{Header, Progress, Shape, Stretched, Written};
 use crate::options::Outcome;
 use crate::run::Run;
 use crate::task::Start;
-use crate::written::Written;
 use gshear_dem::state::{HeldState, Snapshot};
 
 /// Runs the scene from `start` to its last step; collective.

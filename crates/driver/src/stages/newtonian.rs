@@ -23,10 +23,9 @@ use super::eigenvalues::GlobalState;
 use super::spectra_file::SpectraFile;
 use super::strain;
 use crate::files::{Files, Format};
-use crate::header::{Header, Pair, Progress};
+use crate::header::{Header, Pair, Progress, UpToCheckpoint};
 use crate::options::Outcome;
 use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
-use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
 /// The stage that integrates Newton's equations of a box.

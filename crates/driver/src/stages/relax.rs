@@ -1,8 +1,7 @@
 //! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
 
-use super::assembly::Assembly;
+use super::assembly::{Assembly, RestState};
 use super::eigenvalues::{GlobalState, Move, newton_step};
-use super::rest::RestState;
 use crate::header::Relaxing;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};

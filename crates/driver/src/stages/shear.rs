@@ -22,10 +22,9 @@ use super::assembly::Assembly;
 use super::top_wall::mass_of;
 use crate::files::{Files, Format};
 use crate::frame_analysis::FrameAnalysis;
-use crate::header::{Header, ShearHeader};
+use crate::header::{Header, ShearHeader, UpToCheckpoint, Written};
 use crate::options::Outcome;
 use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
-use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::status::Standing;
 

@@ -10,18 +10,17 @@ use gshear_store::file_names::RUN_FILE;
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
-use super::assembly::Assembly;
+use super::assembly::{Assembly, RestState};
 use super::box_state::Observed;
 use super::eigenvalues::Eigenvalues;
 use super::relax::{LONGEST, Relaxation};
-use super::rest::RestState;
 use crate::files::{Files, Format};
 use crate::header::{
-    Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, Work,
+    Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, UpToCheckpoint,
+    Work,
 };
 use crate::options::Outcome;
 use crate::run::{Checkpoint, Run, Save, Stage};
-use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
 /// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and
