@@ -9,7 +9,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
 use gshear_driver::folder::{named, same_folder};
-use gshear_driver::launch::{self, Changes, Resumable, Task};
+use gshear_driver::launch::{self, Changes, Task};
 use gshear_driver::options::{Options, Outcome, Verbosity};
 use gshear_driver::preview::{check, check_continued};
 use gshear_driver::say::{say, say_error};
@@ -111,8 +111,8 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         }
         launch::await_lock(world, &mut options);
         return match launch::resume_if_begun(world, &options.out, task)? {
-            Resumable::Task(task) => task.run(world, &options),
-            Resumable::Finished => Ok(finished(world, &options.out)),
+            Some(task) => task.run(world, &options),
+            None => Ok(finished(world, &options.out)),
         };
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
@@ -159,9 +159,9 @@ fn resume_from(
         )));
     }
     match launch::resume(world, path, changes)? {
-        Resumable::Task(task) => check_or_run(world, arguments, &options, *task),
-        Resumable::Finished if other.is_none() => Ok(finished(world, folder)),
-        Resumable::Finished => Err(Failure::input(format!(
+        Some(task) => check_or_run(world, arguments, &options, task),
+        None if other.is_none() => Ok(finished(world, folder)),
+        None => Err(Failure::input(format!(
             "{}: holds a finished run; give a later end with --set, or one of its checkpoints",
             path.display()
         ))),

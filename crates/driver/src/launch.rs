@@ -112,14 +112,6 @@ pub fn from_the_start(
     })
 }
 
-/// What `--resume` finds.
-pub enum Resumable {
-    /// A run to continue, or to begin because there is nothing to continue.
-    Task(Box<Task>),
-    /// The run in the folder is finished.
-    Finished,
-}
-
 /// How a resume may change the scene of its checkpoint.
 #[derive(Debug, Clone, Copy)]
 pub enum Changes<'a> {
@@ -131,7 +123,8 @@ pub enum Changes<'a> {
     Scene(&'a Scene),
 }
 
-/// Resumes from a checkpoint, or from the newest good one of a folder. Collective.
+/// Resumes from a checkpoint, or from the newest good one of a folder; `None` if the run in the
+/// folder is finished. Collective.
 ///
 /// # Errors
 /// A checkpoint that is missing, damaged or of another version, or a change that a resumed run may
@@ -140,10 +133,9 @@ pub fn resume(
     exchange: &dyn Parallel,
     path: &Path,
     changes: Changes<'_>,
-) -> Result<Resumable, Failure> {
+) -> Result<Option<Task>, Failure> {
     if !of_root(exchange, &path.is_dir()) {
-        let task = from_checkpoint(Saved::read(exchange, path)?, changes)?;
-        return Ok(Resumable::Task(Box::new(task)));
+        return from_checkpoint(Saved::read(exchange, path)?, changes).map(Some);
     }
     let Some(saved) = newest(exchange, path)? else {
         return Err(Failure::input(format!(
@@ -153,10 +145,8 @@ pub fn resume(
     };
     let task = from_checkpoint(saved, changes)?;
     let branches = matches!(changes, Changes::Branch(_));
-    if !branches && is_finished(exchange, path, &task)? {
-        return Ok(Resumable::Finished);
-    }
-    Ok(Resumable::Task(Box::new(task)))
+    let finished = !branches && is_finished(exchange, path, &task)?;
+    Ok((!finished).then_some(task))
 }
 
 /// Waits until it is known whether a process of another host holds the lock of the folder, as after
@@ -176,7 +166,7 @@ pub fn await_lock(exchange: &dyn Parallel, options: &mut Options) {
 }
 
 /// Continues the run of a task in its folder, if the folder holds it, from its newest good
-/// checkpoint. Collective.
+/// checkpoint, or begins it; `None` if the run is finished. Collective.
 ///
 /// # Errors
 /// A folder that holds another run, or only damaged checkpoints.
@@ -184,17 +174,17 @@ pub fn resume_if_begun(
     exchange: &dyn Parallel,
     folder: &Path,
     task: Task,
-) -> Result<Resumable, Failure> {
+) -> Result<Option<Task>, Failure> {
     let empty = told_by_root(exchange, || {
         let found = Contents::of(folder)?;
         found.is_of(folder, &task, true)?;
         Ok(found.is_empty())
     })?;
     if empty {
-        return Ok(Resumable::Task(Box::new(task)));
+        return Ok(Some(task));
     }
     if is_finished(exchange, folder, &task)? {
-        return Ok(Resumable::Finished);
+        return Ok(None);
     }
     let task = match newest(exchange, folder)? {
         None => {
@@ -207,7 +197,7 @@ pub fn resume_if_begun(
         }
         Some(saved) => from_checkpoint(saved, Changes::Scene(&task.scene))?,
     };
-    Ok(Resumable::Task(Box::new(task)))
+    Ok(Some(task))
 }
 
 /// Whether the run in the folder has come to the end that the task asks for. Collective.

@@ -6,7 +6,7 @@ use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
 
 use crate::estimate::{Estimate, bytes, cores, dense_height};
 use crate::folder::{free, outlook};
-use crate::launch::{Resumable, Task, resume_if_begun};
+use crate::launch::{Task, resume_if_begun};
 use crate::options::{Options, Verbosity};
 use crate::say::{self, say_error};
 use crate::terminal::ranks as in_words;
@@ -35,8 +35,8 @@ pub fn check_continued(
     options: &Options,
 ) -> Result<(), Failure> {
     match resume_if_begun(exchange, &options.out, begin()?) {
-        Ok(Resumable::Task(task)) => check(exchange, &task, options),
-        Ok(Resumable::Finished) => {
+        Ok(Some(task)) => check(exchange, &task, options),
+        Ok(None) => {
             print(exchange, &begin()?)?;
             if exchange.rank() == 0 && options.verbosity != Verbosity::Quiet {
                 let folder = options.out.display();

@@ -11,7 +11,7 @@ use gshear_store::status::{RunState, Status};
 
 use crate::calibration;
 use crate::estimate::{Estimate, bytes};
-use crate::launch::{Resumable, Task, await_lock, from_the_start, resume_if_begun};
+use crate::launch::{Task, await_lock, from_the_start, resume_if_begun};
 use crate::options::{Options, Outcome, Verbosity};
 use crate::preview::{check_continued, doubts};
 use crate::say::{self, say_error};
@@ -77,12 +77,12 @@ impl<'a> Sweep<'a> {
                 || Status::read(&folder).is_some_and(|status| status.state == RunState::Failed);
             let found = resume_if_begun(exchange, &folder, task)?;
             let state = match &found {
-                Resumable::Finished => "done",
-                Resumable::Task(_) if failed() => "failed",
-                Resumable::Task(task) if task.saved().is_some() => "stopped",
-                Resumable::Task(_) => "new",
+                None => "done",
+                Some(_) if failed() => "failed",
+                Some(task) if task.saved().is_some() => "stopped",
+                Some(_) => "new",
             };
-            if let (Resumable::Task(task), false) = (&found, quiet) {
+            if let (Some(task), false) = (&found, quiet) {
                 let mut estimate = Estimate::of(exchange, task, None);
                 if speed.is_none() {
                     speed = Some(calibration::speed(exchange, task, options)?);
@@ -140,11 +140,11 @@ impl<'a> Sweep<'a> {
         let mut options = self.options_of(member, options);
         await_lock(exchange, &mut options);
         let resumed = if options.overwrite {
-            Resumable::Task(Box::new(task))
+            Some(task)
         } else {
             resume_if_begun(exchange, &options.out, task)?
         };
-        let Resumable::Task(task) = resumed else {
+        let Some(task) = resumed else {
             say(exchange, &format!("sweep: {} is done", member.name));
             return Ok(Outcome::Done);
         };
