@@ -206,12 +206,7 @@ impl<D: Dimension> Strain<'_, D> {
     /// Begins the next trial, or ends the search.
     fn press(&mut self, mut of: Pressing) -> Result<Option<Search>, Failure> {
         while (of.pressure - of.wanted).abs() > self.periodic.pressure_tolerance * of.wanted {
-            let Pressing {
-                wanted,
-                pressure,
-                change,
-                ..
-            } = of;
+            let (wanted, pressure, change) = (of.wanted, of.pressure, of.change);
             if change < FINEST {
                 let jump = of.beyond.and_then(|of| of.pressure).unwrap_or(f64::NAN);
                 return Err(Failure::numbers(format!(
@@ -221,14 +216,10 @@ impl<D: Dimension> Strain<'_, D> {
                     self.progress.steps + 1
                 )));
             }
-            let lengths = self.assembly.system.cell.lengths::<D>();
-            let lengths: [f64; 3] = std::array::from_fn(|axis| {
-                if axis < D::AXES {
-                    lengths[axis] * (1.0 - of.toward * change)
-                } else {
-                    lengths[axis]
-                }
-            });
+            let mut lengths = self.assembly.system.cell.lengths::<D>();
+            for length in &mut lengths[..D::AXES] {
+                *length *= 1.0 - of.toward * change;
+            }
             if self.stretch(lengths)?.is_ok() {
                 return Ok(Some(Search::Pressure(of)));
             }

@@ -6,7 +6,7 @@ use crate::header::Relaxing;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, HeldState, Sheared, Stretching, body};
+use gshear_dem::state::{Cell, Sheared, Stretching, body};
 use gshear_dem::step::forces;
 use gshear_dem::system::{Outside, System};
 use gshear_scene::{Method, Relax, Sample};
@@ -229,11 +229,9 @@ impl<D: Dimension> Assembly<'_, D> {
             }
             let torque = length(&force[D::TORQUE..D::TORQUE + D::SPINS]) / grains.radius[g];
             for x in [length(&contacts), length(&slowing), torque] {
-                greatest = if x > greatest || x.is_nan() {
-                    x
-                } else {
-                    greatest
-                };
+                if x > greatest || x.is_nan() {
+                    greatest = x;
+                }
             }
         }
         self.exchange.maximum(greatest)
@@ -277,13 +275,10 @@ impl<D: Dimension> Assembly<'_, D> {
     /// Gives the cell these lengths (m) and moves the grains affinely with it, in one step of the
     /// dynamics, which advances the histories. All grains must be at rest, and stay so.
     pub(super) fn stretch(&mut self, lengths: [f64; 3]) -> Result<Followed, Failure> {
-        let HeldState {
-            mut grains,
-            contacts,
-        } = self.held();
+        let mut state = self.held();
         let before = self.system.cell.lengths::<D>();
         let factors: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / before[axis]);
-        for g in &mut grains {
+        for g in &mut state.grains {
             for axis in 0..D::AXES {
                 // Rounding must not move a grain out of the cell.
                 let moved = g.position[axis] * factors[axis];
@@ -292,7 +287,7 @@ impl<D: Dimension> Assembly<'_, D> {
         }
         let cell = self.system.cell.with_lengths::<D>(lengths);
         self.system.set_cell(self.exchange, cell)?;
-        self.replace(&mut NoWalls, grains, contacts)?;
+        self.replace(&mut NoWalls, state.grains, state.contacts)?;
         let system = &mut self.system;
         let rates = factors.map(|factor| (1.0 - 1.0 / factor) / system.step);
         if let Some(sheared) = &mut system.cell.sheared {
