@@ -1,7 +1,5 @@
 //! The files of a stage in the run's folder: frames and time series, `log.csv`, `scene.toml`.
 
-use std::path::Path;
-
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
@@ -112,7 +110,11 @@ impl Files {
         let (exchange, out) = (run.exchange, &run.options.out);
         match &run.folder {
             Some(owned) => owned.clear(exchange)?,
-            None => folder(exchange, out)?,
+            // That of a replay.
+            None => on_root(exchange, || {
+                let made = std::fs::create_dir_all(out);
+                made.map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
+            })?,
         }
         let path = out.join(format.name);
         let is_there = told_by_root(exchange, || Ok(part::exists(&path)))?;
@@ -275,12 +277,4 @@ fn create<D: Dimension>(
         attributes: &attributes,
     };
     TrajectoryWriter::create(exchange, &run.options.out.join(format.name), &header)
-}
-
-/// Creates the folder of the results, if it is missing; collective.
-fn folder(exchange: &dyn Parallel, out: &Path) -> Result<(), Failure> {
-    on_root(exchange, || {
-        std::fs::create_dir_all(out)
-            .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
-    })
 }

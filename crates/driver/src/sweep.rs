@@ -149,10 +149,8 @@ impl<'a> Sweep<'a> {
             return Ok(Outcome::Done);
         };
         let all = self.members.len();
-        say(
-            exchange,
-            &format!("sweep: run {number} of {all}, {}", member.name),
-        );
+        let line = format!("sweep: run {number} of {all}, {}", member.name);
+        say(exchange, &line);
         task.run(exchange, &options)
     }
 

@@ -148,20 +148,17 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         let (scene, height) = (self.scene, self.drive.piston.height);
         let of = self.plane_shear;
         if of.confinement != Confinement::Images && !of.has_planes() {
-            let planes = self.plane_shear.planes(&scene.sample, [0.0, height]);
+            let planes = of.planes(&scene.sample, [0.0, height]);
             freeze_walls(&mut state.grains, D::UP, planes, scene.materials.wall);
         }
         let piston = Piston {
             velocity: 0.0,
             acceleration: 0.0,
-            mass: mass_of_top(run, scene, self.plane_shear, (&state.grains, height)),
+            mass: mass_of_top(run, scene, of, (&state.grains, height)),
             ..self.drive.piston
         };
-        run.terminal.packed(
-            self.step,
-            height_between(scene, self.plane_shear, &piston),
-            self.plane_shear,
-        );
+        let between = height_between(scene, of, &piston);
+        run.terminal.packed(self.step, between, of);
         (piston, state)
     }
 }

@@ -204,13 +204,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
 
     /// Hands the scalars computed so far to the files.
     fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        match &mut self.analysis {
-            Some(analysis) => {
-                let rows = analysis.flush(exchange);
-                self.files.trajectory.scalars(exchange, &rows)
-            }
-            None => Ok(()),
-        }
+        let Some(analysis) = &mut self.analysis else {
+            return Ok(());
+        };
+        let rows = analysis.flush(exchange);
+        self.files.trajectory.scalars(exchange, &rows)
     }
 
     /// The output due after the step `next`: a row, a frame, a frame to be analysed.
