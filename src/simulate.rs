@@ -8,10 +8,9 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, STOPPED_EARLY};
-use gshear_driver::folder::same_folder;
-use gshear_driver::launch::{self, Changes, Resumable, Task};
-use gshear_driver::options::Outcome;
-use gshear_driver::options::{Options, Verbosity};
+use gshear_driver::folder::{named, same_folder};
+use gshear_driver::launch::{self, Changes, Task};
+use gshear_driver::options::{Options, Outcome, Verbosity};
 use gshear_driver::preview::{check, check_continued};
 use gshear_driver::say::{say, say_error};
 use gshear_driver::signals::Signals;
@@ -20,7 +19,7 @@ use gshear_driver::version;
 use gshear_mpi_exchange::World;
 use gshear_scene::Source;
 use gshear_scene::packing::split_frame;
-use gshear_store::collective::agree;
+use gshear_store::collective::told_by_root;
 use gshear_store::file_names::is_reduced;
 use gshear_store::{h5, provenance};
 
@@ -97,15 +96,10 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         ));
     }
     let source = read(world, arguments)?;
-    let name = arguments
-        .config
-        .as_deref()
-        .and_then(|p| p.file_stem())
-        .map_or("plane-shear-2d".into(), |s| s.to_string_lossy());
-    options.out = arguments
-        .out
-        .clone()
-        .unwrap_or_else(|| PathBuf::from("out").join(&*name));
+    let config = arguments.config.as_deref().and_then(Path::file_stem);
+    let name = config.map_or("plane-shear-2d".into(), |stem| stem.to_string_lossy());
+    let out = arguments.out.clone();
+    options.out = out.unwrap_or_else(|| Path::new("out").join(&*name));
     let Some(choice) = arguments.sweep else {
         let begin = || launch::from_the_start(world, &source, &arguments.set);
         if auto && arguments.check {
@@ -117,19 +111,18 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
         }
         launch::await_lock(world, &mut options);
         return match launch::resume_if_begun(world, &options.out, task)? {
-            Resumable::Task(task) => task.run(world, &options),
-            Resumable::Finished => Ok(finished(world, &options.out)),
+            Some(task) => task.run(world, &options),
+            None => Ok(finished(world, &options.out)),
         };
     };
     let sweep = Sweep::new(&source, &arguments.set, options.out.clone())?;
     match choice {
+        Choice::All if !arguments.check => sweep.all(world, &options),
         // The list checks every scene, and says what they take together.
-        Choice::All if arguments.check => sweep.list(world, &options).map(|()| Outcome::Done),
+        Choice::All | Choice::List => sweep.list(world, &options).map(|()| Outcome::Done),
         Choice::One(number) if arguments.check => {
             sweep.check(world, number, &options).map(|()| Outcome::Done)
         }
-        Choice::List => sweep.list(world, &options).map(|()| Outcome::Done),
-        Choice::All => sweep.all(world, &options),
         Choice::One(number) => sweep.one(world, number, &options),
     }
 }
@@ -155,8 +148,7 @@ fn resume_from(
     // The folder of `checkpoint.h5` alone is the present one.
     let folder = match path.parent() {
         _ if path.is_dir() => path,
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
+        folder => named(folder.unwrap_or(path)),
     };
     let other = arguments.branch.as_ref().or(arguments.out.as_ref());
     options.out = other.cloned().unwrap_or_else(|| folder.into());
@@ -167,9 +159,9 @@ fn resume_from(
         )));
     }
     match launch::resume(world, path, changes)? {
-        Resumable::Task(task) => check_or_run(world, arguments, &options, *task),
-        Resumable::Finished if other.is_none() => Ok(finished(world, folder)),
-        Resumable::Finished => Err(Failure::input(format!(
+        Some(task) => check_or_run(world, arguments, &options, task),
+        None if other.is_none() => Ok(finished(world, folder)),
+        None => Err(Failure::input(format!(
             "{}: holds a finished run; give a later end with --set, or one of its checkpoints",
             path.display()
         ))),
@@ -220,13 +212,10 @@ fn check_or_run(
 
 /// Reads the configuration on one rank, so that all ranks run the same scene.
 fn read(world: &World, arguments: &CommandLine) -> Result<Source, Failure> {
-    let read = match (&arguments.config, world.rank()) {
-        (Some(path), 0) => Source::read(path).map(Some),
-        (Some(_), _) => Ok(None),
-        (None, _) => Ok(Some(Source::embedded())),
+    let read = || match &arguments.config {
+        Some(path) => Source::read(path).map(Some),
+        None => Ok(Some(Source::embedded())),
     };
-    let source = agree(world, read)?;
-    let text = serde_json::to_vec(&source).expect("texts");
-    let source = serde_json::from_slice(&world.broadcast(text)).expect("what rank 0 wrote");
-    Ok(source)
+    let source = told_by_root(world, read)?;
+    Ok(source.expect("rank 0 has read it"))
 }

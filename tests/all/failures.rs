@@ -230,7 +230,7 @@ fn a_failure_keeps_the_last_checkpoint() {
     let checkpoint = folder.path().join("checkpoint.h5");
     let before = std::fs::read(&checkpoint).expect("a checkpoint");
     let [header, _] = gshear_store::checkpoint::read_texts(&checkpoint).expect("a checkpoint");
-    let (header, _) = gshear_driver::header::Header::parse(&header).expect("a header");
+    let (header, ..) = gshear_driver::header::Header::parse(&header).expect("a header");
     let failing = [
         format!("--resume={}", checkpoint.display()),
         // Not at rest so soon.

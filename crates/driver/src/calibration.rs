@@ -12,15 +12,15 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Boundary, Deformation, Dimensions, Method, PeriodicBox, Sample, Scene};
+use gshear_scene::{Boundary, Deformation, Dimensions, Method, Sample, Scene};
 
 use crate::estimate::index;
 use crate::launch::Task;
 use crate::options::{Options, Verbosity};
 use crate::run::Run;
-use crate::stages::assembly::Assembly;
+use crate::stages::assembly::{Assembly, system};
+use crate::stages::prepare::share_of;
 use crate::stages::relax;
-use crate::stages::setup::system;
 
 /// Speed of all ranks together (grain-steps/s), measured within a second; `None` if the law does
 /// not hold on the lattice. Collective.
@@ -32,10 +32,7 @@ pub fn speed(
     task: &Task,
     options: &Options,
 ) -> Result<Option<f64>, Failure> {
-    let of = [
-        &speed_on_a_lattice::<Two> as &Measurement<'_>,
-        &speed_on_a_lattice::<Three>,
-    ];
+    let of = [speed_on_a_lattice::<Two>, speed_on_a_lattice::<Three>];
     measured(exchange, task, options, of)
 }
 
@@ -51,12 +48,11 @@ pub fn strain_step(
 ) -> Result<Option<f64>, Failure> {
     match &task.scene.boundary {
         Boundary::Periodic(periodic) if periodic.relax.method == Method::Newton => {
-            let of_disks =
-                |run: &Run<'_>, scene: &Scene| strain_step_on_lattices::<Two>(run, scene, periodic);
-            let of_spheres = |run: &Run<'_>, scene: &Scene| {
-                strain_step_on_lattices::<Three>(run, scene, periodic)
-            };
-            measured(exchange, task, options, [&of_disks, &of_spheres])
+            let of = [
+                strain_step_on_lattices::<Two>,
+                strain_step_on_lattices::<Three>,
+            ];
+            measured(exchange, task, options, of)
         }
         _ => Ok(None),
     }
@@ -67,7 +63,7 @@ const MOST_GRAINS: u32 = 100_000;
 /// Time of the measurement (s), about.
 const MEASURED: f64 = 0.4;
 
-type Measurement<'a> = dyn Fn(&Run<'_>, &Scene) -> Result<f64, Failure> + 'a;
+type Measurement = fn(&Run<'_>) -> Result<f64, Failure>;
 
 /// What a measurement of disks or spheres finds, in a run that says nothing and writes nothing, on
 /// all ranks; `None` if it failed on one, as where the law does not hold on the lattice. Refuses
@@ -76,7 +72,7 @@ fn measured(
     exchange: &dyn Parallel,
     task: &Task,
     options: &Options,
-    [of_disks, of_spheres]: [&Measurement<'_>; 2],
+    [of_disks, of_spheres]: [Measurement; 2],
 ) -> Result<Option<f64>, Failure> {
     let scene = &task.scene;
     let options = Options {
@@ -86,8 +82,8 @@ fn measured(
     let run = Run::new(exchange, scene, task.record.clone(), &options)?;
     let cell = scene.cell();
     let found = match scene.dimension {
-        Dimensions::Two => system::<Two>(&run, scene, cell).map(|_| of_disks(&run, scene))?,
-        Dimensions::Three => system::<Three>(&run, scene, cell).map(|_| of_spheres(&run, scene))?,
+        Dimensions::Two => system::<Two>(&run, scene, cell).map(|_| of_disks(&run))?,
+        Dimensions::Three => system::<Three>(&run, scene, cell).map(|_| of_spheres(&run))?,
     };
     let failed = exchange.maximum(f64::from(u8::from(found.is_err()))) > 0.0;
     Ok(found.ok().filter(|_| !failed))
@@ -111,12 +107,11 @@ impl Lattice {
     fn assembly<'a, D: LawSpace>(
         &self,
         run: &Run<'a>,
-        scene: &Scene,
         law: &'a dyn PairForce<D>,
     ) -> Result<Assembly<'a, D>, Failure> {
-        let exchange = run.exchange;
+        let (exchange, scene) = (run.exchange, run.scene);
         let diameter = scene.sample.mean_diameter;
-        let [along, across, up] = self.grains;
+        let [_, across, up] = self.grains;
         let lengths: [f64; 3] =
             std::array::from_fn(|k| f64::from(self.grains[k]) * self.spacing[k]);
         let planar = D::AXES == 2;
@@ -132,9 +127,6 @@ impl Lattice {
             },
             ..scene.clone()
         };
-        let all = along * across * up;
-        let (rank, size) = (exchange.rank() as u64, exchange.size() as u64);
-        let part = |r: u64| (u64::from(all) * r / size) as u32;
         let grain = |id: u32| {
             let at = [id / (across * up), id / up % across, id % up].map(|k| f64::from(k) + 0.5);
             let mut position = [0.0; 3];
@@ -150,7 +142,8 @@ impl Lattice {
                 ..GrainState::zeroed()
             }
         };
-        let grains = (part(rank)..part(rank + 1)).map(grain).collect();
+        let owned = share_of(self.count(), exchange.rank(), exchange.size());
+        let grains = owned.map(grain).collect();
         let mut assembly = Assembly::new(run, &equal, cell, law)?;
         // Nothing holds a periodic lattice: it would fall.
         assembly.system.gravity = [0.0; 2];
@@ -168,10 +161,21 @@ fn overlap(scene: &Scene) -> f64 {
     }
 }
 
+/// Time in which all ranks have done this (s). Collective.
+fn timed(
+    exchange: &dyn Parallel,
+    measured: impl FnOnce() -> Result<(), Failure>,
+) -> Result<f64, Failure> {
+    exchange.barrier();
+    let begun = Instant::now();
+    measured()?;
+    Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
+}
+
 /// Speed of all ranks together (grain-steps/s) on a lattice of equal grains, two or three of whose
 /// neighbours each touch, as in a packing. Collective.
-fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, Failure> {
-    let exchange = run.exchange;
+fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
+    let (exchange, scene) = (run.exchange, run.scene);
     let sample = &scene.sample;
     let diameter = sample.mean_diameter;
     let (touching, near) = (diameter * (1.0 - overlap(scene)), 1.001 * diameter);
@@ -189,14 +193,10 @@ fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>, scene: &Scene) -> Result<f64, 
         spacing: [touching, near, touching],
     };
     let law = scene.force::<D>();
-    let mut assembly = lattice.assembly(run, scene, law.as_ref())?;
-    let mut steps = |steps: u64| -> Result<f64, Failure> {
-        exchange.barrier();
-        let begun = Instant::now();
-        for _ in 0..steps {
-            assembly.advance(&mut NoWalls, false, false)?;
-        }
-        Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
+    let mut assembly = lattice.assembly(run, law.as_ref())?;
+    let mut steps = |steps: u64| {
+        let mut step = |_| assembly.advance(&mut NoWalls, false, false).map(drop);
+        timed(exchange, || (0..steps).try_for_each(&mut step))
     };
     // The first steps fill the caches.
     steps(3)?;
@@ -221,12 +221,11 @@ const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
 /// Time of a strain step (s): that of its factorisations of K and, if the scene asks for them, of
 /// all eigenvalues, of lattices in which every grain touches as many others as in a packing.
 /// Collective.
-fn strain_step_on_lattices<D: LawSpace>(
-    run: &Run<'_>,
-    scene: &Scene,
-    periodic: &PeriodicBox,
-) -> Result<f64, Failure> {
-    let exchange = run.exchange;
+fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
+    let (exchange, scene) = (run.exchange, run.scene);
+    let Boundary::Periodic(periodic) = &scene.boundary else {
+        unreachable!("strain steps are those of a box")
+    };
     let all = scene.sample.grains;
     let law = scene.force::<D>();
     let law = law.as_ref();
@@ -244,18 +243,11 @@ fn strain_step_on_lattices<D: LawSpace>(
             spacing: [touching; 3],
         }
     };
-    let timed = |of: &mut dyn FnMut() -> Result<(), Failure>| -> Result<f64, Failure> {
-        exchange.barrier();
-        let begun = Instant::now();
-        of()?;
-        Ok(exchange.maximum(begun.elapsed().as_secs_f64()))
-    };
-
     let mut grains = all.min(FEW);
     let relaxation = loop {
         let lattice = lattice(grains);
-        let mut assembly = lattice.assembly(run, scene, law)?;
-        let seconds = timed(&mut || relax::factor_once(&mut assembly))?;
+        let mut assembly = lattice.assembly(run, law)?;
+        let seconds = timed(exchange, || relax::factor_once(&mut assembly))?;
         let larger = f64::from(all) / f64::from(lattice.count());
         if grains == all || seconds > LONG {
             let power = FACTORISATION_POWER[index(scene)];
@@ -271,8 +263,8 @@ fn strain_step_on_lattices<D: LawSpace>(
     let mut seconds = relaxations * FACTORISATIONS * relaxation;
     if periodic.aqs.spectrum {
         let lattice = lattice(all.min(FEW));
-        let mut assembly = lattice.assembly(run, scene, law)?;
-        let one = timed(&mut || relax::eigenvalues_once(&mut assembly))?;
+        let mut assembly = lattice.assembly(run, law)?;
+        let one = timed(exchange, || assembly.eigenvalues().map(drop))?;
         let larger = f64::from(all) / f64::from(lattice.count());
         seconds += one * larger.powi(3);
     }

@@ -7,18 +7,18 @@ use gshear_scene::{Boundary, PeriodicBox, PlaneShear, Scene};
 
 use crate::header::Header;
 use crate::stages::newtonian;
+use crate::task::{Start, Task};
 
-/// Refuses ends that lie before the step reached, and another drive up to there. `header`,
-/// `before`: of the checkpoint and its scene, if the run starts from one.
+/// Refuses ends that lie before the step reached, and another drive up to there.
 ///
 /// # Errors
 /// Such an end, or such a drive.
-pub(crate) fn check(
-    header: Option<&Header>,
-    before: Option<&Scene>,
-    scene: &Scene,
-    stop_at: Option<u64>,
-) -> Result<(), Failure> {
+pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<(), Failure> {
+    let (header, before) = match &task.start {
+        Start::Checkpoint(saved, before) => (Some(&saved.header), before.as_deref()),
+        Start::Insertion | Start::Grains(_) => (None, None),
+    };
+    let scene = &task.scene;
     if let Some(stop) = stop_at {
         check_stop(header, stop)?;
     }

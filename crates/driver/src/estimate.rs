@@ -7,7 +7,7 @@ use gshear_dem::contact::TORQUES;
 use gshear_dem::state::{Confinement, ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, packing_steps};
-use gshear_scene::{Boundary, Motion, Origin, PeriodicBox, PlaneShear, Scene, WallSpeed};
+use gshear_scene::{Boundary, Motion, PackingFile, PeriodicBox, PlaneShear, Scene, WallSpeed};
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, RUN_FILE};
 use gshear_store::run_reader::RunStage;
@@ -62,6 +62,19 @@ pub struct StageEstimate {
     pub moves: bool,
     /// Bytes of frames, and rows of the time series, to be written.
     output: (f64, u64),
+}
+
+impl StageEstimate {
+    /// Steps of the equations of motion, without output.
+    fn moving(name: &'static str, steps: u64, exact: bool) -> Self {
+        Self {
+            name,
+            steps,
+            exact,
+            moves: true,
+            output: (0.0, 0),
+        }
+    }
 }
 
 /// The size of a file.
@@ -289,22 +302,15 @@ type Parts = (Vec<StageEstimate>, Vec<FileEstimate>);
 fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u64) -> Parts {
     let mut stages = Vec::new();
     let sample = &scene.sample;
-    let packs = match header {
-        None => !walls.pack.skip,
-        Some(header) => matches!(header, Header::Pack(_)),
-    };
+    let packs = header.map_or(!walls.pack.skip, |of| matches!(of, Header::Pack(_)));
     let known = match header {
         Some(Header::Shear(shear)) => Some(shear.height),
         _ => None,
     };
-    let file = match &walls.origin {
-        Origin::Packing(file) if walls.pack.skip => Some(file.height()),
-        _ => None,
-    };
-    let between = |height: f64| height - 2.0 * sample.mean_diameter;
-    let height = known.unwrap_or_else(|| {
-        between(file.unwrap_or_else(|| dense_height(scene))).max(sample.mean_diameter)
-    });
+    let file = walls.origin.file().filter(|_| walls.pack.skip);
+    let packed = file.map_or_else(|| dense_height(scene), PackingFile::height);
+    let between = (packed - 2.0 * sample.mean_diameter).max(sample.mean_diameter);
+    let height = known.unwrap_or(between);
     let schedule = Schedule::new(scene, walls, height);
     let done = match header {
         Some(header @ (Header::Pack(_) | Header::Shear(_))) => header.step(),
@@ -312,13 +318,8 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
     };
     if packs {
         let guess = packing_steps(scene, &walls.load).min(walls.pack.max_steps as f64) as u64;
-        stages.push(StageEstimate {
-            name: PACK,
-            steps: guess.saturating_sub(done).max(guess / 10),
-            exact: false,
-            moves: true,
-            output: (0.0, 0),
-        });
+        let steps = guess.saturating_sub(done).max(guess / 10);
+        stages.push(StageEstimate::moving(PACK, steps, false));
     }
     let last = schedule.total.min(last);
     let counts = schedule.counts(last);
@@ -333,12 +334,10 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
             ..
         }
     );
+    let exact = !by_velocity || known.is_some() || last < schedule.total;
     stages.push(StageEstimate {
-        name: RunStage::Shear.name(),
-        steps: left,
-        exact: !by_velocity || known.is_some() || last < schedule.total,
-        moves: true,
         output: (frames * share, (counts.rows as f64 * share) as u64),
+        ..StageEstimate::moving(RunStage::Shear.name(), left, exact)
     });
     let columns = schedule.columns.len();
     let run = file_of(scene, RUN_FILE, counts.frames, (counts.rows, columns));
@@ -381,13 +380,8 @@ fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: 
         _ => (None, 0, None),
     };
     if strained.is_none() && periodic.packing.is_none() {
-        stages.push(StageEstimate {
-            name: PREPARE,
-            steps: prepare::steps(scene, periodic),
-            exact: false,
-            moves: true,
-            output: (0.0, 0),
-        });
+        let steps = prepare::steps(scene, periodic);
+        stages.push(StageEstimate::moving(PREPARE, steps, false));
     }
     let aqs = &periodic.aqs;
     let steps = aqs.steps.min(last);
@@ -414,12 +408,10 @@ fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: 
         let steps = all.min(last - aqs.steps);
         let share = steps as f64 / all.max(1) as f64;
         let [frames, rows] = [of.frames, of.rows].map(|count| (count as f64 * share) as u64);
+        let left = steps.saturating_sub(moved);
         stages.push(StageEstimate {
-            name: RunStage::Newtonian.name(),
-            steps: steps.saturating_sub(moved),
-            exact: !may_differ,
-            moves: true,
             output: (frames as f64 * frame_bytes(scene), rows),
+            ..StageEstimate::moving(RunStage::Newtonian.name(), left, !may_differ)
         });
         let rows = (rows + 1, NewtonianRow::COLUMNS.len());
         files.push(file_of(scene, NEWTONIAN_PART, frames + 1, rows));

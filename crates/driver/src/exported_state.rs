@@ -123,8 +123,7 @@ impl ExportedState {
         let up = self.dimension.axes() - 1;
         let atoms = || self.grains.iter().map(|(atom, _)| atom);
         let ends = atoms().map(|a| (a.position[up], 0.5 * a.diameter));
-        let of_grains = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
-        let mut edges = of_grains;
+        let mut edges = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
         for (edge, plane) in edges.iter_mut().zip(self.planes.into_iter().flatten()) {
             if plane.is_finite() {
                 *edge = plane;

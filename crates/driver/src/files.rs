@@ -1,30 +1,23 @@
 //! The files of a stage in the run's folder: frames and time series, `log.csv`, `scene.toml`.
 
-use std::path::Path;
-
 use gshear_dem::columns::Column;
-use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 use gshear_dem::state::Confinement;
-use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::Scene;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::{agree, exists, on_root, told_by_root};
-use gshear_store::dictionary;
-use gshear_store::existing;
 use gshear_store::file_names::{LOG_FILE, RUN_FILE, SCENE_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
-use gshear_store::part;
-use gshear_store::provenance;
 use gshear_store::text_writer::{self, unwritten};
 use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
+use gshear_store::{dictionary, existing, part, provenance};
 
-use crate::folder::{RunFolder, Watched};
-use crate::run_record::RunRecord;
-use crate::written::{UpToCheckpoint, Written};
+use crate::folder::Watched;
+use crate::header::{UpToCheckpoint, Written};
+use crate::run::Run;
+use crate::stages::assembly::Assembly;
 
 /// The files of a stage. Every call is collective.
 pub struct Files {
@@ -35,48 +28,10 @@ pub struct Files {
     log_state: Result<(), Failure>,
     /// Rows of scalars that an earlier part of the run wrote, if none are computed now.
     scalars_before: u64,
-    resumed: bool,
+    /// Whether the files of a resumed run were opened.
+    pub resumed: bool,
     /// The open files of rank 0.
     watched: Vec<Watched>,
-}
-
-/// The folder of a run's files, and the scene that they record.
-#[derive(Clone, Copy)]
-pub struct Destination<'a> {
-    /// The ranks.
-    pub exchange: &'a dyn Parallel,
-    /// The folder of the results.
-    pub folder: &'a Path,
-    /// The scene as TOML.
-    pub toml: &'a str,
-    /// The identity and history of the run.
-    pub record: &'a RunRecord,
-    /// The folder's lock; `None` for a replay.
-    pub owned: Option<&'a RunFolder>,
-    /// The window, if this is a replay.
-    pub replay: Option<ReplayWindow>,
-}
-
-impl Destination<'_> {
-    /// The attributes that a resume writes again: what is really run, and by whom.
-    fn attributes(&self) -> Vec<(&'static str, Attribute)> {
-        let mut attributes = self.record.attributes();
-        attributes.push(("scene", Attribute::Text(self.toml.into())));
-        if let Some(ReplayWindow { first, last, .. }) = self.replay {
-            let window = format!("steps {first} to {last}");
-            attributes.push(("replay", Attribute::Text(window)));
-        }
-        attributes
-    }
-
-    /// Writes `scene.toml`; collective.
-    fn write_scene(&self) -> Result<(), Failure> {
-        on_root(self.exchange, || {
-            let path = self.folder.join(SCENE_FILE);
-            text_writer::replace(&path, self.record.comments() + self.toml)
-                .map_err(|e| unwritten(&path, &e))
-        })
-    }
 }
 
 /// The content of the files of a stage.
@@ -85,25 +40,31 @@ pub struct Format<'a> {
     pub name: &'a str,
     /// Columns of the time series.
     pub columns: &'a [Column],
-    /// Says who made the run, and the ids of the grains.
-    pub scene: &'a Scene,
-    /// The law between the grains.
-    pub law: &'a dyn PairModel,
     /// Attributes in addition to those of every run.
     pub attributes: Vec<(&'static str, Attribute)>,
-    /// What a shear has besides; `None` of strain steps and Newton's equations of a box.
-    pub shear: Option<ShearFormat>,
+    /// Height between the walls, or of the cell (m), of a shear, which has a `log.csv`; `None` of
+    /// strain steps and Newton's equations of a box.
+    pub height: Option<f64>,
 }
 
-/// The content of the files of a shear, which have a `log.csv`.
-#[derive(Debug, Clone, Copy)]
-pub struct ShearFormat {
-    /// Height between the walls, or of the cell (m).
-    pub height: f64,
-    /// Whether the run computes scalars of frames.
-    pub scalars: bool,
-    /// What bounds the sample.
-    pub confinement: Confinement,
+/// The attributes that a resume writes again: what is really run, and by whom.
+fn resumed_attributes(run: &Run<'_>) -> Vec<(&'static str, Attribute)> {
+    let mut attributes = run.record.attributes();
+    attributes.push(("scene", Attribute::Text(run.scene.toml.clone())));
+    if let Some(ReplayWindow { first, last, .. }) = run.options.replay {
+        let window = format!("steps {first} to {last}");
+        attributes.push(("replay", Attribute::Text(window)));
+    }
+    attributes
+}
+
+/// Writes `scene.toml`; collective.
+fn write_scene(run: &Run<'_>) -> Result<(), Failure> {
+    on_root(run.exchange, || {
+        let path = run.options.out.join(SCENE_FILE);
+        text_writer::replace(&path, run.record.comments() + &run.scene.toml)
+            .map_err(|e| unwritten(&path, &e))
+    })
 }
 
 impl Format<'_> {
@@ -111,20 +72,20 @@ impl Format<'_> {
     /// collective.
     fn open_log(
         &self,
-        place: Destination<'_>,
-        axes: usize,
+        run: &Run<'_>,
         last: Option<u64>,
         rows: u64,
     ) -> Result<Option<Log>, Failure> {
-        if self.shear.is_none() {
+        if self.height.is_none() {
             return Ok(None);
         }
-        let (exchange, path) = (place.exchange, place.folder.join(LOG_FILE));
+        let (exchange, path) = (run.exchange, run.options.out.join(LOG_FILE));
         let log = match last {
             Some(last) => Log::open_to_append(exchange, &path, self.columns, last, rows)?,
             None => {
                 on_root(exchange, || {
                     let names = Log::names(self.columns);
+                    let axes = run.scene.dimension.axes();
                     dictionary::write_metadata(LOG_FILE, &path, &names, axes)
                 })?;
                 Log::create(exchange, &path, self.columns)?
@@ -140,65 +101,62 @@ impl Files {
     ///
     /// # Errors
     /// Files that cannot be created, or belong to another run.
-    pub fn open<D: Dimension>(
-        place: Destination<'_>,
-        system: &mut System<D>,
+    pub(crate) fn open<D: Dimension>(
+        run: &Run<'_>,
+        assembly: &mut Assembly<'_, D>,
         format: &Format<'_>,
         before: Option<UpToCheckpoint>,
     ) -> Result<Self, Failure> {
-        let (exchange, out) = (place.exchange, place.folder);
-        match place.owned {
+        let (exchange, out) = (run.exchange, &run.options.out);
+        match &run.folder {
             Some(owned) => owned.clear(exchange)?,
-            None => folder(exchange, out)?,
+            // That of a replay.
+            None => on_root(exchange, || {
+                let made = std::fs::create_dir_all(out);
+                made.map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
+            })?,
         }
         let path = out.join(format.name);
         let is_there = told_by_root(exchange, || Ok(part::exists(&path)))?;
         let resumed = before.and_then(|before| before.last).filter(|_| is_there);
-        let (trajectory, log, scalars_before) = match resumed {
+        let (mut trajectory, log, mut scalars_before) = match resumed {
             Some(last) => {
                 // Counted by steps: a file that was begun anew at a later step holds fewer frames
                 // and rows than the checkpoint says.
                 let counts = || existing::up_to(&path, format.columns, last);
                 let [frames, rows, scalars] = told_by_root(exchange, counts)?;
                 // The log first: if it does not fit, the other file is left as it is.
-                let log = format.open_log(place, D::AXES, Some(last), rows)?;
+                let log = format.open_log(run, Some(last), rows)?;
                 let (series, path) = (format.columns, &path);
                 let mut trajectory =
                     TrajectoryWriter::open_to_append(exchange, path, series, frames, rows)?;
-                trajectory.attributes(exchange, &place.attributes())?;
-                place.write_scene()?;
+                trajectory.attributes(exchange, &resumed_attributes(run))?;
+                write_scene(run)?;
                 (trajectory, log, scalars)
             }
             None => {
                 let log_there = exists(exchange, &out.join(LOG_FILE))?;
-                let trajectory = create(place, system, format, before)?;
+                let trajectory = create(run, assembly, format, before)?;
                 // Rows of before a lost run.h5 stay.
                 let last = before.filter(|_| log_there).and_then(|before| before.last);
-                let log = format.open_log(place, D::AXES, last, 0)?;
+                let log = format.open_log(run, last, 0)?;
                 (trajectory, log, 0)
             }
         };
-        let open = [Some(RUN_FILE), format.shear.map(|_| LOG_FILE)];
+        let open = [Some(RUN_FILE), format.height.map(|_| LOG_FILE)];
         let open = open.into_iter().flatten().filter(|_| exchange.rank() == 0);
         let open = open.map(|name| out.join(name));
-        let mut files = Self {
+        if (run.scene.plane_shear("")).is_ok_and(|of| of.analysis.scalars) {
+            trajectory.begin_scalars(exchange, std::mem::take(&mut scalars_before))?;
+        }
+        Ok(Self {
             trajectory,
             log,
             log_state: Ok(()),
             scalars_before,
             resumed: resumed.is_some(),
             watched: open.map(Watched::new).collect(),
-        };
-        if format.shear.is_some_and(|shear| shear.scalars) {
-            let before = std::mem::take(&mut files.scalars_before);
-            files.trajectory.begin_scalars(exchange, before)?;
-        }
-        Ok(files)
-    }
-
-    /// Whether the files of a resumed run were opened.
-    pub fn resumed(&self) -> bool {
-        self.resumed
+        })
     }
 
     /// Writes a row to the log.
@@ -263,14 +221,15 @@ impl Files {
 
 /// Writes `scene.toml`, and creates the file of frames and time series.
 fn create<D: Dimension>(
-    place: Destination<'_>,
-    system: &mut System<D>,
+    run: &Run<'_>,
+    assembly: &mut Assembly<'_, D>,
     format: &Format<'_>,
     before: Option<UpToCheckpoint>,
 ) -> Result<TrajectoryWriter, Failure> {
-    let (exchange, out) = (place.exchange, place.folder);
-    place.write_scene()?;
-    let mut attributes = place.attributes();
+    let (exchange, scene) = (run.exchange, run.scene);
+    let (system, layout) = (&mut assembly.system, assembly.law.layout());
+    write_scene(run)?;
+    let mut attributes = resumed_attributes(run);
     if let Some(UpToCheckpoint { step, .. }) = before.filter(|before| before.step > 0) {
         attributes.push(("begun_at_step", Attribute::Count(step)));
     }
@@ -287,45 +246,35 @@ fn create<D: Dimension>(
     // L_x, height, 0; in three dimensions L_x, L_y, height.
     let mut edges = [0.0; 3];
     // Strain steps may change the cell before a stop and after it.
-    let is_strained = format.shear.is_none() && format.name == RUN_FILE;
+    let is_strained = format.height.is_none() && format.name == RUN_FILE;
     let cell = if is_strained {
-        format.scene.cell()
+        scene.cell()
     } else {
         system.cell
     };
     edges[..D::UP].copy_from_slice(&cell.periods[..D::UP]);
     let of_box = || cell.sheared.map_or(0.0, |sheared| sheared.height);
-    edges[D::UP] = format.shear.map_or_else(of_box, |shear| shear.height);
-    let author = format.scene.author.as_deref();
+    edges[D::UP] = format.height.unwrap_or_else(of_box);
+    let author = scene.author.as_deref();
     let user = match (exchange.rank(), author) {
         (0, None) => provenance::user(),
         _ => String::new(),
     };
+    let plane_shear = scene.plane_shear("").ok();
     let header = RunHeader {
         author: author.unwrap_or(&user),
-        history_unit: format.law.layout().history_unit,
+        history_unit: layout.history_unit,
         form: Form {
             axes: D::AXES,
-            torques: format.law.layout().has_torques,
+            torques: layout.has_torques,
         },
-        walls: (format.shear).is_some_and(|shear| shear.confinement != Confinement::Images),
-        units: format.shear.is_some(),
+        walls: plane_shear.is_some_and(|of| of.confinement != Confinement::Images),
+        units: plane_shear.is_some(),
         series: format.columns,
         edges,
         grains: &GrainShape::owned(system),
-        ids: format.scene.packing().map(|file| &file.ids),
+        ids: scene.packing().map(|file| &file.ids),
         attributes: &attributes,
     };
-    TrajectoryWriter::create(exchange, &out.join(format.name), &header)
-}
-
-/// Creates the folder of the results, if it is missing; collective.
-///
-/// # Errors
-/// A folder that cannot be created.
-pub fn folder(exchange: &dyn Parallel, out: &Path) -> Result<(), Failure> {
-    on_root(exchange, || {
-        std::fs::create_dir_all(out)
-            .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
-    })
+    TrajectoryWriter::create(exchange, &run.options.out.join(format.name), &header)
 }

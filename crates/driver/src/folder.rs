@@ -16,27 +16,23 @@ use gshear_scene::identity::changes;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, Change, Scene};
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
-use gshear_store::checkpoint;
 use gshear_store::collective::{agree, on_root};
 use gshear_store::csv_table::rows_up_to;
-use gshear_store::existing;
 use gshear_store::file_names::{
     LOG_FILE, LOG_METADATA_FILE, NEWTONIAN_PART, RUN_FILE, SCENE_FILE, SPECTRA_FILE, STATUS_FILE,
     is_reduced,
 };
-use gshear_store::h5;
 use gshear_store::log::Log;
-use gshear_store::part;
 use gshear_store::run_reader::{self, RunFile, RunStage};
-use gshear_store::text_writer;
+use gshear_store::{checkpoint, existing, h5, part, text_writer};
 
-use crate::header::{Header, Saved};
+use crate::header::{Header, UpToCheckpoint, Written};
 pub use crate::lock::is_abandoned;
 use crate::lock::{Lock, unwritable};
 use crate::options::Options;
 use crate::run_record::{RunRecord, id_in_scene};
 use crate::say::say_error;
-use crate::written::{UpToCheckpoint, Written};
+use crate::task::{Entry, Task};
 
 /// What a run writes beside its name and renames.
 const WRITTEN_BESIDE: [&str; 7] = [
@@ -48,17 +44,6 @@ const WRITTEN_BESIDE: [&str; 7] = [
     SPECTRA_FILE,
     "run.h5.journal",
 ];
-/// How a run enters its folder.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Entry {
-    /// From the first grain, or as a branch: the folder must not hold a run.
-    New,
-    /// From the first grain, because the folder holds the beginning of this run without a
-    /// checkpoint.
-    Again,
-    /// From a checkpoint: the folder may hold the same run.
-    Resume,
-}
 
 /// What the files of a folder say about their run.
 #[derive(Debug, Default)]
@@ -123,14 +108,14 @@ impl Contents {
         for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
             let texts = checkpoint::read_texts(&folder.join(name));
             let read = texts.and_then(|[header, scene]| Ok((Header::parse(&header)?, scene)));
-            if let Some(((header, record), scene)) = readable(read)? {
+            if let Some(((header, record, packing), scene)) = readable(read)? {
                 found.stopped.get_or_insert((header.stage(), header.step()));
                 found.owners.push(FileOwner {
                     name,
                     branch: record.parent.is_some(),
                     id: Some(record.id),
                     scene,
-                    packing: header.packing().map(|file| file.content.clone()),
+                    packing: packing.map(|file| file.content),
                 });
             }
         }
@@ -153,19 +138,20 @@ impl Contents {
 
     /// The first file of another run than this one. `ends`: a run whose stages end elsewhere is
     /// the same, because a resume may move the ends.
-    fn foreign(&self, record: &RunRecord, scene: &Scene, ends: bool) -> Option<&FileOwner> {
+    fn foreign(&self, task: &Task, ends: bool) -> Option<&FileOwner> {
         self.owners.iter().find(|owner| match &owner.id {
-            Some(id) => *id != record.id && !(ends && owner.is_continued_by(scene)),
-            None => owner.differs(scene),
+            Some(id) => *id != task.record.id && !(ends && owner.is_continued_by(&task.scene)),
+            None => owner.differs(&task.scene),
         })
     }
 
-    /// Whether this run has come to the end that the scene asks for.
-    pub fn is_finished(&self, last_file: &str, scene: &Scene) -> bool {
+    /// Whether this run has come to the end that the task asks for.
+    pub fn is_finished(&self, task: &Task) -> bool {
         let ends = |toml: &str| {
-            let changes = changes(toml, &scene.toml);
+            let changes = changes(toml, &task.scene.toml);
             changes.iter().any(|change| change.change == Change::End)
         };
+        let last_file = task.last_file();
         let last = self.finished.iter().find(|(name, _)| *name == last_file);
         last.is_some_and(|(_, toml)| !ends(toml))
     }
@@ -175,20 +161,12 @@ impl Contents {
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and both identities.
-    pub fn is_of(
-        &self,
-        folder: &Path,
-        record: &RunRecord,
-        scene: &Scene,
-        ends: bool,
-    ) -> Result<(), Failure> {
-        let Some(other) = self.foreign(record, scene, ends) else {
+    pub fn is_of(&self, folder: &Path, task: &Task, ends: bool) -> Result<(), Failure> {
+        let Some(other) = self.foreign(task, ends) else {
             return Ok(());
         };
-        let differs = match changes(&other.scene, &scene.toml)
-            .into_iter()
-            .find(|change| change.change.is_physics())
-        {
+        let changes = changes(&other.scene, &task.scene.toml);
+        let differs = match changes.iter().find(|change| change.change.is_physics()) {
             Some(change) if !other.scene.is_empty() => format!("; {change}"),
             _ => String::new(),
         };
@@ -196,7 +174,7 @@ impl Contents {
         Err(Failure::input(format!(
             "{}: is of another run (run_id {id}, this one is {}{differs}); give another folder with --out, or remove that run with --overwrite",
             folder.join(other.name).display(),
-            record.id,
+            task.record.id,
         )))
     }
 
@@ -213,18 +191,18 @@ impl Contents {
     }
 
     /// The message that refuses a new run.
-    fn refuse_new(&self, folder: &Path, record: &RunRecord, scene: &Scene, last: &str) -> Failure {
+    fn refuse_new(&self, folder: &Path, task: &Task) -> Failure {
         let place = folder.display();
         let away = "give another folder with --out, or remove that run with --overwrite";
-        let same = !self.owners.is_empty() && self.foreign(record, scene, true).is_none();
-        Failure::input(if self.is_finished(last, scene) && same {
+        let same = !self.owners.is_empty() && self.foreign(task, true).is_none();
+        Failure::input(if self.is_finished(task) && same {
             format!("{place}: holds this run, which is finished; {away}")
         } else if same {
             let at = match self.stopped {
                 Some((stage, step)) => format!("up to {stage} step {step}"),
                 None => "without a checkpoint".into(),
             };
-            let with = match record.parent {
+            let with = match task.record.parent {
                 Some(_) => format!("--resume {place}"),
                 None => "--resume auto".into(),
             };
@@ -287,31 +265,12 @@ pub struct RunFolder {
     made: Vec<PathBuf>,
 }
 
-/// What a run asks of its folder.
-pub struct Claim<'a> {
-    /// How the run enters.
-    pub entry: Entry,
-    /// The identity of the run.
-    pub record: &'a RunRecord,
-    /// The scene.
-    pub scene: &'a Scene,
-    /// The checkpoint, if the run starts from one.
-    pub saved: Option<&'a Saved>,
-    /// Name of the file, or its part, of the last stage.
-    pub last_file: &'static str,
-}
-
-impl Claim<'_> {
-    /// Refuses a folder that holds another run, or one that a new run would replace.
-    fn may_enter(&self, folder: &Path, found: &Contents) -> Result<(), Failure> {
-        let (record, scene) = (self.record, self.scene);
-        match self.entry {
-            Entry::New if !found.is_empty() => {
-                Err(found.refuse_new(folder, record, scene, self.last_file))
-            }
-            Entry::Resume => found.is_of(folder, record, scene, false),
-            _ => Ok(()),
-        }
+/// Refuses a folder that holds another run, or one that a new run would replace.
+fn may_enter(task: &Task, folder: &Path, found: &Contents) -> Result<(), Failure> {
+    match task.entry {
+        Entry::New if !found.is_empty() => Err(found.refuse_new(folder, task)),
+        Entry::Resume => found.is_of(folder, task, false),
+        _ => Ok(()),
     }
 }
 
@@ -322,11 +281,7 @@ impl RunFolder {
     /// # Errors
     /// [`Failure::Input`] if the folder holds another run, files that do not fit the checkpoint, or
     /// the lock of another process; or if it cannot be written. Nothing is written then.
-    pub fn take(
-        exchange: &dyn Parallel,
-        claim: &Claim<'_>,
-        options: &Options,
-    ) -> Result<Self, Failure> {
+    pub fn take(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<Self, Failure> {
         let mut folder = Self {
             path: options.out.clone(),
             lock: None,
@@ -335,7 +290,7 @@ impl RunFolder {
             made: Vec::new(),
         };
         let mut notes = Vec::new();
-        on_root(exchange, || folder.take_on_root(claim, options, &mut notes))?;
+        on_root(exchange, || folder.take_on_root(task, options, &mut notes))?;
         h5::probe(&folder.path, exchange)?;
         for note in notes {
             say_error(&format!("note: {note}"));
@@ -345,12 +300,12 @@ impl RunFolder {
 
     fn take_on_root(
         &mut self,
-        claim: &Claim<'_>,
+        task: &Task,
         options: &Options,
         notes: &mut Vec<String>,
     ) -> Result<(), Failure> {
         check_name(&self.path)?;
-        self.check(claim, options, None)?;
+        self.check(task, options, None)?;
         let missing = self.path.ancestors().take_while(|folder| !folder.exists());
         self.made = missing
             .filter(|folder| !folder.as_os_str().is_empty())
@@ -359,12 +314,12 @@ impl RunFolder {
         fs::create_dir_all(&self.path).map_err(|e| unwritable(&self.path, &e))?;
         self.lock = Some(Lock::take(&self.path, options.break_lock, notes)?);
         text_writer::remove_remnants(&self.path, &WRITTEN_BESIDE, Duration::ZERO);
-        let saved = claim.saved.filter(|_| claim.entry == Entry::Resume);
+        let saved = task.saved().filter(|_| task.entry == Entry::Resume);
         if saved.is_some_and(|saved| saved.header.run_stage().is_some()) {
             existing::recover(&self.path.join(RUN_FILE), notes)?;
         }
         // Another job may have written between the first look and the lock.
-        self.check(claim, options, Some(notes))?;
+        self.check(task, options, Some(notes))?;
         if let (Some(saved), false) = (saved, options.overwrite) {
             let newest = Watched::id(&self.path.join(checkpoint::NAME));
             if newest.is_some() && newest != Watched::id(&saved.path) {
@@ -378,7 +333,7 @@ impl RunFolder {
     /// repair.
     fn check(
         &self,
-        claim: &Claim<'_>,
+        task: &Task,
         options: &Options,
         notes: Option<&mut Vec<String>>,
     ) -> Result<(), Failure> {
@@ -387,16 +342,16 @@ impl RunFolder {
             self.clear.set(!found.is_empty());
             return Ok(());
         }
-        if claim.entry == Entry::New && found.is_begun_branch(claim.record) {
+        if task.entry == Entry::New && found.is_begun_branch(&task.record) {
             self.clear.set(true);
             return Ok(());
         }
-        claim.may_enter(&self.path, &found)?;
-        match (claim.entry, claim.saved, notes) {
+        may_enter(task, &self.path, &found)?;
+        match (task.entry, task.saved(), notes) {
             (Entry::Resume, Some(saved), Some(notes)) => {
                 let folder = saved.path.parent();
                 let beside = folder.is_some_and(|folder| same_folder(folder, &self.path));
-                self.check_files(&saved.header, claim.scene, &found, beside, notes)
+                self.check_files(&saved.header, &task.scene, &found, beside, notes)
             }
             _ => Ok(()),
         }
@@ -503,7 +458,7 @@ impl RunFolder {
     /// them again if it does not.
     fn remove_later(&self, path: &Path) -> Result<(), Failure> {
         let [header, _] = checkpoint::read_texts(path)?;
-        let (header, _) = Header::parse(&header)?;
+        let (header, ..) = Header::parse(&header)?;
         let (stage, step) = (header.stage(), header.step());
         let mut later = checkpoint::kept(&self.path, stage);
         later.retain(|(kept, _)| *kept > step);
@@ -511,10 +466,7 @@ impl RunFolder {
             later.extend(checkpoint::kept(&self.path, RunStage::Newtonian.name()));
         }
         for (_, path) in later {
-            let removed = fs::remove_file(&path);
-            removed.map_err(|e| {
-                Failure::other(format!("{}: cannot be removed: {e}", path.display()))
-            })?;
+            removed(&path, fs::remove_file(&path))?;
         }
         Ok(())
     }
@@ -552,37 +504,35 @@ fn check_name(folder: &Path) -> Result<(), Failure> {
     }
 }
 
-/// What a run finds in its folder, without writing there: a sentence, and whether the run can begin
-/// or go on in it.
-pub fn outlook(folder: &Path, claim: &Claim<'_>) -> (String, bool) {
-    let place = if folder.as_os_str().is_empty() {
+/// The present folder, if the path is empty.
+pub fn named(path: &Path) -> &Path {
+    if path.as_os_str().is_empty() {
         Path::new(".")
     } else {
-        folder
-    };
+        path
+    }
+}
+
+/// What a run finds in its folder, without writing there, as a sentence.
+///
+/// # Errors
+/// A folder in which the run cannot begin or go on.
+pub fn outlook(folder: &Path, task: &Task) -> Result<String, Failure> {
+    let place = named(folder);
     let existing = place.ancestors().find(|path| path.exists());
-    let existing = match existing {
-        Some(path) if !path.as_os_str().is_empty() => path,
-        _ => Path::new("."),
-    };
-    let name = place.display();
+    let existing = named(existing.unwrap_or(Path::new("")));
     if !existing.is_dir() {
         let why = std::io::Error::from(std::io::ErrorKind::NotADirectory);
-        return (unwritable(place, &why).to_string(), false);
+        return Err(unwritable(place, &why));
     }
-    if let Err(why) = rustix::fs::access(existing, Access::WRITE_OK | Access::EXEC_OK) {
-        return (unwritable(place, &why.into()).to_string(), false);
-    }
-    let look = || {
-        check_name(place)?;
-        let found = Contents::of(place)?;
-        claim.may_enter(place, &found)?;
-        Ok::<_, Failure>(if found.is_empty() { "no" } else { "this" })
-    };
-    match look() {
-        Err(refused) => (refused.to_string(), false),
-        Ok(which) => (format!("{name}: can be written, holds {which} run"), true),
-    }
+    rustix::fs::access(existing, Access::WRITE_OK | Access::EXEC_OK)
+        .map_err(|why| unwritable(place, &why.into()))?;
+    check_name(place)?;
+    let found = Contents::of(place)?;
+    may_enter(task, place, &found)?;
+    let which = if found.is_empty() { "no" } else { "this" };
+    let name = place.display();
+    Ok(format!("{name}: can be written, holds {which} run"))
 }
 
 /// Bytes that are free where the folder is or would be, if the system tells.
@@ -610,14 +560,7 @@ fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Writte
 
 /// Whether two paths lead to the same folder. An empty path is the present one.
 pub fn same_folder(one: &Path, other: &Path) -> bool {
-    let place = |path: &Path| {
-        if path.as_os_str().is_empty() {
-            Path::new(".").canonicalize()
-        } else {
-            path.canonicalize()
-        }
-    };
-    match (place(one), place(other)) {
+    match (named(one).canonicalize(), named(other).canonicalize()) {
         (Ok(one), Ok(other)) => one == other,
         _ => one == other,
     }
@@ -634,14 +577,18 @@ fn remove_run(folder: &Path) -> Result<(), Failure> {
             continue;
         }
         let path = entry.path();
-        let removed = match entry.file_type() {
+        let done = match entry.file_type() {
             Ok(of) if of.is_dir() => fs::remove_dir_all(&path),
             _ => fs::remove_file(&path),
         };
-        removed
-            .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))?;
+        removed(&path, done)?;
     }
     Ok(())
+}
+
+/// The failure of what could not be removed.
+fn removed(path: &Path, done: std::io::Result<()>) -> Result<(), Failure> {
+    done.map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))
 }
 
 /// A file that is open for writing, and must stay where it is.

@@ -70,7 +70,10 @@ impl FrameAnalysis {
         contacts: &[ContactSample],
     ) -> Vec<ScalarsRow> {
         let first = self.frames.is_empty();
-        self.frames.push(part(grains, contacts));
+        self.frames.push(FramePart {
+            grains: grains.iter().map(GrainPosition::from).collect(),
+            contacts: contacts.iter().map(ContactForce::from).collect(),
+        });
         if first {
             return vec![(step, FrameScalars::UNDEFINED)];
         }
@@ -102,23 +105,17 @@ impl FrameAnalysis {
             message
         };
         let received = exchange.all_to_all((0..exchange.size()).map(message).collect());
-        let frames: Vec<Stressed> = assemble(&received, self.grains.count())
-            .into_iter()
-            .map(|frame| Stressed::new(&self.grains, frame))
-            .collect();
-        let rows: Vec<[f64; FrameScalars::COLUMNS.len()]> = frames
-            .windows(2)
-            .map(|pair| {
-                frame_scalars(&self.grains, &pair[0], &pair[1], &mut self.scratch).columns()
-            })
-            .collect();
+        let frames = assemble(&received, self.grains.count()).into_iter();
+        let frames = frames.map(|frame| Stressed::new(&self.grains, frame));
+        let frames: Vec<Stressed> = frames.collect();
+        let row = |pair: &[Stressed]| {
+            frame_scalars(&self.grains, &pair[0], &pair[1], &mut self.scratch).columns()
+        };
+        let rows: Vec<[f64; FrameScalars::COLUMNS.len()]> = frames.windows(2).map(row).collect();
         let all = exchange.gather(bytemuck::cast_slice(&rows));
         let rows = all.iter().flat_map(|bytes| records_of(bytes));
-        let rows = self
-            .steps
-            .drain(..)
-            .zip(rows.map(FrameScalars::from_columns));
-        let rows: Vec<ScalarsRow> = rows.collect();
+        let rows = rows.map(FrameScalars::from_columns);
+        let rows: Vec<ScalarsRow> = self.steps.drain(..).zip(rows).collect();
         assert_eq!(rows.len(), intervals, "every interval has its scalars");
         self.frames.drain(..intervals);
         rows
@@ -131,14 +128,6 @@ impl FrameAnalysis {
     pub fn last(&self) -> Option<&FramePart> {
         assert!(self.steps.is_empty(), "frames wait to be analysed");
         self.frames.last()
-    }
-}
-
-/// The positions and forces from which the scalars are computed.
-fn part(grains: &[GrainSample], contacts: &[ContactSample]) -> FramePart {
-    FramePart {
-        grains: grains.iter().map(GrainPosition::from).collect(),
-        contacts: contacts.iter().map(ContactForce::from).collect(),
     }
 }
 

@@ -18,10 +18,10 @@ use gshear_store::run_reader::RunStage;
 
 use crate::run_record::RunRecord;
 use crate::stages::PACK;
-use crate::written::Written;
 
-/// Field of the header with the record of the run.
+/// Fields of the header with the record of the run, and with the file that the grains came from.
 const RECORD: &str = "run";
+const PACKING: &str = "packing";
 
 /// The progress of a run: the stage, and the data with which it resumes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,9 +40,6 @@ pub enum Header {
         /// What goes on after the last strain step.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         unfinished: Option<Unfinished>,
-        /// The file that the grains came from; resuming does not read it.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        packing: Option<PackingFile>,
     },
     /// Newton's equations in a periodic box.
     Newtonian {
@@ -54,9 +51,6 @@ pub enum Header {
         written: Written,
         /// Number of lines in the file of eigenvalues.
         lines: u64,
-        /// The file that the grains came from.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        packing: Option<PackingFile>,
     },
 }
 
@@ -73,9 +67,6 @@ pub struct PackHeader {
     /// Starts before this one, each of which left the contact law before it bore the load.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub starts: u32,
-    /// The file that the grains came from; resuming does not read it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub packing: Option<PackingFile>,
 }
 
 /// How a shear goes on.
@@ -99,9 +90,6 @@ pub struct ShearHeader {
     /// The energy budget, if the scene has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub energy_budget: Option<SavedBudget>,
-    /// The file that the grains came from; resuming does not read it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub packing: Option<PackingFile>,
 }
 
 impl ShearHeader {
@@ -139,27 +127,32 @@ fn is_zero(starts: &u32) -> bool {
 }
 
 impl Header {
-    /// Parses the text of a header, and the record of its run.
+    /// Parses the text of a header, the record of its run, and the file that the grains came from.
     ///
     /// # Errors
     /// A header of another version of this program.
-    pub fn parse(text: &str) -> Result<(Self, RunRecord), Failure> {
+    pub fn parse(text: &str) -> Result<(Self, RunRecord, Option<PackingFile>), Failure> {
         let parse = || -> serde_json::Result<_> {
             let mut fields: Map<String, Value> = serde_json::from_str(text)?;
-            let record = fields.remove(RECORD).unwrap_or_default();
+            let [record, packing] =
+                [RECORD, PACKING].map(|name| fields.remove(name).unwrap_or_default());
             let header = serde_json::from_value(Value::Object(fields))?;
-            Ok((header, serde_json::from_value(record)?))
+            let record = serde_json::from_value(record)?;
+            Ok((header, record, serde_json::from_value(packing)?))
         };
         parse().map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
     }
 
-    /// The text of the header, with the record of its run.
+    /// The text of the header, with the record of its run, and the file that the grains came from.
     ///
     /// # Panics
     /// If a number is not finite.
-    pub fn text(&self, record: &RunRecord) -> String {
+    pub fn text(&self, record: &RunRecord, packing: Option<&PackingFile>) -> String {
         let mut fields = serde_json::to_value(self).expect("a header of finite numbers");
         fields[RECORD] = serde_json::to_value(record).expect("texts and counts");
+        if let Some(file) = packing {
+            fields[PACKING] = serde_json::to_value(file).expect("finite numbers");
+        }
         fields.to_string()
     }
 
@@ -210,16 +203,6 @@ impl Header {
             Dimensions::Three => self.cell::<Three>(&scene.sample),
         }
     }
-
-    /// The file that the grains came from.
-    pub fn packing(&self) -> Option<&PackingFile> {
-        match self {
-            Header::Pack(PackHeader { packing, .. })
-            | Header::Shear(ShearHeader { packing, .. })
-            | Header::Aqs { packing, .. }
-            | Header::Newtonian { packing, .. } => packing.as_ref(),
-        }
-    }
 }
 
 /// A checkpoint that was read.
@@ -231,6 +214,8 @@ pub struct Saved {
     pub header: Header,
     /// The identity and history of the run.
     pub record: RunRecord,
+    /// The file that the grains came from; resuming does not read it.
+    pub packing: Option<PackingFile>,
     /// The scene as TOML.
     pub toml: String,
     /// This rank's part of the state.
@@ -244,11 +229,12 @@ impl Saved {
     /// Those of [`checkpoint::read`], and a header of another version of this program.
     pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<Self, Failure> {
         let ([header, toml], state) = checkpoint::read(exchange, path)?;
-        let (header, record) = Header::parse(&header)?;
+        let (header, record, packing) = Header::parse(&header)?;
         Ok(Self {
             path: path.into(),
             header,
             record,
+            packing,
             toml,
             state,
         })
@@ -264,7 +250,7 @@ impl Saved {
         let mut scene = gshear_scene::load_with(&source, set, &mut |path, how| {
             let same =
                 |file: &&PackingFile| file.path == path && how.copies.starts_with(&file.replicate);
-            let known = self.header.packing().filter(same);
+            let known = self.packing.as_ref().filter(same);
             known.cloned().ok_or_else(|| {
                 Failure::input("the grains are those of the checkpoint; leave it as it was")
             })
@@ -278,6 +264,38 @@ impl Saved {
             scene.sample = scene.sample.in_box(scene.dimension, length);
         }
         Ok(scene)
+    }
+}
+
+/// The number of frames and rows in the files of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Written {
+    /// Frames.
+    pub frames: u64,
+    /// Rows of the time series.
+    pub rows: u64,
+    /// Rows of the scalars of frames.
+    #[serde(default)]
+    pub scalars: u64,
+}
+
+/// What the files of a resumed stage hold up to its checkpoint.
+#[derive(Debug, Clone, Copy)]
+pub struct UpToCheckpoint {
+    /// Steps at the checkpoint.
+    pub step: u64,
+    /// The last step whose frame and row stay; `None`: none stays.
+    pub last: Option<u64>,
+}
+
+impl UpToCheckpoint {
+    /// After this step. A stage without steps begins anew and writes the row of step 0 again.
+    pub fn new(step: u64) -> Self {
+        Self {
+            step,
+            last: (step > 0).then_some(step),
+        }
     }
 }
 

@@ -8,34 +8,22 @@ use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
-use gshear_scene::{Boundary, Change, Dimensions, Scene, Source, unlikely};
+use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
-use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
 
-use crate::ends;
 use crate::exported_state::read_packing;
-use crate::folder::{Claim, Contents, Entry, RunFolder};
+use crate::folder::{Contents, RunFolder};
 use crate::header::Saved;
 use crate::lock::Lock;
-use crate::memory;
-use crate::options::Options;
-use crate::options::Outcome;
-use crate::run::{Run, Start};
+use crate::options::{Options, Outcome};
+use crate::run::Run;
 use crate::run_record::{Continuation, RunRecord};
 use crate::say::say_error;
 use crate::stages::{between_walls, in_a_box};
-
-/// A scene, and the state from which its run starts.
-pub struct Task {
-    /// The scene.
-    pub scene: Scene,
-    /// The initial state.
-    pub start: Start,
-    /// The identity and history of the run.
-    pub record: RunRecord,
-    entry: Entry,
-}
+pub use crate::task::Task;
+use crate::task::{Entry, Start};
+use crate::{ends, memory};
 
 impl Task {
     /// A window of a run from one of its checkpoints, for [`Options::replay`]. `set`: overrides.
@@ -60,8 +48,8 @@ impl Task {
         let record = self.record.clone();
         let mut run = Run::new(exchange, scene, record, options)?;
         if options.replay.is_none() {
-            self.check_ends(options.stop_at)?;
-            run.folder = Some(RunFolder::take(exchange, &self.claim(), options)?);
+            ends::check(&self, options.stop_at)?;
+            run.folder = Some(RunFolder::take(exchange, &self, options)?);
             if exchange.rank() == 0 {
                 let folder = options.out.clone();
                 run.terminal
@@ -73,73 +61,19 @@ impl Task {
             run.terminal.warn(warning);
         }
         let outcome = match scene.dimension {
-            Dimensions::Two => stages::<Two>(&mut run, scene, self.start),
-            Dimensions::Three => stages::<Three>(&mut run, scene, self.start),
+            Dimensions::Two => stages::<Two>(&mut run, self.start),
+            Dimensions::Three => stages::<Three>(&mut run, self.start),
         };
         run.terminal.run_ended(&outcome);
         outcome
     }
-
-    /// The checkpoint that the run starts from, if it does.
-    pub(crate) fn saved(&self) -> Option<&Saved> {
-        match &self.start {
-            Start::Checkpoint(saved, _) => Some(saved),
-            Start::Insertion | Start::Grains(_) => None,
-        }
-    }
-
-    /// Refuses ends that lie before the step reached, and another drive up to there.
-    ///
-    /// # Errors
-    /// Such an end, or such a drive.
-    pub(crate) fn check_ends(&self, stop_at: Option<u64>) -> Result<(), Failure> {
-        let header = self.saved().map(|saved| &saved.header);
-        let before = match &self.start {
-            Start::Checkpoint(_, before) => before.as_deref(),
-            Start::Insertion | Start::Grains(_) => None,
-        };
-        ends::check(header, before, &self.scene, stop_at)
-    }
-
-    /// What the run asks of its folder.
-    pub(crate) fn claim(&self) -> Claim<'_> {
-        Claim {
-            entry: self.entry,
-            record: &self.record,
-            scene: &self.scene,
-            saved: self.saved(),
-            last_file: self.last_file(),
-        }
-    }
-
-    /// A sentence if the grains that the shear starts with are not at their load; of rank 0.
-    pub(crate) fn not_at_load(&self) -> Option<String> {
-        match &self.start {
-            Start::Grains(grains) if !grains.is_empty() => {
-                unlikely::not_at_load(&self.scene, grains)
-            }
-            _ => None,
-        }
-    }
-
-    /// Whether it starts from a checkpoint.
-    pub fn is_resumed(&self) -> bool {
-        matches!(self.start, Start::Checkpoint(..))
-    }
-
-    /// The file, or its part, of the last stage, whose attribute `digest` marks a finished run.
-    pub(crate) fn last_file(&self) -> &'static str {
-        match &self.scene.boundary {
-            Boundary::Periodic(periodic) if periodic.newtonian.is_some() => NEWTONIAN_PART,
-            _ => RUN_FILE,
-        }
-    }
 }
 
-fn stages<D: LawSpace>(run: &mut Run<'_>, scene: &Scene, start: Start) -> Result<Outcome, Failure> {
+fn stages<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcome, Failure> {
+    let scene = run.scene;
     match &scene.boundary {
-        Boundary::Walls(plane_shear) => between_walls::run::<D>(run, scene, plane_shear, start),
-        Boundary::Periodic(periodic) => in_a_box::run::<D>(run, scene, periodic, start),
+        Boundary::Walls(plane_shear) => between_walls::run::<D>(run, plane_shear, start),
+        Boundary::Periodic(periodic) => in_a_box::run::<D>(run, periodic, start),
     }
 }
 
@@ -178,14 +112,6 @@ pub fn from_the_start(
     })
 }
 
-/// What `--resume` finds.
-pub enum Resumable {
-    /// A run to continue, or to begin because there is nothing to continue.
-    Task(Box<Task>),
-    /// The run in the folder is finished.
-    Finished,
-}
-
 /// How a resume may change the scene of its checkpoint.
 #[derive(Debug, Clone, Copy)]
 pub enum Changes<'a> {
@@ -197,7 +123,8 @@ pub enum Changes<'a> {
     Scene(&'a Scene),
 }
 
-/// Resumes from a checkpoint, or from the newest good one of a folder. Collective.
+/// Resumes from a checkpoint, or from the newest good one of a folder; `None` if the run in the
+/// folder is finished. Collective.
 ///
 /// # Errors
 /// A checkpoint that is missing, damaged or of another version, or a change that a resumed run may
@@ -206,10 +133,9 @@ pub fn resume(
     exchange: &dyn Parallel,
     path: &Path,
     changes: Changes<'_>,
-) -> Result<Resumable, Failure> {
+) -> Result<Option<Task>, Failure> {
     if !of_root(exchange, &path.is_dir()) {
-        let task = from_checkpoint(Saved::read(exchange, path)?, changes)?;
-        return Ok(Resumable::Task(Box::new(task)));
+        return from_checkpoint(Saved::read(exchange, path)?, changes).map(Some);
     }
     let Some(saved) = newest(exchange, path)? else {
         return Err(Failure::input(format!(
@@ -219,10 +145,8 @@ pub fn resume(
     };
     let task = from_checkpoint(saved, changes)?;
     let branches = matches!(changes, Changes::Branch(_));
-    if !branches && is_finished(exchange, path, &task)? {
-        return Ok(Resumable::Finished);
-    }
-    Ok(Resumable::Task(Box::new(task)))
+    let finished = !branches && is_finished(exchange, path, &task)?;
+    Ok((!finished).then_some(task))
 }
 
 /// Waits until it is known whether a process of another host holds the lock of the folder, as after
@@ -242,7 +166,7 @@ pub fn await_lock(exchange: &dyn Parallel, options: &mut Options) {
 }
 
 /// Continues the run of a task in its folder, if the folder holds it, from its newest good
-/// checkpoint. Collective.
+/// checkpoint, or begins it; `None` if the run is finished. Collective.
 ///
 /// # Errors
 /// A folder that holds another run, or only damaged checkpoints.
@@ -250,17 +174,17 @@ pub fn resume_if_begun(
     exchange: &dyn Parallel,
     folder: &Path,
     task: Task,
-) -> Result<Resumable, Failure> {
+) -> Result<Option<Task>, Failure> {
     let empty = told_by_root(exchange, || {
         let found = Contents::of(folder)?;
-        found.is_of(folder, &task.record, &task.scene, true)?;
+        found.is_of(folder, &task, true)?;
         Ok(found.is_empty())
     })?;
     if empty {
-        return Ok(Resumable::Task(Box::new(task)));
+        return Ok(Some(task));
     }
     if is_finished(exchange, folder, &task)? {
-        return Ok(Resumable::Finished);
+        return Ok(None);
     }
     let task = match newest(exchange, folder)? {
         None => {
@@ -273,14 +197,12 @@ pub fn resume_if_begun(
         }
         Some(saved) => from_checkpoint(saved, Changes::Scene(&task.scene))?,
     };
-    Ok(Resumable::Task(Box::new(task)))
+    Ok(Some(task))
 }
 
 /// Whether the run in the folder has come to the end that the task asks for. Collective.
 fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> Result<bool, Failure> {
-    told_by_root(exchange, || {
-        Ok(Contents::of(folder)?.is_finished(task.last_file(), &task.scene))
-    })
+    told_by_root(exchange, || Ok(Contents::of(folder)?.is_finished(task)))
 }
 
 /// The newest good checkpoint of a folder; `None` if there is none. Collective.

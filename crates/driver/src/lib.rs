@@ -43,8 +43,8 @@ pub mod say;
 pub mod signals;
 pub mod stages;
 pub mod sweep;
+mod task;
 mod terminal;
 pub mod version;
-pub mod written;
 
 pub use terminal::progress;

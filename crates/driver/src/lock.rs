@@ -113,8 +113,8 @@ pub struct Lock {
     text: String,
     /// The kernel holds its lock until this is closed.
     _file: Arc<File>,
-    stop: Option<Sender<()>>,
-    heartbeat: Option<JoinHandle<()>>,
+    /// Renews the time of the file until what stops it is dropped.
+    heartbeat: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
 impl Lock {
@@ -263,12 +263,12 @@ impl Lock {
                 let _ = renewed.set_modified(SystemTime::now());
             }
         };
+        let heartbeat = std::thread::Builder::new().spawn(beat).ok();
         Ok(Some(Self {
             path: path.into(),
             text,
             _file: file,
-            stop: Some(stop),
-            heartbeat: std::thread::Builder::new().spawn(beat).ok(),
+            heartbeat: heartbeat.map(|thread| (stop, thread)),
         }))
     }
 
@@ -298,8 +298,8 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        drop(self.stop.take());
-        if let Some(heartbeat) = self.heartbeat.take() {
+        if let Some((stop, heartbeat)) = self.heartbeat.take() {
+            drop(stop);
             let _ = heartbeat.join();
         }
         if fs::read_to_string(&self.path).is_ok_and(|text| text == self.text) {
@@ -342,13 +342,16 @@ mod tests {
 
     #[test]
     fn a_lock_is_held_once_and_removed() {
-        let folder = std::env::temp_dir().join(format!("gshear-lock-{}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
-        let mut notes = Vec::new();
-        let lock = Lock::take(&folder, false, &mut notes).unwrap();
-        let Err(refused) = Lock::take(&folder, false, &mut notes) else {
-            panic!("taken twice")
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        // Takes the lock and gives it back; returns the notes.
+        let take = |force| {
+            let mut notes = Vec::new();
+            Lock::take(folder, force, &mut notes).map(|_| notes)
         };
+        let mut notes = Vec::new();
+        let lock = Lock::take(folder, false, &mut notes).unwrap();
+        let refused = take(false).expect_err("taken twice");
         let pid = std::process::id().to_string();
         assert!(refused.to_string().contains(&pid), "{refused}");
         lock.verify().unwrap();
@@ -357,47 +360,41 @@ mod tests {
 
         // Another machine, also of the same name.
         let elsewhere = elsewhere();
-        write(&folder, &elsewhere, Duration::ZERO);
-        assert!(Lock::take(&folder, false, &mut notes).is_err());
-        drop(Lock::take(&folder, true, &mut notes).unwrap());
+        write(folder, &elsewhere, Duration::ZERO);
+        assert!(take(false).is_err());
+        let notes = take(true).unwrap();
         assert!(notes[0].contains("--break-lock"), "{notes:?}");
-        write(&folder, &elsewhere, 2 * STALE);
-        drop(Lock::take(&folder, false, &mut notes).unwrap());
+        write(folder, &elsewhere, 2 * STALE);
+        assert_eq!(take(false).unwrap().len(), 1);
         // The kernel has no lock of this machine's.
-        write(&folder, &Holder::this(true), Duration::ZERO);
-        drop(Lock::take(&folder, false, &mut notes).unwrap());
-        assert_eq!(notes.len(), 3);
+        write(folder, &Holder::this(true), Duration::ZERO);
+        assert_eq!(take(false).unwrap().len(), 1);
         // It was killed before it had written its name.
         fs::write(folder.join(LOCK_FILE), "{\"host").unwrap();
-        drop(Lock::take(&folder, false, &mut notes).unwrap());
-        assert!(
-            notes[3].contains("an unknown process, is gone"),
-            "{notes:?}"
-        );
+        let notes = take(false).unwrap().concat();
+        assert!(notes.contains("an unknown process, is gone"), "{notes}");
         // It could not have one.
-        write(&folder, &Holder::this(false), Duration::ZERO);
-        assert!(Lock::take(&folder, false, &mut notes).is_err());
+        write(folder, &Holder::this(false), Duration::ZERO);
+        assert!(take(false).is_err());
         // A link into another folder is neither followed nor replaced.
         let (path, other) = (folder.join(LOCK_FILE), folder.join("other"));
         fs::rename(&path, &other).unwrap();
         std::os::unix::fs::symlink(&other, &path).unwrap();
-        assert!(Lock::take(&folder, true, &mut notes).is_err() && !is_abandoned(&folder));
-        fs::remove_file(&path).unwrap();
-        fs::remove_file(&other).unwrap();
-        fs::remove_dir(&folder).unwrap();
+        assert!(take(true).is_err() && !is_abandoned(folder));
+        assert_eq!(fs::read_dir(folder).unwrap().count(), 2);
     }
 
     #[test]
     fn a_lock_of_another_host_is_watched() {
-        let folder = std::env::temp_dir().join(format!("gshear-watched-{}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
         let path = folder.join(LOCK_FILE);
         let elsewhere = elsewhere();
         let waited = |holder: &Holder, age: Duration, meanwhile: &dyn Fn()| {
-            write(&folder, holder, age);
+            write(folder, holder, age);
             let begun = Instant::now();
             std::thread::scope(|scope| {
-                let waits = scope.spawn(|| Lock::await_verdict(&folder, |_| {}));
+                let waits = scope.spawn(|| Lock::await_verdict(folder, |_| {}));
                 meanwhile();
                 waits.join().unwrap();
             });
@@ -413,7 +410,7 @@ mod tests {
         // Its owner renews it.
         let time = waited(&elsewhere, Duration::from_mins(1), &|| {
             std::thread::sleep(soon);
-            write(&folder, &elsewhere, Duration::ZERO);
+            write(folder, &elsewhere, Duration::ZERO);
         });
         assert!(time > soon && time < Duration::from_secs(10));
         // Its owner ends.
@@ -422,6 +419,6 @@ mod tests {
             fs::remove_file(&path).unwrap();
         });
         assert!(time > soon && time < Duration::from_secs(10));
-        fs::remove_dir(&folder).unwrap();
+        assert_eq!(fs::read_dir(folder).unwrap().count(), 0);
     }
 }

@@ -4,14 +4,13 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
 
-use crate::calibration;
 use crate::estimate::{Estimate, bytes, cores, dense_height};
 use crate::folder::{free, outlook};
-use crate::launch::{Resumable, Task, resume_if_begun};
-use crate::memory;
+use crate::launch::{Task, resume_if_begun};
 use crate::options::{Options, Verbosity};
 use crate::say::{self, say_error};
 use crate::terminal::ranks as in_words;
+use crate::{calibration, ends, memory};
 
 /// Prints the scene of a task on standard output and, unless told to be quiet, what its run takes
 /// on standard error. Collective.
@@ -20,7 +19,7 @@ use crate::terminal::ranks as in_words;
 /// Ends that a checkpoint has passed; more ranks than the sample has room for; standard output that
 /// cannot be written.
 pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<(), Failure> {
-    task.check_ends(options.stop_at)?;
+    ends::check(task, options.stop_at)?;
     print(exchange, task)?;
     prospects(exchange, task, options, None)
 }
@@ -36,8 +35,8 @@ pub fn check_continued(
     options: &Options,
 ) -> Result<(), Failure> {
     match resume_if_begun(exchange, &options.out, begin()?) {
-        Ok(Resumable::Task(task)) => check(exchange, &task, options),
-        Ok(Resumable::Finished) => {
+        Ok(Some(task)) => check(exchange, &task, options),
+        Ok(None) => {
             print(exchange, &begin()?)?;
             if exchange.rank() == 0 && options.verbosity != Verbosity::Quiet {
                 let folder = options.out.display();
@@ -50,7 +49,7 @@ pub fn check_continued(
         Err(refused @ Failure::Input(_)) => {
             let task = begin()?;
             print(exchange, &task)?;
-            prospects(exchange, &task, options, Some(&refused))
+            prospects(exchange, &task, options, Some(refused))
         }
         Err(failure) => Err(failure),
     }
@@ -68,7 +67,7 @@ fn prospects(
     exchange: &dyn Parallel,
     task: &Task,
     options: &Options,
-    refused: Option<&Failure>,
+    refused: Option<Failure>,
 ) -> Result<(), Failure> {
     if options.verbosity == Verbosity::Quiet {
         return Ok(());
@@ -82,17 +81,14 @@ fn prospects(
     if exchange.rank() != 0 {
         return Ok(());
     }
-    let (folder, may_write) = match refused {
-        Some(refused) => (refused.to_string(), false),
-        None => outlook(&options.out, &task.claim()),
-    };
+    let folder = refused.map_or_else(|| outlook(&options.out, task), Err);
     let mut text = estimate.text();
-    if may_write {
+    if let Ok(folder) = &folder {
         text += &format!("{:<12}{folder}\n", "folder");
     }
     say_error(text.trim_end());
-    if !may_write {
-        say_error(&format!("warning: {folder}"));
+    if let Err(refused) = folder {
+        say_error(&format!("warning: {refused}"));
     }
     let place = free(&options.out);
     for warning in warnings(task, &estimate, memory, place, options) {

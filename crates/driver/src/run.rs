@@ -4,15 +4,14 @@ use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Failure;
 use gshear_dem::simd::Isa;
-use gshear_dem::state::{GrainState, Snapshot};
+use gshear_dem::state::Snapshot;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_store::checkpoint;
 use gshear_store::collective::on_root;
 
-use crate::files::Destination;
 use crate::folder::RunFolder;
-use crate::header::{Header, Saved};
+use crate::header::Header;
 use crate::options::{Options, Outcome};
 use crate::run_record::RunRecord;
 use crate::signals::Signals;
@@ -21,17 +20,6 @@ use gshear_store::status::Standing;
 
 /// Steps of Newton's equations after which a stage looks whether the last checkpoint is old.
 pub(crate) const LOOK: u64 = 100;
-
-/// The start of a run. Grains are this rank's part of all grains, in any distribution.
-#[derive(Debug, Clone)]
-pub enum Start {
-    /// Grains that the scene inserts.
-    Insertion,
-    /// The grains of the scene's packing.
-    Grains(Vec<GrainState>),
-    /// A checkpoint, and its scene, where that of the run may differ.
-    Checkpoint(Box<Saved>, Option<Box<Scene>>),
-}
 
 /// Whether a checkpoint is due after a step. A stop always writes one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -46,14 +34,13 @@ pub enum Save {
 
 /// A stage of a run, which takes one step at a time. Calls are collective.
 pub trait Stage {
-    /// The name in messages.
-    fn name(&self) -> &'static str;
-
-    /// Number of completed steps.
-    fn steps(&self) -> u64;
+    /// The name in messages, and the number of completed steps.
+    fn at(&self) -> (&'static str, u64);
 
     /// The number by which `--stop-at` counts the next step; `None` if it does not count it.
-    fn count(&self) -> Option<u64>;
+    fn count(&self) -> Option<u64> {
+        Some(self.at().1 + 1)
+    }
 
     /// Whether all steps are done.
     fn is_done(&self) -> bool;
@@ -108,8 +95,8 @@ pub struct Run<'a> {
     pub exchange: &'a dyn Parallel,
     /// Options of the command line.
     pub options: &'a Options,
-    /// The scene as TOML, with all defaults.
-    pub toml: &'a str,
+    /// The scene.
+    pub scene: &'a Scene,
     /// The identity and history of the run.
     pub record: RunRecord,
     /// The instruction set of the kernel.
@@ -145,7 +132,7 @@ impl<'a> Run<'a> {
         Ok(Self {
             exchange,
             options,
-            toml: &scene.toml,
+            scene,
             record,
             isa,
             folder: None,
@@ -171,7 +158,7 @@ impl<'a> Run<'a> {
         stage: &mut dyn Stage,
         begins: bool,
     ) -> Result<Outcome, Failure> {
-        let name = stage.name();
+        let (name, _) = stage.at();
         if let Some(folder) = &self.folder {
             folder.clear(self.exchange)?;
         }
@@ -192,35 +179,24 @@ impl<'a> Run<'a> {
                 Save::IfOld => stopped || self.last_checkpoint_is_old(),
             };
             if due {
-                self.save(stage).map_err(|e| in_stage(e, name))?;
+                let saved = stage.checkpoint(self).and_then(|of| self.save(&of));
+                saved.map_err(|e| in_stage(e, name))?;
             }
             stage.log(self);
-            let due = stage.goes_on() || self.terminal.is_due(stage.steps());
+            let (_, step) = stage.at();
+            let due = stage.goes_on() || self.terminal.is_due(step);
             if due && self.terminal.progress(&stage.standing()) {
                 stage.publish();
             }
             if stopped {
                 self.terminal.set(&stage.standing());
-                self.terminal
-                    .stopped(&self.options.out, name, stage.steps());
+                self.terminal.stopped(&self.options.out, name, step);
                 return Ok(Outcome::Stopped);
             }
         }
         self.terminal.clear();
         self.terminal.set(&stage.standing());
         Ok(Outcome::Done)
-    }
-
-    /// The folder of the files, and the scene that they record.
-    pub(crate) fn place(&self) -> Destination<'_> {
-        Destination {
-            exchange: self.exchange,
-            folder: &self.options.out,
-            toml: self.toml,
-            record: &self.record,
-            owned: self.folder.as_ref(),
-            replay: self.options.replay,
-        }
     }
 
     /// Whether a signal or the wall time requests a stop on this rank.
@@ -245,29 +221,21 @@ impl<'a> Run<'a> {
         self.exchange.maximum(self.saved.elapsed().as_secs_f64()) > time
     }
 
-    fn save(&mut self, stage: &mut dyn Stage) -> Result<(), Failure> {
-        let checkpoint = stage.checkpoint(self)?;
-        self.save_as(checkpoint)
-    }
-
     /// Writes a checkpoint; collective.
-    pub(crate) fn save_as(&mut self, checkpoint: Checkpoint) -> Result<(), Failure> {
-        let Checkpoint {
-            header,
-            state,
-            keep,
-        } = checkpoint;
+    pub(crate) fn save(&mut self, checkpoint: &Checkpoint) -> Result<(), Failure> {
+        let header = &checkpoint.header;
         self.saved = Instant::now();
         let (exchange, out) = (self.exchange, &self.options.out);
         if let Some(folder) = &self.folder {
             folder.verify(exchange)?;
         }
-        let texts = [&*header.text(&self.record), self.toml];
-        checkpoint::write(exchange, out, texts, &state)?;
+        let header_text = header.text(&self.record, self.scene.packing());
+        let texts = [&*header_text, &self.scene.toml];
+        checkpoint::write(exchange, out, texts, &checkpoint.state)?;
         self.terminal
             .saved(header.stage(), header.step(), self.saved.elapsed());
         on_root(exchange, || {
-            if keep {
+            if checkpoint.keep {
                 checkpoint::keep(out, header.stage(), header.step())
             } else {
                 Ok(())

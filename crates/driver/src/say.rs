@@ -28,17 +28,15 @@ pub fn say_error(line: &str) {
 /// # Errors
 /// Standard output that cannot be written, such as a file on a full disk, on every rank.
 pub fn print(exchange: &dyn Parallel, text: &str) -> Result<(), Failure> {
-    on_root(exchange, || write_out(text))
-}
-
-fn write_out(text: &str) -> Result<(), Failure> {
-    let mut output = std::io::stdout().lock();
-    match writeln!(output, "{}", printable(text)).and_then(|()| output.flush()) {
-        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::other(format!("standard output: {e}")))
+    on_root(exchange, || {
+        let mut output = std::io::stdout().lock();
+        match writeln!(output, "{}", printable(text)).and_then(|()| output.flush()) {
+            Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+                Err(Failure::other(format!("standard output: {e}")))
+            }
+            _ => Ok(()),
         }
-        _ => Ok(()),
-    }
+    })
 }
 
 /// [`fold`] to the width of a terminal; files and pipes get the text as it is.
@@ -76,11 +74,8 @@ fn launcher_width() -> Option<u16> {
 /// column of a line such as `steps       about 380000` or `shear: I = 2e-4`, and is indented by two
 /// characters in others. Longer words stay whole.
 pub fn fold(text: &str, width: usize) -> String {
-    let lines: Vec<String> = text
-        .split('\n')
-        .map(|line| fold_line(line, width))
-        .collect();
-    lines.join("\n")
+    let lines = text.split('\n').map(|line| fold_line(line, width));
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 /// Heads of the lines of a run that have one blank before the second column.

@@ -11,9 +11,8 @@ use gshear_store::status::{RunState, Status};
 
 use crate::calibration;
 use crate::estimate::{Estimate, bytes};
-use crate::launch::{Resumable, Task, await_lock, from_the_start, resume_if_begun};
-use crate::options::Outcome;
-use crate::options::{Options, Verbosity};
+use crate::launch::{Task, await_lock, from_the_start, resume_if_begun};
+use crate::options::{Options, Outcome, Verbosity};
 use crate::preview::{check_continued, doubts};
 use crate::say::{self, say_error};
 use crate::terminal::progress::duration;
@@ -78,12 +77,12 @@ impl<'a> Sweep<'a> {
                 || Status::read(&folder).is_some_and(|status| status.state == RunState::Failed);
             let found = resume_if_begun(exchange, &folder, task)?;
             let state = match &found {
-                Resumable::Finished => "done",
-                Resumable::Task(_) if failed() => "failed",
-                Resumable::Task(task) if task.is_resumed() => "stopped",
-                Resumable::Task(_) => "new",
+                None => "done",
+                Some(_) if failed() => "failed",
+                Some(task) if task.saved().is_some() => "stopped",
+                Some(_) => "new",
             };
-            if let (Resumable::Task(task), false) = (&found, quiet) {
+            if let (Some(task), false) = (&found, quiet) {
                 let mut estimate = Estimate::of(exchange, task, None);
                 if speed.is_none() {
                     speed = Some(calibration::speed(exchange, task, options)?);
@@ -141,19 +140,17 @@ impl<'a> Sweep<'a> {
         let mut options = self.options_of(member, options);
         await_lock(exchange, &mut options);
         let resumed = if options.overwrite {
-            Resumable::Task(Box::new(task))
+            Some(task)
         } else {
             resume_if_begun(exchange, &options.out, task)?
         };
-        let Resumable::Task(task) = resumed else {
+        let Some(task) = resumed else {
             say(exchange, &format!("sweep: {} is done", member.name));
             return Ok(Outcome::Done);
         };
         let all = self.members.len();
-        say(
-            exchange,
-            &format!("sweep: run {number} of {all}, {}", member.name),
-        );
+        let line = format!("sweep: run {number} of {all}, {}", member.name);
+        say(exchange, &line);
         task.run(exchange, &options)
     }
 
@@ -219,7 +216,8 @@ impl<'a> Sweep<'a> {
 
     /// A run from the start.
     fn task(&self, exchange: &dyn Parallel, member: &Member) -> Result<Task, Failure> {
-        let task = from_the_start(exchange, &self.source, &self.values(member));
+        let set: Vec<String> = member.set.iter().chain(self.set).cloned().collect();
+        let task = from_the_start(exchange, &self.source, &set);
         task.map_err(|failure| member.place(failure))
     }
 
@@ -228,11 +226,6 @@ impl<'a> Sweep<'a> {
             out: self.folder(member),
             ..options.clone()
         }
-    }
-
-    /// The overrides of a run, those of `--set` included.
-    pub fn values(&self, member: &Member) -> Vec<String> {
-        member.set.iter().chain(self.set).cloned().collect()
     }
 
     fn folder(&self, member: &Member) -> PathBuf {

@@ -20,10 +20,8 @@ pub fn text_of_reducer() -> String {
 }
 
 fn of_all() -> String {
-    let here: Vec<&str> = INSTRUCTION_SETS
-        .into_iter()
-        .filter(|name| Isa::named(name).is_some())
-        .collect();
+    let mut here = INSTRUCTION_SETS.to_vec();
+    here.retain(|name| Isa::named(name).is_some());
     format!(
         "HDF5: {}\ninstruction sets: {}\n",
         provenance::hdf5_version(),

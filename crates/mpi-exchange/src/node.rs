@@ -199,13 +199,12 @@ impl Node {
             window
         };
         communicator.barrier();
-        let zero = || [Cell::new(0), Cell::new(0)];
         Some(Self {
             slots,
             rank: world.rank() as usize,
             sums: Cell::new(0),
-            sent: zero(),
-            received: zero(),
+            sent: Default::default(),
+            received: Default::default(),
             patience: Patience {
                 polls,
                 at_once: Cell::new(0),
@@ -225,13 +224,13 @@ impl Node {
     ///
     /// # Safety
     /// It must not be used after this node has been dropped.
-    pub unsafe fn watched(&self) -> NodeRanks {
+    pub unsafe fn watched(&self) -> Ranks {
         let ranks = self.slots.iter().enumerate();
         let here = ranks.filter(|(_, slot)| !slot.is_null());
-        NodeRanks {
-            // SAFETY: the slot lives as long as the window.
+        Ranks {
+            // SAFETY: the slot lives as long as the window, and its counters are atomic.
             here: here
-                .map(|(rank, &slot)| (rank, unsafe { &raw const (*slot).progress }))
+                .map(|(rank, &slot)| (rank, unsafe { &(*slot).progress }))
                 .collect(),
             elsewhere: !self.holds_all(),
         }
@@ -343,31 +342,6 @@ impl Node {
                 *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
             }
         }
-    }
-}
-
-/// The ranks of a node, for its watchdogs.
-pub struct NodeRanks {
-    here: Vec<(usize, *const Progress)>,
-    elsewhere: bool,
-}
-
-// SAFETY: the counters are atomic, and the addresses stay valid as long as `Node::watched` demands.
-unsafe impl Send for NodeRanks {}
-// SAFETY: as above.
-unsafe impl Sync for NodeRanks {}
-
-impl Ranks for NodeRanks {
-    fn here(&self) -> Vec<(usize, &Progress)> {
-        // SAFETY: as for `Send`.
-        self.here
-            .iter()
-            .map(|&(rank, progress)| (rank, unsafe { &*progress }))
-            .collect()
-    }
-
-    fn elsewhere(&self) -> bool {
-        self.elsewhere
     }
 }
 

@@ -95,33 +95,12 @@ impl LoneFailure {
     }
 }
 
-/// Where the ranks of this node publish their progress.
-pub trait Ranks: Send + Sync {
+/// The ranks that a watchdog sees.
+pub struct Ranks {
     /// Rank and progress of those on this node, in order.
-    fn here(&self) -> Vec<(usize, &Progress)>;
+    pub here: Vec<(usize, &'static Progress)>,
     /// Whether there are others on other nodes.
-    fn elsewhere(&self) -> bool;
-}
-
-/// A rank that shares memory with no other.
-#[derive(Default)]
-pub struct Alone {
-    /// Its number.
-    pub rank: usize,
-    /// What it publishes.
-    pub progress: Progress,
-    /// Whether there are other ranks.
     pub elsewhere: bool,
-}
-
-impl Ranks for Alone {
-    fn here(&self) -> Vec<(usize, &Progress)> {
-        vec![(self.rank, &self.progress)]
-    }
-
-    fn elsewhere(&self) -> bool {
-        self.elsewhere
-    }
 }
 
 /// The thread of a rank.
@@ -144,14 +123,14 @@ impl Watchdog {
     pub fn start(
         rank: usize,
         limit: Duration,
-        ranks: Arc<dyn Ranks>,
+        ranks: Ranks,
         failure: LoneFailure,
         end: impl Fn(&str) + Send + 'static,
     ) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = stop.clone();
         let thread = std::thread::spawn(move || {
-            watch(rank, limit, &*ranks, &failure, &stopped, end);
+            watch(rank, limit, &ranks, &failure, &stopped, end);
         });
         Self {
             stop,
@@ -191,7 +170,8 @@ impl Seen {
 }
 
 /// Why the ranks wait.
-fn reason(ranks: &dyn Ranks, here: &[(usize, &Progress)], seen: &[Seen]) -> String {
+fn reason(ranks: &Ranks, seen: &[Seen]) -> String {
+    let Ranks { here, elsewhere } = ranks;
     let gone: Vec<String> = (0..here.len())
         .filter(|&k| seen[k].is_silent())
         .map(|k| {
@@ -199,7 +179,7 @@ fn reason(ranks: &dyn Ranks, here: &[(usize, &Progress)], seen: &[Seen]) -> Stri
             format!("rank {} (process {process})", here[k].0)
         })
         .collect();
-    match (gone.is_empty(), ranks.elsewhere()) {
+    match (gone.is_empty(), elsewhere) {
         (false, _) => format!("{} does not answer", gone.join(", ")),
         (true, true) => "a rank of another node does not answer".into(),
         (true, false) if here.len() == 1 => "a file operation does not end".into(),
@@ -220,17 +200,17 @@ fn reason(ranks: &dyn Ranks, here: &[(usize, &Progress)], seen: &[Seen]) -> Stri
 fn watch(
     rank: usize,
     limit: Duration,
-    ranks: &dyn Ranks,
+    ranks: &Ranks,
     failure: &LoneFailure,
     stopped: &AtomicBool,
     end: impl Fn(&str),
 ) {
-    let here = ranks.here();
-    let of = |wanted: usize| here.iter().find(|(r, _)| *r == wanted).map(|(_, p)| *p);
-    let own = of(rank).expect("this rank is on its node");
+    let Ranks { here, elsewhere } = ranks;
+    let own = here.iter().find(|(number, _)| *number == rank);
+    let (_, own) = own.expect("this rank is on its node");
     own.process
         .store(std::process::id().into(), Ordering::Relaxed);
-    let limit = if ranks.elsewhere() {
+    let limit = if *elsewhere {
         limit.saturating_mul(ELSEWHERE)
     } else {
         limit
@@ -283,7 +263,7 @@ fn watch(
         }
         // The first that answers speaks; the others leave it a few seconds.
         if speaks || waited > limit + Duration::from_secs(2 * STOPPED) {
-            let what = reason(ranks, &here, &seen);
+            let what = reason(ranks, &seen);
             end(&format!(
                 "{what}: rank {rank} has waited for {} s (bookkeeping.watchdog); resume from the last checkpoint",
                 waited.as_secs()
@@ -299,73 +279,67 @@ mod tests {
     use std::sync::Mutex;
     use std::sync::mpsc::channel;
 
-    struct Node(Vec<Progress>);
+    fn node<const SIZE: usize>() -> [&'static Progress; SIZE] {
+        [(); SIZE].map(|()| &*Box::leak(Box::default()))
+    }
 
-    impl Ranks for Node {
-        fn here(&self) -> Vec<(usize, &Progress)> {
-            self.0.iter().enumerate().collect()
-        }
-
-        fn elsewhere(&self) -> bool {
-            false
+    fn ranks(node: &[&'static Progress]) -> Ranks {
+        Ranks {
+            here: node.iter().copied().enumerate().collect(),
+            elsewhere: false,
         }
     }
 
-    fn node(size: usize) -> Arc<Node> {
-        Arc::new(Node((0..size).map(|_| Progress::default()).collect()))
-    }
-
-    fn start(node: &Arc<Node>, rank: usize, said: &Arc<Mutex<Vec<String>>>) -> Watchdog {
+    fn start(node: &[&'static Progress], rank: usize, said: &Arc<Mutex<Vec<String>>>) -> Watchdog {
         let said = said.clone();
         let (limit, failure) = (Duration::from_secs(1), LoneFailure::default());
-        Watchdog::start(rank, limit, node.clone(), failure, move |m| {
+        Watchdog::start(rank, limit, ranks(node), failure, move |m| {
             said.lock().unwrap().push(m.into());
         })
     }
 
-    #[test]
-    fn ranks_that_all_wait_say_who_is_behind() {
-        let (node, said) = (node(2), Arc::default());
-        drop(node.0[1].wait());
-        let waiting = [node.0[0].wait(), node.0[1].wait()];
-        let dogs = [0, 1].map(|rank| start(&node, rank, &said));
+    /// What is said first, within a minute.
+    fn first(said: &Mutex<Vec<String>>) -> String {
         let begun = Instant::now();
         while said.lock().unwrap().is_empty() && begun.elapsed() < Duration::from_mins(1) {
             std::thread::sleep(Duration::from_millis(50));
         }
+        said.lock().unwrap()[0].clone()
+    }
+
+    #[test]
+    fn ranks_that_all_wait_say_who_is_behind() {
+        let (node, said) = (node::<2>(), Arc::default());
+        drop(node[1].wait());
+        let waiting = node.map(Progress::wait);
+        let dogs = [0, 1].map(|rank| start(&node, rank, &said));
+        let said = first(&said);
         drop((waiting, dogs));
-        let said = said.lock().unwrap();
-        assert!(said[0].contains("by rank: 1, 2)"), "{said:?}");
+        assert!(said.contains("by rank: 1, 2)"), "{said}");
     }
 
     #[test]
     fn a_stopped_rank_is_named() {
-        let (node, said) = (node(2), Arc::default());
+        let (node, said) = (node::<2>(), Arc::default());
         // Rank 1 has a process, but no thread that counts.
-        node.0[1].process.store(77, Ordering::Relaxed);
-        let waiting = node.0[0].wait();
+        node[1].process.store(77, Ordering::Relaxed);
+        let waiting = node[0].wait();
         let dog = start(&node, 0, &said);
-        let begun = Instant::now();
-        while said.lock().unwrap().is_empty() && begun.elapsed() < Duration::from_mins(1) {
-            std::thread::sleep(Duration::from_millis(50));
-        }
+        let said = first(&said);
         drop((waiting, dog));
-        let said = said.lock().unwrap();
-        assert!(
-            said[0].starts_with("rank 1 (process 77) does not answer"),
-            "{said:?}"
-        );
+        let expected = "rank 1 (process 77) does not answer";
+        assert!(said.starts_with(expected), "{said}");
     }
 
     #[test]
     fn a_failure_that_the_others_do_not_know_of_ends_the_job() {
-        let (node, failure) = (node(2), LoneFailure::default());
+        let (node, failure) = (node::<2>(), LoneFailure::default());
         let (ended, end) = channel();
         let limit = Duration::from_hours(1);
-        let dog = Watchdog::start(0, limit, node.clone(), failure.clone(), move |m| {
+        let dog = Watchdog::start(0, limit, ranks(&node), failure.clone(), move |m| {
             let _ = ended.send(m.to_string());
         });
-        let waiting = node.0[0].wait();
+        let waiting = node[0].wait();
         // Known to all.
         failure.note("damaged");
         failure.note_cause("no link");
@@ -382,18 +356,17 @@ mod tests {
 
     #[test]
     fn a_rank_that_computes_or_answers_in_time_is_left_alone() {
-        let (node, said) = (node(2), Arc::default());
+        let (node, said) = (node::<2>(), Arc::default());
         // Rank 1 computes; rank 0 waits for it.
         let dogs = [start(&node, 0, &said), start(&node, 1, &said)];
-        let waiting = node.0[0].wait();
+        let waiting = node[0].wait();
         std::thread::sleep(Duration::from_secs(STOPPED + 5));
         drop(waiting);
         // Both begin an operation again and again.
         let (done, end) = channel();
-        let working = node.clone();
         let thread = std::thread::spawn(move || {
             while end.try_recv().is_err() {
-                for progress in &working.0 {
+                for progress in node {
                     let _waiting = progress.wait();
                     std::thread::sleep(Duration::from_millis(100));
                 }

@@ -3,13 +3,12 @@
 use crate::hints::Hints;
 use crate::node::Node;
 use crate::parallel::Parallel;
-use crate::watchdog::{Alone, LoneFailure, Progress, Ranks, Waiting, Watchdog};
+use crate::watchdog::{LoneFailure, Progress, Ranks, Waiting, Watchdog};
 use bytemuck::cast_slice_mut;
 use gshear_dem::domain::{Exchange, Link};
 use gshear_dem::failure::{Failure, printable};
 use std::cell::RefCell;
 use std::io::Write;
-use std::sync::Arc;
 use std::time::Duration;
 
 use mpi::Threading;
@@ -27,7 +26,8 @@ use mpi::traits::{
 pub struct World {
     // Dropped before the node, whose memory it reads.
     watchdog: RefCell<Option<Watchdog>>,
-    alone: Arc<Alone>,
+    /// What a rank publishes that shares memory with no other.
+    alone: &'static Progress,
     failure: LoneFailure,
     communicator: SimpleCommunicator,
     rank: usize,
@@ -99,14 +99,9 @@ impl World {
             .broadcast_into(&mut shares[..]);
         let shares = shares[0] == 1;
         let (rank, size) = (communicator.rank() as usize, communicator.size() as usize);
-        let alone = Alone {
-            rank,
-            elsewhere: size > 1,
-            ..Alone::default()
-        };
         World {
             watchdog: RefCell::default(),
-            alone: Arc::new(alone),
+            alone: Box::leak(Box::default()),
             failure: LoneFailure::default(),
             node: shares.then(|| Node::new(&communicator)).flatten(),
             hints: Hints::new(),
@@ -145,8 +140,7 @@ impl World {
     }
 
     fn progress(&self) -> &Progress {
-        let alone = &self.alone.progress;
-        self.node.as_ref().map_or(alone, Node::progress)
+        self.node.as_ref().map_or(self.alone, Node::progress)
     }
 
     /// Counts and offsets of pieces (bytes) as MPI takes them, and the total.
@@ -217,10 +211,13 @@ impl Parallel for World {
     }
 
     fn watch(&self, limit: Duration) {
-        let ranks: Arc<dyn Ranks> = match &self.node {
+        let ranks = match &self.node {
             // SAFETY: the watchdog is dropped before the node.
-            Some(node) => Arc::new(unsafe { node.watched() }),
-            None => self.alone.clone(),
+            Some(node) => unsafe { node.watched() },
+            None => Ranks {
+                here: vec![(self.rank, self.alone)],
+                elsewhere: self.size > 1,
+            },
         };
         let end = |message: &str| {
             let _ = writeln!(std::io::stderr(), "error: {}", printable(message));
@@ -380,14 +377,11 @@ impl Exchange for World {
         if self.size == 1 {
             return value;
         }
-        let local = [
-            f64::from(u8::from(value.is_nan())),
-            if value.is_nan() {
-                f64::NEG_INFINITY
-            } else {
-                value
-            },
-        ];
+        let local = if value.is_nan() {
+            [1.0, f64::NEG_INFINITY]
+        } else {
+            [0.0, value]
+        };
         let mut all = [0.0; 2];
         self.communicator
             .all_reduce_into(&local[..], &mut all[..], SystemOperation::max());

@@ -77,7 +77,7 @@ fn attribute(file: &Path, name: &str) -> Option<String> {
 
 fn id_of_checkpoint(path: &Path) -> String {
     let [header, _] = checkpoint::read_texts(path).expect("a checkpoint");
-    let (_, record) = Header::parse(&header).expect("a header");
+    let (_, record, _) = Header::parse(&header).expect("a header");
     record.id
 }
 

@@ -1,4 +1,6 @@
-//! The grains of a stage, and the law between them.
+//! The grains of a stage, the law between them, and a state at rest to return to.
+
+use std::collections::HashSet;
 
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{Drive, NoWalls};
@@ -9,11 +11,10 @@ use gshear_dem::state::{
     Cell, ContactSample, ContactState, GrainSample, GrainState, HeldState, Snapshot, length,
 };
 use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::System;
+use gshear_dem::system::{Setup, System};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::Scene;
+use gshear_scene::{Boundary, Scene};
 
-use super::setup::system;
 use crate::run::Run;
 
 /// The grains of a stage on all ranks, and the law between them. All methods are collective.
@@ -99,6 +100,15 @@ impl<'a, D: Dimension> Assembly<'a, D> {
         }
     }
 
+    /// This rank's part of the state with which a stage begins: that of [`Self::held`].
+    pub fn snapshot(&mut self) -> Snapshot {
+        Snapshot {
+            grains: self.system.grain_states(),
+            contacts: self.system.contact_states(self.law),
+            ..Snapshot::default()
+        }
+    }
+
     /// This rank's part of a checkpoint, each contact on the rank that has its first grain.
     pub fn owned(&mut self) -> Snapshot {
         Snapshot {
@@ -116,5 +126,74 @@ impl<'a, D: Dimension> Assembly<'a, D> {
     /// The digest of the state; `more`: what else belongs to it.
     pub fn digest(&mut self, more: &[u8], step: u64) -> String {
         observe::digest(self.exchange, &mut self.system, self.law, more, step)
+    }
+}
+
+/// The system of the scene in a cell, without its grains.
+pub(crate) fn system<D: Dimension>(
+    run: &Run<'_>,
+    scene: &Scene,
+    cell: Cell,
+) -> Result<System<D>, Failure> {
+    let sample = &scene.sample;
+    let (gravity, typical_force) = match &scene.boundary {
+        Boundary::Walls(plane_shear) => {
+            let load = &plane_shear.load;
+            (load.gravity_components(), load.normal_force)
+        }
+        Boundary::Periodic(_) => {
+            let radius = 0.5 * sample.mean_diameter;
+            let overlap = 0.01 * sample.mean_diameter;
+            let stiffness = scene.law.normal_stiffness(radius, radius, overlap);
+            ([0.0; 2], stiffness * overlap)
+        }
+    };
+    let setup = Setup {
+        isa: run.isa,
+        list: scene.bookkeeping.list,
+        cell,
+        largest_radius: sample.radius_max,
+        mean_diameter: sample.mean_diameter,
+        masses: scene.materials.masses.clone(),
+        step: scene.time_step.step,
+        gravity,
+        typical_force,
+        threads: run.options.threads,
+    };
+    let mut system = System::new(run.exchange, setup)?;
+    if let Some(file) = scene.packing() {
+        system.ids = file.ids.clone();
+    }
+    Ok(system)
+}
+
+/// This rank's part of a state at rest, to return to.
+#[derive(Debug, Clone)]
+pub(super) struct RestState {
+    /// The cell.
+    pub cell: Cell,
+    /// Grains, and their contacts, which other ranks may have as well.
+    pub state: HeldState,
+}
+
+impl RestState {
+    pub fn of<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Self {
+        Self {
+            cell: assembly.system.cell,
+            state: assembly.held(),
+        }
+    }
+
+    /// The state with each contact on the rank that has its first grain, as for a checkpoint.
+    pub fn owned(&self) -> HeldState {
+        let ids: HashSet<u32> = self.state.grains.iter().map(|g| g.id).collect();
+        let mut state = self.state.clone();
+        state.contacts.retain(|contact| ids.contains(&contact.i));
+        state
+    }
+
+    pub fn put_back<D: Dimension>(self, into: &mut Assembly<'_, D>) -> Result<(), Failure> {
+        into.system.set_cell(into.exchange, self.cell)?;
+        into.replace(&mut NoWalls, self.state.grains, self.state.contacts)
     }
 }

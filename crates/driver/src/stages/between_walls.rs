@@ -13,10 +13,10 @@ use gshear_store::checkpoint;
 use super::pack::{PackStage, falling_drag};
 use super::shear::ShearStage;
 use super::top_wall::{height_between, mass_of_layer, mass_of_top, stretch};
-use crate::header::{Header, PackHeader, ShearHeader};
+use crate::header::{Header, PackHeader, ShearHeader, Written};
 use crate::options::Outcome;
-use crate::run::{Run, Stage, Start};
-use crate::written::Written;
+use crate::run::{Run, Stage};
+use crate::task::Start;
 
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
 /// At first few grains bear it, each about fifteen times its share in 2D and more in 3D. A softer
@@ -29,13 +29,12 @@ const BEARS_ALL: [f64; 2] = [1e3, 1e4];
 /// Numbers that fail, or a file that cannot be written.
 pub fn run<D: LawSpace>(
     run: &mut Run<'_>,
-    scene: &Scene,
     plane_shear: &PlaneShear,
     start: Start,
 ) -> Result<Outcome, Failure> {
-    let (header, state) = begin(run, scene, plane_shear, start)?;
+    let (header, state) = begin(run, plane_shear, start)?;
     let (from, state) = match header {
-        Header::Pack(header) => match packed::<D>(run, scene, plane_shear, header, state)? {
+        Header::Pack(header) => match packed::<D>(run, plane_shear, header, state)? {
             Some(packed) => packed,
             None => return Ok(Outcome::Stopped),
         },
@@ -46,9 +45,9 @@ pub fn run<D: LawSpace>(
             ));
         }
     };
-    let law = scene.force::<D>();
+    let law = run.scene.force::<D>();
     let begins = from.step == 0;
-    let mut shear = ShearStage::new(run, scene, plane_shear, law.as_ref(), from, state)?;
+    let mut shear = ShearStage::new(run, plane_shear, law.as_ref(), from, state)?;
     let outcome = run.drive(&mut shear, begins);
     shear.finish(run, outcome)
 }
@@ -57,20 +56,20 @@ pub fn run<D: LawSpace>(
 /// loose sample leaves the contact law, it begins again under a lower load.
 fn packed<D: LawSpace>(
     run: &mut Run<'_>,
-    scene: &Scene,
     plane_shear: &PlaneShear,
     mut header: PackHeader,
     mut state: Snapshot,
 ) -> Result<Option<(ShearHeader, Snapshot)>, Failure> {
+    let scene = run.scene;
     loop {
         let begins = header.step == 0;
         let [law, plane] = packing_laws::<D>(scene, plane_shear);
         let laws = (law.as_ref(), plane);
-        let mut pack = PackStage::new(run, scene, plane_shear, laws, header, state)?;
+        let mut pack = PackStage::new(run, plane_shear, laws, header, state)?;
         let failure = match run.drive(&mut pack, begins) {
             Ok(Outcome::Done) => {
                 let (mut piston, mut state) = pack.finish(run);
-                stretch(run, scene, plane_shear, &mut piston, &mut state)?;
+                stretch(run, plane_shear, &mut piston, &mut state)?;
                 let header = sheared(scene, plane_shear, piston);
                 return Ok(Some((header, state)));
             }
@@ -81,16 +80,16 @@ fn packed<D: LawSpace>(
         else {
             return Err(failure);
         };
-        run.terminal.packs_again(pack.steps());
-        let (height, grains) = inserted(run, scene, sizes);
+        run.terminal.packs_again(pack.at().1);
+        let (height, grains) = inserted(run, sizes);
         header = falling(scene, plane_shear, height, starts);
         state = of_grains(grains);
     }
 }
 
 /// The height (m) of the inserted grains, and this rank's part of them.
-fn inserted(run: &Run<'_>, scene: &Scene, sizes: &Sizes) -> (f64, Vec<GrainState>) {
-    let (rank, size) = (run.exchange.rank(), run.exchange.size());
+fn inserted(run: &Run<'_>, sizes: &Sizes) -> (f64, Vec<GrainState>) {
+    let (scene, rank, size) = (run.scene, run.exchange.rank(), run.exchange.size());
     let mut grains = Lattice::new(&scene.sample, sizes).insert(scene.seed, rank, size);
     (scene.materials).give(scene.seed, scene.sample.radius_max, &mut grains);
     let top = grains.iter().map(|g| g.position[up(scene)] + g.radius);
@@ -100,29 +99,28 @@ fn inserted(run: &Run<'_>, scene: &Scene, sizes: &Sizes) -> (f64, Vec<GrainState
 /// The first stage of the run, and its state.
 fn begin(
     run: &Run<'_>,
-    scene: &Scene,
     plane_shear: &PlaneShear,
     start: Start,
 ) -> Result<(Header, Snapshot), Failure> {
+    let scene = run.scene;
     let (height, grains) = match (start, &plane_shear.origin) {
         (Start::Checkpoint(mut saved, before), _) => {
             checkpoint::to_both_holders(run.exchange, &mut saved.state);
             if let Some(before) = &before {
-                let scenes = [before, scene];
-                take_changes(run, scenes, &mut saved.header, &saved.state.grains)?;
+                take_changes(run, before, &mut saved.header, &saved.state.grains)?;
             }
             return Ok((saved.header, saved.state));
         }
         (Start::Grains(grains), Origin::Packing(file)) => (file.height(), grains),
         (_, Origin::Packing(_)) => unreachable!("a packing that was not read"),
-        (_, Origin::Insertion(sizes)) => inserted(run, scene, sizes),
+        (_, Origin::Insertion(sizes)) => inserted(run, sizes),
     };
     let mut header = falling(scene, plane_shear, height, 0);
     let mut state = of_grains(grains);
     let header = if plane_shear.pack.skip {
         header.piston.mass = mass_of_top(run, scene, plane_shear, (&state.grains, height));
         header.piston.load = plane_shear.load.normal_force;
-        stretch(run, scene, plane_shear, &mut header.piston, &mut state)?;
+        stretch(run, plane_shear, &mut header.piston, &mut state)?;
         Header::Shear(sheared(scene, plane_shear, header.piston))
     } else {
         Header::Pack(header)
@@ -135,10 +133,11 @@ fn begin(
 /// masses. Collective.
 fn take_changes(
     run: &Run<'_>,
-    [before, now]: [&Scene; 2],
+    before: &Scene,
     header: &mut Header,
     grains: &[GrainState],
 ) -> Result<(), Failure> {
+    let now = run.scene;
     let [of_before, of_now] = [before.plane_shear("")?, now.plane_shear("")?];
     let is_heavier = before.materials.masses != now.materials.masses;
     match header {
@@ -195,7 +194,6 @@ fn falling(scene: &Scene, plane_shear: &PlaneShear, height: f64, starts: u32) ->
         },
         drag: falling_drag(scene, load, first_load),
         starts,
-        packing: None,
     }
 }
 
@@ -211,7 +209,6 @@ fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHead
         slider: None,
         written: Written::default(),
         energy_budget: None,
-        packing: None,
     }
 }
 

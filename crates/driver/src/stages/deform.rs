@@ -5,9 +5,9 @@ use gshear_dem::contact::portable_exp;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Failure;
 
+use super::assembly::RestState;
 use super::box_state::{Observed, volume};
 use super::relax::{Followed, LONGEST};
-use super::rest::RestState;
 use super::strain::Strain;
 use crate::header::{Beyond, Correction, Pressing, Search, Stretched};
 use gshear_scene::Deformation;
@@ -76,10 +76,8 @@ impl<D: Dimension> Strain<'_, D> {
     /// Fails if a strain step has led outside the law.
     pub(super) fn within_law(&mut self, followed: Followed) -> Result<(), Failure> {
         followed.map_err(|outside| {
-            let failure = self
-                .assembly
-                .system
-                .explain(self.assembly.exchange, outside);
+            let exchange = self.assembly.exchange;
+            let failure = self.assembly.system.explain(exchange, outside);
             self.of_strain_step(failure)
         })
     }
@@ -208,12 +206,7 @@ impl<D: Dimension> Strain<'_, D> {
     /// Begins the next trial, or ends the search.
     fn press(&mut self, mut of: Pressing) -> Result<Option<Search>, Failure> {
         while (of.pressure - of.wanted).abs() > self.periodic.pressure_tolerance * of.wanted {
-            let Pressing {
-                wanted,
-                pressure,
-                change,
-                ..
-            } = of;
+            let (wanted, pressure, change) = (of.wanted, of.pressure, of.change);
             if change < FINEST {
                 let jump = of.beyond.and_then(|of| of.pressure).unwrap_or(f64::NAN);
                 return Err(Failure::numbers(format!(
@@ -223,14 +216,10 @@ impl<D: Dimension> Strain<'_, D> {
                     self.progress.steps + 1
                 )));
             }
-            let lengths = self.assembly.system.cell.lengths::<D>();
-            let lengths: [f64; 3] = std::array::from_fn(|axis| {
-                if axis < D::AXES {
-                    lengths[axis] * (1.0 - of.toward * change)
-                } else {
-                    lengths[axis]
-                }
-            });
+            let mut lengths = self.assembly.system.cell.lengths::<D>();
+            for length in &mut lengths[..D::AXES] {
+                *length *= 1.0 - of.toward * change;
+            }
             if self.stretch(lengths)?.is_ok() {
                 return Ok(Some(Search::Pressure(of)));
             }
@@ -251,32 +240,37 @@ impl<D: Dimension> Strain<'_, D> {
     /// the law. Chooses how far to change the lengths next.
     fn judge(&mut self, of: &mut Pressing, now: Option<f64>) -> Result<(), Failure> {
         let allowed = self.periodic.pressure_tolerance * of.wanted;
-        match now {
-            Some(now) if of.toward * (now - of.wanted) <= allowed => {
-                let slope = of.toward * (now - of.pressure) / of.change;
-                of.slope = Some(slope).filter(|slope| *slope > 0.0);
-                of.pressure = now;
-                self.held.pop();
-                self.held.push(RestState::of(&mut self.assembly));
-                let change = of.change;
-                of.beyond = of.beyond.and_then(|of| {
-                    let left = of.change - change;
-                    (left > 0.0).then_some(Beyond { change: left, ..of })
-                });
-            }
-            _ => {
-                let state = self.held.last().expect("the packing before").clone();
-                state.put_back(&mut self.assembly)?;
-                of.beyond = Some(Beyond {
-                    change: of.change,
-                    pressure: now,
-                });
-            }
+        if judged(of, now, allowed, self.periodic.aqs.strain_step) {
+            self.held.pop();
+            self.held.push(RestState::of(&mut self.assembly));
+            return Ok(());
         }
-        let most = self.periodic.aqs.strain_step;
-        of.change = next_change(of.pressure, of.wanted, of.slope, of.beyond, most);
-        Ok(())
+        let state = self.held.last().expect("the packing before").clone();
+        state.put_back(&mut self.assembly)
     }
+}
+
+/// Goes on after a trial with the pressure `now`, `None` outside the law; its packing is kept if
+/// that is at most so much beyond the wanted one. Returns whether it is kept.
+fn judged(of: &mut Pressing, now: Option<f64>, allowed: f64, most: f64) -> bool {
+    let kept = now.filter(|now| of.toward * (now - of.wanted) <= allowed);
+    let change = of.change;
+    if let Some(now) = kept {
+        let slope = of.toward * (now - of.pressure) / change;
+        of.slope = Some(slope).filter(|slope| *slope > 0.0);
+        of.pressure = now;
+        of.beyond = of.beyond.and_then(|of| {
+            let left = of.change - change;
+            (left > 0.0).then_some(Beyond { change: left, ..of })
+        });
+    } else {
+        of.beyond = Some(Beyond {
+            change,
+            pressure: now,
+        });
+    }
+    of.change = next_change(of.pressure, of.wanted, of.slope, of.beyond, most);
+    kept.is_some()
 }
 
 /// The lengths with those along all axes but the last longer by this part.
@@ -321,33 +315,27 @@ mod tests {
 
     /// Looks for the wanted pressure of a packing whose pressure is a power of its compression.
     fn trials(power: f64, onset: f64, from: f64, wanted: f64) -> usize {
-        let of = |x: f64| (x - onset).max(0.0).powf(power);
-        let toward = if of(from) < wanted { 1.0 } else { -1.0 };
-        let (mut x, mut slope, mut beyond) = (from, None, None::<Beyond>);
-        let mut change = 1e-3;
+        let at = |x: f64| (x - onset).max(0.0).powf(power);
+        let mut x = from;
+        let mut of = Pressing {
+            wanted,
+            toward: if at(from) < wanted { 1.0 } else { -1.0 },
+            pressure: at(from),
+            change: 1e-3,
+            slope: None,
+            beyond: None,
+        };
         for trial in 0..200 {
-            let pressure = of(x);
-            if (pressure / wanted - 1.0).abs() <= 1e-6 {
+            if (of.pressure / wanted - 1.0).abs() <= 1e-6 {
                 return trial;
             }
-            let now = of(x + toward * change);
-            if toward * (now - wanted) <= 1e-6 * wanted {
-                slope = Some(toward * (now - pressure) / change).filter(|slope| *slope > 0.0);
-                x += toward * change;
-                beyond = beyond.and_then(|b: Beyond| {
-                    let change = b.change - change;
-                    (change > 0.0).then_some(Beyond { change, ..b })
-                });
-            } else {
-                beyond = Some(Beyond {
-                    change,
-                    pressure: Some(now),
-                });
+            let tried = x + of.toward * of.change;
+            if judged(&mut of, Some(at(tried)), 1e-6 * wanted, 1e-3) {
+                x = tried;
             }
-            change = next_change(of(x), wanted, slope, beyond, 1e-3);
             // It is not used once the pressure is found.
-            let found = (of(x) / wanted - 1.0).abs() <= 1e-6;
-            assert!(found || change > 0.0 && change <= 1e-3, "{change}");
+            let found = (of.pressure / wanted - 1.0).abs() <= 1e-6;
+            assert!(found || of.change > 0.0 && of.change <= 1e-3, "{of:?}");
         }
         panic!("{power} {onset} {from} {wanted}: not found")
     }
@@ -371,12 +359,8 @@ mod tests {
                     let up = trials(power, onset, 0.0, wanted);
                     let onto = (onset / 1e-3) as usize + (1e-3f64.powf(power) / wanted) as usize;
                     assert!(up < 40 + onto + 40, "{power} {onset} {wanted}: {up}");
-                    let more = trials(
-                        power,
-                        onset,
-                        onset + (4.0 * wanted).powf(1.0 / power),
-                        wanted,
-                    );
+                    let above = onset + (4.0 * wanted).powf(1.0 / power);
+                    let more = trials(power, onset, above, wanted);
                     assert!(more < 60, "{power} {onset} {wanted}: {more}");
                 }
             }

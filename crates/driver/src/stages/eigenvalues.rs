@@ -98,6 +98,16 @@ impl GlobalState {
     }
 }
 
+impl<D: Dimension> Assembly<'_, D> {
+    /// All eigenvalues at rest, on every rank; rank 0 computes them. Collective.
+    ///
+    /// # Errors
+    /// If an element of K is not finite.
+    pub(crate) fn eigenvalues(&mut self) -> Result<Eigenvalues, Failure> {
+        GlobalState::at_rest(self).eigenvalues(self)
+    }
+}
+
 /// K of a packing, for Newton's method.
 pub(super) struct Tangent {
     jacobian: Jacobian,

@@ -6,19 +6,18 @@ use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::Failure;
 use gshear_dem::laws::LawSpace;
-use gshear_scene::{PeriodicBox, Scene};
+use gshear_scene::PeriodicBox;
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
-use super::assembly::Assembly;
-use super::newtonian::{NewtonianStage, Resumed};
+use super::assembly::{Assembly, RestState};
+use super::newtonian::NewtonianStage;
 use super::prepare;
-use super::rest::RestState;
 use super::strain::Strain;
-use crate::header::{Header, Progress, Shape, Stretched};
+use crate::header::{Header, Progress, Shape, Stretched, Written};
 use crate::options::Outcome;
-use crate::run::{Run, Start};
-use crate::written::Written;
+use crate::run::Run;
+use crate::task::Start;
 use gshear_dem::state::{HeldState, Snapshot};
 
 /// Runs the scene from `start` to its last step; collective.
@@ -27,10 +26,10 @@ use gshear_dem::state::{HeldState, Snapshot};
 /// Numbers that fail, or a file that cannot be written.
 pub fn run<D: LawSpace>(
     run: &mut Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     start: Start,
 ) -> Result<Outcome, Failure> {
+    let scene = run.scene;
     let law = scene.force::<D>();
     let law = law.as_ref();
     let begins = !matches!(start, Start::Checkpoint(..));
@@ -39,7 +38,7 @@ pub fn run<D: LawSpace>(
     // A packing of a file has no forces, and one that is prepared those without attraction.
     let is_unloaded =
         matches!(start, Start::Grains(_)) || attracts && matches!(start, Start::Insertion);
-    let Some((header, state)) = begin::<D>(run, scene, periodic, start)? else {
+    let Some((header, state)) = begin::<D>(run, periodic, start)? else {
         run.terminal.unprepared();
         return Ok(Outcome::Stopped);
     };
@@ -64,13 +63,10 @@ pub fn run<D: LawSpace>(
 
     let (mut assembly, progress, resumed) = if let Header::Newtonian { step, progress, .. } = header
     {
-        let resumed = Resumed {
-            step,
-            displacements: displacements.unwrap_or_default(),
-        };
-        (assembly, progress, Some(resumed))
+        let resumed = Some((step, displacements.unwrap_or_default()));
+        (assembly, progress, resumed)
     } else {
-        let mut strain = Strain::new(run, scene, periodic, assembly, (header, held))?;
+        let mut strain = Strain::new(run, periodic, assembly, (header, held))?;
         let outcome = run.drive(&mut strain, begins);
         let (assembly, progress, outcome) = strain.finish(run, outcome)?;
         if outcome == Outcome::Stopped {
@@ -89,10 +85,10 @@ pub fn run<D: LawSpace>(
         run.terminal.go_on(&run.options.out);
         return Ok(Outcome::Done);
     };
-    let begins = resumed.as_ref().is_none_or(|r| r.step == 0);
+    let begins = resumed.as_ref().is_none_or(|(step, _)| *step == 0);
     assembly.system.clock = Clock::default();
     let of = (periodic, newtonian);
-    let mut stage = NewtonianStage::new(run, scene, of, assembly, progress, resumed)?;
+    let mut stage = NewtonianStage::new(run, of, assembly, progress, resumed)?;
     let outcome = run.drive(&mut stage, begins);
     stage.finish(run, outcome)
 }
@@ -102,10 +98,10 @@ pub fn run<D: LawSpace>(
 /// prepared.
 fn begin<D: LawSpace>(
     run: &mut Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     start: Start,
 ) -> Result<Option<(Header, Snapshot)>, Failure> {
+    let scene = run.scene;
     let mut progress = Progress {
         length: Some(scene.sample.length),
         ..Progress::default()
@@ -126,14 +122,13 @@ fn begin<D: LawSpace>(
         }
         Start::Insertion => {
             let smooth = scene.force_with::<D>(|law, contact| (law.clone(), contact.smooth()));
-            prepare::prepare(run, scene, periodic, smooth.as_ref())?
+            prepare::prepare(run, periodic, smooth.as_ref())?
         }
     };
     let header = Header::Aqs {
         progress,
         written: Written::default(),
         unfinished: None,
-        packing: scene.packing().cloned(),
     };
     Ok(prepared.map(|state| (header, state)))
 }

@@ -13,8 +13,7 @@ use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
 use gshear_scene::unlikely::intervals_of_newtonian;
 use gshear_scene::{PeriodicBox, Scene};
 use gshear_store::box_columns::NewtonianRow;
-use gshear_store::collective::exists;
-use gshear_store::collective::gathered;
+use gshear_store::collective::{exists, gathered};
 use gshear_store::file_names::{NEWTONIAN_PART, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
@@ -24,10 +23,9 @@ use super::eigenvalues::GlobalState;
 use super::spectra_file::SpectraFile;
 use super::strain;
 use crate::files::{Files, Format};
-use crate::header::{Header, Pair, Progress};
+use crate::header::{Header, Pair, Progress, UpToCheckpoint};
 use crate::options::Outcome;
 use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
-use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
 /// The stage that integrates Newton's equations of a box.
@@ -43,13 +41,6 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     due: Due,
     /// Shear stress of the last row.
     latest: Option<f64>,
-}
-
-/// The data with which the stage resumes.
-pub(super) struct Resumed {
-    /// Completed steps.
-    pub step: u64,
-    pub displacements: Vec<Displacement>,
 }
 
 /// The steps at which output is due. An interval longer than the stage disables an output.
@@ -75,10 +66,7 @@ pub(crate) fn steps(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64
 impl Due {
     fn new(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64) -> Self {
         let steps = steps(of, pair, step);
-        let every = |count: u64| match count {
-            0 => u64::MAX,
-            count => (steps / count).max(1),
-        };
+        let every = |count| (steps.checked_div(count)).map_or(u64::MAX, |every| every.max(1));
         let dense = pair.map(|pair| Dense::new(pair, steps, step));
         let frames = match (pair, every(of.frames)) {
             (Some(pair), wanted) if wanted != u64::MAX => strobe(pair, wanted, step),
@@ -125,15 +113,15 @@ impl Due {
 }
 
 impl<'a, D: Dimension> NewtonianStage<'a, D> {
+    /// `resumed`: the completed steps, and the displacements up to there.
     pub fn new(
-        run: &Run<'_>,
-        scene: &'a Scene,
+        run: &Run<'a>,
         (periodic, of): (&PeriodicBox, &gshear_scene::Newtonian),
         mut assembly: Assembly<'a, D>,
         progress: Progress,
-        resumed: Option<Resumed>,
+        resumed: Option<(u64, Vec<Displacement>)>,
     ) -> Result<Self, Failure> {
-        let (exchange, step) = (run.exchange, assembly.system.step);
+        let (exchange, scene, step) = (run.exchange, run.scene, assembly.system.step);
         let strain = strain::reached::<D>(periodic, &progress);
         let mut due = Due::new(of, progress.pair.as_ref(), step);
         if due.steps > MOST_STEPS {
@@ -153,14 +141,12 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         let format = Format {
             name: NEWTONIAN_PART,
             columns: &NewtonianRow::COLUMNS,
-            scene,
-            law: assembly.law,
             attributes: attributes(scene, strain, &progress),
-            shear: None,
+            height: None,
         };
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
-        let before = goes_on.map(|r| UpToCheckpoint::new(r.step));
-        let files = Files::open(run.place(), &mut assembly.system, &format, before)?;
+        let before = goes_on.map(|(step, _)| UpToCheckpoint::new(*step));
+        let files = Files::open(run, &mut assembly, &format, before)?;
         let spectra = if due.spectra == u64::MAX {
             None
         } else {
@@ -171,8 +157,8 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             let last = last.map(|last| last as f64 * step);
             Some(SpectraFile::open(exchange, &path, last)?)
         };
-        let motion = if let Some(resumed) = &resumed {
-            GrainMotion::resume(exchange, &mut assembly.system, &resumed.displacements)
+        let motion = if let Some((_, displacements)) = &resumed {
+            GrainMotion::resume(exchange, &mut assembly.system, displacements)
         } else {
             assembly.rebuild()?;
             GrainMotion::begin(&mut assembly.system)
@@ -184,7 +170,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             files,
             spectra,
             progress,
-            step: resumed.map_or(0, |r| r.step),
+            step: resumed.map_or(0, |(step, _)| step),
             due,
             latest: None,
         })
@@ -216,12 +202,8 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
 }
 
 impl<D: Dimension> Stage for NewtonianStage<'_, D> {
-    fn name(&self) -> &'static str {
-        RunStage::Newtonian.name()
-    }
-
-    fn steps(&self) -> u64 {
-        self.step
+    fn at(&self) -> (&'static str, u64) {
+        (RunStage::Newtonian.name(), self.step)
     }
 
     /// Newton's equations follow the strain steps.
@@ -237,7 +219,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the state at rest.
             let checkpoint = self.checkpoint(run)?;
-            run.save_as(checkpoint)?;
+            run.save(&checkpoint)?;
         }
         self.assembly.initial_forces(&mut NoWalls, false)
     }
@@ -322,7 +304,6 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
                 progress: self.progress,
                 written,
                 lines,
-                packing: self.scene.packing().cloned(),
             },
             state: Snapshot {
                 displacements: Some(self.motion.displacements.clone()),
@@ -336,22 +317,19 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
 /// Attributes of `run.h5/newtonian`.
 fn attributes(scene: &Scene, strain: f64, progress: &Progress) -> Vec<(&'static str, Attribute)> {
     let mut attributes = vec![
-        ("mean_diameter", scene.sample.mean_diameter),
-        ("strain", strain),
-        ("image_offset", progress.offset),
+        ("mean_diameter", scene.sample.mean_diameter.into()),
+        ("strain", strain.into()),
+        ("image_offset", progress.offset.into()),
     ];
     if let Some(pair) = &progress.pair {
         attributes.extend([
-            ("lambda_r", pair.lambda_r),
-            ("lambda_i", pair.lambda_i),
-            ("omega_r", pair.omega_r),
-            ("omega_i", pair.omega_i),
+            ("lambda_r", pair.lambda_r.into()),
+            ("lambda_i", pair.lambda_i.into()),
+            ("omega_r", pair.omega_r.into()),
+            ("omega_i", pair.omega_i.into()),
         ]);
     }
-    let numbers = attributes.into_iter();
-    numbers
-        .map(|(name, number)| (name, number.into()))
-        .collect()
+    attributes
 }
 
 /// Steps between frames: about `wanted`, adjusted to whole periods of the pair plus 1/24 of a
@@ -457,26 +435,21 @@ impl GrainMotion {
         let cell = system.cell;
         let grains = system.grains();
         let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
-        let owned: Vec<Moved> = self
-            .displacements
-            .iter()
-            .enumerate()
-            .map(|(g, displacement)| {
-                let (fields, radius) = (grains.fields(g), grains.radius[g]);
-                let [now, before] = [grains.image[g], displacement.image];
-                let crossed = std::array::from_fn(|axis| now[axis] - before[axis]);
-                let moved = cell.displacement::<D>(fields, &displacement.start, crossed);
-                let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
-                let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
-                Moved {
-                    id: displacement.id.into(),
-                    msd: square(&moved) + radius * radius * square(&displacement.angle),
-                    kinetic_energy: 0.5
-                        * grains.mass[g]
-                        * (velocity + D::INERTIA * radius * radius * spin),
-                }
-            })
-            .collect();
+        let moved = |(g, displacement): (usize, &Displacement)| {
+            let (fields, radius) = (grains.fields(g), grains.radius[g]);
+            let [now, before] = [grains.image[g], displacement.image];
+            let crossed = std::array::from_fn(|axis| now[axis] - before[axis]);
+            let moved = cell.displacement::<D>(fields, &displacement.start, crossed);
+            let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
+            let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
+            let motion = velocity + D::INERTIA * radius * radius * spin;
+            Moved {
+                id: displacement.id.into(),
+                msd: square(&moved) + radius * radius * square(&displacement.angle),
+                kinetic_energy: 0.5 * grains.mass[g] * motion,
+            }
+        };
+        let owned: Vec<Moved> = self.displacements.iter().enumerate().map(moved).collect();
         let all = gathered(exchange, &owned, |moved| moved.id);
         Moved {
             id: 0,

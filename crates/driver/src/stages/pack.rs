@@ -7,7 +7,7 @@ use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{Confinement, HeldState, Snapshot, body};
+use gshear_dem::state::{Confinement, Snapshot, body};
 use gshear_scene::insertion::freeze_walls;
 use gshear_scene::schedule::packing_time;
 use gshear_scene::{Load, PlaneShear, Scene};
@@ -94,28 +94,21 @@ pub(super) fn falling_drag(scene: &Scene, load: &Load, part: f64) -> f64 {
 
 impl<'a, D: Dimension> PackStage<'a, D> {
     /// The sample as its packing begins or goes on; `plane` is the law of the planes.
-    pub fn new<'r: 'a>(
-        run: &Run<'r>,
-        scene: &'a Scene,
+    pub fn new(
+        run: &Run<'a>,
         plane_shear: &'a PlaneShear,
         (law, plane): (&'a dyn PairForce<D>, Box<dyn PairForce<D>>),
         header: PackHeader,
         state: Snapshot,
     ) -> Result<Self, Failure> {
-        let PackHeader {
-            step,
-            piston,
-            drag,
-            starts,
-            ..
-        } = header;
+        let scene = run.scene;
         let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
-        assembly.system.steps = step;
+        assembly.system.steps = header.step;
         // What pulls along smooth planes would move the sample as a whole.
         let [along, down] = &mut assembly.system.gravity;
         *along = 0.0;
         let down = *down;
-        let mut drive = Planes::new(plane, piston, drag);
+        let mut drive = Planes::new(plane, header.piston, header.drag);
         let weight = down * mass_of(run, scene, &state.grains, body::FREE);
         assembly.replace(&mut drive, state.grains, state.contacts)?;
         let (load, sample) = (&plane_shear.load, &scene.sample);
@@ -128,12 +121,12 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             assembly,
             drive,
             weight,
-            step,
+            step: header.step,
             unit,
             at_rest: false,
             fell_outside: false,
-            starts,
-            advance: Advance::new(scene, D::AXES, piston.height),
+            starts: header.starts,
+            advance: Advance::new(scene, D::AXES, header.piston.height),
         })
     }
 
@@ -151,43 +144,28 @@ impl<'a, D: Dimension> PackStage<'a, D> {
     /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
     /// shear.
     pub fn finish(mut self, run: &Run<'_>) -> (Piston, Snapshot) {
-        let HeldState {
-            mut grains,
-            contacts,
-        } = self.assembly.held();
+        let mut state = self.assembly.snapshot();
         let (scene, height) = (self.scene, self.drive.piston.height);
         let of = self.plane_shear;
         if of.confinement != Confinement::Images && !of.has_planes() {
-            let planes = self.plane_shear.planes(&scene.sample, [0.0, height]);
-            freeze_walls(&mut grains, D::UP, planes, scene.materials.wall);
+            let planes = of.planes(&scene.sample, [0.0, height]);
+            freeze_walls(&mut state.grains, D::UP, planes, scene.materials.wall);
         }
         let piston = Piston {
             velocity: 0.0,
             acceleration: 0.0,
-            mass: mass_of_top(run, scene, self.plane_shear, (&grains, height)),
+            mass: mass_of_top(run, scene, of, (&state.grains, height)),
             ..self.drive.piston
         };
-        run.terminal.packed(
-            self.step,
-            height_between(scene, self.plane_shear, &piston),
-            self.plane_shear,
-        );
-        let state = Snapshot {
-            grains,
-            contacts,
-            ..Snapshot::default()
-        };
+        let between = height_between(scene, of, &piston);
+        run.terminal.packed(self.step, between, of);
         (piston, state)
     }
 }
 
 impl<D: Dimension> Stage for PackStage<'_, D> {
-    fn name(&self) -> &'static str {
-        "packing"
-    }
-
-    fn steps(&self) -> u64 {
-        self.step
+    fn at(&self) -> (&'static str, u64) {
+        ("packing", self.step)
     }
 
     fn count(&self) -> Option<u64> {
@@ -293,7 +271,6 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
                 piston: self.drive.piston,
                 drag: self.drive.drag,
                 starts: self.starts,
-                packing: self.plane_shear.origin.file().cloned(),
             }),
             state: self.assembly.owned(),
             keep: false,

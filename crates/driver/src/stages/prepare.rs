@@ -17,7 +17,7 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
-use gshear_dem::state::{GrainState, HeldState, Snapshot};
+use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::{self, radius, stream};
 use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
 use gshear_store::status::Standing;
@@ -45,19 +45,18 @@ const CLOSEST: f64 = 0.9;
 /// checkpoints of a preparation. Collective.
 pub(super) fn prepare<D: Dimension>(
     run: &mut Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>, Failure> {
     match periodic.placement {
-        Placement::Lattice => compress(run, scene, periodic, law),
+        Placement::Lattice => compress(run, periodic, law),
         Placement::Random => {
             let standing = Standing {
                 stage: super::PREPARE.into(),
                 ..Standing::default()
             };
             run.terminal.begin(&standing);
-            part(run, scene, periodic, law)
+            part(run, periodic, law)
         }
     }
 }
@@ -80,11 +79,10 @@ pub(crate) fn steps(scene: &Scene, periodic: &PeriodicBox) -> u64 {
 /// The packing of grains that begin at random places of the box; `None` if asked to stop.
 fn part<D: Dimension>(
     run: &Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>, Failure> {
-    let exchange = run.exchange;
+    let (exchange, scene) = (run.exchange, run.scene);
     let length = scene.sample.length;
     let cell = scene.sample.box_cell(length);
     let remedy = "give a lower box.solid_fraction, another seed, or sample.placement = \"lattice\"";
@@ -148,22 +146,16 @@ fn rest<D: Dimension>(
         }
     }
     run.terminal.prepared(steps);
-    let HeldState { grains, contacts } = assembly.held();
-    Ok(Some(Snapshot {
-        grains,
-        contacts,
-        ..Snapshot::default()
-    }))
+    Ok(Some(assembly.snapshot()))
 }
 
 /// The packing of grains that begin on a lattice; `None` if asked to stop.
 fn compress<D: Dimension>(
     run: &mut Run<'_>,
-    scene: &Scene,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>, Failure> {
-    let exchange = run.exchange;
+    let (exchange, scene) = (run.exchange, run.scene);
     let target = scene.sample.length;
     let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());
     length = length.max(target);
@@ -281,9 +273,8 @@ fn in_preparation(scene: &Scene, length: f64, what: &str) -> Failure {
 fn lattice(scene: &Scene) -> (u32, f64) {
     let sample = &scene.sample;
     let axes = scene.dimension.axes() as u32;
-    let side = (1u32..)
-        .find(|side| u64::from(*side).pow(axes) >= u64::from(sample.grains))
-        .unwrap_or(1);
+    let has_room = |side: &u32| u64::from(*side).pow(axes) >= u64::from(sample.grains);
+    let side = (1u32..).find(has_room).unwrap_or(1);
     let room = (2.0 * ROOM * sample.radius_max).max(sample.length / f64::from(side));
     (side, room)
 }
@@ -320,7 +311,7 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
 }
 
 /// The ids that a rank inserts.
-fn share_of(grains: u32, rank: usize, ranks: usize) -> Range<u32> {
+pub(crate) fn share_of(grains: u32, rank: usize, ranks: usize) -> Range<u32> {
     let first = |r: usize| (u64::from(grains) * r as u64 / ranks as u64) as u32;
     first(rank)..first(rank + 1)
 }
@@ -373,31 +364,30 @@ mod tests {
     use gshear_dem::state::length;
     use gshear_scene::{Boundary, Dimensions, Source, load};
 
-    fn scene(name: &str, sets: &[&str]) -> Scene {
-        let path = format!("{}/../../configs/{name}", env!("CARGO_MANIFEST_DIR"));
-        let source = Source::read(&path).unwrap();
+    const TEXT: &str = include_str!("../../../../configs/bonfanti.toml");
+
+    /// The scene of a box, and the sizes of its grains.
+    fn scene(text: &str, sets: &[&str]) -> (Scene, Sizes) {
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-        load(&source, &sets).unwrap()
+        let scene = load(&Source::new("a box", text), &sets).unwrap();
+        let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
+            panic!("walls")
+        };
+        let sizes = sizes.clone();
+        (scene, sizes)
     }
 
     #[test]
     fn grains_do_not_overlap_and_half_of_them_are_large() {
         for dimension in [Dimensions::Two, Dimensions::Three] {
-            let scene = scene(
-                "bonfanti.toml",
-                &[&format!("dimension={}", dimension.axes())],
-            );
-            let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
-                panic!("walls")
-            };
-            let (box_length, grains) = insert(&scene, sizes, 0, 1);
-            let parts: Vec<_> = (0..3).flat_map(|r| insert(&scene, sizes, r, 3).1).collect();
+            let (scene, sizes) = scene(TEXT, &[&format!("dimension={}", dimension.axes())]);
+            let (box_length, grains) = insert(&scene, &sizes, 0, 1);
+            let part = |rank| insert(&scene, &sizes, rank, 3).1;
+            let parts: Vec<_> = (0..3).flat_map(part).collect();
             assert_eq!(grains, parts);
             assert_eq!(grains.len(), 100);
-            let large = grains
-                .iter()
-                .filter(|g| g.radius == scene.sample.radius_max);
-            assert_eq!(large.count(), 50);
+            let large = |g: &&GrainState| g.radius == scene.sample.radius_max;
+            assert_eq!(grains.iter().filter(large).count(), 50);
             let cell = scene.sample.box_cell(box_length);
             for (k, a) in grains.iter().enumerate() {
                 for b in &grains[..k] {
@@ -415,28 +405,17 @@ mod tests {
     /// distributed.
     #[test]
     fn the_solid_fraction_is_that_of_the_grains() {
-        let path = format!("{}/../../configs/bonfanti.toml", env!("CARGO_MANIFEST_DIR"));
-        let text = std::fs::read_to_string(path).unwrap();
         let is_of_binary = |line: &&str| line.starts_with("large_fraction");
-        let without = text.lines().filter(|line| !is_of_binary(line));
+        let without = TEXT.lines().filter(|line| !is_of_binary(line));
         let without = without.collect::<Vec<_>>().join("\n");
-        for (text, sizes) in [
-            (without, &["sample.sizes=uniform"][..]),
-            (
-                text,
-                &["sample.sizes=binary", "sample.large_fraction=0.333"],
-            ),
-        ] {
+        let binary = &["sample.sizes=binary", "sample.large_fraction=0.333"];
+        for (text, sizes) in [(&*without, &["sample.sizes=uniform"][..]), (TEXT, binary)] {
             for (seed, axes) in [(1, 2), (2, 2), (3, 3), (4, 3)] {
                 let seed = format!("seed={seed}");
                 let dimension = format!("dimension={axes}");
                 let sets = [sizes, &[&seed, &dimension, "box.solid_fraction=0.6"]].concat();
-                let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
-                let scene = load(&Source::new("a box", text.clone()), &sets).unwrap();
-                let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
-                    panic!("walls")
-                };
-                let (_, grains) = insert(&scene, sizes, 0, 1);
+                let (scene, sizes) = scene(text, &sets);
+                let (_, grains) = insert(&scene, &sizes, 0, 1);
                 let volume = |g: &GrainState| scene.dimension.volume(g.radius);
                 let all = grains.iter().map(volume).sum::<f64>();
                 let fraction = all / scene.sample.length.powi(axes);

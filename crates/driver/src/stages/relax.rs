@@ -1,13 +1,12 @@
 //! Mechanical equilibrium: Newton's method with the exact K, and overdamped dynamics.
 
-use super::assembly::Assembly;
+use super::assembly::{Assembly, RestState};
 use super::eigenvalues::{GlobalState, Move, newton_step};
-use super::rest::RestState;
 use crate::header::Relaxing;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, HeldState, Sheared, Stretching, body};
+use gshear_dem::state::{Cell, Sheared, Stretching, body};
 use gshear_dem::step::forces;
 use gshear_dem::system::{Outside, System};
 use gshear_scene::{Method, Relax, Sample};
@@ -80,18 +79,18 @@ impl Relaxation {
         let before: Vec<[u32; 2]> = before.state.contacts.iter().map(|c| [c.i, c.j]).collect();
         let before = gathered(assembly.exchange, &before, |pair| *pair);
         let factorisations = &mut found.factorisations;
-        let converged = self.newton(assembly, (&before, of_newton), factorisations)?;
-        let state = match converged {
-            None => return Ok(false),
-            Some(_) => held.pop().expect("the state before Newton's method"),
+        let newton = self.newton(assembly, (&before, of_newton), factorisations)?;
+        let Some(converged) = newton else {
+            return Ok(false);
         };
-        if converged == Some(false) {
+        let state = held.pop().expect("the state before Newton's method");
+        if !converged {
             state.put_back(assembly)?;
             *opened = None;
             found.fell_back = true;
             assembly.begin_overdamped(&self.relax)?;
         }
-        Ok(converged == Some(true))
+        Ok(converged)
     }
 
     /// Newton's method with one K. Every displacement is one step of the dynamics, so that the
@@ -124,14 +123,9 @@ impl Relaxation {
                 let Some(moves) = newton_step(assembly, tangent) else {
                     return Ok(Some(false));
                 };
-                let furthest = moves
-                    .iter()
-                    .map(|[way, _]| way.iter().map(|x| x * x).sum::<f64>());
-                let furthest = assembly
-                    .exchange
-                    .maximum(furthest.fold(0.0, f64::max))
-                    .sqrt();
-                let smooth = furthest < longest;
+                let square = |[way, _]: &Move| way.iter().map(|x| x * x).sum::<f64>();
+                let furthest = moves.iter().map(square).fold(0.0, f64::max);
+                let smooth = assembly.exchange.maximum(furthest).sqrt() < longest;
                 if !smooth || assembly.displace(&moves, 0.0).is_err() {
                     return Ok(Some(false));
                 }
@@ -173,14 +167,6 @@ pub(crate) fn factor_once<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Resul
         Some(_) => Ok(()),
         None => Err(Failure::numbers("the stiffness matrix has no factors")),
     }
-}
-
-/// All eigenvalues of K: for measurements of their time. Collective.
-pub(crate) fn eigenvalues_once<D: Dimension>(
-    assembly: &mut Assembly<'_, D>,
-) -> Result<(), Failure> {
-    let whole = GlobalState::at_rest(assembly);
-    whole.eigenvalues(assembly).map(drop)
 }
 
 /// Whether all overlaps are within the law, and what is outside it on this rank.
@@ -243,11 +229,9 @@ impl<D: Dimension> Assembly<'_, D> {
             }
             let torque = length(&force[D::TORQUE..D::TORQUE + D::SPINS]) / grains.radius[g];
             for x in [length(&contacts), length(&slowing), torque] {
-                greatest = if x > greatest || x.is_nan() {
-                    x
-                } else {
-                    greatest
-                };
+                if x > greatest || x.is_nan() {
+                    greatest = x;
+                }
             }
         }
         self.exchange.maximum(greatest)
@@ -291,13 +275,10 @@ impl<D: Dimension> Assembly<'_, D> {
     /// Gives the cell these lengths (m) and moves the grains affinely with it, in one step of the
     /// dynamics, which advances the histories. All grains must be at rest, and stay so.
     pub(super) fn stretch(&mut self, lengths: [f64; 3]) -> Result<Followed, Failure> {
-        let HeldState {
-            mut grains,
-            contacts,
-        } = self.held();
+        let mut state = self.held();
         let before = self.system.cell.lengths::<D>();
         let factors: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / before[axis]);
-        for g in &mut grains {
+        for g in &mut state.grains {
             for axis in 0..D::AXES {
                 // Rounding must not move a grain out of the cell.
                 let moved = g.position[axis] * factors[axis];
@@ -306,7 +287,7 @@ impl<D: Dimension> Assembly<'_, D> {
         }
         let cell = self.system.cell.with_lengths::<D>(lengths);
         self.system.set_cell(self.exchange, cell)?;
-        self.replace(&mut NoWalls, grains, contacts)?;
+        self.replace(&mut NoWalls, state.grains, state.contacts)?;
         let system = &mut self.system;
         let rates = factors.map(|factor| (1.0 - 1.0 / factor) / system.step);
         if let Some(sheared) = &mut system.cell.sheared {

@@ -5,28 +5,26 @@ use std::time::Instant;
 
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
-use gshear_dem::contact::model::PairModel;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Exchange;
-use gshear_dem::drive::{Drive, GrainWalls, Images, Piston, Slider, Top};
+use gshear_dem::drive::{Drive, GrainWalls, Images, Slider, Top};
 use gshear_dem::failure::Failure;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants, UpperEnd};
 use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
-use gshear_scene::{PackingFile, PlaneShear, Scene};
+use gshear_scene::{PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
 use super::assembly::Assembly;
 use super::top_wall::mass_of;
-use crate::files::{Files, Format, ShearFormat};
+use crate::files::{Files, Format};
 use crate::frame_analysis::FrameAnalysis;
-use crate::header::{Header, ShearHeader};
+use crate::header::{Header, ShearHeader, UpToCheckpoint, Written};
 use crate::options::Outcome;
 use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
-use crate::written::{UpToCheckpoint, Written};
 use gshear_store::file_names::RUN_FILE;
 use gshear_store::status::Standing;
 
@@ -49,13 +47,6 @@ impl Above {
         }
     }
 
-    fn top_mut(&mut self) -> &mut Top {
-        match self {
-            Self::Wall(walls) => &mut walls.motion,
-            Self::Images(images) => &mut images.motion,
-        }
-    }
-
     fn drive<D: Dimension>(&mut self) -> &mut dyn Drive<D> {
         match self {
             Self::Wall(walls) => walls,
@@ -67,17 +58,10 @@ impl Above {
 /// The stage that shears the sample.
 pub(super) struct ShearStage<'a, D: Dimension> {
     scene: &'a Scene,
-    /// The file that the grains came from.
-    packing: Option<&'a PackingFile>,
+    plane_shear: &'a PlaneShear,
     schedule: Schedule,
     assembly: Assembly<'a, D>,
     above: Above,
-    /// What bounds the sample.
-    confinement: Confinement,
-    /// Whether grains that pass a wall are removed.
-    removes: bool,
-    /// Height of the plane under the bottom wall at the start (m); the piston's counts from there.
-    floor: f64,
     /// Constants of the sample for the time series.
     frame: SampleConstants,
     /// Mass of the free grains (kg; kg/m in 2D).
@@ -93,15 +77,14 @@ pub(super) struct ShearStage<'a, D: Dimension> {
 
 impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Takes the sample and opens its files.
-    pub fn new<'r: 'a>(
-        run: &mut Run<'r>,
-        scene: &'a Scene,
+    pub fn new(
+        run: &Run<'a>,
         plane_shear: &'a PlaneShear,
         law: &'a dyn PairForce<D>,
         from: ShearHeader,
         mut state: Snapshot,
     ) -> Result<Self, Failure> {
-        let exchange = run.exchange;
+        let (exchange, scene) = (run.exchange, run.scene);
         let mut schedule = Schedule::new(scene, plane_shear, from.height);
         if let Some(window) = run.options.replay {
             schedule = schedule.of_window(window);
@@ -114,7 +97,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             let way = schedule.protocol.fastest() * schedule.step;
             assembly.system.list.at_least(4.0 * way);
         }
-        let top = top(scene, plane_shear, &schedule, &from);
+        let mut top = top(scene, plane_shear, &schedule, &from);
+        if from.step == 0 {
+            set_moving(&mut state.grains, &mut top, &schedule, D::UP);
+        }
         let floor = plane_shear.floor();
         let mut above = match from.images {
             None => Above::Wall(GrainWalls::new(top)),
@@ -127,9 +113,6 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
                 _ => [floor; 2],
             });
         }
-        if from.step == 0 {
-            set_moving(&mut state.grains, above.top_mut(), &schedule, D::UP);
-        }
         let mass = mass_of(run, scene, &state.grains, body::FREE);
         assembly.replace(above.drive(), state.grains, state.contacts)?;
         let system = &mut assembly.system;
@@ -138,32 +121,36 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let energy = load.pressure * sample.mean_section() * load.mean_overlap(sample);
         let frame = SampleConstants::measure(exchange, system, thickness, energy);
         if plane_shear.output.energy {
-            let new = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
-            let saved = from.energy_budget.map(|saved| (saved, &from.piston));
-            system.budget = Some(resumed(new, exchange.rank(), above.top_mut(), saved));
+            let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
+            if let Some(mut saved) = from.energy_budget {
+                if above.top().normal_work {
+                    saved = saved.with_varying_load(&from.piston);
+                }
+                budget.resume(&saved, exchange.rank());
+            }
+            system.budget = Some(budget);
         }
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
         let goes_on = run.options.replay.is_none();
         let before = goes_on.then(|| UpToCheckpoint::new(from.step));
-        let format = format(scene, plane_shear, &schedule, law);
-        let files = Files::open(run.place(), system, &format, before)?;
-        // The first row of new scalars is of a frame without a frame before it.
-        let before = state.analysed.filter(|_| files.resumed());
-        let analysis = if plane_shear.analysis.scalars {
-            Some(FrameAnalysis::new(exchange, system, before))
-        } else {
-            None
+        let format = Format {
+            name: RUN_FILE,
+            columns: schedule.columns,
+            attributes: attributes(scene, plane_shear, &schedule),
+            height: Some(schedule.height),
         };
+        let files = Files::open(run, &mut assembly, &format, before)?;
+        // The first row of new scalars is of a frame without a frame before it.
+        let before = state.analysed.filter(|_| files.resumed);
+        let scalars = plane_shear.analysis.scalars;
+        let analysis = scalars.then(|| FrameAnalysis::new(exchange, &mut assembly.system, before));
         Ok(Self {
             scene,
-            packing: plane_shear.origin.file(),
+            plane_shear,
             schedule,
             assembly,
             above,
-            confinement: plane_shear.confinement,
-            removes: plane_shear.removes,
-            floor,
             frame,
             mass,
             files,
@@ -205,11 +192,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         ];
         let known = if complete { &attributes[..] } else { &[] };
         self.files.finish(exchange, known)?;
-        let phases = self.assembly.system.clock.table(exchange);
         run.terminal.end(
             exchange,
             &mut self.assembly.system,
-            &phases,
             done / seconds,
             &digest,
             (&run.options.out, complete),
@@ -219,13 +204,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
 
     /// Hands the scalars computed so far to the files.
     fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
-        match &mut self.analysis {
-            Some(analysis) => {
-                let rows = analysis.flush(exchange);
-                self.files.trajectory.scalars(exchange, &rows)
-            }
-            None => Ok(()),
-        }
+        let Some(analysis) = &mut self.analysis else {
+            return Ok(());
+        };
+        let rows = analysis.flush(exchange);
+        self.files.trajectory.scalars(exchange, &rows)
     }
 
     /// The output due after the step `next`: a row, a frame, a frame to be analysed.
@@ -240,7 +223,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Ends the run if a free grain has passed a wall, unless such grains are removed. Collective.
     fn check_between(&self, exchange: &dyn Exchange) -> Result<(), Failure> {
         match self.outer_planes() {
-            Some(planes) if !self.removes => {
+            Some(planes) if !self.plane_shear.removes => {
                 observe::check_between(exchange, &self.assembly.system, planes)
             }
             _ => Ok(()),
@@ -269,10 +252,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             return None;
         }
         let top = self.above.top();
-        let bottom = self.floor + top.bottom_displacement();
-        let top = match self.confinement {
+        let bottom = self.plane_shear.floor() + top.bottom_displacement();
+        let top = match self.plane_shear.confinement {
             Confinement::FreeSurface => f64::INFINITY,
-            _ => self.floor + top.piston.height,
+            _ => self.plane_shear.floor() + top.piston.height,
         };
         Some([bottom, top])
     }
@@ -285,7 +268,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             return Ok(());
         };
         let layer = motion.piston.height - self.frame.walls - motion.bottom_displacement();
-        if layer <= 0.0 && self.confinement == Confinement::Walls {
+        if layer <= 0.0 && self.plane_shear.confinement == Confinement::Walls {
             return Err(Failure::numbers(format!(
                 "step {}: the top wall has come down to the bottom wall: no grain between them holds it; give walls without holes, or end the run before",
                 self.step
@@ -316,8 +299,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     fn upper_end(&mut self, exchange: &dyn Exchange) -> UpperEnd {
         match &self.above {
             Above::Images(images) => UpperEnd::Images(images.felt),
-            Above::Wall(walls) if self.confinement == Confinement::FreeSurface => {
-                let bottom = self.floor + self.frame.walls + walls.motion.bottom_displacement();
+            Above::Wall(walls) if self.plane_shear.confinement == Confinement::FreeSurface => {
+                let bottom = self.plane_shear.floor()
+                    + self.frame.walls
+                    + walls.motion.bottom_displacement();
                 let system = &mut self.assembly.system;
                 let of = (self.mass, bottom);
                 UpperEnd::Free(observe::flow(exchange, system, &self.frame, of))
@@ -341,7 +326,6 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             height: self.schedule.height,
             written,
             energy_budget: (self.assembly.system.budget.as_ref()).map(|b| b.save(run.exchange)),
-            packing: self.packing.cloned(),
         })
     }
 
@@ -354,16 +338,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
 }
 
 impl<D: Dimension> Stage for ShearStage<'_, D> {
-    fn name(&self) -> &'static str {
-        RunStage::Shear.name()
-    }
-
-    fn steps(&self) -> u64 {
-        self.step
-    }
-
-    fn count(&self) -> Option<u64> {
-        Some(self.step + 1)
+    fn at(&self) -> (&'static str, u64) {
+        (RunStage::Shear.name(), self.step)
     }
 
     fn is_done(&self) -> bool {
@@ -374,7 +350,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the packed sample.
-            run.save_as(Checkpoint {
+            run.save(&Checkpoint {
                 header: self.header(run, Written::default()),
                 state: self.state(),
                 keep: true,
@@ -384,7 +360,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
-        if self.removes && self.step.is_multiple_of(REMOVAL_STEPS) {
+        if self.plane_shear.removes && self.step.is_multiple_of(REMOVAL_STEPS) {
             self.remove_beyond(run);
         }
         let sampled = self.due(self.step + 1).contains(&true);
@@ -475,7 +451,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         let row = self.latest;
         // The strain under a force is not known in advance.
         let strain = match (self.schedule.protocol.has_force(), row) {
-            _ if self.confinement == Confinement::FreeSurface => None,
+            _ if self.plane_shear.confinement == Confinement::FreeSurface => None,
             (true, Some(row)) => Some(row.strain),
             _ => Some(self.schedule.strain(self.step)),
         };
@@ -518,29 +494,13 @@ fn top(scene: &Scene, plane_shear: &PlaneShear, schedule: &Schedule, from: &Shea
         piston.load = load;
     }
     let mut top = Top::new(piston, slider, servo, plane_shear.output.energy);
-    top.normal_work |= is_loaded_anew;
+    // Once it is summed, it stays so.
+    let is_summed = |saved: &SavedBudget| plane_shear.output.energy && saved.has_normal_work();
+    top.normal_work |= is_loaded_anew || from.energy_budget.as_ref().is_some_and(is_summed);
     if let Some(slider) = from.slider {
         top.slider.state = slider;
     }
     top
-}
-
-/// The energy budget, which goes on as `saved` with the top of then.
-fn resumed(
-    mut budget: EnergyBudget,
-    rank: usize,
-    top: &mut Top,
-    saved: Option<(SavedBudget, &Piston)>,
-) -> EnergyBudget {
-    if let Some((mut saved, piston)) = saved {
-        // Once it is summed, it stays so.
-        top.normal_work |= saved.has_normal_work();
-        if top.normal_work {
-            saved = saved.with_varying_load(piston);
-        }
-        budget.resume(&saved, rank);
-    }
-    budget
 }
 
 /// Gives the grains of the walls the velocities with which these begin.
@@ -555,27 +515,6 @@ fn set_moving(grains: &mut [GrainState], top: &mut Top, schedule: &Schedule, up:
             body::BOTTOM if schedule.protocol.has_bottom() => g.velocity[up] = bottom,
             _ => {}
         }
-    }
-}
-
-/// The file of the run.
-fn format<'a>(
-    scene: &'a Scene,
-    plane_shear: &PlaneShear,
-    schedule: &Schedule,
-    law: &'a dyn PairModel,
-) -> Format<'a> {
-    Format {
-        name: RUN_FILE,
-        columns: schedule.columns,
-        scene,
-        law,
-        attributes: attributes(scene, plane_shear, schedule),
-        shear: Some(ShearFormat {
-            height: schedule.height,
-            scalars: plane_shear.analysis.scalars,
-            confinement: plane_shear.confinement,
-        }),
     }
 }
 

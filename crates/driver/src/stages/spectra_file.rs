@@ -22,11 +22,11 @@ impl SpectraFile {
     /// Creates the file, or opens an existing one and removes its rows after the time `last`.
     pub fn open(exchange: &dyn Parallel, path: &Path, last: Option<f64>) -> Result<Self, Failure> {
         let open = || {
-            let rows = match last {
-                // A killed program may have left an empty file.
-                Some(last) => rows_up_to(path, last)?,
-                None => None,
-            };
+            // A killed program may have left an empty file.
+            let rows = last
+                .map(|last| rows_up_to(path, last))
+                .transpose()?
+                .flatten();
             let file = match rows {
                 Some(rows) => TableFile::open_to_append(path, &COLUMNS, rows)?,
                 None => TableFile::create(path, &COLUMNS)?,

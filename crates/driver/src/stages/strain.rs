@@ -10,29 +10,25 @@ use gshear_store::file_names::RUN_FILE;
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
-use super::assembly::Assembly;
+use super::assembly::{Assembly, RestState};
 use super::box_state::Observed;
-use super::eigenvalues::{Eigenvalues, GlobalState};
+use super::eigenvalues::Eigenvalues;
 use super::relax::{LONGEST, Relaxation};
-use super::rest::RestState;
 use crate::files::{Files, Format};
 use crate::header::{
-    Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, Work,
+    Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, UpToCheckpoint,
+    Work,
 };
 use crate::options::Outcome;
 use crate::run::{Checkpoint, Run, Save, Stage};
-use crate::written::UpToCheckpoint;
 use gshear_store::status::Standing;
 
 /// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and
 /// of a compression the part by which the volume has decreased.
 pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &Progress) -> f64 {
     let of_volume = |of: &Stretched| {
-        let parts = of.lengths.iter().zip(of.initial);
-        1.0 - parts
-            .take(D::AXES)
-            .map(|(now, then)| now / then)
-            .product::<f64>()
+        let parts = of.lengths.iter().zip(of.initial).take(D::AXES);
+        1.0 - parts.map(|(now, then)| now / then).product::<f64>()
     };
     match periodic.deformation {
         Deformation::Compression(_) => progress.stretched.as_ref().map_or(0.0, of_volume),
@@ -61,17 +57,16 @@ pub(super) struct Strain<'a, D: Dimension> {
 
 impl<'a, D: Dimension> Strain<'a, D> {
     pub fn new(
-        run: &Run<'_>,
-        scene: &'a Scene,
+        run: &Run<'a>,
         periodic: &'a PeriodicBox,
         mut assembly: Assembly<'a, D>,
         (header, held): (Header, Vec<HeldState>),
     ) -> Result<Self, Failure> {
+        let scene = run.scene;
         let Header::Aqs {
             progress,
             written,
             unfinished,
-            ..
         } = header
         else {
             unreachable!("strain steps begin with their header")
@@ -85,17 +80,15 @@ impl<'a, D: Dimension> Strain<'a, D> {
         let format = Format {
             name: RUN_FILE,
             columns: &AqsRow::COLUMNS,
-            scene,
-            law: assembly.law,
             attributes: vec![("mean_diameter", scene.sample.mean_diameter.into())],
-            shear: None,
+            height: None,
         };
         let before = UpToCheckpoint {
             step: progress.steps,
             last: (written.rows > 0).then_some(progress.steps),
         };
         Ok(Self {
-            files: Files::open(run.place(), &mut assembly.system, &format, Some(before))?,
+            files: Files::open(run, &mut assembly, &format, Some(before))?,
             relaxation: Relaxation::new(periodic.relax, &scene.sample),
             scene,
             periodic,
@@ -187,7 +180,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             (Search::Lateral(of), _) => self.correct(of),
             (Search::Birth { low, high }, _) => {
                 let middle = 0.5 * (low + high);
-                if self.eigenvalues()?.pairs() > 0 {
+                if self.assembly.eigenvalues()?.pairs() > 0 {
                     return self.bisect(run, low, middle);
                 }
                 self.held[0] = RestState::of(&mut self.assembly);
@@ -269,10 +262,6 @@ impl<'a, D: Dimension> Strain<'a, D> {
         }
     }
 
-    fn eigenvalues(&mut self) -> Result<Eigenvalues, Failure> {
-        GlobalState::at_rest(&mut self.assembly).eigenvalues(&self.assembly)
-    }
-
     /// Begins the next step of the bisection of the strain of the birth, between these strains from
     /// the state before the last strain step on, or ends it.
     fn bisect(&mut self, run: &Run<'_>, low: f64, high: f64) -> Result<Option<Search>, Failure> {
@@ -299,16 +288,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
 }
 
 impl<D: Dimension> Stage for Strain<'_, D> {
-    fn name(&self) -> &'static str {
-        RunStage::Strain.name()
-    }
-
-    fn steps(&self) -> u64 {
-        self.progress.steps
-    }
-
-    fn count(&self) -> Option<u64> {
-        Some(self.progress.steps + 1)
+    fn at(&self) -> (&'static str, u64) {
+        (RunStage::Strain.name(), self.progress.steps)
     }
 
     fn is_done(&self) -> bool {
@@ -357,13 +338,12 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         let Some(found) = self.unrecorded.take() else {
             return Ok(());
         };
-        let (exchange, aqs) = (run.exchange, &self.periodic.aqs);
+        let (exchange, aqs) = (run.exchange, self.periodic.aqs);
         let observed = self.assembly.observe(self.scene.sample.grains);
-        let eigenvalues = if aqs.spectrum {
-            Some(self.eigenvalues()?)
-        } else {
-            None
-        };
+        let eigenvalues = aqs
+            .spectrum
+            .then(|| self.assembly.eigenvalues())
+            .transpose()?;
         if let Some(found) = &eigenvalues {
             (self.progress.pairs, self.progress.pair) = (found.pairs(), found.fastest_pair());
         }
@@ -428,7 +408,6 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 progress: self.progress,
                 written: self.files.flush(run.exchange)?,
                 unfinished,
-                packing: self.scene.packing().cloned(),
             },
             state: Snapshot {
                 held: self.held.iter().map(RestState::owned).collect(),

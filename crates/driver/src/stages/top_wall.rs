@@ -59,11 +59,11 @@ fn total(run: &Run<'_>, magnitude: f64, terms: impl Iterator<Item = f64>) -> f64
 /// and the grains with it. Collective.
 pub(super) fn stretch(
     run: &Run<'_>,
-    scene: &Scene,
     plane_shear: &PlaneShear,
     piston: &mut Piston,
     state: &mut Snapshot,
 ) -> Result<(), Failure> {
+    let scene = run.scene;
     let Some(wanted) = plane_shear.load.solid_fraction else {
         return Ok(());
     };

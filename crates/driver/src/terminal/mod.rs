@@ -24,9 +24,9 @@ use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::derived::mean_attraction;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
-use gshear_scene::unlikely;
 use gshear_scene::{
     Boundary, Control, Dimensions, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls,
+    unlikely,
 };
 use gshear_store::box_columns::AqsRow;
 use gshear_store::provenance;
@@ -85,10 +85,7 @@ impl Terminal {
         Self {
             verbosity,
             speaks,
-            screen: match verbosity {
-                Verbosity::Quiet => None,
-                _ => Screen::find(),
-            },
+            screen: (verbosity != Verbosity::Quiet).then(Screen::find).flatten(),
             next_packing_line: 10_000,
             status: None,
         }
@@ -383,18 +380,18 @@ impl Terminal {
         &self,
         exchange: &dyn Parallel,
         system: &mut System<impl Dimension>,
-        phases: &str,
         speed: f64,
         digest: &str,
         (out, complete): (&Path, bool),
     ) {
         self.clear();
+        let phases = system.clock.table(exchange);
         let memory = exchange.maximum(system.memory() as f64);
         let rebuilds = system.list.rebuilds;
         let (bytes, messages) = system.slabs.traffic();
         self.say(format!("results in {}", out.display()));
         let room = width(&Term::stdout()).unwrap_or(usize::MAX);
-        self.say(phases_within(phases, room).trim_end());
+        self.say(phases_within(&phases, room).trim_end());
         if exchange.size() > 1 {
             let micro = |phase| 1e6 * system.clock.per_step(phase);
             self.say(format!(

@@ -8,18 +8,15 @@ use gshear_store::status::Standing;
 
 /// What is measured, in words.
 fn values(of: &Standing) -> Vec<String> {
-    let value = |name: &str, value: Option<f64>, text: fn(f64) -> String| {
-        value.map(|value| format!("{name} {}", text(value)))
-    };
-    let strain: fn(f64) -> String = match &*of.stage {
-        "aqs" => |strain| format!("{strain:.3e}"),
-        _ => |strain| format!("{strain:.5}"),
-    };
+    let strain = of.strain.map(|strain| match &*of.stage {
+        "aqs" => format!("strain {strain:.3e}"),
+        _ => format!("strain {strain:.5}"),
+    });
     [
-        value("strain", of.strain, strain),
-        value("tau", of.stress_ratio, |tau| format!("{tau:.4}")),
-        value("stress", of.shear_stress, |stress| format!("{stress:.3e}")),
-        value("force", of.residual, |force| format!("{force:.1e}")),
+        strain,
+        of.stress_ratio.map(|tau| format!("tau {tau:.4}")),
+        (of.shear_stress).map(|stress| format!("stress {stress:.3e}")),
+        of.residual.map(|force| format!("force {force:.1e}")),
     ]
     .into_iter()
     .flatten()

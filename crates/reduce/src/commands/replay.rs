@@ -237,7 +237,7 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved, Failure> {
         // A damaged one may not be needed; if it is, the message below names it.
         let header = checkpoint::read_texts(&path).and_then(|[header, _]| Header::parse(&header));
         match header {
-            Ok((header, _)) if header.stage() == stage => candidates.push((header.step(), path)),
+            Ok((header, ..)) if header.stage() == stage => candidates.push((header.step(), path)),
             Ok(_) => {}
             Err(failure) => damaged = damaged.or(Some(failure)),
         }

@@ -1,0 +1,71 @@
+//! What a run is to do: its scene, and where it starts.
+
+use gshear_dem::state::GrainState;
+use gshear_scene::{Boundary, Scene, unlikely};
+use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
+
+use crate::header::Saved;
+use crate::run_record::RunRecord;
+
+/// A scene, and the state from which its run starts.
+pub struct Task {
+    /// The scene.
+    pub scene: Scene,
+    /// The initial state.
+    pub start: Start,
+    /// The identity and history of the run.
+    pub record: RunRecord,
+    /// How it enters its folder.
+    pub(crate) entry: Entry,
+}
+
+/// The start of a run. Grains are this rank's part of all grains, in any distribution.
+#[derive(Debug, Clone)]
+pub enum Start {
+    /// Grains that the scene inserts.
+    Insertion,
+    /// The grains of the scene's packing.
+    Grains(Vec<GrainState>),
+    /// A checkpoint, and its scene, where that of the run may differ.
+    Checkpoint(Box<Saved>, Option<Box<Scene>>),
+}
+
+/// How a run enters its folder.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Entry {
+    /// From the first grain, or as a branch: the folder must not hold a run.
+    New,
+    /// From the first grain, because the folder holds the beginning of this run without a
+    /// checkpoint.
+    Again,
+    /// From a checkpoint: the folder may hold the same run.
+    Resume,
+}
+
+impl Task {
+    /// The checkpoint that the run starts from, if it does.
+    pub(crate) fn saved(&self) -> Option<&Saved> {
+        match &self.start {
+            Start::Checkpoint(saved, _) => Some(saved),
+            Start::Insertion | Start::Grains(_) => None,
+        }
+    }
+
+    /// A sentence if the grains that the shear starts with are not at their load; of rank 0.
+    pub(crate) fn not_at_load(&self) -> Option<String> {
+        match &self.start {
+            Start::Grains(grains) if !grains.is_empty() => {
+                unlikely::not_at_load(&self.scene, grains)
+            }
+            _ => None,
+        }
+    }
+
+    /// The file, or its part, of the last stage, whose attribute `digest` marks a finished run.
+    pub(crate) fn last_file(&self) -> &'static str {
+        match &self.scene.boundary {
+            Boundary::Periodic(periodic) if periodic.newtonian.is_some() => NEWTONIAN_PART,
+            _ => RUN_FILE,
+        }
+    }
+}
