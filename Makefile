@@ -22,12 +22,13 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
 
-.PHONY: help deps build run test python docs scaling bench accuracy stress faults queues peers million book own-law mpich wheel manual install uninstall release clean
+.PHONY: help deps build run test lint python docs scaling bench accuracy stress faults queues peers million book own-law mpich wheel manual install uninstall release clean
 
 help:
 	@echo "make run       run the default scene on RANKS=$(RANKS) ranks and write its report ($(OUT)); START=--overwrite starts again"
-	@echo "make test      format, lints, every test of every crate, those through mpirun among them, rustdoc, and make python"
-	@echo "make python    lints, types and tests of the Python package in python/; a part of make test"
+	@echo "make test      make lint, every test of every crate, those through mpirun among them, and make python"
+	@echo "make lint      format, lints and types of Rust and Python, rustdoc without warnings: minutes"
+	@echo "make python    tests of the Python package in python/; a part of make test"
 	@echo "make book      the book of docs/ and the API into target/book, without warnings, every link checked"
 	@echo "make docs      write the tables of keys and columns in docs/ and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
@@ -63,20 +64,23 @@ run: build
 
 # Two tests a core, since many wait.
 # All in the release profile: the tests run real programs, and one profile builds the dependencies once.
-test: deps
-	cargo fmt --check
-	cargo clippy --release --locked --workspace --all-targets -- -D warnings
-	cargo clippy --release --locked --test queues -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
+test: lint
 	RUST_TEST_THREADS=$$(( 2 * $$(nproc) )) cargo test --release --locked --workspace
 	$(MAKE) python
+
+# What is found without running anything. The environment of Python is made beside the compiler.
+lint: deps
+	cargo fmt --check
+	scripts/python-env & made=$$!; cargo clippy --release --locked --workspace --all-targets -- -D warnings && wait $$made
+	cargo clippy --release --locked --test queues -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps --workspace
+	cd python && ../target/python/bin/ruff format --check --config pyproject.toml . ../scripts
+	cd python && ../target/python/bin/ruff check --config pyproject.toml . ../scripts
+	cd python && ../target/python/bin/mypy
 
 # The programs are named because others may come first in the path.
 python: build
 	@scripts/python-env
-	cd python && ../target/python/bin/ruff format --check --config pyproject.toml . ../scripts
-	cd python && ../target/python/bin/ruff check --config pyproject.toml . ../scripts
-	cd python && ../target/python/bin/mypy
 	cd python && GSHEAR_MPI=$(abspath $(PROGRAM)) GSHEAR_REDUCE=$(abspath $(REDUCE)) ../target/python/bin/pytest --durations=5 \
 		--numprocesses $$(nproc) --dist loadfile
 

@@ -2,8 +2,8 @@
 
 use gshear_dem::state::{ContactSample, Disks};
 
-/// Marks the rattlers of a frame in so many dimensions D: free grains with D or fewer contacts, wall
-/// grains with D - 1 or fewer (LH section 3.2 for disks, D = 2).
+/// Marks the rattlers of a frame in so many dimensions D: free grains with D or fewer contacts,
+/// wall grains with D - 1 or fewer (LH section 3.2 for disks, D = 2).
 ///
 /// `rattler` becomes `[N]`, by grain id. Every contact of the frame counts, whatever its force.
 pub fn mark(axes: usize, grains: &Disks, touching: &[ContactSample], rattler: &mut Vec<bool>) {

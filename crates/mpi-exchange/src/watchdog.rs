@@ -112,6 +112,9 @@ pub struct Watchdog {
 /// Seconds for which a thread may count nothing before its process is taken for stopped: more than
 /// a loaded machine keeps a thread waiting.
 const STOPPED: u64 = 5;
+/// A second that took longer was one in which the job or its machine was suspended, so that no rank
+/// went on; it counts as this.
+const LONGEST: Duration = Duration::from_secs(2);
 /// So long this rank waits after a failure of its own for the others to agree on it.
 const AGREEMENT: Duration = Duration::from_secs(2);
 /// Ranks of other nodes are not seen, and may compute: they get this many times as long.
@@ -150,22 +153,28 @@ impl Drop for Watchdog {
 }
 
 /// What is seen of a rank.
+#[derive(Clone, Default)]
 struct Seen {
     seconds: u64,
-    /// When this rank last saw its seconds change.
-    at: Instant,
+    /// For how long this rank has not seen its seconds change.
+    silence: Duration,
 }
 
 impl Seen {
-    fn look(&mut self, progress: &Progress) {
+    fn look(&mut self, progress: &Progress, passed: Duration) {
         let seconds = progress.seconds.load(Ordering::Relaxed);
-        if seconds != self.seconds {
-            (self.seconds, self.at) = (seconds, Instant::now());
+        if seconds == self.seconds {
+            self.silence += passed;
+        } else {
+            *self = Self {
+                seconds,
+                silence: Duration::ZERO,
+            };
         }
     }
 
     fn is_silent(&self) -> bool {
-        self.at.elapsed() > Duration::from_secs(STOPPED)
+        self.silence > Duration::from_secs(STOPPED)
     }
 }
 
@@ -217,24 +226,21 @@ fn watch(
     };
     // Not before a stopped process can be told.
     let limit = limit.max(Duration::from_secs(STOPPED + 2));
-    let now = Instant::now();
-    let unseen = || Seen {
-        seconds: 0,
-        at: now,
-    };
-    let mut seen: Vec<Seen> = here.iter().map(|_| unseen()).collect();
-    let (mut operation, mut since, mut told) = (u64::MAX, now, false);
+    let mut seen = vec![Seen::default(); here.len()];
+    let (mut operation, mut waited, mut told) = (u64::MAX, Duration::ZERO, false);
     while !stopped.load(Ordering::Relaxed) {
+        let parked = Instant::now();
         std::thread::park_timeout(Duration::from_secs(1));
+        let passed = parked.elapsed().min(LONGEST);
         own.seconds.fetch_add(1, Ordering::Relaxed);
         for ((_, progress), seen) in here.iter().zip(&mut seen) {
-            seen.look(progress);
+            seen.look(progress, passed);
         }
+        waited += passed;
         let current = own.operations.load(Ordering::Relaxed);
         if current != operation || !own.waits() {
-            (operation, since, told) = (current, Instant::now(), false);
+            (operation, waited, told) = (current, Duration::ZERO, false);
         }
-        let waited = since.elapsed();
         if own.waits()
             && waited > AGREEMENT
             && let Some(failure) = failure.message()

@@ -36,6 +36,7 @@ mod stress_ratio;
 mod structure;
 mod summary;
 pub mod sweep;
+mod text;
 pub mod ticks;
 
 use std::path::{Path, PathBuf};

@@ -1,11 +1,10 @@
 //! The HTML page of a run's report: one self-contained file.
 
 use super::ReportFigure;
-use super::plot::next_mark;
 use super::summary::{self, DropFrames, Summary, is_imposed, latter_half};
+use super::text::escape;
 use gshear_analysis::moments::extent;
 use gshear_analysis::phases::PhaseKind;
-use gshear_dem::failure::printable;
 use gshear_store::run_reader::RunFile;
 
 /// Names and values of the table at the top, in HTML.
@@ -204,24 +203,4 @@ pub fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
     let row = |(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n");
     let rows: String = rows.into_iter().map(row).collect();
     format!("<table>\n{rows}</table>\n")
-}
-
-/// Text with its subscripts and superscripts as HTML.
-pub fn marked(text: &str) -> String {
-    let text = escape(text);
-    let (mut out, mut rest) = (String::new(), &*text);
-    while let Some((before, mark, inner, after)) = next_mark(rest) {
-        let tag = if mark == '_' { "sub" } else { "sup" };
-        out += &format!("{before}<{tag}>{inner}</{tag}>");
-        rest = after;
-    }
-    out + rest
-}
-
-/// Text between tags. Own code because three replacements are not worth a crate.
-pub fn escape(text: &str) -> String {
-    printable(text)
-        .replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
 }

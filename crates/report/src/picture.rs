@@ -15,8 +15,8 @@ use gshear_store::run_reader::{RunFile, RunStage};
 use super::ReportFigure;
 use super::colour::{FORCE, Scale, VIRIDIS, WALL};
 use super::map::DECADES;
-use super::page::marked;
 use super::plot::{Layout, Plot, figure};
+use super::text::marked;
 
 /// Width of the drawing (px), and the greatest height.
 const WIDTH: f64 = 620.0;

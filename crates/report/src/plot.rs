@@ -10,6 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{Color, FontTransform, IntoFont, RGBColor, ShapeStyle, TextStyle};
 
 use super::colour::{GREY, INK, PALE, Scale, WHITE};
+use super::text::{escape, next_mark};
 use super::ticks::{self, Tick};
 
 /// Canvas units per pixel. plotters has integer coordinates only, so it draws on a larger canvas
@@ -392,7 +393,7 @@ fn reading(ticks: &[Tick], ends: [f64; 2], label: &str) -> Option<String> {
     let [low, high] = ends.map(|x| a + (b - a) * (x - x0) / (x1 - x0));
     let kind = if kind { "log" } else { "linear" };
     let plain: String = label.chars().filter(|c| !"^_{}".contains(*c)).collect();
-    let label = crate::page::escape(&plain);
+    let label = escape(&plain);
     Some(format!("{kind} {low} {high} {label}"))
 }
 
@@ -456,18 +457,6 @@ fn typeset(svg: &str) -> String {
         }
     }
     out
-}
-
-/// Text before the next mark, the mark, its content, and the text after it.
-pub(crate) fn next_mark(text: &str) -> Option<(&str, char, &str, &str)> {
-    let at = text.find("_{").into_iter().chain(text.find("^{")).min()?;
-    let end = at + text[at..].find('}')?;
-    Some((
-        &text[..at],
-        text[at..].chars().next()?,
-        &text[at + 2..end],
-        &text[end + 1..],
-    ))
 }
 
 #[cfg(test)]

@@ -65,10 +65,11 @@ pub(crate) fn unit(key: &Key) -> String {
     units.collect::<Vec<_>>().join("; ")
 }
 
-/// Declares a table: `KEYS: Type "name" Scenes Change { key: Values { what is declared of it }, … }`.
-/// A key's comment is its meaning in docs/config.md; the other fields are those of [`Key`], whose
-/// `change` is that of the table if it is not declared. Without a name the keys are those of the
-/// top, or of a part of a protocol.
+/// Declares a table:
+/// `KEYS: Type "name" Scenes Change { key: Values { what is declared of it }, … }`. A key's comment
+/// is its meaning in docs/config.md; the other fields are those of [`Key`], whose `change` is that
+/// of the table if it is not declared. Without a name the keys are those of the top, or of a part
+/// of a protocol.
 macro_rules! table {
     (
         $(#[doc = $about:literal])+

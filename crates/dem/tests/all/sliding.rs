@@ -1,6 +1,6 @@
 //! All laws: of second order in Δt where contacts stick, and where they slide and their direction
-//! turns; objective: forces turn with a pair that turns as a rigid body; gross slip; ends. Friction,
-//! rolling and twisting resistance of spheres.
+//! turns; objective: forces turn with a pair that turns as a rigid body; gross slip; ends.
+//! Friction, rolling and twisting resistance of spheres.
 
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
@@ -201,8 +201,8 @@ fn sticking_and_sliding_are_of_second_order() {
 }
 
 /// Sliding throughout, because v_t is ten times v_n and the springs have no damper: the impulse of
-/// friction is μ times that of the normal force, and each grain takes R/I of it as spin, in whatever
-/// direction (physics.md).
+/// friction is μ times that of the normal force, and each grain takes R/I of it as spin, in
+/// whatever direction.
 fn gross_slip<D: LawSpace>(law: &Law) {
     const FRICTION: f64 = 0.15;
     let [n, t] = directions::<D>();

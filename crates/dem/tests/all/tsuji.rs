@@ -88,6 +88,30 @@ impl Impact {
     }
 }
 
+/// Spheres that slide throughout, because v_t is ten times v_n, lose μ(1+e) v_n of their tangential
+/// velocity, whatever the damper does at the touch, where x v_t exceeds μ v_n; the error shrinks
+/// with Δt. Stiff, so that n does not turn much.
+#[test]
+fn gross_slip_converges() {
+    const FRICTION: f64 = 0.3;
+    for (ratio, steps) in [(0.5, 2000), (0.5, STEPS), (2.0, 2000), (2.0, STEPS)] {
+        let of = spheres(1e14, 0.5, ratio);
+        let (n, velocity) = ([1.0, 0.0, 0.0], [-0.1, 0.6, 0.8]);
+        let step = step_of(&of, norm(velocity)) * (STEPS / steps) as f64;
+        let contact = frictional(FRICTION);
+        let mut impact = Impact::new(&of, step, &contact, n, velocity, [[0.0; 3]; 2]);
+        let [a, b] = impact.after(3 * steps);
+        let [away, y, z] = std::array::from_fn(|k| b.velocity[k] - a.velocity[k]);
+        let lost = FRICTION * (0.1 + away);
+        let [along, aside] = [0.6 * y + 0.8 * z, 0.8 * y - 0.6 * z];
+        assert!(
+            (1.0 - along - lost).abs() < 2e-3 * lost,
+            "{steps}: {along} after {lost}"
+        );
+        assert!(aside.abs() < 1e-3 * lost, "{aside}");
+    }
+}
+
 /// Restitution at speeds over four decades. It exceeds e because the force never pulls.
 #[test]
 fn restitution_does_not_depend_on_the_speed() {

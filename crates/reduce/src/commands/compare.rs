@@ -391,8 +391,8 @@ impl FrameComparison {
 mod tests {
     use super::*;
 
-    /// One NaN differs, two do not; zeros of different sign differ by nothing; absolute and relative
-    /// differences keep their own places.
+    /// One NaN differs, two do not; zeros of different sign differ by nothing; absolute and
+    /// relative differences keep their own places.
     #[test]
     fn the_largest_differences_are_kept() {
         let nan = f64::NAN;

@@ -9,6 +9,7 @@ use self::healing::{healing, peak_offset};
 use super::curves::padded;
 use super::ticks;
 use crate::page;
+use crate::text::escape;
 use gshear_analysis::moments::extent;
 use gshear_analysis::rate_state::{Evolution, Experiment, Fit, Hold};
 
@@ -48,7 +49,7 @@ pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
 /// Returns a page with these figures, names and SVG, and a table of names and texts. `place`: where
 /// the tables are.
 pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> String {
-    let escaped = |row: &[String; 2]| row.each_ref().map(|text| page::escape(text)).into();
+    let escaped = |row: &[String; 2]| row.each_ref().map(|text| escape(text)).into();
     let mut body = page::table(rows.iter().map(escaped)) + "<h2>Figures</h2>\n";
     for (name, svg) in figures {
         let caption = CAPTIONS.iter().find(|(start, _)| name.starts_with(start));
@@ -61,7 +62,7 @@ pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> 
     }
     let lead = format!(
         "Fits with intervals of 95 %. The tables are in {}; gshear-reduce columns explains them.",
-        page::escape(place)
+        escape(place)
     );
     page::document("Rate-and-state friction", &lead, &body)
 }

@@ -263,8 +263,8 @@ impl H5File {
         self.context.checked(name, "link", made)
     }
 
-    /// Creates a dataset of these elements and of `shape`: contiguous and of fixed size, or, with `chunk`, growing along
-    /// its first dimension.
+    /// Creates a dataset of these elements and of `shape`: contiguous and of fixed size, or, with
+    /// `chunk`, growing along its first dimension.
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
