@@ -29,15 +29,11 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let rotation_shift = L::splat(token, Units::shift(Units::ROTATION));
     let steps = (step, [slip_shift, rotation_shift]);
     let jkr = pass.jkr();
-    let has_feet = pass.part.has_feet;
+    let cell = (&pass.input.cell, pass.part.has_feet);
     let contacts = &mut pass.part;
     let attracts = pass.input.attraction.is_some();
-    if BUDGET {
-        scratch.touched.clear();
-    }
-    if attracts {
-        scratch.jumps.clear();
-    }
+    scratch.touched.clear();
+    scratch.jumps.clear();
     let blocks = scratch
         .radii
         .iter_mut()
@@ -52,21 +48,10 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let (direction, overlap) = places;
         let difference = difference.as_ref();
         let block = chunk.start + k;
-        let radii = if let Some([of_i, of_second]) = C::Space::RADIUS {
-            let of_pair = [&difference[of_i], &of_j[of_second]];
-            let pairs = &contacts.pairs.blocks()[contacts.first + block];
-            *radii = radii_of::<L>(token, of_pair, pairs);
-            radii
-        } else {
-            &contacts.geometry[block]
-        };
-        let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
-        let mut pair = Separation::<L>::new::<C::Space>(token, &pass.input.cell, difference, sum);
-        if has_feet {
-            // The normal of a flat wall does not turn.
-            let none = L::splat(token, 0.0);
-            pair.per_distance = pair.per_distance.select(is_curved([sum, r_i]), none);
-        }
+        let pairs = &contacts.pairs.blocks()[contacts.first + block];
+        let of_block = (pairs, &contacts.geometry[block], radii);
+        let ([sum, r_i], pair) =
+            separation::<C::Space, L>(token, cell, of_block, (difference, of_j));
         store_vector(&pair.n, direction, C::Space::AXES);
         pair.overlap.store(&mut motion.overlap);
         let [v, half_v] = Velocity::of_pair::<C::Space>(token, &pair, difference);
@@ -82,10 +67,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             tangential_motion::<C, L>(token, &steps, of, records, history, (motion, turning));
         }
         if C::ROLLING && C::Space::SPINS == 1 {
-            let [full, half] = [C::Space::SPIN, C::Space::HALF_SPIN].map(|at| &difference[at]);
-            motion.rolling_velocity = *full;
-            let rotation = L::load(token, half).mul_add(step, rotation_shift) - rotation_shift;
-            rotation.store(&mut motion.rolling_increment);
+            rolling_motion::<C::Space, L>(token, [step, rotation_shift], difference, motion);
         }
         let before = *touching;
         let approach = -half_v.normal * step;
@@ -117,6 +99,45 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         }
     }
     active
+}
+
+/// How the pairs of a block lie to each other in a cell, with or without flat walls, and their
+/// R_i + R_j and R_i (m): those of the list, unless the records have them; `radii` then holds them.
+#[inline(always)]
+fn separation<D: Dimension, L: Lanes>(
+    token: L::Token,
+    (cell, has_feet): (&Cell, bool),
+    (pairs, of_list, radii): (&Pairs, &[Lanes16; 2], &mut [Lanes16; 2]),
+    (difference, of_j): (&[Lanes16], &[Lanes16; 8]),
+) -> ([L; 2], Separation<L>) {
+    let radii = match D::RADIUS {
+        Some([of_i, of_second]) => {
+            *radii = radii_of::<L>(token, [&difference[of_i], &of_j[of_second]], pairs);
+            radii
+        }
+        None => of_list,
+    };
+    let [sum, r_i] = [L::load(token, &radii[0]), L::load(token, &radii[1])];
+    let mut pair = Separation::<L>::new::<D>(token, cell, difference, sum);
+    if has_feet {
+        // The normal of a flat wall does not turn.
+        let none = L::splat(token, 0.0);
+        pair.per_distance = pair.per_distance.select(is_curved([sum, r_i]), none);
+    }
+    ([sum, r_i], pair)
+}
+
+/// The rolling velocity and increment of disks, from Δt (s) and the shift that rounds rotations.
+#[inline(always)]
+fn rolling_motion<D: Dimension, L: Lanes>(
+    token: L::Token,
+    [step, shift]: [L; 2],
+    difference: &[Lanes16],
+    motion: &mut PairMotion,
+) {
+    motion.rolling_velocity = difference[D::SPIN];
+    let half = L::load(token, &difference[D::HALF_SPIN]);
+    (half.mul_add(step, shift) - shift).store(&mut motion.rolling_increment);
 }
 
 /// R_i + R_j and R_i (m) of a block of pairs from the radii of its grains, as they are in

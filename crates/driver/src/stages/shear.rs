@@ -132,8 +132,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
-        let goes_on = run.options.replay.is_none();
-        let before = goes_on.then(|| UpToCheckpoint::new(from.step));
+        let before = (run.options.replay.is_none()).then(|| UpToCheckpoint::new(from.step));
         let format = Format {
             name: RUN_FILE,
             columns: schedule.columns,
