@@ -221,6 +221,19 @@ def test_a_run_is_read_while_it_is_written(tmp_path: Path) -> None:
     assert program.returncode == 75
 
 
+def test_a_file_whose_objects_cannot_be_opened_is_refused(tmp_path: Path, walls: Run) -> None:
+    path = tmp_path / "run.h5"
+    content = bytearray((walls.folder / "run.h5").read_bytes())
+    with h5py.File(walls.folder / "run.h5", "r", locking=False) as file:
+        at = h5py.h5o.get_info(file["parameters"].id).addr
+    content[at : at + 16] = bytes(16)
+    path.write_bytes(content)
+    # Long ago: nobody is in the middle of a flush.
+    os.utime(path, (0, 0))
+    with pytest.raises(RunError, match="cannot be read"):
+        len(Run(path).frames)
+
+
 def step_strain(run: Run) -> float:
     parameters = run.parameters
     return float(parameters["time_step"] * parameters["wall_speed"] / parameters["height_start"])

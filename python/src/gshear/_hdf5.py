@@ -56,6 +56,7 @@ def open_for_reading(path: Path) -> h5py.File:
     HDF5 refuses this if the same process has it open with locks; then it is opened with locks.
 
     Raises:
+        OSError: It cannot be opened, or an object in it, as in the middle of a flush.
         RunError: Its numbers are in other files, or links lead to them.
     """
     try:
@@ -64,7 +65,12 @@ def open_for_reading(path: Path) -> h5py.File:
         if "locking flag" not in str(error):
             raise
         file = h5py.File(path, "r")
-    if (found := _elsewhere(file)) is not None:
+    try:
+        found = _elsewhere(file)
+    except (KeyError, RuntimeError) as error:
+        file.close()
+        raise OSError(f"{path}: {error}") from error
+    if found is not None:
         file.close()
         raise RunError(f"{path}: {found} is in another file")
     return file
