@@ -146,7 +146,7 @@ impl Files {
         let open = [Some(RUN_FILE), format.height.map(|_| LOG_FILE)];
         let open = open.into_iter().flatten().filter(|_| exchange.rank() == 0);
         let open = open.map(|name| out.join(name));
-        if (run.scene.plane_shear("")).is_ok_and(|of| of.analysis.scalars) {
+        if (run.scene.boundary.walls()).is_some_and(|of| of.analysis.scalars) {
             trajectory.begin_scalars(exchange, std::mem::take(&mut scalars_before))?;
         }
         Ok(Self {
@@ -260,7 +260,7 @@ fn create<D: Dimension>(
         (0, None) => provenance::user(),
         _ => String::new(),
     };
-    let plane_shear = scene.plane_shear("").ok();
+    let plane_shear = scene.boundary.walls();
     let header = RunHeader {
         author: author.unwrap_or(&user),
         history_unit: layout.history_unit,

@@ -109,7 +109,7 @@ impl ShearHeader {
 
     /// The heights (m) of the flat walls of this shear; infinite for a top that is not there.
     pub fn planes(&self, scene: &Scene) -> Option<[f64; 2]> {
-        let of = scene.plane_shear("").ok().filter(|of| of.has_planes())?;
+        let of = scene.boundary.walls().filter(|of| of.has_planes())?;
         let step = self.slider.map_or(0, |slider| slider.step);
         let rose = Schedule::new(scene, of, self.height).protocol.bottom(step);
         let floor = of.floor();

@@ -228,7 +228,8 @@ impl Node {
         let ranks = self.slots.iter().enumerate();
         let here = ranks.filter(|(_, slot)| !slot.is_null());
         Ranks {
-            // SAFETY: the slot lives as long as the window, and its counters are atomic.
+            // SAFETY: the slot lives as long as the window, beyond which the caller does not use
+            // it, and its counters are atomic.
             here: here
                 .map(|(rank, &slot)| (rank, unsafe { &(*slot).progress }))
                 .collect(),

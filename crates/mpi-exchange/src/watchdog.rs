@@ -112,8 +112,8 @@ pub struct Watchdog {
 /// Seconds for which a thread may count nothing before its process is taken for stopped: more than
 /// a loaded machine keeps a thread waiting.
 const STOPPED: u64 = 5;
-/// A second that took longer was one in which the job or its machine was suspended, so that no rank
-/// went on; it counts as this.
+/// What took longer than this, of a sleep of a second, is not counted: the job or its machine was
+/// suspended, and no rank went on.
 const LONGEST: Duration = Duration::from_secs(2);
 /// So long this rank waits after a failure of its own for the others to agree on it.
 const AGREEMENT: Duration = Duration::from_secs(2);

@@ -180,12 +180,12 @@ fn is_of_second_order<D: LawSpace>(law: &Law, resists: bool, slides: bool) {
         pair.system.grains().state(0)
     };
     let reference = end(12800);
-    let errors = [200, 400, 800].map(|steps| {
-        let found = end(steps);
-        norm(minus(found.angular_velocity, reference.angular_velocity))
-            + norm(minus(found.velocity, reference.velocity))
-    });
-    assert_order(&name, &errors, 1.85..=2.5);
+    let ends = [200, 400, 800].map(end);
+    let velocity = ends.map(|end| norm(minus(end.velocity, reference.velocity)));
+    let spin = ends.map(|end| norm(minus(end.angular_velocity, reference.angular_velocity)));
+    let order = 1.85..=if slides { 2.5 } else { 2.4 };
+    assert_order(&name, &velocity, order.clone());
+    assert_order(&name, &spin, order);
 }
 
 #[test]
@@ -231,7 +231,11 @@ fn gross_slip<D: LawSpace>(law: &Law) {
         let expected = cross(n, impulse).map(|j| of_inertia * j);
         let found = grain.angular_velocity;
         let error = norm(minus(found, expected)) / norm(expected);
-        assert!(error < 5e-3, "{name}: {found:?} is not {expected:?}");
+        let aside = norm(cross(found, expected)) / norm(found) / norm(expected);
+        assert!(
+            error < 5e-3 && aside < 1e-3,
+            "{name}: {found:?} is not {expected:?}"
+        );
     }
 }
 
@@ -295,8 +299,9 @@ fn forces_turn_with_their_pair() {
             };
             let name = format!("{} about {axis:?}", law.kind().name);
             let errors = [200, 400, 800].map(error);
-            assert!(errors[2] < 2e-3, "{name}: {errors:?}");
-            assert_order(&name, &errors, 1.9..=2.5);
+            let most = if axis == n { 5e-5 } else { 2e-3 };
+            assert!(errors[2] < most, "{name}: {errors:?}");
+            assert_order(&name, &errors, 1.926..=2.5);
         }
     });
 }
@@ -376,7 +381,7 @@ fn oscillate(approach: f64) {
             (relative_spin(&mut pair, axis) - expected(touched)).abs() / spin
         });
         assert!(errors[1] < 1e-5, "{approach}: {errors:?}");
-        assert_order("oscillation", &errors, 1.8..=2.17);
+        assert_order("oscillation", &errors, 1.81..=2.16);
     }
 }
 
