@@ -233,16 +233,20 @@ impl<D: Dimension> Bins<D> {
 }
 
 /// Sorts grains by their cells, so that what lies near is near in memory; in a cell they keep their
-/// order.
+/// order. `by_bodies`: those of a wall come together, because every step reads them alone.
 pub fn sort_by_cells<D: Dimension>(
     grains: &mut Vec<GrainState>,
     cell: Cell,
     extent: LocalExtent,
     cutoff: f64,
+    by_bodies: bool,
 ) {
     let position: Vec<[f64; 3]> = grains.iter().map(|g| g.position).collect();
     let bins = Bins::<D>::new(cell, extent, cutoff, &position);
     *grains = bins.member.iter().map(|&g| grains[g as usize]).collect();
+    if by_bodies {
+        grains.sort_by_key(|g| g.body);
+    }
 }
 
 /// What the search for pairs reads of the grains, in the order of the cells: what lies near is near
@@ -514,7 +518,7 @@ mod tests {
             apart[pairs.len() - 21]
         };
         assert!(furthest(&states) > 500);
-        sort_by_cells::<Two>(&mut states, cell, extent, CUTOFF.greatest);
+        sort_by_cells::<Two>(&mut states, cell, extent, CUTOFF.greatest, false);
         assert!(furthest(&states) < 60);
     }
 

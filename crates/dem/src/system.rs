@@ -288,12 +288,16 @@ impl List {
     }
 }
 
-/// Mean distance in memory of the two grains of a pair, in grains.
-fn reach(pairs: &[CandidatePair]) -> f64 {
-    let apart = pairs
-        .iter()
-        .map(|p| u64::from(p.grains[0].abs_diff(p.grains[1])));
-    apart.sum::<u64>() as f64 / pairs.len().max(1) as f64
+/// Mean distance in memory of the two grains of a pair of one body, in grains.
+fn reach(pairs: &[CandidatePair], body: &[u32]) -> f64 {
+    let (mut all, mut pairs_of_one) = (0, 0);
+    for &CandidatePair { grains: [i, j], .. } in pairs {
+        if body[i as usize] == body[j as usize] {
+            all += u64::from(i.abs_diff(j));
+            pairs_of_one += 1;
+        }
+    }
+    all as f64 / f64::from(pairs_of_one.max(1))
 }
 
 /// Settings of the list of pairs. They change the speed of a run and not its numbers.
@@ -517,7 +521,9 @@ impl<D: Dimension> System<D> {
         self.list.worked = self.clock.worked();
         self.second_kick_deferred = false;
         let extent = self.extent(exchange);
-        neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff);
+        // A thread's share is contiguous, and should hold the walls beside its grains.
+        let by_bodies = self.pool.threads() == 1;
+        neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff, by_bodies);
         self.grains.replace(&owned, &self.masses, self.step);
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
@@ -552,7 +558,7 @@ impl<D: Dimension> System<D> {
         self.grains.lift_feet();
         let of = (self.cell, extent, cutoff);
         let mut candidates = neighbour::pairs(self.isa, self.pool.workers(), &self.grains, of);
-        self.list.reach = reach(&candidates);
+        self.list.reach = reach(&candidates, &self.grains.body);
         self.slabs
             .drop_unpaired_ghosts(exchange, &mut self.grains, &mut candidates);
         self.list.planes = drive.planes().unwrap_or_default();

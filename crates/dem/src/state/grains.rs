@@ -1,4 +1,5 @@
-//! The grains of this rank: owned grains, in the order of their cells, then ghosts.
+//! The grains of this rank: owned grains, in the order of their cells, on one thread first the free
+//! ones, then ghosts.
 
 use std::ops::Range;
 use std::sync::Arc;
