@@ -4,19 +4,22 @@
     gouge_creep.py OUT [NAME ...]
 
 Runs configs/gouge-holds-cheap.toml with three seeds into OUT, branches of it, and prints the tables
-of docs/gouge.md. NAME is one or more of impedance, holds, frequencies, loads, long_holds, large,
-reload, reslides, damping, steps, long_steps, figure (default: all). Runs that are there already are
-not made again. About four hours of a core, three of them the steps of 5 mm.
+of docs/gouge.md. NAME is one or more of impedance, holds, frequencies, loads, kicks, long_holds,
+large, reload, reslides, damping, steps, long_steps, collapse, figure (default: all). Runs that are
+there already are not made again. About five hours of a core, three of them the steps of 5 mm.
+kicks needs xxhash of PyPI, for the checksum of a checkpoint that it changes.
 """
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
 
+import h5py
 import numpy as np
 from pandas import read_csv
 
@@ -38,6 +41,13 @@ THICK = ("sample.wall_thickness=2", "sample.grains=915")
 FREQUENCIES = (10e3, 40e3)
 # Amplitudes of the load (Pa) at FREQUENCY, another source of agitation.
 LOADS = (0.05e6, 0.1e6, 0.2e6, 0.5e6)
+# Random kicks (m/s, the deviation of each component of the velocity), and the time between two (s).
+KICKS = (0.05, 0.1, 0.2, 0.4)
+BETWEEN_KICKS = 1.0 / FREQUENCY
+# Figure S2: velocities of the slide and of the reslides (m/s), and slip where curves are read (m).
+SLOW = 0.02
+RESLIDES = (0.05, 0.1, 0.3)
+RESLIDE_SLIPS = (0.02e-3, 0.05e-3, 0.1e-3, 0.2e-3, 0.5e-3, 1e-3, 2e-3)
 # Slip at 0.1 m/s (m): windows of the table of the direct effect.
 SLIPS = (0.0, 1e-6, 2.5e-6, 5e-6, 10e-6, 25e-6)
 
@@ -173,6 +183,69 @@ def loads(out: Path) -> None:
             parts = [FAST, SLIDE, f"{{velocity=0.0,time=10e-3,{of}}}"]
             rows.append(relaxation(branch(out, start, f"load-{amplitude:g}", parts), start[0]))
         print(f"{amplitude:g}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
+
+
+def kick(checkpoint: Path, deviation: float, random: np.random.Generator) -> None:
+    """Adds normal deviates (m/s) without a mean to the velocities of the free grains."""
+    from xxhash import xxh3_64_intdigest
+
+    with h5py.File(checkpoint, "r+") as file:
+        grains = file["grains"]
+        velocity, free = grains["velocity"][:], grains["body"][:] == 0
+        kicks = random.normal(0.0, deviation, (int(free.sum()), 3))
+        velocity[free] += kicks - kicks.mean(axis=0)
+        # In the order of a record; the first material is not written.
+        names = "id body position velocity angular_velocity radius force torque image material"
+
+        def checksum() -> str:
+            present = [name for name in names.split() if name in grains]
+            types = [(name, grains[name].dtype, grains[name].shape[1:]) for name in present]
+            records = np.empty(len(velocity), types)
+            for name in present:
+                records[name] = grains[name][:]
+            total = sum(xxh3_64_intdigest(record.tobytes()) for record in records)
+            return f"{total % 2**64:016x}"
+
+        if checksum().encode() != file.attrs["checksum_grains"]:
+            sys.exit(f"{checkpoint}: the checksum of the grains is another")
+        grains["velocity"][:] = velocity
+        file.attrs.modify("checksum_grains", np.bytes_(checksum()))
+
+
+def kicks(out: Path) -> None:
+    """Holds in which the free grains get random velocities at 20 kHz."""
+    print("kicks (m/s),T," + ",".join(f"{t * 1e3:g} ms" for t in TIMES) + ",slope")
+    for deviation in KICKS:
+        rows = []
+        for seed in SEEDS:
+            start = (base(out, seed), 2)
+            folder = out / f"kicks-{deviation}/seed-{seed}"
+            if not (folder / "kicked").exists():
+                shutil.rmtree(folder, ignore_errors=True)
+                kicked_hold(checkpoint_after(*start), folder, deviation, seed)
+                (folder / "kicked").touch()
+            rows.append(relaxation(folder, start[0]))
+        print(f"{deviation}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
+
+
+def kicked_hold(checkpoint: Path, folder: Path, deviation: float, seed: int) -> None:
+    """A hold of 10 ms in legs, with a kick before each."""
+    random = np.random.default_rng(seed)
+    with Run(checkpoint.parent, quiet=True) as run:
+        step = run.parameters["time_step"]
+    first = int(checkpoint.stem.rpartition("-")[2])
+    between = round(BETWEEN_KICKS / step)
+    started = shutil.copy(checkpoint, checkpoint.with_name("kicked.h5"))
+    kick(started, deviation, random)
+    arguments = ["--resume", str(started), "--branch", str(folder)]
+    for leg in range(1, round(TIMES[-1] / BETWEEN_KICKS)):
+        stop = ["--stop-at", str(first + leg * between), "--quiet"]
+        done = subprocess.run([PROGRAM, *arguments, *stop], stdout=subprocess.DEVNULL)
+        if done.returncode != 75:
+            sys.exit(f"{folder} ended with {done.returncode}")
+        kick(folder / "checkpoint.h5", deviation, random)
+        arguments = ["--resume", str(folder)]
+    subprocess.run([PROGRAM, *arguments, "--quiet"], check=True, stdout=subprocess.DEVNULL)
 
 
 def long_holds(out: Path) -> None:
@@ -345,6 +418,48 @@ def long_steps(out: Path) -> None:
         print(f"{amplitude}," + ",".join(mean(list(column)) for column in np.transpose(rows)))
 
 
+def collapse(out: Path) -> None:
+    """Figure S2: reslides after a slide at 0.02 m/s and a hold of 0.11 s, with and without vibration.
+
+    Prints μ - μ_ss over the slip for each V_r, the C of (μ - μ_ss)/(C + ln(V_r/V_i)) that brings the
+    peaks together, peak over slope of the line through them less ln(V_r/V_i), and each packing's line.
+    """
+    logs = np.log(np.array(RESLIDES) / SLOW)
+    for amplitude in (0.0, AMPLITUDES[1], AMPLITUDES[2]):
+        of = agitated(amplitude)
+        parts = [
+            FAST,
+            f"{{velocity={SLOW},distance=5e-3{of}}}",
+            f"{{velocity=0.0,time=0.11{of}}}",
+        ]
+        curves, peaks = [], []
+        for seed in SEEDS:
+            start = (base(out, seed, "thick", *THICK), 1)
+            held = branch(out, start, f"s2-{amplitude}", parts)
+            velocity, mu, slip = columns(held, "drive_velocity", "stress_ratio", "slip")
+            slide = np.flatnonzero(velocity == SLOW)
+            steady = mu[slide[slip[slide] > slip[slide[-1]] - 2e-3]].mean()
+            found = []
+            for v in RESLIDES:
+                reslide = [*parts, f"{{velocity={v},distance=2e-3{of}}}"]
+                folder = out / f"s2-{amplitude}-{v}" / held.name
+                branch_from(held / "checkpoint.h5", folder, reslide, "output.series_rows=2000")
+                mu, slip = columns(folder, "stress_ratio", "slip")
+                slip -= slip[0]
+                windows = pairwise((0.0, *RESLIDE_SLIPS))
+                means = [mu[(slip > a) & (slip <= b)].mean() for a, b in windows]
+                found.append([mu[slip < RESLIDE_SLIPS[2]].max() - steady, *(means - steady)])
+            curves.append(found)
+            peaks.append([row[0] for row in found])
+        print(f"reslides at {amplitude} m: V_r,peak," + ",".join(f"{s:g}" for s in RESLIDE_SLIPS))
+        for v, rows in zip(RESLIDES, np.transpose(curves, (1, 2, 0)), strict=True):
+            print(f"{v}," + ",".join(mean(list(of_seeds)) for of_seeds in rows))
+        lines = [np.polyfit(logs, row, 1) for row in peaks]
+        slopes, at_one = (list(column) for column in np.transpose(lines))
+        ratio = np.mean(at_one) / np.mean(slopes)
+        print(f"slope {mean(slopes)}, peak at V_r = V_i {mean(at_one)}, C = {ratio:.2g}")
+
+
 def figure(out: Path) -> None:
     """The slopes of all agitated holds over T, in OUT/creep.csv and OUT/creep.svg."""
     import matplotlib.pyplot as plt
@@ -360,6 +475,7 @@ def figure(out: Path) -> None:
             for f in FREQUENCIES
         },
         "load, 20 kHz": [(a, f"load-{a:g}", "base", SEEDS) for a in LOADS],
+        "random kicks, 20 kHz": [(a, f"kicks-{a}", "base", SEEDS) for a in KICKS],
         "wall, 20 kHz, 4815 spheres": [
             (a, f"large-hold-{a}", "large", SEEDS[:1]) for a in AMPLITUDES[1:]
         ],
@@ -393,6 +509,7 @@ EXPERIMENTS = (
     holds,
     frequencies,
     loads,
+    kicks,
     long_holds,
     large,
     reload,
@@ -400,6 +517,7 @@ EXPERIMENTS = (
     damping,
     steps,
     long_steps,
+    collapse,
     figure,
 )
 
