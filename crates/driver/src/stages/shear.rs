@@ -40,6 +40,19 @@ enum Above {
 }
 
 impl Above {
+    fn new(scene: &Scene, plane_shear: &PlaneShear, top: Top, images: bool) -> Self {
+        if images {
+            return Self::Images(Images::new(top));
+        }
+        let mut walls = GrainWalls::new(top);
+        let floor = plane_shear.floor();
+        walls.flat = scene.flat_walls().map(|_| match plane_shear.confinement {
+            Confinement::FreeSurface => [floor, f64::INFINITY],
+            _ => [floor; 2],
+        });
+        Self::Wall(walls)
+    }
+
     fn top(&self) -> &Top {
         match self {
             Self::Wall(walls) => &walls.motion,
@@ -101,18 +114,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         if from.step == 0 {
             set_moving(&mut state.grains, &mut top, &schedule, D::UP);
         }
-        let floor = plane_shear.floor();
-        let mut above = match from.images {
-            None => Above::Wall(GrainWalls::new(top)),
-            Some(_) => Above::Images(Images::new(top)),
-        };
+        let mut above = Above::new(scene, plane_shear, top, from.images.is_some());
         assembly.system.flat = scene.flat_walls();
-        if let (Above::Wall(walls), Some(_)) = (&mut above, assembly.system.flat) {
-            walls.flat = Some(match plane_shear.confinement {
-                Confinement::FreeSurface => [floor, f64::INFINITY],
-                _ => [floor; 2],
-            });
-        }
         let mass = mass_of(run, scene, &state.grains, body::FREE);
         assembly.replace(above.drive(), state.grains, state.contacts)?;
         let system = &mut assembly.system;
@@ -201,7 +204,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         Ok(outcome)
     }
 
-    /// Hands the scalars computed so far to the files.
+    /// Passes the scalars computed so far to the files.
     fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
         let Some(analysis) = &mut self.analysis else {
             return Ok(());
