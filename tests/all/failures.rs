@@ -276,7 +276,7 @@ fn streams(to: &str) -> [Stdio; 2] {
     })
 }
 
-/// A run goes on to the same end if nobody can read what it prints.
+/// A run goes on to the same end if its output cannot be written.
 #[test]
 fn output_that_cannot_be_written_does_not_end_a_run() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -167,7 +167,7 @@ impl Files {
         }
     }
 
-    /// Hands the rows of the log to the file system, for those who watch the run. Not collective.
+    /// Passes the rows of the log to the file system, for those who watch the run. Not collective.
     pub fn publish(&mut self) {
         if let (Some(log), Ok(())) = (&mut self.log, &self.log_state) {
             self.log_state = log.flush();

@@ -73,7 +73,7 @@ struct FileOwner {
 }
 
 impl Contents {
-    /// Looks into a folder, which need not exist. Passes over damaged files. Not collective.
+    /// Looks into a folder, which need not exist. Skips damaged files. Not collective.
     ///
     /// # Errors
     /// [`Failure::Other`] if the system does not let the folder or a file be read.
@@ -517,7 +517,7 @@ pub fn named(path: &Path) -> &Path {
 ///
 /// # Errors
 /// A folder in which the run cannot begin or go on.
-pub fn outlook(folder: &Path, task: &Task) -> Result<String, Failure> {
+pub fn preview(folder: &Path, task: &Task) -> Result<String, Failure> {
     let place = named(folder);
     let existing = place.ancestors().find(|path| path.exists());
     let existing = named(existing.unwrap_or(Path::new("")));

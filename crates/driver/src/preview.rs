@@ -5,7 +5,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
 
 use crate::estimate::{Estimate, bytes, cores, dense_height};
-use crate::folder::{free, outlook};
+use crate::folder::{self, free};
 use crate::launch::{Task, resume_if_begun};
 use crate::options::{Options, Verbosity};
 use crate::say::{self, say_error};
@@ -81,7 +81,7 @@ fn prospects(
     if exchange.rank() != 0 {
         return Ok(());
     }
-    let folder = refused.map_or_else(|| outlook(&options.out, task), Err);
+    let folder = refused.map_or_else(|| folder::preview(&options.out, task), Err);
     let mut text = estimate.text();
     if let Ok(folder) = &folder {
         text += &format!("{:<12}{folder}\n", "folder");

@@ -85,7 +85,7 @@ pub trait Stage {
     /// Prints the lines of a log that are due after the last step.
     fn log(&mut self, _: &Run<'_>) {}
 
-    /// Hands the rows of the log to the file system, for those who watch the run.
+    /// Passes the rows of the log to the file system, for those who watch the run.
     fn publish(&mut self) {}
 }
 
@@ -207,7 +207,7 @@ impl<'a> Run<'a> {
     }
 
     /// Whether a stop is requested on some rank; collective.
-    pub(crate) fn is_to_stop(&self) -> bool {
+    pub(crate) fn should_stop(&self) -> bool {
         self.exchange
             .maximum(f64::from(u8::from(self.asked_to_stop())))
             > 0.0

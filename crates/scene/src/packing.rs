@@ -331,8 +331,8 @@ fn check_room(atoms: &[Atom], periods: &[f64], largest: f64) -> Result<(), Strin
     ))
 }
 
-/// Refuses atoms so crowded that they cannot be grains: pairs of them might not fit into memory.
-fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result<(), Failure> {
+/// Refuses atoms that overlap too many neighbours: the pairs might not fit into memory.
+fn check_neighbours(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result<(), Failure> {
     // What has its centre in a cell is within twice its width.
     let room = 2f64.powi(1 + up as i32) * MOST_FILLED;
     let mut filled: HashMap<[i64; 3], f64> = HashMap::new();
@@ -342,7 +342,7 @@ fn check_crowding(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result
         *filled += (a.diameter / largest).powi(1 + up as i32);
         if *filled > room {
             let what = format!(
-                "atom {} lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters",
+                "atom {} overlaps too many neighbours; check the units of lengths and diameters",
                 a.id
             );
             return Err(wrong(name, a.line, what));
@@ -500,7 +500,7 @@ impl Packing {
         }
         let periods = data.bounds.map(|[low, high]| high - low);
         check_room(&atoms, &periods[..up], largest).map_err(|what| wrong(name, 0, what))?;
-        check_crowding(name, &atoms, up, largest)?;
+        check_neighbours(name, &atoms, up, largest)?;
         atoms.sort_by_key(|a| a.id);
         check_ids(name, &atoms)?;
         let radii = || atoms.iter().map(|a| 0.5 * a.diameter);
@@ -1280,7 +1280,7 @@ mod tests {
             r#"
             11 1 0.001 2500 1e300 0.00136 0 | f:19: x of atom 11 is 1e300, more than 1e6 periods from the box, -0.002 0.00799 xlo xhi; give a place in the box
             // Diameters in millimetres.
-            0.001 2500 -> 1 2500 | f:34: atom 116 lies in a crowd: more atoms are about its place than have room there; check the units of lengths and diameters
+            0.001 2500 -> 1 2500 | f:34: atom 116 overlaps too many neighbours; check the units of lengths and diameters
             0.001 2500 -> 1e-9 2500 | f: 120 atoms are too few for their box, in which 9.5e13 of the largest diameter, 1e-9, have room; check the units of lengths and diameters
             11 1 0.001 2500 -0.00125075 0.00136 1e-9 | f:19: z of atom 11 is 1e-9; in a packing of disks it is 0
             11 1 0.001 2500 -0.00125075 0.03 0 | f:19: atom 11 is out of the box: y = 0.03, the box has -0.001 0.02 ylo yhi

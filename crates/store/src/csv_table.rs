@@ -198,7 +198,7 @@ impl TableFile {
         written.map_err(|e| unwritten(&self.path, &e))
     }
 
-    /// Hands the rows to the file system.
+    /// Passes the rows to the file system.
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.

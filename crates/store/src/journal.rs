@@ -19,8 +19,8 @@ use xxhash_rust::xxh3::xxh3_64;
 
 const MAGIC: &[u8; 8] = b"GSHEARJ1";
 
-/// The path of a file's journal: `run.h5.journal` beside `run.h5`, or beside what that links to. So
-/// nobody who hands a folder on can have other files written with what the journal says.
+/// The path of a file's journal: `run.h5.journal` beside `run.h5`, or beside what that links to, so
+/// that a copied folder cannot make a journal overwrite other files.
 pub fn path_of(file: &Path) -> PathBuf {
     let mut name = target(file).into_os_string();
     name.push(".journal");
@@ -218,7 +218,7 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), before);
     }
 
-    /// So that nobody can hand on a journal of a file that is not beside it.
+    /// A link must not bring a journal to a file that is not beside it.
     #[test]
     fn the_journal_of_a_link_is_beside_its_file() {
         let folder = tempfile::tempdir().unwrap();

@@ -119,7 +119,7 @@ impl Log {
         self.0.as_mut().map_or(Ok(()), |file| file.row(cells))
     }
 
-    /// Hands the rows to the file system. Not collective: only rank 0 can fail.
+    /// Passes the rows to the file system. Not collective: only rank 0 can fail.
     ///
     /// # Errors
     /// If the file cannot be written.

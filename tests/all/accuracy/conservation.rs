@@ -23,7 +23,7 @@ const LENGTH: f64 = COLUMNS as f64 * SPACING;
 
 /// Disks in rows, up to 0.8 % overlapping at the start, driven together, sheared and carried along
 /// x across the seam.
-fn crowd() -> Vec<GrainState> {
+fn dense() -> Vec<GrainState> {
     let mut seed = 11u64;
     let mut random = || {
         seed = seed
@@ -47,8 +47,8 @@ fn crowd() -> Vec<GrainState> {
 /// A tenth of √(m/k_n), as the program would choose.
 const STEP: f64 = 6e-10;
 
-fn crowd_system(isa: Isa) -> System<Two> {
-    system::<true, true>(isa, &LAW, LENGTH, STEP, None, crowd(), Vec::new(), None)
+fn dense_system(isa: Isa) -> System<Two> {
+    system::<true, true>(isa, &LAW, LENGTH, STEP, None, dense(), Vec::new(), None)
 }
 
 /// Σ terms, as if summed in twice the precision.
@@ -79,7 +79,7 @@ fn mass_of(system: &System<Two>, grain: &GrainState) -> f64 {
 fn momentum_is_conserved_to_rounding() {
     const STEPS: usize = 4000;
     let law = program_law::<true, true>(&LAW);
-    let mut system = crowd_system(Isa::detect());
+    let mut system = dense_system(Isa::detect());
     let mut drive = NoWalls;
     let start = system.grain_states();
     let mass: Vec<f64> = start.iter().map(|g| mass_of(&system, g)).collect();
@@ -166,7 +166,7 @@ fn momentum_is_conserved_to_rounding() {
 fn every_instruction_set_gives_the_same_trajectory() {
     let run = |isa: Isa| {
         let law = program_law::<true, true>(&LAW);
-        let mut system = crowd_system(isa);
+        let mut system = dense_system(isa);
         let mut drive = NoWalls;
         for _ in 0..400 {
             advance(&Solo, &mut system, &law, &mut drive, StepRequest::default()).unwrap();
@@ -351,7 +351,7 @@ fn overlap_alone_does_not_change_the_tangential_force() {
     assert!(limited > 0 && held == 0.0);
 }
 
-/// The energy budget of the crowd, which is driven together and slides: what it dissipated is what
+/// The energy budget of the dense cell, which is driven together and slides: what it dissipated is what
 /// its kinetic and elastic energy lack, to a hundredth, and a quarter of Δt leaves less than half
 /// of the difference (of first order are the switches of regime).
 #[test]
@@ -367,7 +367,7 @@ fn energy_is_accounted_for() {
             LENGTH,
             step,
             None,
-            crowd(),
+            dense(),
             Vec::new(),
             Some(&mut samples),
         );

@@ -27,7 +27,7 @@
 //! arm R here, as in all laws of this program and in LAMMPS' `gran/*`; in `granular` it has
 //! R - δ/2, which is 5 % less at δ = 0.1 R and 10 % less at δ = 0.2 R.
 //!
-//! e is the restitution of spheres that may pull. Because F_n ≥ 0, they part a little faster:
+//! e is the restitution of spheres that may pull. Because F_n ≥ 0, they separate a little faster:
 //! e = 0.5 gives 0.55, 0.9 gives 0.902.
 
 use std::sync::Arc;

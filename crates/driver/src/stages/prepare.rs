@@ -91,7 +91,7 @@ fn part<D: Dimension>(
     let largest = |a: f64, b: f64| scene.law.largest_overlap(a, b);
     // All ranks take the same steps.
     let moved =
-        move_apart::<D>(&mut placed, cell, largest, || run.is_to_stop()).map_err(|steps| {
+        move_apart::<D>(&mut placed, cell, largest, || run.should_stop()).map_err(|steps| {
             fails(format!(
                 "random grains still move apart after {steps} steps"
             ))
@@ -141,7 +141,7 @@ fn rest<D: Dimension>(
     let mut steps = 0;
     assembly.begin_overdamped(&periodic.relax)?;
     while !assembly.overdamped(&periodic.relax, &mut steps)? {
-        if run.is_to_stop() {
+        if run.should_stop() {
             return Ok(None);
         }
     }

@@ -12,8 +12,8 @@ pub(super) struct Placed {
 }
 
 /// Displacement of a grain in a step, over the sum of its overlaps. The scheme is stable up to
-/// twice the reciprocal of the greatest eigenvalue of the network of contacts, some 0.2 in the
-/// crowd of random places.
+/// twice the reciprocal of the greatest eigenvalue of the network of contacts, some 0.2 for
+/// random places.
 const MOBILITY: f64 = 0.1;
 /// The grains are settled if none moves further than this in a step, over the mean radius.
 const SETTLED: f64 = 1e-4;
@@ -154,7 +154,7 @@ mod tests {
 
     /// More grains than have room keep overlaps that the caller can refuse.
     #[test]
-    fn a_crowd_keeps_its_overlaps() {
+    fn what_overlaps_too_much_stays() {
         let place = |k: usize| at([0.37, 0.61, 0.83].map(|x| (x * k as f64 * k as f64) % 4.4));
         let mut grains: Vec<Placed> = (0..300).map(place).collect();
         let cell = square(4.4, false);

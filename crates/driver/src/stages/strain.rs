@@ -329,7 +329,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             self.relax((false, Equilibrium::default()), next)?;
         }
         let last = self.work.is_none() && run.options.stop_at == Some(self.progress.steps);
-        Ok(run.is_to_stop() || last)
+        Ok(run.should_stop() || last)
     }
 
     /// Measures the packing after a strain step. If the step has led to the first complex pair,

@@ -547,7 +547,7 @@ pub fn walk(file: &hdf5::File) -> hdf5::Result<()> {
     looked
 }
 
-/// Hands over all datasets below a group, but for those below the group `without`.
+/// Passes all datasets below a group to a visitor, except those below the group `without`.
 fn below(
     group: &hdf5::Group,
     levels: usize,
