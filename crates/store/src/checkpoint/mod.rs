@@ -509,3 +509,14 @@ fn piece<R: Record>(
         sum: word(file, &format!("{prefix}{}", R::CHECKSUM))?,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::VERSION;
+
+    #[test]
+    fn the_page_of_the_files_names_the_version() {
+        let page = include_str!("../../../../docs/file-formats.md");
+        assert!(page.contains(&format!("`format_version` = {VERSION},")));
+    }
+}
