@@ -57,7 +57,7 @@ const FOOTNOTES: [Footnote; 4] = [
         column: TableColumn::Allowed,
         paths: "sample.grains sample.length",
         text:
-            "The packed sample must have room for two walls of one mean diameter d̄ each and five d̄
+            "The packed sample must have room for its walls (`wall_thickness`) and five mean diameters d̄
 between them. Its height is N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(0.64 L_x L_y).",
     },
     Footnote {

@@ -18,7 +18,7 @@ table! {
         /// Δt
         step: Number(POSITIVE) { unit: "s", condition: "at most the stability limit" },
         /// Δt is a hundredth of the time for which two of the smallest spheres collide at this
-        /// speed; law hertz only
+        /// speed; laws hertz and hertz-tsuji only
         collision_speed: Number(POSITIVE) {
             unit: "m/s",
             condition: "instead of `step`",
