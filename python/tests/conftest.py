@@ -35,6 +35,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     scenes: dict[str, tuple[str, int, dict[str, object]]] = {
         "disks": ("crossing.toml", 2, slow),
         "other disks": ("crossing.toml", 1, slow | {"seed": 6}),
+        "scalars": ("crossing.toml", 1, slow | {"analysis.scalars": True, "shear.strain": 0.02}),
         "spheres": ("crossing-3d.toml", 1, {"shear.protocol": protocol}),
         "velocity steps": ("crossing-3d.toml", 1, {"shear.protocol": steps}),
         "box": ("periodic.toml", 1, {}),

@@ -195,6 +195,15 @@ def test_results_of_another_run_are_made_anew(
         assert np.nanmax(run.dmin(-1)) == pytest.approx(run.regions()["dmin_greatest"].iloc[-1])
 
 
+@pytest.mark.parametrize("name", ["regions.csv", "measures.csv"])
+def test_results_at_scalars_are_made_once(name: str, copy: Callable[[str], Path]) -> None:
+    with Run(copy("scalars"), quiet=True) as run:
+        RESULTS[name](run)
+        made = (run.folder / name).stat().st_mtime_ns
+        RESULTS[name](run)
+        assert (run.folder / name).stat().st_mtime_ns == made
+
+
 @pytest.mark.parametrize(("name", "value"), [("digest", "0" * 32), ("strain", 0.5)])
 def test_dmin_of_other_frames_is_made_anew(
     name: str, value: str | float, copy: Callable[[str], Path]

@@ -7,7 +7,9 @@ use gshear_dem::contact::TORQUES;
 use gshear_dem::state::{Confinement, ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, packing_steps};
-use gshear_scene::{Boundary, Motion, PackingFile, PeriodicBox, PlaneShear, Scene, WallSpeed};
+use gshear_scene::{
+    Boundary, Motion, PackingFile, PeriodicBox, PlaneShear, Sample, Scene, WallSpeed,
+};
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, RUN_FILE};
 use gshear_store::run_reader::RunStage;
@@ -309,8 +311,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
     };
     let file = walls.origin.file().filter(|_| walls.pack.skip);
     let packed = file.map_or_else(|| dense_height(scene), PackingFile::height);
-    let between = (packed - 2.0 * sample.mean_diameter).max(sample.mean_diameter);
-    let height = known.unwrap_or(between);
+    let height = known.unwrap_or_else(|| height_between(walls, sample, packed));
     let schedule = Schedule::new(scene, walls, height);
     let done = match header {
         Some(header @ (Header::Pack(_) | Header::Shear(_))) => header.step(),
@@ -363,7 +364,12 @@ fn checkpoints(scene: &Scene, count: u64) -> FileEstimate {
     }
 }
 
-/// Height of a dense sample between walls (m).
+/// H of a sample of this height with its walls (m).
+pub fn height_between(walls: &PlaneShear, sample: &Sample, height: f64) -> f64 {
+    (height - walls.thickness_of_walls(sample)).max(sample.mean_diameter)
+}
+
+/// Height of a dense sample with its walls (m).
 pub fn dense_height(scene: &Scene) -> f64 {
     let sample = &scene.sample;
     f64::from(sample.grains) * sample.mean_volume / sample.base() / DENSE[index(scene)]

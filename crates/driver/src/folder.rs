@@ -35,13 +35,14 @@ use crate::say::say_error;
 use crate::task::{Entry, Task};
 
 /// What a run writes beside its name and renames.
-const WRITTEN_BESIDE: [&str; 7] = [
+const WRITTEN_BESIDE: [&str; 8] = [
     checkpoint::NAME,
     SCENE_FILE,
     STATUS_FILE,
     LOG_FILE,
     LOG_METADATA_FILE,
     SPECTRA_FILE,
+    "spectra.csv-metadata.json",
     "run.h5.journal",
 ];
 
@@ -248,7 +249,7 @@ fn is_of_a_run(name: &str, scene: &str) -> bool {
     let is_part = Path::new(name).extension().is_some_and(|of| of == "part");
     let checkpoint = name.starts_with("checkpoint") && name.contains(".h5") && !is_part;
     name.trim_end_matches(".journal") == RUN_FILE
-        || [LOG_FILE, LOG_METADATA_FILE, SPECTRA_FILE].contains(&name)
+        || [LOG_FILE, SPECTRA_FILE].contains(&name.trim_end_matches("-metadata.json"))
         || checkpoint
         || (name == SCENE_FILE && id_in_scene(scene).is_some())
 }

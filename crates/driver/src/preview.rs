@@ -4,7 +4,7 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
 
-use crate::estimate::{Estimate, bytes, cores, dense_height};
+use crate::estimate::{Estimate, bytes, cores, dense_height, height_between};
 use crate::folder::{self, free};
 use crate::launch::{Task, resume_if_begun};
 use crate::options::{Options, Verbosity};
@@ -100,8 +100,10 @@ fn prospects(
 /// What is allowed and unlikely about the scene of a task and its grains, on rank 0.
 pub fn doubts(task: &Task) -> Vec<String> {
     let scene = &task.scene;
-    let height =
-        (dense_height(scene) - 2.0 * scene.sample.mean_diameter).max(scene.sample.mean_diameter);
+    let height = match &scene.boundary {
+        Boundary::Walls(walls) => height_between(walls, &scene.sample, dense_height(scene)),
+        Boundary::Periodic(_) => dense_height(scene),
+    };
     let mut doubts = unlikely::unlikely(scene, height);
     doubts.extend(task.not_at_load());
     doubts

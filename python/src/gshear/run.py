@@ -529,14 +529,13 @@ class Run:
         )
 
     def _are_regions(self, table: pd.DataFrame) -> bool:
-        """Whether the table has this run's frames, with this run's τ."""
-        return np.array_equal(table["step"], self.frames.step) and _equal(
-            table["stress_ratio"], self._stress_ratio_of_frames()
-        )
+        """Whether the table has this run's steps, with this run's τ."""
+        steps, tau = self._stress_ratio_at_scalars()
+        return np.array_equal(table["step"], steps) and _equal(table["stress_ratio"], tau)
 
     def _are_measures(self, table: pd.DataFrame) -> bool:
-        """Whether every phase starts and ends at this run's frames, with this run's change of τ."""
-        steps, tau = self.frames.step, self._stress_ratio_of_frames()
+        """Whether every phase starts and ends at this run's steps, with this run's change of τ."""
+        steps, tau = self._stress_ratio_at_scalars()
         ends = table[["start_step", "end_step"]].to_numpy()
         at = np.searchsorted(steps, ends)
         if at.max(initial=-1) >= len(steps):
@@ -545,11 +544,20 @@ class Run:
             table["delta_tau_p"], tau[at[:, 1]] - tau[at[:, 0]]
         )
 
-    def _stress_ratio_of_frames(self) -> NDArray[np.float64]:
-        """Returns τ of every frame, [T]; NaN if the series has no row at its step."""
+    def _stress_ratio_at_scalars(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Returns the steps of the scalars of frames, or of the frames if there are none, and τ.
+
+        NaN if the series has no row at a step.
+        """
+
+        def read(file: h5py.Group) -> NDArray[np.int64]:
+            scalars = file["observables"].get("gshear", {}).values()
+            return next((item["step"][:] for item in scalars), self.frames.step)
+
+        steps = self._once("steps of scalars", read)
         series = self._once("series", self._read_series)
         tau = pd.Series(series["stress_ratio"].to_numpy(), index=series["step"])
-        return tau.reindex(self.frames.step).to_numpy(dtype=np.float64)
+        return steps, tau.reindex(steps).to_numpy(dtype=np.float64)
 
     def _table(
         self,

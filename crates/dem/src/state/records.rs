@@ -33,7 +33,7 @@ pub struct ContactSample {
     pub i: u32,
     /// Higher id.
     pub j: u32,
-    /// F_n ≥ 0, the sum of the elastic and the damping part.
+    /// F_n ≥ 0, the sum of the elastic and the damping part, less an attraction.
     pub normal_force: f64,
     /// F_t on i, the sum of the elastic and the damping part: in 2D the component along t̂ = ẑ × n
     /// (n from j to i), in 3D a vector.

@@ -7,6 +7,8 @@ use gshear_dem::failure::Failure;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::{agree, on_root};
 use gshear_store::csv_table::{TableCell, TableFile, rows_up_to};
+use gshear_store::dictionary;
+use gshear_store::file_names::SPECTRA_FILE;
 
 use super::eigenvalues::Eigenvalues;
 
@@ -29,7 +31,10 @@ impl SpectraFile {
                 .flatten();
             let file = match rows {
                 Some(rows) => TableFile::open_to_append(path, &COLUMNS, rows)?,
-                None => TableFile::create(path, &COLUMNS)?,
+                None => {
+                    dictionary::write_metadata(SPECTRA_FILE, path, &COLUMNS, 3)?;
+                    TableFile::create(path, &COLUMNS)?
+                }
             };
             Ok((Some(file), rows.unwrap_or(0)))
         };

@@ -84,7 +84,7 @@ fn data_file(state: &ExportedState, reader: &Reader) -> String {
         (Dimensions::Three, false) => ", periodic along x and y",
         (Dimensions::Three, true) => ", periodic along x, y and z",
     };
-    let walls = " Types: 1 free grains, 2 bottom wall, 3 top wall.";
+    let walls = " Types: 1 free grains, 2 bottom wall, 3 top wall, 4 … further materials.";
     let (types, units) = if boxed {
         ("", "Units of the scene")
     } else {
