@@ -425,7 +425,7 @@ def collapse(out: Path) -> None:
     peaks together, peak over slope of the line through them less ln(V_r/V_i), and each packing's line.
     """
     logs = np.log(np.array(RESLIDES) / SLOW)
-    for amplitude in (0.0, AMPLITUDES[1], AMPLITUDES[2]):
+    for amplitude in (AMPLITUDES[2], 0.0):
         of = agitated(amplitude)
         parts = [
             FAST,
@@ -445,7 +445,7 @@ def collapse(out: Path) -> None:
                 folder = out / f"s2-{amplitude}-{v}" / held.name
                 branch_from(held / "checkpoint.h5", folder, reslide, "output.series_rows=2000")
                 mu, slip = columns(folder, "stress_ratio", "slip")
-                slip -= slip[0]
+                slip = slip - slip[0]
                 windows = pairwise((0.0, *RESLIDE_SLIPS))
                 means = [mu[(slip > a) & (slip <= b)].mean() for a, b in windows]
                 found.append([mu[slip < RESLIDE_SLIPS[2]].max() - steady, *(means - steady)])
