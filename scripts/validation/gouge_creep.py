@@ -419,10 +419,10 @@ def long_steps(out: Path) -> None:
 
 
 def collapse(out: Path) -> None:
-    """Figure S2: reslides after a slide at 0.02 m/s and a hold of 0.11 s, with and without vibration.
+    """Figure S2: reslides after a slide at 0.02 m/s and a hold of 0.11 s, vibrated and not.
 
-    Prints μ - μ_ss over the slip for each V_r, the C of (μ - μ_ss)/(C + ln(V_r/V_i)) that brings the
-    peaks together, peak over slope of the line through them less ln(V_r/V_i), and each packing's line.
+    Prints μ - μ_ss over the slip for each V_r, the line through the peaks over ln(V_r/V_i), and
+    the C of (μ - μ_ss)/(C + ln(V_r/V_i)) that brings the peaks together.
     """
     logs = np.log(np.array(RESLIDES) / SLOW)
     for amplitude in (AMPLITUDES[2], 0.0):

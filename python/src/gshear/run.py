@@ -544,13 +544,13 @@ class Run:
             table["delta_tau_p"], tau[at[:, 1]] - tau[at[:, 0]]
         )
 
-    def _stress_ratio_at_scalars(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def _stress_ratio_at_scalars(self) -> tuple[NDArray[np.uint64], NDArray[np.float64]]:
         """Returns the steps of the scalars of frames, or of the frames if there are none, and τ.
 
         NaN if the series has no row at a step.
         """
 
-        def read(file: h5py.Group) -> NDArray[np.int64]:
+        def read(file: h5py.Group) -> NDArray[np.uint64]:
             scalars = file["observables"].get("gshear", {}).values()
             return next((item["step"][:] for item in scalars), self.frames.step)
 
