@@ -80,8 +80,8 @@ fn is_gone(holder: Option<&Holder>, tried: &Result<(), TryLockError>, age: Durat
     }
 }
 
-/// Whether the run that writes into a folder is known to have died: its lock is there, and its process is
-/// gone.
+/// Whether the run that writes into a folder is known to have died: its lock is there, and its
+/// process is gone.
 pub fn is_abandoned(folder: &Path) -> bool {
     let Ok(mut file) = open(&folder.join(LOCK_FILE), false) else {
         return false;

@@ -52,8 +52,8 @@ pub enum ExportFormat {
 /// density gives each grain the mass of the disk per metre of depth. sample.packing reads both.
 /// The other formats hold any number of frames; lammps-dump and csv write the contacts into
 /// NAME-contacts beside the file. Types in LAMMPS' formats: 1 free grains, 2 bottom wall, 3 top
-/// wall, from 4 on free grains of the further materials; ids are those of the run plus 1. Everything is in SI units, of a run in a box in its
-/// own ones.
+/// wall, from 4 on free grains of the further materials; ids are those of the run plus 1.
+/// Everything is in SI units, of a run in a box in its own ones.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A run.h5, the folder of a run, run.h5/newtonian for Newton's equations of a box, or a
