@@ -27,6 +27,8 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
         "{ velocity = 2.0, distance = 1.5e-3 }]"
     )
     steps = [{"velocity": v, "distance": 1.5e-3} for v in (3.0, 2.0, 3.0)]
+    scalars: dict[str, object] = {"analysis.scalars": True, "output.frame_strain": 0.01}
+    scalars |= {"analysis.strain": 2e-3, "shear.strain": 0.04}
     flow: dict[str, object] = {"sample.grains": 120, "sample.length": "10 mm"}
     flow |= {"output.series_rows": 60, "output.frame_rows": 4}
     flow |= {"shear.protocol": [{"velocity": 0.5, "time": 0.03, "pressure": p} for p in (1e3, 4e3)]}
@@ -35,7 +37,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     scenes: dict[str, tuple[str, int, dict[str, object]]] = {
         "disks": ("crossing.toml", 2, slow),
         "other disks": ("crossing.toml", 1, slow | {"seed": 6}),
-        "scalars": ("crossing.toml", 1, slow | {"analysis.scalars": True, "shear.strain": 0.02}),
+        "scalars": ("crossing.toml", 1, slow | scalars),
         "spheres": ("crossing-3d.toml", 1, {"shear.protocol": protocol}),
         "velocity steps": ("crossing-3d.toml", 1, {"shear.protocol": steps}),
         "box": ("periodic.toml", 1, {}),

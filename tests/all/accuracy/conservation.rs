@@ -352,8 +352,8 @@ fn overlap_alone_does_not_change_the_tangential_force() {
 }
 
 /// The energy budget of the dense cell, which is driven together and slides: what it dissipated is
-/// what its kinetic and elastic energy lack, to a hundredth, and a quarter of Δt leaves less than half
-/// of the difference (of first order are the switches of regime).
+/// what its kinetic and elastic energy lack, to a hundredth, and a quarter of Δt leaves less than
+/// half of the difference (of first order are the switches of regime).
 #[test]
 fn energy_is_accounted_for() {
     const STEPS: usize = 400;
