@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from gshear import Frame, ProgramFailedError, ProgramNotFoundError, Run, simulate
 from gshear.programs import find, launcher
 
+from .conftest import SCENES
+
 
 def falk_langer(earlier: Frame, later: Frame, reach: float) -> NDArray[np.float64]:
     """D²min of every grain by least squares, grain by grain (Falk & Langer 1998; LH B1 to B4)."""
@@ -87,6 +89,15 @@ def test_phases_are_the_monotone_runs_of_the_stress_ratio(walls: Run) -> None:
         assert ((steps >= 0) if kind == "stick" else (steps <= 0)).all()
         assert change == tau[end] - tau[start]
     assert len(phases) > 10
+
+
+def test_a_run_of_one_row_has_no_phases_however_often_it_is_asked(tmp_path: Path) -> None:
+    values: dict[str, object] = {"shear.strain": 1e-3, "output.series_strain": 1.0}
+    values |= {"output.frame_strain": 0.0}
+    run = simulate(SCENES / "crossing.toml", tmp_path, ranks=1, values=values, quiet=True)
+    with Run(run, quiet=True) as opened:
+        for _ in range(2):
+            assert (len(opened.phases()), len(opened.drops(3))) == (0, 0)
 
 
 def test_drops_are_the_slip_phases_by_size(walls: Run) -> None:

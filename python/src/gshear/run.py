@@ -520,7 +520,8 @@ class Run:
     def _are_phases(self, table: pd.DataFrame) -> bool:
         """Whether every phase starts and ends at this run's steps, with this run's change of τ."""
         series = self._once("series", self._read_series)
-        rows = table[["start_row", "end_row"]].to_numpy()
+        # Without lines the columns have no type.
+        rows = table[["start_row", "end_row"]].to_numpy(dtype=np.int64)
         if rows.max(initial=-1) >= len(series):
             return False
         step, tau = series["step"].to_numpy(), series["stress_ratio"].to_numpy()
