@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from gshear import Run, simulate
+from gshear import Run, programs, simulate
 from gshear.studies import _output, bonfanti, lee_hurley
 
 SCENES = Path(__file__).resolve().parents[2] / "tests" / "scenes"
@@ -312,6 +312,31 @@ def test_several_boxes(boxes: list[Path], tmp_path: Path) -> None:
     points = points[points["panel"] == "(a)"]
     assert points["value"].tolist() == sorted(runs["change_over_pressure"])
     assert points["share_of_runs"].tolist() == [0.5, 1.0]
+
+
+def test_boxes_of_a_packing(originals: Originals, tmp_path: Path) -> None:
+    of_file: dict[str, object] = {"box.solid_fraction": None, "aqs.steps": 1}
+    of_file |= {f"sample.{key}": None for key in ("sizes", "large_fraction", "grains")}
+    of_file |= {f"sample.radius_{end}": None for end in ("min", "max")}
+    of_file |= {f"newtonian.{key}": None for key in ("growth_times", "rows", "frames")}
+    packing = tmp_path / "box.data"
+    words = ["export", originals("box"), "--format", "lammps-data", "--out", packing]
+    programs.run([programs.find("gshear-reduce"), *words], quiet=True)
+    scene = SCENES / "periodic.toml"
+    runs = [
+        simulate(
+            scene,
+            tmp_path / f"run-{k}",
+            ranks=1,
+            values=of_file | {"sample.packing": packing, "aqs.strain_step": k * 1e-3},
+            quiet=True,
+        )
+        for k in (1, 2)
+    ]
+    done = run_module("bonfanti", *runs, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    families = table(tmp_path / "out" / "ensemble-runs.csv")["runs_of"]
+    assert families.tolist() == [f"packing {packing} N = 150"] * 2
 
 
 def test_wrong_runs_of_bonfanti(

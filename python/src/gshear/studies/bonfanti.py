@@ -332,8 +332,12 @@ def _slip(run: Studied) -> Drawn | str:
 def _numbers_of_run(run: Studied, folder: Path) -> dict[str, object]:
     """Returns the line of a run in `ensemble-runs.csv`; NaN stands for what it does not have."""
     scene, growth = run.strain.scene, run.growth
-    placement = scene["sample"].get("placement", "lattice")
-    family = f"φ = {scene['box.solid_fraction']:g} {placement} N = {scene['sample.grains']}"
+    sample = scene["sample"]
+    if "packing" in sample:
+        made = f"packing {sample['packing']}"
+    else:
+        made = f"φ = {scene['box.solid_fraction']:g} {sample.get('placement', 'lattice')}"
+    family = f"{made} N = {sample['grains']}"
     ours, paper = (first_pair(run.strain, folder, paper_form=form) for form in (False, True))
     lambda_i, omega_i = run.pair("lambda_i"), run.pair("omega_i")
     aftermath = growth.get("aftermath", "")
