@@ -96,6 +96,7 @@ fn an_exported_state_comes_back() {
         &[],
         &at("without-its-file.data"),
     );
+    succeed(reducer().arg("stability").arg(at("broken")));
     // From the beginning it is needed.
     for ranks in [1, 2] {
         let lost = gshear_mpi(ranks, &at("lost"), &arguments(&[]));
@@ -228,6 +229,9 @@ fn a_packing_in_a_box_is_strained() {
     let resume = format!("--resume={}", at("stopped").display());
     assert_eq!(gshear_mpi(2, &at("stopped"), &[resume]).digest(), digest);
     export(&at("stopped/checkpoint.h5"), &[], &at("end.data"));
+    // So do the eigenvalues of frames, of a packing of any kind.
+    succeed(reducer().arg("stability").arg(at("stopped")));
+    succeed(reducer().arg("stability").arg(at("from")));
 
     from("box.data", "sample.replicate = [2, 1, 3]");
     let copies = RunFile::open_any(&at("from")).expect("a run");

@@ -4,13 +4,14 @@ use std::path::Path;
 
 use crate::frame_selection::Which;
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
+use gshear_analysis::moments::extent;
 use gshear_analysis::stability::Stability;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Failure;
-use gshear_dem::state::{Cell, ContactState, FlatWalls, GrainState};
+use gshear_dem::state::{Cell, ContactState, FlatWalls, GrainState, Ids};
 use gshear_driver::header::{Header, Saved};
-use gshear_scene::{Boundary, Dimensions, Scene, Source};
+use gshear_scene::{Arrangement, Boundary, Dimensions, PackingFile, Scene, Source, identity};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_writer::StateOrigin;
@@ -78,7 +79,9 @@ impl StoredState {
             }
         };
         let name = format!("{} (its scene)", run.path().display());
-        let scene = gshear_scene::load(&Source::new(&name, run.scene().to_string()), &[])?;
+        let source = Source::new(&name, run.scene().to_string());
+        let packing = &mut |_: &Path, how| Ok(packing_of(run, how));
+        let scene = gshear_scene::load_with(&source, &[], packing)?;
         let (grains, contacts) = run.state(t)?;
         let step = run.frame_steps()[t];
         let what = format!("frame {t} (step {step}) of {}", run.path().display());
@@ -129,6 +132,41 @@ impl StoredState {
     pub fn stability(&self, jacobian: &Jacobian) -> Result<Stability, Failure> {
         let unfit = |why| Failure::numbers(format!("{}: K: {why}", self.what));
         Ok(Stability::of(&jacobian.problem().map_err(unfit)?))
+    }
+}
+
+/// What the scene of a run is to know of the file of its grains, by the run: the file may have
+/// changed or gone.
+fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
+    let values = identity::values(run.scene());
+    let number = |key: &str| values.get(key).and_then(|text| text.parse::<f64>().ok());
+    let radii = &run.grains().radius;
+    let (count, dimension) = (radii.len() as f64, run.dimension());
+    let mean_diameter = 2.0 * radii.iter().sum::<f64>() / count;
+    let volumes = radii.iter().map(|r| dimension.volume(*r));
+    let [radius_min, radius_max] = extent(radii.iter().copied());
+    let height = run.height();
+    // H is that between the walls.
+    let walls = 2.0 * number("sample.wall_thickness").unwrap_or(1.0) * mean_diameter;
+    PackingFile {
+        path: run.path().to_path_buf(),
+        replicate: arrangement.copies.to_vec(),
+        grains: radii.len() as u32,
+        radius_min,
+        radius_max,
+        mean_diameter,
+        mean_volume: volumes.sum::<f64>() / count,
+        length: number("sample.length").unwrap_or(run.periods()[0]),
+        width: (dimension == Dimensions::Three)
+            .then(|| number("sample.width").unwrap_or(run.periods()[1])),
+        boxed: arrangement.boxed.then_some([height, 0.0]),
+        stream: 0.0,
+        edges: [0.0, height + walls],
+        farthest: 0.0,
+        wall_types: false,
+        bottom_type: false,
+        content: String::new(),
+        ids: Ids::default(),
     }
 }
 
