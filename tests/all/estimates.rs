@@ -14,6 +14,8 @@ use gshear_store::status::Status;
 const FILES: f64 = 1.4;
 const MEMORY: f64 = 1.6;
 
+const OF_A_BOX: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
+
 fn check_on(ranks: usize, arguments: &[&str]) -> Output {
     let mut command = program(ranks);
     let command = command.args(arguments).arg("--check");
@@ -203,21 +205,20 @@ fn seconds(text: &str) -> f64 {
 /// far it is from that which they take is in docs/running.md: a busy machine decides no test.
 #[test]
 fn a_time_is_said_for_strain_steps() {
-    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
     let disks = [
         "--set=dimension=2",
         "--set=box.solid_fraction=0.9",
         "--set=sample.grains=600",
     ];
     for more in [&[][..], &["--set=aqs.spectrum=true"], &disks] {
-        let words = [&[scene, "--set=aqs.steps=100000"][..], more].concat();
+        let words = [&[OF_A_BOX, "--set=aqs.steps=100000"][..], more].concat();
         let lines = lines(&said(&words));
         let time = &lines["time"];
         let (_, said) = time.split_once("aqs very roughly ").expect(time);
         let said = seconds(said.split(',').next().expect("a time"));
         assert!(said > 0.0 && said.is_finite(), "{time}");
     }
-    let overdamped = said(&[scene, "--set=relax.method=overdamped"]);
+    let overdamped = said(&[OF_A_BOX, "--set=relax.method=overdamped"]);
     assert!(
         lines(&overdamped)["time"].contains("aqs unknown"),
         "{overdamped}"
@@ -253,8 +254,17 @@ fn resident(out: &Path, arguments: &[&str]) -> f64 {
 fn memory_is_that_of_the_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let many = ["--set=sample.grains=40000", "--set=sample.length=1900e-6"];
+    let boxed = [
+        OF_A_BOX,
+        "--set=aqs.steps=1",
+        "--set=newtonian.growth_times=0.01",
+    ];
+    let more = ["--set=sample.grains=500"];
+    let eigenvalues = ["--set=sample.grains=250", "--set=newtonian.spectra=1"];
     for (name, arguments) in [
         ("few", vec![SCENE, "--set=shear.strain=0.02"]),
+        ("factors", [&boxed[..], &more].concat()),
+        ("eigenvalues", [&boxed[..], &eigenvalues].concat()),
         (
             "many",
             [&[SCENE][..], &many, &["--set=output.frame_strain=0"]].concat(),

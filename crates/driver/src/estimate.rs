@@ -8,7 +8,7 @@ use gshear_dem::state::{Confinement, ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, packing_steps};
 use gshear_scene::{
-    Boundary, Motion, PackingFile, PeriodicBox, PlaneShear, Sample, Scene, WallSpeed,
+    Boundary, Method, Motion, PackingFile, PeriodicBox, PlaneShear, Sample, Scene, WallSpeed,
 };
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, RUN_FILE};
@@ -277,6 +277,26 @@ fn memory_of(scene: &Scene, ranks: usize, frame: f64) -> f64 {
     memory::PROCESS_BYTES
         + memory::GRAIN_BYTES[index(scene)] * grains
         + memory::FRAME_COPIES * waiting_bytes(frame) * part
+        + match &scene.boundary {
+            Boundary::Walls(_) => 0.0,
+            Boundary::Periodic(periodic) => memory_of_k(scene, periodic),
+        }
+}
+
+/// Bytes of rank 0 for K of a box.
+fn memory_of_k(scene: &Scene, periodic: &PeriodicBox) -> f64 {
+    let (k, grains) = (index(scene), f64::from(scene.sample.grains));
+    let factors = match periodic.relax.method {
+        Method::Newton => memory::FACTOR_BYTES[k] * grains.powf(memory::FACTOR_POWER[k]),
+        Method::Overdamped => 0.0,
+    };
+    let moving = periodic.newtonian.is_some_and(|of| of.spectra > 0);
+    let dense = if periodic.aqs.spectrum || moving {
+        memory::DENSE_COPIES * 8.0 * ([3.0, 6.0][k] * grains).powi(2)
+    } else {
+        0.0
+    };
+    factors + dense
 }
 
 /// Bytes of a file of frames and rows, and what it holds.

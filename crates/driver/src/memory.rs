@@ -16,6 +16,12 @@ pub const PROCESS_BYTES: f64 = 30e6;
 pub const GRAIN_BYTES: [f64; 2] = [900.0, 1300.0];
 pub const FRAME_COPIES: f64 = 3.0;
 
+/// The same of rank 0 for K of a box of n disks or spheres: its factors for Newton's method, which
+/// grow as a power of n; matrices as large as the dense one of which all eigenvalues are found.
+pub const FACTOR_BYTES: [f64; 2] = [7e3, 8.7e3];
+pub const FACTOR_POWER: [f64; 2] = [1.0, 4.0 / 3.0];
+pub const DENSE_COPIES: f64 = 3.0;
+
 /// The most grains for which all nodes together have memory. Collective.
 pub fn limit(exchange: &dyn Parallel) -> GrainLimit {
     let mine = (provenance::host(), memory_here());
