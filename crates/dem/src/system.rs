@@ -143,16 +143,25 @@ impl List {
         let higher = cell.sheared.map_or(f64::INFINITY, |s| 0.5 * s.height);
         // The factor by which the tilt of the images lengthens the cutoff along x.
         let longer = cell.greatest_cutoff_along_x(1.0);
-        let widest = 0.98 * (length / (longer * ranks as f64)).min(width).min(higher) - diameter;
+        let across = width.min(higher);
+        let widest = 0.98 * (length / (longer * ranks as f64)).min(across) - diameter;
         let range = [wished[0], wished[1].min(widest)];
-        let most = most_ranks(0.98 * length, longer * (diameter + range[0]));
+        let cutoff = diameter + range[0];
         if range[1] < range[0] {
-            return Err(Failure::input(format!(
-                "{ranks} ranks are too many for this cell: a slab must be wider than the cutoff (the greatest \
-                 diameter and the skin, {:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {} ranks",
-                diameter + range[0],
-                most.max(1),
-            )));
+            let most = most_ranks(0.98 * length, longer * cutoff);
+            return Err(Failure::input(if most == 0 || 0.98 * across < cutoff {
+                format!(
+                    "the cell is too small, so that grains would touch their own images: its length, its width and half \
+                     the height between its images must be greater than the cutoff (the greatest diameter and the \
+                     skin, {cutoff:.4e} m), and the least of them is {:.4e} m",
+                    length.min(across)
+                )
+            } else {
+                format!(
+                    "{ranks} ranks are too many for this cell: a slab must be wider than the cutoff (the greatest \
+                     diameter and the skin, {cutoff:.4e} m), and the cell is sample.length = {length:.4e} m long; run it on 1 to {most} ranks",
+                )
+            }));
         }
         Ok(range)
     }

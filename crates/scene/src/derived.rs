@@ -212,9 +212,8 @@ pub fn packed_height(sample: &Sample) -> f64 {
     f64::from(sample.grains) * sample.mean_volume / (packed_fraction(sample) * sample.base())
 }
 
-/// The fewest grains whose packing is as high as [`least_height`] with so many layers of walls.
-pub fn least_grains(sample: &Sample, layers: f64) -> f64 {
-    let height = least_height(layers) * sample.mean_diameter;
+/// The fewest grains whose packing is so high (m).
+pub fn least_grains(sample: &Sample, height: f64) -> f64 {
     let volume = packed_fraction(sample) * sample.base() * height;
     (volume / sample.mean_volume).ceil()
 }
@@ -423,7 +422,7 @@ mod tests {
     #[test]
     fn height_of_the_default_sample() {
         close(packed_height(&SAMPLE), 45.45e-6, 1e-3);
-        let enough = least_grains(&SAMPLE, 2.0);
+        let enough = least_grains(&SAMPLE, least_height(2.0) * SAMPLE.mean_diameter);
         let [less, enough] = [enough - 1.0, enough].map(|grains| {
             let grains = grains as u32;
             packed_height(&Sample { grains, ..SAMPLE })

@@ -875,10 +875,15 @@ fn check_size(
         c.refuse_among(&reversed, &narrow("length", sample.length));
     }
     c.settle()?;
-    let needed = derived::least_height(all_layers) * sample.mean_diameter;
+    let mut needed = derived::least_height(all_layers) * sample.mean_diameter;
+    let mut of_needed = "five mean diameters";
+    if confinement == Confinement::Images && needed < sample.least_box_length() {
+        needed = sample.least_box_length();
+        of_needed = "2.2 diameters of the largest";
+    }
     // Between flat walls one grain is enough.
     if height < needed && !is_flat(c) {
-        let least = derived::least_grains(sample, all_layers);
+        let least = derived::least_grains(sample, needed);
         let mut remedy = if least <= f64::from(u32::MAX) {
             format!("give at least {least} grains or a shorter cell")
         } else {
@@ -889,7 +894,7 @@ fn check_size(
         }
         let what = if layers == 0.0 {
             format!(
-                "the cell is too low: {} grains fill about {height:.2e} m of height, less than {needed:.2e} m, five mean diameters; {remedy}",
+                "the cell is too low: {} grains fill about {height:.2e} m of height, less than {needed:.2e} m, {of_needed}; {remedy}",
                 sample.grains
             )
         } else {

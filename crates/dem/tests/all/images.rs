@@ -3,10 +3,11 @@
 
 use bytemuck::Zeroable;
 use gshear_dem::dimension::{Three, Two};
+use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Masses, Sheared};
-use gshear_dem::system::Setup;
+use gshear_dem::system::{Setup, System};
 
 use crate::common::{RADIUS, Rig, gas_law, periods};
 
@@ -82,5 +83,25 @@ fn free_grains_fly_straight() {
     for sheared in [false, true] {
         straight::<Two>(sheared);
         straight::<Three>(sheared);
+    }
+}
+
+/// A cell that is too low or too short for its grains is not refused for its one rank.
+#[test]
+fn a_cell_in_which_grains_touch_their_images_is_too_small() {
+    for ([length, height], is_small) in [[20.0, 4.0], [1.9, 20.0], [20.0, 4.2]]
+        .into_iter()
+        .zip([true, true, false])
+    {
+        let cell = Cell {
+            periods: [length * RADIUS, f64::INFINITY],
+            sheared: Some(Sheared::upright(height * RADIUS)),
+        };
+        let setup = Setup::new(cell, RADIUS, Masses::Density(2500.0), STEP);
+        let said = System::<Two>::new(&Solo, setup)
+            .err()
+            .map(|failure| failure.to_string());
+        let told = said.as_ref().map(|said| said.contains("cell is too small"));
+        assert_eq!(told, is_small.then_some(true), "{said:?}");
     }
 }
