@@ -320,7 +320,7 @@ def test_boxes_of_a_packing(originals: Originals, tmp_path: Path) -> None:
     of_file |= {f"sample.radius_{end}": None for end in ("min", "max")}
     of_file |= {f"newtonian.{key}": None for key in ("growth_times", "rows", "frames")}
     packing = tmp_path / "box.data"
-    words = ["export", originals("box"), "--format", "lammps-data", "--out", packing]
+    words = ["export", str(originals("box")), "--format=lammps-data", f"--out={packing}"]
     programs.run([programs.find("gshear-reduce"), *words], quiet=True)
     scene = SCENES / "periodic.toml"
     runs = [
