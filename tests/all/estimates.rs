@@ -134,25 +134,22 @@ fn steps_and_files_are_those_of_the_run() {
 #[test]
 fn steps_are_guessed_from_the_height_between_the_walls() {
     let folder = tempfile::tempdir().expect("a folder");
-    let sets =
-        "shear.inertial_number=none shear.velocity=0.5 sample.wall_thickness=4 sample.grains=400";
-    let sets = sets.split(' ').map(|set| format!("--set={set}"));
-    let words: Vec<String> = [SCENE.into(), "--stop-at=1".into()]
-        .into_iter()
-        .chain(sets)
-        .collect();
+    let scene = [
+        SCENE,
+        "--set=shear.inertial_number=none",
+        "--set=shear.velocity=0.5",
+        "--set=sample.wall_thickness=4",
+        "--set=sample.grains=400",
+    ];
+    let words = [&scene[..], &["--stop-at=1"]].concat();
+    let words: Vec<String> = words.into_iter().map(Into::into).collect();
     let run = gshear_mpi(1, folder.path(), &words);
     assert_eq!(run.code, 75, "{}", run.text);
     let steps = Status::read(folder.path())
         .expect("a status")
         .standing
         .steps;
-    let whole: Vec<&str> = words
-        .iter()
-        .map(|word| &**word)
-        .filter(|word| *word != "--stop-at=1")
-        .collect();
-    let lines = lines(&said(&whole));
+    let lines = lines(&said(&scene));
     let (_, guess) = lines["steps"].split_once("shear about ").expect("a guess");
     let guess: f64 = guess.split(' ').next().unwrap().parse().expect("a number");
     within(1.1, guess, steps.expect("steps") as f64, "steps");

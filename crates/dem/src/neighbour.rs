@@ -520,6 +520,12 @@ mod tests {
         assert!(furthest(&states) > 500);
         sort_by_cells::<Two>(&mut states, cell, extent, CUTOFF.greatest, false);
         assert!(furthest(&states) < 60);
+        // Grains of walls follow the free ones.
+        for grain in &mut states {
+            grain.body = grain.id % 3;
+        }
+        sort_by_cells::<Two>(&mut states, cell, extent, CUTOFF.greatest, true);
+        assert!(states.is_sorted_by_key(|grain| grain.body));
     }
 
     #[test]

@@ -299,7 +299,7 @@ impl List {
 
 /// Mean distance in memory of the two grains of a pair of one body, in grains.
 fn reach(pairs: &[CandidatePair], body: &[u32]) -> f64 {
-    let (mut all, mut pairs_of_one) = (0, 0);
+    let (mut all, mut pairs_of_one) = (0, 0_u32);
     for &CandidatePair { grains: [i, j], .. } in pairs {
         if body[i as usize] == body[j as usize] {
             all += u64::from(i.abs_diff(j));

@@ -142,7 +142,7 @@ fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
     let number = |key: &str| values.get(key).and_then(|text| text.parse::<f64>().ok());
     let radii = &run.grains().radius;
     let (count, dimension) = (radii.len() as f64, run.dimension());
-    let mean_diameter = 2.0 * radii.iter().sum::<f64>() / count;
+    let mean_diameter = 2.0 * run.grains().mean_radius();
     let volumes = radii.iter().map(|r| dimension.volume(*r));
     let [radius_min, radius_max] = extent(radii.iter().copied());
     let height = run.height();

@@ -89,10 +89,7 @@ fn free_grains_fly_straight() {
 /// A cell that is too low or too short for its grains is not refused for its one rank.
 #[test]
 fn a_cell_in_which_grains_touch_their_images_is_too_small() {
-    for ([length, height], is_small) in [[20.0, 4.0], [1.9, 20.0], [20.0, 4.2]]
-        .into_iter()
-        .zip([true, true, false])
-    {
+    for (length, height, is_small) in [(20.0, 4.0, true), (1.9, 20.0, true), (20.0, 4.2, false)] {
         let cell = Cell {
             periods: [length * RADIUS, f64::INFINITY],
             sheared: Some(Sheared::upright(height * RADIUS)),
