@@ -3,6 +3,9 @@
 use std::borrow::Cow;
 use std::fmt;
 
+/// A result whose error is a [`Failure`] if no other is named.
+pub type Result<T, E = Failure> = std::result::Result<T, E>;
+
 /// The reason why a run or a reduction ends early. Printed once, as `error: …`.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Failure {

@@ -10,8 +10,8 @@ use crate::budget::EnergyBudget;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{Drive, Felt, WallForces, WallSteps};
-use crate::failure::Failure;
+use crate::drive::{Drive, Felt, FlowSum, MomentumFlow, Streaming, WallForces, WallSteps};
+use crate::failure::Result;
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::simd::{Lanes, Work};
 use crate::state::{Cell, Grains, Sheared, Units, body};
@@ -50,7 +50,7 @@ pub fn advance<D: Dimension>(
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
     request: StepRequest<'_>,
-) -> Result<bool, Failure> {
+) -> Result<bool> {
     let step = system.step;
     system.steps += 1;
     system.clock.start();
@@ -61,9 +61,6 @@ pub fn advance<D: Dimension>(
         system.rebuild(exchange, law, drive)?;
         system.clock.end(StepPhase::Rebuild);
     }
-    if drive.changes_velocities(step, &system.cell) {
-        system.finish_step();
-    }
     drive.drift(step, &mut system.cell, &mut system.grains);
     if let Some(Sheared { half_velocity, .. }) = system.cell.sheared
         && half_velocity != 0.0
@@ -73,17 +70,26 @@ pub fn advance<D: Dimension>(
     let (isa, cell) = (system.isa, system.cell);
     let mut fastest = drive.speed();
     let second_kick_deferred = std::mem::take(&mut system.second_kick_deferred);
-    let stretches = drive.stretches();
-    let motion = (step, cell, stretches.unwrap_or([1.0; 2]));
+    let streaming = drive.streaming();
+    let motion = (
+        step,
+        cell,
+        streaming,
+        drive.needs_stress(request.samples.is_some()),
+    );
+    let mut flow = FlowSum::default();
     system.pool.over_owned(
         &mut system.grains,
-        |part| match (second_kick_deferred, stretches.is_some()) {
+        |part| match (second_kick_deferred, streaming.is_some()) {
             (true, false) => isa.run(HalfKickAndDrift::<_, true, false> { part, motion }),
             (false, false) => isa.run(HalfKickAndDrift::<_, false, false> { part, motion }),
             (true, true) => isa.run(HalfKickAndDrift::<_, true, true> { part, motion }),
             (false, true) => isa.run(HalfKickAndDrift::<_, false, true> { part, motion }),
         },
-        |speed| fastest = greater_or_nan(fastest, speed),
+        |(speed, of_share)| {
+            fastest = greater_or_nan(fastest, speed);
+            flow.merge(of_share);
+        },
     );
     drive.predict(step, &mut system.cell, &mut system.grains);
     let planes = drive.planes();
@@ -95,6 +101,7 @@ pub fn advance<D: Dimension>(
 
     let way = (step, Some(system.list.travelled));
     let outside = add_forces(exchange, system, law, drive, way, request.samples);
+    system.add_flow(flow);
 
     let rebuild = rebuild || system.list.forced(system.steps);
     let asked = (outside, [rebuild, request.stop]);
@@ -128,10 +135,11 @@ pub fn initial_forces<D: Dimension>(
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
     samples: Option<&mut ContactForces>,
-) -> Result<(), Failure> {
+) -> Result<()> {
     // The time until now belongs to the first list.
     system.clock.end(StepPhase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
+    system.add_flow(MomentumFlow::over(&system.cell, &system.grains));
     let (load, []) = sum_over_ranks(exchange, system, drive, (outside, []), |_| ())?;
     if let Some(budget) = &mut system.budget {
         let at_rest = WallSteps {
@@ -160,10 +168,9 @@ fn sum_over_ranks<D: Dimension, const K: usize>(
     drive: &dyn Drive<D>,
     (outside, flags): (Option<Outside>, [bool; K]),
     meanwhile: impl Fn(&mut Grains<D>),
-) -> Result<(WallForces, [bool; K]), Failure> {
+) -> Result<(WallForces, [bool; K])> {
     let mut load = [Accumulator::default(); 3];
     let felt = Felt {
-        cell: &system.cell,
         grains: &system.grains,
         stress: system.stress,
         fixed: &system.fixed,
@@ -285,27 +292,30 @@ fn add_forces<D: Dimension>(
 }
 
 /// Computes v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces.
-/// Returns the greatest speed (m/s), or NaN if one is NaN. `SECOND_KICK_DEFERRED`: gives the
-/// deferred second kick of the last step first. `STRETCHED`: [`Drive::stretches`].
-struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool, const STRETCHED: bool> {
+/// Returns the greatest speed (m/s), or NaN if one is NaN, and the flow of momentum where grains
+/// stream. `SECOND_KICK_DEFERRED`: gives the deferred second kick of the last step first.
+/// `STREAMS`: grains do what [`Drive::streaming`] says.
+struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> {
     part: OwnedPart<'a, D>,
-    /// Δt (s), the cell, and by what its stretching multiplies.
-    motion: (f64, Cell, [f64; 2]),
+    /// Δt (s), the cell, how grains stream, and whether the flow of momentum is needed.
+    motion: (f64, Cell, Option<Streaming>, bool),
 }
 
-impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STRETCHED: bool> Work
-    for HalfKickAndDrift<'_, D, SECOND_KICK_DEFERRED, STRETCHED>
+impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
+    for HalfKickAndDrift<'_, D, SECOND_KICK_DEFERRED, STREAMS>
 {
-    type Output = f64;
+    type Output = (f64, FlowSum);
 
     #[inline(always)]
-    fn run<L: Lanes>(self, _: L::Token) -> f64 {
-        let (part, (step, cell, [grows, shrinks])) = (self.part, self.motion);
+    fn run<L: Lanes>(self, _: L::Token) -> (f64, FlowSum) {
+        let (part, (step, cell, streaming, is_stressed)) = (self.part, self.motion);
+        let streaming = streaming.filter(|_| STREAMS);
+        let mut flow = FlowSum::default();
         // The bits of the squared speed, which are greatest for NaN: integers are compared in one
         // cycle, a chain of floating-point maxima would wait for each result.
         let mut fastest = 0;
         let grains = part.record.iter_mut().zip(part.force).zip(part.half_kick);
-        for (((record, force), kick), image) in grains.zip(part.image) {
+        for ((((record, force), kick), image), mass) in grains.zip(part.image).zip(part.mass) {
             let r = D::fields_mut(record);
             let [linear, angular] = *kick;
             // One short loop per quantity, which the compiler vectorises.
@@ -313,22 +323,41 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STRETCHED: bool> Work
             for axis in 0..D::AXES {
                 dv[axis] = linear * force[axis];
                 v[axis] = if SECOND_KICK_DEFERRED {
-                    (r[D::HALF_VELOCITY + axis] + dv[axis]) + dv[axis]
+                    r[D::HALF_VELOCITY + axis] + dv[axis]
                 } else {
-                    r[D::VELOCITY + axis] + dv[axis]
+                    r[D::VELOCITY + axis]
                 };
+            }
+            if let Some(Streaming {
+                changes: [change, _],
+                ..
+            }) = streaming
+                && change != 0.0
+            {
+                v[0] += change * r[D::UP];
+            }
+            for axis in 0..D::AXES {
+                v[axis] += dv[axis];
             }
             r[D::HALF_VELOCITY..][..D::AXES].copy_from_slice(&v[..D::AXES]);
             for axis in 0..D::AXES {
                 r[D::VELOCITY + axis] = v[axis] + dv[axis];
             }
-            if STRETCHED {
+            if let Some(Streaming {
+                stretches: [grows, _],
+                ..
+            }) = streaming
+            {
                 r[D::UP] *= grows;
             }
             for axis in 0..D::AXES {
                 r[axis] += step * v[axis];
             }
-            if STRETCHED {
+            if let Some(Streaming {
+                stretches: [_, shrinks],
+                ..
+            }) = streaming
+            {
                 r[D::VELOCITY + D::UP] *= shrinks;
                 r[D::HALF_VELOCITY + D::UP] *= shrinks;
             }
@@ -360,10 +389,25 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STRETCHED: bool> Work
                 }
             }
             cell.wrap_last_axis::<D>(r, image);
+            if let Some(Streaming {
+                changes: [_, change],
+                flow: of,
+                ..
+            }) = streaming
+            {
+                if change != 0.0 {
+                    let more = change * r[D::UP];
+                    r[D::VELOCITY] += more;
+                    r[D::HALF_VELOCITY] += more;
+                }
+                if is_stressed {
+                    flow.add(of.of::<D>(*mass, r));
+                }
+            }
             *force = Zeroable::zeroed();
             fastest = speed.to_bits().max(fastest);
         }
-        f64::from_bits(fastest).sqrt()
+        (f64::from_bits(fastest).sqrt(), flow)
     }
 }
 

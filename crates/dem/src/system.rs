@@ -5,8 +5,8 @@ use crate::clock::Clock;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
-use crate::drive::Drive;
-use crate::failure::Failure;
+use crate::drive::{Drive, FlowSum};
+use crate::failure::{Failure, Result};
 use crate::kernel::PairForce;
 use crate::neighbour::{self, LocalExtent};
 use crate::simd::{Isa, Lanes, Work};
@@ -62,8 +62,8 @@ pub struct System<D: Dimension> {
     pub pool: ThreadPool<D>,
     /// The energy budget, if it is kept.
     pub budget: Option<EnergyBudget>,
-    /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of the last step, if it was
-    /// counted.
+    /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of the last step with its
+    /// kinetic part, if it was counted.
     pub(crate) stress: Option<[i128; 2]>,
 }
 
@@ -113,7 +113,7 @@ pub struct List {
 impl List {
     /// Fails unless each of `exchange.size()` slabs, and the cell along the other axes, is wider
     /// than the cutoff.
-    fn new(exchange: &dyn Exchange, of: &Setup) -> Result<Self, Failure> {
+    fn new(exchange: &dyn Exchange, of: &Setup) -> Result<Self> {
         let diameter = 2.0 * of.largest_radius;
         let wished = match of.list.skin {
             Some(skin) => [skin; 2],
@@ -133,12 +133,7 @@ impl List {
     }
 
     /// The least and greatest skin (m) on so many ranks, of those wished for in a wide cell.
-    fn range(
-        ranks: usize,
-        cell: Cell,
-        diameter: f64,
-        wished: [f64; 2],
-    ) -> Result<[f64; 2], Failure> {
+    fn range(ranks: usize, cell: Cell, diameter: f64, wished: [f64; 2]) -> Result<[f64; 2]> {
         let [length, width] = cell.periods;
         let higher = cell.sheared.map_or(f64::INFINITY, |s| 0.5 * s.height);
         // The factor by which the tilt of the images lengthens the cutoff along x.
@@ -267,7 +262,7 @@ impl List {
     }
 
     /// Fits the skin to a cell and to the gap.
-    fn fit(&mut self, exchange: &dyn Exchange, cell: Cell) -> Result<(), Failure> {
+    fn fit(&mut self, exchange: &dyn Exchange, cell: Cell) -> Result<()> {
         let greatest = self.diameter + self.gap;
         let range = Self::range(exchange.size(), cell, greatest, self.wished)?;
         if range != self.range {
@@ -373,7 +368,7 @@ impl<D: Dimension> System<D> {
     ///
     /// # Errors
     /// If the slabs would be too narrow, or the threads cannot be started.
-    pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self, Failure> {
+    pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self> {
         Ok(Self {
             list: List::new(exchange, &of)?,
             isa: of.isa,
@@ -434,6 +429,13 @@ impl<D: Dimension> System<D> {
         }
     }
 
+    /// Adds the flow of momentum to the stress, if that is counted.
+    pub(crate) fn add_flow(&mut self, flow: FlowSum) {
+        if let Some(stress) = &mut self.stress {
+            flow.add_to(stress);
+        }
+    }
+
     /// Adds this length (m) to the Lees–Edwards offset; images above may then be one further.
     pub fn shear(&mut self, by: f64) {
         let periods = self.cell.shear(by);
@@ -448,7 +450,7 @@ impl<D: Dimension> System<D> {
     ///
     /// # Errors
     /// Too many ranks for a cell of these lengths.
-    pub fn set_cell(&mut self, exchange: &dyn Exchange, cell: Cell) -> Result<(), Failure> {
+    pub fn set_cell(&mut self, exchange: &dyn Exchange, cell: Cell) -> Result<()> {
         self.list.fit(exchange, cell)?;
         self.slabs.stretch(cell.periods[0]);
         self.cell = cell;
@@ -490,7 +492,7 @@ impl<D: Dimension> System<D> {
         exchange: &dyn Exchange,
         law: &dyn PairForce<D>,
         drive: &mut dyn Drive<D>,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         self.list.adapt(self.steps);
         if exchange.size() > 1 || self.list.scattered() {
             let (grains, contacts) = (self.grain_states(), self.contact_states(law));
@@ -514,7 +516,7 @@ impl<D: Dimension> System<D> {
         drive: &mut dyn Drive<D>,
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         let largest = 0.5 * self.list.diameter;
         // Rounding must not hide a contact that is about to end.
         let gap = 1.001 * law.largest_gap(largest);

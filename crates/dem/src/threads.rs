@@ -8,7 +8,7 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
-use crate::failure::Failure;
+use crate::failure::Result;
 use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Scratch};
 use crate::simd::Isa;
 use crate::state::{CandidatePair, Contacts, Grains, Image};
@@ -54,7 +54,7 @@ impl<D: Dimension> ThreadPool<D> {
     ///
     /// # Errors
     /// If the threads cannot be started.
-    pub fn new(threads: usize) -> Result<Self, Failure> {
+    pub fn new(threads: usize) -> Result<Self> {
         Ok(Self {
             workers: Workers::start(threads)?,
             shares: vec![0..0; threads.max(1)],
@@ -259,6 +259,7 @@ impl<D: Dimension> ThreadPool<D> {
             force: &mut grains.force[..owned],
             half_kick: &grains.half_kick,
             image: &mut grains.image,
+            mass: &grains.mass,
         };
         let Some(workers) = &self.workers else {
             return each(work(rest));
@@ -274,6 +275,7 @@ impl<D: Dimension> ThreadPool<D> {
                     force: tail_mut(&mut rest.force, share.start),
                     half_kick: tail(&mut rest.half_kick, share.start),
                     image: tail_mut(&mut rest.image, share.start),
+                    mass: tail(&mut rest.mass, share.start),
                 };
                 scope.spawn(move |_| *result = work(part));
             }
@@ -334,4 +336,6 @@ pub struct OwnedPart<'a, D: Dimension> {
     pub half_kick: &'a [[f64; 2]],
     /// Their images.
     pub image: &'a mut [Image],
+    /// Their masses (kg).
+    pub mass: &'a [f64],
 }

@@ -3,7 +3,7 @@
 use super::{Drive, Felt, Top, WallForces, WallSteps};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, MOST_COUNTED, nearest_whole};
-use crate::state::{Cell, Grains, Sheared, Stretching};
+use crate::state::{Cell, Grains, Stretching};
 
 /// The images above a cell that is periodic along its last axis, too (Lees and Edwards, J. Phys. C
 /// 5, 1921, 1972). They move as a top wall would that feels the stress of the sample, times the
@@ -24,8 +24,99 @@ pub struct Images {
     pub felt: WallForces,
     /// Whether the stress is needed in every step.
     needs_stress: bool,
-    /// h'/h and h/h' of the last step, if they are not 1.
-    stretches: Option<[f64; 2]>,
+    /// Of the step between [`Drive::drift`] and [`Drive::predict`].
+    streaming: Option<Streaming>,
+}
+
+/// What a step of a cell without walls does to its grains beside their own motion.
+#[derive(Debug, Clone, Copy)]
+pub struct Streaming {
+    /// h'/h and h/h'.
+    pub stretches: [f64; 2],
+    /// The changes of V/h (1/s), by which the velocities change times y: before the drift and
+    /// after it.
+    pub changes: [f64; 2],
+    /// The flow of momentum after the step.
+    pub flow: MomentumFlow,
+}
+
+/// The kinetic part of the stress: by the velocities of grains less those with which they stream.
+#[derive(Debug, Clone, Copy)]
+pub struct MomentumFlow {
+    /// V/h (1/s).
+    rate: f64,
+    /// 1/(h F) with the unit F of the forces (1/N, or m/N in 2D).
+    per_unit: f64,
+}
+
+/// A sum of [`MomentumFlow::of`] over grains.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FlowSum {
+    counts: [i128; 2],
+    /// The bits of the greatest flow, which are greatest for NaN.
+    greatest: u64,
+}
+
+impl MomentumFlow {
+    /// With images of this velocity (m/s) in this height (m); `unit`: that of the forces.
+    fn new(velocity: f64, height: f64, unit: f64) -> Self {
+        Self {
+            rate: velocity / height,
+            per_unit: 1.0 / (height * unit),
+        }
+    }
+
+    /// m u_y u_y/h and m u_x u_y/h of a grain, in units of the forces.
+    #[inline(always)]
+    pub fn of<D: Dimension>(&self, mass: f64, fields: &[f64]) -> [f64; 2] {
+        let up = fields[D::VELOCITY + D::UP];
+        let along = fields[D::VELOCITY] - self.rate * fields[D::UP];
+        let flow = mass * self.per_unit * up;
+        [flow * up, flow * along]
+    }
+
+    /// Over all grains of a rank, before the first step.
+    pub fn over<D: Dimension>(cell: &Cell, grains: &Grains<D>) -> FlowSum {
+        let mut sum = FlowSum::default();
+        if let Some(sheared) = cell.sheared {
+            let flow = Self::new(sheared.velocity, sheared.height, grains.units.force);
+            for (record, mass) in grains.record[..grains.owned].iter().zip(&grains.mass) {
+                sum.add(flow.of::<D>(*mass, D::fields(record)));
+            }
+        }
+        sum
+    }
+}
+
+impl FlowSum {
+    /// Adds the flow of a grain.
+    #[inline(always)]
+    pub fn add(&mut self, [up, along]: [f64; 2]) {
+        self.counts[0] += i128::from(nearest_whole(up));
+        self.counts[1] += i128::from(nearest_whole(along));
+        self.greatest = self.greatest.max((up + along.abs()).to_bits());
+    }
+
+    /// Adds the sum over other grains.
+    pub fn merge(&mut self, other: Self) {
+        for (count, more) in self.counts.iter_mut().zip(other.counts) {
+            *count += more;
+        }
+        self.greatest = self.greatest.max(other.greatest);
+    }
+
+    /// Adds the sum to counts of the contacts. Grains that are too fast, faster than that they are
+    /// lost, end the run: they make the counts greater than [`Accumulator`] takes.
+    pub fn add_to(self, stress: &mut [i128; 2]) {
+        let is_too_fast = self.greatest >= MOST_COUNTED.to_bits();
+        for (to, count) in stress.iter_mut().zip(self.counts) {
+            *to = if is_too_fast {
+                i128::MAX
+            } else {
+                to.saturating_add(count)
+            };
+        }
+    }
 }
 
 impl Images {
@@ -37,24 +128,7 @@ impl Images {
             needs_stress: is_loaded || motion.along,
             motion,
             felt: WallForces::default(),
-            stretches: None,
-        }
-    }
-
-    /// Gives the grains the change of their streaming velocities if the images get this velocity
-    /// (m/s).
-    fn stream<D: Dimension>(velocity: f64, sheared: &mut Sheared, grains: &mut Grains<D>) {
-        let change = (velocity - sheared.velocity) / sheared.height;
-        sheared.velocity = velocity;
-        if change == 0.0 {
-            return;
-        }
-        for g in 0..grains.owned {
-            let r = grains.fields_mut(g);
-            let more = change * r[D::UP];
-            for at in [D::VELOCITY, D::HALF_VELOCITY] {
-                r[at] += more;
-            }
+            streaming: None,
         }
     }
 }
@@ -65,37 +139,37 @@ impl<D: Dimension> Drive<D> for Images {
         self.motion.start(load);
     }
 
-    fn changes_velocities(&self, step: f64, cell: &Cell) -> bool {
-        let next = self.motion.slider.next_velocity(step);
-        cell.sheared.is_some_and(|sheared| sheared.velocity != next)
-    }
-
     fn drift(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<D>) {
         self.motion.drift(step);
         let Some(sheared) = &mut cell.sheared else {
             return;
         };
         let velocity = self.motion.slider.state.velocity;
-        Self::stream(velocity, sheared, grains);
-        sheared.half_velocity = velocity;
+        let [predicted, _] = self.motion.predicted(step);
         let (before, height) = (sheared.height, self.motion.piston.height);
-        (sheared.stretching, self.stretches) = (None, None);
-        if height == before {
-            return;
-        }
         let shrinks = before / height;
-        self.stretches = Some([height / before, shrinks]);
+        self.streaming = Some(Streaming {
+            stretches: [height / before, shrinks],
+            changes: [
+                (velocity - sheared.velocity) / before,
+                (predicted - velocity) / height,
+            ],
+            flow: MomentumFlow::new(predicted, height, grains.units.force),
+        });
+        (sheared.velocity, sheared.half_velocity) = (velocity, velocity);
         sheared.height = height;
-        let mut stretching = Stretching::default();
-        stretching.half[D::UP] = (1.0 - shrinks) / step;
-        sheared.stretching = Some(stretching);
+        sheared.stretching = (height != before).then(|| {
+            let mut stretching = Stretching::default();
+            stretching.half[D::UP] = (1.0 - shrinks) / step;
+            stretching
+        });
     }
 
-    fn stretches(&self) -> Option<[f64; 2]> {
-        self.stretches
+    fn streaming(&self) -> Option<Streaming> {
+        self.streaming
     }
 
-    fn predict(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<D>) {
+    fn predict(&mut self, step: f64, cell: &mut Cell, _: &mut Grains<D>) {
         let Some(sheared) = &mut cell.sheared else {
             return;
         };
@@ -103,7 +177,7 @@ impl<D: Dimension> Drive<D> for Images {
         if let Some(stretching) = &mut sheared.stretching {
             stretching.full[D::UP] = up / sheared.height;
         }
-        Self::stream(along, sheared, grains);
+        sheared.velocity = along;
     }
 
     fn needs_stress(&self, sampled: bool) -> bool {
@@ -111,35 +185,11 @@ impl<D: Dimension> Drive<D> for Images {
     }
 
     fn load(&self, felt: &Felt<'_, D>, [up, along, _]: &mut [Accumulator; 3]) {
-        let Felt {
-            cell,
-            grains,
-            fixed,
-            stress,
-        } = felt;
-        let (Some(stress), Some(sheared)) = (stress, cell.sheared) else {
-            return;
-        };
-        let unit = grains.units.force;
-        let per_unit = 1.0 / (sheared.height * unit);
-        let mut counts = *stress;
-        let mut greatest = 0.0_f64;
-        for (record, mass) in grains.record[..grains.owned].iter().zip(&grains.mass) {
-            let u = cell.peculiar_velocity::<D>(D::fields(record));
-            let flow = mass * per_unit * u[D::UP];
-            let [of_up, of_along] = [flow * u[D::UP], flow * u[0]];
-            greatest = greatest.max(of_up).max(of_along.abs());
-            counts[0] += i128::from(nearest_whole(of_up));
-            counts[1] += i128::from(nearest_whole(of_along));
+        let unit = felt.grains.units.force;
+        let stress = felt.stress.unwrap_or_default();
+        for (to, count) in [up, along].into_iter().zip(stress) {
+            felt.fixed.add_whole(to, count, unit);
         }
-        // Faster than that grains are lost: what is outside ends the run.
-        let unit = if greatest < MOST_COUNTED {
-            unit
-        } else {
-            f64::NAN
-        };
-        fixed.add_whole(up, counts[0], unit);
-        fixed.add_whole(along, counts[1], unit);
     }
 
     fn kick(&mut self, step: f64, forces: WallForces, _: &mut Grains<D>) {

@@ -12,7 +12,7 @@ use crate::simd::Isa;
 use crate::state::{Cell, Grains};
 
 pub use grain_walls::GrainWalls;
-pub use images::Images;
+pub use images::{FlowSum, Images, MomentumFlow, Streaming};
 pub use planes::Planes;
 pub(crate) use top::is_zero;
 pub use top::{Piston, Servo, Slider, SliderState, Top};
@@ -40,12 +40,9 @@ pub struct WallSteps {
 /// From what a drive takes the forces on the walls: what the grains of a rank feel.
 #[derive(Debug, Clone, Copy)]
 pub struct Felt<'a, D: Dimension> {
-    /// The cell.
-    pub cell: &'a Cell,
     /// The grains.
     pub grains: &'a Grains<D>,
-    /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of their contacts, if it was
-    /// counted.
+    /// The counts of their stress with its kinetic part, in units of the forces, if needed.
     pub stress: Option<[i128; 2]>,
     /// How forces are summed.
     pub fixed: &'a FixedPoint,
@@ -64,16 +61,10 @@ pub trait Drive<D: Dimension> {
     }
     /// Computes the accelerations before the first step.
     fn start(&mut self, _: WallForces) {}
-    /// Whether the next step changes velocities of grains that are not of walls before they drift,
-    /// so that their second kick cannot be deferred.
-    fn changes_velocities(&self, _step: f64, _: &Cell) -> bool {
-        false
-    }
     /// First half kick and drift of the walls, or of the cell.
     fn drift(&mut self, _step: f64, _: &mut Cell, _: &mut Grains<D>) {}
-    /// By what the step multiplies the last coordinates of all grains before they drift, and their
-    /// velocities along it afterwards, after [`Drive::drift`].
-    fn stretches(&self) -> Option<[f64; 2]> {
+    /// What the step does to all grains beside their own motion, after [`Drive::drift`].
+    fn streaming(&self) -> Option<Streaming> {
         None
     }
     /// Gives the wall grains, or the cell, their predicted velocities, after the drift.

@@ -164,16 +164,6 @@ impl Slider {
         state.step += 1;
     }
 
-    /// The velocity (m/s) that the next step will have.
-    pub(super) fn next_velocity(&self, step: f64) -> f64 {
-        let now = self.state.step;
-        if self.is_free(self.protocol.segment(now)) {
-            self.state.velocity + 0.5 * step * self.state.acceleration
-        } else {
-            self.protocol.velocity(now)
-        }
-    }
-
     /// The velocity of the full step: of the drive, or predicted from the last acceleration.
     pub(super) fn predicted(&self, step: f64) -> f64 {
         let now = self.state.step;

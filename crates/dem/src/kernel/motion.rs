@@ -25,9 +25,8 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
 ) -> usize {
     let mut active = 0;
     let step = L::splat(token, pass.input.step);
-    let slip_shift = L::splat(token, Units::shift(pass.input.units.slip));
-    let rotation_shift = L::splat(token, Units::shift(Units::ROTATION));
-    let steps = (step, [slip_shift, rotation_shift]);
+    let shifts = [pass.input.units.slip, Units::ROTATION].map(Units::shift);
+    let steps = (step, shifts.map(|shift| L::splat(token, shift)));
     let jkr = pass.jkr();
     let cell = (&pass.input.cell, pass.part.has_feet);
     let contacts = &mut pass.part;
@@ -60,14 +59,13 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             (half_v.normal * step).store(&mut motion.normal_increment);
         }
         if C::FRICTION {
-            let first = (chunk.start + k) * C::HISTORY;
-            let history = &mut contacts.history[first..first + C::HISTORY];
+            let history = &mut contacts.history[block * C::HISTORY..][..C::HISTORY];
             let records = (difference, &of_j[C::Space::SPINS_OF_J..], [sum, r_i]);
             let of = (&pair, &v, &half_v);
             tangential_motion::<C, L>(token, &steps, of, records, history, (motion, turning));
         }
         if C::ROLLING && C::Space::SPINS == 1 {
-            rolling_motion::<C::Space, L>(token, [step, rotation_shift], difference, motion);
+            rolling_motion::<C::Space, L>(token, &steps, difference, motion);
         }
         let before = *touching;
         let approach = -half_v.normal * step;
@@ -77,8 +75,7 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         if before | *touching != 0 {
             active = k + 1;
             if C::LARGEST_OVERLAP < f64::INFINITY {
-                let largest = L::splat(token, 2.0 * C::LARGEST_OVERLAP) * smaller([sum, r_i]);
-                response.beyond = L::load(token, &motion.overlap).greater(largest).bits();
+                response.beyond = too_deep::<C, L>(token, motion, [sum, r_i]);
             }
         } else {
             let inner = contacts.first + block < contacts.inner;
@@ -127,17 +124,18 @@ fn separation<D: Dimension, L: Lanes>(
     ([sum, r_i], pair)
 }
 
-/// The rolling velocity and increment of disks, from Δt (s) and the shift that rounds rotations.
+/// The rolling velocity and increment of disks, from Δt (s) and what rounds increments of slip and
+/// rotation.
 #[inline(always)]
 fn rolling_motion<D: Dimension, L: Lanes>(
     token: L::Token,
-    [step, shift]: [L; 2],
+    (step, [_, shift]): &(L, [L; 2]),
     difference: &[Lanes16],
     motion: &mut PairMotion,
 ) {
     motion.rolling_velocity = difference[D::SPIN];
     let half = L::load(token, &difference[D::HALF_SPIN]);
-    (half.mul_add(step, shift) - shift).store(&mut motion.rolling_increment);
+    (half.mul_add(*step, *shift) - *shift).store(&mut motion.rolling_increment);
 }
 
 /// R_i + R_j and R_i (m) of a block of pairs from the radii of its grains, as they are in
@@ -151,6 +149,13 @@ fn radii_of<L: Lanes>(token: L::Token, of_pair: [&Lanes16; 2], pairs: &Pairs) ->
         sum = sum.select(L::mask(token, pairs.of_two()), L::splat(token, FILLER));
     }
     [sum.to_lanes16(), *of_pair[0]]
+}
+
+/// The pairs whose overlap is outside the law, from R_i + R_j and R_i (m).
+#[inline(always)]
+fn too_deep<C: ContactLaw, L: Lanes>(token: L::Token, motion: &PairMotion, radii: [L; 2]) -> u16 {
+    let largest = L::splat(token, 2.0 * C::LARGEST_OVERLAP) * smaller(radii);
+    L::load(token, &motion.overlap).greater(largest).bits()
 }
 
 /// The radius of the smaller grain (m), from R_i + R_j and R_i (m).
