@@ -6,7 +6,7 @@ use bytemuck::Zeroable;
 use gshear_dem::dimension::Two;
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::{Hooke, Springs};
@@ -21,7 +21,7 @@ const RADIUS: f64 = 1e-3;
 /// Fixed disks, in a row along the periodic x axis.
 const ROW: u32 = 6;
 
-fn main() -> Result<(), Failure> {
+fn main() -> Result<()> {
     // Linear springs with friction, in two dimensions: without rolling resistance (the last `false`).
     let springs = Springs {
         normal_stiffness: 1e6,

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::run_reader::RunFile;
 
 fn main() {
@@ -20,7 +20,7 @@ fn main() {
 }
 
 /// `folder` has the `run.h5` of a run of walls.
-fn read(folder: &Path) -> Result<(), Failure> {
+fn read(folder: &Path) -> Result<()> {
     let run = RunFile::open(folder)?;
     println!(
         "{} grains, {} frames, digest {}",

@@ -7,7 +7,7 @@ use clap::Parser;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 use gshear_dem::domain::Exchange;
-use gshear_dem::failure::{Failure, STOPPED_EARLY};
+use gshear_dem::failure::{Failure, Result, STOPPED_EARLY};
 use gshear_driver::folder::{named, same_folder};
 use gshear_driver::launch::{self, Changes, Task};
 use gshear_driver::options::{Options, Outcome, Verbosity};
@@ -70,7 +70,7 @@ pub fn simulate(commit: &'static str) -> ExitCode {
     ExitCode::from(code as u8)
 }
 
-fn go(world: &World, arguments: &CommandLine) -> Result<Outcome, Failure> {
+fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
     let mut options = Options {
         out: PathBuf::new(),
         stop_at: arguments.stop_at,
@@ -133,7 +133,7 @@ fn resume_from(
     arguments: &CommandLine,
     mut options: Options,
     path: &Path,
-) -> Result<Outcome, Failure> {
+) -> Result<Outcome> {
     if let Some(config) = &arguments.config {
         return Err(Failure::input(format!(
             "{}: --resume {} takes the scene from the checkpoint; leave the scene out and change it with --set, or give --resume auto",
@@ -194,7 +194,7 @@ fn check_or_run(
     arguments: &CommandLine,
     options: &Options,
     task: Task,
-) -> Result<Outcome, Failure> {
+) -> Result<Outcome> {
     let begins_with = task.scene.packing().map(|file| file.path.as_path());
     if let Some(path) =
         begins_with.filter(|path| options.overwrite && is_within(path, &options.out))
@@ -211,7 +211,7 @@ fn check_or_run(
 }
 
 /// Reads the configuration on one rank, so that all ranks run the same scene.
-fn read(world: &World, arguments: &CommandLine) -> Result<Source, Failure> {
+fn read(world: &World, arguments: &CommandLine) -> Result<Source> {
     let read = || match &arguments.config {
         Some(path) => Source::read(path).map(Some),
         None => Ok(Some(Source::embedded())),

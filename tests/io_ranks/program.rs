@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use gshear_dem::domain::Exchange;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{
     ContactSample, ContactState, FramePart, GrainSample, GrainState, HeldState, SeriesRow, Snapshot,
 };
@@ -32,7 +32,7 @@ pub fn run(arguments: &[String]) {
     }
 }
 
-fn write(world: &World, folder: &Path, grains: u64) -> Result<(), Failure> {
+fn write(world: &World, folder: &Path, grains: u64) -> Result<()> {
     let is_owned = |t: u64, id: u64| owner(t, id, world.size()) == world.rank();
     let mut shapes = shapes(grains);
     shapes.retain(|g| is_owned(0, u64::from(g.id)));
@@ -153,7 +153,7 @@ fn damaged(world: &World, path: &Path) {
 }
 
 /// Cost of frames, rows and checkpoints.
-fn time(world: &World, folder: &Path) -> Result<(), Failure> {
+fn time(world: &World, folder: &Path) -> Result<()> {
     world.watch(Duration::from_mins(8));
     let print = |what: &str, microseconds: f64| {
         if world.rank() == 0 {

@@ -42,7 +42,7 @@
 //!     }
 //! }
 //!
-//! # fn main() -> Result<(), gshear_dem::failure::Failure> {
+//! # fn main() -> gshear_dem::failure::Result<()> {
 //! // A law of the list `LAWS`, by its name.
 //! let kind = laws::kind("hooke").expect("a law of this name");
 //! let law = Law::read(kind, &mut Table(&[

@@ -9,7 +9,7 @@ use crate::contact::{TORQUES, dissipation};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::{Piston, Top, WallForces};
-use crate::failure::Failure;
+use crate::failure::{Failure, Result};
 use crate::kernel::ContactForces;
 use crate::state::{
     Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, SeriesRow, StressRow, Touching,
@@ -81,7 +81,7 @@ pub fn check_between<D: Dimension>(
     exchange: &dyn Exchange,
     system: &System<D>,
     planes: [f64; 2],
-) -> Result<(), Failure> {
+) -> Result<()> {
     match beyond(exchange, system, planes) {
         None => Ok(()),
         Some(said) => Err(Failure::numbers(format!(

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::failure::Failure;
+use crate::failure::{Failure, Result};
 
 /// The threads beside the first.
 #[derive(Debug)]
@@ -23,7 +23,7 @@ impl Workers {
     ///
     /// # Errors
     /// If they cannot be started.
-    pub fn start(threads: usize) -> Result<Option<Self>, Failure> {
+    pub fn start(threads: usize) -> Result<Option<Self>> {
         if threads <= 1 {
             return Ok(None);
         }

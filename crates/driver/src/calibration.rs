@@ -7,7 +7,7 @@ use bytemuck::Zeroable;
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::drive::NoWalls;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
@@ -27,11 +27,7 @@ use crate::stages::relax;
 ///
 /// # Errors
 /// More ranks than the sample has room for.
-pub fn speed(
-    exchange: &dyn Parallel,
-    task: &Task,
-    options: &Options,
-) -> Result<Option<f64>, Failure> {
+pub fn speed(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<Option<f64>> {
     let of = [speed_on_a_lattice::<Two>, speed_on_a_lattice::<Three>];
     measured(exchange, task, options, of)
 }
@@ -41,11 +37,7 @@ pub fn speed(
 ///
 /// # Errors
 /// More ranks than the sample has room for.
-pub fn strain_step(
-    exchange: &dyn Parallel,
-    task: &Task,
-    options: &Options,
-) -> Result<Option<f64>, Failure> {
+pub fn strain_step(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<Option<f64>> {
     match &task.scene.boundary {
         Boundary::Periodic(periodic) if periodic.relax.method == Method::Newton => {
             let of = [
@@ -63,7 +55,7 @@ const MOST_GRAINS: u32 = 100_000;
 /// Time of the measurement (s), about.
 const MEASURED: f64 = 0.4;
 
-type Measurement = fn(&Run<'_>) -> Result<f64, Failure>;
+type Measurement = fn(&Run<'_>) -> Result<f64>;
 
 /// What a measurement of disks or spheres finds, in a run that says nothing and writes nothing, on
 /// all ranks; `None` if it failed on one, as where the law does not hold on the lattice. Refuses
@@ -73,7 +65,7 @@ fn measured(
     task: &Task,
     options: &Options,
     [of_disks, of_spheres]: [Measurement; 2],
-) -> Result<Option<f64>, Failure> {
+) -> Result<Option<f64>> {
     let scene = &task.scene;
     let options = Options {
         verbosity: Verbosity::Quiet,
@@ -108,7 +100,7 @@ impl Lattice {
         &self,
         run: &Run<'a>,
         law: &'a dyn PairForce<D>,
-    ) -> Result<Assembly<'a, D>, Failure> {
+    ) -> Result<Assembly<'a, D>> {
         let (exchange, scene) = (run.exchange, run.scene);
         let diameter = scene.sample.mean_diameter;
         let [_, across, up] = self.grains;
@@ -162,10 +154,7 @@ fn overlap(scene: &Scene) -> f64 {
 }
 
 /// Time in which all ranks have done this (s). Collective.
-fn timed(
-    exchange: &dyn Parallel,
-    measured: impl FnOnce() -> Result<(), Failure>,
-) -> Result<f64, Failure> {
+fn timed(exchange: &dyn Parallel, measured: impl FnOnce() -> Result<()>) -> Result<f64> {
     exchange.barrier();
     let begun = Instant::now();
     measured()?;
@@ -174,7 +163,7 @@ fn timed(
 
 /// Speed of all ranks together (grain-steps/s) on a lattice of equal grains, two or three of whose
 /// neighbours each touch, as in a packing. Collective.
-fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
+fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>) -> Result<f64> {
     let (exchange, scene) = (run.exchange, run.scene);
     let sample = &scene.sample;
     let diameter = sample.mean_diameter;
@@ -221,7 +210,7 @@ const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
 /// Time of a strain step (s): that of its factorisations of K and, if the scene asks for them, of
 /// all eigenvalues, of lattices in which every grain touches as many others as in a packing.
 /// Collective.
-fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<f64, Failure> {
+fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<f64> {
     let (exchange, scene) = (run.exchange, run.scene);
     let Boundary::Periodic(periodic) = &scene.boundary else {
         unreachable!("strain steps are those of a box")

@@ -1,7 +1,7 @@
 //! The ends of a run that starts from a checkpoint: none may lie before it, and the drive up to
 //! there must be the one that led to it.
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, PeriodicBox, PlaneShear, Scene};
 
@@ -13,7 +13,7 @@ use crate::task::{Start, Task};
 ///
 /// # Errors
 /// Such an end, or such a drive.
-pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<(), Failure> {
+pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<()> {
     let (header, before) = match &task.start {
         Start::Checkpoint(saved, before) => (Some(&saved.header), before.as_deref()),
         Start::Insertion | Start::Grains(_) => (None, None),
@@ -37,7 +37,7 @@ pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<(), Failure> {
     }
 }
 
-fn check_stop(header: Option<&Header>, stop: u64) -> Result<(), Failure> {
+fn check_stop(header: Option<&Header>, stop: u64) -> Result<()> {
     let counted = match header {
         None | Some(Header::Pack(_)) => 0,
         Some(Header::Shear(shear)) => shear.step,
@@ -56,7 +56,7 @@ fn check_stop(header: Option<&Header>, stop: u64) -> Result<(), Failure> {
 }
 
 /// The failure of an end before the checkpoint.
-fn past(header: &Header, key: &str, end: impl std::fmt::Display) -> Result<(), Failure> {
+fn past(header: &Header, key: &str, end: impl std::fmt::Display) -> Result<()> {
     Err(Failure::input(format!(
         "{key}: the run would end at {end}, but the checkpoint is at {} step {}; give a later end, or resume from an earlier checkpoint",
         header.stage(),
@@ -68,7 +68,7 @@ fn between_walls(
     header: &Header,
     (scene, walls): (&Scene, &PlaneShear),
     (before, former): (&Scene, &PlaneShear),
-) -> Result<(), Failure> {
+) -> Result<()> {
     match header {
         Header::Pack(pack) if walls.pack.max_steps < pack.step => {
             let end = format!("step {}", walls.pack.max_steps);
@@ -89,7 +89,7 @@ fn between_walls(
 }
 
 /// Refuses another drive in the first steps.
-fn same_drive(schedule: &Schedule, earlier: &Schedule, step: u64) -> Result<(), Failure> {
+fn same_drive(schedule: &Schedule, earlier: &Schedule, step: u64) -> Result<()> {
     if !schedule.protocol.agrees(&earlier.protocol, step) {
         return Err(Failure::input(format!(
             "shear.protocol: the first {step} steps would have had other parts; keep those \
@@ -115,7 +115,7 @@ fn in_a_box(
     time_step: f64,
     periodic: &PeriodicBox,
     former: &PeriodicBox,
-) -> Result<(), Failure> {
+) -> Result<()> {
     match header {
         Header::Aqs {
             progress,

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use gshear_analysis::moments::extent;
 use gshear_dem::domain::Solo;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, GrainSample, GrainState, body};
 use gshear_scene::lammps_data::{Atom, DataFile};
 use gshear_scene::packing::{GrainLimit, Packing, split_frame};
@@ -38,7 +38,7 @@ impl ExportedState {
     ///
     /// # Errors
     /// A damaged file.
-    pub fn of_run(run: &RunFile, t: usize) -> Result<Self, Failure> {
+    pub fn of_run(run: &RunFile, t: usize) -> Result<Self> {
         let grains = run.grains();
         let frame = run.records(t..t + 1)?.swap_remove(0);
         let grain = |(g, of): (usize, &GrainSample)| {
@@ -76,7 +76,7 @@ impl ExportedState {
     ///
     /// # Errors
     /// A file that is damaged or of another version.
-    pub fn of_checkpoint(path: &Path) -> Result<Self, Failure> {
+    pub fn of_checkpoint(path: &Path) -> Result<Self> {
         let saved = Saved::read(&Solo, path)?;
         let (header, scene) = (&saved.header, saved.scene(&[])?);
         let ids = scene.packing().map(|file| &file.ids);
@@ -173,11 +173,7 @@ fn stream_of(run: &RunFile, step: u64) -> Option<f64> {
 ///
 /// # Errors
 /// Those of [`Packing::read`]; a run without the frame, or a damaged file.
-pub fn read_packing(
-    path: &Path,
-    arrangement: Arrangement,
-    limit: &GrainLimit,
-) -> Result<Packing, Failure> {
+pub fn read_packing(path: &Path, arrangement: Arrangement, limit: &GrainLimit) -> Result<Packing> {
     let (file, frame) = split_frame(path);
     if !(file.is_dir() || is_hdf5(&file)) {
         return Packing::read_at_most(path, arrangement, limit);

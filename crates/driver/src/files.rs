@@ -2,7 +2,7 @@
 
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::Confinement;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
@@ -25,7 +25,7 @@ pub struct Files {
     pub trajectory: TrajectoryWriter,
     log: Option<Log>,
     /// The first failure of the log since the last flush.
-    log_state: Result<(), Failure>,
+    log_state: Result<()>,
     /// Rows of scalars that an earlier part of the run wrote, if none are computed now.
     scalars_before: u64,
     /// Whether the files of a resumed run were opened.
@@ -59,7 +59,7 @@ fn resumed_attributes(run: &Run<'_>) -> Vec<(&'static str, Attribute)> {
 }
 
 /// Writes `scene.toml`; collective.
-fn write_scene(run: &Run<'_>) -> Result<(), Failure> {
+fn write_scene(run: &Run<'_>) -> Result<()> {
     on_root(run.exchange, || {
         let path = run.options.out.join(SCENE_FILE);
         text_writer::replace(&path, run.record.comments() + &run.scene.toml)
@@ -70,12 +70,7 @@ fn write_scene(run: &Run<'_>) -> Result<(), Failure> {
 impl Format<'_> {
     /// Creates the log, or opens it to continue after the step `last` and at least so many `rows`;
     /// collective.
-    fn open_log(
-        &self,
-        run: &Run<'_>,
-        last: Option<u64>,
-        rows: u64,
-    ) -> Result<Option<Log>, Failure> {
+    fn open_log(&self, run: &Run<'_>, last: Option<u64>, rows: u64) -> Result<Option<Log>> {
         if self.height.is_none() {
             return Ok(None);
         }
@@ -106,7 +101,7 @@ impl Files {
         assembly: &mut Assembly<'_, D>,
         format: &Format<'_>,
         before: Option<UpToCheckpoint>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let (exchange, out) = (run.exchange, &run.options.out);
         match &run.folder {
             Some(owned) => owned.clear(exchange)?,
@@ -178,7 +173,7 @@ impl Files {
     ///
     /// # Errors
     /// A file that cannot be written, or was removed during the run.
-    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<Written, Failure> {
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<Written> {
         let there = self.watched.iter().try_for_each(Watched::verify);
         agree(exchange, there)?;
         self.trajectory.flush(exchange)?;
@@ -201,7 +196,7 @@ impl Files {
         mut self,
         exchange: &dyn Parallel,
         attributes: &[(&str, Attribute)],
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         self.flush(exchange)?;
         self.trajectory.finish(exchange, attributes)
     }
@@ -225,7 +220,7 @@ fn create<D: Dimension>(
     assembly: &mut Assembly<'_, D>,
     format: &Format<'_>,
     before: Option<UpToCheckpoint>,
-) -> Result<TrajectoryWriter, Failure> {
+) -> Result<TrajectoryWriter> {
     let (exchange, scene) = (run.exchange, run.scene);
     let (system, layout) = (&mut assembly.system, assembly.law.layout());
     write_scene(run)?;

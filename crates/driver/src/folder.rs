@@ -9,7 +9,7 @@ use std::time::Duration;
 use rustix::fs::Access;
 
 use gshear_dem::columns::Column;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::SeriesRow;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::changes;
@@ -78,7 +78,7 @@ impl Contents {
     ///
     /// # Errors
     /// [`Failure::Other`] if the system does not let the folder or a file be read.
-    pub fn of(folder: &Path) -> Result<Self, Failure> {
+    pub fn of(folder: &Path) -> Result<Self> {
         let mut found = Self::default();
         let unread = |e| h5::unread(format!("{}: cannot be read: {e}", folder.display()));
         let scene = text_writer::read(&folder.join(SCENE_FILE)).map_err(unread);
@@ -162,7 +162,7 @@ impl Contents {
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and both identities.
-    pub fn is_of(&self, folder: &Path, task: &Task, ends: bool) -> Result<(), Failure> {
+    pub fn is_of(&self, folder: &Path, task: &Task, ends: bool) -> Result<()> {
         let Some(other) = self.foreign(task, ends) else {
             return Ok(());
         };
@@ -235,7 +235,7 @@ impl FileOwner {
 }
 
 /// What was read; `None` of a file that is missing or damaged.
-fn readable<T>(read: Result<T, Failure>) -> Result<Option<T>, Failure> {
+fn readable<T>(read: Result<T>) -> Result<Option<T>> {
     match read {
         Ok(read) => Ok(Some(read)),
         Err(failure @ Failure::Other(_)) => Err(failure),
@@ -267,7 +267,7 @@ pub struct RunFolder {
 }
 
 /// Refuses a folder that holds another run, or one that a new run would replace.
-fn may_enter(task: &Task, folder: &Path, found: &Contents) -> Result<(), Failure> {
+fn may_enter(task: &Task, folder: &Path, found: &Contents) -> Result<()> {
     match task.entry {
         Entry::New if !found.is_empty() => Err(found.refuse_new(folder, task)),
         Entry::Resume => found.is_of(folder, task, false),
@@ -282,7 +282,7 @@ impl RunFolder {
     /// # Errors
     /// [`Failure::Input`] if the folder holds another run, files that do not fit the checkpoint, or
     /// the lock of another process; or if it cannot be written. Nothing is written then.
-    pub fn take(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<Self, Failure> {
+    pub fn take(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<Self> {
         let mut folder = Self {
             path: options.out.clone(),
             lock: None,
@@ -304,7 +304,7 @@ impl RunFolder {
         task: &Task,
         options: &Options,
         notes: &mut Vec<String>,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         check_name(&self.path)?;
         self.check(task, options, None)?;
         let missing = self.path.ancestors().take_while(|folder| !folder.exists());
@@ -332,12 +332,7 @@ impl RunFolder {
 
     /// With `notes`, also the files that a resume continues, which only the holder of the lock can
     /// repair.
-    fn check(
-        &self,
-        task: &Task,
-        options: &Options,
-        notes: Option<&mut Vec<String>>,
-    ) -> Result<(), Failure> {
+    fn check(&self, task: &Task, options: &Options, notes: Option<&mut Vec<String>>) -> Result<()> {
         let found = Contents::of(&self.path)?;
         if options.overwrite {
             self.clear.set(!found.is_empty());
@@ -366,7 +361,7 @@ impl RunFolder {
         found: &Contents,
         beside: bool,
         notes: &mut Vec<String>,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         let Some((name, mut columns, written)) = files_of(header) else {
             return Ok(());
         };
@@ -441,7 +436,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`Failure::Other`] if a file can be neither removed nor linked.
-    pub fn clear(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    pub fn clear(&self, exchange: &dyn Parallel) -> Result<()> {
         let removed = if self.clear.replace(false) {
             remove_run(&self.path)
         } else {
@@ -457,7 +452,7 @@ impl RunFolder {
 
     /// Removes the kept checkpoints after this one: the run may go on in another way, and makes
     /// them again if it does not.
-    fn remove_later(&self, path: &Path) -> Result<(), Failure> {
+    fn remove_later(&self, path: &Path) -> Result<()> {
         let [header, _] = checkpoint::read_texts(path)?;
         let (header, ..) = Header::parse(&header)?;
         let (stage, step) = (header.stage(), header.step());
@@ -476,7 +471,7 @@ impl RunFolder {
     ///
     /// # Errors
     /// [`Failure::Other`] if the folder or the lock is gone.
-    pub fn verify(&self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    pub fn verify(&self, exchange: &dyn Parallel) -> Result<()> {
         let held = self.lock.as_ref().map_or(Ok(()), Lock::verify);
         agree(exchange, held)
     }
@@ -495,7 +490,7 @@ impl Drop for RunFolder {
 }
 
 /// Refuses a name that HDF5 cannot take.
-fn check_name(folder: &Path) -> Result<(), Failure> {
+fn check_name(folder: &Path) -> Result<()> {
     match folder.to_str() {
         Some(_) => Ok(()),
         None => Err(Failure::input(format!(
@@ -518,7 +513,7 @@ pub fn named(path: &Path) -> &Path {
 ///
 /// # Errors
 /// A folder in which the run cannot begin or go on.
-pub fn preview(folder: &Path, task: &Task) -> Result<String, Failure> {
+pub fn preview(folder: &Path, task: &Task) -> Result<String> {
     let place = named(folder);
     let existing = place.ancestors().find(|path| path.exists());
     let existing = named(existing.unwrap_or(Path::new("")));
@@ -568,7 +563,7 @@ pub fn same_folder(one: &Path, other: &Path) -> bool {
 }
 
 /// Removes the files of a run and what was reduced from them.
-fn remove_run(folder: &Path) -> Result<(), Failure> {
+fn remove_run(folder: &Path) -> Result<()> {
     let scene = text_writer::read(&folder.join(SCENE_FILE)).unwrap_or_default();
     let is_old = |name: &str| is_of_a_run(name, &scene) || is_reduced(name) || name == STATUS_FILE;
     let unread = |e| Failure::other(format!("{}: cannot be read: {e}", folder.display()));
@@ -588,7 +583,7 @@ fn remove_run(folder: &Path) -> Result<(), Failure> {
 }
 
 /// The failure of what could not be removed.
-fn removed(path: &Path, done: std::io::Result<()>) -> Result<(), Failure> {
+fn removed(path: &Path, done: std::io::Result<()>) -> Result<()> {
     done.map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))
 }
 
@@ -614,7 +609,7 @@ impl Watched {
     ///
     /// # Errors
     /// [`Failure::Other`] if the file was removed or replaced.
-    pub fn verify(&self) -> Result<(), Failure> {
+    pub fn verify(&self) -> Result<()> {
         match Self::id(&self.path) {
             found if found == self.id => Ok(()),
             found => Err(Failure::other(format!(

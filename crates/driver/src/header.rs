@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use gshear_dem::budget::SavedBudget;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::drive::{Piston, SliderState};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, Confinement, Sheared, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
@@ -131,7 +131,7 @@ impl Header {
     ///
     /// # Errors
     /// A header of another version of this program.
-    pub fn parse(text: &str) -> Result<(Self, RunRecord, Option<PackingFile>), Failure> {
+    pub fn parse(text: &str) -> Result<(Self, RunRecord, Option<PackingFile>)> {
         let parse = || -> serde_json::Result<_> {
             let mut fields: Map<String, Value> = serde_json::from_str(text)?;
             let [record, packing] =
@@ -227,7 +227,7 @@ impl Saved {
     ///
     /// # Errors
     /// Those of [`checkpoint::read`], and a header of another version of this program.
-    pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<Self, Failure> {
+    pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<Self> {
         let ([header, toml], state) = checkpoint::read(exchange, path)?;
         let (header, record, packing) = Header::parse(&header)?;
         Ok(Self {
@@ -244,7 +244,7 @@ impl Saved {
     ///
     /// # Errors
     /// An override that contradicts the scene, or changes its grains.
-    pub fn scene(&self, set: &[String]) -> Result<Scene, Failure> {
+    pub fn scene(&self, set: &[String]) -> Result<Scene> {
         let name = format!("{} (its scene)", self.path.display());
         let source = Source::new(name, self.toml.clone());
         let mut scene = gshear_scene::load_with(&source, set, &mut |path, how| {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use gshear_dem::dimension::{Three, Two};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::LawSpace;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
@@ -30,7 +30,7 @@ impl Task {
     ///
     /// # Errors
     /// An invalid override.
-    pub fn replay(saved: Saved, set: &[String]) -> Result<Self, Failure> {
+    pub fn replay(saved: Saved, set: &[String]) -> Result<Self> {
         Ok(Self {
             scene: saved.scene(set)?,
             record: saved.record.clone(),
@@ -43,7 +43,7 @@ impl Task {
     ///
     /// # Errors
     /// Bad input, numbers that fail, or files that cannot be written.
-    pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
+    pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome> {
         let scene = &self.scene;
         let record = self.record.clone();
         let mut run = Run::new(exchange, scene, record, options)?;
@@ -69,7 +69,7 @@ impl Task {
     }
 }
 
-fn stages<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcome, Failure> {
+fn stages<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcome> {
     let scene = run.scene;
     match &scene.boundary {
         Boundary::Walls(plane_shear) => between_walls::run::<D>(run, plane_shear, start),
@@ -84,11 +84,7 @@ fn stages<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcome, Failu
 ///
 /// # Panics
 /// If the packing holds a number that is not finite, which [`read_packing`] refuses.
-pub fn from_the_start(
-    exchange: &dyn Parallel,
-    source: &Source,
-    set: &[String],
-) -> Result<Task, Failure> {
+pub fn from_the_start(exchange: &dyn Parallel, source: &Source, set: &[String]) -> Result<Task> {
     let mut packing = None;
     let limit = memory::limit(exchange);
     let scene = gshear_scene::load_within(source, set, &limit, &mut |path, arrangement| {
@@ -129,11 +125,7 @@ pub enum Changes<'a> {
 /// # Errors
 /// A checkpoint that is missing, damaged or of another version, or a change that a resumed run may
 /// not have.
-pub fn resume(
-    exchange: &dyn Parallel,
-    path: &Path,
-    changes: Changes<'_>,
-) -> Result<Option<Task>, Failure> {
+pub fn resume(exchange: &dyn Parallel, path: &Path, changes: Changes<'_>) -> Result<Option<Task>> {
     if !of_root(exchange, &path.is_dir()) {
         return from_checkpoint(Saved::read(exchange, path)?, changes).map(Some);
     }
@@ -170,11 +162,7 @@ pub fn await_lock(exchange: &dyn Parallel, options: &mut Options) {
 ///
 /// # Errors
 /// A folder that holds another run, or only damaged checkpoints.
-pub fn resume_if_begun(
-    exchange: &dyn Parallel,
-    folder: &Path,
-    task: Task,
-) -> Result<Option<Task>, Failure> {
+pub fn resume_if_begun(exchange: &dyn Parallel, folder: &Path, task: Task) -> Result<Option<Task>> {
     let empty = told_by_root(exchange, || {
         let found = Contents::of(folder)?;
         found.is_of(folder, &task, true)?;
@@ -201,12 +189,12 @@ pub fn resume_if_begun(
 }
 
 /// Whether the run in the folder has come to the end that the task asks for. Collective.
-fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> Result<bool, Failure> {
+fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> Result<bool> {
     told_by_root(exchange, || Ok(Contents::of(folder)?.is_finished(task)))
 }
 
 /// The newest good checkpoint of a folder; `None` if there is none. Collective.
-fn newest(exchange: &dyn Parallel, folder: &Path) -> Result<Option<Saved>, Failure> {
+fn newest(exchange: &dyn Parallel, folder: &Path) -> Result<Option<Saved>> {
     let mut damaged = None;
     for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
         let path = folder.join(name);
@@ -238,7 +226,7 @@ fn note_once(exchange: &dyn Parallel, note: &str) {
 }
 
 /// The task of a checkpoint: its scene with the changes, and its state.
-fn from_checkpoint(saved: Saved, wanted: Changes<'_>) -> Result<Task, Failure> {
+fn from_checkpoint(saved: Saved, wanted: Changes<'_>) -> Result<Task> {
     let before = saved.scene(&[])?;
     let scene = match wanted {
         Changes::Set(set) | Changes::Branch(set) => saved.scene(set)?,

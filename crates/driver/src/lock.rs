@@ -13,7 +13,7 @@ use std::time::{Duration, Instant, SystemTime};
 use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_store::provenance;
 
 /// Name of the lock in the folder of a run.
@@ -123,7 +123,7 @@ impl Lock {
     ///
     /// # Errors
     /// [`Failure::Input`] if another process holds it, or the folder cannot be written.
-    pub fn take(folder: &Path, force: bool, notes: &mut Vec<String>) -> Result<Self, Failure> {
+    pub fn take(folder: &Path, force: bool, notes: &mut Vec<String>) -> Result<Self> {
         let path = folder.join(LOCK_FILE);
         let mut refused = None;
         // A lock may vanish or appear between two looks at it, and who looks at one locks it for a
@@ -197,7 +197,7 @@ impl Lock {
         path: &Path,
         force: bool,
         notes: &mut Vec<String>,
-    ) -> Result<Option<Failure>, Failure> {
+    ) -> Result<Option<Failure>> {
         let mut file = match open(path, true) {
             Ok(file) => file,
             Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
@@ -276,7 +276,7 @@ impl Lock {
     ///
     /// # Errors
     /// [`Failure::Other`] if the folder or the lock is gone, or another process holds it.
-    pub fn verify(&self) -> Result<(), Failure> {
+    pub fn verify(&self) -> Result<()> {
         let folder = self.path.parent().unwrap_or(Path::new("."));
         if !folder.is_dir() {
             return Err(Failure::other(format!(

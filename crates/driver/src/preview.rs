@@ -1,6 +1,6 @@
 //! `--check`: what a run will take and what is unlikely about it, before anything is written.
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
 
@@ -18,7 +18,7 @@ use crate::{calibration, ends, memory};
 /// # Errors
 /// Ends that a checkpoint has passed; more ranks than the sample has room for; standard output that
 /// cannot be written.
-pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<(), Failure> {
+pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<()> {
     ends::check(task, options.stop_at)?;
     print(exchange, task)?;
     prospects(exchange, task, options, None)
@@ -31,9 +31,9 @@ pub fn check(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<
 /// As of [`check`], and an invalid scene.
 pub fn check_continued(
     exchange: &dyn Parallel,
-    begin: impl Fn() -> Result<Task, Failure>,
+    begin: impl Fn() -> Result<Task>,
     options: &Options,
-) -> Result<(), Failure> {
+) -> Result<()> {
     match resume_if_begun(exchange, &options.out, begin()?) {
         Ok(Some(task)) => check(exchange, &task, options),
         Ok(None) => {
@@ -56,7 +56,7 @@ pub fn check_continued(
 }
 
 /// Prints the scene on standard output. Collective.
-fn print(exchange: &dyn Parallel, task: &Task) -> Result<(), Failure> {
+fn print(exchange: &dyn Parallel, task: &Task) -> Result<()> {
     say::print(exchange, task.scene.toml.trim_end_matches('\n'))
 }
 
@@ -68,7 +68,7 @@ fn prospects(
     task: &Task,
     options: &Options,
     refused: Option<Failure>,
-) -> Result<(), Failure> {
+) -> Result<()> {
     if options.verbosity == Verbosity::Quiet {
         return Ok(());
     }

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::Snapshot;
 use gshear_mpi_exchange::Parallel;
@@ -50,7 +50,7 @@ pub trait Stage {
     ///
     /// # Errors
     /// Numbers that fail.
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<()>;
 
     /// Whether the last call of [`Stage::step`] took a part of a step only.
     fn goes_on(&self) -> bool {
@@ -62,13 +62,13 @@ pub trait Stage {
     ///
     /// # Errors
     /// Numbers that fail.
-    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure>;
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool>;
 
     /// Writes the output that is due after the last step.
     ///
     /// # Errors
     /// A file that cannot be written.
-    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure>;
+    fn record(&mut self, run: &mut Run<'_>) -> Result<()>;
 
     /// Whether a checkpoint is due after the last step.
     fn save_due(&self) -> Save;
@@ -77,7 +77,7 @@ pub trait Stage {
     ///
     /// # Errors
     /// A file that cannot be written.
-    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure>;
+    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint>;
 
     /// How far the stage has come.
     fn standing(&self) -> Standing;
@@ -119,7 +119,7 @@ impl<'a> Run<'a> {
         scene: &'a Scene,
         record: RunRecord,
         options: &'a Options,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let bookkeeping = &scene.bookkeeping;
         let name = bookkeeping.simd;
         let isa = Isa::named(name)
@@ -153,11 +153,7 @@ impl<'a> Run<'a> {
     /// # Errors
     /// Numbers that fail, with the stage's name before the message, or a file that cannot be
     /// written.
-    pub(crate) fn drive(
-        &mut self,
-        stage: &mut dyn Stage,
-        begins: bool,
-    ) -> Result<Outcome, Failure> {
+    pub(crate) fn drive(&mut self, stage: &mut dyn Stage, begins: bool) -> Result<Outcome> {
         let (name, _) = stage.at();
         if let Some(folder) = &self.folder {
             folder.clear(self.exchange)?;
@@ -222,7 +218,7 @@ impl<'a> Run<'a> {
     }
 
     /// Writes a checkpoint; collective.
-    pub(crate) fn save(&mut self, checkpoint: &Checkpoint) -> Result<(), Failure> {
+    pub(crate) fn save(&mut self, checkpoint: &Checkpoint) -> Result<()> {
         let header = &checkpoint.header;
         self.saved = Instant::now();
         let (exchange, out) = (self.exchange, &self.options.out);

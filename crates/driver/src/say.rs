@@ -4,7 +4,7 @@
 use std::io::{ErrorKind, Write};
 
 use console::Term;
-use gshear_dem::failure::{Failure, printable};
+use gshear_dem::failure::{Failure, Result, printable};
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::on_root;
 use rustix::fs::{Mode, OFlags};
@@ -27,7 +27,7 @@ pub fn say_error(line: &str) {
 ///
 /// # Errors
 /// Standard output that cannot be written, such as a file on a full disk, on every rank.
-pub fn print(exchange: &dyn Parallel, text: &str) -> Result<(), Failure> {
+pub fn print(exchange: &dyn Parallel, text: &str) -> Result<()> {
     on_root(exchange, || {
         let mut output = std::io::stdout().lock();
         match writeln!(output, "{}", printable(text)).and_then(|()| output.flush()) {

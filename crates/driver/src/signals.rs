@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU, SIGXFSZ};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// Catches SIGTERM, SIGINT, SIGHUP, SIGUSR1, SIGUSR2 and SIGXCPU, which the run reads after each
 /// step. A second SIGINT or SIGTERM ends the program at once.
@@ -20,7 +20,7 @@ impl Signals {
     ///
     /// # Errors
     /// Signals that cannot be caught.
-    pub fn catch() -> Result<Self, Failure> {
+    pub fn catch() -> Result<Self> {
         if let Some(caught) = CAUGHT.get() {
             return Ok(caught.clone());
         }

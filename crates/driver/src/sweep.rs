@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
 use gshear_scene::sweep::Member;
@@ -36,7 +36,7 @@ impl<'a> Sweep<'a> {
     ///
     /// # Errors
     /// A configuration without a sweep or with an invalid one; an override of a key of the sweep.
-    pub fn new(source: &Source, set: &'a [String], out: PathBuf) -> Result<Self, Failure> {
+    pub fn new(source: &Source, set: &'a [String], out: PathBuf) -> Result<Self> {
         let Some(members) = gshear_scene::sweep::members(source)? else {
             return Err(Failure::input(format!(
                 "{}: has no [sweep]; leave out --sweep, or give lists of values, see docs/config.md",
@@ -63,7 +63,7 @@ impl<'a> Sweep<'a> {
     ///
     /// # Errors
     /// A run with an invalid scene, or more ranks than it has room for.
-    pub fn list(&self, exchange: &dyn Parallel, options: &Options) -> Result<(), Failure> {
+    pub fn list(&self, exchange: &dyn Parallel, options: &Options) -> Result<()> {
         let (mut left, mut work, mut time, mut disk) = (0, 0.0, Some(0.0), 0.0);
         // The runs of a sweep are alike.
         let (mut speed, mut strain_step) = (None, None);
@@ -134,7 +134,7 @@ impl<'a> Sweep<'a> {
         exchange: &dyn Parallel,
         number: usize,
         options: &Options,
-    ) -> Result<Outcome, Failure> {
+    ) -> Result<Outcome> {
         let member = self.member(number)?;
         let task = self.task(exchange, member)?;
         let mut options = self.options_of(member, options);
@@ -159,7 +159,7 @@ impl<'a> Sweep<'a> {
     ///
     /// # Errors
     /// A run that fails; if only numbers failed, the first such run, after all runs.
-    pub fn all(&self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome, Failure> {
+    pub fn all(&self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome> {
         let begun = Instant::now();
         // Finds invalid scenes before the first run starts.
         for member in &self.members {
@@ -195,18 +195,13 @@ impl<'a> Sweep<'a> {
     ///
     /// # Errors
     /// A number without a run, an invalid scene, or more ranks than it has room for.
-    pub fn check(
-        &self,
-        exchange: &dyn Parallel,
-        number: usize,
-        options: &Options,
-    ) -> Result<(), Failure> {
+    pub fn check(&self, exchange: &dyn Parallel, number: usize, options: &Options) -> Result<()> {
         let member = self.member(number)?;
         let options = self.options_of(member, options);
         check_continued(exchange, || self.task(exchange, member), &options)
     }
 
-    fn member(&self, number: usize) -> Result<&Member, Failure> {
+    fn member(&self, number: usize) -> Result<&Member> {
         let member = number.checked_sub(1).and_then(|k| self.members.get(k));
         member.ok_or_else(|| {
             let runs = self.members.len();
@@ -215,7 +210,7 @@ impl<'a> Sweep<'a> {
     }
 
     /// A run from the start.
-    fn task(&self, exchange: &dyn Parallel, member: &Member) -> Result<Task, Failure> {
+    fn task(&self, exchange: &dyn Parallel, member: &Member) -> Result<Task> {
         let set: Vec<String> = member.set.iter().chain(self.set).cloned().collect();
         let task = from_the_start(exchange, &self.source, &set);
         task.map_err(|failure| member.place(failure))

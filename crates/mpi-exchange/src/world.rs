@@ -6,7 +6,7 @@ use crate::parallel::Parallel;
 use crate::watchdog::{LoneFailure, Progress, Ranks, Waiting, Watchdog};
 use bytemuck::cast_slice_mut;
 use gshear_dem::domain::{Exchange, Link};
-use gshear_dem::failure::{Failure, printable};
+use gshear_dem::failure::{Failure, Result, printable};
 use std::cell::RefCell;
 use std::io::Write;
 use std::time::Duration;
@@ -126,7 +126,7 @@ impl World {
     ///
     /// # Errors
     /// [`Failure::Input`] with the variable of the launcher.
-    pub fn check_launcher(&self) -> Result<(), Failure> {
+    pub fn check_launcher(&self) -> Result<()> {
         let variable = |name: &str| std::env::var(name).ok();
         match launched(variable, std::process::id()) {
             Some((name, ranks)) if self.size == 1 => Err(Failure::input(format!(

@@ -25,7 +25,7 @@ use std::time::Duration;
 use clap::{Parser, Subcommand};
 
 use crate::printer::Printer;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_store::file_names::folder_of;
 use gshear_store::status::{RunState, Status};
 
@@ -81,7 +81,7 @@ const PAUSE: Duration = Duration::from_millis(100);
 ///
 /// # Errors
 /// Bad files, numbers that fail, output that cannot be written.
-pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32, Failure> {
+pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32> {
     if let Some(threads) = arguments.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
         pool.build_global()
@@ -119,10 +119,7 @@ fn strain(text: &str) -> Result<f64, String> {
 }
 
 /// Runs the command once. Returns the runs that it reads, and the exit code.
-fn once<'a>(
-    arguments: &'a Arguments,
-    printer: &mut Printer,
-) -> (Vec<&'a PathBuf>, Result<i32, Failure>) {
+fn once<'a>(arguments: &'a Arguments, printer: &mut Printer) -> (Vec<&'a PathBuf>, Result<i32>) {
     // Threads of a replay.
     let threads = arguments.threads.map_or(1, usize::from);
     let (runs, done) = match &arguments.command {

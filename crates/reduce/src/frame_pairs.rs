@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::run_reader::RunFile;
 use rayon::prelude::*;
 
@@ -16,10 +16,10 @@ use rayon::prelude::*;
 /// Those of `read` and `write`.
 pub fn each<F: Send + Sync, B: Default + Send, V: Send>(
     run: &RunFile,
-    read: impl Fn(Range<usize>) -> Result<Vec<F>, Failure> + Sync,
+    read: impl Fn(Range<usize>) -> Result<Vec<F>> + Sync,
     value: impl Fn(&mut B, [usize; 2], [&F; 2]) -> V + Sync + Send,
-    mut write: impl FnMut(usize, Vec<V>) -> Result<(), Failure>,
-) -> Result<(), Failure> {
+    mut write: impl FnMut(usize, Vec<V>) -> Result<()>,
+) -> Result<()> {
     let block = |first: usize| read(first..run.frames().min(first + run.block_length()));
     // Returned buffers; their number grows to the largest number lent at a time.
     let pool: Mutex<Vec<B>> = Mutex::default();

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_store::run_reader::RunFile;
 
 /// A frame of a run.
@@ -31,7 +31,7 @@ impl Which {
     ///
     /// # Errors
     /// [`Failure::Input`] if the run has no such frame.
-    pub fn of(self, run: &RunFile) -> Result<usize, Failure> {
+    pub fn of(self, run: &RunFile) -> Result<usize> {
         let frames = run.frames();
         let asked = match self {
             Which::Number(t) if t < frames => return Ok(t),
@@ -82,7 +82,7 @@ impl FrameRange {
     ///
     /// # Errors
     /// [`Failure::Input`] if the run lacks one of them.
-    pub fn of(self, run: &RunFile) -> Result<Vec<usize>, Failure> {
+    pub fn of(self, run: &RunFile) -> Result<Vec<usize>> {
         let frames = run.frames();
         let last = self.last.unwrap_or(frames.saturating_sub(1));
         if frames == 0 || last >= frames || self.first > last {

@@ -4,7 +4,7 @@ use std::fmt;
 use std::io::{self, Write};
 use std::path::Path;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// The output of a command. `write!` and `writeln!` return the failure of the command.
 pub struct Printer<'a>(&'a mut dyn Write);
@@ -19,7 +19,7 @@ impl<'a> Printer<'a> {
     ///
     /// # Errors
     /// [`Failure::Other`] if the terminal or the pipe cannot be written.
-    pub fn write_fmt(&mut self, text: fmt::Arguments) -> Result<(), Failure> {
+    pub fn write_fmt(&mut self, text: fmt::Arguments) -> Result<()> {
         self.0.write_fmt(text).map_err(unwritten)
     }
 
@@ -27,7 +27,7 @@ impl<'a> Printer<'a> {
     ///
     /// # Errors
     /// As [`Self::write_fmt`].
-    pub fn wrote(&mut self, path: &Path) -> Result<(), Failure> {
+    pub fn wrote(&mut self, path: &Path) -> Result<()> {
         writeln!(self, "wrote {}", path.display())
     }
 
@@ -35,7 +35,7 @@ impl<'a> Printer<'a> {
     ///
     /// # Errors
     /// As [`Self::write_fmt`].
-    pub fn flush(&mut self) -> Result<(), Failure> {
+    pub fn flush(&mut self) -> Result<()> {
         self.0.flush().map_err(unwritten)
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::dictionary;
 use gshear_store::file_names::is_reduced;
 
@@ -34,7 +34,7 @@ impl Results {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn table(&self, name: &str, csv: &str, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn table(&self, name: &str, csv: &str, printer: &mut Printer) -> Result<()> {
         // None of its columns is a force or an energy, so the dimension does not matter.
         self.table_in(3, name, csv, printer)
     }
@@ -49,7 +49,7 @@ impl Results {
         name: &str,
         csv: &str,
         printer: &mut Printer,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         let path = self.place(name);
         dictionary::write_table(&path, csv, axes)?;
         printer.wrote(&path)

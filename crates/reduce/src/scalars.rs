@@ -7,7 +7,7 @@ use crate::frame_pairs;
 use gshear_analysis::dmin::RADIUS;
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::stress::ratio_on_top;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::FrameRecords;
 use gshear_store::run_reader::{FrameFields, RunFile, StoredScalars};
 
@@ -34,14 +34,14 @@ impl FrameSeries {
     /// # Errors
     /// A damaged run; a stored scalar, or a frame between flat walls, without its row in the time
     /// series.
-    pub fn of(run: &RunFile) -> Result<Self, Failure> {
+    pub fn of(run: &RunFile) -> Result<Self> {
         match run.stored_scalars() {
             Some(stored) => Self::stored(run, stored),
             None => Self::of_frames(run),
         }
     }
 
-    fn stored(run: &RunFile, stored: &StoredScalars) -> Result<Self, Failure> {
+    fn stored(run: &RunFile, stored: &StoredScalars) -> Result<Self> {
         let tau = column_at(run, "stress_ratio", &stored.step);
         let strain = column_at(run, "strain", &stored.step);
         let (Some(tau), Some(strain)) = (tau, strain) else {
@@ -61,7 +61,7 @@ impl FrameSeries {
     ///
     /// # Errors
     /// A damaged run; a frame between flat walls without its row in the time series.
-    pub fn of_frames(run: &RunFile) -> Result<Self, Failure> {
+    pub fn of_frames(run: &RunFile) -> Result<Self> {
         let strain = match column_at(run, "strain", run.frame_steps()) {
             Some(strain) => strain,
             None => run.frame_strains()?,
@@ -86,7 +86,7 @@ impl FrameSeries {
 ///
 /// # Errors
 /// A damaged run.
-pub fn of_any(run: &RunFile) -> Result<Vec<FrameScalars>, Failure> {
+pub fn of_any(run: &RunFile) -> Result<Vec<FrameScalars>> {
     if is_planar(run) {
         return Ok(FrameSeries::of(run)?.scalars);
     }
@@ -113,9 +113,9 @@ fn column_at(run: &RunFile, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
 }
 
 /// Returns τ and the scalars of every frame, `[T]`.
-fn compute(run: &RunFile) -> Result<Vec<(f64, FrameScalars)>, Failure> {
+fn compute(run: &RunFile) -> Result<Vec<(f64, FrameScalars)>> {
     let grains = run.grains();
-    let read = |range| -> Result<Vec<Stressed>, Failure> {
+    let read = |range| -> Result<Vec<Stressed>> {
         let frames = run.block_of(range, FrameFields::Forces)?.into_par_iter();
         Ok(frames.map(|frame| Stressed::new(grains, frame)).collect())
     };

@@ -8,7 +8,7 @@ use gshear_analysis::moments::extent;
 use gshear_analysis::stability::Stability;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, ContactState, FlatWalls, GrainState, Ids};
 use gshear_driver::header::{Header, Saved};
 use gshear_scene::{Arrangement, Boundary, Dimensions, PackingFile, Scene, Source, identity};
@@ -54,7 +54,7 @@ impl StoredState {
     /// # Errors
     /// A damaged file, a file that is neither a run nor a checkpoint, a missing frame, a checkpoint
     /// of the packing stage.
-    pub fn read(path: &Path, selection: Option<StateSelection>) -> Result<Self, Failure> {
+    pub fn read(path: &Path, selection: Option<StateSelection>) -> Result<Self> {
         if checkpoint::is_checkpoint(path) {
             return of_checkpoint(path, selection);
         }
@@ -66,7 +66,7 @@ impl StoredState {
     ///
     /// # Errors
     /// A damaged file, a missing frame.
-    pub fn of_run(run: &RunFile, selection: StateSelection) -> Result<Self, Failure> {
+    pub fn of_run(run: &RunFile, selection: StateSelection) -> Result<Self> {
         let t = match selection {
             StateSelection::Frame(which) => which.of(run)?,
             StateSelection::Strain(strain) => {
@@ -129,7 +129,7 @@ impl StoredState {
     ///
     /// # Errors
     /// If K is not finite.
-    pub fn stability(&self, jacobian: &Jacobian) -> Result<Stability, Failure> {
+    pub fn stability(&self, jacobian: &Jacobian) -> Result<Stability> {
         let unfit = |why| Failure::numbers(format!("{}: K: {why}", self.what));
         Ok(Stability::of(&jacobian.problem().map_err(unfit)?))
     }
@@ -170,7 +170,7 @@ fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
     }
 }
 
-fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<StoredState, Failure> {
+fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<StoredState> {
     let shown = path.display();
     let unfit = |what: &str| Err(Failure::input(format!("{shown}: {what}")));
     if selection.is_some() {

@@ -4,7 +4,7 @@
 use serde_json::{Value, json};
 
 use gshear_analysis::moments::extent;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::csv_table;
 use gshear_store::file_names::SPECTRA_FILE;
 use gshear_store::run_reader::{RunFile, RunStage, Series};
@@ -120,17 +120,14 @@ fn ends(values: &[f64]) -> String {
 ///
 /// # Errors
 /// A damaged table of eigenvalues.
-pub fn measured(
-    run: &RunFile,
-    facts: &mut Facts,
-) -> Result<(&'static str, Vec<ReportFigure>), Failure> {
+pub fn measured(run: &RunFile, facts: &mut Facts) -> Result<(&'static str, Vec<ReportFigure>)> {
     match run.stage() {
         RunStage::Newtonian => Ok(("Newton's equations", in_time(run, facts)?)),
         _ => Ok(over_strain(run, facts)),
     }
 }
 
-fn in_time(run: &RunFile, facts: &mut Facts) -> Result<Vec<ReportFigure>, Failure> {
+fn in_time(run: &RunFile, facts: &mut Facts) -> Result<Vec<ReportFigure>> {
     let series = run.series();
     for (name, column) in [
         ("Mean square displacement, first and last", "msd"),
@@ -154,7 +151,7 @@ fn in_time(run: &RunFile, facts: &mut Facts) -> Result<Vec<ReportFigure>, Failur
 }
 
 /// The eigenvalues over time, if the run has computed some.
-fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>, Failure> {
+fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>> {
     let path = run.folder().join(SPECTRA_FILE);
     if !path.exists() {
         return Ok(None);

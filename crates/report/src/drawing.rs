@@ -5,7 +5,7 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_store::text_writer;
 use rayon::prelude::*;
 use resvg::tiny_skia::{Pixmap, Transform};
@@ -31,7 +31,7 @@ static FONTS: LazyLock<Arc<Database>> = LazyLock::new(|| {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write_all(figures: &[(PathBuf, &str)]) -> Result<usize, Failure> {
+pub fn write_all(figures: &[(PathBuf, &str)]) -> Result<usize> {
     let written = figures.par_iter().map(|(path, svg)| write(path, svg));
     written.sum()
 }
@@ -40,7 +40,7 @@ pub fn write_all(figures: &[(PathBuf, &str)]) -> Result<usize, Failure> {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write(path: &Path, svg: &str) -> Result<usize, Failure> {
+pub fn write(path: &Path, svg: &str) -> Result<usize> {
     let drawn = || -> Result<_, Box<dyn Error>> {
         let tree = tree(svg)?;
         let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
@@ -80,7 +80,7 @@ fn rendered(tree: &Tree, scale: f32) -> Result<Pixmap, &'static str> {
 ///
 /// # Errors
 /// A drawing without a size.
-pub fn pixels(svg: &str, scale: f32) -> Result<Pixmap, Failure> {
+pub fn pixels(svg: &str, scale: f32) -> Result<Pixmap> {
     let drawn = || -> Result<_, Box<dyn Error>> { Ok(rendered(&tree(svg)?, scale)?) };
     drawn().map_err(|why| Failure::other(format!("cannot be drawn: {why}")))
 }

@@ -45,7 +45,7 @@ use self::history::Axis;
 use self::map::Map;
 pub use self::summary::window_without_frames;
 use self::summary::{DropFrames, Summary};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::Disks;
 use gshear_store::run_reader::RunFile;
 use gshear_store::{dictionary, text_writer};
@@ -81,7 +81,7 @@ pub fn write(
     replayed: Option<&RunFile>,
     rate_state: Option<&str>,
     folder: &Path,
-) -> Result<PathBuf, Failure> {
+) -> Result<PathBuf> {
     let summary = Summary::of(run, replayed)?;
     let mut facts = page::facts(run, &summary);
     facts.extend(rate_state.map(|page| {
@@ -109,7 +109,7 @@ pub fn write(
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.
-pub fn write_box(files: &[&RunFile], folder: &Path) -> Result<PathBuf, Failure> {
+pub fn write_box(files: &[&RunFile], folder: &Path) -> Result<PathBuf> {
     let run = files[0];
     let (mut facts, mut figures, mut names) = (Vec::new(), Vec::new(), Vec::new());
     for file in files {
@@ -125,7 +125,7 @@ pub fn write_box(files: &[&RunFile], folder: &Path) -> Result<PathBuf, Failure> 
     write_files(run.dimension().axes(), &figures, &page, folder)
 }
 
-fn write_numbers(summary: &serde_json::Value, folder: &Path) -> Result<(), Failure> {
+fn write_numbers(summary: &serde_json::Value, folder: &Path) -> Result<()> {
     text_writer::write(&folder.join("summary.json"), format!("{summary:#}\n"))
 }
 
@@ -136,7 +136,7 @@ fn write_files(
     figures: &[ReportFigure],
     page: &str,
     folder: &Path,
-) -> Result<PathBuf, Failure> {
+) -> Result<PathBuf> {
     let place = |figure: &ReportFigure| folder.join(&figure.name).with_extension("svg");
     let drawn = figures.iter().map(|figure| (place(figure), &*figure.svg));
     drawing::write_all(&drawn.collect::<Vec<_>>())?;

@@ -11,7 +11,7 @@ use super::picture::{self, Packing};
 use gshear_analysis::dmin::{self, RADIUS};
 use gshear_analysis::event;
 use gshear_analysis::moments::{distinct, extent};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{Frame, FrameRecords};
 use gshear_scene::Dimensions;
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -86,7 +86,7 @@ impl<'a> Movie<'a> {
     ///
     /// # Errors
     /// A damaged run.
-    pub fn new(run: &'a RunFile, fields: &[Field], numbers: Vec<usize>) -> Result<Self, Failure> {
+    pub fn new(run: &'a RunFile, fields: &[Field], numbers: Vec<usize>) -> Result<Self> {
         let stride = numbers.windows(2).map(|pair| pair[1] - pair[0]).next();
         let fields = distinct(fields.iter().copied());
         let mut movie = Self {
@@ -131,8 +131,8 @@ impl<'a> Movie<'a> {
     pub fn draw(
         &self,
         width: Option<u32>,
-        mut write: impl FnMut(Picture) -> Result<(), Failure>,
-    ) -> Result<(), Failure> {
+        mut write: impl FnMut(Picture) -> Result<()>,
+    ) -> Result<()> {
         self.each(|movie, frames| {
             let drawn = frames.par_iter().map(|shown| movie.picture(shown, width));
             let mut drawn = drawn.collect::<Result<Vec<_>, _>>()?.into_iter();
@@ -141,17 +141,14 @@ impl<'a> Movie<'a> {
     }
 
     /// Reads the frames, as many at a time as there are threads.
-    fn each(
-        &self,
-        mut take: impl FnMut(&Self, &[Shown]) -> Result<(), Failure>,
-    ) -> Result<(), Failure> {
+    fn each(&self, mut take: impl FnMut(&Self, &[Shown]) -> Result<()>) -> Result<()> {
         let has_dmin = self.fields.contains(&Field::Dmin);
         let read = |number: usize| Ok((number, self.read(number)?));
         let before = self.numbers[0].checked_sub(self.stride);
         let mut last = before.filter(|_| has_dmin).map(read).transpose()?;
         for numbers in self.numbers.chunks(rayon::current_num_threads().max(1)) {
             let contents = numbers.iter().map(|number| self.read(*number));
-            let contents = contents.collect::<Result<Vec<_>, Failure>>()?;
+            let contents = contents.collect::<Result<Vec<_>>>()?;
             let before = |k: usize| match k.checked_sub(1) {
                 Some(k) => Some((numbers[k], &contents[k])),
                 None => last.as_ref().map(|(number, content)| (*number, content)),
@@ -175,7 +172,7 @@ impl<'a> Movie<'a> {
         Ok(())
     }
 
-    fn read(&self, number: usize) -> Result<Content, Failure> {
+    fn read(&self, number: usize) -> Result<Content> {
         Ok(if self.is_map() {
             Content::Disks(self.run.frame(number)?)
         } else {
@@ -241,11 +238,11 @@ impl<'a> Movie<'a> {
     }
 
     /// The pictures of a frame, below each other if they are wide, else side by side.
-    fn picture(&self, shown: &Shown, width: Option<u32>) -> Result<Picture, Failure> {
+    fn picture(&self, shown: &Shown, width: Option<u32>) -> Result<Picture> {
         let fields = self.fields.iter().zip(&self.ranges);
         let drawn = fields.map(|(field, range)| self.drawn(*field, *range, shown));
         let drawn: Vec<String> = drawn.collect();
-        let pixels = |scale: f32| -> Result<Vec<Pixmap>, Failure> {
+        let pixels = |scale: f32| -> Result<Vec<Pixmap>> {
             let drawn = drawn.iter();
             drawn.map(|svg| drawing::pixels(svg, scale)).collect()
         };

@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 use png::{AdaptiveFilterType, BitDepth, ColorType, Compression, Encoder, FilterType, Writer};
 
 use super::movie::Picture;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::text_writer::{self, PartFile, unwritten};
 
 const FFMPEG: &str = "ffmpeg";
@@ -61,7 +61,7 @@ impl MovieFile {
     ///
     /// # Errors
     /// A file that cannot be written, a failure of ffmpeg.
-    pub fn frame(&mut self, picture: &Picture) -> Result<(), Failure> {
+    pub fn frame(&mut self, picture: &Picture) -> Result<()> {
         if self.sink.is_none() {
             self.sink = Some(if self.path.extension().is_some_and(|of| of == "mp4") {
                 self.encoder(picture.size)?
@@ -99,7 +99,7 @@ impl MovieFile {
     }
 
     /// Starts ffmpeg, which reads the pixels of frames.
-    fn encoder(&self, [width, height]: [u32; 2]) -> Result<Sink, Failure> {
+    fn encoder(&self, [width, height]: [u32; 2]) -> Result<Sink> {
         let part = PartFile::create(&self.path)?;
         let mut command = Command::new(FFMPEG);
         command
@@ -117,7 +117,7 @@ impl MovieFile {
         Ok(Sink::Mp4(child, part))
     }
 
-    fn animation(&self, first: &Picture) -> Result<Sink, Failure> {
+    fn animation(&self, first: &Picture) -> Result<Sink> {
         let palette = self.is_flat.then(|| Palette::of(&first.rgb));
         let part = PartFile::create(&self.path)?;
         let file = OpenOptions::new().write(true).open(part.part());
@@ -136,7 +136,7 @@ impl MovieFile {
     ///
     /// # Errors
     /// As of [`MovieFile::frame`].
-    pub fn finish(mut self) -> Result<Vec<PathBuf>, Failure> {
+    pub fn finish(mut self) -> Result<Vec<PathBuf>> {
         let mut written = vec![self.path.clone()];
         let part = match self.sink.take() {
             Some(Sink::Mp4(child, part)) => {

@@ -6,7 +6,7 @@ use gshear_analysis::dmin::RADIUS;
 use gshear_analysis::event;
 use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{FrameRecords, body};
 use gshear_scene::Dimensions;
 use gshear_store::csv_table::Table;
@@ -53,7 +53,7 @@ fn place_of(planar: bool, place: [f64; 3]) -> ([f64; 2], f64) {
 ///
 /// # Errors
 /// If the run is damaged.
-pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>, Failure> {
+pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>> {
     let (frames, stage) = (run.frames(), run.stage());
     let planar = run.dimension() == Dimensions::Two;
     if planar && run.has_walls() && !run.has_free_surface() || frames == 0 {

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 
 use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{Cell, FrameRecords, GrainSample, body};
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -61,7 +61,7 @@ struct Sums<'a> {
 pub fn figures(
     run: &RunFile,
     facts: &mut Vec<(&'static str, String)>,
-) -> Result<Vec<ReportFigure>, Failure> {
+) -> Result<Vec<ReportFigure>> {
     let frames = chosen(run);
     let Some(&first) = frames.first() else {
         return Ok(Vec::new());

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use gshear_analysis::dmin;
 use gshear_analysis::moments::{Moments, extent};
 use gshear_analysis::phases::{self, Phase, PhaseKind};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{Disks, Frame};
 use gshear_store::run_reader::RunFile;
 
@@ -104,7 +104,7 @@ fn shows_drops(run: &RunFile) -> bool {
 ///
 /// # Errors
 /// A damaged file.
-pub fn window_without_frames(run: &RunFile) -> Result<Option<[f64; 2]>, Failure> {
+pub fn window_without_frames(run: &RunFile) -> Result<Option<[f64; 2]>> {
     let series = run.series();
     let tau = stress_ratio(run);
     let Some(drop) = largest_drop(run, &tau, &phases_of(run, &tau)).filter(|_| shows_drops(run))
@@ -144,7 +144,7 @@ impl DropFrames {
         shown: &RunFile,
         tau: &[f64],
         phases: &[Phase],
-    ) -> Result<Option<Self>, Failure> {
+    ) -> Result<Option<Self>> {
         if !shows_drops(run) {
             return Ok(None);
         }
@@ -207,7 +207,7 @@ impl Summary {
     ///
     /// # Errors
     /// If the run is damaged.
-    pub fn of(run: &RunFile, replayed: Option<&RunFile>) -> Result<Self, Failure> {
+    pub fn of(run: &RunFile, replayed: Option<&RunFile>) -> Result<Self> {
         let tau = stress_ratio(run);
         let phases = phases_of(run, &tau);
         let event = DropFrames::largest(run, replayed.unwrap_or(run), &tau, &phases)?;

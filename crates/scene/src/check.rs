@@ -1,7 +1,7 @@
 //! From the values of a configuration to a scene in which nothing is optional.
 
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::KeyReader;
 
 use crate::checker::Checker;
@@ -24,7 +24,7 @@ pub(crate) fn scene(
     boxed: bool,
     limit: &GrainLimit,
     packing: ReadPacking<'_>,
-) -> Result<Scene, Failure> {
+) -> Result<Scene> {
     let c = &mut c;
     let seed = c.count(&SCENE.seed);
     if c.count(&SCENE.dimension) == 3 {

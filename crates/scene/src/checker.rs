@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::keys::{Key, KeyReader, Values};
 
 use crate::source::Input;
@@ -286,7 +286,7 @@ impl<'a> Checker<'a> {
     }
 
     /// Fails with the first problem, if there is any.
-    pub fn settle(&mut self) -> Result<(), Failure> {
+    pub fn settle(&mut self) -> Result<()> {
         self.first_problem().map_or(Ok(()), Err)
     }
 

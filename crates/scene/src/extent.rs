@@ -1,6 +1,6 @@
 //! What a run of the scene takes: steps that can be counted, and files that a disk can hold.
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{Key, KeyReader};
 use gshear_dem::protocol::{Normal, Part, Segment};
 use gshear_dem::system::THICKEST_SKIN;
@@ -37,7 +37,7 @@ const FINEST: f64 = 1e-6;
 const MOST_BYTES: f64 = 1e15;
 
 /// Refuses a scene whose run could not end, or whose coordinates do not resolve its overlaps.
-pub(crate) fn check(c: &mut Checker<'_>, scene: &Scene) -> Result<(), Failure> {
+pub(crate) fn check(c: &mut Checker<'_>, scene: &Scene) -> Result<()> {
     resolution(c, scene);
     match &scene.boundary {
         Boundary::Walls(walls) => of_walls(c, scene, walls),

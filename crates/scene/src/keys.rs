@@ -1,6 +1,6 @@
 //! All tables and keys, and what messages say of those that are unknown.
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{Key, Values};
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
@@ -65,7 +65,7 @@ pub fn key(path: &str) -> Option<&'static Key> {
 ///
 /// # Errors
 /// `Failure::Input` with the first value of another kind than its key has.
-pub(crate) fn read(tree: DeTable<'_>, input: &Input<'_>) -> Result<Given, Failure> {
+pub(crate) fn read(tree: DeTable<'_>, input: &Input<'_>) -> Result<Given> {
     let mut given = Given::new();
     let mut take = |key: Option<&'static Key>, value: Spanned<DeValue<'_>>| {
         let Some(key) = key else { return Ok(()) };
@@ -102,11 +102,7 @@ pub(crate) fn read(tree: DeTable<'_>, input: &Input<'_>) -> Result<Given, Failur
 }
 
 /// Refuses the tables of scenes with walls in a scene with a box, and the other way round.
-pub(crate) fn refuse_others(
-    tree: &DeTable<'_>,
-    input: &Input<'_>,
-    boxed: bool,
-) -> Result<(), Failure> {
+pub(crate) fn refuse_others(tree: &DeTable<'_>, input: &Input<'_>, boxed: bool) -> Result<()> {
     let (others, why) = if boxed {
         let why = "is for scenes with walls, but this one has a [box]";
         (Scenes::Walls, why)
@@ -128,7 +124,7 @@ pub(crate) fn refuse_others(
 
 /// Refuses the first key of the file that the configuration does not know, and values where tables
 /// belong.
-pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<(), Failure> {
+pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<()> {
     let mut problems = Vec::new();
     for (key, value) in tree {
         let name: &str = key.get_ref();

@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::fmt::Write as _;
 
 use crate::words::{quoted, shortened};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// A file's content.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -98,7 +98,7 @@ pub fn write(title: &str, comments: &[&str], file: &DataFile) -> String {
 ///
 /// # Errors
 /// `Failure::Input` with the line, what is wrong with it and what would be right.
-pub fn parse(name: &str, text: &str) -> Result<DataFile, Failure> {
+pub fn parse(name: &str, text: &str) -> Result<DataFile> {
     let mut lines = Lines::new(name, text);
     if text.trim().is_empty() {
         return Err(Failure::input(format!(
@@ -169,12 +169,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The ends of an axis of the box.
-    pub(crate) fn bounds(
-        &self,
-        at: usize,
-        words: &[&str],
-        form: &str,
-    ) -> Result<[f64; 2], Failure> {
+    pub(crate) fn bounds(&self, at: usize, words: &[&str], form: &str) -> Result<[f64; 2]> {
         let [lo, hi] = self.numbers(at, words, 0, &format!("write: {form}"))?;
         if hi <= lo {
             let what = format!("the box is empty: {lo:?} is not below {hi:?}");
@@ -196,7 +191,7 @@ impl<'a> Lines<'a> {
         style: &str,
         (types, count): (u32, u64),
         place: &mut HashMap<u64, usize>,
-    ) -> Result<Vec<Atom>, Failure> {
+    ) -> Result<Vec<Atom>> {
         let words: Vec<&str> = style.split_whitespace().collect();
         let hybrid = match words[..] {
             [] | ["sphere" | "granular", ..] => None,
@@ -225,11 +220,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The rows of the section Velocities.
-    fn velocities(
-        &mut self,
-        atoms: &mut [Atom],
-        place: &HashMap<u64, usize>,
-    ) -> Result<(), Failure> {
+    fn velocities(&mut self, atoms: &mut [Atom], place: &HashMap<u64, usize>) -> Result<()> {
         let mut seen = vec![false; atoms.len()];
         let count = atoms.len() as u64;
         for _ in 0..count {
@@ -267,11 +258,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The words of the next of `count` rows.
-    pub(crate) fn row(
-        &mut self,
-        count: u64,
-        section: &str,
-    ) -> Result<(usize, Vec<&'a str>), Failure> {
+    pub(crate) fn row(&mut self, count: u64, section: &str) -> Result<(usize, Vec<&'a str>)> {
         match self.next() {
             Some((at, line)) if !is_heading(line) => {
                 Ok((at, split_comment(line).0.split_whitespace().collect()))
@@ -286,7 +273,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The heading that must come next, if anything does.
-    fn heading(&mut self, otherwise: &str) -> Result<Heading<'a>, Failure> {
+    fn heading(&mut self, otherwise: &str) -> Result<Heading<'a>> {
         match self.next() {
             Some((at, line)) if !is_heading(line) => Err(self.wrong(at, otherwise)),
             other => Ok(other),
@@ -302,7 +289,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    pub(crate) fn id(&self, line: usize, words: &[&str], form: &str) -> Result<u64, Failure> {
+    pub(crate) fn id(&self, line: usize, words: &[&str], form: &str) -> Result<u64> {
         match words[0].parse::<u64>() {
             Ok(id) if id > 0 => Ok(id),
             _ => {
@@ -321,7 +308,7 @@ impl<'a> Lines<'a> {
         words: &[&str],
         first: usize,
         form: &str,
-    ) -> Result<[f64; K], Failure> {
+    ) -> Result<[f64; K]> {
         let mut out = [0.0; K];
         for (k, to) in out.iter_mut().enumerate() {
             let Some(word) = words.get(first + k) else {
@@ -339,7 +326,7 @@ impl<'a> Lines<'a> {
     }
 
     /// `hybrid`: whether the style is a hybrid, and of more than spheres.
-    fn atom(&mut self, hybrid: Option<bool>, types: u32, count: u64) -> Result<Atom, Failure> {
+    fn atom(&mut self, hybrid: Option<bool>, types: u32, count: u64) -> Result<Atom> {
         let (line, words) = self.row(count, "Atoms")?;
         let (style, columns) = match hybrid {
             None => ("sphere", COLUMNS[0]),
@@ -392,7 +379,7 @@ impl<'a> Lines<'a> {
         line: usize,
         id: u64,
         [diameter, density]: [f64; 2],
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         for (what, value) in [("diameter", diameter), ("density", density)] {
             // Half of the least float is 0, the square of 1e-200 too.
             if !(1e-100..=1e100).contains(&value) {
@@ -427,7 +414,7 @@ struct DataHeader {
 
 impl DataHeader {
     /// Reads up to the first heading, which is returned, too.
-    fn read<'a>(lines: &mut Lines<'a>) -> Result<(Self, Heading<'a>), Failure> {
+    fn read<'a>(lines: &mut Lines<'a>) -> Result<(Self, Heading<'a>)> {
         let mut header = DataHeader::default();
         loop {
             let Some((at, line)) = lines.next() else {
@@ -502,7 +489,7 @@ impl DataHeader {
     }
 
     /// A file without its atoms, and their number, if nothing is missing.
-    fn complete(self, name: &str) -> Result<(DataFile, u64), Failure> {
+    fn complete(self, name: &str) -> Result<(DataFile, u64)> {
         let missing =
             |line: &str| Failure::input(format!("{name}: the header lacks the line `{line}`"));
         let bounds = |axis: usize, line| self.bounds[axis].ok_or_else(|| missing(line));

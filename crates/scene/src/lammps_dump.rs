@@ -2,7 +2,7 @@
 
 use crate::lammps_data::{Atom, DataFile, Lines};
 use crate::words::{quoted, shortened};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// What a dump must have, for messages.
 const CUSTOM: &str =
@@ -29,7 +29,7 @@ pub fn is_list(text: &str) -> bool {
 ///
 /// # Errors
 /// `Failure::Input` with the line, what is wrong with it and what would be right.
-pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile, Failure> {
+pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile> {
     let numbered = text.lines().enumerate();
     let starts: Vec<usize> = numbered
         .filter(|(_, line)| line.trim_end() == "ITEM: TIMESTEP")
@@ -67,7 +67,7 @@ pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile, F
         {
             let columns = Columns::find(&lines, at, names)?;
             let rows = (0..count).map(|_| columns.atom(&mut lines, count, (bounds, tilt)));
-            let atoms = rows.collect::<Result<Vec<Atom>, Failure>>()?;
+            let atoms = rows.collect::<Result<Vec<Atom>>>()?;
             return Ok(DataFile {
                 bounds,
                 tilt,
@@ -92,7 +92,7 @@ type Bounds = ([[f64; 2]; 3], [f64; 3]);
 
 /// Reads them, below the heading on this line. A dump says those of a box at right angles around
 /// the tilted one.
-fn bounds(lines: &mut Lines<'_>, heading: usize) -> Result<Bounds, Failure> {
+fn bounds(lines: &mut Lines<'_>, heading: usize) -> Result<Bounds> {
     let (mut bounds, mut tilt) = ([[0.0; 2]; 3], [0.0; 3]);
     let form = "lo hi, in a tilted box with xy, xz or yz";
     for axis in 0..3 {
@@ -137,7 +137,7 @@ struct Columns {
 
 impl Columns {
     /// `names`: after ITEM: ATOMS, on line `at`.
-    fn find(lines: &Lines<'_>, at: usize, names: &str) -> Result<Self, Failure> {
+    fn find(lines: &Lines<'_>, at: usize, names: &str) -> Result<Self> {
         let place = |name: &str| names.split_whitespace().position(|word| word == name);
         let lacks = |name: &str| {
             let what = format!("there is no column {name}; write it by {CUSTOM}");
@@ -165,7 +165,7 @@ impl Columns {
         })
     }
 
-    fn atom(&self, lines: &mut Lines<'_>, count: u64, cell: Bounds) -> Result<Atom, Failure> {
+    fn atom(&self, lines: &mut Lines<'_>, count: u64, cell: Bounds) -> Result<Atom> {
         let (line, words) = lines.row(count, "ITEM: ATOMS")?;
         let form = "a row has a number for every column";
         if words.len() != self.count {
@@ -212,7 +212,7 @@ impl Columns {
 ///
 /// # Errors
 /// As [`parse`].
-pub fn parse_list(name: &str, text: &str) -> Result<DataFile, Failure> {
+pub fn parse_list(name: &str, text: &str) -> Result<DataFile> {
     let mut lines = Lines::new(name, text);
     let said = (1..)
         .zip(text.lines())

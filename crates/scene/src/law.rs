@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::contact::jkr::Jkr;
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, KeyReader, NOT_NEGATIVE, POSITIVE, Values};
 use gshear_dem::laws::{self, Contact, Law, LawKind, hertz, lee_hurley};
 
@@ -78,7 +78,7 @@ pub(crate) fn pair_keys() -> Vec<&'static Key> {
 ///
 /// With `several` materials, what follows from other keys differs from pair to pair, and is not
 /// filled in.
-pub(crate) fn check(c: &mut Checker<'_>, several: bool) -> Result<(Law, Contact), Failure> {
+pub(crate) fn check(c: &mut Checker<'_>, several: bool) -> Result<(Law, Contact)> {
     let kind = choose(c)?;
     let dimension = c.dimension;
     if dimension == Dimensions::Two {
@@ -196,7 +196,7 @@ pub(crate) fn check_attraction(
 }
 
 /// The law that is named; refuses what only other laws take.
-fn choose(c: &mut Checker<'_>) -> Result<&'static LawKind, Failure> {
+fn choose(c: &mut Checker<'_>) -> Result<&'static LawKind> {
     let (key, dimension) = (&CONTACT.law, c.dimension);
     let default = match dimension {
         Dimensions::Two => lee_hurley::KIND.name,

@@ -85,7 +85,7 @@ mod write_tests;
 
 use toml::de::DeTable;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 
 pub use general::{Bookkeeping, SIMD_NAMES};
 pub use grains::{Sample, Sizes};
@@ -116,7 +116,7 @@ use source::Input;
 ///
 /// # Errors
 /// `Failure::Input` with the first problem: where it is, what is wrong, and what would be right.
-pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
+pub fn load(source: &Source, overrides: &[String]) -> Result<Scene> {
     load_with(source, overrides, &mut |path, arrangement| {
         Packing::read(path, arrangement).map(|packing| packing.file)
     })
@@ -126,11 +126,7 @@ pub fn load(source: &Source, overrides: &[String]) -> Result<Scene, Failure> {
 ///
 /// # Errors
 /// As [`load`].
-pub fn load_with(
-    source: &Source,
-    overrides: &[String],
-    packing: ReadPacking<'_>,
-) -> Result<Scene, Failure> {
+pub fn load_with(source: &Source, overrides: &[String], packing: ReadPacking<'_>) -> Result<Scene> {
     load_within(source, overrides, &GrainLimit::default(), packing)
 }
 
@@ -143,7 +139,7 @@ pub fn load_within(
     overrides: &[String],
     limit: &GrainLimit,
     packing: ReadPacking<'_>,
-) -> Result<Scene, Failure> {
+) -> Result<Scene> {
     let input = Input { source, overrides };
     let mut tree = merge::tree(&input)?;
     let tables = tree

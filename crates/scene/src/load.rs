@@ -2,7 +2,7 @@
 
 use std::ops::Bound;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{Bounds, Change, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::state::{Confinement, Masses};
@@ -162,7 +162,7 @@ pub(crate) fn derive(
     c: &mut Checker<'_>,
     (law, masses): (&Law, &Masses),
     sample: &Sample,
-) -> Result<Load, Failure> {
+) -> Result<Load> {
     let base = sample.base();
     let gravity = c.number_or_default(&LOAD.gravity);
     let incline = c.number_or_default(&LOAD.incline);

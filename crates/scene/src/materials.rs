@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{
     BELOW_ONE, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, Values, YOUNG_MODULUS,
 };
@@ -259,11 +259,7 @@ fn effective(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
 }
 
 /// The materials of a scene whose first has this law and whose contacts are these.
-pub(crate) fn check(
-    c: &mut Checker<'_>,
-    law: &Law,
-    contact: &Contact,
-) -> Result<Materials, Failure> {
+pub(crate) fn check(c: &mut Checker<'_>, law: &Law, contact: &Contact) -> Result<Materials> {
     let others = tables(c, &OTHERS, "material", 2);
     let mut all = Materials {
         names: vec![c.text(&MATERIAL.name).unwrap_or_default().into()],
@@ -463,7 +459,7 @@ mod tests {
         shear = { inertial_number = 1e-2, strain = 0.02 }
     "#;
 
-    fn mixture(sets: &str) -> Result<Scene, Failure> {
+    fn mixture(sets: &str) -> Result<Scene> {
         load(&Source::new("mixture.toml", MIXTURE), &overrides(sets))
     }
 

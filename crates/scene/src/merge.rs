@@ -6,11 +6,11 @@ use toml::de::{DeTable, DeValue, Error};
 use super::source::Input;
 use super::words::{EXTENDS, SWEEP, TAKE_AWAY};
 use super::{keys, sweep, words};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// The merged tree of a file and those that it extends, without `extends` and `[sweep]`. Unknown
 /// keys are refused.
-pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>, Failure> {
+pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>> {
     let source = input.source;
     let mut merged = DeTable::new();
     let mut sweeps = false;

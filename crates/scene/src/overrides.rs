@@ -8,10 +8,10 @@ use toml::de::{DeTable, DeValue};
 use super::keys::resolve;
 use super::source::Input;
 use super::words::TAKE_AWAY;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 
 /// Puts every override into the tree, later ones over earlier ones.
-pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<(), Failure> {
+pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<()> {
     for (k, set) in input.overrides.iter().enumerate() {
         let start = input.override_offset(k);
         let span = start..start + set.len();

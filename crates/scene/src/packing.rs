@@ -18,7 +18,7 @@ use crate::source::read_bytes;
 use crate::walls::PlaneShear;
 use gshear_dem::contact::model::WALL;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::neighbour::{self, Cutoff, LocalExtent};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Confinement, GrainState, Grains, Ids, body, length, nearest_image};
@@ -127,7 +127,7 @@ fn replicated(
     mut data: DataFile,
     copies: [u32; 3],
     limit: &GrainLimit,
-) -> Result<DataFile, Failure> {
+) -> Result<DataFile> {
     let number: u128 = copies.map(u128::from).iter().product();
     let grains = data.atoms.len() as u128 * number;
     if grains > limit.most.into() {
@@ -199,7 +199,7 @@ pub fn split_frame(path: &Path) -> (PathBuf, Option<usize>) {
 }
 
 /// What messages call a file, and its absolute path.
-fn named(path: &Path) -> Result<(String, PathBuf), Failure> {
+fn named(path: &Path) -> Result<(String, PathBuf)> {
     let name = path.display().to_string();
     let absolute =
         std::path::absolute(path).map_err(|e| wrong(&name, 0, format!("cannot be read: {e}")))?;
@@ -212,7 +212,7 @@ fn named(path: &Path) -> Result<(String, PathBuf), Failure> {
 }
 
 /// What the bytes of a file say, in any of the formats.
-fn parsed(name: &str, bytes: &[u8], frame: Option<usize>) -> Result<DataFile, Failure> {
+fn parsed(name: &str, bytes: &[u8], frame: Option<usize>) -> Result<DataFile> {
     if bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]) {
         return Err(wrong(name, 0, "is text in UTF-16; save it as UTF-8"));
     }
@@ -234,7 +234,7 @@ fn parsed(name: &str, bytes: &[u8], frame: Option<usize>) -> Result<DataFile, Fa
 }
 
 /// The bytes of a file, unpacked if gzip has packed them.
-fn unpacked(name: &str, bytes: Vec<u8>) -> Result<Vec<u8>, Failure> {
+fn unpacked(name: &str, bytes: Vec<u8>) -> Result<Vec<u8>> {
     if !bytes.starts_with(&[0x1f, 0x8b]) {
         return Ok(bytes);
     }
@@ -332,7 +332,7 @@ fn check_room(atoms: &[Atom], periods: &[f64], largest: f64) -> Result<(), Strin
 }
 
 /// Refuses atoms that overlap too many neighbours: the pairs might not fit into memory.
-fn check_neighbours(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result<(), Failure> {
+fn check_neighbours(name: &str, atoms: &[Atom], up: usize, largest: f64) -> Result<()> {
     // What has its centre in a cell is within twice its width.
     let room = 2f64.powi(1 + up as i32) * MOST_FILLED;
     let mut filled: HashMap<[i64; 3], f64> = HashMap::new();
@@ -357,7 +357,7 @@ fn dimension_of(
     atoms: &[Atom],
     [low, high]: [f64; 2],
     thinnest: f64,
-) -> Result<Dimensions, Failure> {
+) -> Result<Dimensions> {
     let planar = gradient(atoms) == 1 || high - low <= (1.0 + 1e-9) * thinnest;
     if !planar {
         return Ok(Dimensions::Three);
@@ -372,7 +372,7 @@ fn dimension_of(
 }
 
 /// Refuses ids of sorted atoms that occur twice or are too great.
-fn check_ids(name: &str, atoms: &[Atom]) -> Result<(), Failure> {
+fn check_ids(name: &str, atoms: &[Atom]) -> Result<()> {
     if let Some([first, again]) = atoms.array_windows().find(|[a, b]| a.id == b.id) {
         let what = format!("atom {} was on line {} already", again.id, first.line);
         return Err(wrong(name, again.line, what));
@@ -406,7 +406,7 @@ impl Packing {
     ///
     /// # Errors
     /// `Failure::Input` with the line, what is wrong with it and what would be right.
-    pub fn read(path: &Path, arrangement: Arrangement) -> Result<Self, Failure> {
+    pub fn read(path: &Path, arrangement: Arrangement) -> Result<Self> {
         Self::read_at_most(path, arrangement, &GrainLimit::default())
     }
 
@@ -414,11 +414,7 @@ impl Packing {
     ///
     /// # Errors
     /// As [`read`](Self::read).
-    pub fn read_at_most(
-        path: &Path,
-        arrangement: Arrangement,
-        limit: &GrainLimit,
-    ) -> Result<Self, Failure> {
+    pub fn read_at_most(path: &Path, arrangement: Arrangement, limit: &GrainLimit) -> Result<Self> {
         let (name, absolute) = named(path)?;
         let (file, frame) = split_frame(path);
         let bytes = unpacked(&name, read_bytes(&file, FORMAT, u64::MAX)?)?;
@@ -439,7 +435,7 @@ impl Packing {
         data: DataFile,
         arrangement: Arrangement,
         limit: &GrainLimit,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let (name, absolute) = named(path)?;
         let content = hash(lammps_data::write("", &[], &data).as_bytes());
         let packing = Self::arranged((&name, &absolute), data, content, arrangement, limit)?;
@@ -455,7 +451,7 @@ impl Packing {
         content: String,
         arrangement: Arrangement,
         limit: &GrainLimit,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         if arrangement.boxed && data.stream.is_none() {
             find_stream(&mut data);
         }
@@ -465,12 +461,7 @@ impl Packing {
         Ok(packing)
     }
 
-    fn new(
-        name: &str,
-        path: &Path,
-        data: DataFile,
-        arrangement: Arrangement,
-    ) -> Result<Self, Failure> {
+    fn new(name: &str, path: &Path, data: DataFile, arrangement: Arrangement) -> Result<Self> {
         let mut atoms = data.atoms;
         let count = u32::try_from(atoms.len()).ok().filter(|&n| n > 0);
         let count = count.ok_or_else(|| wrong(name, 0, "a packing has 1 to 4294967295 atoms"))?;
@@ -548,7 +539,7 @@ impl Packing {
     /// # Errors
     /// `Failure::Input` where types are no walls, no grain is free, or an overlap is outside the
     /// contact law.
-    pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>, Failure> {
+    pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>> {
         let up = scene.dimension.axes() - 1;
         let materials = self.materials(scene)?;
         let at_rest = |(id, a): (usize, &Atom)| GrainState {
@@ -610,7 +601,7 @@ impl Packing {
 
     /// The materials of the atoms by their types. Types 2 and 3, if there are both, may be those of
     /// walls, which have no type of their material; type 2 alone that of a bottom.
-    fn materials(&self, scene: &Scene) -> Result<Vec<u64>, Failure> {
+    fn materials(&self, scene: &Scene) -> Result<Vec<u64>> {
         let all = &scene.materials;
         let walls = [BOTTOM_TYPE, TOP_TYPE];
         let both = || (walls.iter()).all(|kind| self.atoms.iter().any(|a| a.kind == *kind));
@@ -634,7 +625,7 @@ impl Packing {
     }
 
     /// The bottom of a free surface: type 2.
-    fn bottom_by_type(&self, grains: &mut [GrainState], wall: Option<u64>) -> Result<(), Failure> {
+    fn bottom_by_type(&self, grains: &mut [GrainState], wall: Option<u64>) -> Result<()> {
         if self.atoms.iter().all(|a| a.kind != BOTTOM_TYPE) {
             let what = format!(
                 "no atom is of type {BOTTOM_TYPE}; with walls = \"types\" that is the bottom wall"
@@ -654,12 +645,7 @@ impl Packing {
         finish_walls(grains, wall);
     }
 
-    fn walls_by_type(
-        &self,
-        grains: &mut [GrainState],
-        up: usize,
-        wall: Option<u64>,
-    ) -> Result<(), Failure> {
+    fn walls_by_type(&self, grains: &mut [GrainState], up: usize, wall: Option<u64>) -> Result<()> {
         let of = |kind| self.atoms.iter().filter(move |a| a.kind == kind);
         let by_height = |a: &&Atom, b: &&Atom| a.position[up].total_cmp(&b.position[up]);
         let highest = of(BOTTOM_TYPE).max_by(by_height);
@@ -687,7 +673,7 @@ impl Packing {
     }
 
     /// Tells the overlap that is furthest outside the law, if one is.
-    fn check_overlaps(&self, scene: &Scene, states: &[GrainState]) -> Result<(), Failure> {
+    fn check_overlaps(&self, scene: &Scene, states: &[GrainState]) -> Result<()> {
         let of_plane = at_planes(scene, states).find_map(|(g, [_, plane], overlap)| {
             let radius = states[g].radius;
             let largest = scene.law.largest_overlap(radius, WALL * radius);
@@ -821,7 +807,7 @@ mod tests {
     const TEXT: &str = include_str!("../../../tests/scenes/triangular.data");
 
     /// The packing as changed by `edit`, and a scene of it.
-    fn packing(edit: impl Fn(String) -> String, sets: &str) -> Result<(Packing, Scene), Failure> {
+    fn packing(edit: impl Fn(String) -> String, sets: &str) -> Result<(Packing, Scene)> {
         let data = lammps_data::parse("f", &edit(TEXT.into()))?;
         packing_of(data, 1, sets)
     }
@@ -834,7 +820,7 @@ mod tests {
         }
     }
 
-    fn packing_of(data: DataFile, copies: u32, sets: &str) -> Result<(Packing, Scene), Failure> {
+    fn packing_of(data: DataFile, copies: u32, sets: &str) -> Result<(Packing, Scene)> {
         let text = "
             material.density = 2500
             contact = { law = 'hooke', normal_stiffness = 1e6, friction = 0.5, damping_ratio = 0.1 }
@@ -852,12 +838,12 @@ mod tests {
         Ok((packing, scene))
     }
 
-    fn grains(edit: impl Fn(String) -> String, sets: &str) -> Result<Vec<GrainState>, Failure> {
+    fn grains(edit: impl Fn(String) -> String, sets: &str) -> Result<Vec<GrainState>> {
         let (packing, scene) = packing(edit, sets)?;
         packing.grains(&scene)
     }
 
-    fn message<T>(result: Result<T, Failure>) -> String {
+    fn message<T>(result: Result<T>) -> String {
         match result {
             Err(Failure::Input(message)) => message.replace(FILE, "f"),
             Err(other) => panic!("not bad input: {other}"),

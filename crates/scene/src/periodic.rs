@@ -4,7 +4,7 @@
 use std::ops::Bound;
 
 use gshear_dem::contact::portable_exp;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{
     Bounds, Change, FROM_ONE, FROM_ZERO, KeyReader, NOT_NEGATIVE, POSITIVE, UNIT,
 };
@@ -254,7 +254,7 @@ pub(crate) fn check(
     c: &mut Checker<'_>,
     seed: u64,
     packing: ReadPacking<'_>,
-) -> Result<(Sample, PeriodicBox), Failure> {
+) -> Result<(Sample, PeriodicBox)> {
     let grains = sample::check_boxed(c);
     let deformation = check_deformation(c);
     let solid_fraction = match &grains {

@@ -1,6 +1,6 @@
 //! How the sample is sheared: `[shear]` and the parts of its protocol.
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{ANY, Change, Key, KeyReader, POSITIVE, Values};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part};
@@ -172,7 +172,7 @@ pub(crate) fn derive(
     c: &mut Checker<'_>,
     (law, sample): (&Law, &Sample),
     (load, confinement): (&Load, Confinement),
-) -> Result<Shear, Failure> {
+) -> Result<Shear> {
     let keys = &SHEAR;
     let number = c.number(&keys.spring_number);
     let of_number = number.map(|number| number * load.normal_force / sample.mean_diameter);

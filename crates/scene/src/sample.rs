@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::keys::{Bounds, Integers, Key, KeyReader, POSITIVE, SHARE, UNIT, Values};
 use gshear_dem::state::{Confinement, Ids};
 use serde::{Deserialize, Serialize};
@@ -167,7 +167,7 @@ table! {
 
 /// Returns what a scene must know of the file of a packing. The file may have been read before, or
 /// by another rank.
-pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, Arrangement) -> Result<PackingFile, Failure>;
+pub type ReadPacking<'a> = &'a mut dyn FnMut(&Path, Arrangement) -> Result<PackingFile>;
 
 /// How a scene takes a packing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -497,7 +497,7 @@ pub(crate) fn derive_filed(
     c: &mut Checker<'_>,
     arrangement: Arrangement,
     packing: ReadPacking<'_>,
-) -> Result<(Sample, PackingFile), Failure> {
+) -> Result<(Sample, PackingFile)> {
     let file = read(c, arrangement, packing)?;
     let sample = of_file(c, &file)?;
     fill_from(c, &file);
@@ -519,7 +519,7 @@ fn read(
     c: &mut Checker<'_>,
     arrangement: Arrangement,
     packing: ReadPacking<'_>,
-) -> Result<PackingFile, Failure> {
+) -> Result<PackingFile> {
     let key = &SAMPLE.packing;
     let path = c.text(key).unwrap_or_default();
     let file = packing(&c.resolve(key, path), arrangement);
@@ -535,7 +535,7 @@ pub(crate) fn derive_boxed(
     seed: u64,
     sizes: &Sizes,
     solid_fraction: f64,
-) -> Result<Sample, Failure> {
+) -> Result<Sample> {
     let dimension = c.dimension;
     let sample = inserted(c, sizes)?;
     let volume = |r| dimension.volume(r);
@@ -561,7 +561,7 @@ pub(crate) fn derive_boxed(
 }
 
 /// Inserted grains in a cell of the given size.
-fn inserted(c: &mut Checker<'_>, sizes: &Sizes) -> Result<Sample, Failure> {
+fn inserted(c: &mut Checker<'_>, sizes: &Sizes) -> Result<Sample> {
     let dimension = c.dimension;
     let [a, b] = radii(c, sizes);
     c.settle()?;
@@ -741,7 +741,7 @@ pub(crate) fn derive(
     grains: Grains,
     skip: bool,
     packing: ReadPacking<'_>,
-) -> Result<(Sample, Origin, (Walls, f64)), Failure> {
+) -> Result<(Sample, Origin, (Walls, f64))> {
     let keys = &SAMPLE;
     let flat = is_flat(c).then_some(Walls::Flat);
     let (sample, origin, (walls, layers)) = match grains {
@@ -781,7 +781,7 @@ pub(crate) fn derive(
 }
 
 /// The sample that a file holds, which the keys that are given must agree with.
-fn of_file(c: &mut Checker<'_>, file: &PackingFile) -> Result<Sample, Failure> {
+fn of_file(c: &mut Checker<'_>, file: &PackingFile) -> Result<Sample> {
     let keys = &SAMPLE;
     let unlike = |given: &dyn std::fmt::Display, of_file: &dyn std::fmt::Display| {
         format!("is {of_file} in the packing of sample.packing, found {given}; leave it out")
@@ -844,12 +844,7 @@ fn fill_from(c: &mut Checker<'_>, file: &PackingFile) {
 
 /// Refuses a cell too small for its grains and walls. Returns the thickness of these over d̄.
 /// `height` (m) includes the walls; `sized_by` are the keys that set the size.
-fn check_size(
-    c: &mut Checker<'_>,
-    sample: &Sample,
-    height: f64,
-    sized_by: &[&Key],
-) -> Result<f64, Failure> {
+fn check_size(c: &mut Checker<'_>, sample: &Sample, height: f64, sized_by: &[&Key]) -> Result<f64> {
     let keys = &SAMPLE;
     let given = c.number(&keys.wall_thickness);
     let confinement = confinement(c);

@@ -2,7 +2,7 @@
 //! a periodic box any consistent units, such as BO's reduced ones.
 
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::mixture::pair_force;
 use gshear_dem::laws::{Contact, Law, LawSpace};
@@ -77,7 +77,7 @@ impl Scene {
     ///
     /// # Errors
     /// `Failure::Input` for a scene in a periodic box.
-    pub fn plane_shear(&self, name: &str) -> Result<&PlaneShear, Failure> {
+    pub fn plane_shear(&self, name: &str) -> Result<&PlaneShear> {
         self.boundary.walls().ok_or_else(|| {
             Failure::input(format!(
                 "{name}: is a scene in a periodic box; this needs one of plane shear, without [box]"

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
 
 use crate::words::EXTENDS;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// A configuration as text, with the name that messages give it, and the files that it extends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -61,7 +61,7 @@ impl Source {
     /// # Errors
     /// `Failure::Input` if there is no such file, it is a directory, it cannot be read or is not
     /// UTF-8, or if a file extends itself.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, Failure> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let mut source = Source {
             parts: Vec::new(),
@@ -106,7 +106,7 @@ impl Source {
     }
 
     /// The file that the last part extends, and where it says so.
-    fn base(&self) -> Result<Option<(usize, PathBuf)>, Failure> {
+    fn base(&self) -> Result<Option<(usize, PathBuf)>> {
         let last = &self.parts[self.parts.len() - 1];
         // What is not TOML is said by whoever reads the rest of it.
         let Ok(tree) = DeTable::parse(&last.padded) else {
@@ -181,7 +181,7 @@ const MOST_FILES: usize = 16;
 ///
 /// # Errors
 /// Those of [`read_bytes`], and if it is not UTF-8.
-fn read_text(path: &Path, format: &str, most: u64) -> Result<String, Failure> {
+fn read_text(path: &Path, format: &str, most: u64) -> Result<String> {
     String::from_utf8(read_bytes(path, format, most)?).map_err(|e| {
         let good = e.utf8_error().valid_up_to();
         let bytes = e.as_bytes();
@@ -200,7 +200,7 @@ fn read_text(path: &Path, format: &str, most: u64) -> Result<String, Failure> {
 /// # Errors
 /// `Failure::Input` if there is no such file, it is a directory or a device, it is too large, or
 /// cannot be read.
-pub(super) fn read_bytes(path: &Path, format: &str, most: u64) -> Result<Vec<u8>, Failure> {
+pub(super) fn read_bytes(path: &Path, format: &str, most: u64) -> Result<Vec<u8>> {
     let name = path.display();
     let refuse = |what: String| Failure::input(format!("{name}: {what}"));
     let unreadable = |e: std::io::Error| {

@@ -8,7 +8,7 @@ use toml::{Spanned, Value};
 use super::keys::resolve;
 use super::source::{Input, Source};
 use super::words::{SWEEP, TAKE_AWAY, shortened};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// Runs of a sweep. All are listed, and checked before the first one runs.
 pub const MOST_RUNS: usize = 10_000;
@@ -56,7 +56,7 @@ struct Axis {
 ///
 /// # Errors `Failure::Input` where the table is none, has an unknown key, or something else than
 /// lists of different values.
-pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
+pub fn members(source: &Source) -> Result<Option<Vec<Member>>> {
     let input = source.input();
     let mut found = None;
     for part in &source.parts {
@@ -106,7 +106,7 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>, Failure> {
 }
 
 /// A failure at a key of the table; of the table itself if there is none.
-fn refuse<T>(input: &Input<'_>, offset: usize, path: &str, what: &str) -> Result<T, Failure> {
+fn refuse<T>(input: &Input<'_>, offset: usize, path: &str, what: &str) -> Result<T> {
     let path = match path {
         "" => SWEEP.to_string(),
         path => format!("{SWEEP}.{path}"),
@@ -118,7 +118,7 @@ fn refuse<T>(input: &Input<'_>, offset: usize, path: &str, what: &str) -> Result
 fn axes(
     input: &Input<'_>,
     found: Vec<(usize, String, &Spanned<DeValue<'_>>)>,
-) -> Result<Vec<Axis>, Failure> {
+) -> Result<Vec<Axis>> {
     let refuse = |offset, path: &str, what: &str| refuse(input, offset, path, what);
     let mut axes: Vec<Axis> = Vec::new();
     let mut runs = 1usize;
@@ -176,7 +176,7 @@ fn axes(
 }
 
 /// What to say of a sweep that is run as if it were one scene.
-pub(super) fn not_one_run(source: &Source) -> Result<String, Failure> {
+pub(super) fn not_one_run(source: &Source) -> Result<String> {
     let runs = members(source)?.map_or(0, |members| members.len());
     Ok(format!(
         "makes {runs} runs of this scene; --sweep list shows them, --sweep N runs the N-th of them, --sweep all one after the other"

@@ -1,7 +1,7 @@
 //! What several unit tests of this crate share.
 
 use crate::{Scene, Source, load};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 
 /// The rows of a table with a case a line and `|` between its K cells. `\n` is a line break in a
 /// cell; lines that begin with `//` are comments.
@@ -23,6 +23,6 @@ pub fn overrides(sets: &str) -> Vec<String> {
 }
 
 /// The default scene with overrides.
-pub fn embedded(sets: &str) -> Result<Scene, Failure> {
+pub fn embedded(sets: &str) -> Result<Scene> {
     load(&Source::embedded(), &overrides(sets))
 }

@@ -1,6 +1,6 @@
 //! The time step: `[time]`.
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{Change, KeyReader, POSITIVE};
 
@@ -74,7 +74,7 @@ pub(crate) fn derive(
     materials: &Materials,
     sample: &Sample,
     walls: Option<&PlaneShear>,
-) -> Result<TimeStep, Failure> {
+) -> Result<TimeStep> {
     let (mut limit, mut contact_time) = (f64::INFINITY, f64::INFINITY);
     for (law, contact) in &materials.laws {
         let mean_overlap = match walls {

@@ -7,7 +7,7 @@ use toml::de::{DeTable, DeValue};
 use super::keys::table;
 use super::source::Input;
 use super::table::{Table, unit};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::{self, keys::Values};
 
 /// Twice the exponents of m, kg and s: the laws have half powers of a metre.
@@ -348,11 +348,10 @@ fn converted(text: &str, units: &[String]) -> Result<String, String> {
 }
 
 /// What is done with a value: the place of its key, its path, the units of the key, and the value.
-type Visit<'v, 'a> =
-    &'v mut dyn FnMut(usize, &str, &[String], &mut DeValue<'a>) -> Result<(), Failure>;
+type Visit<'v, 'a> = &'v mut dyn FnMut(usize, &str, &[String], &mut DeValue<'a>) -> Result<()>;
 
 /// Visits every value that stands for a number, is a string and begins with a number.
-fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<(), Failure> {
+fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<()> {
     let dimension = tree.get("dimension").map(Spanned::get_ref);
     let dimension = dimension.and_then(|value| value.as_integer());
     let spheres = dimension.is_some_and(|number| number.as_str() == "3");
@@ -386,7 +385,7 @@ fn each_of<'a>(
     value: &mut DeValue<'a>,
     of_law: (bool, Option<&str>),
     visit: Visit<'_, 'a>,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let inner = match value {
         DeValue::Table(inner) => inner,
         DeValue::Array(tables) => {
@@ -433,7 +432,7 @@ fn each_of<'a>(
 ///
 /// # Errors
 /// A unit that is unknown, or of another kind than that of the key.
-pub(super) fn numbers(tree: &mut DeTable<'_>, input: &Input<'_>) -> Result<Vec<String>, Failure> {
+pub(super) fn numbers(tree: &mut DeTable<'_>, input: &Input<'_>) -> Result<Vec<String>> {
     let mut numbers = Vec::new();
     each_quantity(tree, &mut |at, path, units, value| {
         let text = value.as_str().expect("a string");

@@ -1,7 +1,7 @@
 //! Plane shear between walls: `[pack]`, and what follows from all of its tables.
 
 use gshear_dem::drive::Servo;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{Change, FROM_ONE, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{Contact, Law};
 use gshear_dem::state::{Confinement, Masses};
@@ -171,7 +171,7 @@ pub(crate) fn check(
     c: &mut Checker<'_>,
     (law, masses): (&Law, &Masses),
     packing: ReadPacking<'_>,
-) -> Result<(Sample, PlaneShear), Failure> {
+) -> Result<(Sample, PlaneShear)> {
     let confinement = sample::confinement(c);
     let grains = sample::check(c);
     load::check(c, confinement);

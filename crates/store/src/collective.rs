@@ -3,7 +3,7 @@
 
 use bytemuck::Pod;
 use gshear_dem::domain::Exchange;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::ops::Range;
@@ -13,7 +13,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// The failure of the lowest rank that has failed, on every rank.
-pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T, Failure> {
+pub fn agree<T>(exchange: &dyn Exchange, result: Result<T>) -> Result<T> {
     let kinds = [Failure::Input, Failure::Numbers, Failure::Other];
     let kind_of = |failure: &Failure| match failure {
         Failure::Input(_) => 0,
@@ -37,7 +37,7 @@ pub fn agree<T>(exchange: &dyn Exchange, result: Result<T, Failure>) -> Result<T
 ///
 /// # Errors
 /// [`Failure::Other`] if the system does not tell.
-pub fn exists(exchange: &dyn Exchange, path: &Path) -> Result<bool, Failure> {
+pub fn exists(exchange: &dyn Exchange, path: &Path) -> Result<bool> {
     told_by_root(exchange, || {
         path.try_exists()
             .map_err(|e| Failure::other(format!("{}: cannot be looked up: {e}", path.display())))
@@ -51,8 +51,8 @@ pub fn exists(exchange: &dyn Exchange, path: &Path) -> Result<bool, Failure> {
 /// The failure of rank 0.
 pub fn on_root<T: Default>(
     exchange: &dyn Exchange,
-    compute: impl FnOnce() -> Result<T, Failure>,
-) -> Result<T, Failure> {
+    compute: impl FnOnce() -> Result<T>,
+) -> Result<T> {
     let found = match exchange.rank() {
         0 => compute(),
         _ => Ok(T::default()),
@@ -66,8 +66,8 @@ pub fn on_root<T: Default>(
 /// The failure of rank 0.
 pub fn told_by_root<T: Default + Serialize + DeserializeOwned>(
     exchange: &dyn Exchange,
-    compute: impl FnOnce() -> Result<T, Failure>,
-) -> Result<T, Failure> {
+    compute: impl FnOnce() -> Result<T>,
+) -> Result<T> {
     let found = on_root(exchange, compute)?;
     Ok(of_root(exchange, &found))
 }
@@ -89,12 +89,12 @@ pub struct CollectiveOutcome(Option<Failure>);
 
 impl CollectiveOutcome {
     /// A sequence of one call.
-    pub fn of(result: Result<(), Failure>) -> Self {
+    pub fn of(result: Result<()>) -> Self {
         Self(result.err())
     }
 
     /// Stores the failure of a call, unless an earlier call has failed already.
-    pub fn note(&mut self, result: Result<(), Failure>) {
+    pub fn note(&mut self, result: Result<()>) {
         if let Err(failure) = result {
             self.0.get_or_insert(failure);
         }
@@ -104,7 +104,7 @@ impl CollectiveOutcome {
     ///
     /// # Errors
     /// As [`agree`].
-    pub fn agree(self, exchange: &dyn Exchange) -> Result<(), Failure> {
+    pub fn agree(self, exchange: &dyn Exchange) -> Result<()> {
         agree(exchange, self.0.map_or(Ok(()), Err))
     }
 }

@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 
 use super::h5;
 use super::text_writer::{self, unwritten};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// A value that a cell can hold. Numbers have the shortest form that reads back to the same bits.
 pub trait TableCell {
@@ -134,7 +134,7 @@ impl TableFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
-    pub fn create(path: &Path, names: &[&str]) -> Result<Self, Failure> {
+    pub fn create(path: &Path, names: &[&str]) -> Result<Self> {
         // The names are there as soon as the file is.
         let create = || -> std::io::Result<File> {
             let mut part = text_writer::beside(path)?;
@@ -151,7 +151,7 @@ impl TableFile {
     ///
     /// # Errors
     /// [`Failure::Input`] if the file has other columns or fewer rows.
-    pub fn open_to_append(path: &Path, names: &[&str], rows: u64) -> Result<Self, Failure> {
+    pub fn open_to_append(path: &Path, names: &[&str], rows: u64) -> Result<Self> {
         let unfit = |why: String| {
             let path = path.display();
             Failure::input(format!("{path}: cannot continue this file: {why}"))
@@ -192,7 +192,7 @@ impl TableFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
-    pub fn row(&mut self, cells: impl IntoIterator<Item: TableCell>) -> Result<(), Failure> {
+    pub fn row(&mut self, cells: impl IntoIterator<Item: TableCell>) -> Result<()> {
         let record: StringRecord = cells.into_iter().map(|cell| cell.text()).collect();
         let written = self.writer.write_record(&record);
         written.map_err(|e| unwritten(&self.path, &e))
@@ -202,7 +202,7 @@ impl TableFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
-    pub fn flush(&mut self) -> Result<(), Failure> {
+    pub fn flush(&mut self) -> Result<()> {
         self.writer.flush().map_err(|e| unwritten(&self.path, &e))
     }
 
@@ -210,7 +210,7 @@ impl TableFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
-    pub fn sync(&mut self) -> Result<(), Failure> {
+    pub fn sync(&mut self) -> Result<()> {
         self.flush()?;
         let synced = self.writer.get_ref().sync_data();
         synced.map_err(|e| unwritten(&self.path, &e))
@@ -222,7 +222,7 @@ impl TableFile {
 ///
 /// # Errors
 /// A file that cannot be read.
-pub fn rows_up_to(path: &Path, last: f64) -> Result<Option<u64>, Failure> {
+pub fn rows_up_to(path: &Path, last: f64) -> Result<Option<u64>> {
     let unread = |why: &dyn std::fmt::Display| {
         let path = path.display();
         h5::unread(format!("{path}: cannot continue this file: {why}"))
@@ -256,7 +256,7 @@ pub(crate) fn first_cell<T: FromStr>(line: &[u8]) -> Option<T> {
 ///
 /// # Errors
 /// [`Failure::Input`] that names the line, if the file cannot be read or a row does not fit `R`.
-pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>, Failure> {
+pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>> {
     let unfit = |e: csv::Error| Failure::input(format!("{}: {e}", path.display()));
     let mut reader = csv::Reader::from_path(path).map_err(unfit)?;
     reader.deserialize().map(|row| row.map_err(unfit)).collect()

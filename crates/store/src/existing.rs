@@ -9,7 +9,7 @@ use super::run_reader::owner;
 use super::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use std::path::Path;
 
 /// Prepares the file of a run that resumes: brings one that a killed program left behind back to
@@ -18,7 +18,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// If a file can be neither written nor renamed, or the system does not let it be opened.
-pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
+pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<()> {
     if !path.exists() {
         return Ok(());
     }
@@ -56,7 +56,7 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<(), Failure> {
 ///
 /// # Errors
 /// If the link cannot be removed.
-pub(crate) fn unlink_foreign(path: &Path, run_id: Option<&Attribute>) -> Result<(), Failure> {
+pub(crate) fn unlink_foreign(path: &Path, run_id: Option<&Attribute>) -> Result<()> {
     let target = journal::target(path);
     let is_own = || match std::fs::metadata(&target) {
         Ok(found) if found.len() > 0 => is_of(&target, run_id),
@@ -76,7 +76,7 @@ pub(crate) fn is_of(path: &Path, run_id: Option<&Attribute>) -> bool {
 }
 
 /// Removes a file without a checkpoint, which may be linked to another disk, and its journal.
-fn remove(path: &Path) -> Result<(), Failure> {
+fn remove(path: &Path) -> Result<()> {
     std::fs::remove_file(journal::target(path))
         .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))?;
     journal::remove(path)
@@ -87,7 +87,7 @@ fn remove(path: &Path) -> Result<(), Failure> {
 ///
 /// # Errors
 /// [`Failure::Input`] if the file is not a `run.h5`, or damaged.
-pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3], Failure> {
+pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3]> {
     inspect(path, series, 0, 0)?;
     let read = || -> hdf5::Result<[u64; 3]> {
         let file = Part::of(path).open()?;
@@ -130,12 +130,7 @@ const ANOTHER: &str = "another version wrote the file, or its protocol imposed v
 ///
 /// # Panics
 /// If `series` is empty.
-pub fn inspect(
-    path: &Path,
-    series: &[Column],
-    frames: u64,
-    rows: u64,
-) -> Result<[u64; 4], Failure> {
+pub fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<[u64; 4]> {
     hdf5::silence_errors(true);
     if !Part::of(path).file.is_file() {
         let name = path.display();
@@ -144,7 +139,7 @@ pub fn inspect(
         )));
     }
     let unfit = |why: String| unfit(path, &why);
-    let read = || -> hdf5::Result<Result<[u64; 4], Failure>> {
+    let read = || -> hdf5::Result<Result<[u64; 4]>> {
         let file = Part::of(path).open()?;
         file.group(PARAMETERS)?.attr("scene")?;
         let length = |name: &str| -> hdf5::Result<u64> {

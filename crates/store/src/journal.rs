@@ -14,7 +14,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::text_writer::{self, unwritten};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use xxhash_rust::xxh3::xxh3_64;
 
 const MAGIC: &[u8; 8] = b"GSHEARJ1";
@@ -44,7 +44,7 @@ pub fn target(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// A file that cannot be removed.
-pub fn remove(file: &Path) -> Result<(), Failure> {
+pub fn remove(file: &Path) -> Result<()> {
     let path = path_of(file);
     match std::fs::remove_file(&path) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
@@ -84,7 +84,7 @@ impl Journal {
     ///
     /// # Errors
     /// A file that cannot be read.
-    pub fn of(file: &Path, raw: Vec<Range<u64>>) -> Result<Self, Failure> {
+    pub fn of(file: &Path, raw: Vec<Range<u64>>) -> Result<Self> {
         Self::copy(file, raw)
             .map_err(|e| Failure::other(format!("{}: cannot be read: {e}", file.display())))
     }
@@ -115,7 +115,7 @@ impl Journal {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn write(&self, file: &Path) -> Result<(), Failure> {
+    pub fn write(&self, file: &Path) -> Result<()> {
         let path = path_of(file);
         let write = || -> std::io::Result<()> {
             let mut part = text_writer::beside(&path)?;
@@ -138,7 +138,7 @@ impl Journal {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn restore(&self, file: &Path) -> Result<(), Failure> {
+    pub fn restore(&self, file: &Path) -> Result<()> {
         let restore = || -> std::io::Result<()> {
             let mut to = File::options().write(true).open(file)?;
             for (offset, bytes) in &self.pieces {

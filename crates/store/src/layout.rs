@@ -9,7 +9,7 @@ use super::row_table::RowTable;
 use super::run_header::RunHeader;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use hdf5::H5Type;
 use hdf5::types::TypeDescriptor;
 
@@ -172,12 +172,7 @@ pub struct Datasets {
 
 impl Datasets {
     /// Creates or opens the datasets of so many grains. Collective.
-    pub fn new(
-        file: &H5File,
-        mode: Mode,
-        count: usize,
-        header: &RunHeader<'_>,
-    ) -> Result<Self, Failure> {
+    pub fn new(file: &H5File, mode: Mode, count: usize, header: &RunHeader<'_>) -> Result<Self> {
         let form = header.form;
         let units = header.units.then_some(form.axes);
         let place = Place { file, mode, units };
@@ -266,7 +261,7 @@ struct Place<'a> {
 }
 
 impl Place<'_> {
-    fn group(&self, name: &str) -> Result<(), Failure> {
+    fn group(&self, name: &str) -> Result<()> {
         match self.mode {
             Mode::Create => self.file.group(name),
             Mode::Open => Ok(()),
@@ -280,7 +275,7 @@ impl Place<'_> {
         name: &str,
         shape: &[usize],
         chunk: &[usize],
-    ) -> Result<Dataset, Failure> {
+    ) -> Result<Dataset> {
         match self.mode {
             Mode::Create => self.file.dataset(element, name, shape, Some(chunk)),
             Mode::Open => self.file.open_dataset(element, name),
@@ -288,20 +283,20 @@ impl Place<'_> {
     }
 
     /// One number a frame or row.
-    fn list<T: H5Type>(&self, name: &str) -> Result<Dataset, Failure> {
+    fn list<T: H5Type>(&self, name: &str) -> Result<Dataset> {
         self.growing(T::type_descriptor(), name, &[0], &[CHUNK_ROWS])
     }
 
-    fn step(&self, folder: &str) -> Result<Dataset, Failure> {
+    fn step(&self, folder: &str) -> Result<Dataset> {
         self.list::<u64>(&format!("{folder}/step"))
     }
 
-    fn time(&self, folder: &str) -> Result<Dataset, Failure> {
+    fn time(&self, folder: &str) -> Result<Dataset> {
         let time = self.list::<f64>(&format!("{folder}/time"))?;
         self.in_units(time, &TIME)
     }
 
-    fn link_clock(&self, from: &str, to: &str, has_time: bool) -> Result<(), Failure> {
+    fn link_clock(&self, from: &str, to: &str, has_time: bool) -> Result<()> {
         if self.mode == Mode::Open {
             return Ok(());
         }
@@ -319,7 +314,7 @@ impl Place<'_> {
         columns: &[Column],
         has_time: bool,
         sums: &str,
-    ) -> Result<RowTable, Failure> {
+    ) -> Result<RowTable> {
         let first = format!("{folder}/{}", columns[0]);
         let mut values = Vec::new();
         for column in columns {
@@ -338,7 +333,7 @@ impl Place<'_> {
     }
 
     /// Writes the unit of a column as H5MD's units module has it; pure numbers have none.
-    fn in_units(&self, dataset: Dataset, column: &Column) -> Result<Dataset, Failure> {
+    fn in_units(&self, dataset: Dataset, column: &Column) -> Result<Dataset> {
         let axes = self.units.filter(|_| self.mode == Mode::Create);
         if let Some(unit) = axes.and_then(|axes| column.unit_in(axes)) {
             dataset.attribute("unit", &Attribute::Word(unit))?;
@@ -349,7 +344,7 @@ impl Place<'_> {
 
 /// Opens the scalars of frames to continue after their first `rows` rows; creates them if the file
 /// has none. Collective.
-pub fn scalars(file: &H5File, rows: u64) -> Result<RowTable, Failure> {
+pub fn scalars(file: &H5File, rows: u64) -> Result<RowTable> {
     let mode = match file.has(SCALARS) {
         true => Mode::Open,
         false if rows > 0 => return Err(file.lacks(SCALARS, rows)),
@@ -367,7 +362,7 @@ pub fn scalars(file: &H5File, rows: u64) -> Result<RowTable, Failure> {
 }
 
 /// Writes the groups and attributes that H5MD 1.1 requires. Collective.
-pub fn describe(file: &H5File, header: &RunHeader<'_>, author: &str) -> Result<(), Failure> {
+pub fn describe(file: &H5File, header: &RunHeader<'_>, author: &str) -> Result<()> {
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {
         file.group(group)?;
     }

@@ -6,7 +6,7 @@ use super::h5;
 use super::run_reader::Series;
 use gshear_dem::columns::Column;
 use gshear_dem::domain::Exchange;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 
@@ -24,11 +24,7 @@ impl Log {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn create(
-        exchange: &dyn Exchange,
-        path: &Path,
-        columns: &[Column],
-    ) -> Result<Self, Failure> {
+    pub fn create(exchange: &dyn Exchange, path: &Path, columns: &[Column]) -> Result<Self> {
         let create = || TableFile::create(path, &Self::names(columns));
         on_root(exchange, || create().map(Some)).map(Log)
     }
@@ -43,7 +39,7 @@ impl Log {
         columns: &[Column],
         last: u64,
         rows: u64,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let open = || match Self::check(path, columns, last, rows)? {
             Some(rows) => TableFile::open_to_append(path, &Self::names(columns), rows),
             None => TableFile::create(path, &Self::names(columns)),
@@ -58,12 +54,7 @@ impl Log {
     ///
     /// # Errors
     /// [`Failure::Input`] if the file has fewer rows or another header.
-    pub fn check(
-        path: &Path,
-        columns: &[Column],
-        last: u64,
-        rows: u64,
-    ) -> Result<Option<u64>, Failure> {
+    pub fn check(path: &Path, columns: &[Column], last: u64, rows: u64) -> Result<Option<u64>> {
         let found = rows_up_to(path, last as f64)?;
         if found.is_none() && rows == 0 {
             return Ok(None);
@@ -84,7 +75,7 @@ impl Log {
     ///
     /// # Errors
     /// [`Failure::Input`] that names the first line that differs.
-    pub fn compare(path: &Path, last: u64, series: &Series) -> Result<(), Failure> {
+    pub fn compare(path: &Path, last: u64, series: &Series) -> Result<()> {
         let unread = |e: std::io::Error| unfit(path, e.to_string());
         let lines = BufReader::new(std::fs::File::open(path).map_err(unread)?).split(b'\n');
         for (number, line) in lines.enumerate().skip(1) {
@@ -114,7 +105,7 @@ impl Log {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn row(&mut self, step: u64, time: f64, row: &[f64]) -> Result<(), Failure> {
+    pub fn row(&mut self, step: u64, time: f64, row: &[f64]) -> Result<()> {
         let cells = cells(step, time, row.iter().copied());
         self.0.as_mut().map_or(Ok(()), |file| file.row(cells))
     }
@@ -123,7 +114,7 @@ impl Log {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn flush(&mut self) -> Result<(), Failure> {
+    pub fn flush(&mut self) -> Result<()> {
         self.0.as_mut().map_or(Ok(()), TableFile::flush)
     }
 
@@ -131,7 +122,7 @@ impl Log {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn sync(&mut self) -> Result<(), Failure> {
+    pub fn sync(&mut self) -> Result<()> {
         self.0.as_mut().map_or(Ok(()), TableFile::sync)
     }
 }
@@ -148,7 +139,7 @@ fn cells(step: u64, time: f64, row: impl Iterator<Item = f64>) -> impl Iterator<
 }
 
 /// Checks that an existing log has these columns.
-fn check_columns(path: &Path, columns: &[Column]) -> Result<(), Failure> {
+fn check_columns(path: &Path, columns: &[Column]) -> Result<()> {
     let unfit = |why: String| unfit(path, why);
     let mut line = String::new();
     std::fs::File::open(path)

@@ -14,7 +14,7 @@ use std::str::FromStr;
 use faer::sparse::{SparseColMat, Triplet};
 
 use super::text_writer::PartFile;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// A sparse matrix.
 pub type Matrix = SparseColMat<usize, f64>;
@@ -35,7 +35,7 @@ struct MatrixHeader {
 ///
 /// # Errors
 /// [`Failure::Input`] that names the line, if the file cannot be read or holds no such matrix.
-pub fn read(path: &Path) -> Result<Matrix, Failure> {
+pub fn read(path: &Path) -> Result<Matrix> {
     let unread =
         |e: std::io::Error| Failure::input(format!("{}: cannot be read: {e}", path.display()));
     let file = File::open(path).map_err(unread)?;
@@ -58,7 +58,7 @@ pub fn read(path: &Path) -> Result<Matrix, Failure> {
 ///
 /// # Errors
 /// [`Failure::Other`] if the file cannot be written.
-pub fn write(path: &Path, matrix: &Matrix) -> Result<(), Failure> {
+pub fn write(path: &Path, matrix: &Matrix) -> Result<()> {
     let mut out = PartFile::create(path)?;
     let mut save = || -> std::io::Result<()> {
         let (rows, columns, count) = (matrix.nrows(), matrix.ncols(), matrix.compute_nnz());
@@ -74,7 +74,7 @@ pub fn write(path: &Path, matrix: &Matrix) -> Result<(), Failure> {
     out.finish().map(drop)
 }
 
-fn coordinates(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix, Failure> {
+fn coordinates(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix> {
     let [rows, columns, count] = lines.sizes("rows, columns and number of entries")?;
     let mut entries = Vec::new();
     for read in 0..count {
@@ -103,7 +103,7 @@ fn coordinates(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix, Failu
     matrix.map_err(|_| lines.wrong(format!("there is no memory for {rows} × {columns}")))
 }
 
-fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix, Failure> {
+fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix> {
     let [rows, columns] = lines.sizes("rows and columns")?;
     let mut entries = Vec::new();
     for column in 0..columns {
@@ -157,7 +157,7 @@ struct Lines<'a> {
 }
 
 impl Lines<'_> {
-    fn header(&mut self) -> Result<MatrixHeader, Failure> {
+    fn header(&mut self) -> Result<MatrixHeader> {
         const RIGHT: &str = "must be %%MatrixMarket matrix coordinate|array real|integer|pattern general|symmetric|skew-symmetric";
         self.read()?;
         let text = self.text.to_ascii_lowercase();
@@ -188,7 +188,7 @@ impl Lines<'_> {
         })
     }
 
-    fn sizes<const COUNT: usize>(&mut self, what: &str) -> Result<[usize; COUNT], Failure> {
+    fn sizes<const COUNT: usize>(&mut self, what: &str) -> Result<[usize; COUNT]> {
         if !self.next()? {
             return Err(self.wrong(format!("the file ends before {what}")));
         }
@@ -199,7 +199,7 @@ impl Lines<'_> {
     }
 
     /// Goes to the next line that is neither empty nor a comment. False at the end of the file.
-    fn next(&mut self) -> Result<bool, Failure> {
+    fn next(&mut self) -> Result<bool> {
         while self.read()? {
             let text = self.text.trim_ascii();
             if !text.is_empty() && !text.starts_with('%') {
@@ -209,7 +209,7 @@ impl Lines<'_> {
         Ok(false)
     }
 
-    fn read(&mut self) -> Result<bool, Failure> {
+    fn read(&mut self) -> Result<bool> {
         self.text.clear();
         self.number += 1;
         let read = self.reader.read_line(&mut self.text);
@@ -221,7 +221,7 @@ impl Lines<'_> {
         &self,
         words: &mut impl Iterator<Item = &'t str>,
         what: &str,
-    ) -> Result<W, Failure> {
+    ) -> Result<W> {
         let Some(word) = words.next() else {
             return Err(self.wrong(format!("{what} missing")));
         };
@@ -229,14 +229,14 @@ impl Lines<'_> {
             .map_err(|_| self.wrong(format!("{what} {word}: must be a number")))
     }
 
-    fn end<'t>(&self, mut words: impl Iterator<Item = &'t str>) -> Result<(), Failure> {
+    fn end<'t>(&self, mut words: impl Iterator<Item = &'t str>) -> Result<()> {
         match words.next() {
             Some(word) => Err(self.wrong(format!("{word}: one entry a line"))),
             None => Ok(()),
         }
     }
 
-    fn finite(&self, value: f64) -> Result<(), Failure> {
+    fn finite(&self, value: f64) -> Result<()> {
         if value.is_finite() {
             return Ok(());
         }

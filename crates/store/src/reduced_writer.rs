@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use hdf5::{Dataset, File};
 use ndarray::{ArrayView, ArrayView2, s};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 
 use crate::checked;
 use crate::h5::{Attribute, set_attribute};
@@ -23,8 +23,8 @@ impl ReducedWriter {
     /// and `dmin/strain` `[T]`.
     ///
     /// # Errors
-    /// [`Failure::Other`] if the folder or the file cannot be written.
-    pub fn create(path: &Path, strain: &[f64], grains: usize) -> Result<Self, Failure> {
+    /// `Failure::Other` if the folder or the file cannot be written.
+    pub fn create(path: &Path, strain: &[f64], grains: usize) -> Result<Self> {
         let part = PartFile::create(path)?;
         let make = || -> hdf5::Result<(File, Dataset)> {
             let file = checked::create(part.part())?;
@@ -41,7 +41,7 @@ impl ReducedWriter {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn attribute(&self, name: &str, value: impl Into<Attribute>) -> Result<(), Failure> {
+    pub fn attribute(&self, name: &str, value: impl Into<Attribute>) -> Result<()> {
         let written = set_attribute(&self.file, name, &value.into());
         self.part.checked(written)
     }
@@ -50,7 +50,7 @@ impl ReducedWriter {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn dmin(&self, first: usize, values: ArrayView2<f64>) -> Result<(), Failure> {
+    pub fn dmin(&self, first: usize, values: ArrayView2<f64>) -> Result<()> {
         let rows = s![first..first + values.nrows(), ..];
         self.part.checked(self.dmin.write_slice(values, rows))
     }
@@ -59,7 +59,7 @@ impl ReducedWriter {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn finish(self) -> Result<PathBuf, Failure> {
+    pub fn finish(self) -> Result<PathBuf> {
         let ReducedWriter { part, file, dmin } = self;
         drop(dmin);
         part.checked(file.close())?;

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io::ErrorKind;
 use std::path::Path;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use rustix::fs::{FallocateFlags, fallocate, fstatvfs};
 use rustix::io::Errno;
 
@@ -18,7 +18,7 @@ use rustix::io::Errno;
 ///
 /// # Errors
 /// [`Failure::Other`] if there is no room, or the file cannot be opened.
-pub fn reserve(path: &Path, start: u64, end: u64) -> Result<(), Failure> {
+pub fn reserve(path: &Path, start: u64, end: u64) -> Result<()> {
     if end <= start {
         return Ok(());
     }

@@ -6,7 +6,7 @@ use hdf5::Dataset;
 use hdf5::types::VarLenUnicode;
 use ndarray::{Ix2, s};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 use crate::run_reader::one_line;
 use crate::sound;
@@ -42,7 +42,7 @@ impl SpectrumFile {
     ///
     /// # Errors
     /// [`Failure::Input`] if it is no such file.
-    pub fn open(path: &Path) -> Result<Self, Failure> {
+    pub fn open(path: &Path) -> Result<Self> {
         hdf5::silence_errors(true);
         let bad = |why: &str| Failure::input(format!("{}: {why}", path.display()));
         if !path.is_file() {
@@ -95,7 +95,7 @@ impl SpectrumFile {
     ///
     /// # Errors
     /// [`Failure::Input`] if there is no such vector or grain, or the file is damaged.
-    pub fn mode(&self, k: usize, grains: usize) -> Result<Mode, Failure> {
+    pub fn mode(&self, k: usize, grains: usize) -> Result<Mode> {
         let bad = |why: String| Failure::input(format!("{}: {why}", self.path.display()));
         if k >= self.modes() {
             let last = self.modes().saturating_sub(1);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use ndarray::{Array3, ArrayView};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_spectrum::{Eigenvalue, Problem};
 
 use crate::checked;
@@ -49,13 +49,8 @@ pub struct Columns {
 /// Writes the file and returns its path. `matrix`: file that K comes from.
 ///
 /// # Errors
-/// [`Failure::Other`] if the file cannot be written.
-pub fn write(
-    path: &Path,
-    matrix: &Path,
-    problem: &Problem,
-    columns: &Columns,
-) -> Result<PathBuf, Failure> {
+/// `Failure::Other` if the file cannot be written.
+pub fn write(path: &Path, matrix: &Path, problem: &Problem, columns: &Columns) -> Result<PathBuf> {
     let part = PartFile::create(path)?;
     let save = || -> hdf5::Result<()> {
         let file = checked::create(part.part())?;

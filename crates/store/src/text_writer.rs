@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use crate::file_names::{LOG_FILE, SCENE_FILE, STATUS_FILE};
 use crate::run_reader::is_hdf5;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use tempfile::{Builder, NamedTempFile};
 
 /// Between the name of a file and the end of its temporary name.
@@ -93,7 +93,7 @@ fn folder_of(path: &Path) -> &Path {
 ///
 /// # Errors
 /// [`Failure::Other`] if the folder or the file cannot be written.
-pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<(), Failure> {
+pub fn write(path: &Path, content: impl AsRef<[u8]>) -> Result<()> {
     let mut file = PartFile::create(path)?;
     let written = file.write_all(content.as_ref());
     file.checked(written)?;
@@ -124,7 +124,7 @@ impl PartFile {
     /// # Errors
     /// [`Failure::Input`] if the path is that of a file of a run, or of a device or a pipe;
     /// [`Failure::Other`] if the folder or the file cannot be written.
-    pub fn create(path: &Path) -> Result<Self, Failure> {
+    pub fn create(path: &Path) -> Result<Self> {
         let wrong = |what: &str| Failure::input(format!("{}: {what}", path.display()));
         let place = path.metadata();
         if place.is_ok_and(|place| !place.is_file() && !place.is_dir()) {
@@ -154,7 +154,7 @@ impl PartFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if `written` is an error.
-    pub fn checked<T>(&self, written: Result<T, impl std::fmt::Display>) -> Result<T, Failure> {
+    pub fn checked<T>(&self, written: Result<T, impl std::fmt::Display>) -> Result<T> {
         written.map_err(|e| unwritten(&self.path, &e))
     }
 
@@ -162,7 +162,7 @@ impl PartFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
-    pub fn finish(self) -> Result<PathBuf, Failure> {
+    pub fn finish(self) -> Result<PathBuf> {
         let Self { path, writer } = self;
         let part = writer.into_inner();
         let named = part

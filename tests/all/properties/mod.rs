@@ -7,7 +7,7 @@ use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::GrainState;
 use gshear_scene::insertion::Lattice;
 use gshear_scene::packing::Packing;
@@ -375,7 +375,7 @@ impl Counts {
 }
 
 /// The message of a refused input: one line or more, not a book.
-fn message<T>(result: Result<T, Failure>) -> Result<T, String> {
+fn message<T>(result: Result<T>) -> Result<T, String> {
     result.map_err(|failure| {
         assert_eq!(failure.exit_code(), 2, "{failure}");
         let text = failure.to_string();

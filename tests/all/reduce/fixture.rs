@@ -4,7 +4,7 @@ use std::path::Path;
 
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::domain::Solo;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{ContactSample, Disks, Frame, GrainSample, SeriesRow};
 use gshear_store::h5::Attribute;
 use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
@@ -153,7 +153,7 @@ impl Fixture {
         self.try_write(path).expect("the fixture is written");
     }
 
-    fn try_write(&self, path: &Path) -> Result<(), Failure> {
+    fn try_write(&self, path: &Path) -> Result<()> {
         let grains: Vec<GrainShape> = (0..self.grains.count())
             .map(|n| GrainShape {
                 id: n as u32,

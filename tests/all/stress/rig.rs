@@ -6,7 +6,7 @@ use gshear_dem::contact::stiffness::Stiffness;
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::{Drive, NoWalls};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::kernel::ContactForces;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
@@ -60,7 +60,7 @@ impl<C: ContactLaw + Stiffness> Rig<C> {
         setting: Setting,
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         Self::new(law, NoWalls, setting, grains, contacts)
     }
 }
@@ -72,7 +72,7 @@ impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
         setting: Setting,
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let radii = grains.iter().map(|g| g.radius);
         let mean = radii.clone().sum::<f64>() / grains.len() as f64;
         let list = ListSettings {
@@ -101,7 +101,7 @@ impl<C: ContactLaw + Stiffness, D: Drive<C::Space>> Rig<C, D> {
         })
     }
 
-    pub fn advance(&mut self) -> Result<(), Failure> {
+    pub fn advance(&mut self) -> Result<()> {
         let (system, drive) = (&mut self.system, &mut self.drive);
         advance(&Solo, system, &self.law, drive, StepRequest::default()).map(|_| ())
     }

@@ -6,7 +6,7 @@ use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice, cast_slice_
 
 use super::{Exchange, Link};
 use crate::dimension::Dimension;
-use crate::failure::Failure;
+use crate::failure::{Failure, Result};
 use crate::neighbour::LocalExtent;
 use crate::state::{CandidatePair, Cell, ContactState, GrainState, Grains};
 
@@ -95,7 +95,7 @@ impl<D: Dimension> Slabs<D> {
         grains: Vec<GrainState>,
         mut contacts: Vec<ContactState>,
         (cutoff, worked): (f64, f64),
-    ) -> Result<(Vec<GrainState>, Vec<ContactState>), Failure> {
+    ) -> Result<(Vec<GrainState>, Vec<ContactState>)> {
         let (size, me) = (exchange.size(), exchange.rank());
         let mut owned = grains;
         if size > 1 {
@@ -148,7 +148,7 @@ impl<D: Dimension> Slabs<D> {
         grains: &[GrainState],
         contacts: &[ContactState],
         (cutoff, worked): (f64, f64),
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         let size = exchange.size();
         let most = most_ranks(self.length, cutoff);
         if size > most {

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{Drive, NoWalls};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::observe;
 use gshear_dem::state::{
@@ -36,7 +36,7 @@ impl<'a, D: Dimension> Assembly<'a, D> {
         scene: &Scene,
         cell: Cell,
         law: &'a dyn PairForce<D>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         Ok(Self::of(run.exchange, law, system(run, scene, cell)?))
     }
 
@@ -55,7 +55,7 @@ impl<'a, D: Dimension> Assembly<'a, D> {
         drive: &mut dyn Drive<D>,
         grains: Vec<GrainState>,
         contacts: Vec<ContactState>,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         let fastest = grains.iter().map(|g| length(g.velocity));
         let fastest = self.exchange.maximum(fastest.fold(drive.speed(), f64::max));
         self.system.list.expect(fastest * self.system.step);
@@ -63,28 +63,19 @@ impl<'a, D: Dimension> Assembly<'a, D> {
     }
 
     /// Makes the list of pairs anew, without walls.
-    pub fn rebuild(&mut self) -> Result<(), Failure> {
+    pub fn rebuild(&mut self) -> Result<()> {
         (self.system).rebuild(self.exchange, self.law, &mut NoWalls)
     }
 
     /// Computes the forces before the first step; `sampled`: and measures those of the contacts.
-    pub fn initial_forces(
-        &mut self,
-        drive: &mut dyn Drive<D>,
-        sampled: bool,
-    ) -> Result<(), Failure> {
+    pub fn initial_forces(&mut self, drive: &mut dyn Drive<D>, sampled: bool) -> Result<()> {
         let samples = sampled.then_some(&mut self.samples);
         initial_forces(self.exchange, &mut self.system, self.law, drive, samples)
     }
 
     /// Takes a step of the equations of motion, and measures the forces of the contacts if
     /// `sampled`; returns whether a stop is requested.
-    pub fn advance(
-        &mut self,
-        drive: &mut dyn Drive<D>,
-        sampled: bool,
-        stop: bool,
-    ) -> Result<bool, Failure> {
+    pub fn advance(&mut self, drive: &mut dyn Drive<D>, sampled: bool, stop: bool) -> Result<bool> {
         let request = StepRequest {
             samples: sampled.then_some(&mut self.samples),
             stop,
@@ -130,11 +121,7 @@ impl<'a, D: Dimension> Assembly<'a, D> {
 }
 
 /// The system of the scene in a cell, without its grains.
-pub(crate) fn system<D: Dimension>(
-    run: &Run<'_>,
-    scene: &Scene,
-    cell: Cell,
-) -> Result<System<D>, Failure> {
+pub(crate) fn system<D: Dimension>(run: &Run<'_>, scene: &Scene, cell: Cell) -> Result<System<D>> {
     let sample = &scene.sample;
     let (gravity, typical_force) = match &scene.boundary {
         Boundary::Walls(plane_shear) => {
@@ -192,7 +179,7 @@ impl RestState {
         state
     }
 
-    pub fn put_back<D: Dimension>(self, into: &mut Assembly<'_, D>) -> Result<(), Failure> {
+    pub fn put_back<D: Dimension>(self, into: &mut Assembly<'_, D>) -> Result<()> {
         into.system.set_cell(into.exchange, self.cell)?;
         into.replace(&mut NoWalls, self.state.grains, self.state.contacts)
     }

@@ -1,7 +1,7 @@
 //! Runs of scenes between walls: packing, then shear.
 
 use gshear_dem::drive::Piston;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::{Confinement, GrainState, Snapshot};
@@ -31,7 +31,7 @@ pub fn run<D: LawSpace>(
     run: &mut Run<'_>,
     plane_shear: &PlaneShear,
     start: Start,
-) -> Result<Outcome, Failure> {
+) -> Result<Outcome> {
     let (header, state) = begin(run, plane_shear, start)?;
     let (from, state) = match header {
         Header::Pack(header) => match packed::<D>(run, plane_shear, header, state)? {
@@ -59,7 +59,7 @@ fn packed<D: LawSpace>(
     plane_shear: &PlaneShear,
     mut header: PackHeader,
     mut state: Snapshot,
-) -> Result<Option<(ShearHeader, Snapshot)>, Failure> {
+) -> Result<Option<(ShearHeader, Snapshot)>> {
     let scene = run.scene;
     loop {
         let begins = header.step == 0;
@@ -97,11 +97,7 @@ fn inserted(run: &Run<'_>, sizes: &Sizes) -> (f64, Vec<GrainState>) {
 }
 
 /// The first stage of the run, and its state.
-fn begin(
-    run: &Run<'_>,
-    plane_shear: &PlaneShear,
-    start: Start,
-) -> Result<(Header, Snapshot), Failure> {
+fn begin(run: &Run<'_>, plane_shear: &PlaneShear, start: Start) -> Result<(Header, Snapshot)> {
     let scene = run.scene;
     let (height, grains) = match (start, &plane_shear.origin) {
         (Start::Checkpoint(mut saved, before), _) => {
@@ -136,7 +132,7 @@ fn take_changes(
     before: &Scene,
     header: &mut Header,
     grains: &[GrainState],
-) -> Result<(), Failure> {
+) -> Result<()> {
     let now = run.scene;
     let [of_before, of_now] = [before.plane_shear("")?, now.plane_shear("")?];
     let is_heavier = before.materials.masses != now.materials.masses;

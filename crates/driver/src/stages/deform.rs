@@ -3,7 +3,7 @@
 
 use gshear_dem::contact::portable_exp;
 use gshear_dem::dimension::Dimension;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 use super::assembly::RestState;
 use super::box_state::{Observed, volume};
@@ -40,7 +40,7 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// Gives the box these lengths.
-    fn stretch(&mut self, to: [f64; 3]) -> Result<Followed, Failure> {
+    fn stretch(&mut self, to: [f64; 3]) -> Result<Followed> {
         let least = self.scene.sample.least_box_length();
         let shortest = to[..D::AXES].iter().copied().fold(f64::INFINITY, f64::min);
         if shortest < least {
@@ -68,13 +68,13 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// [`Strain::stretch`], which must succeed.
-    fn stretch_within(&mut self, lengths: [f64; 3]) -> Result<(), Failure> {
+    fn stretch_within(&mut self, lengths: [f64; 3]) -> Result<()> {
         let followed = self.stretch(lengths)?;
         self.within_law(followed)
     }
 
     /// Fails if a strain step has led outside the law.
-    pub(super) fn within_law(&mut self, followed: Followed) -> Result<(), Failure> {
+    pub(super) fn within_law(&mut self, followed: Followed) -> Result<()> {
         followed.map_err(|outside| {
             let exchange = self.assembly.exchange;
             let failure = self.assembly.system.explain(exchange, outside);
@@ -96,7 +96,7 @@ impl<D: Dimension> Strain<'_, D> {
     /// Strain step number `step` of pure shear: ε = γ/2 along x, -γ/2 along the last axis. The
     /// lengths are those of the whole strain, so that their product stays the same but for
     /// rounding.
-    pub(super) fn pure_shear(&mut self, step: u64) -> Result<Option<Search>, Failure> {
+    pub(super) fn pure_shear(&mut self, step: u64) -> Result<Option<Search>> {
         let mut lengths = self.stretched().initial;
         let area = lengths[0] * lengths[D::UP];
         let strain = self.periodic.aqs.strain_step * step as f64;
@@ -113,7 +113,7 @@ impl<D: Dimension> Strain<'_, D> {
 
     /// Strain step number `step` of a biaxial box: the last axis shrinks, then the other lengths
     /// change by one factor until the mean stress along them is the wanted one.
-    pub(super) fn biaxial(&mut self, step: u64) -> Result<Option<Search>, Failure> {
+    pub(super) fn biaxial(&mut self, step: u64) -> Result<Option<Search>> {
         let before = self.stretched();
         let strain = self.periodic.aqs.strain_step * step as f64;
         let mut lengths = self.assembly.system.cell.lengths::<D>();
@@ -130,7 +130,7 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// Begins the next correction of the lateral stress; `None` if it is the wanted one.
-    pub(super) fn correct(&mut self, mut of: Correction) -> Result<Option<Search>, Failure> {
+    pub(super) fn correct(&mut self, mut of: Correction) -> Result<Option<Search>> {
         let wanted = self.periodic.pressure.unwrap_or(f64::NAN);
         let most = self.periodic.aqs.strain_step;
         let excess = self.lateral_excess(wanted);
@@ -189,7 +189,7 @@ impl<D: Dimension> Strain<'_, D> {
     /// beyond it and back, which would leave its mark on the histories: a packing beyond it is
     /// given up for the one before, which is held. Returns `None` if the pressure is the wanted
     /// one.
-    pub(super) fn begin_to_press(&mut self, wanted: f64) -> Result<Option<Search>, Failure> {
+    pub(super) fn begin_to_press(&mut self, wanted: f64) -> Result<Option<Search>> {
         let pressure = self.observed().pressure;
         self.held.push(RestState::of(&mut self.assembly));
         let of = Pressing {
@@ -204,7 +204,7 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// Begins the next trial, or ends the search.
-    fn press(&mut self, mut of: Pressing) -> Result<Option<Search>, Failure> {
+    fn press(&mut self, mut of: Pressing) -> Result<Option<Search>> {
         while (of.pressure - of.wanted).abs() > self.periodic.pressure_tolerance * of.wanted {
             let (wanted, pressure, change) = (of.wanted, of.pressure, of.change);
             if change < FINEST {
@@ -230,7 +230,7 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// Goes on after the relaxation of a trial.
-    pub(super) fn press_on(&mut self, mut of: Pressing) -> Result<Option<Search>, Failure> {
+    pub(super) fn press_on(&mut self, mut of: Pressing) -> Result<Option<Search>> {
         let now = self.observed().pressure;
         self.judge(&mut of, Some(now))?;
         self.press(of)
@@ -238,7 +238,7 @@ impl<D: Dimension> Strain<'_, D> {
 
     /// Keeps the packing of a trial with the pressure `now`, or gives it up; `None`: it is outside
     /// the law. Chooses how far to change the lengths next.
-    fn judge(&mut self, of: &mut Pressing, now: Option<f64>) -> Result<(), Failure> {
+    fn judge(&mut self, of: &mut Pressing, now: Option<f64>) -> Result<()> {
         let allowed = self.periodic.pressure_tolerance * of.wanted;
         if judged(of, now, allowed, self.periodic.aqs.strain_step) {
             self.held.pop();

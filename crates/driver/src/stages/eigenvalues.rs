@@ -8,7 +8,7 @@ use super::assembly::Assembly;
 use crate::header::Pair;
 use gshear_analysis::jacobian::{self, History, Jacobian};
 use gshear_dem::dimension::Dimension;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
 use gshear_store::collective::{gathered, on_root};
@@ -74,7 +74,7 @@ impl GlobalState {
     ///
     /// # Errors
     /// If an element of K is not finite.
-    pub fn eigenvalues<D: Dimension>(&self, of: &Assembly<'_, D>) -> Result<Eigenvalues, Failure> {
+    pub fn eigenvalues<D: Dimension>(&self, of: &Assembly<'_, D>) -> Result<Eigenvalues> {
         let found = on_root(of.exchange, || self.spectrum(of))?;
         let bytes = of.exchange.broadcast(cast_slice(&found).to_vec());
         let read = |[re, im, verdict]: [f64; 3]| (c64::new(re, im), Verdict::ALL[verdict as usize]);
@@ -85,7 +85,7 @@ impl GlobalState {
     }
 
     /// Real and imaginary part, and the index of the verdict in the list of verdicts.
-    fn spectrum<D: Dimension>(&self, of: &Assembly<'_, D>) -> Result<Vec<[f64; 3]>, Failure> {
+    fn spectrum<D: Dimension>(&self, of: &Assembly<'_, D>) -> Result<Vec<[f64; 3]>> {
         let jacobian = self.jacobian(of);
         let unfit = |why| Failure::numbers(format!("the stiffness matrix: {why}"));
         let problem = jacobian.problem().map_err(unfit)?;
@@ -103,7 +103,7 @@ impl<D: Dimension> Assembly<'_, D> {
     ///
     /// # Errors
     /// If an element of K is not finite.
-    pub(crate) fn eigenvalues(&mut self) -> Result<Eigenvalues, Failure> {
+    pub(crate) fn eigenvalues(&mut self) -> Result<Eigenvalues> {
         GlobalState::at_rest(self).eigenvalues(self)
     }
 }

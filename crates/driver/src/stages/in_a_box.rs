@@ -4,7 +4,7 @@
 use gshear_dem::clock::Clock;
 use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::LawSpace;
 use gshear_scene::PeriodicBox;
 use gshear_store::checkpoint;
@@ -28,7 +28,7 @@ pub fn run<D: LawSpace>(
     run: &mut Run<'_>,
     periodic: &PeriodicBox,
     start: Start,
-) -> Result<Outcome, Failure> {
+) -> Result<Outcome> {
     let scene = run.scene;
     let law = scene.force::<D>();
     let law = law.as_ref();
@@ -100,7 +100,7 @@ fn begin<D: LawSpace>(
     run: &mut Run<'_>,
     periodic: &PeriodicBox,
     start: Start,
-) -> Result<Option<(Header, Snapshot)>, Failure> {
+) -> Result<Option<(Header, Snapshot)>> {
     let scene = run.scene;
     let mut progress = Progress {
         length: Some(scene.sample.length),

@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::NoWalls;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Displacement, Snapshot};
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -120,7 +120,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         mut assembly: Assembly<'a, D>,
         progress: Progress,
         resumed: Option<(u64, Vec<Displacement>)>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let (exchange, scene, step) = (run.exchange, run.scene, assembly.system.step);
         let strain = strain::reached::<D>(periodic, &progress);
         let mut due = Due::new(of, progress.pair.as_ref(), step);
@@ -177,11 +177,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
     }
 
     /// Closes the files; a run that is done is marked as finished.
-    pub fn finish(
-        mut self,
-        run: &Run<'_>,
-        outcome: Result<Outcome, Failure>,
-    ) -> Result<Outcome, Failure> {
+    pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Outcome> {
         match outcome {
             Ok(Outcome::Done) => {}
             Ok(Outcome::Stopped) => {
@@ -215,7 +211,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         self.step >= self.due.steps
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<()> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the state at rest.
             let checkpoint = self.checkpoint(run)?;
@@ -224,7 +220,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         self.assembly.initial_forces(&mut NoWalls, false)
     }
 
-    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool> {
         let stop = stop || run.asked_to_stop();
         let stop = self.assembly.advance(&mut NoWalls, false, stop)?;
         self.motion.turn(run.exchange, &mut self.assembly.system);
@@ -232,7 +228,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         Ok(stop)
     }
 
-    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
         let (exchange, step) = (run.exchange, self.step);
         let time = step as f64 * self.assembly.system.step;
         let (row, frame_due) = (self.due.row(step), self.due.frame(step));
@@ -292,7 +288,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         }
     }
 
-    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint> {
         let written = self.files.flush(run.exchange)?;
         let lines = match &mut self.spectra {
             Some(spectra) => spectra.flush(run.exchange)?,

@@ -4,7 +4,7 @@ use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Accumulator;
 use gshear_dem::drive::{Piston, Planes};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::{Confinement, Snapshot, body};
@@ -100,7 +100,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         (law, plane): (&'a dyn PairForce<D>, Box<dyn PairForce<D>>),
         header: PackHeader,
         state: Snapshot,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let scene = run.scene;
         let mut assembly = Assembly::new(run, scene, scene.sample.cell(), law)?;
         assembly.system.steps = header.step;
@@ -176,11 +176,11 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         self.at_rest
     }
 
-    fn begin(&mut self, _: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, _: &mut Run<'_>) -> Result<()> {
         self.assembly.initial_forces(&mut self.drive, false)
     }
 
-    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool> {
         let stop = stop || run.asked_to_stop();
         let moved = self.assembly.advance(&mut self.drive, false, stop);
         self.step += 1;
@@ -201,7 +201,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
 
     /// Raises the load once the bottom bears it, and checks whether the sample is at rest, every
     /// [`CHECK_INTERVAL`] steps.
-    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
         let (scene, exchange) = (self.scene, run.exchange);
         let PlaneShear { load, pack, .. } = self.plane_shear;
         let is_last = self.step == pack.max_steps;
@@ -264,7 +264,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         }
     }
 
-    fn checkpoint(&mut self, _: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+    fn checkpoint(&mut self, _: &mut Run<'_>) -> Result<Checkpoint> {
         Ok(Checkpoint {
             header: Header::Pack(PackHeader {
                 step: self.step,

@@ -15,7 +15,7 @@ use super::scatter::{Placed, move_apart};
 use crate::run::Run;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::{self, radius, stream};
@@ -47,7 +47,7 @@ pub(super) fn prepare<D: Dimension>(
     run: &mut Run<'_>,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<Option<Snapshot>, Failure> {
+) -> Result<Option<Snapshot>> {
     match periodic.placement {
         Placement::Lattice => compress(run, periodic, law),
         Placement::Random => {
@@ -81,7 +81,7 @@ fn part<D: Dimension>(
     run: &Run<'_>,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<Option<Snapshot>, Failure> {
+) -> Result<Option<Snapshot>> {
     let (exchange, scene) = (run.exchange, run.scene);
     let length = scene.sample.length;
     let cell = scene.sample.box_cell(length);
@@ -137,7 +137,7 @@ fn rest<D: Dimension>(
     run: &Run<'_>,
     periodic: &PeriodicBox,
     assembly: &mut Assembly<'_, D>,
-) -> Result<Option<Snapshot>, Failure> {
+) -> Result<Option<Snapshot>> {
     let mut steps = 0;
     assembly.begin_overdamped(&periodic.relax)?;
     while !assembly.overdamped(&periodic.relax, &mut steps)? {
@@ -154,7 +154,7 @@ fn compress<D: Dimension>(
     run: &mut Run<'_>,
     periodic: &PeriodicBox,
     law: &dyn PairForce<D>,
-) -> Result<Option<Snapshot>, Failure> {
+) -> Result<Option<Snapshot>> {
     let (exchange, scene) = (run.exchange, run.scene);
     let target = scene.sample.length;
     let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());
@@ -243,11 +243,7 @@ fn shrunk<D: Dimension>(settled: &[GrainState], from: f64, to: f64) -> Vec<Grain
 
 /// Lets the grains move with a strong drag. Returns whether it ended before, because the run is to
 /// stop. Collective.
-fn settle<D: Dimension>(
-    run: &Run<'_>,
-    assembly: &mut Assembly<'_, D>,
-    steps: u64,
-) -> Result<bool, Failure> {
+fn settle<D: Dimension>(run: &Run<'_>, assembly: &mut Assembly<'_, D>, steps: u64) -> Result<bool> {
     let mut drive = Overdamped {
         drag: DRAG / assembly.system.step,
     };

@@ -5,7 +5,7 @@ use super::eigenvalues::{GlobalState, Move, newton_step};
 use crate::header::Relaxing;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, Sheared, Stretching, body};
 use gshear_dem::step::forces;
 use gshear_dem::system::{Outside, System};
@@ -52,7 +52,7 @@ impl Relaxation {
         &self,
         assembly: &mut Assembly<'_, D>,
         held: &mut Vec<RestState>,
-    ) -> Result<Relaxing, Failure> {
+    ) -> Result<Relaxing> {
         let mut relaxing = Relaxing::default();
         if self.relax.method == Method::Newton {
             held.push(RestState::of(assembly));
@@ -69,7 +69,7 @@ impl Relaxation {
         &mut self,
         assembly: &mut Assembly<'_, D>,
         (relaxing, held): (&mut Relaxing, &mut Vec<RestState>),
-    ) -> Result<bool, Failure> {
+    ) -> Result<bool> {
         let Relaxing { found, opened } = relaxing;
         let Some(of_newton) = opened else {
             self.residual = assembly.residual(self.relax.drag);
@@ -103,7 +103,7 @@ impl Relaxation {
         assembly: &mut Assembly<'_, D>,
         (before, opened): (&[[u32; 2]], &mut Vec<[u32; 2]>),
         factorisations: &mut u64,
-    ) -> Result<Option<bool>, Failure> {
+    ) -> Result<Option<bool>> {
         let tolerance = self.relax.tolerance;
         let longest = LONGEST * self.mean_diameter;
         let mut left = assembly.residual(0.0);
@@ -157,7 +157,7 @@ impl Relaxation {
 
 /// What a step of Newton's method computes, with the factors of K: for measurements of its time.
 /// Collective.
-pub(crate) fn factor_once<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Result<(), Failure> {
+pub(crate) fn factor_once<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Result<()> {
     let whole = GlobalState::at_rest(assembly);
     let tangent = whole.tangent(assembly);
     let mut solver = Solver::default();
@@ -174,7 +174,7 @@ pub(super) type Followed = Result<(), Option<Outside>>;
 
 impl<D: Dimension> Assembly<'_, D> {
     /// Begins [`Self::overdamped`] dynamics.
-    pub(super) fn begin_overdamped(&mut self, relax: &Relax) -> Result<(), Failure> {
+    pub(super) fn begin_overdamped(&mut self, relax: &Relax) -> Result<()> {
         let mut drive = Overdamped { drag: relax.drag };
         (self.system).rebuild(self.exchange, self.law, &mut drive)?;
         self.initial_forces(&mut drive, false)
@@ -182,7 +182,7 @@ impl<D: Dimension> Assembly<'_, D> {
 
     /// Some steps of BO's overdamped dynamics, which are added to `steps`, if a force is greater
     /// than the tolerance. Otherwise brings the grains to rest, and returns true.
-    pub(super) fn overdamped(&mut self, relax: &Relax, steps: &mut u64) -> Result<bool, Failure> {
+    pub(super) fn overdamped(&mut self, relax: &Relax, steps: &mut u64) -> Result<bool> {
         let left = self.residual(relax.drag);
         if left.is_nan() {
             return Err(Failure::numbers("a force is no number"));
@@ -274,7 +274,7 @@ impl<D: Dimension> Assembly<'_, D> {
 
     /// Gives the cell these lengths (m) and moves the grains affinely with it, in one step of the
     /// dynamics, which advances the histories. All grains must be at rest, and stay so.
-    pub(super) fn stretch(&mut self, lengths: [f64; 3]) -> Result<Followed, Failure> {
+    pub(super) fn stretch(&mut self, lengths: [f64; 3]) -> Result<Followed> {
         let mut state = self.held();
         let before = self.system.cell.lengths::<D>();
         let factors: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / before[axis]);

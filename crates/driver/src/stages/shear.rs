@@ -8,7 +8,7 @@ use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Exchange;
 use gshear_dem::drive::{Drive, GrainWalls, Images, Slider, Top};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants, UpperEnd};
 use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
@@ -96,7 +96,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         law: &'a dyn PairForce<D>,
         from: ShearHeader,
         mut state: Snapshot,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let (exchange, scene) = (run.exchange, run.scene);
         let mut schedule = Schedule::new(scene, plane_shear, from.height);
         if let Some(window) = run.options.replay {
@@ -165,11 +165,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     }
 
     /// Closes the files; a run that is done is marked as finished.
-    pub fn finish(
-        mut self,
-        run: &Run<'_>,
-        outcome: Result<Outcome, Failure>,
-    ) -> Result<Outcome, Failure> {
+    pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Outcome> {
         let exchange = run.exchange;
         let outcome = match outcome {
             Ok(outcome) => outcome,
@@ -205,7 +201,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     }
 
     /// Passes the scalars computed so far to the files.
-    fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<()> {
         let Some(analysis) = &mut self.analysis else {
             return Ok(());
         };
@@ -223,7 +219,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     }
 
     /// Ends the run if a free grain has passed a wall, unless such grains are removed. Collective.
-    fn check_between(&self, exchange: &dyn Exchange) -> Result<(), Failure> {
+    fn check_between(&self, exchange: &dyn Exchange) -> Result<()> {
         match self.outer_planes() {
             Some(planes) if !self.plane_shear.removes => {
                 observe::check_between(exchange, &self.assembly.system, planes)
@@ -265,7 +261,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
     /// more than half a mean diameter, or it has come down to the bottom. A top that moves at an
     /// imposed velocity or by a servo does not fly, and a vibrating bottom may throw it on purpose.
-    fn check_top(&self) -> Result<(), Failure> {
+    fn check_top(&self) -> Result<()> {
         let Above::Wall(GrainWalls { motion, .. }) = &self.above else {
             return Ok(());
         };
@@ -349,7 +345,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     }
 
     /// Also records the state before the first step.
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, run: &mut Run<'_>) -> Result<()> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the packed sample.
             run.save(&Checkpoint {
@@ -361,7 +357,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         self.assembly.initial_forces(self.above.drive(), true)
     }
 
-    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool, Failure> {
+    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool> {
         if self.plane_shear.removes && self.step.is_multiple_of(REMOVAL_STEPS) {
             self.remove_beyond(run);
         }
@@ -373,7 +369,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         Ok(stop)
     }
 
-    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
         let (exchange, step) = (run.exchange, self.step);
         let [series, frames, analysed] = self.due(step);
         let time = self.schedule.time(step);
@@ -438,7 +434,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         }
     }
 
-    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint> {
         self.check_between(run.exchange)?;
         self.write_scalars(run.exchange)?;
         let written = self.files.flush(run.exchange)?;

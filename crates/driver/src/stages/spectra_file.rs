@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gshear_dem::domain::total;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_mpi_exchange::Parallel;
 use gshear_store::collective::{agree, on_root};
 use gshear_store::csv_table::{TableCell, TableFile, rows_up_to};
@@ -22,7 +22,7 @@ pub(super) struct SpectraFile {
 
 impl SpectraFile {
     /// Creates the file, or opens an existing one and removes its rows after the time `last`.
-    pub fn open(exchange: &dyn Parallel, path: &Path, last: Option<f64>) -> Result<Self, Failure> {
+    pub fn open(exchange: &dyn Parallel, path: &Path, last: Option<f64>) -> Result<Self> {
         let open = || {
             // A killed program may have left an empty file.
             let rows = last
@@ -49,7 +49,7 @@ impl SpectraFile {
         exchange: &dyn Parallel,
         time: f64,
         eigenvalues: &Eigenvalues,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         self.rows += eigenvalues.all().count() as u64;
         let wrote = match &mut self.file {
             None => Ok(()),
@@ -62,7 +62,7 @@ impl SpectraFile {
     }
 
     /// Writes all rows to disk. Returns their number.
-    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<u64, Failure> {
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<u64> {
         agree(exchange, self.file.as_mut().map_or(Ok(()), TableFile::sync))?;
         Ok(self.rows)
     }

@@ -2,7 +2,7 @@
 //! birth of the first complex pair.
 
 use gshear_dem::dimension::Dimension;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{HeldState, Snapshot};
 use gshear_scene::{Deformation, PeriodicBox, Scene};
 use gshear_store::box_columns::AqsRow;
@@ -61,7 +61,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         periodic: &'a PeriodicBox,
         mut assembly: Assembly<'a, D>,
         (header, held): (Header, Vec<HeldState>),
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let scene = run.scene;
         let Header::Aqs {
             progress,
@@ -105,8 +105,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
     pub fn finish(
         mut self,
         run: &Run<'_>,
-        outcome: Result<Outcome, Failure>,
-    ) -> Result<(Assembly<'a, D>, Progress, Outcome), Failure> {
+        outcome: Result<Outcome>,
+    ) -> Result<(Assembly<'a, D>, Progress, Outcome)> {
         let (exchange, progress) = (run.exchange, self.progress);
         let outcome = match outcome {
             Ok(outcome) => outcome,
@@ -138,7 +138,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 
     /// Begins a strain step. Returns what follows the relaxation; `None` if there is none.
-    fn deform(&mut self) -> Result<Option<Search>, Failure> {
+    fn deform(&mut self) -> Result<Option<Search>> {
         let step = self.progress.steps + 1;
         match &self.periodic.deformation {
             Deformation::SimpleShear => {
@@ -154,7 +154,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 
     /// Shears by `by`.
-    fn shear(&mut self, by: f64) -> Result<(), Failure> {
+    fn shear(&mut self, by: f64) -> Result<()> {
         let height = self.assembly.system.cell.sheared.map_or(0.0, |s| s.height);
         let longest = LONGEST * self.scene.sample.mean_diameter;
         let parts = (by * height / longest).ceil().max(1.0);
@@ -172,7 +172,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 
     /// What follows a relaxation that is done, if not another one: `None`.
-    fn search(&mut self, run: &Run<'_>, work: &Work) -> Result<Option<Search>, Failure> {
+    fn search(&mut self, run: &Run<'_>, work: &Work) -> Result<Option<Search>> {
         match (work.search, self.periodic.pressure) {
             (Search::Rest, Some(pressure)) if work.prepares => self.begin_to_press(pressure),
             (Search::Rest, _) => Ok(None),
@@ -195,7 +195,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
         &mut self,
         (prepares, found): (bool, Equilibrium),
         search: Option<Search>,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         if let Some(search) = search {
             let (assembly, held) = (&mut self.assembly, &mut self.held);
             let relaxing = self.relaxation.begin(assembly, held);
@@ -264,7 +264,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
 
     /// Begins the next step of the bisection of the strain of the birth, between these strains from
     /// the state before the last strain step on, or ends it.
-    fn bisect(&mut self, run: &Run<'_>, low: f64, high: f64) -> Result<Option<Search>, Failure> {
+    fn bisect(&mut self, run: &Run<'_>, low: f64, high: f64) -> Result<Option<Search>> {
         let aqs = self.periodic.aqs;
         if high - low > aqs.birth_precision {
             let before = self.held[0].clone();
@@ -301,13 +301,13 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         self.work.is_some()
     }
 
-    fn begin(&mut self, _: &mut Run<'_>) -> Result<(), Failure> {
+    fn begin(&mut self, _: &mut Run<'_>) -> Result<()> {
         let none = Equilibrium::default();
         self.relax((true, none), Some(Search::Rest))
     }
 
     /// A part of a strain step.
-    fn step(&mut self, run: &mut Run<'_>, _: bool) -> Result<bool, Failure> {
+    fn step(&mut self, run: &mut Run<'_>, _: bool) -> Result<bool> {
         if let Some(mut work) = self.work.take() {
             let parts = (&mut work.relaxing, &mut self.held);
             let at_rest = self.relaxation.go_on(&mut self.assembly, parts);
@@ -334,7 +334,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
 
     /// Measures the packing after a strain step. If the step has led to the first complex pair,
     /// begins to bisect its birth.
-    fn record(&mut self, run: &mut Run<'_>) -> Result<(), Failure> {
+    fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
         let Some(found) = self.unrecorded.take() else {
             return Ok(());
         };
@@ -396,7 +396,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         }
     }
 
-    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint, Failure> {
+    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint> {
         let shape = |state: &RestState| Shape::of::<D>(&state.cell);
         let unfinished = self.work.as_ref().map(|work| Unfinished {
             shape: Shape::of::<D>(&self.assembly.system.cell),

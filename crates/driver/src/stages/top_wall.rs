@@ -2,7 +2,7 @@
 
 use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Confinement, GrainState, Snapshot, body};
 use gshear_scene::schedule::mean_mass;
 use gshear_scene::{PlaneShear, Scene};
@@ -62,7 +62,7 @@ pub(super) fn stretch(
     plane_shear: &PlaneShear,
     piston: &mut Piston,
     state: &mut Snapshot,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let scene = run.scene;
     let Some(wanted) = plane_shear.load.solid_fraction else {
         return Ok(());

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_scene::Scene;
 use gshear_store::provenance;
 use gshear_store::status::{self, RunState, Standing, Status};
@@ -90,7 +90,7 @@ impl Terminal {
     }
 
     /// The run has ended.
-    pub fn run_ended(&mut self, ending: &Result<Outcome, Failure>) {
+    pub fn run_ended(&mut self, ending: &Result<Outcome>) {
         self.clear();
         // A run that never began leaves nothing behind.
         let Some(file) = self.status.as_mut().filter(|file| file.written.is_some()) else {

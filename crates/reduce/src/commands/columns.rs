@@ -1,6 +1,6 @@
 //! `columns`: prints name, unit and meaning of the columns of tables.
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_store::dictionary::{self, TableDescription};
 
 use crate::printer::Printer;
@@ -21,7 +21,7 @@ pub struct Arguments {
 impl Arguments {
     /// # Errors
     /// [`Failure::Input`] if there is no such table.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let (table, axes) = (self.table.as_deref(), self.dimension.into());
         let all = dictionary::tables(axes);
         let is_wanted = |of: &&TableDescription| {

@@ -6,7 +6,7 @@ use std::fmt;
 use std::path::PathBuf;
 
 use crate::printer::Printer;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{ContactSample, FrameRecords};
 use gshear_scene::Dimensions;
 use gshear_store::contact_quantities::of_contacts;
@@ -31,7 +31,7 @@ impl Arguments {
     ///
     /// # Errors
     /// A damaged run.
-    pub(super) fn run(&self, printer: &mut Printer) -> Result<i32, Failure> {
+    pub(super) fn run(&self, printer: &mut Printer) -> Result<i32> {
         let comparison = runs(&RunFile::open_any(&self.a)?, &RunFile::open_any(&self.b)?)?;
         comparison.print(printer)?;
         Ok(i32::from(!comparison.equal()))
@@ -156,7 +156,7 @@ impl Comparison {
     }
 
     /// Prints one line per field, then the other differences.
-    fn print(&self, printer: &mut Printer) -> Result<(), Failure> {
+    fn print(&self, printer: &mut Printer) -> Result<()> {
         writeln!(
             printer,
             "{:<24}{:>12}{:>12}{:>14}  {:<30}{:>14}  {:<30}first difference",
@@ -198,8 +198,8 @@ impl Comparison {
 /// Compares the whole content of two runs: frames and rows in their order, contacts by their ids.
 ///
 /// # Errors
-/// [`Failure::Input`] if a file is damaged.
-pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison, Failure> {
+/// `Failure::Input` if a file is damaged.
+pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison> {
     let mut found = Comparison::default();
     if a.stage() != b.stage() {
         let [a, b] = [a, b].map(|run| run.stage().name());
@@ -297,7 +297,7 @@ fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
 }
 
 /// Compares the fields of frames, read in blocks.
-fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>, Failure> {
+fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldComparison>> {
     let mut fields = FrameComparison::new(b.form());
     let length = a.block_length().min(b.block_length());
     for first in (0..frames).step_by(length) {

@@ -10,7 +10,7 @@ use gshear_analysis::phase_measures::PhaseMeasures;
 use gshear_analysis::ranges::{Bins, ValueRange};
 use gshear_analysis::regions::{GrReading, MinPoints, Reduction};
 use gshear_analysis::spearman::Correlation;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
 
@@ -75,7 +75,7 @@ impl From<GrainReduction> for Reduction {
 impl Arguments {
     /// # Errors
     /// An unfit or damaged run, a file that cannot be written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = RunFile::open_between_walls(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
         let series = FrameSeries::of(&run)?;

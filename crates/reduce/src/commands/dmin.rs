@@ -9,7 +9,7 @@ use crate::printer::Printer;
 use crate::results::Results;
 use gshear_analysis::dmin::{NonAffine, RADIUS};
 use gshear_analysis::event;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Frame, FrameRecords};
 use gshear_scene::Dimensions;
 use gshear_store::reduced_writer::ReducedWriter;
@@ -34,7 +34,7 @@ pub struct Arguments {
 impl Arguments {
     /// # Errors
     /// A radius that is not positive, a damaged run, a file that cannot be written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = &RunFile::open_any(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
         if !(self.radius.is_finite() && self.radius > 0.0) {

@@ -19,7 +19,7 @@ use clap::ValueEnum;
 use crate::frame_selection::{FrameRange, Which};
 use crate::printer::Printer;
 use crate::results::Results;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::RunFile;
 use gshear_store::text_writer::PartFile;
@@ -88,7 +88,7 @@ impl Arguments {
     /// # Errors
     /// A missing frame, a damaged file, options that contradict each other, a file that cannot be
     /// written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let paths = match self.format {
             ExportFormat::LammpsData => self.data_file(&data_file::LAMMPS)?,
             ExportFormat::LiggghtsData => self.data_file(&data_file::LIGGGHTS)?,
@@ -97,7 +97,7 @@ impl Arguments {
         paths.iter().try_for_each(|path| printer.wrote(path))
     }
 
-    fn data_file(&self, reader: &data_file::Reader) -> Result<Vec<PathBuf>, Failure> {
+    fn data_file(&self, reader: &data_file::Reader) -> Result<Vec<PathBuf>> {
         if self.frames.is_some() || !self.fields.is_empty() || !self.modes.is_empty() {
             return Err(Failure::input(
                 "--frames, --fields, --modes: a data file holds the state of one frame; give --frame, or another --format",
@@ -107,7 +107,7 @@ impl Arguments {
         Ok(vec![path])
     }
 
-    fn frames(&self) -> Result<Vec<PathBuf>, Failure> {
+    fn frames(&self) -> Result<Vec<PathBuf>> {
         if checkpoint::is_checkpoint(&self.run) {
             return Err(Failure::input(format!(
                 "{}: is a checkpoint; only lammps-data and liggghts-data are made of it",
@@ -123,7 +123,7 @@ impl Arguments {
         writer.finish()
     }
 
-    fn modes(&self, file: &RunFile) -> Result<Option<ExportedModes>, Failure> {
+    fn modes(&self, file: &RunFile) -> Result<Option<ExportedModes>> {
         if self.modes.is_empty() {
             return Ok(None);
         }
@@ -133,11 +133,7 @@ impl Arguments {
     }
 
     /// The numbers of the frames.
-    fn numbers(
-        &self,
-        file: &RunFile,
-        modes: Option<&ExportedModes>,
-    ) -> Result<Vec<usize>, Failure> {
+    fn numbers(&self, file: &RunFile, modes: Option<&ExportedModes>) -> Result<Vec<usize>> {
         let range = match (self.frame, self.frames, modes) {
             (Some(which), ..) => FrameRange::one(which.of(file)?),
             (None, Some(frames), _) => frames,
@@ -154,11 +150,7 @@ impl Arguments {
         }
     }
 
-    fn writer(
-        &self,
-        file: &RunFile,
-        exported: &ExportedRun,
-    ) -> Result<Box<dyn FrameWriter>, Failure> {
+    fn writer(&self, file: &RunFile, exported: &ExportedRun) -> Result<Box<dyn FrameWriter>> {
         let named = |ending: &str| {
             let name = file.stage().named(&format!("frames.{ending}"));
             let beside = || Results::of(None, file.folder()).place(&name);
@@ -180,10 +172,10 @@ impl Arguments {
 /// Writes exported frames one after the other.
 trait FrameWriter {
     /// Writes the next frame.
-    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure>;
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<()>;
 
     /// Closes the files, gives them their names and returns their paths.
-    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure>;
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>>;
 }
 
 /// Writes numbers, each after a space, in the shortest form that reads back to the same bits.

@@ -12,7 +12,7 @@ use gshear_analysis::event;
 use gshear_analysis::growth::{self, Growth};
 use gshear_analysis::jacobian::History;
 use gshear_dem::dimension::{Three, Two};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_spectrum::{Spectrum, Verdict};
 use gshear_store::csv_table::Table;
 use gshear_store::file_names::{NEWTONIAN_PART, folder_of};
@@ -41,7 +41,7 @@ pub struct Arguments {
 impl Arguments {
     /// # Errors
     /// A damaged run, a file of another stage, a file that cannot be written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let is_folder = self.run.is_dir();
         let of_folder = is_folder.then(|| self.run.join(NEWTONIAN_PART));
         let path = of_folder.unwrap_or_else(|| self.run.clone());
@@ -108,7 +108,7 @@ fn of_grains(slip: Option<&[Vec<f64>; 2]>) -> String {
 
 /// Returns |v|² of each grain's translation, `[N]`, scaled to a sum of 1, for the complex pair that
 /// grows fastest (greatest Im √λ) in the first frame; `None` without a frame or a pair.
-fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
+fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>> {
     if run.frames() == 0 {
         return Ok(None);
     }
@@ -138,7 +138,7 @@ fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
 }
 
 /// Returns D²min of every grain between the first and the last frame, `[N]`; `None` without frames.
-fn dmin_of(run: &RunFile) -> Result<Option<Vec<f64>>, Failure> {
+fn dmin_of(run: &RunFile) -> Result<Option<Vec<f64>>> {
     let Some(last) = run.frames().checked_sub(1) else {
         return Ok(None);
     };

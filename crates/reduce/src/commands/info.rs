@@ -7,7 +7,7 @@ use console::Term;
 use crate::printer::Printer;
 use gshear_analysis::moments::extent;
 use gshear_dem::columns::joined_names;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_driver::say::fold_for;
 use gshear_scene::identity;
 use gshear_store::part;
@@ -23,13 +23,13 @@ pub struct Arguments {
 impl Arguments {
     /// # Errors
     /// A damaged run, or one without the parameters that define its strain.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let text = describe(&RunFile::open_any(&self.run)?)?;
         write!(printer, "{}", fold_for(&Term::stdout(), &text))
     }
 }
 
-fn describe(run: &RunFile) -> Result<String, Failure> {
+fn describe(run: &RunFile) -> Result<String> {
     let bytes = std::fs::metadata(part::file_of(run.path())).map_or(0, |file| file.len());
     let state = match run.digest() {
         Some(digest) => format!("ended, digest {digest}"),

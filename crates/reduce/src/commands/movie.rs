@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::frame_selection::FrameRange;
 use crate::printer::Printer;
 use crate::results::Results;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_report::movie::{Field, Movie};
 use gshear_report::movie_file::{MovieFile, has_ffmpeg};
 use gshear_store::run_reader::RunFile;
@@ -52,7 +52,7 @@ impl Arguments {
     /// # Errors
     /// A missing frame, a damaged run, a name with another ending, ffmpeg that is missing or fails,
     /// a file that cannot be written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = RunFile::open_any(&self.run)?;
         let numbers = self.frames.of(&run)?;
         let path = self.path(&run)?;
@@ -64,7 +64,7 @@ impl Arguments {
             .try_for_each(|path| printer.wrote(path))
     }
 
-    fn path(&self, run: &RunFile) -> Result<PathBuf, Failure> {
+    fn path(&self, run: &RunFile) -> Result<PathBuf> {
         let Some(path) = &self.out else {
             let name = run.stage().named(if has_ffmpeg() {
                 "movie.mp4"

@@ -8,7 +8,7 @@ use crate::results::Results;
 use gshear_analysis::moments::mean;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_analysis::tau::TauReading;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
 
@@ -53,7 +53,7 @@ impl Arguments {
     /// # Errors
     /// A run with a free surface, or without an imposed normal force, if that is asked for; a file
     /// that cannot be written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = RunFile::open_sheared(&self.run)?;
         let series = run.series();
         let tau = match self.normal_force {
@@ -78,7 +78,7 @@ impl Arguments {
 }
 
 /// τ of every row with the normal force that the run imposed.
-fn over_imposed(run: &RunFile) -> Result<Vec<f64>, Failure> {
+fn over_imposed(run: &RunFile) -> Result<Vec<f64>> {
     const IMPOSED: &str = "imposed_normal_force";
     let series = run.series();
     let shear = series.column("shear_force");
@@ -109,7 +109,7 @@ fn table(found: &[Phase], rows: &[usize], step: &[u64]) -> String {
         .csv()
 }
 
-fn summary(found: &[Phase], intervals: usize, printer: &mut Printer) -> Result<(), Failure> {
+fn summary(found: &[Phase], intervals: usize, printer: &mut Printer) -> Result<()> {
     writeln!(
         printer,
         "{:<8}{:>10}{:>10}{:>16}{:>16}",

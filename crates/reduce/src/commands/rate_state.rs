@@ -14,7 +14,7 @@ use gshear_analysis::rate_state::{
     Estimate, Evolution, Experiment, Fit, Fitted, PeakGrowth, Relaxation, SliderRecord, Stack,
     fit_all, jackknife, merge, modelled, peak_growth, relaxations, stacks,
 };
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_report::{drawing, rate_state as figures};
 use gshear_store::run_reader::RunFile;
 use gshear_store::{dictionary, text_writer};
@@ -44,7 +44,7 @@ pub struct Arguments {
 impl Arguments {
     /// # Errors
     /// As [`write`].
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let runs = self.runs.iter().map(|run| RunFile::open(run));
         let runs = runs.collect::<Result<Vec<_>, _>>()?;
         let beside = || Results::of(None, runs[0].folder()).place("rate-state");
@@ -100,7 +100,7 @@ pub fn write(
     (laws, direct_effect): (Laws, Option<f64>),
     folder: &Path,
     printer: &mut Printer,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let reduction = reduce(runs, laws, direct_effect)?;
     let tables = tables::tables(&reduction);
     for (name, csv) in &tables {
@@ -128,7 +128,7 @@ pub fn is_test(run: &RunFile) -> bool {
     read::record(run).is_ok()
 }
 
-fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Reduction, Failure> {
+fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Reduction> {
     for (k, run) in runs.iter().enumerate() {
         let same = |other: &&RunFile| other.digest().is_some() && other.digest() == run.digest();
         if let Some(other) = runs[..k].iter().find(same) {
@@ -265,7 +265,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
 }
 
 /// Prints the main results.
-fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> {
+fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<()> {
     for numbered in reduction.experiments() {
         print_experiment(numbered, printer)?;
     }
@@ -292,7 +292,7 @@ fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> 
 fn print_experiment(
     (k, experiment, runs): (usize, &Experiment, &[String]),
     printer: &mut Printer,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let record = &experiment.record;
     writeln!(
         printer,
@@ -320,7 +320,7 @@ fn print_experiment(
 }
 
 /// Prints every second mean over several velocity steps, if there is any.
-fn print_stack(stack: &Stack, printer: &mut Printer) -> Result<(), Failure> {
+fn print_stack(stack: &Stack, printer: &mut Printer) -> Result<()> {
     let [before, after] = stack.velocities;
     let shown = stack.pieces[1..].iter().filter(|p| p.steps > 1).map(|p| {
         let ([from, to], change, error) = (p.slip, p.change, p.error);
@@ -340,7 +340,7 @@ fn print_relaxation(
     of: &Relaxation,
     direct_effect: Option<f64>,
     printer: &mut Printer,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let by = |a: f64, stiffness: f64| {
         if stiffness.is_finite() {
             format!("{:+.4}", of.of_direct_effect(a, stiffness))
@@ -371,7 +371,7 @@ fn print_relaxation(
     )
 }
 
-fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<(), Failure> {
+fn print_fits(reduction: &Reduction, printer: &mut Printer) -> Result<()> {
     writeln!(
         printer,
         "{:<18}{:<7}{:<30}{:<30}{:<33}{:<10}{:>9}",

@@ -6,7 +6,7 @@ use crate::printer::Printer;
 use crate::results::Results;
 use crate::scalars::FrameSeries;
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
 
@@ -29,7 +29,7 @@ pub struct Arguments {
 impl Arguments {
     /// # Errors
     /// An unfit or damaged run, a file that cannot be written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = RunFile::open_between_walls(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
         results.table("regions.csv", &table(&FrameSeries::of(&run)?), printer)

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::compare::{self, Location};
 use crate::printer::Printer;
 use gshear_dem::domain::Solo;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_driver::folder::same_folder;
 use gshear_driver::header::{Header, Saved};
 use gshear_driver::launch::Task;
@@ -64,7 +64,7 @@ impl Arguments {
     ///
     /// # Errors
     /// As [`window`].
-    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<()> {
         let (rows, kind, run) = match (self.strain, self.time) {
             (Some(strain), _) => (Rows::Strain(strain), "", RunFile::open(&self.run)?),
             (None, Some(time)) => {
@@ -136,7 +136,7 @@ pub fn window(
     every: Option<u64>,
     threads: usize,
     out: &Path,
-) -> Result<Replayed, Failure> {
+) -> Result<Replayed> {
     let window = steps(run, rows, every)?;
     if same_folder(out, run.folder()) {
         return Err(Failure::input(format!(
@@ -160,7 +160,7 @@ pub fn window(
 }
 
 /// Returns the steps of the first and the last row of the time series in the range.
-fn steps(run: &RunFile, rows: Rows, every: Option<u64>) -> Result<ReplayWindow, Failure> {
+fn steps(run: &RunFile, rows: Rows, every: Option<u64>) -> Result<ReplayWindow> {
     let series = run.series();
     let (what, values, [from, to]) = match rows {
         Rows::Strain(range) => ("strains", series.column("strain"), range),
@@ -192,7 +192,7 @@ fn again(
     window: ReplayWindow,
     set: &[&str],
     (threads, out): (usize, &Path),
-) -> Result<u64, Failure> {
+) -> Result<u64> {
     let file = out.join(RUN_FILE);
     if run_reader::owner(&file).is_ok_and(|owner| !owner.replay) {
         return Err(Failure::input(format!(
@@ -226,7 +226,7 @@ fn again(
 }
 
 /// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0.
-fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved, Failure> {
+fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved> {
     let mut damaged = None;
     let mut candidates = checkpoint::kept(folder, stage);
     for name in [checkpoint::PREVIOUS, checkpoint::NAME] {
@@ -266,7 +266,7 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved, Failure> {
 }
 
 /// Returns the number of rows that both runs have. Fails if there are none or any differs.
-fn equal_rows(run: &RunFile, again: &RunFile) -> Result<usize, Failure> {
+fn equal_rows(run: &RunFile, again: &RunFile) -> Result<usize> {
     let (stored, computed) = (run.series(), again.series());
     let row = |(k, step): (usize, &u64)| Some([stored.step.binary_search(step).ok()?, k]);
     let rows: Vec<[usize; 2]> = computed.step.iter().enumerate().filter_map(row).collect();

@@ -8,7 +8,7 @@ use super::rate_state::{self, Laws};
 use super::replay::{self, Rows};
 use crate::printer::Printer;
 use crate::results::Results;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::file_names::{NEWTONIAN_PART, folder_of};
 use gshear_store::part;
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -61,7 +61,7 @@ impl Arguments {
     /// # Errors
     /// A damaged run, a replay that differs, files that cannot be written; runs that cannot be
     /// compared.
-    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<()> {
         let first = &self.runs[0];
         let compares = !self.columns.is_empty() || self.against.is_some() || self.start.is_some();
         if compares || self.runs.len() > 1 || sweep::is_of_runs(first) {
@@ -77,7 +77,7 @@ impl Arguments {
         printer.wrote(&page)
     }
 
-    fn of_several(&self, printer: &mut Printer) -> Result<(), Failure> {
+    fn of_several(&self, printer: &mut Printer) -> Result<()> {
         let first = &self.runs[0];
         let is_sweep = self.runs.len() == 1 && sweep::is_of_runs(first);
         let name = if is_sweep { "report" } else { "sweep-report" };
@@ -88,7 +88,7 @@ impl Arguments {
 }
 
 /// The page of a box: of its strain steps and, if its folder is given, of Newton's equations.
-fn in_a_box(run: &RunFile, given: &Path, folder: &Path) -> Result<PathBuf, Failure> {
+fn in_a_box(run: &RunFile, given: &Path, folder: &Path) -> Result<PathBuf> {
     let moving = given.join(NEWTONIAN_PART);
     let moving = (run.stage() == RunStage::Strain && part::exists(&moving)).then_some(moving);
     let moving = moving.map(|path| RunFile::open_any(&path)).transpose()?;
@@ -98,7 +98,7 @@ fn in_a_box(run: &RunFile, given: &Path, folder: &Path) -> Result<PathBuf, Failu
 
 /// If no frames show the largest drop and checkpoints were kept, replays it into `folder`/replay.
 /// Velocity steps and holds under a spring are reduced into `folder`/rate-state.
-fn between_walls(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf, Failure> {
+fn between_walls(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf> {
     let missing = gshear_report::window_without_frames(run)?.filter(|_| replay::can(run));
     let out = folder.join("replay");
     let again = |time| replay::window(run, Rows::Time(time), None, threads, &out);

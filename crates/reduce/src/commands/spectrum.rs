@@ -10,7 +10,7 @@ use crate::printer::Printer;
 use crate::results::Results;
 use crate::stored_state::{StateSelection, StoredState, history};
 use gshear_analysis::jacobian::{Jacobian, paper_form};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_report::{drawing, eigenvalue_figures};
 use gshear_spectrum::{
     Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
@@ -117,7 +117,7 @@ fn resolution(text: &str) -> Result<f64, String> {
 impl Arguments {
     /// # Errors
     /// Bad matrices, an iteration that does not converge, files that cannot be written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let asked = match &self.run {
             Some(run) => of_run(run, self, printer)?,
             None => of_files(self)?,
@@ -175,7 +175,7 @@ struct Asked {
     origin: Option<StateOrigin>,
 }
 
-fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<Asked, Failure> {
+fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<Asked> {
     let frame = arguments.frame.map(StateSelection::Frame);
     let selection = frame.or(arguments.strain.map(StateSelection::Strain));
     let state = StoredState::read(run, selection)?;
@@ -248,7 +248,7 @@ fn moved(jacobian: &Jacobian, unknown: usize) -> Unknown {
     }
 }
 
-fn of_files(arguments: &Arguments) -> Result<Asked, Failure> {
+fn of_files(arguments: &Arguments) -> Result<Asked> {
     let source = arguments.matrix.clone().unwrap_or_default();
     let k = matrix_market::read(&source)?;
     let mass = match &arguments.mass {
@@ -278,7 +278,7 @@ fn of_files(arguments: &Arguments) -> Result<Asked, Failure> {
     })
 }
 
-fn diagonal(path: &Path, m: &SparseColMat<usize, f64>) -> Result<Vec<f64>, Failure> {
+fn diagonal(path: &Path, m: &SparseColMat<usize, f64>) -> Result<Vec<f64>> {
     let mut mass = vec![0.0; m.ncols()];
     for entry in m.triplet_iter().filter(|entry| *entry.val != 0.0) {
         if entry.row != entry.col {
@@ -302,7 +302,7 @@ struct Solver<'a> {
 }
 
 impl Solver<'_> {
-    fn solve(&self, printer: &mut Printer) -> Result<Spectrum, Failure> {
+    fn solve(&self, printer: &mut Printer) -> Result<Spectrum> {
         let (arguments, problem) = (self.arguments, self.problem);
         let n = problem.size();
         if arguments.dense && n > MOST_DENSE {
@@ -344,7 +344,7 @@ impl Solver<'_> {
         Ok(found.spectrum)
     }
 
-    fn all_pairs(&self, symbolic: &Symbolic, printer: &mut Printer) -> Result<Spectrum, Failure> {
+    fn all_pairs(&self, symbolic: &Symbolic, printer: &mut Printer) -> Result<Spectrum> {
         let (problem, par) = (self.problem, self.par);
         let bounds = bendixson(problem);
         let spectrum = if problem.size() <= DENSE {
@@ -381,7 +381,7 @@ impl Solver<'_> {
         Ok(spectrum)
     }
 
-    fn amplified(&self, printer: &mut Printer) -> Result<Spectrum, Failure> {
+    fn amplified(&self, printer: &mut Printer) -> Result<Spectrum> {
         let arguments = self.arguments;
         let sought = Sought {
             resolution: arguments.resolution,
@@ -408,7 +408,7 @@ impl Solver<'_> {
     }
 
     /// Refines residuals above [`RESIDUAL`] and prints how many remain above it.
-    fn refine(&self, spectrum: &mut Spectrum, printer: &mut Printer) -> Result<(), Failure> {
+    fn refine(&self, spectrum: &mut Spectrum, printer: &mut Printer) -> Result<()> {
         let over = |e: &&Eigenvalue| e.residual > RESIDUAL;
         let before = spectrum.eigenvalues.iter().filter(over).count();
         if before == 0 {
@@ -435,7 +435,7 @@ fn unsolved(failed: Failed) -> Failure {
     })
 }
 
-fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<(), Failure> {
+fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<()> {
     if found.shift != wished {
         let moved = (found.shift - wished).norm();
         writeln!(
@@ -450,7 +450,7 @@ fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<(), Failu
     )
 }
 
-fn summary(spectrum: &Spectrum, printer: &mut Printer) -> Result<(), Failure> {
+fn summary(spectrum: &Spectrum, printer: &mut Printer) -> Result<()> {
     let all = &spectrum.eigenvalues;
     let of = |verdict| all.iter().filter(|e| e.verdict == verdict).count();
     let worst = all.iter().map(|e| e.residual).fold(0.0, f64::max);

@@ -9,7 +9,7 @@ use crate::printer::Printer;
 use crate::results::Results;
 use crate::stored_state::{StateSelection, StoredState, history};
 use gshear_analysis::stability::Stability;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
 
@@ -43,14 +43,14 @@ struct FrameStability {
     frame: usize,
     contacts: usize,
     sliding: usize,
-    found: Result<Stability, Failure>,
+    found: Result<Stability>,
 }
 
 impl Arguments {
     /// # Errors
     /// A damaged run, a missing frame, too many unknowns, a file that cannot be written; once it is
     /// written, frames whose K is not finite.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = RunFile::open_any(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
         let frames = self.frames.of(&run)?;
@@ -78,12 +78,12 @@ impl Arguments {
         )))
     }
 
-    fn frames(&self, run: &RunFile, frames: &[usize]) -> Result<Vec<FrameStability>, Failure> {
+    fn frames(&self, run: &RunFile, frames: &[usize]) -> Result<Vec<FrameStability>> {
         let read = |t: &usize| {
             let state = StoredState::of_run(run, StateSelection::Frame(Which::Number(*t)))?;
             Ok((*t, state))
         };
-        let states: Vec<_> = frames.iter().map(read).collect::<Result<_, Failure>>()?;
+        let states: Vec<_> = frames.iter().map(read).collect::<Result<_>>()?;
         let history = history(self.paper_form);
         let of = |(frame, state): &(usize, StoredState)| {
             let jacobian = state.jacobian(history);

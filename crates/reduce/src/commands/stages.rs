@@ -14,7 +14,7 @@ use gshear_analysis::forces;
 use gshear_analysis::frame_scalars::{ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::phases;
 use gshear_analysis::regions::Reduction;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{Disks, Frame};
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{FrameFields, RunFile};
@@ -75,7 +75,7 @@ impl Arguments {
     /// # Errors
     /// An unfit or damaged run, a run without a slip, a replay that differs, a file that cannot be
     /// written.
-    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<()> {
         let run = &RunFile::open_between_walls(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
         let series = FrameSeries::of(run)?;
@@ -161,7 +161,7 @@ fn map_steps(
     rows: &[(&'static str, usize)],
     (step, strain): (&[u64], &[f64]),
     reduction: Reduction,
-) -> Result<Vec<MapStep>, Failure> {
+) -> Result<Vec<MapStep>> {
     let grains = run.grains();
     let read = |t: usize| {
         let frames = run.block_of(t..t + 1, FrameFields::Forces);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use console::Term;
 
-use gshear_dem::failure::{Failure, printable};
+use gshear_dem::failure::{Failure, Result, printable};
 use gshear_driver::folder::is_abandoned;
 use gshear_driver::progress::line;
 use gshear_driver::say::fold_for;
@@ -47,7 +47,7 @@ pub struct Arguments {
 impl Arguments {
     /// # Errors
     /// A folder without a run, output that cannot be written.
-    pub fn run(&self, printer: &mut Printer) -> Result<(), Failure> {
+    pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = &self.run;
         let folder = folder_of(run);
         let mut curves = Curves::new(folder);
@@ -183,7 +183,7 @@ impl Curves {
     }
 
     /// Reads what is new.
-    fn read(&mut self, status: Option<&Status>) -> Result<(), Failure> {
+    fn read(&mut self, status: Option<&Status>) -> Result<()> {
         self.log.read();
         if !self.log.rows.is_empty() {
             let names = ["strain", "time", "stress_ratio", "solid_fraction"];
@@ -271,7 +271,7 @@ impl StrainSteps {
     ///
     /// # Errors
     /// A damaged file of a run that does not write it any more.
-    fn read(&mut self, status: &Status) -> Result<(), Failure> {
+    fn read(&mut self, status: &Status) -> Result<()> {
         let of = std::fs::metadata(&self.path).ok();
         let signature = of.map(|of| (of.ino(), of.len(), of.mtime(), of.mtime_nsec()));
         if signature.is_some() && signature != self.signature {

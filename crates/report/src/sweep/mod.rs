@@ -25,7 +25,7 @@ use crate::ticks;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::moments::{Moments, distinct, grouped};
 use gshear_analysis::phases::{self, PhaseStatistics};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_store::csv_table::Table;
 use gshear_store::dictionary;
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -153,11 +153,7 @@ impl<'a> Sweep<'a> {
     /// # Errors
     /// A column that a run lacks, no common columns, a key in which the runs do not differ, a run
     /// that is given twice.
-    pub fn new(
-        runs: &'a [SweepRun],
-        columns: &[String],
-        against: Option<&str>,
-    ) -> Result<Self, Failure> {
+    pub fn new(runs: &'a [SweepRun], columns: &[String], against: Option<&str>) -> Result<Self> {
         let differs = |key: &&String| {
             let first = runs[0].scene.get(*key);
             runs.iter().any(|run| run.scene.get(*key) != first)
@@ -188,7 +184,7 @@ impl<'a> Sweep<'a> {
         Ok(sweep)
     }
 
-    fn chosen(&self, against: Option<&str>) -> Result<Option<usize>, Failure> {
+    fn chosen(&self, against: Option<&str>) -> Result<Option<usize>> {
         let Some(key) = against else {
             let values = |k: &usize| {
                 let all = self.runs.iter().map(|r| r.scene.get(&self.keys[*k]));
@@ -343,7 +339,7 @@ impl<'a> Sweep<'a> {
         start: f64,
         skipped: &[String],
         folder: &Path,
-    ) -> Result<[PathBuf; 3], Failure> {
+    ) -> Result<[PathBuf; 3]> {
         let groups = self.groups();
         let mut figures = Vec::new();
         for column in &self.columns {
@@ -502,7 +498,7 @@ impl<'a> Sweep<'a> {
 
 /// The columns that are compared: those that are asked for, or of the usual ones those that all
 /// runs have.
-fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>, Failure> {
+fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>> {
     for name in asked {
         if let Some(run) = runs.iter().find(|run| !run.means.contains_key(&**name)) {
             let why = if FrameScalars::COLUMNS.iter().any(|of| of.name == name) {

@@ -7,7 +7,7 @@ use super::h5::{self, Attribute, H5File, Word};
 use super::sound;
 use super::text_writer::{self, unwritten};
 use gshear_dem::domain::total;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
     Snapshot,
@@ -72,7 +72,7 @@ pub fn write(
     folder: &Path,
     texts: [&str; 2],
     snapshot: &Snapshot,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let _waiting = exchange.waiting();
     let lists = lists_of(exchange, snapshot);
     // Rank 0's texts on every rank, because HDF5 requires equal arguments.
@@ -139,10 +139,7 @@ fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> 
 
 /// Creates an empty file for the next checkpoint, which rank 0 keeps; dropping it removes it.
 /// Returns its name on every rank. Collective.
-fn part_of(
-    exchange: &dyn Parallel,
-    folder: &Path,
-) -> Result<(Option<TempPath>, OsString), Failure> {
+fn part_of(exchange: &dyn Parallel, folder: &Path) -> Result<(Option<TempPath>, OsString)> {
     let new = folder.join(NAME);
     let made = || text_writer::beside(&new).map_err(|e| unwritten(&new, &e));
     let part = on_root(exchange, || made().map(Some))?.map(NamedTempFile::into_temp_path);
@@ -153,11 +150,7 @@ fn part_of(
 
 /// Reads a checkpoint back that has been written, because not every error of parallel writing
 /// reaches the program. Collective.
-fn verify(
-    exchange: &dyn Parallel,
-    path: &Path,
-    attributes: &[(String, Attribute)],
-) -> Result<(), Failure> {
+fn verify(exchange: &dyn Parallel, path: &Path, attributes: &[(String, Attribute)]) -> Result<()> {
     let bad = |why: String| {
         let path = path.display();
         Failure::other(format!(
@@ -225,7 +218,7 @@ fn apart(
 }
 
 /// Gives the new checkpoint its name. `checkpoint.h5` exists and is complete at every moment.
-fn replace(folder: &Path, part: TempPath) -> Result<(), Failure> {
+fn replace(folder: &Path, part: TempPath) -> Result<()> {
     let new = folder.join(NAME);
     let renamed = || -> std::io::Result<()> {
         std::fs::File::open(&part)?.sync_all()?;
@@ -271,7 +264,7 @@ fn kept_prefix(stage: &str) -> String {
 ///
 /// # Errors
 /// [`Failure::Other`] if the file can be neither linked nor copied.
-pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
+pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<()> {
     let (newest, kept) = (folder.join(NAME), folder.join(kept_name(stage, step)));
     link(&newest, &kept)
         .map_err(|e| Failure::other(format!("{}: cannot be kept: {e}", kept.display())))
@@ -282,7 +275,7 @@ pub fn keep(folder: &Path, stage: &str, step: u64) -> Result<(), Failure> {
 ///
 /// # Errors
 /// [`Failure::Other`] if the file can be neither linked nor copied.
-pub fn make_newest(path: &Path, folder: &Path) -> Result<(), Failure> {
+pub fn make_newest(path: &Path, folder: &Path) -> Result<()> {
     let newest = folder.join(NAME);
     link(path, &newest).map_err(|e| unwritten(&newest, &e))
 }
@@ -314,7 +307,7 @@ pub fn is_checkpoint(path: &Path) -> bool {
 /// # Errors
 /// [`Failure::Input`] if the file is missing, not a checkpoint, or damaged in one of the two;
 /// [`Failure::Other`] if the system does not let it be read.
-pub fn read_texts(path: &Path) -> Result<[String; 2], Failure> {
+pub fn read_texts(path: &Path) -> Result<[String; 2]> {
     hdf5::silence_errors(true);
     let texts = open(path).and_then(|file| texts(&file));
     texts.map_err(|why| h5::unread(format!("{}: {why}", path.display())))
@@ -327,7 +320,7 @@ pub fn read_texts(path: &Path) -> Result<[String; 2], Failure> {
 /// # Errors
 /// [`Failure::Input`], the same on every rank, if the file is missing, damaged or not a checkpoint;
 /// [`Failure::Other`] if the system does not let it be read.
-pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapshot), Failure> {
+pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapshot)> {
     let bad = |why: String| h5::unread(format!("{}: {why}", path.display()));
     // Each rank reads for itself with the serial driver, so that a failure on one rank does not
     // make the others wait.

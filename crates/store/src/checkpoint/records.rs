@@ -5,7 +5,7 @@ use crate::h5::{H5File, Slab};
 use crate::sound;
 use bytemuck::{Pod, bytes_of, bytes_of_mut, cast_slice};
 use gshear_dem::domain::total;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{ContactForce, ContactState, Displacement, GrainPosition, GrainState};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
@@ -164,7 +164,7 @@ pub(super) fn write_one<T: H5Type + Copy>(
     shape: &[usize],
     first: u64,
     local: &[T],
-) -> Result<(), Failure> {
+) -> Result<()> {
     let width = shape.get(1).copied().unwrap_or(1) as u64;
     let slab = Slab::rows(first, local.len() as u64 / width, width);
     let dataset = file.dataset(T::type_descriptor(), name, shape, None)?;
@@ -214,7 +214,7 @@ impl<R: Record> Stretch<R> {
         }
     }
 
-    fn write_field<T: H5Type + Pod>(&self, file: &H5File, field: &Field) -> Result<(), Failure> {
+    fn write_field<T: H5Type + Pod>(&self, file: &H5File, field: &Field) -> Result<()> {
         let values = self.records.iter().flat_map(|r| field.of::<R, T>(r));
         let values: Vec<T> = values.copied().collect();
         let name = format!("{}{}/{}", self.prefix, R::GROUP, field.name);

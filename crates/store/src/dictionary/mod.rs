@@ -6,7 +6,7 @@ mod tables;
 use std::path::Path;
 
 use gshear_dem::columns::Column;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_scene::key;
 use serde_json::{Value, json};
 
@@ -80,13 +80,8 @@ pub fn column(name: &str) -> Option<Column> {
 /// dictionary lacks a column, nothing.
 ///
 /// # Errors
-/// [`Failure::Other`] if the file cannot be written.
-pub fn write_metadata(
-    kind: &str,
-    table: &Path,
-    names: &[&str],
-    axes: usize,
-) -> Result<(), Failure> {
+/// `Failure::Other` if the file cannot be written.
+pub fn write_metadata(kind: &str, table: &Path, names: &[&str], axes: usize) -> Result<()> {
     let file = table.file_name().unwrap_or_default().to_string_lossy();
     match metadata(kind, &file, names, axes) {
         Some(text) => text_writer::write(&table.with_file_name(format!("{file}{ENDING}")), &text),
@@ -98,7 +93,7 @@ pub fn write_metadata(
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write_table(path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
+pub fn write_table(path: &Path, csv: &str, axes: usize) -> Result<()> {
     let kind = path.file_name().unwrap_or_default().to_string_lossy();
     write_described(&kind, path, csv, axes)
 }
@@ -107,11 +102,11 @@ pub fn write_table(path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
 ///
 /// # Errors
 /// If a file cannot be written.
-pub fn write_figure_data(path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
+pub fn write_figure_data(path: &Path, csv: &str, axes: usize) -> Result<()> {
     write_described(OF_FIGURES, path, csv, axes)
 }
 
-fn write_described(kind: &str, path: &Path, csv: &str, axes: usize) -> Result<(), Failure> {
+fn write_described(kind: &str, path: &Path, csv: &str, axes: usize) -> Result<()> {
     text_writer::write(path, csv)?;
     let names: Vec<&str> = csv.lines().next().unwrap_or_default().split(',').collect();
     write_metadata(kind, path, &names, axes)

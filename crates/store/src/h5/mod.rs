@@ -3,7 +3,7 @@
 
 use super::collective::{CollectiveOutcome, agree, on_root};
 use super::parameter::{Parameters, attributes};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::{LoneFailure, Parallel};
 use hdf5::types::TypeDescriptor;
 use hdf5::types::{FixedAscii, FixedUnicode, VarLenUnicode};
@@ -99,7 +99,7 @@ impl Context {
     }
 
     /// The result of a call that is to do `what` with an object.
-    fn checked<T>(&self, object: &str, what: &str, result: hdf5::Result<T>) -> Result<T, Failure> {
+    fn checked<T>(&self, object: &str, what: &str, result: hdf5::Result<T>) -> Result<T> {
         result.map_err(|e| self.failure(object, what, &e))
     }
 }
@@ -131,7 +131,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails, the same on every rank.
-    pub fn create(path: &Path, exchange: &dyn Parallel) -> Result<Self, Failure> {
+    pub fn create(path: &Path, exchange: &dyn Parallel) -> Result<Self> {
         // One rank makes an empty file: where ranks create one together and a call of one of them
         // fails, MPI-IO leaves them waiting for each other.
         let made = on_root(exchange, || {
@@ -149,7 +149,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails, the same on every rank.
-    pub fn open(path: &Path, exchange: &dyn Parallel) -> Result<Self, Failure> {
+    pub fn open(path: &Path, exchange: &dyn Parallel) -> Result<Self> {
         let lone = exchange.lone_failure();
         let opened = Self::open_here(path, exchange).map_err(|error| {
             let message = format!("{}: cannot open: {error}", path.display());
@@ -200,7 +200,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn enter(&mut self, group: &'static str) -> Result<(), Failure> {
+    pub fn enter(&mut self, group: &'static str) -> Result<()> {
         self.within = group;
         let mut found = Vec::new();
         let own = format!("/{group}");
@@ -224,7 +224,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn remove(&self, group: &str) -> Result<(), Failure> {
+    pub fn remove(&self, group: &str) -> Result<()> {
         if !self.file.link_exists(group) {
             return Ok(());
         }
@@ -236,7 +236,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn group(&self, name: &str) -> Result<(), Failure> {
+    pub fn group(&self, name: &str) -> Result<()> {
         let made = self.file.create_group(&self.at(name));
         self.context.checked(name, "create", made).map(drop)
     }
@@ -258,7 +258,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn link(&self, target: &str, name: &str) -> Result<(), Failure> {
+    pub fn link(&self, target: &str, name: &str) -> Result<()> {
         let made = self.file.link_hard(&self.at(target), &self.at(name));
         self.context.checked(name, "link", made)
     }
@@ -274,7 +274,7 @@ impl H5File {
         name: &str,
         shape: &[usize],
         chunk: Option<&[usize]>,
-    ) -> Result<Dataset, Failure> {
+    ) -> Result<Dataset> {
         use hdf5::dataset::{AllocTime, FillTime};
         use hdf5::{Extent, SimpleExtents};
         let mut extents: Vec<Extent> = shape.iter().map(|&n| Extent::fixed(n)).collect();
@@ -298,7 +298,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn open_dataset(&self, element: TypeDescriptor, name: &str) -> Result<Dataset, Failure> {
+    pub fn open_dataset(&self, element: TypeDescriptor, name: &str) -> Result<Dataset> {
         self.column(element, name, "open", self.file.dataset(&self.at(name)))
     }
 
@@ -308,7 +308,7 @@ impl H5File {
         name: &str,
         what: &str,
         dataset: hdf5::Result<hdf5::Dataset>,
-    ) -> Result<Dataset, Failure> {
+    ) -> Result<Dataset> {
         let dataset = self.context.checked(name, what, dataset)?;
         let datatype = Datatype::from_descriptor(&element);
         let raw_data = RawData::of(dataset.clone());
@@ -327,7 +327,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn attribute(&self, object: &str, name: &str, value: &Attribute) -> Result<(), Failure> {
+    pub fn attribute(&self, object: &str, name: &str, value: &Attribute) -> Result<()> {
         let value = match value {
             Attribute::Reference(to) => &Attribute::Reference(self.at(to)),
             _ => value,
@@ -342,7 +342,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn remove_attribute(&self, object: &str, name: &str) -> Result<(), Failure> {
+    pub fn remove_attribute(&self, object: &str, name: &str) -> Result<()> {
         let location = self.location(object);
         let removed = location.and_then(|location| remove_attribute(&location, name));
         let place = format!("{object}@{name}");
@@ -353,7 +353,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn attributes(&self, group: &str) -> Result<Parameters, Failure> {
+    pub fn attributes(&self, group: &str) -> Result<Parameters> {
         let failure = |what: &str, e| self.context.failure(&format!("{group}{what}"), "read", &e);
         let location = self.location(group).map_err(|e| failure("", e))?;
         attributes(&location).map_err(|(what, e)| failure(&what, e))
@@ -372,7 +372,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn flush(&self) -> Result<(), Failure> {
+    pub fn flush(&self) -> Result<()> {
         self.context.checked("/", "flush", self.file.flush())?;
         // HDF5 sets the file's length, and so gives back what was reserved beyond.
         self.context.reserved.set(self.file.size());
@@ -383,7 +383,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn raw_extents(&self) -> Result<Vec<Range<u64>>, Failure> {
+    pub fn raw_extents(&self) -> Result<Vec<Range<u64>>> {
         let mut all = Vec::new();
         for raw_data in &mut *self.context.raw_data.borrow_mut() {
             let extents = raw_data.extents();
@@ -397,7 +397,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if there is no room.
-    pub fn reserve(&self, exchange: &dyn Parallel, bytes: usize) -> Result<(), Failure> {
+    pub fn reserve(&self, exchange: &dyn Parallel, bytes: usize) -> Result<()> {
         let raw_data = self.context.raw_data.borrow();
         let beside: u64 = raw_data.iter().map(|data| data.chunk_bytes).sum();
         drop(raw_data);
@@ -415,11 +415,7 @@ impl H5File {
     ///
     /// # Errors
     /// As [`agree`].
-    pub fn agree(
-        &self,
-        exchange: &dyn Parallel,
-        outcome: CollectiveOutcome,
-    ) -> Result<(), Failure> {
+    pub fn agree(&self, exchange: &dyn Parallel, outcome: CollectiveOutcome) -> Result<()> {
         let agreed = outcome.agree(exchange);
         self.context.lone.clear();
         if agreed.is_err() {
@@ -432,7 +428,7 @@ impl H5File {
     ///
     /// # Errors
     /// As [`agree`].
-    pub fn close(self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    pub fn close(self, exchange: &dyn Parallel) -> Result<()> {
         let file = self.file.clone();
         let context = self.context.clone();
         context.raw_data.borrow_mut().clear();
@@ -480,7 +476,7 @@ fn for_mpi(path: &Path, parallel: bool) -> Cow<'_, Path> {
 ///
 /// # Errors
 /// [`Failure::Input`] if the folder is no place for HDF5; [`Failure::Other`] if writing fails.
-pub fn probe(folder: &Path, exchange: &dyn Parallel) -> Result<(), Failure> {
+pub fn probe(folder: &Path, exchange: &dyn Parallel) -> Result<()> {
     let _waiting = exchange.waiting();
     let path = folder.join("run.probe");
     let remove = || match exchange.rank() {
@@ -683,7 +679,7 @@ impl Dataset {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn attribute(&self, name: &str, value: &Attribute) -> Result<(), Failure> {
+    pub fn attribute(&self, name: &str, value: &Attribute) -> Result<()> {
         let written = set_attribute(&self.inner, name, value);
         let object = format!("{}@{name}", self.name);
         self.context.checked(&object, "write", written)
@@ -693,7 +689,7 @@ impl Dataset {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn resize(&mut self, rows: u64) -> Result<(), Failure> {
+    pub fn resize(&mut self, rows: u64) -> Result<()> {
         if rows as usize == self.shape[0] {
             return Ok(());
         }
@@ -710,7 +706,7 @@ impl Dataset {
     /// # Panics
     /// If `data` and `slab` differ in size, the dataset is of another type, or it has more than
     /// three dimensions.
-    pub fn write<T: H5Type + Copy>(&self, slab: Slab, data: &[T]) -> Result<(), Failure> {
+    pub fn write<T: H5Type + Copy>(&self, slab: Slab, data: &[T]) -> Result<()> {
         let dimensions = self.shape.len();
         assert!((1..=3).contains(&dimensions), "one to three dimensions");
         assert_eq!(T::type_descriptor(), self.element, "{}", self.name);
@@ -745,12 +741,7 @@ impl Dataset {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn append<T: H5Type + Copy>(
-        &mut self,
-        rows: u64,
-        slab: Slab,
-        data: &[T],
-    ) -> Result<(), Failure> {
+    pub fn append<T: H5Type + Copy>(&mut self, rows: u64, slab: Slab, data: &[T]) -> Result<()> {
         // Written even after a failure, because the other ranks wait for it.
         let resized = self.resize(rows);
         let written = self.write(slab, data);
@@ -782,7 +773,7 @@ pub fn by_root<T: H5Type + Copy>(
     column: &mut Dataset,
     before: u64,
     data: &[T],
-) -> Result<(), Failure> {
+) -> Result<()> {
     let after = before + data.len() as u64;
     let local = if root { data } else { &[] };
     column.append(after, Slab::rows(before, local.len() as u64, 1), local)

@@ -11,7 +11,7 @@ use crate::checksums::{self, ContactWeights};
 use crate::contact_quantities::{ContactQuantity, of_contacts};
 use crate::layout::Kind;
 use crate::sound;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample, Image};
 use gshear_scene::Dimensions;
 
@@ -60,8 +60,8 @@ impl RunFile {
     /// Reads the frames of a range within 0 … T, of disks or spheres.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file is damaged.
-    pub fn records(&self, range: Range<usize>) -> Result<Vec<FrameRecords>, Failure> {
+    /// `Failure::Input` if the file is damaged.
+    pub fn records(&self, range: Range<usize>) -> Result<Vec<FrameRecords>> {
         let mut position = self.vectors(&self.position, &range)?.into_iter();
         let mut velocity = self.vectors(&self.velocity, &range)?.into_iter();
         let spins = match self.dimension {
@@ -92,11 +92,7 @@ impl RunFile {
     }
 
     /// Reads a dataset `[T][N][3]` for some frames, all grains of a frame after the other.
-    pub(super) fn vectors(
-        &self,
-        dataset: &Dataset,
-        range: &Range<usize>,
-    ) -> Result<Vec<[f64; 3]>, Failure> {
+    pub(super) fn vectors(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<[f64; 3]>> {
         let values = self.numbers(dataset, range)?;
         Ok(values.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect())
     }
@@ -113,7 +109,7 @@ impl RunFile {
     }
 
     /// Reads the images of some frames, all grains of a frame after the other.
-    fn images(&self, range: &Range<usize>) -> Result<Vec<Image>, Failure> {
+    fn images(&self, range: &Range<usize>) -> Result<Vec<Image>> {
         let values: Vec<i32> = self.read(&self.image, range)?;
         let weights = checksums::weights(0, 3 * self.grains.count());
         for (t, of_frame) in (range.clone()).zip(values.chunks(3 * self.grains.count())) {
@@ -125,7 +121,7 @@ impl RunFile {
 
     /// Reads the values of a dataset of grains for some frames, in order, and compares them, frame
     /// by frame, with their checksums.
-    fn numbers(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<f64>, Failure> {
+    fn numbers(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<f64>> {
         let values: Vec<f64> = self.read(dataset, range)?;
         let name = dataset.name();
         let column = name.trim_end_matches("/value").rsplit('/').next();
@@ -140,7 +136,7 @@ impl RunFile {
 
     /// Reads some frames of a dataset of grains, or some rows of one of contacts, all values in
     /// order.
-    fn read<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
+    fn read<T: H5Type>(&self, dataset: &Dataset, rows: &Range<usize>) -> Result<Vec<T>> {
         sound::rows(dataset, rows.clone()).map_err(|e| {
             let (name, why) = (dataset.name(), one_line(&e));
             self.wrong(format!("{} cannot be read: {why}", &name[1..]))
@@ -150,28 +146,24 @@ impl RunFile {
     /// Reads frame t < T of disks.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file is damaged or the grains are spheres.
-    pub fn frame(&self, t: usize) -> Result<Frame, Failure> {
+    /// `Failure::Input` if the file is damaged or the grains are spheres.
+    pub fn frame(&self, t: usize) -> Result<Frame> {
         Ok(self.block(t..t + 1)?.swap_remove(0))
     }
 
     /// Reads the frames of a range within 0 … T, of disks.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file is damaged or the grains are spheres.
-    pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>, Failure> {
+    /// `Failure::Input` if the file is damaged or the grains are spheres.
+    pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>> {
         self.block_of(range, FrameFields::All)
     }
 
     /// Reads the given fields of the frames of a range within 0 … T, of disks.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file is damaged or the grains are spheres.
-    pub fn block_of(
-        &self,
-        range: Range<usize>,
-        fields: FrameFields,
-    ) -> Result<Vec<Frame>, Failure> {
+    /// `Failure::Input` if the file is damaged or the grains are spheres.
+    pub fn block_of(&self, range: Range<usize>, fields: FrameFields) -> Result<Vec<Frame>> {
         if self.dimension == Dimensions::Three {
             let what = "this command needs disks; for spheres use dmin, compare or export, or commands on the time series";
             return Err(self.wrong(what));
@@ -209,11 +201,7 @@ impl RunFile {
     }
 
     /// Reads x and y from a dataset `[T][N][3]`; z must be 0.
-    fn planar(
-        &self,
-        dataset: &Dataset,
-        range: &Range<usize>,
-    ) -> Result<Vec<Vec<[f64; 2]>>, Failure> {
+    fn planar(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<Vec<[f64; 2]>>> {
         let values = self.vectors(dataset, range)?;
         if values.iter().any(|[.., z]| *z != 0.0) {
             let name = dataset.name();
@@ -244,7 +232,7 @@ impl RunFile {
         &self,
         frames: &Range<usize>,
         fields: FrameFields,
-    ) -> Result<ContactValues, Failure> {
+    ) -> Result<ContactValues> {
         let (rows, form) = (self.rows(frames.clone()), self.form);
         let mut contacts = ContactValues {
             first: rows.start,
@@ -280,7 +268,7 @@ impl RunFile {
     }
 
     /// Checks the ids of contacts; `first`: row of the first one.
-    fn check_pairs(&self, i: &[u32], j: &[u32], first: usize) -> Result<(), Failure> {
+    fn check_pairs(&self, i: &[u32], j: &[u32], first: usize) -> Result<()> {
         let n = self.grains.count();
         match (0..i.len()).find(|&k| i[k] >= j[k] || j[k] as usize >= n) {
             None => Ok(()),
@@ -294,7 +282,7 @@ impl RunFile {
     }
 
     /// Reads the values of a quantity of the contacts, one contact after the other.
-    fn column<T: H5Type>(&self, name: &str, rows: &Range<usize>) -> Result<Vec<T>, Failure> {
+    fn column<T: H5Type>(&self, name: &str, rows: &Range<usize>) -> Result<Vec<T>> {
         if rows.is_empty() {
             return Ok(Vec::new());
         }

@@ -29,7 +29,7 @@ pub use crate::parameter::{Parameter, Parameters};
 use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{
     BoxEdges, Cell, Confinement, Disks, FlowRow, FrameRecords, Image, ImposedRow, SeriesRow,
     Sheared, StressRow, series_columns,
@@ -182,7 +182,7 @@ impl RunFile {
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
     /// wrong shape; a file of another stage.
-    pub fn open(run: &Path) -> Result<Self, Failure> {
+    pub fn open(run: &Path) -> Result<Self> {
         let file = Self::open_any(run)?;
         match file.stage {
             RunStage::Shear => Ok(file),
@@ -194,7 +194,7 @@ impl RunFile {
     ///
     /// # Errors
     /// As of [`RunFile::open`], and a cell without walls.
-    pub fn open_between_walls(run: &Path) -> Result<Self, Failure> {
+    pub fn open_between_walls(run: &Path) -> Result<Self> {
         let file = Self::open_sheared(run)?;
         if file.has_walls() {
             return Ok(file);
@@ -208,7 +208,7 @@ impl RunFile {
     ///
     /// # Errors
     /// As of [`RunFile::open`], and a free surface.
-    pub fn open_sheared(run: &Path) -> Result<Self, Failure> {
+    pub fn open_sheared(run: &Path) -> Result<Self> {
         let file = Self::open(run)?;
         if !file.has_free_surface() {
             return Ok(file);
@@ -223,7 +223,7 @@ impl RunFile {
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
     /// wrong shape.
-    pub fn open_any(run: &Path) -> Result<Self, Failure> {
+    pub fn open_any(run: &Path) -> Result<Self> {
         let mut path = run.to_path_buf();
         if run.is_dir() {
             path.push(RUN_FILE);
@@ -294,11 +294,7 @@ impl RunFile {
     }
 
     /// Keeps the frames that every dataset has, and reads their boxes.
-    fn cut_to_whole_frames(
-        &mut self,
-        source: &OpenFile<'_>,
-        finished: bool,
-    ) -> Result<(), Failure> {
+    fn cut_to_whole_frames(&mut self, source: &OpenFile<'_>, finished: bool) -> Result<()> {
         let offset = &self.offset;
         if let Some(t) = (1..offset.len()).find(|&t| offset[t] < offset[t - 1]) {
             let what = format!("decreases at frame {t}");
@@ -347,7 +343,7 @@ impl RunFile {
     }
 
     /// Compares a checksum of frame t with the stored one.
-    fn verify(&self, t: usize, column: &str, found: u64) -> Result<(), Failure> {
+    fn verify(&self, t: usize, column: &str, found: u64) -> Result<()> {
         if self.sums.agrees(t, column, found) {
             Ok(())
         } else {
@@ -570,7 +566,7 @@ impl RunFile {
     ///
     /// # Errors
     /// [`Failure::Input`] if a parameter is missing.
-    pub fn frame_strains(&self) -> Result<Vec<f64>, Failure> {
+    pub fn frame_strains(&self) -> Result<Vec<f64>> {
         match self.stage {
             RunStage::Shear => {}
             RunStage::Strain => return Ok(self.interpolated_strains()),

@@ -18,7 +18,7 @@ use crate::parameter::attributes;
 use crate::part::Part;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::Disks;
 
 /// Every HDF5 file begins with these bytes.
@@ -40,7 +40,7 @@ pub(super) struct OpenFile<'a> {
 
 impl<'a> OpenFile<'a> {
     /// Opens the file, which must be HDF5 and whole.
-    pub(super) fn open(path: &'a Path) -> Result<Self, Failure> {
+    pub(super) fn open(path: &'a Path) -> Result<Self> {
         let file = open_file(path)?;
         Ok(OpenFile { file, path })
     }
@@ -54,7 +54,7 @@ impl<'a> OpenFile<'a> {
         Failure::input(format!("{path}: {name} is missing: {FOREIGN}"))
     }
 
-    pub(super) fn dataset(&self, name: &str) -> Result<Dataset, Failure> {
+    pub(super) fn dataset(&self, name: &str) -> Result<Dataset> {
         if !self.exists(name) {
             return Err(self.lacks(name));
         }
@@ -69,7 +69,7 @@ impl<'a> OpenFile<'a> {
             .all(|end| self.file.link_exists(&name[..end]))
     }
 
-    pub(super) fn all<T: H5Type>(&self, name: &str) -> Result<Vec<T>, Failure> {
+    pub(super) fn all<T: H5Type>(&self, name: &str) -> Result<Vec<T>> {
         let dataset = self.dataset(name)?;
         if dataset.ndim() != 1 {
             let what = format!("has {} dimensions instead of 1: {FOREIGN}", dataset.ndim());
@@ -79,16 +79,12 @@ impl<'a> OpenFile<'a> {
     }
 
     /// All values of a dataset, in order.
-    fn whole<T: H5Type>(&self, name: &str, dataset: &Dataset) -> Result<Vec<T>, Failure> {
+    fn whole<T: H5Type>(&self, name: &str, dataset: &Dataset) -> Result<Vec<T>> {
         let values = dataset.read_raw();
         values.map_err(|e| self.wrong(name, format!("cannot be read: {}", one_line(&e))))
     }
 
-    pub(super) fn of_length<T: H5Type>(
-        &self,
-        name: &str,
-        length: usize,
-    ) -> Result<Vec<T>, Failure> {
+    pub(super) fn of_length<T: H5Type>(&self, name: &str, length: usize) -> Result<Vec<T>> {
         let values = self.all(name)?;
         if values.len() != length {
             let what = format!("has {} rows instead of {length}", values.len());
@@ -98,7 +94,7 @@ impl<'a> OpenFile<'a> {
     }
 
     /// Opens a dataset whose first dimension is frames or contacts and the others are `inner`.
-    pub(super) fn frames(&self, name: &str, inner: &[usize]) -> Result<Dataset, Failure> {
+    pub(super) fn frames(&self, name: &str, inner: &[usize]) -> Result<Dataset> {
         let dataset = self.dataset(name)?;
         let shape = dataset.shape();
         if shape.len() != inner.len() + 1 || shape[1..] != *inner {
@@ -109,21 +105,14 @@ impl<'a> OpenFile<'a> {
     }
 
     /// The dataset of a quantity of so many grains.
-    pub(super) fn of_grains(
-        &self,
-        (column, width, _): Quantity,
-        grains: usize,
-    ) -> Result<Dataset, Failure> {
+    pub(super) fn of_grains(&self, (column, width, _): Quantity, grains: usize) -> Result<Dataset> {
         let inner = [grains, width];
         let dimensions = if width == 1 { 1 } else { 2 };
         self.frames(&grain_dataset(&column), &inner[..dimensions])
     }
 
     /// The datasets of the contacts, by name.
-    pub(super) fn of_contacts(
-        &self,
-        form: Form,
-    ) -> Result<BTreeMap<&'static str, Dataset>, Failure> {
+    pub(super) fn of_contacts(&self, form: Form) -> Result<BTreeMap<&'static str, Dataset>> {
         let open = |(column, width, _): Quantity| {
             let inner = if width == 1 { &[][..] } else { &[width] };
             let dataset = self.frames(&contact_dataset(column), inner)?;
@@ -134,7 +123,7 @@ impl<'a> OpenFile<'a> {
 
     /// What is constant of the grains, their ids and materials, verified. `edges`: of the box at
     /// the start.
-    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<(Disks, Vec<u32>, Vec<u8>), Failure> {
+    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<(Disks, Vec<u32>, Vec<u8>)> {
         let name = |part: &str| format!("{PARTICLES}/{part}");
         let id: Vec<u32> = self.all(&name("id"))?;
         if !id.is_sorted_by(|a, b| a < b) {
@@ -159,7 +148,7 @@ impl<'a> OpenFile<'a> {
     }
 
     /// Checks that there are grains, of some size.
-    fn check_grains(&self, grains: &Disks) -> Result<(), Failure> {
+    fn check_grains(&self, grains: &Disks) -> Result<()> {
         let is_size = |x: f64| x.is_finite() && x > 0.0;
         let is_grain = |g: &usize| {
             is_size(grains.radius[*g]) && is_size(grains.mass[*g]) && grains.body[*g] <= 2
@@ -175,7 +164,7 @@ impl<'a> OpenFile<'a> {
     }
 
     /// The edges of the box at the start (m): L_x, height, 0, or L_x, L_y, height.
-    pub(super) fn edges(&self, parameters: &Parameters) -> Result<[f64; 3], Failure> {
+    pub(super) fn edges(&self, parameters: &Parameters) -> Result<[f64; 3]> {
         match parameters.get("edges") {
             Some(Parameter::Numbers(edges))
                 if edges.len() == 3 && edges[0] > 0.0 && edges.iter().all(|x| x.is_finite()) =>
@@ -190,7 +179,7 @@ impl<'a> OpenFile<'a> {
     }
 
     /// The edges of the box at the first `frames` frames, and the numbers of each.
-    pub(super) fn frame_edges(&self, frames: usize) -> Result<(Vec<f64>, usize), Failure> {
+    pub(super) fn frame_edges(&self, frames: usize) -> Result<(Vec<f64>, usize)> {
         let dataset = self.dataset(EDGES_VALUE)?;
         let width = match dataset.shape()[..] {
             [_, 3] => 3,
@@ -213,7 +202,7 @@ impl<'a> OpenFile<'a> {
         declared: &'static [Column],
         has_time: bool,
         finished: bool,
-    ) -> Result<Series, Failure> {
+    ) -> Result<Series> {
         let group = place.0;
         let of_clock = ["step", "time"].map(|part| format!("{group}/{}/{part}", declared[0]));
         let mut step: Vec<u64> = self.all(&of_clock[0])?;
@@ -244,7 +233,7 @@ impl<'a> OpenFile<'a> {
     }
 
     /// Reads the scalars of `observables/gshear/`, if there are any.
-    pub(super) fn scalars(&self, finished: bool) -> Result<Option<StoredScalars>, Failure> {
+    pub(super) fn scalars(&self, finished: bool) -> Result<Option<StoredScalars>> {
         if !self.exists(SCALARS) {
             return Ok(None);
         }
@@ -265,7 +254,7 @@ impl<'a> OpenFile<'a> {
         lengths: &[(&str, usize)],
         finished: bool,
         what: &str,
-    ) -> Result<usize, Failure> {
+    ) -> Result<usize> {
         let by_length = |of: &&(&str, usize)| of.1;
         let (shortest, least) = *lengths.iter().min_by_key(by_length).expect("some dataset");
         let (longest, most) = *lengths.iter().max_by_key(by_length).expect("some dataset");
@@ -277,7 +266,7 @@ impl<'a> OpenFile<'a> {
         Ok(least)
     }
 
-    pub(super) fn parameters(&self) -> Result<Parameters, Failure> {
+    pub(super) fn parameters(&self) -> Result<Parameters> {
         if !self.exists(PARAMETERS) {
             return Err(self.lacks(PARAMETERS));
         }
@@ -294,7 +283,7 @@ impl<'a> OpenFile<'a> {
     }
 }
 
-fn open_file(path: &Path) -> Result<Group, Failure> {
+fn open_file(path: &Path) -> Result<Group> {
     let (name, part) = (path.display(), Part::of(path));
     let mut head = Vec::new();
     let begin = std::fs::File::open(&part.file)

@@ -6,7 +6,7 @@ use super::Parameter;
 use super::open_file::OpenFile;
 use crate::journal;
 use crate::part::Part;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 
 /// The run that a file of frames and time series belongs to.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,8 +28,8 @@ pub struct Owner {
 /// Reads which run a `run.h5`, or a part of it, belongs to.
 ///
 /// # Errors
-/// [`Failure::Input`] if the file is not of a run, or damaged.
-pub fn owner(path: &Path) -> Result<Owner, Failure> {
+/// `Failure::Input` if the file is not of a run, or damaged.
+pub fn owner(path: &Path) -> Result<Owner> {
     hdf5::silence_errors(true);
     let parameters = OpenFile::open(path)?.parameters()?;
     let text = |name: &str| match parameters.get(name) {

@@ -3,7 +3,7 @@
 use bytemuck::Zeroable;
 
 use super::{FrameFields, RunFile};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{ContactSample, ContactState, GrainState};
 use gshear_scene::Dimensions;
 
@@ -12,8 +12,8 @@ impl RunFile {
     /// histories, of frame t < T. Velocities and forces are 0.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file is damaged.
-    pub fn state(&self, t: usize) -> Result<(Vec<GrainState>, Vec<ContactState>), Failure> {
+    /// `Failure::Input` if the file is damaged.
+    pub fn state(&self, t: usize) -> Result<(Vec<GrainState>, Vec<ContactState>)> {
         let position = self.vectors(&self.position, &(t..t + 1))?;
         let grain = |g: usize| GrainState {
             id: g as u32,

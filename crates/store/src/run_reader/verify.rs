@@ -4,7 +4,7 @@ use super::Series;
 use super::open_file::OpenFile;
 use crate::checksums::{self, CONSTANTS, FRAMES};
 use crate::layout::{Form, frame_columns};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 
 /// The checksums of the frames of a file.
 pub struct FrameSums {
@@ -14,7 +14,7 @@ pub struct FrameSums {
 }
 
 impl FrameSums {
-    pub fn read(source: &OpenFile<'_>, form: Form) -> Result<Self, Failure> {
+    pub fn read(source: &OpenFile<'_>, form: Form) -> Result<Self> {
         let columns = frame_columns(form);
         let sums = source.frames(FRAMES, &[columns.len()])?.read_raw();
         Ok(Self {
@@ -38,7 +38,7 @@ impl OpenFile<'_> {
     }
 
     /// Compares what never changes with its checksums.
-    pub(super) fn verify_constants(&self, found: [u64; 5]) -> Result<(), Failure> {
+    pub(super) fn verify_constants(&self, found: [u64; 5]) -> Result<()> {
         let names = ["id", "body", "radius", "mass", "box/edges"];
         let stored: Vec<u64> = self.of_length(CONSTANTS, names.len())?;
         match (0..names.len()).find(|&k| stored[k] != found[k]) {
@@ -48,7 +48,7 @@ impl OpenFile<'_> {
     }
 
     /// Compares the rows of a table with their checksums.
-    pub(super) fn verify_rows(&self, place: (&str, &str), table: &Series) -> Result<(), Failure> {
+    pub(super) fn verify_rows(&self, place: (&str, &str), table: &Series) -> Result<()> {
         let (group, sums) = place;
         let stored: Vec<u64> = self.all(sums)?;
         let found = |k: usize| {

@@ -9,7 +9,7 @@ use crate::h5::Slab;
 use crate::h5::by_root;
 use crate::layout::{Form, frame_columns};
 use crate::row_table::RowTable;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{ContactSample, GrainSample};
 use gshear_mpi_exchange::Parallel;
 
@@ -48,7 +48,7 @@ fn checksums(frames: &Frames, sums: &[i64], edges: &[f64]) -> Vec<u64> {
 }
 
 impl TrajectoryWriter {
-    pub(super) fn write_frames(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    pub(super) fn write_frames(&mut self, exchange: &dyn Parallel) -> Result<()> {
         let count = self.frames.len() as u64;
         if count == 0 {
             return Ok(());
@@ -126,7 +126,7 @@ impl TrajectoryWriter {
         self.flush_now_and_then(exchange)
     }
 
-    pub(super) fn write_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    pub(super) fn write_rows(&mut self, exchange: &dyn Parallel) -> Result<()> {
         let scalars = self.scalars.as_ref().map_or(0, RowTable::bytes);
         let bytes = self.columns.rows.bytes() + scalars;
         if bytes == 0 {

@@ -18,7 +18,7 @@ use crate::row_table::RowTable;
 pub use crate::run_header::{GrainShape, RunHeader};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::domain::total;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
@@ -64,11 +64,7 @@ impl TrajectoryWriter {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn create(
-        exchange: &dyn Parallel,
-        path: &Path,
-        header: &RunHeader<'_>,
-    ) -> Result<Self, Failure> {
+    pub fn create(exchange: &dyn Parallel, path: &Path, header: &RunHeader<'_>) -> Result<Self> {
         let _waiting = exchange.waiting();
         let grains = total(exchange, header.grains.len() as u64);
         let mut attributes = named(header.attributes);
@@ -123,7 +119,7 @@ impl TrajectoryWriter {
         &mut self,
         exchange: &dyn Parallel,
         attributes: &[(&str, Attribute)],
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         let mut outcome = CollectiveOutcome::default();
         for (name, value) in of_root(exchange, &named(attributes)) {
             outcome.note(self.file.attribute(PARAMETERS, &name, &value));
@@ -149,11 +145,7 @@ impl TrajectoryWriter {
         }
     }
 
-    fn write_statics(
-        &mut self,
-        exchange: &dyn Parallel,
-        header: &RunHeader<'_>,
-    ) -> Result<(), Failure> {
+    fn write_statics(&mut self, exchange: &dyn Parallel, header: &RunHeader<'_>) -> Result<()> {
         let mut shapes = self.blocks.redistribute(exchange, header.grains, |g| g.id);
         shapes.sort_unstable_by_key(|g| g.id);
         let ids = self.blocks.range(exchange.rank());
@@ -228,7 +220,7 @@ impl TrajectoryWriter {
         edges: &BoxEdges,
         grains: &[GrainSample],
         contacts: &[ContactSample],
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         self.frames.push(step, time, edges, grains, contacts);
         if self.frames.len() < self.batch {
             return Ok(());
@@ -246,7 +238,7 @@ impl TrajectoryWriter {
         step: u64,
         time: f64,
         row: &impl AsRef<[f64]>,
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         let rows = &mut self.columns.rows;
         rows.push(step, time, row.as_ref());
         if rows.waiting() < BATCH_ROWS {
@@ -260,7 +252,7 @@ impl TrajectoryWriter {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn publish_rows(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    pub fn publish_rows(&mut self, exchange: &dyn Parallel) -> Result<()> {
         if self.is_flush_due(exchange) {
             self.write_rows(exchange)
         } else {
@@ -271,8 +263,8 @@ impl TrajectoryWriter {
     /// Starts to write scalars of frames after the first `rows` rows in the file.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file holds fewer rows; [`Failure::Other`] if it cannot be written.
-    pub fn begin_scalars(&mut self, exchange: &dyn Parallel, rows: u64) -> Result<(), Failure> {
+    /// `Failure::Input` if the file holds fewer rows; `Failure::Other` if it cannot be written.
+    pub fn begin_scalars(&mut self, exchange: &dyn Parallel, rows: u64) -> Result<()> {
         let mut scalars = agree(exchange, layout::scalars(&self.file, rows))?;
         let mut outcome = CollectiveOutcome::default();
         scalars.cut(rows, &mut outcome);
@@ -293,11 +285,7 @@ impl TrajectoryWriter {
     ///
     /// # Panics
     /// Before [`Self::begin_scalars`].
-    pub fn scalars(
-        &mut self,
-        exchange: &dyn Parallel,
-        rows: &[(u64, FrameScalars)],
-    ) -> Result<(), Failure> {
+    pub fn scalars(&mut self, exchange: &dyn Parallel, rows: &[(u64, FrameScalars)]) -> Result<()> {
         let scalars = self.scalars.as_mut().expect("scalars were begun");
         for (step, row) in rows {
             scalars.push(*step, 0.0, &row.columns());
@@ -313,7 +301,7 @@ impl TrajectoryWriter {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<()> {
         let _waiting = exchange.waiting();
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
@@ -330,7 +318,7 @@ impl TrajectoryWriter {
         mut self,
         exchange: &dyn Parallel,
         attributes: &[(&str, Attribute)],
-    ) -> Result<(), Failure> {
+    ) -> Result<()> {
         let _waiting = exchange.waiting();
         self.write_frames(exchange)?;
         self.write_rows(exchange)?;
@@ -342,7 +330,7 @@ impl TrajectoryWriter {
 
     /// Flushes if the last flush was long ago. A flush after every batch would double the cost of
     /// frames in fast runs.
-    fn flush_now_and_then(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    fn flush_now_and_then(&mut self, exchange: &dyn Parallel) -> Result<()> {
         if self.is_flush_due(exchange) {
             self.flush_file(exchange)
         } else {
@@ -355,7 +343,7 @@ impl TrajectoryWriter {
         exchange.maximum(self.flushed.elapsed().as_secs_f64()) >= FLUSH_SECONDS
     }
 
-    fn flush_file(&mut self, exchange: &dyn Parallel) -> Result<(), Failure> {
+    fn flush_file(&mut self, exchange: &dyn Parallel) -> Result<()> {
         let outcome = CollectiveOutcome::of(self.file.flush());
         self.flushed = Instant::now();
         self.file.agree(exchange, outcome)
@@ -363,7 +351,7 @@ impl TrajectoryWriter {
 }
 
 /// Keeps the metadata of a flush, to which the file returns if the program is killed.
-fn write_journal(file: &H5File, path: &Path, exchange: &dyn Parallel) -> Result<(), Failure> {
+fn write_journal(file: &H5File, path: &Path, exchange: &dyn Parallel) -> Result<()> {
     let raw = agree(exchange, file.raw_extents())?;
     let written = match exchange.rank() {
         0 => Journal::of(path, raw).and_then(|journal| journal.write(path)),
@@ -380,7 +368,7 @@ fn named(attributes: &[(&str, Attribute)]) -> Vec<(String, Attribute)> {
 
 /// Writes the checksum of the attributes of `parameters`, whose texts HDF5 does not protect.
 /// Collective.
-fn seal(file: &H5File) -> Result<(), Failure> {
+fn seal(file: &H5File) -> Result<()> {
     let mut attributes = file.attributes(PARAMETERS)?;
     attributes.remove(OF_PARAMETERS);
     let sum = Attribute::Word(of_parameters(&attributes));
@@ -393,7 +381,7 @@ fn fixed<T: H5Type + Copy>(
     (name, size, unit): (&str, usize, Option<String>),
     slab: Slab,
     data: &[T],
-) -> Result<(), Failure> {
+) -> Result<()> {
     let dataset = file.dataset(T::type_descriptor(), name, &[size], None)?;
     let described = unit.map_or(Ok(()), |unit| {
         dataset.attribute("unit", &Attribute::Word(unit))

@@ -7,7 +7,7 @@ use crate::h5::H5File;
 use crate::layout::{Datasets, Form, Mode, PARAMETERS};
 use crate::part::{NEWTONIAN, Part};
 use gshear_dem::columns::Column;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_mpi_exchange::Parallel;
 use std::path::Path;
 
@@ -16,14 +16,14 @@ impl TrajectoryWriter {
     /// ones are removed. `series`: columns of the time series.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
+    /// `Failure::Input` if the file is not a `run.h5` or holds less.
     pub fn open_to_append(
         exchange: &dyn Parallel,
         path: &Path,
         series: &[Column],
         frames: u64,
         rows: u64,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let _waiting = exchange.waiting();
         // Only one rank inspects the file: after a failure in a collective call the others could
         // wait for ever.

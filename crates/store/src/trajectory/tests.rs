@@ -2,6 +2,7 @@ use super::*;
 use crate::layout::OBSERVABLES;
 use bytemuck::Zeroable;
 use gshear_dem::domain::Solo;
+use gshear_dem::failure::Failure;
 use gshear_dem::state::SeriesRow;
 
 fn row(k: u64) -> SeriesRow {
@@ -43,7 +44,7 @@ fn rename(path: &Path, from: &str, to: Option<&str>) {
     }
 }
 
-fn append(path: &Path, frames: u64, rows: u64) -> Result<TrajectoryWriter, Failure> {
+fn append(path: &Path, frames: u64, rows: u64) -> Result<TrajectoryWriter> {
     TrajectoryWriter::open_to_append(&Solo, path, &SeriesRow::COLUMNS, frames, rows)
 }
 

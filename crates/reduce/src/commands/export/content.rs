@@ -11,7 +11,7 @@ use gshear_analysis::moments::{distinct, extent};
 use gshear_analysis::regions::{GrReading, Regions};
 use gshear_analysis::stress;
 use gshear_dem::dimension::{Three, Two};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{BoxEdges, ContactSample, Frame, FrameRecords};
 use gshear_scene::{Dimensions, atom_type};
 use gshear_store::contact_quantities::of_contacts;
@@ -69,7 +69,7 @@ impl ExportedModes {
     ///
     /// # Errors
     /// A file of another run or of a state without a frame, an eigenvector that it does not have.
-    pub fn read(run: &RunFile, spectrum: &Path, numbers: &[usize]) -> Result<Self, Failure> {
+    pub fn read(run: &RunFile, spectrum: &Path, numbers: &[usize]) -> Result<Self> {
         let file = SpectrumFile::open(spectrum)?;
         let other =
             |what: &str| Failure::input(format!("--modes: {}: is of {what}", spectrum.display()));
@@ -142,7 +142,7 @@ impl<'a> ExportedRun<'a> {
         run: &'a RunFile,
         fields: &[GrainField],
         modes: Option<ExportedModes>,
-    ) -> Result<Self, Failure> {
+    ) -> Result<Self> {
         let is_planar = run.dimension() == Dimensions::Two;
         let has_regions = is_planar && run.has_walls();
         if fields.contains(&GrainField::Regions) && !has_regions {
@@ -293,8 +293,8 @@ impl<'a> ExportedRun<'a> {
     pub fn each_frame(
         &self,
         numbers: &[usize],
-        mut each: impl FnMut(&ExportedFrame) -> Result<(), Failure>,
-    ) -> Result<(), Failure> {
+        mut each: impl FnMut(&ExportedFrame) -> Result<()>,
+    ) -> Result<()> {
         let compares = self.fields.iter().any(|field| field.compares());
         let read = |t: usize| Ok(self.file.records(t..t + 1)?.swap_remove(0));
         let mut last: Option<(usize, FrameRecords)> = None;

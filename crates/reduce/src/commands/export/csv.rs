@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::csv_table::Table;
 use gshear_store::dictionary;
 use gshear_store::text_writer::PartFile;
@@ -26,7 +26,7 @@ struct TableStream {
 }
 
 impl TableStream {
-    fn create(path: &Path) -> Result<Self, Failure> {
+    fn create(path: &Path) -> Result<Self> {
         Ok(Self {
             file: PartFile::create(path)?,
             names: String::new(),
@@ -34,7 +34,7 @@ impl TableStream {
     }
 
     /// Appends the table of a frame, after the first one without its names.
-    fn append(&mut self, csv: &str) -> Result<(), Failure> {
+    fn append(&mut self, csv: &str) -> Result<()> {
         let (names, lines) = csv.split_once('\n').unwrap_or_default();
         let new = if self.names.is_empty() { csv } else { lines };
         self.names = names.into();
@@ -43,7 +43,7 @@ impl TableStream {
     }
 
     /// `kind`: its name in the dictionary.
-    fn finish(self, kind: &str, axes: usize) -> Result<PathBuf, Failure> {
+    fn finish(self, kind: &str, axes: usize) -> Result<PathBuf> {
         let written = self.file.finish()?;
         let names: Vec<&str> = self.names.split(',').collect();
         dictionary::write_metadata(kind, &written, &names, axes)?;
@@ -54,7 +54,7 @@ impl TableStream {
 impl CsvWriter {
     /// # Errors
     /// Files that cannot be created.
-    pub fn create(path: &Path, run: &ExportedRun) -> Result<Self, Failure> {
+    pub fn create(path: &Path, run: &ExportedRun) -> Result<Self> {
         Ok(Self {
             grains: TableStream::create(path)?,
             contacts: TableStream::create(&contacts_beside(path))?,
@@ -74,7 +74,7 @@ fn table_of<I: IntoIterator>(frame: &ExportedFrame, rows: I) -> Table<'_, I> {
 }
 
 impl FrameWriter for CsvWriter {
-    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<()> {
         let (constants, ids) = (run.file.grains(), run.file.ids());
         let moving: &[usize] = match self.axes {
             2 => &[0, 1, 3, 4, 8],
@@ -101,7 +101,7 @@ impl FrameWriter for CsvWriter {
         self.contacts.append(&contacts.csv())
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
         let axes = self.axes;
         Ok(vec![
             self.grains.finish("frames.csv", axes)?,

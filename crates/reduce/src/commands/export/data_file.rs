@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gshear_dem::dimension::{Dimension, Three, Two};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_driver::exported_state::ExportedState;
 use gshear_scene::{Dimensions, lammps_data};
 use gshear_store::file_names::folder_of;
@@ -51,7 +51,7 @@ pub fn write(
     reader: &Reader,
     frame: Option<Which>,
     out: Option<&Path>,
-) -> Result<PathBuf, Failure> {
+) -> Result<PathBuf> {
     let state = if checkpoint::is_checkpoint(run) {
         if let Some(Which::Number(_)) = frame {
             return Err(Failure::input(format!(

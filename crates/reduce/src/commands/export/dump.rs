@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::text_writer::PartFile;
 
 use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values};
@@ -18,7 +18,7 @@ pub struct DumpWriter {
 impl DumpWriter {
     /// # Errors
     /// Files that cannot be created.
-    pub fn create(path: &Path) -> Result<Self, Failure> {
+    pub fn create(path: &Path) -> Result<Self> {
         Ok(Self {
             grains: PartFile::create(path)?,
             contacts: PartFile::create(&contacts_beside(path))?,
@@ -98,14 +98,14 @@ impl DumpWriter {
 }
 
 impl FrameWriter for DumpWriter {
-    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<()> {
         let written = self.write_grains(run, frame);
         self.grains.checked(written)?;
         let written = self.write_contacts(run, frame);
         self.contacts.checked(written)
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
         Ok(vec![self.grains.finish()?, self.contacts.finish()?])
     }
 }

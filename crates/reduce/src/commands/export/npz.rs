@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::{NoUninit, cast_slice};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::GrainSample;
 use gshear_store::contact_quantities::of_contacts;
 use gshear_store::text_writer::PartFile;
@@ -120,7 +120,7 @@ impl NpzWriter {
 }
 
 impl FrameWriter for NpzWriter {
-    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<()> {
         let (is_first, records) = (self.arrays.is_empty(), &frame.records);
         self.append("frame", 1, &[], &[frame.number as u64]);
         self.append("step", 1, &[], &[records.step]);
@@ -172,7 +172,7 @@ impl FrameWriter for NpzWriter {
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
         let part = PartFile::create(&self.path)?;
         let written = self.write(part.part());
         part.checked(written)?;

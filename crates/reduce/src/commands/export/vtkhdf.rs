@@ -12,7 +12,7 @@ use hdf5::types::{FixedAscii, VarLenUnicode};
 use hdf5::{Dataset, Extent, File, Group, H5Type, Hyperslab, SliceOrIndex};
 use ndarray::ArrayViewD;
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_dem::state::GrainSample;
 use gshear_store::contact_quantities::of_contacts;
 use gshear_store::text_writer::{PartFile, unwritten};
@@ -48,7 +48,7 @@ pub struct VtkWriter {
 impl VtkWriter {
     /// # Errors
     /// A file that cannot be created.
-    pub fn create(path: &Path, run: &ExportedRun) -> Result<Self, Failure> {
+    pub fn create(path: &Path, run: &ExportedRun) -> Result<Self> {
         let part = PartFile::create(path)?;
         Self::try_create(part, run).map_err(|e| unwritten(path, &e))
     }
@@ -272,12 +272,12 @@ impl VtkWriter {
 }
 
 impl FrameWriter for VtkWriter {
-    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<()> {
         let appended = self.append_frame(run, frame);
         self.part.checked(appended)
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
         let (part, closed) = self.close();
         part.checked(closed)?;
         Ok(vec![part.finish()?])

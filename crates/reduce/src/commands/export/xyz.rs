@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::text_writer::PartFile;
 
 use super::content::{ExportedFrame, ExportedRun};
@@ -15,7 +15,7 @@ pub struct XyzWriter(PartFile);
 impl XyzWriter {
     /// # Errors
     /// A file that cannot be created.
-    pub fn create(path: &Path) -> Result<Self, Failure> {
+    pub fn create(path: &Path) -> Result<Self> {
         PartFile::create(path).map(Self)
     }
 
@@ -58,12 +58,12 @@ impl XyzWriter {
 }
 
 impl FrameWriter for XyzWriter {
-    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<(), Failure> {
+    fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<()> {
         let written = self.write(run, frame);
         self.0.checked(written)
     }
 
-    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>, Failure> {
+    fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
         Ok(vec![self.0.finish()?])
     }
 }

@@ -3,7 +3,7 @@
 
 use gshear_analysis::moments::{extent, mean};
 use gshear_analysis::rate_state::{SliderRecord, of_drive};
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::Result;
 use gshear_store::run_reader::RunFile;
 
 /// The load of a protocol that imposes more than velocities.
@@ -29,7 +29,7 @@ const FEWEST_ROWS: usize = 20;
 ///
 /// # Errors
 /// No spring, no velocity step or hold, segments with too few rows.
-pub fn record(run: &RunFile) -> Result<SliderRecord, Failure> {
+pub fn record(run: &RunFile) -> Result<SliderRecord> {
     let spring = run.number("spring_stiffness").ok_or_else(|| {
         run.wrong(
             "parameters: attribute spring_stiffness is missing: rate-state needs a run whose top wall is pulled by a spring \

@@ -6,7 +6,7 @@ use super::Arguments;
 use crate::printer::Printer;
 use crate::scalars;
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_dem::failure::Failure;
+use gshear_dem::failure::{Failure, Result};
 use gshear_report::sweep::{Sweep, SweepRun};
 use gshear_store::file_names::{RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::RunFile;
@@ -21,7 +21,7 @@ fn has_begun(folder: &Path) -> bool {
 ///
 /// # Errors
 /// A folder that cannot be read, or without runs.
-pub fn runs_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+pub fn runs_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let unread = |e: std::io::Error| Failure::input(format!("{}: {e}", folder.display()));
     let entries = std::fs::read_dir(folder).map_err(unread)?.flatten();
     let paths = entries.map(|entry| entry.path());
@@ -53,7 +53,7 @@ pub fn write(
     start: f64,
     folder: &Path,
     printer: &mut Printer,
-) -> Result<(), Failure> {
+) -> Result<()> {
     let (given, columns) = (&arguments.runs, &arguments.columns);
     let mut paths = Vec::new();
     for path in given {
@@ -109,7 +109,7 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
 ///
 /// # Errors
 /// A path without a run that has not begun either, a damaged file.
-fn unfinished(path: &Path) -> Result<Result<RunFile, String>, Failure> {
+fn unfinished(path: &Path) -> Result<Result<RunFile, String>> {
     let status = Status::read(folder_of(path));
     let why = status.map(|status| match (status.state, status.message) {
         (RunState::Failed, Some(message)) => format!("failed: {message}"),
@@ -125,7 +125,7 @@ fn unfinished(path: &Path) -> Result<Result<RunFile, String>, Failure> {
     }
 }
 
-fn read(name: String, run: &RunFile, start: f64, columns: &[String]) -> Result<SweepRun, Failure> {
+fn read(name: String, run: &RunFile, start: f64, columns: &[String]) -> Result<SweepRun> {
     let is_of_frames = |name: &String| FrameScalars::COLUMNS.iter().any(|of| of.name == name);
     let asked = columns.iter().any(is_of_frames);
     let scalars = asked
