@@ -2,7 +2,7 @@
 //! instruction set is compiled without that set: the results are the same, but it takes many times
 //! as long.
 //!
-//! Portable code is exempt; its fused multiply-add is deliberately not inlined.
+//! Portable code is exempt; on x86-64 its operations are deliberately not inlined.
 
 use crate::common::{PROGRAM, REDUCER};
 use std::process::Command;

@@ -33,14 +33,6 @@ impl Portable {
     }
 }
 
-/// a b + c with one rounding. Not inlined on x86: without an instruction for it, every lane calls
-/// the C library, and sixteen calls at every use would be most of the program's code.
-#[cfg_attr(target_arch = "x86_64", inline(never))]
-#[cfg_attr(not(target_arch = "x86_64"), inline(always))]
-fn fused(a: &[f64; LANES], b: &[f64; LANES], c: &[f64; LANES]) -> [f64; LANES] {
-    std::array::from_fn(|k| a[k].mul_add(b[k], c[k]))
-}
-
 macro_rules! operator {
     ($trait:ident, $method:ident) => {
         impl $trait for Portable {
@@ -92,7 +84,8 @@ impl Lanes for Portable {
     type Index = [u8; LANES];
     type Counts = [i64; LANES];
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn splat(_: PortableToken, x: f64) -> Self {
         Portable([x; LANES])
     }
@@ -102,19 +95,24 @@ impl Lanes for Portable {
         bits
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn load(_: PortableToken, from: &Lanes16) -> Self {
         Portable(from.0)
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn store(self, to: &mut Lanes16) {
         to.0 = self.0;
     }
 
-    #[inline(always)]
+    #[cfg_attr(target_arch = "x86_64", inline(never))]
+    #[cfg_attr(not(target_arch = "x86_64"), inline(always))]
     fn mul_add(self, factor: Self, term: Self) -> Self {
-        Portable(fused(&self.0, &factor.0, &term.0))
+        Portable(std::array::from_fn(|k| {
+            self.0[k].mul_add(factor.0[k], term.0[k])
+        }))
     }
 
     unary!(sqrt, f64::sqrt);
