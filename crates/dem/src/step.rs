@@ -318,70 +318,8 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
         for ((((record, force), kick), image), mass) in grains.zip(part.image).zip(part.mass) {
             let r = D::fields_mut(record);
             let [linear, angular] = *kick;
-            // One short loop per quantity, which the compiler vectorises.
-            let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
-            for axis in 0..D::AXES {
-                dv[axis] = linear * force[axis];
-                v[axis] = if SECOND_KICK_DEFERRED {
-                    r[D::HALF_VELOCITY + axis] + dv[axis]
-                } else {
-                    r[D::VELOCITY + axis]
-                };
-            }
-            if let Some(Streaming {
-                changes: [change, _],
-                ..
-            }) = streaming
-                && change != 0.0
-            {
-                v[0] += change * r[D::UP];
-            }
-            for axis in 0..D::AXES {
-                v[axis] += dv[axis];
-            }
-            r[D::HALF_VELOCITY..][..D::AXES].copy_from_slice(&v[..D::AXES]);
-            for axis in 0..D::AXES {
-                r[D::VELOCITY + axis] = v[axis] + dv[axis];
-            }
-            if let Some(Streaming {
-                stretches: [grows, _],
-                ..
-            }) = streaming
-            {
-                r[D::UP] *= grows;
-            }
-            for axis in 0..D::AXES {
-                r[axis] += step * v[axis];
-            }
-            if let Some(Streaming {
-                stretches: [_, shrinks],
-                ..
-            }) = streaming
-            {
-                r[D::VELOCITY + D::UP] *= shrinks;
-                r[D::HALF_VELOCITY + D::UP] *= shrinks;
-            }
-            let mut speed = 0.0;
-            for v in &v[..D::AXES] {
-                speed += v * v;
-            }
-            let (mut dw, mut w) = ([0.0; 3], [0.0; 3]);
-            for k in 0..D::SPINS {
-                dw[k] = angular * force[D::TORQUE + k];
-                w[k] = if SECOND_KICK_DEFERRED {
-                    (r[D::HALF_SPIN + k] + dw[k]) + dw[k]
-                } else {
-                    r[D::SPIN + k] + dw[k]
-                };
-            }
-            r[D::HALF_SPIN..][..D::SPINS].copy_from_slice(&w[..D::SPINS]);
-            for k in 0..D::SPINS {
-                r[D::SPIN + k] = w[k] + dw[k];
-            }
-            // NaN if w is not finite, else 0.
-            for w in &w[..D::SPINS] {
-                speed += 0.0 * w;
-            }
+            let speed = translate::<D, SECOND_KICK_DEFERRED>(r, force, (linear, step), streaming)
+                + turn::<D, SECOND_KICK_DEFERRED>(r, force, angular);
             let along = r[..D::UP].iter_mut().zip(cell.periods).zip(&mut *image);
             for ((x, period), image) in along {
                 if *x < 0.0 || *x >= period {
@@ -389,19 +327,15 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
                 }
             }
             cell.wrap_last_axis::<D>(r, image);
-            if let Some(Streaming {
-                changes: [_, change],
-                flow: of,
-                ..
-            }) = streaming
-            {
+            if let Some(of) = streaming {
+                let change = of.changes[1];
                 if change != 0.0 {
                     let more = change * r[D::UP];
                     r[D::VELOCITY] += more;
                     r[D::HALF_VELOCITY] += more;
                 }
                 if is_stressed {
-                    flow.add(of.of::<D>(*mass, r));
+                    flow.add(of.flow.of::<D>(*mass, r));
                 }
             }
             *force = Zeroable::zeroed();
@@ -409,6 +343,72 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
         }
         (f64::from_bits(fastest).sqrt(), flow)
     }
+}
+
+/// Kicks, moves and, where grains stream, stretches; returns the square of the speed. One short loop
+/// per quantity, which the compiler vectorises.
+#[inline(always)]
+fn translate<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
+    r: &mut [f64],
+    force: &[f64],
+    (half_kick, step): (f64, f64),
+    streaming: Option<Streaming>,
+) -> f64 {
+    let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
+    for axis in 0..D::AXES {
+        dv[axis] = half_kick * force[axis];
+        v[axis] = if SECOND_KICK_DEFERRED {
+            r[D::HALF_VELOCITY + axis] + dv[axis]
+        } else {
+            r[D::VELOCITY + axis]
+        };
+    }
+    if let Some(of) = streaming
+        && of.changes[0] != 0.0
+    {
+        v[0] += of.changes[0] * r[D::UP];
+    }
+    for axis in 0..D::AXES {
+        v[axis] += dv[axis];
+    }
+    r[D::HALF_VELOCITY..][..D::AXES].copy_from_slice(&v[..D::AXES]);
+    for axis in 0..D::AXES {
+        r[D::VELOCITY + axis] = v[axis] + dv[axis];
+    }
+    if let Some(of) = streaming {
+        r[D::UP] *= of.stretches[0];
+    }
+    for axis in 0..D::AXES {
+        r[axis] += step * v[axis];
+    }
+    if let Some(of) = streaming {
+        r[D::VELOCITY + D::UP] *= of.stretches[1];
+        r[D::HALF_VELOCITY + D::UP] *= of.stretches[1];
+    }
+    v[..D::AXES].iter().map(|v| v * v).sum()
+}
+
+/// Kicks the spins; returns NaN if one is not finite, else 0.
+#[inline(always)]
+fn turn<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
+    r: &mut [f64],
+    force: &[f64],
+    half_kick: f64,
+) -> f64 {
+    let (mut dw, mut w) = ([0.0; 3], [0.0; 3]);
+    for k in 0..D::SPINS {
+        dw[k] = half_kick * force[D::TORQUE + k];
+        w[k] = if SECOND_KICK_DEFERRED {
+            (r[D::HALF_SPIN + k] + dw[k]) + dw[k]
+        } else {
+            r[D::SPIN + k] + dw[k]
+        };
+    }
+    r[D::HALF_SPIN..][..D::SPINS].copy_from_slice(&w[..D::SPINS]);
+    for k in 0..D::SPINS {
+        r[D::SPIN + k] = w[k] + dw[k];
+    }
+    w[..D::SPINS].iter().map(|w| 0.0 * w).sum()
 }
 
 fn greater_or_nan(a: f64, b: f64) -> f64 {
