@@ -41,7 +41,7 @@ impl Counter {
     }
 
     /// Waits until the number has been raised to this one: by polls, then yielding the core, and
-    /// asleep if others want it.
+    /// asleep if others want it or it takes long.
     fn wait_for(&self, number: u64, patience: &Patience) {
         let is_raised = |to: u32| to.wrapping_sub(number as u32) as i32 >= 0;
         let left = patience.at_once.get();
@@ -59,14 +59,15 @@ impl Counter {
             std::hint::spin_loop();
         }
         if !sleeps {
-            let mut begun = Instant::now();
-            while patience.at_once.get() == 0 {
+            let begun = Instant::now();
+            let mut last = begun;
+            while patience.at_once.get() == 0 && last - begun < LONGEST_YIELDING {
                 std::thread::yield_now();
                 let now = Instant::now();
-                if now - begun >= LONG_YIELD {
+                if now - last >= LONG_YIELD {
                     patience.at_once.set(SLEEPS);
                 }
-                begun = now;
+                last = now;
                 if is_raised(self.number.load(Ordering::Acquire)) {
                     return;
                 }
@@ -100,6 +101,9 @@ struct Patience {
 /// A yield that takes so long has given the core to another process, or to a rank with as much to
 /// do.
 const LONG_YIELD: Duration = Duration::from_micros(200);
+/// After so long a wait sleeps. Linux may choose a rank that yields again and again: one has kept
+/// everything else from a core for a minute.
+const LONGEST_YIELDING: Duration = Duration::from_millis(1);
 /// Number of waits without yields after a long one, so that it costs little a wait.
 const SLEEPS: u32 = 1000;
 
