@@ -345,8 +345,8 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
     }
 }
 
-/// Kicks, moves and, where grains stream, stretches; returns the square of the speed. One short loop
-/// per quantity, which the compiler vectorises.
+/// Kicks, moves and, where grains stream, stretches; returns the square of the speed. One short
+/// loop per quantity, which the compiler vectorises.
 #[inline(always)]
 fn translate<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
     r: &mut [f64],
