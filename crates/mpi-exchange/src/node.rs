@@ -103,7 +103,7 @@ struct Patience {
 const LONG_YIELD: Duration = Duration::from_micros(200);
 /// After so long a wait sleeps. Linux may choose a rank that yields again and again: one has kept
 /// everything else from a core for a minute.
-const LONGEST_YIELDING: Duration = Duration::from_millis(1);
+const LONGEST_YIELDING: Duration = Duration::from_millis(50);
 /// Number of waits without yields after a long one, so that it costs little a wait.
 const SLEEPS: u32 = 1000;
 
