@@ -118,7 +118,7 @@ fn a_flipped_bit_anywhere_changes_nothing_silently() {
     let path = folder.path().join(NAME);
     let whole = std::fs::read(&path).unwrap();
     let (mut refusals, mut tries) = (0, 0);
-    for place in (0..whole.len()).step_by(11) {
+    for place in (0..whole.len()).step_by(3) {
         let mut damaged = whole.clone();
         damaged[place] ^= 1 << (place % 8);
         std::fs::write(&path, damaged).unwrap();
