@@ -334,8 +334,8 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
                     r[D::VELOCITY] += more;
                     r[D::HALF_VELOCITY] += more;
                 }
-                if is_stressed {
-                    flow.add(of.flow.of::<D>(*mass, r));
+                if is_stressed && let Some(of) = &of.flow {
+                    flow.add(of.of::<D>(*mass, r));
                 }
             }
             *force = Zeroable::zeroed();

@@ -3,7 +3,7 @@
 use super::{Drive, Felt, Top, WallForces, WallSteps};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, MOST_COUNTED, nearest_whole};
-use crate::state::{Cell, Grains, Stretching};
+use crate::state::{Cell, Grains, Sheared, Stretching};
 
 /// The images above a cell that is periodic along its last axis, too (Lees and Edwards, J. Phys. C
 /// 5, 1921, 1972). They move as a top wall would that feels the stress of the sample, times the
@@ -37,14 +37,13 @@ pub struct Streaming {
     /// after it.
     pub changes: [f64; 2],
     /// The flow of momentum after the step.
-    pub flow: MomentumFlow,
+    pub flow: Option<MomentumFlow>,
 }
 
 /// The kinetic part of the stress: by the velocities of grains less those with which they stream.
 #[derive(Debug, Clone, Copy)]
 pub struct MomentumFlow {
-    /// V/h (1/s).
-    rate: f64,
+    cell: Cell,
     /// 1/(h F) with the unit F of the forces (1/N, or m/N in 2D).
     per_unit: f64,
 }
@@ -58,28 +57,24 @@ pub struct FlowSum {
 }
 
 impl MomentumFlow {
-    /// With images of this velocity (m/s) in this height (m); `unit`: that of the forces.
-    fn new(velocity: f64, height: f64, unit: f64) -> Self {
-        Self {
-            rate: velocity / height,
-            per_unit: 1.0 / (height * unit),
-        }
+    /// In a sheared cell; `unit`: that of the forces (N, or N/m in 2D).
+    fn new(cell: Cell, unit: f64) -> Option<Self> {
+        let per_unit = 1.0 / (cell.sheared?.height * unit);
+        Some(Self { cell, per_unit })
     }
 
     /// m u_y u_y/h and m u_x u_y/h of a grain, in units of the forces.
     #[inline(always)]
     pub fn of<D: Dimension>(&self, mass: f64, fields: &[f64]) -> [f64; 2] {
-        let up = fields[D::VELOCITY + D::UP];
-        let along = fields[D::VELOCITY] - self.rate * fields[D::UP];
-        let flow = mass * self.per_unit * up;
-        [flow * up, flow * along]
+        let u = self.cell.peculiar_velocity::<D>(fields);
+        let flow = mass * self.per_unit * u[D::UP];
+        [flow * u[D::UP], flow * u[0]]
     }
 
     /// Over all grains of a rank, before the first step.
     pub fn over<D: Dimension>(cell: &Cell, grains: &Grains<D>) -> FlowSum {
         let mut sum = FlowSum::default();
-        if let Some(sheared) = cell.sheared {
-            let flow = Self::new(sheared.velocity, sheared.height, grains.units.force);
+        if let Some(flow) = Self::new(*cell, grains.units.force) {
             for (record, mass) in grains.record[..grains.owned].iter().zip(&grains.mass) {
                 sum.add(flow.of::<D>(*mass, D::fields(record)));
             }
@@ -148,20 +143,25 @@ impl<D: Dimension> Drive<D> for Images {
         let [predicted, _] = self.motion.predicted(step);
         let (before, height) = (sheared.height, self.motion.piston.height);
         let shrinks = before / height;
-        self.streaming = Some(Streaming {
-            stretches: [height / before, shrinks],
-            changes: [
-                (velocity - sheared.velocity) / before,
-                (predicted - velocity) / height,
-            ],
-            flow: MomentumFlow::new(predicted, height, grains.units.force),
-        });
+        let changes = [
+            (velocity - sheared.velocity) / before,
+            (predicted - velocity) / height,
+        ];
         (sheared.velocity, sheared.half_velocity) = (velocity, velocity);
         sheared.height = height;
         sheared.stretching = (height != before).then(|| {
             let mut stretching = Stretching::default();
             stretching.half[D::UP] = (1.0 - shrinks) / step;
             stretching
+        });
+        let sheared = Some(Sheared {
+            velocity: predicted,
+            ..*sheared
+        });
+        self.streaming = Some(Streaming {
+            stretches: [height / before, shrinks],
+            changes,
+            flow: MomentumFlow::new(Cell { sheared, ..*cell }, grains.units.force),
         });
     }
 
@@ -199,5 +199,39 @@ impl<D: Dimension> Drive<D> for Images {
 
     fn moved(&self) -> WallSteps {
         self.motion.moved()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::FixedPoint;
+
+    /// Contacts and flows of grains are added; one flow that cannot be counted ends the run.
+    #[test]
+    fn flows_are_added_or_end_the_run() {
+        let fixed = FixedPoint::new(1.0);
+        let value = |flows: &[[f64; 2]]| {
+            let mut sum = FlowSum::default();
+            for flow in flows {
+                let mut of_share = FlowSum::default();
+                of_share.add(*flow);
+                sum.merge(of_share);
+            }
+            let mut stress = [100, -7];
+            sum.add_to(&mut stress);
+            stress.map(|count| {
+                let mut to = Accumulator::default();
+                fixed.add_whole(&mut to, count, 1.0);
+                fixed.value(to)
+            })
+        };
+        assert_eq!(value(&[[2.0, -3.4], [1.0, 0.5]]), [103.0, -10.0]);
+        for flow in [[1e17, 0.0], [0.0, -1e17], [f64::NAN, 0.0]] {
+            assert!(
+                value(&[[1.0; 2], flow]).iter().all(|x| x.is_nan()),
+                "{flow:?}"
+            );
+        }
     }
 }

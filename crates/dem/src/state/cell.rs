@@ -187,6 +187,7 @@ impl Cell {
     }
 
     /// The velocity of a grain (m/s) less that with which it streams in a sheared cell.
+    #[inline(always)]
     pub fn peculiar_velocity<D: Dimension>(&self, fields: &[f64]) -> [f64; 3] {
         let mut u = [0.0; 3];
         u[..D::AXES].copy_from_slice(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
