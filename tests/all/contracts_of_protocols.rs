@@ -30,7 +30,8 @@ fn keeps_the_contracts(case: &Case) -> TempDir {
         gshear_mpi(ranks, &at(name), &arguments)
     };
     let skin = "--set=bookkeeping.skin=0.3";
-    let others = [skin, common::avx2(), "--threads=2"];
+    let restless = "--set=bookkeeping.tune_every=1";
+    let others = [skin, restless, "--threads=2"];
     for (ranks, further) in [(2, &others[..1]), (3, &others)] {
         let name = format!("on-{ranks}");
         let outcome = on(&name, ranks, further);
@@ -41,6 +42,7 @@ fn keeps_the_contracts(case: &Case) -> TempDir {
         "--set=output.series_rows=3",
         "--set=output.frame_rows=none",
         "--set=output.energy=false",
+        common::avx2(),
     ];
     assert_eq!(on("other", 1, &other).digest(), expected);
     for (k, step) in case.stops().into_iter().enumerate() {

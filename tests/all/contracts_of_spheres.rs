@@ -46,6 +46,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
             2,
             &[
                 "--set=bookkeeping.rebuild_every=7",
+                "--set=bookkeeping.tune_every=1",
                 "--set=output.frame_rows=500",
                 "--set=output.series_rows=1",
             ][..],
@@ -266,7 +267,11 @@ fn mixtures_keep_the_contracts() {
         gshear_mpi(ranks, &folder.path().join(name), &arguments)
     };
     let expected = run("one", 1, &[]).digest();
-    let rebuilt = ["--set=bookkeeping.rebuild_every=7", "--threads=2"];
+    let rebuilt = [
+        "--set=bookkeeping.rebuild_every=7",
+        "--set=bookkeeping.tune_every=1",
+        "--threads=2",
+    ];
     assert_eq!(run("three", 3, &rebuilt).digest(), expected);
     same_run(&folder.path().join("one"), &folder.path().join("three"));
     let file = hdf5::File::open(folder.path().join("one/run.h5")).expect("run.h5");

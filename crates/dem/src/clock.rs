@@ -68,9 +68,14 @@ impl Clock {
         self.seconds[StepPhase::Motion as usize] + self.seconds[StepPhase::Contacts as usize]
     }
 
+    /// Seconds in a phase on this rank.
+    pub fn seconds(&self, phase: StepPhase) -> f64 {
+        self.seconds[phase as usize]
+    }
+
     /// Mean seconds per step in a phase on this rank.
     pub fn per_step(&self, phase: StepPhase) -> f64 {
-        self.seconds[phase as usize] / self.steps.max(1) as f64
+        self.seconds(phase) / self.steps.max(1) as f64
     }
 
     /// A table of the phases: least, mean and greatest seconds over the ranks, and the share of the

@@ -97,6 +97,7 @@
 //! | [`contact`] | the interface of a law |
 //! | [`kernel`] | the loop over the contacts, sixteen at a time |
 //! | [`simd`], [`threads`] | instruction sets with the same bits, threads of a rank |
+//! | [`tuning`] | settings that are tried while a run goes on |
 //! | [`dimension`] | the differences between 2D and 3D |
 //! | [`state`], [`system`] | grains, contacts and the cell; their upkeep between two steps |
 //! | [`neighbour`] | cells and the half list of candidate pairs |
@@ -122,8 +123,8 @@
 //!
 //! The program keeps six contracts. None is traded for speed.
 //!
-//! 1. **Bookkeeping never reaches the numbers.** Ranks, slab cuts, skin, list rebuilds, threads and
-//!    instruction set do not change a bit.
+//! 1. **Bookkeeping never reaches the numbers.** Ranks, slab cuts, skin, list rebuilds, threads,
+//!    instruction set and tuning do not change a bit.
 //! 2. **Output changes nothing.** More frames or rows, analysis on or off: the digest is the same.
 //! 3. **Exact restart.** A run stopped at any step and resumed, on any number of ranks, ends with
 //!    the
@@ -160,5 +161,6 @@ pub mod state;
 pub mod step;
 pub mod system;
 pub mod threads;
+pub mod tuning;
 pub mod wave;
 pub mod workers;

@@ -67,7 +67,7 @@ pub fn advance<D: Dimension>(
     {
         system.shear(step * half_velocity);
     }
-    let (isa, cell) = (system.isa, system.cell);
+    let (isa, cell) = (system.tuning.passes().isa, system.cell);
     let mut fastest = drive.speed();
     let second_kick_deferred = std::mem::take(&mut system.second_kick_deferred);
     let streaming = drive.streaming();
@@ -120,6 +120,7 @@ pub fn advance<D: Dimension>(
     // Last, because the second kick leaves grains of walls at the velocity of the half step.
     drive.kick(step, load, &mut system.grains);
     system.clock.end(StepPhase::Motion);
+    system.tuning.end_step(system.clock.worked());
 
     Ok(stop)
 }
@@ -227,7 +228,6 @@ fn add_forces<D: Dimension>(
     mut samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
     let System {
-        isa,
         cell,
         grains,
         contacts,
@@ -239,6 +239,7 @@ fn add_forces<D: Dimension>(
         gravity,
         stress,
         step: full_step,
+        tuning,
         ..
     } = system;
     grains.force[grains.owned..].fill(Zeroable::zeroed());
@@ -249,12 +250,13 @@ fn add_forces<D: Dimension>(
     if *gravity != [0.0; 2] {
         weigh(grains, *gravity);
     }
-    let at_plane = drive.forces(*isa, *cell, step, grains);
+    let at_plane = drive.forces(tuning.passes(), *cell, step, grains);
     let is_stressed = drive.needs_stress(samples.is_some());
     if let Some(samples) = &mut samples {
         samples.prepare(contacts.blocks());
     }
     let input = PassInput {
+        settings: tuning.passes(),
         units: grains.units,
         cell: *cell,
         step,
@@ -266,7 +268,7 @@ fn add_forces<D: Dimension>(
             height: cell.sheared.map(|of| of.height).filter(|_| is_stressed),
         }),
     };
-    let input = ((*isa, law), input);
+    let input = (law, input);
     let (record, force) = (&mut grains.record, &mut grains.force);
     let mut outcome = PassOutcome::default();
     slabs.exchange(exchange, record, grains.owned, |owned| {

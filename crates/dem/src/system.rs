@@ -1,7 +1,7 @@
 //! The state of a rank between two steps, and the upkeep of its lists.
 
 use crate::budget::EnergyBudget;
-use crate::clock::Clock;
+use crate::clock::{Clock, StepPhase};
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
@@ -15,14 +15,13 @@ use crate::state::{
     Masses, Remembered, Units, body, length,
 };
 use crate::threads::{OwnedPart, ThreadPool};
+use crate::tuning::{self, Tuning};
 
 /// Bounds of an adaptive skin over d̄.
 const THINNEST_SKIN: f64 = 0.002;
 /// The greatest adaptive skin over d̄.
 pub const THICKEST_SKIN: f64 = 0.4;
 const FIRST_SKIN: f64 = 0.02;
-/// Steps between rebuilds with the best skin: a rebuild costs about as much as ten steps.
-const BEST_LIFE: f64 = 600.0;
 
 /// The grains and contacts of this rank, and the bookkeeping for them.
 #[derive(Debug)]
@@ -60,6 +59,8 @@ pub struct System<D: Dimension> {
     pub clock: Clock,
     /// The threads of this rank.
     pub pool: ThreadPool<D>,
+    /// Settings that are tried.
+    pub tuning: Tuning,
     /// The energy budget, if it is kept.
     pub budget: Option<EnergyBudget>,
     /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of the last step with its
@@ -91,8 +92,10 @@ pub struct List {
     bound: f64,
     /// Upper bound of the lengths of the paths since then (m).
     pub(crate) travelled: f64,
-    /// [`Clock::worked`] at the last rebuild (s).
+    /// [`Clock::worked`] when the grains last migrated (s).
     worked: f64,
+    /// The seconds of computing and of lists, before the present one.
+    spent: f64,
     /// Mean distance in memory of the two grains of a pair, in grains: of this list, and of that
     /// for which the grains were last sorted.
     reach: f64,
@@ -276,17 +279,25 @@ impl List {
         self.diameter + self.gap + self.skin
     }
 
+    fn adapts(&self) -> bool {
+        self.rebuilds > 0 && self.every == 0
+    }
+
+    /// Whether the skin could have been another one.
+    fn is_free(&self) -> bool {
+        self.adapts() && self.range[0] < self.skin && self.skin < self.range[1]
+    }
+
     /// Whether neighbours have drifted apart in memory since the grains were sorted.
     fn scattered(&self) -> bool {
         self.reach > 1.5 * self.reach_when_sorted
     }
 
-    /// Adapts the skin: thicker if rebuilds are frequent, thinner if they are rare, because pairs
-    /// that do not touch cost time, too.
-    fn adapt(&mut self, steps: u64) {
-        let lasted = steps - self.built;
-        if self.rebuilds > 0 && self.every == 0 {
-            self.skin *= (BEST_LIFE / lasted as f64).clamp(0.5, 2.0);
+    /// Adapts the skin to lists that last so many steps: with a thicker one pairs that do not
+    /// touch cost more time, with a thinner one rebuilds.
+    fn adapt(&mut self, lasted: u64, life: f64) {
+        if self.adapts() {
+            self.skin *= (life / lasted as f64).clamp(0.5, 2.0);
             self.skin = self.skin.clamp(self.range[0], self.range[1]);
         }
     }
@@ -336,6 +347,8 @@ pub struct Setup {
     pub typical_force: f64,
     /// Threads of this rank.
     pub threads: usize,
+    /// Which settings are tried while the run goes on.
+    pub tuning: tuning::Plan,
 }
 
 impl Setup {
@@ -352,6 +365,7 @@ impl Setup {
             gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
+            tuning: tuning::Plan::default(),
         }
     }
 
@@ -384,6 +398,7 @@ impl<D: Dimension> System<D> {
             second_kick_deferred: false,
             clock: Clock::default(),
             pool: ThreadPool::new(of.threads)?,
+            tuning: Tuning::new(&of.tuning, of.isa),
             budget: None,
             stress: None,
             ids: Ids::default(),
@@ -493,7 +508,14 @@ impl<D: Dimension> System<D> {
         law: &dyn PairForce<D>,
         drive: &mut dyn Drive<D>,
     ) -> Result<()> {
-        self.list.adapt(self.steps);
+        let lasted = self.steps - self.list.built;
+        let spent = self.clock.worked() + self.clock.seconds(StepPhase::Rebuild);
+        let per_step = (spent - self.list.spent) / lasted as f64;
+        self.list.spent = spent;
+        if self.list.is_free() {
+            self.tuning.end_list(|| exchange.maximum(per_step));
+        }
+        self.list.adapt(lasted, self.tuning.life());
         if exchange.size() > 1 || self.list.scattered() {
             let (grains, contacts) = (self.grain_states(), self.contact_states(law));
             return self.replace(exchange, law, drive, grains, contacts);

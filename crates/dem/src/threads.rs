@@ -10,7 +10,6 @@ use bytemuck::Zeroable;
 use crate::dimension::Dimension;
 use crate::failure::Result;
 use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Scratch};
-use crate::simd::Isa;
 use crate::state::{CandidatePair, Contacts, Grains, Image};
 use crate::workers::{Workers, tail, tail_mut};
 
@@ -45,9 +44,6 @@ struct PartialForces<D: Dimension> {
     used: Vec<bool>,
     scratch: Box<Scratch<D>>,
 }
-
-/// The instruction set and the law of a pass.
-type Forces<'a, D> = (Isa, &'a dyn PairForce<D>);
 
 impl<D: Dimension> ThreadPool<D> {
     /// Starts a pool of `threads` threads, the calling one included.
@@ -141,7 +137,7 @@ impl<D: Dimension> ThreadPool<D> {
     /// Adds the forces of the pairs within the shares.
     pub fn forces_within_shares(
         &mut self,
-        (of, input): (Forces<'_, D>, PassInput),
+        (law, input): (&dyn PairForce<D>, PassInput),
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
@@ -167,7 +163,7 @@ impl<D: Dimension> ThreadPool<D> {
             };
             passes.push((pass, &mut **scratch));
         }
-        let outcome = compute(self.workers.as_ref(), of, passes);
+        let outcome = compute(self.workers.as_ref(), law, passes);
         contacts.shares = shares;
         outcome
     }
@@ -176,7 +172,7 @@ impl<D: Dimension> ThreadPool<D> {
     /// `force`, each other thread to its partial forces.
     pub fn other_forces(
         &mut self,
-        (of, input): (Forces<'_, D>, PassInput),
+        (law, input): (&dyn PairForce<D>, PassInput),
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
@@ -205,7 +201,7 @@ impl<D: Dimension> ThreadPool<D> {
             };
             passes.push((pass, &mut **scratch));
         }
-        compute(self.workers.as_ref(), of, passes)
+        compute(self.workers.as_ref(), law, passes)
     }
 
     /// Adds the partial forces to the forces on the grains, and clears them.
@@ -296,20 +292,20 @@ impl<D: Dimension> ThreadPool<D> {
 /// Computes all parts of a pass, from the last to the first, which the calling thread computes.
 fn compute<D: Dimension>(
     workers: Option<&Workers>,
-    (isa, law): Forces<'_, D>,
+    law: &dyn PairForce<D>,
     mut parts: Vec<(Pass<'_, D>, &mut Scratch<D>)>,
 ) -> PassOutcome {
     let (first, scratch_of_first) = parts.pop().expect("every thread has a part");
     let Some(workers) = workers else {
-        return law.pass(isa, first, scratch_of_first);
+        return law.pass(first, scratch_of_first);
     };
     let mut outcomes = vec![PassOutcome::default(); parts.len()];
     let mut outcome = PassOutcome::default();
     workers.region(|scope| {
         for ((part, scratch), outcome) in parts.into_iter().zip(&mut outcomes) {
-            scope.spawn(move |_| *outcome = law.pass(isa, part, scratch));
+            scope.spawn(move |_| *outcome = law.pass(part, scratch));
         }
-        outcome = law.pass(isa, first, scratch_of_first);
+        outcome = law.pass(first, scratch_of_first);
     });
     outcomes.into_iter().rev().fold(outcome, PassOutcome::merge)
 }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::Snapshot;
+use gshear_dem::tuning::Tuned;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_store::checkpoint;
@@ -78,6 +79,9 @@ pub trait Stage {
     /// # Errors
     /// A file that cannot be written.
     fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint>;
+
+    /// The fastest settings so far, if they are not those of the start.
+    fn tuned(&self) -> Option<Tuned>;
 
     /// How far the stage has come.
     fn standing(&self) -> Standing;
@@ -175,6 +179,7 @@ impl<'a> Run<'a> {
                 Save::IfOld => stopped || self.last_checkpoint_is_old(),
             };
             if due {
+                self.record.tuned = stage.tuned();
                 let saved = stage.checkpoint(self).and_then(|of| self.save(&of));
                 saved.map_err(|e| in_stage(e, name))?;
             }
@@ -190,6 +195,8 @@ impl<'a> Run<'a> {
                 return Ok(Outcome::Stopped);
             }
         }
+        // The next stage begins with them.
+        self.record.tuned = stage.tuned();
         self.terminal.clear();
         self.terminal.set(&stage.standing());
         Ok(Outcome::Done)

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use gshear_dem::tuning::Tuned;
 use gshear_scene::Scene;
 use gshear_scene::identity::{hash, identity};
 use gshear_store::h5::Attribute;
@@ -19,6 +20,9 @@ pub struct RunRecord {
     /// Every resume so far.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub resumed: Vec<Continuation>,
+    /// The settings that were the fastest, to begin with after a resume.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tuned: Option<Tuned>,
 }
 
 /// The checkpoint from which a branch begins.
@@ -62,6 +66,7 @@ impl RunRecord {
             id: identity(scene),
             parent: None,
             resumed: Vec::new(),
+            tuned: None,
         }
     }
 
@@ -76,6 +81,7 @@ impl RunRecord {
                 at,
             }),
             resumed: Vec::new(),
+            tuned: None,
         }
     }
 

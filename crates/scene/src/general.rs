@@ -3,6 +3,7 @@
 use gshear_dem::laws::keys::{Change, FROM_ZERO, Integers, KeyReader, NOT_NEGATIVE, UNIT};
 use gshear_dem::simd::Isa;
 use gshear_dem::system::ListSettings;
+use gshear_dem::tuning::Tune;
 
 use crate::checker::Checker;
 use crate::table::table;
@@ -36,6 +37,10 @@ table! {
         rebuild_every: Whole(FROM_ZERO) { default: "0" },
         /// instruction set of the kernel; changes speed, not results
         simd: Text(&SIMD_NAMES) { default: SIMD_NAMES[0] },
+        /// while the run goes on, try other chunks, prefetching, instruction sets and skins, and keep the fastest; changes speed, not results
+        tune: Flag { default: "true" },
+        /// for tests: change these settings every so many steps, whatever is faster; 0 is never
+        tune_every: Whole(FROM_ZERO) { default: "0" },
         /// a run ends if a rank has not answered for so long; 0 is never
         watchdog: Number(NOT_NEGATIVE) { unit: "s", default: "600.0" },
     }
@@ -48,6 +53,8 @@ pub struct Bookkeeping {
     pub list: ListSettings,
     /// Instruction set of the kernel: one of `SIMD_NAMES`.
     pub simd: &'static str,
+    /// Whether settings are tried while the run goes on.
+    pub tune: Tune,
     /// Time after which a rank that does not answer ends the run (s); 0 is never.
     pub watchdog: f64,
 }
@@ -60,6 +67,8 @@ pub(crate) fn check_bookkeeping(c: &mut Checker<'_>) -> Bookkeeping {
     let skin = c.number(&keys.skin);
     let rebuild_every = c.count(&keys.rebuild_every);
     let simd = c.choice(&keys.simd);
+    let tune = c.flag_or_default(&keys.tune);
+    let tune_every = c.count(&keys.tune_every);
     let watchdog = c.number_or_default(&keys.watchdog);
     if let Some(name) = simd.filter(|name| Isa::named(name).is_none()) {
         let what =
@@ -72,6 +81,11 @@ pub(crate) fn check_bookkeeping(c: &mut Checker<'_>) -> Bookkeeping {
             rebuild_every,
         },
         simd: simd.unwrap_or("auto"),
+        tune: match tune_every {
+            0 if tune => Tune::InTurns,
+            0 => Tune::Never,
+            steps => Tune::Every(steps),
+        },
         watchdog,
     }
 }

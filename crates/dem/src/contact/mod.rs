@@ -122,9 +122,8 @@ pub const TORQUES: usize = 4;
 /// [`crate::state::ContactState`]: its history, then its torques.
 pub type History = [f64; 3 + TORQUES];
 
-/// Most blocks that a law is given at once: enough for the processor to overlap them, few enough
-/// for its first-level cache.
-pub const CHUNK: usize = 4;
+/// Most blocks that a law is given at once; a run gives it as many as its settings say.
+pub const CHUNK: usize = 8;
 
 /// Number of quantities that a loop of a law may pass to the next loop.
 pub const CARRY: usize = 4;

@@ -23,9 +23,10 @@ use crate::contact::{
 };
 use crate::dimension::Dimension;
 use crate::simd::{
-    Isa, LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
+    LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
 };
 use crate::state::{BlockRange, Cell, Units, length};
+use crate::tuning::PassSettings;
 use crate::workers::tail_mut;
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
@@ -114,6 +115,8 @@ pub struct Pass<'a, D: Dimension> {
 /// What all parts of a pass share.
 #[derive(Debug, Clone, Copy)]
 pub struct PassInput {
+    /// How it works.
+    pub settings: PassSettings,
     /// The units to which forces and torques are rounded.
     pub units: Units,
     /// The cell.
@@ -184,17 +187,13 @@ impl PassOutcome {
 /// virtual call per pass. Implemented for every [`ContactLaw`]; [`crate::laws`] makes them.
 pub trait PairForce<D: Dimension>: PairModel {
     /// Adds the contact forces to the grains and advances the histories.
-    fn pass(&self, isa: Isa, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome;
+    fn pass(&self, pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome;
 }
 
 impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
-    fn pass(
-        &self,
-        isa: Isa,
-        pass: Pass<'_, C::Space>,
-        scratch: &mut Scratch<C::Space>,
-    ) -> PassOutcome {
+    fn pass(&self, pass: Pass<'_, C::Space>, scratch: &mut Scratch<C::Space>) -> PassOutcome {
         let (law, first) = (self, pass.part.first);
+        let isa = pass.input.settings.isa;
         let has_budget = pass.input.counting.is_some_and(|of| of.unit.is_some());
         // The portable arrays always account for the dissipation: one instance a law suffices.
         let with_budget =
@@ -222,8 +221,8 @@ struct PassWork<'a, C: ContactLaw, const BUDGET: bool> {
     scratch: &'a mut Scratch<C::Space>,
 }
 
-/// Size of the records (bytes) beyond which the next chunk is prefetched: with their contacts, six
-/// times as much, they fill a last-level cache. Prefetching makes larger packings a third faster,
+/// Size of the records (bytes) beyond which the next chunk is prefetched unless the settings say
+/// otherwise: with their contacts, six times as much, they fill a last-level cache. Prefetching makes larger packings a third faster,
 /// and costs some 5 % where the cache holds all (docs/lab/speed.md).
 const CACHED: usize = 3 << 20;
 
@@ -279,12 +278,18 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
         } = self;
         let pass = &mut pass;
         let mut outcome = PassOutcome::default();
-        let prefetches = size_of_val(pass.record) > CACHED;
-        let travelled = pass.input.travelled;
-        let mut next = pass.part.awake(0, CHUNK, travelled);
+        let PassInput {
+            settings,
+            travelled,
+            ..
+        } = pass.input;
+        let fills_a_cache = size_of_val(pass.record) > CACHED;
+        let prefetches = settings.prefetch.unwrap_or(fills_a_cache);
+        let blocks = settings.blocks.clamp(1, CHUNK);
+        let mut next = pass.part.awake(0, blocks, travelled);
         while !next.is_empty() {
             let chunk = next;
-            next = pass.part.awake(chunk.end, CHUNK, travelled);
+            next = pass.part.awake(chunk.end, blocks, travelled);
             if prefetches {
                 prefetch_blocks(pass, next.clone());
             }

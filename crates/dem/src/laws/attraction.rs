@@ -123,9 +123,9 @@ impl<D: Dimension> PairModel for Attracting<D> {
 }
 
 impl<D: Dimension> PairForce<D> for Attracting<D> {
-    fn pass(&self, isa: Isa, mut pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
+    fn pass(&self, mut pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
         pass.input.attraction = Some(self.attraction);
-        self.law.pass(isa, pass, scratch)
+        self.law.pass(pass, scratch)
     }
 }
 

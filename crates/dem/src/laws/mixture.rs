@@ -130,7 +130,7 @@ impl<D: Dimension> PairModel for Mixture<D> {
 }
 
 impl<D: Dimension> PairForce<D> for Mixture<D> {
-    fn pass(&self, isa: Isa, mut pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
+    fn pass(&self, mut pass: Pass<'_, D>, scratch: &mut Scratch<D>) -> PassOutcome {
         let mut outcome = PassOutcome::default();
         for (kind, blocks) in runs(pass.part.kinds) {
             let until = pass.part.first + blocks;
@@ -143,7 +143,7 @@ impl<D: Dimension> PairForce<D> for Mixture<D> {
                 part: std::mem::replace(&mut pass.part, rest),
                 samples: std::mem::replace(&mut pass.samples, rest_of_samples),
             };
-            outcome = outcome.merge(self.laws[kind].pass(isa, of_kind, scratch));
+            outcome = outcome.merge(self.laws[kind].pass(of_kind, scratch));
         }
         outcome
     }

@@ -374,6 +374,17 @@ impl Isa {
         }
     }
 
+    /// The other one of AVX-512 and AVX2, if the processor has both; else this one.
+    #[must_use]
+    pub fn other(self) -> Self {
+        let name = match self {
+            Isa::Avx512(_) => "avx2",
+            Isa::Avx2(_) => "avx512",
+            Isa::Portable => "portable",
+        };
+        Self::named(name).unwrap_or(self)
+    }
+
     /// Does the work with this instruction set.
     pub fn run<W: Work>(self, work: W) -> W::Output {
         let portable = |work: W| work.run::<Portable>(PortableToken);

@@ -12,8 +12,9 @@ use gshear_dem::state::{
 };
 use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{Setup, System};
+use gshear_dem::tuning;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Boundary, Scene};
+use gshear_scene::{Boundary, SIMD_NAMES, Scene};
 
 use crate::run::Run;
 
@@ -146,6 +147,11 @@ pub(crate) fn system<D: Dimension>(run: &Run<'_>, scene: &Scene, cell: Cell) -> 
         gravity,
         typical_force,
         threads: run.options.threads,
+        tuning: tuning::Plan {
+            tune: scene.bookkeeping.tune,
+            isa_is_given: scene.bookkeeping.simd != SIMD_NAMES[0],
+            tuned: run.record.tuned.clone(),
+        },
     };
     let mut system = System::new(run.exchange, setup)?;
     if let Some(file) = scene.packing() {

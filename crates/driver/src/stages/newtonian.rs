@@ -8,6 +8,7 @@ use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Displacement, Snapshot};
 use gshear_dem::system::System;
+use gshear_dem::tuning::Tuned;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
 use gshear_scene::unlikely::intervals_of_newtonian;
@@ -263,6 +264,10 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         }
         self.assembly.system.clock.end(StepPhase::Output);
         Ok(())
+    }
+
+    fn tuned(&self) -> Option<Tuned> {
+        self.assembly.system.tuning.tuned()
     }
 
     fn standing(&self) -> Standing {

@@ -8,6 +8,7 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
 use gshear_dem::state::{Confinement, Snapshot, body};
+use gshear_dem::tuning::Tuned;
 use gshear_scene::insertion::freeze_walls;
 use gshear_scene::schedule::packing_time;
 use gshear_scene::{Load, PlaneShear, Scene};
@@ -244,6 +245,10 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         }
         self.assembly.system.clock.end(StepPhase::Output);
         Ok(())
+    }
+
+    fn tuned(&self) -> Option<Tuned> {
+        self.assembly.system.tuning.tuned()
     }
 
     fn standing(&self) -> Standing {

@@ -12,6 +12,7 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants, UpperEnd};
 use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
+use gshear_dem::tuning::Tuned;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{PlaneShear, Scene};
@@ -443,6 +444,10 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             state: self.state(),
             keep: self.scene.keep_checkpoints,
         })
+    }
+
+    fn tuned(&self) -> Option<Tuned> {
+        self.assembly.system.tuning.tuned()
     }
 
     fn standing(&self) -> Standing {

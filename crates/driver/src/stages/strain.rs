@@ -4,6 +4,7 @@
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Result;
 use gshear_dem::state::{HeldState, Snapshot};
+use gshear_dem::tuning::Tuned;
 use gshear_scene::{Deformation, PeriodicBox, Scene};
 use gshear_store::box_columns::AqsRow;
 use gshear_store::file_names::RUN_FILE;
@@ -372,6 +373,10 @@ impl<D: Dimension> Stage for Strain<'_, D> {
             self.held.clear();
         }
         Ok(())
+    }
+
+    fn tuned(&self) -> Option<Tuned> {
+        self.assembly.system.tuning.tuned()
     }
 
     fn standing(&self) -> Standing {

@@ -405,6 +405,7 @@ impl Terminal {
             "{rebuilds} list rebuilds; state {:.0} bytes per grain of a rank",
             memory / system.owned().max(1) as f64
         ));
+        self.say(system.tuning.to_string());
         self.say(format!(
             "speed {:.4} million grain-steps/s of {}",
             1e-6 * speed,

@@ -1,0 +1,422 @@
+//! Settings on which the speed of a run depends, and none of its bits: while it goes on, others are
+//! tried in turns with the present ones, and the fastest are kept.
+//!
+//! Times of a shared machine scatter by more than settings differ, so a time is only compared with
+//! that of the turn before it. Another setting that was slower in [`LOSSES`] pairs of turns is
+//! dropped; one that was faster in [`WINS`] pairs before is kept, if its median gain is
+//! [`LEAST_GAIN`]. Between two rounds the run rests for [`REST`] times as many turns as the first
+//! took, so that trials of slow settings cost little.
+
+use serde::{Deserialize, Serialize};
+
+use crate::contact::CHUNK;
+use crate::simd::Isa;
+
+/// Pairs of turns in which another setting must have been faster to be kept, and slower to be
+/// dropped.
+const WINS: usize = 9;
+const LOSSES: usize = 3;
+/// Median time of the present setting over that of another one that is worth a change.
+const LEAST_GAIN: f64 = 1.02;
+/// Turns before the first round, in which caches fill and the skin adapts.
+const WARM_UP: u32 = 8;
+/// Turns between rounds, over those of a round.
+const REST: u32 = 50;
+/// Least time of a turn of passes (s).
+const TURN: f64 = 2e-3;
+/// Steps between rebuilds before anything was tried: a rebuild costs about as much as ten steps.
+const LIFE: f64 = 600.0;
+
+/// What can be tried.
+trait Tunable: Copy + PartialEq {
+    /// The k-th variation of this setting; `None` from some k on.
+    fn variation(self, k: usize) -> Option<Self>;
+}
+
+/// How a pass over the contacts works.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PassSettings {
+    /// The instruction set.
+    pub isa: Isa,
+    /// Blocks at a time, up to [`CHUNK`].
+    pub blocks: usize,
+    /// Whether the next blocks are prefetched; `None`: if the records fill a cache.
+    pub prefetch: Option<bool>,
+}
+
+impl PassSettings {
+    /// What is right for most processors.
+    pub fn new(isa: Isa) -> Self {
+        Self {
+            isa,
+            blocks: 4,
+            prefetch: None,
+        }
+    }
+}
+
+/// Number of variations of a [`PassSettings`].
+const VARIATIONS: usize = 8;
+
+impl Tunable for PassSettings {
+    fn variation(self, k: usize) -> Option<Self> {
+        let blocks = |blocks| Self { blocks, ..self };
+        let prefetch = |prefetch| Self { prefetch, ..self };
+        Some(match k {
+            0 => blocks(2),
+            1 => blocks(3),
+            2 => blocks(4),
+            3 => blocks(6),
+            4 => blocks(8),
+            5 => prefetch(Some(false)),
+            6 => prefetch(Some(true)),
+            // Last, so that it is left out where the scene gives the instruction set.
+            7 => Self {
+                isa: self.isa.other(),
+                ..self
+            },
+            _ => return None,
+        })
+    }
+}
+
+/// Steps between rebuilds at which the skin aims.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Life(f64);
+
+impl Life {
+    fn new(steps: f64) -> Self {
+        Self(steps.clamp(0.5 * LIFE, 4.0 * LIFE))
+    }
+}
+
+impl Tunable for Life {
+    fn variation(self, k: usize) -> Option<Self> {
+        let factor = [1.5, 1.0 / 1.5].get(k)?;
+        Some(Self::new(self.0 * factor))
+    }
+}
+
+/// Tries other settings in turns with the present one.
+#[derive(Debug)]
+struct Tuner<S> {
+    /// The setting of this turn.
+    now: S,
+    /// The fastest so far.
+    kept: S,
+    /// Number of variations.
+    count: usize,
+    /// The variation that is tried, or the next one.
+    tried: usize,
+    /// Time per step of the first turn of a pair (s).
+    first: Option<f64>,
+    /// Times of the kept setting over those of the other one, by pairs of turns.
+    gains: Vec<f64>,
+    /// Turns of this round, and turns until the next one.
+    turns: u32,
+    rest: u32,
+    /// How many settings were tried so far, and kept.
+    trials: u32,
+    changes: u32,
+}
+
+impl<S: Tunable> Tuner<S> {
+    fn new(setting: S, count: usize) -> Self {
+        Self {
+            now: setting,
+            kept: setting,
+            count,
+            tried: 0,
+            first: None,
+            gains: Vec::new(),
+            turns: 0,
+            rest: WARM_UP,
+            trials: 0,
+            changes: 0,
+        }
+    }
+
+    /// Whether the time of this turn matters.
+    fn measures(&self) -> bool {
+        self.rest == 0
+    }
+
+    /// Ends a turn that took this time per step, and begins the next.
+    fn turn(&mut self, seconds: f64) {
+        if self.rest > 0 {
+            self.rest -= 1;
+            if self.rest == 0 {
+                self.begin(0);
+            }
+            return;
+        }
+        self.turns += 1;
+        let other = self.kept.variation(self.tried).unwrap_or(self.kept);
+        let Some(first) = self.first.take() else {
+            self.first = Some(seconds);
+            self.now = if self.now == self.kept {
+                other
+            } else {
+                self.kept
+            };
+            return;
+        };
+        // The second turn of a pair is of the same setting as the first of the next: what changes
+        // slowly favours each setting in every second pair.
+        let gain = if self.now == other {
+            first / seconds
+        } else {
+            seconds / first
+        };
+        self.gains.push(gain);
+        let wins = self.gains.iter().filter(|gain| **gain > 1.0).count();
+        if wins == WINS {
+            self.gains.sort_unstable_by(f64::total_cmp);
+            if self.gains[self.gains.len() / 2] >= LEAST_GAIN {
+                self.kept = other;
+                self.changes += 1;
+            }
+            self.begin(self.tried + 1);
+        } else if self.gains.len() - wins == LOSSES {
+            self.begin(self.tried + 1);
+        }
+    }
+
+    /// Tries the first variation from the k-th on that is another setting, or rests.
+    fn begin(&mut self, k: usize) {
+        self.gains.clear();
+        self.now = self.kept;
+        let is_other = |k: &usize| self.kept.variation(*k) != Some(self.kept);
+        if let Some(tried) = (k..self.count).find(is_other) {
+            self.tried = tried;
+            self.trials += 1;
+        } else {
+            self.rest = REST * self.turns.max(1);
+            self.turns = 0;
+        }
+    }
+
+    /// Changes the setting without measuring anything.
+    fn change(&mut self) {
+        self.trials += 1;
+        self.tried = (self.tried + 1) % self.count;
+        self.now = self.now.variation(self.tried).unwrap_or(self.kept);
+    }
+}
+
+/// Whether settings are tried.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Tune {
+    /// They stay as they are.
+    #[default]
+    Never,
+    /// They are tried in turns.
+    InTurns,
+    /// They change every so many steps, and with every list, whatever is faster: for tests.
+    Every(u64),
+}
+
+/// Which settings a run tries.
+#[derive(Debug, Clone, Default)]
+pub struct Plan {
+    /// Whether they are tried.
+    pub tune: Tune,
+    /// Whether the instruction set stays.
+    pub isa_is_given: bool,
+    /// The settings with which the run begins.
+    pub tuned: Option<Tuned>,
+}
+
+/// The settings of a run as it tries them.
+#[derive(Debug)]
+pub struct Tuning {
+    tune: Tune,
+    /// The instruction set without any trial.
+    isa: Isa,
+    passes: Tuner<PassSettings>,
+    lists: Tuner<Life>,
+    /// Steps of this turn, and the seconds of computing before it.
+    steps: u64,
+    worked: f64,
+}
+
+/// Settings of a run, for one that goes on with it on another day.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tuned {
+    simd: String,
+    blocks: usize,
+    prefetch: Option<bool>,
+    list_steps: f64,
+}
+
+impl Tuning {
+    /// Begins with the settings of the plan, as far as this processor has them; `isa`: without
+    /// those.
+    pub fn new(plan: &Plan, isa: Isa) -> Self {
+        let (tune, keeps) = (plan.tune, plan.isa_is_given);
+        let (mut passes, mut life) = (PassSettings::new(isa), Life::new(LIFE));
+        if let Some(of) = plan.tuned.as_ref().filter(|_| tune != Tune::Never) {
+            let tuned = Isa::named(&of.simd).filter(|_| !keeps);
+            passes = PassSettings {
+                isa: tuned.unwrap_or(isa),
+                blocks: of.blocks.clamp(1, CHUNK),
+                prefetch: of.prefetch,
+            };
+            life = Life::new(of.list_steps);
+        }
+        Self {
+            tune,
+            isa,
+            passes: Tuner::new(passes, VARIATIONS - usize::from(keeps)),
+            lists: Tuner::new(life, 2),
+            steps: 0,
+            worked: 0.0,
+        }
+    }
+
+    /// How the next pass works.
+    pub fn passes(&self) -> PassSettings {
+        self.passes.now
+    }
+
+    /// Steps for which the next list is to last.
+    pub fn life(&self) -> f64 {
+        self.lists.now.0
+    }
+
+    /// Ends a step. `worked`: [`Clock::worked`](crate::clock::Clock::worked).
+    pub fn end_step(&mut self, worked: f64) {
+        self.steps += 1;
+        let seconds = worked - self.worked;
+        match self.tune {
+            Tune::Never => return,
+            Tune::InTurns if seconds < TURN => return,
+            Tune::InTurns => self.passes.turn(seconds / self.steps as f64),
+            Tune::Every(steps) if self.steps < steps => return,
+            Tune::Every(_) => self.passes.change(),
+        }
+        (self.steps, self.worked) = (0, worked);
+    }
+
+    /// Ends the life of a list. `seconds`: those of its making and of the computing with it, per
+    /// step of the slowest rank, so the same on every rank; asked for only if they matter.
+    pub fn end_list(&mut self, seconds: impl FnOnce() -> f64) {
+        match self.tune {
+            Tune::Never => {}
+            Tune::InTurns => {
+                let seconds = if self.lists.measures() {
+                    seconds()
+                } else {
+                    0.0
+                };
+                self.lists.turn(seconds);
+            }
+            Tune::Every(_) => self.lists.change(),
+        }
+    }
+
+    /// What was kept, unless it is what a run begins with anyway.
+    pub fn tuned(&self) -> Option<Tuned> {
+        let (passes, life) = (self.passes.kept, self.lists.kept);
+        let is_changed = (passes, life) != (PassSettings::new(self.isa), Life::new(LIFE));
+        is_changed.then(|| Tuned {
+            simd: passes.isa.name().into(),
+            blocks: passes.blocks,
+            prefetch: passes.prefetch,
+            list_steps: life.0,
+        })
+    }
+}
+
+impl std::fmt::Display for Tuning {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let PassSettings {
+            isa,
+            blocks,
+            prefetch,
+        } = self.passes.kept;
+        let prefetches = match prefetch {
+            None => "prefetching what a cache does not hold",
+            Some(true) => "prefetching",
+            Some(false) => "no prefetching",
+        };
+        let (name, life) = (isa.name(), self.lists.kept.0);
+        let tried = self.passes.trials + self.lists.trials;
+        let changes = self.passes.changes + self.lists.changes;
+        write!(
+            f,
+            "settings: {name}, {blocks} blocks at a time, {prefetches}, lists for {life:.0} steps; others tried {tried} times, kept {changes} times",
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Seconds per step of a setting, on a machine that slows down and is disturbed now and then.
+    fn seconds(blocks: usize, turn: u32) -> f64 {
+        let of_setting = [(2, 1.1), (3, 1.0), (4, 1.0), (6, 0.9), (8, 0.97)];
+        let (_, seconds) = of_setting[of_setting.iter().position(|of| of.0 == blocks).unwrap()];
+        let disturbed = if turn % 11 == 3 { 3.0 } else { 1.0 };
+        seconds * disturbed * (1.0 + 1e-3 * f64::from(turn))
+    }
+
+    #[test]
+    fn the_fastest_setting_is_kept_on_a_machine_that_slows_down() {
+        let mut tuner = Tuner::new(PassSettings::new(Isa::Portable), 5);
+        let mut tried = Vec::new();
+        for turn in 0..200 {
+            tuner.turn(seconds(tuner.now.blocks, turn));
+            tried.push(tuner.now.blocks);
+        }
+        assert_eq!(tuner.kept.blocks, 6);
+        assert!([2, 3, 4, 6, 8].iter().all(|blocks| tried.contains(blocks)));
+        assert_eq!(tuner.now, tuner.kept, "it rests");
+        assert_eq!((tuner.trials, tuner.changes), (4, 1));
+    }
+
+    #[test]
+    fn equal_settings_stay() {
+        let start = PassSettings::new(Isa::detect());
+        let mut tuner = Tuner::new(start, VARIATIONS);
+        for turn in 0..2000_u32 {
+            tuner.turn(1.0 + 0.01 * f64::from(turn * 7919 % 13));
+        }
+        assert_eq!((tuner.kept, tuner.changes), (start, 0));
+    }
+
+    #[test]
+    fn a_run_begins_with_what_it_knows() {
+        let plan = |isa_is_given, tune| Plan {
+            tune,
+            isa_is_given,
+            tuned: Some(Tuned {
+                simd: "portable".into(),
+                blocks: 100,
+                prefetch: Some(true),
+                list_steps: 900.0,
+            }),
+        };
+        let best = Isa::detect();
+        let of = |plan| {
+            let tuning = Tuning::new(&plan, best);
+            (tuning.passes(), tuning.life())
+        };
+        let known = |isa| PassSettings {
+            isa,
+            blocks: CHUNK,
+            prefetch: Some(true),
+        };
+        assert_eq!(
+            of(plan(false, Tune::InTurns)),
+            (known(Isa::Portable), 900.0)
+        );
+        assert_eq!(of(plan(true, Tune::InTurns)), (known(best), 900.0));
+        assert_eq!(
+            of(plan(false, Tune::Never)),
+            (PassSettings::new(best), LIFE)
+        );
+    }
+}
