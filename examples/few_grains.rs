@@ -11,10 +11,9 @@ use gshear_dem::kernel::ContactForces;
 use gshear_dem::laws::Contact;
 use gshear_dem::laws::hooke::{Hooke, Springs};
 use gshear_dem::observe;
-use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, GrainState, Masses, body};
 use gshear_dem::step::{StepRequest, advance, initial_forces};
-use gshear_dem::system::{ListSettings, Setup, System};
+use gshear_dem::system::{Setup, System};
 
 /// R, the same of all (m).
 const RADIUS: f64 = 1e-3;
@@ -37,17 +36,10 @@ fn main() -> Result<()> {
     let law = Hooke::<Two, true, false>::new(&springs, &contact);
 
     let step = 1e-6;
+    let cell = Cell::between_walls([f64::from(ROW) * 2.0 * RADIUS, f64::INFINITY]);
     let setup = Setup {
-        isa: Isa::detect(),
-        list: ListSettings::default(),
-        cell: Cell::between_walls([f64::from(ROW) * 2.0 * RADIUS, f64::INFINITY]),
-        largest_radius: RADIUS,
-        mean_diameter: 2.0 * RADIUS,
-        masses: Masses::Density(springs.density),
-        step,
         gravity: [0.0, 9.81],
-        typical_force: 1.0,
-        threads: 1,
+        ..Setup::new(cell, RADIUS, Masses::Density(springs.density), step)
     };
     // One rank. With `gshear_mpi_exchange::World` the same calls run on all ranks of an MPI job.
     let exchange = Solo;

@@ -5,6 +5,7 @@ use gshear_dem::domain::Accumulator;
 use gshear_dem::drive::{Drive, Felt, WallForces, WallSteps};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
+use gshear_dem::tuning::PassSettings;
 
 /// The velocity that the dampers of a contact take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,12 +67,12 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
 
     fn forces(
         &mut self,
-        isa: Isa,
+        settings: PassSettings,
         cell: Cell,
         step: f64,
         grains: &mut Grains<Two>,
     ) -> Option<usize> {
-        self.walls.forces(isa, cell, step, grains)
+        self.walls.forces(settings, cell, step, grains)
     }
 
     fn load(&self, felt: &Felt<'_, Two>, to: &mut [Accumulator; 3]) {

@@ -83,7 +83,7 @@ fn bookkeeping_never_reaches_the_numbers() {
 
 /// How often settings changed in a run that changes them in every step, as it says itself.
 fn changes(said: &str) -> u64 {
-    let (_, rest) = said.split_once("others tried ").expect("settings");
+    let (_, rest) = said.split_once(" steps; ").expect("settings");
     let (count, _) = rest.split_once(' ').expect("a count");
     count.parse().expect("a count")
 }

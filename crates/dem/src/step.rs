@@ -120,7 +120,7 @@ pub fn advance<D: Dimension>(
     // Last, because the second kick leaves grains of walls at the velocity of the half step.
     drive.kick(step, load, &mut system.grains);
     system.clock.end(StepPhase::Motion);
-    system.tuning.end_step(system.clock.worked());
+    system.tuning.end_step(exchange, system.clock.worked());
 
     Ok(stop)
 }

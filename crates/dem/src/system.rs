@@ -513,7 +513,7 @@ impl<D: Dimension> System<D> {
         let per_step = (spent - self.list.spent) / lasted as f64;
         self.list.spent = spent;
         if self.list.is_free() {
-            self.tuning.end_list(|| exchange.maximum(per_step));
+            self.tuning.end_list(exchange, per_step);
         }
         self.list.adapt(lasted, self.tuning.life());
         if exchange.size() > 1 || self.list.scattered() {
@@ -630,8 +630,11 @@ impl<D: Dimension> System<D> {
         let origins = (0..self.grains.owned).map(|g| self.grains.position(g));
         self.list.origin.clear();
         self.list.origin.extend(origins);
-        let coordinates = self.list.origin.as_flattened().iter();
-        let greatest = coordinates.fold(0.0, |a: f64, x| a.max(x.abs()));
+        // A maximum for each axis: one of all would wait for every coordinate in turn.
+        let greatest = self.list.origin.iter().fold([0.0_f64; 3], |a, x| {
+            std::array::from_fn(|axis| a[axis].max(x[axis].abs()))
+        });
+        let greatest = greatest.into_iter().fold(0.0, f64::max);
         self.list.rounding = 2.0 * f64::EPSILON * greatest;
     }
 

@@ -10,6 +10,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::contact::CHUNK;
+use crate::domain::Exchange;
 use crate::simd::Isa;
 
 /// Pairs of turns in which another setting must have been faster to be kept, and slower to be
@@ -22,8 +23,10 @@ const LEAST_GAIN: f64 = 1.02;
 const WARM_UP: u32 = 8;
 /// Turns between rounds, over those of a round.
 const REST: u32 = 50;
-/// Least time of a turn of passes (s).
+/// Time of a turn of passes (s), and its steps: before that is known, and at most.
 const TURN: f64 = 2e-3;
+const FIRST_TURN: u64 = 16;
+const LONGEST_TURN: f64 = 1e4;
 /// Steps between rebuilds before anything was tried: a rebuild costs about as much as ten steps.
 const LIFE: f64 = 600.0;
 
@@ -38,10 +41,8 @@ trait Tunable: Copy + PartialEq {
 pub struct PassSettings {
     /// The instruction set.
     pub isa: Isa,
-    /// Blocks at a time, up to [`CHUNK`].
-    pub blocks: usize,
-    /// Whether the next blocks are prefetched; `None`: if the records fill a cache.
-    pub prefetch: Option<bool>,
+    /// What may change while a run goes on.
+    pub choice: PassChoice,
 }
 
 impl PassSettings {
@@ -49,16 +50,37 @@ impl PassSettings {
     pub fn new(isa: Isa) -> Self {
         Self {
             isa,
-            blocks: 4,
-            prefetch: None,
+            choice: PassChoice::default(),
         }
     }
 }
 
-/// Number of variations of a [`PassSettings`].
+/// What is tried of the passes, the same on every rank.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PassChoice {
+    /// Blocks at a time, up to [`CHUNK`].
+    pub blocks: usize,
+    /// Whether the next blocks are prefetched; `None`: if the records fill a cache.
+    pub prefetch: Option<bool>,
+    /// AVX2 instead of AVX-512.
+    pub narrow: bool,
+}
+
+impl Default for PassChoice {
+    fn default() -> Self {
+        Self {
+            blocks: 4,
+            prefetch: None,
+            narrow: false,
+        }
+    }
+}
+
+/// Number of variations of a [`PassChoice`].
 const VARIATIONS: usize = 8;
 
-impl Tunable for PassSettings {
+impl Tunable for PassChoice {
     fn variation(self, k: usize) -> Option<Self> {
         let blocks = |blocks| Self { blocks, ..self };
         let prefetch = |prefetch| Self { prefetch, ..self };
@@ -72,7 +94,7 @@ impl Tunable for PassSettings {
             6 => prefetch(Some(true)),
             // Last, so that it is left out where the scene gives the instruction set.
             7 => Self {
-                isa: self.isa.other(),
+                narrow: !self.narrow,
                 ..self
             },
             _ => return None,
@@ -134,11 +156,6 @@ impl<S: Tunable> Tuner<S> {
             trials: 0,
             changes: 0,
         }
-    }
-
-    /// Whether the time of this turn matters.
-    fn measures(&self) -> bool {
-        self.rest == 0
     }
 
     /// Ends a turn that took this time per step, and begins the next.
@@ -227,16 +244,19 @@ pub struct Plan {
     pub tuned: Option<Tuned>,
 }
 
-/// The settings of a run as it tries them.
+/// The settings of a run as it tries them, the same on every rank: ranks wait for the slowest, so they
+/// try together, and the time of a turn is that of the slowest.
 #[derive(Debug)]
 pub struct Tuning {
     tune: Tune,
-    /// The instruction set without any trial.
-    isa: Isa,
-    passes: Tuner<PassSettings>,
+    /// The instruction set, and with [`PassChoice::narrow`].
+    isas: [Isa; 2],
+    passes: Tuner<PassChoice>,
     lists: Tuner<Life>,
-    /// Steps of this turn, and the seconds of computing before it.
+    /// Steps of a turn, and of the present one so far.
+    turn: u64,
     steps: u64,
+    /// Seconds of computing before this turn.
     worked: f64,
 }
 
@@ -244,32 +264,24 @@ pub struct Tuning {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tuned {
-    simd: String,
-    blocks: usize,
-    prefetch: Option<bool>,
+    passes: PassChoice,
     list_steps: f64,
 }
 
 impl Tuning {
-    /// Begins with the settings of the plan, as far as this processor has them; `isa`: without
-    /// those.
+    /// Begins with the settings of the plan; `isa`: the instruction set of this rank.
     pub fn new(plan: &Plan, isa: Isa) -> Self {
-        let (tune, keeps) = (plan.tune, plan.isa_is_given);
-        let (mut passes, mut life) = (PassSettings::new(isa), Life::new(LIFE));
-        if let Some(of) = plan.tuned.as_ref().filter(|_| tune != Tune::Never) {
-            let tuned = Isa::named(&of.simd).filter(|_| !keeps);
-            passes = PassSettings {
-                isa: tuned.unwrap_or(isa),
-                blocks: of.blocks.clamp(1, CHUNK),
-                prefetch: of.prefetch,
-            };
-            life = Life::new(of.list_steps);
-        }
+        let known = plan.tuned.as_ref().filter(|_| plan.tune != Tune::Never);
+        let mut choice = known.map_or_else(PassChoice::default, |of| of.passes);
+        choice.blocks = choice.blocks.clamp(1, CHUNK);
+        choice.narrow &= !plan.isa_is_given;
+        let life = Life::new(known.map_or(LIFE, |of| of.list_steps));
         Self {
-            tune,
-            isa,
-            passes: Tuner::new(passes, VARIATIONS - usize::from(keeps)),
+            tune: plan.tune,
+            isas: [isa, isa.narrower()],
+            passes: Tuner::new(choice, VARIATIONS - usize::from(plan.isa_is_given)),
             lists: Tuner::new(life, 2),
+            turn: FIRST_TURN,
             steps: 0,
             worked: 0.0,
         }
@@ -277,7 +289,11 @@ impl Tuning {
 
     /// How the next pass works.
     pub fn passes(&self) -> PassSettings {
-        self.passes.now
+        let choice = self.passes.now;
+        PassSettings {
+            isa: self.isas[usize::from(choice.narrow)],
+            choice,
+        }
     }
 
     /// Steps for which the next list is to last.
@@ -285,33 +301,35 @@ impl Tuning {
         self.lists.now.0
     }
 
-    /// Ends a step. `worked`: [`Clock::worked`](crate::clock::Clock::worked).
-    pub fn end_step(&mut self, worked: f64) {
+    /// Ends a step. `worked`: [`Clock::worked`](crate::clock::Clock::worked). Collective.
+    pub fn end_step(&mut self, exchange: &dyn Exchange, worked: f64) {
         self.steps += 1;
-        let seconds = worked - self.worked;
         match self.tune {
             Tune::Never => return,
-            Tune::InTurns if seconds < TURN => return,
-            Tune::InTurns => self.passes.turn(seconds / self.steps as f64),
             Tune::Every(steps) if self.steps < steps => return,
             Tune::Every(_) => self.passes.change(),
+            Tune::InTurns if self.steps < self.turn => return,
+            Tune::InTurns => {
+                let mut seconds = (worked - self.worked) / self.steps as f64;
+                if self.passes.rest <= 1 {
+                    seconds = exchange.maximum(seconds);
+                }
+                if self.passes.rest == 1 {
+                    self.turn = (TURN / seconds).ceil().clamp(1.0, LONGEST_TURN) as u64;
+                }
+                self.passes.turn(seconds);
+            }
         }
         (self.steps, self.worked) = (0, worked);
     }
 
     /// Ends the life of a list. `seconds`: those of its making and of the computing with it, per
-    /// step of the slowest rank, so the same on every rank; asked for only if they matter.
-    pub fn end_list(&mut self, seconds: impl FnOnce() -> f64) {
+    /// step. Collective.
+    pub fn end_list(&mut self, exchange: &dyn Exchange, seconds: f64) {
         match self.tune {
             Tune::Never => {}
-            Tune::InTurns => {
-                let seconds = if self.lists.measures() {
-                    seconds()
-                } else {
-                    0.0
-                };
-                self.lists.turn(seconds);
-            }
+            Tune::InTurns if self.lists.rest == 0 => self.lists.turn(exchange.maximum(seconds)),
+            Tune::InTurns => self.lists.turn(seconds),
             Tune::Every(_) => self.lists.change(),
         }
     }
@@ -319,11 +337,9 @@ impl Tuning {
     /// What was kept, unless it is what a run begins with anyway.
     pub fn tuned(&self) -> Option<Tuned> {
         let (passes, life) = (self.passes.kept, self.lists.kept);
-        let is_changed = (passes, life) != (PassSettings::new(self.isa), Life::new(LIFE));
-        is_changed.then(|| Tuned {
-            simd: passes.isa.name().into(),
-            blocks: passes.blocks,
-            prefetch: passes.prefetch,
+        let is_changed = (passes, life) != (PassChoice::default(), Life::new(LIFE));
+        is_changed.then_some(Tuned {
+            passes,
             list_steps: life.0,
         })
     }
@@ -331,22 +347,22 @@ impl Tuning {
 
 impl std::fmt::Display for Tuning {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let PassSettings {
-            isa,
+        let PassChoice {
             blocks,
             prefetch,
+            narrow,
         } = self.passes.kept;
-        let prefetches = match prefetch {
-            None => "prefetching what a cache does not hold",
-            Some(true) => "prefetching",
-            Some(false) => "no prefetching",
+        let prefetching = match prefetch {
+            None => "prefetch beyond a cache",
+            Some(true) => "prefetch",
+            Some(false) => "no prefetch",
         };
-        let (name, life) = (isa.name(), self.lists.kept.0);
+        let (name, life) = (self.isas[usize::from(narrow)].name(), self.lists.kept.0);
         let tried = self.passes.trials + self.lists.trials;
         let changes = self.passes.changes + self.lists.changes;
         write!(
             f,
-            "settings: {name}, {blocks} blocks at a time, {prefetches}, lists for {life:.0} steps; others tried {tried} times, kept {changes} times",
+            "settings: {name}, {blocks} blocks at a time, {prefetching}, lists of {life:.0} steps; {tried} others tried, {changes} kept",
         )
     }
 }
@@ -365,7 +381,7 @@ mod tests {
 
     #[test]
     fn the_fastest_setting_is_kept_on_a_machine_that_slows_down() {
-        let mut tuner = Tuner::new(PassSettings::new(Isa::Portable), 5);
+        let mut tuner = Tuner::new(PassChoice::default(), 5);
         let mut tried = Vec::new();
         for turn in 0..200 {
             tuner.turn(seconds(tuner.now.blocks, turn));
@@ -379,7 +395,7 @@ mod tests {
 
     #[test]
     fn equal_settings_stay() {
-        let start = PassSettings::new(Isa::detect());
+        let start = PassChoice::default();
         let mut tuner = Tuner::new(start, VARIATIONS);
         for turn in 0..2000_u32 {
             tuner.turn(1.0 + 0.01 * f64::from(turn * 7919 % 13));
@@ -389,34 +405,35 @@ mod tests {
 
     #[test]
     fn a_run_begins_with_what_it_knows() {
-        let plan = |isa_is_given, tune| Plan {
-            tune,
-            isa_is_given,
-            tuned: Some(Tuned {
-                simd: "portable".into(),
-                blocks: 100,
-                prefetch: Some(true),
-                list_steps: 900.0,
-            }),
-        };
-        let best = Isa::detect();
-        let of = |plan| {
-            let tuning = Tuning::new(&plan, best);
-            (tuning.passes(), tuning.life())
-        };
-        let known = |isa| PassSettings {
-            isa,
+        let known = |narrow| PassChoice {
             blocks: CHUNK,
             prefetch: Some(true),
+            narrow,
         };
+        let of = |isa_is_given, tune| {
+            let passes = PassChoice {
+                blocks: 100,
+                ..known(true)
+            };
+            let plan = Plan {
+                tune,
+                isa_is_given,
+                tuned: Some(Tuned {
+                    passes,
+                    list_steps: 900.0,
+                }),
+            };
+            let tuning = Tuning::new(&plan, Isa::detect());
+            (tuning.passes(), tuning.life())
+        };
+        let settings = |isa, choice| PassSettings { isa, choice };
+        let best = Isa::detect();
+        let narrower = settings(best.narrower(), known(true));
+        assert_eq!(of(false, Tune::InTurns), (narrower, 900.0));
         assert_eq!(
-            of(plan(false, Tune::InTurns)),
-            (known(Isa::Portable), 900.0)
+            of(true, Tune::InTurns),
+            (settings(best, known(false)), 900.0)
         );
-        assert_eq!(of(plan(true, Tune::InTurns)), (known(best), 900.0));
-        assert_eq!(
-            of(plan(false, Tune::Never)),
-            (PassSettings::new(best), LIFE)
-        );
+        assert_eq!(of(true, Tune::Never), (PassSettings::new(best), LIFE));
     }
 }

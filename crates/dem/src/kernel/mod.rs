@@ -284,8 +284,8 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             ..
         } = pass.input;
         let fills_a_cache = size_of_val(pass.record) > CACHED;
-        let prefetches = settings.prefetch.unwrap_or(fills_a_cache);
-        let blocks = settings.blocks.clamp(1, CHUNK);
+        let prefetches = settings.choice.prefetch.unwrap_or(fills_a_cache);
+        let blocks = settings.choice.blocks.clamp(1, CHUNK);
         let mut next = pass.part.awake(0, blocks, travelled);
         while !next.is_empty() {
             let chunk = next;

@@ -374,15 +374,13 @@ impl Isa {
         }
     }
 
-    /// The other one of AVX-512 and AVX2, if the processor has both; else this one.
+    /// AVX2 instead of AVX-512.
     #[must_use]
-    pub fn other(self) -> Self {
-        let name = match self {
-            Isa::Avx512(_) => "avx2",
-            Isa::Avx2(_) => "avx512",
-            Isa::Portable => "portable",
-        };
-        Self::named(name).unwrap_or(self)
+    pub fn narrower(self) -> Self {
+        match self {
+            Isa::Avx512(_) => Avx2Token::detect().map_or(self, Isa::Avx2),
+            other => other,
+        }
     }
 
     /// Does the work with this instruction set.
