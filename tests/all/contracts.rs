@@ -4,6 +4,9 @@ use std::path::Path;
 
 use crate::common::crossing::{PACKED, SCENE, resumed, stopped, whole};
 use crate::common::{self, beyond_the_digest, gshear_mpi, same_run};
+use gshear_dem::domain::Solo;
+use gshear_store::checkpoint;
+use serde_json::Value;
 
 /// Contract 1: ranks, slabs, skins, rebuilds, instruction sets.
 #[test]
@@ -38,7 +41,6 @@ fn bookkeeping_never_reaches_the_numbers() {
         (3, &["bookkeeping.skin=0.3"]),
         (1, &["bookkeeping.tune_every=1"]),
         (3, &["bookkeeping.tune_every=1"]),
-        (2, &["bookkeeping.tune=false"]),
         (
             3,
             &["bookkeeping.simd=portable", "bookkeeping.rebuild_every=13"],
@@ -86,6 +88,46 @@ fn changes(said: &str) -> u64 {
     let (_, rest) = said.split_once(" steps; ").expect("settings");
     let (count, _) = rest.split_once(' ').expect("a count");
     count.parse().expect("a count")
+}
+
+/// The settings that a run kept are those with which the next begins; they reach no number.
+#[test]
+fn a_resumed_run_begins_with_the_settings_that_were_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let expected = whole(&folder.path().join("one"), 1, &PACKED).digest();
+    let start = stopped(&folder.path().join("start"), 1, 1, &PACKED);
+    let hint = serde_json::json!({
+        "passes": { "blocks": 8, "prefetch": true, "narrow": false },
+        "list_steps": 900.0,
+    });
+    let tuned = |checkpoint: &Path| {
+        let ([header, scene], state) = checkpoint::read(&Solo, checkpoint).expect("a checkpoint");
+        let header: Value = serde_json::from_str(&header).expect("JSON");
+        (header, scene, state)
+    };
+    let (mut header, scene, state) = tuned(&start);
+    header["run"]["tuned"] = hint.clone();
+    let on = folder.path().join("on");
+    std::fs::create_dir(&on).expect("a folder");
+    checkpoint::write(&Solo, &on, [&header.to_string(), &scene], &state).expect("written");
+
+    let path = on.join("checkpoint.h5");
+    let arguments = [
+        format!("--resume={}", path.display()),
+        "--stop-at=40".into(),
+    ];
+    let outcome = gshear_mpi(2, &on, &arguments);
+    assert_eq!(outcome.code, 75, "{}", outcome.text);
+    let known = "8 blocks at a time, prefetch, lists of 900 steps; 0 others tried";
+    assert!(outcome.text.contains(known), "{}", outcome.text);
+    assert_eq!(tuned(&path).0["run"]["tuned"], hint);
+
+    let fixed = folder.path().join("fixed");
+    let fixed = resumed(&path, &fixed, 1, &["bookkeeping.tune=false"]);
+    let first = "4 blocks at a time, prefetch beyond a cache, lists of 600 steps; 0 others tried";
+    assert!(fixed.text.contains(first), "{}", fixed.text);
+    assert_eq!(fixed.digest(), expected);
+    assert_eq!(resumed(&path, &on, 1, &[]).digest(), expected);
 }
 
 /// That the scene is the test it is meant to be: grains change slabs and cross the seam, and

@@ -4,8 +4,8 @@
 //! Times of a shared machine scatter by more than settings differ, so a time is only compared with
 //! that of the turn before it. Another setting that was slower in [`LOSSES`] pairs of turns is
 //! dropped; one that was faster in [`WINS`] pairs before is kept, if its median gain is
-//! [`LEAST_GAIN`]. Between two rounds the run rests for [`REST`] times as many turns as the first
-//! took, so that trials of slow settings cost little.
+//! [`LEAST_GAIN`], and then all are tried again. Between two rounds the run rests for [`REST`]
+//! times as many turns as the first took, so that trials of slow settings cost little.
 
 use serde::{Deserialize, Serialize};
 
@@ -134,6 +134,8 @@ struct Tuner<S> {
     first: Option<f64>,
     /// Times of the kept setting over those of the other one, by pairs of turns.
     gains: Vec<f64>,
+    /// Whether one was kept since the first variation was tried.
+    changed: bool,
     /// Turns of this round, and turns until the next one.
     turns: u32,
     rest: u32,
@@ -151,6 +153,7 @@ impl<S: Tunable> Tuner<S> {
             tried: 0,
             first: None,
             gains: Vec::new(),
+            changed: false,
             turns: 0,
             rest: WARM_UP,
             trials: 0,
@@ -192,6 +195,7 @@ impl<S: Tunable> Tuner<S> {
             if self.gains[self.gains.len() / 2] >= LEAST_GAIN {
                 self.kept = other;
                 self.changes += 1;
+                self.changed = true;
             }
             self.begin(self.tried + 1);
         } else if self.gains.len() - wins == LOSSES {
@@ -199,7 +203,8 @@ impl<S: Tunable> Tuner<S> {
         }
     }
 
-    /// Tries the first variation from the k-th on that is another setting, or rests.
+    /// Tries the first variation from the k-th on that is another setting; after the last one all
+    /// of them again if one was kept, else rests.
     fn begin(&mut self, k: usize) {
         self.gains.clear();
         self.now = self.kept;
@@ -207,6 +212,8 @@ impl<S: Tunable> Tuner<S> {
         if let Some(tried) = (k..self.count).find(is_other) {
             self.tried = tried;
             self.trials += 1;
+        } else if std::mem::take(&mut self.changed) {
+            self.begin(0);
         } else {
             self.rest = REST * self.turns.max(1);
             self.turns = 0;
@@ -390,7 +397,7 @@ mod tests {
         assert_eq!(tuner.kept.blocks, 6);
         assert!([2, 3, 4, 6, 8].iter().all(|blocks| tried.contains(blocks)));
         assert_eq!(tuner.now, tuner.kept, "it rests");
-        assert_eq!((tuner.trials, tuner.changes), (4, 1));
+        assert_eq!((tuner.trials, tuner.changes), (8, 1));
     }
 
     #[test]

@@ -81,7 +81,7 @@ impl RunRecord {
                 at,
             }),
             resumed: Vec::new(),
-            tuned: None,
+            tuned: self.tuned.clone(),
         }
     }
 
