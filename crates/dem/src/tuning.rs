@@ -32,8 +32,8 @@ const LIFE: f64 = 600.0;
 
 /// What can be tried.
 trait Tunable: Copy + PartialEq {
-    /// The k-th variation of this setting; `None` from some k on.
-    fn variation(self, k: usize) -> Option<Self>;
+    /// The k-th variation of this setting, which may be itself.
+    fn variation(self, k: usize) -> Self;
 }
 
 /// How a pass over the contacts works.
@@ -43,16 +43,6 @@ pub struct PassSettings {
     pub isa: Isa,
     /// What may change while a run goes on.
     pub choice: PassChoice,
-}
-
-impl PassSettings {
-    /// What is right for most processors.
-    pub fn new(isa: Isa) -> Self {
-        Self {
-            isa,
-            choice: PassChoice::default(),
-        }
-    }
 }
 
 /// What is tried of the passes, the same on every rank.
@@ -68,6 +58,7 @@ pub struct PassChoice {
 }
 
 impl Default for PassChoice {
+    /// What is right for most processors.
     fn default() -> Self {
         Self {
             blocks: 4,
@@ -81,24 +72,22 @@ impl Default for PassChoice {
 const VARIATIONS: usize = 8;
 
 impl Tunable for PassChoice {
-    fn variation(self, k: usize) -> Option<Self> {
-        let blocks = |blocks| Self { blocks, ..self };
-        let prefetch = |prefetch| Self { prefetch, ..self };
-        Some(match k {
-            0 => blocks(2),
-            1 => blocks(3),
-            2 => blocks(4),
-            3 => blocks(6),
-            4 => blocks(8),
-            5 => prefetch(Some(false)),
-            6 => prefetch(Some(true)),
+    fn variation(self, k: usize) -> Self {
+        match k {
+            0..5 => Self {
+                blocks: [2, 3, 4, 6, 8][k],
+                ..self
+            },
+            5..7 => Self {
+                prefetch: Some(k == 6),
+                ..self
+            },
             // Last, so that it is left out where the scene gives the instruction set.
-            7 => Self {
+            _ => Self {
                 narrow: !self.narrow,
                 ..self
             },
-            _ => return None,
-        })
+        }
     }
 }
 
@@ -113,9 +102,8 @@ impl Life {
 }
 
 impl Tunable for Life {
-    fn variation(self, k: usize) -> Option<Self> {
-        let factor = [1.5, 1.0 / 1.5].get(k)?;
-        Some(Self::new(self.0 * factor))
+    fn variation(self, k: usize) -> Self {
+        Self::new(self.0 * [1.5, 1.0 / 1.5][k])
     }
 }
 
@@ -171,7 +159,7 @@ impl<S: Tunable> Tuner<S> {
             return;
         }
         self.turns += 1;
-        let other = self.kept.variation(self.tried).unwrap_or(self.kept);
+        let other = self.kept.variation(self.tried);
         let Some(first) = self.first.take() else {
             self.first = Some(seconds);
             self.now = if self.now == self.kept {
@@ -208,7 +196,7 @@ impl<S: Tunable> Tuner<S> {
     fn begin(&mut self, k: usize) {
         self.gains.clear();
         self.now = self.kept;
-        let is_other = |k: &usize| self.kept.variation(*k) != Some(self.kept);
+        let is_other = |k: &usize| self.kept.variation(*k) != self.kept;
         if let Some(tried) = (k..self.count).find(is_other) {
             self.tried = tried;
             self.trials += 1;
@@ -224,7 +212,7 @@ impl<S: Tunable> Tuner<S> {
     fn change(&mut self) {
         self.trials += 1;
         self.tried = (self.tried + 1) % self.count;
-        self.now = self.now.variation(self.tried).unwrap_or(self.kept);
+        self.now = self.now.variation(self.tried);
     }
 }
 
@@ -335,8 +323,7 @@ impl Tuning {
     pub fn end_list(&mut self, exchange: &dyn Exchange, seconds: f64) {
         match self.tune {
             Tune::Never => {}
-            Tune::InTurns if self.lists.rest == 0 => self.lists.turn(exchange.maximum(seconds)),
-            Tune::InTurns => self.lists.turn(seconds),
+            Tune::InTurns => self.lists.turn(exchange.maximum(seconds)),
             Tune::Every(_) => self.lists.change(),
         }
     }
@@ -436,11 +423,12 @@ mod tests {
         let settings = |isa, choice| PassSettings { isa, choice };
         let best = Isa::detect();
         let narrower = settings(best.narrower(), known(true));
+        let fixed = settings(best, PassChoice::default());
         assert_eq!(of(false, Tune::InTurns), (narrower, 900.0));
         assert_eq!(
             of(true, Tune::InTurns),
             (settings(best, known(false)), 900.0)
         );
-        assert_eq!(of(true, Tune::Never), (PassSettings::new(best), LIFE));
+        assert_eq!(of(true, Tune::Never), (fixed, LIFE));
     }
 }
