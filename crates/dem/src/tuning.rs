@@ -2,10 +2,10 @@
 //! tried in turns with the present ones, and the fastest are kept.
 //!
 //! Times of a shared machine scatter by more than settings differ, so a time is only compared with
-//! that of the turn before it. Another setting that was slower in [`LOSSES`] pairs of turns is
-//! dropped; one that was faster in [`WINS`] pairs before is kept, if its median gain is
-//! [`LEAST_GAIN`], and then all are tried again. Between two rounds the run rests for [`REST`]
-//! times as many turns as the first took, so that trials of slow settings cost little.
+//! that of the turn before it. Another setting that was slower in `LOSSES` pairs of turns is
+//! dropped; one that was faster in `WINS` pairs before is kept, if its median gain is `LEAST_GAIN`,
+//! and then all are tried again. Between two rounds the run rests for `REST` times as many turns as
+//! the first took, so that trials of slow settings cost little.
 
 use serde::{Deserialize, Serialize};
 
