@@ -239,8 +239,8 @@ pub struct Plan {
     pub tuned: Option<Tuned>,
 }
 
-/// The settings of a run as it tries them, the same on every rank: ranks wait for the slowest, so they
-/// try together, and the time of a turn is that of the slowest.
+/// The settings of a run as it tries them, the same on every rank: ranks wait for the slowest, so
+/// they try together, and the time of a turn is that of the slowest.
 #[derive(Debug)]
 pub struct Tuning {
     tune: Tune,

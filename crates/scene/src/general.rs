@@ -37,7 +37,7 @@ table! {
         rebuild_every: Whole(FROM_ZERO) { default: "0" },
         /// instruction set of the kernel; changes speed, not results
         simd: Text(&SIMD_NAMES) { default: SIMD_NAMES[0] },
-        /// while the run goes on, try other chunks, prefetching, instruction sets and skins, and keep the fastest; changes speed, not results
+        /// try other settings of speed while the run goes on, and keep the fastest
         tune: Flag { default: "true" },
         /// for tests: change these settings every so many steps, whatever is faster; 0 is never
         tune_every: Whole(FROM_ZERO) { default: "0" },

@@ -222,8 +222,9 @@ struct PassWork<'a, C: ContactLaw, const BUDGET: bool> {
 }
 
 /// Size of the records (bytes) beyond which the next chunk is prefetched unless the settings say
-/// otherwise: with their contacts, six times as much, they fill a last-level cache. Prefetching makes larger packings a third faster,
-/// and costs some 5 % where the cache holds all (docs/lab/speed.md).
+/// otherwise: with their contacts, six times as much, they fill a last-level cache. Prefetching
+/// makes larger packings a third faster, and costs some 5 % where the cache holds all
+/// (docs/lab/speed.md).
 const CACHED: usize = 3 << 20;
 
 /// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
