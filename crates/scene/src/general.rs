@@ -39,7 +39,7 @@ table! {
         simd: Text(&SIMD_NAMES) { default: SIMD_NAMES[0] },
         /// try other settings of speed while the run goes on, and keep the fastest
         tune: Flag { default: "true" },
-        /// for tests: change these settings every so many steps, whatever is faster; 0 is never
+        /// for tests of tuning: change settings every so many steps, whatever is faster; 0 is never
         tune_every: Whole(FROM_ZERO) { default: "0" },
         /// a run ends if a rank has not answered for so long; 0 is never
         watchdog: Number(NOT_NEGATIVE) { unit: "s", default: "600.0" },
@@ -82,8 +82,8 @@ pub(crate) fn check_bookkeeping(c: &mut Checker<'_>) -> Bookkeeping {
         },
         simd: simd.unwrap_or("auto"),
         tune: match tune_every {
-            0 if tune => Tune::InTurns,
-            0 => Tune::Never,
+            _ if !tune => Tune::Never,
+            0 => Tune::InTurns,
             steps => Tune::Every(steps),
         },
         watchdog,
