@@ -28,7 +28,7 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CARRY, CHUNK, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, add_damping,
+    Blocks, CARRY, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, add_damping,
     dissipation, exceeds, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
@@ -113,6 +113,9 @@ const ARM: usize = 4;
 const OWN: usize = 6;
 /// Most parameters of a law between spheres.
 const MOST: usize = 4;
+
+/// Blocks whose parameters and histories are put in a row at a time.
+const TOGETHER: usize = 4;
 
 /// Lower bound of a stiffness (N m), by which energies are divided.
 const SOFTEST: f64 = 1e-200;
@@ -331,33 +334,34 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
     /// Evaluates the law itself, with its own parameters and histories in a row.
     #[inline(always)]
     fn evaluate_law<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        let mut parameters = [Lanes16::ZERO; CHUNK * MOST];
-        let mut history = [Lanes16::ZERO; CHUNK * 3];
-        let count = blocks.motion.len();
-        let of_law = &mut parameters[..count * C::PARAMETERS];
-        for (k, of_block) in blocks.parameters.chunks_exact(Self::PARAMETERS).enumerate() {
-            of_law[k * C::PARAMETERS..][..C::PARAMETERS]
-                .copy_from_slice(&of_block[..C::PARAMETERS]);
-        }
-        let kept = &mut history[..count * C::HISTORY];
-        for (k, of_block) in blocks.history.chunks_exact(Self::HISTORY).enumerate() {
-            kept[k * C::HISTORY..][..C::HISTORY].copy_from_slice(&of_block[..C::HISTORY]);
-        }
-        self.law.evaluate::<L, BUDGET>(
-            token,
-            &mut Blocks {
-                parameters: of_law,
-                history: kept,
-                motion: blocks.motion,
-                turning: &mut [],
-                per_step: blocks.per_step,
-                carry: &mut *blocks.carry,
-                response: &mut *blocks.response,
-                jumps: &[],
-            },
-        );
-        for (k, of_block) in blocks.history.chunks_exact_mut(Self::HISTORY).enumerate() {
-            of_block[..C::HISTORY].copy_from_slice(&kept[k * C::HISTORY..][..C::HISTORY]);
+        let mut parameters = [Lanes16::ZERO; TOGETHER * MOST];
+        let mut history = [Lanes16::ZERO; TOGETHER * 3];
+        for first in (0..blocks.motion.len()).step_by(TOGETHER) {
+            let part = first..blocks.motion.len().min(first + TOGETHER);
+            for (k, block) in part.clone().enumerate() {
+                parameters[k * C::PARAMETERS..][..C::PARAMETERS].copy_from_slice(
+                    &blocks.parameters[block * Self::PARAMETERS..][..C::PARAMETERS],
+                );
+                history[k * C::HISTORY..][..C::HISTORY]
+                    .copy_from_slice(&blocks.history[block * Self::HISTORY..][..C::HISTORY]);
+            }
+            self.law.evaluate::<L, BUDGET>(
+                token,
+                &mut Blocks {
+                    parameters: &parameters[..part.len() * C::PARAMETERS],
+                    history: &mut history[..part.len() * C::HISTORY],
+                    motion: &blocks.motion[part.clone()],
+                    turning: &mut [],
+                    per_step: blocks.per_step,
+                    carry: &mut blocks.carry[part.clone()],
+                    response: &mut blocks.response[part.clone()],
+                    jumps: &[],
+                },
+            );
+            for (k, block) in part.enumerate() {
+                blocks.history[block * Self::HISTORY..][..C::HISTORY]
+                    .copy_from_slice(&history[k * C::HISTORY..][..C::HISTORY]);
+            }
         }
     }
 }
