@@ -26,7 +26,7 @@ const FIRST_SKIN: f64 = 0.02;
 /// The grains and contacts of this rank, and the bookkeeping for them.
 #[derive(Debug)]
 pub struct System<D: Dimension> {
-    /// The instruction set.
+    /// The instruction set, but for passes and motion, for which `tuning` has one.
     pub isa: Isa,
     /// The cell.
     pub cell: Cell,
@@ -59,7 +59,7 @@ pub struct System<D: Dimension> {
     pub clock: Clock,
     /// The threads of this rank.
     pub pool: ThreadPool<D>,
-    /// Settings that are tried.
+    /// Settings of passes and lists, which are tried.
     pub tuning: Tuning,
     /// The energy budget, if it is kept.
     pub budget: Option<EnergyBudget>,
@@ -398,12 +398,19 @@ impl<D: Dimension> System<D> {
             second_kick_deferred: false,
             clock: Clock::default(),
             pool: ThreadPool::new(of.threads)?,
-            tuning: Tuning::new(&of.tuning, of.isa),
+            tuning: Tuning::new(of.tuning, of.isa),
             budget: None,
             stress: None,
             ids: Ids::default(),
             flat: None,
         })
+    }
+
+    /// Begins the clock anew.
+    pub fn restart_clock(&mut self) {
+        self.clock = Clock::default();
+        (self.list.worked, self.list.spent) = (0.0, 0.0);
+        self.tuning.restart();
     }
 
     /// The grains of this rank at the full step.
@@ -782,5 +789,27 @@ impl<D: Dimension> Work for SecondKick<'_, D> {
                 r[D::SPIN + k] = r[D::HALF_SPIN + k] + angular * force[D::TORQUE + k];
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dimension::Two;
+    use crate::domain::Solo;
+
+    /// The time since the last migration is what ranks share the work by.
+    #[test]
+    fn no_time_is_negative_after_the_clock_began_anew() {
+        let cell = Cell::between_walls([10.0, f64::INFINITY]);
+        let setup = Setup::new(cell, 0.5, Masses::Equal(1.0), 1.0);
+        let mut system = System::<Two>::new(&Solo, setup).expect("a system");
+        system.clock.end(StepPhase::Contacts);
+        let worked = system.clock.worked();
+        assert!(worked > 0.0);
+        (system.list.worked, system.list.spent) = (worked, worked);
+        system.restart_clock();
+        let now = system.clock.worked();
+        assert!(now >= system.list.worked && now >= system.list.spent);
     }
 }

@@ -229,7 +229,7 @@ pub enum Tune {
 }
 
 /// Which settings a run tries.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Plan {
     /// Whether they are tried.
     pub tune: Tune,
@@ -256,7 +256,7 @@ pub struct Tuning {
 }
 
 /// Settings of a run, for one that goes on with it on another day.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Tuned {
     passes: PassChoice,
@@ -265,8 +265,8 @@ pub struct Tuned {
 
 impl Tuning {
     /// Begins with the settings of the plan; `isa`: the instruction set of this rank.
-    pub fn new(plan: &Plan, isa: Isa) -> Self {
-        let known = plan.tuned.as_ref().filter(|_| plan.tune != Tune::Never);
+    pub fn new(plan: Plan, isa: Isa) -> Self {
+        let known = plan.tuned.filter(|_| plan.tune != Tune::Never);
         let mut choice = known.map_or_else(PassChoice::default, |of| of.passes);
         choice.blocks = choice.blocks.clamp(1, CHUNK);
         choice.narrow &= !plan.isa_is_given;
@@ -280,6 +280,11 @@ impl Tuning {
             steps: 0,
             worked: 0.0,
         }
+    }
+
+    /// Begins a turn anew, by a clock that begins anew.
+    pub(crate) fn restart(&mut self) {
+        (self.steps, self.worked) = (0, 0.0);
     }
 
     /// How the next pass works.
@@ -364,6 +369,7 @@ impl std::fmt::Display for Tuning {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::Solo;
 
     /// Seconds per step of a setting, on a machine that slows down and is disturbed now and then.
     fn seconds(blocks: usize, turn: u32) -> f64 {
@@ -397,6 +403,21 @@ mod tests {
         assert_eq!((tuner.kept, tuner.changes), (start, 0));
     }
 
+    /// A stage may begin the clock anew: the turn that then ends is as long as it was.
+    #[test]
+    fn a_turn_survives_a_clock_that_begins_anew() {
+        let plan = Plan {
+            tune: Tune::InTurns,
+            ..Plan::default()
+        };
+        let mut tuning = Tuning::new(plan, Isa::Portable);
+        let before_the_last = u64::from(WARM_UP - 1) * FIRST_TURN;
+        (1..=before_the_last).for_each(|k| tuning.end_step(&Solo, k as f64));
+        tuning.restart();
+        (1..=FIRST_TURN).for_each(|k| tuning.end_step(&Solo, 3e-4 * k as f64));
+        assert_eq!(tuning.turn, 7, "2 ms of steps of 0.3 ms");
+    }
+
     #[test]
     fn a_run_begins_with_what_it_knows() {
         let known = |narrow| PassChoice {
@@ -417,7 +438,7 @@ mod tests {
                     list_steps: 900.0,
                 }),
             };
-            let tuning = Tuning::new(&plan, Isa::detect());
+            let tuning = Tuning::new(plan, Isa::detect());
             (tuning.passes(), tuning.life())
         };
         let settings = |isa, choice| PassSettings { isa, choice };

@@ -81,7 +81,7 @@ impl RunRecord {
                 at,
             }),
             resumed: Vec::new(),
-            tuned: self.tuned.clone(),
+            tuned: self.tuned,
         }
     }
 

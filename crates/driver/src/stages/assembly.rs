@@ -150,7 +150,7 @@ pub(crate) fn system<D: Dimension>(run: &Run<'_>, scene: &Scene, cell: Cell) -> 
         tuning: tuning::Plan {
             tune: scene.bookkeeping.tune,
             isa_is_given: scene.bookkeeping.simd != SIMD_NAMES[0],
-            tuned: run.record.tuned.clone(),
+            tuned: run.record.tuned,
         },
     };
     let mut system = System::new(run.exchange, setup)?;

@@ -1,7 +1,6 @@
 //! A periodic box (BO section III): prepared without friction, strained step by step to mechanical
 //! equilibrium, then moved by Newton's equations.
 
-use gshear_dem::clock::Clock;
 use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::{Failure, Result};
@@ -86,7 +85,7 @@ pub fn run<D: LawSpace>(
         return Ok(Outcome::Done);
     };
     let begins = resumed.as_ref().is_none_or(|(step, _)| *step == 0);
-    assembly.system.clock = Clock::default();
+    assembly.system.restart_clock();
     let of = (periodic, newtonian);
     let mut stage = NewtonianStage::new(run, of, assembly, progress, resumed)?;
     let outcome = run.drive(&mut stage, begins);
