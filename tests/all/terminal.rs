@@ -287,7 +287,7 @@ fn a_run_can_be_watched() {
         "{lines:?}"
     );
     assert!(
-        lines.iter().any(|line| line.starts_with("done: ")),
+        lines.iter().any(|line| line.starts_with("finished: ")),
         "{lines:?}"
     );
     // More than one picture, of both curves.
@@ -300,7 +300,7 @@ fn a_run_can_be_watched() {
     assert!(ascii.is_ascii() && ascii.contains("***"), "{ascii}");
     let plainly = succeed(reducer().arg("watch").arg(&out));
     let said = String::from_utf8(plainly.stdout).expect("text");
-    let bar = format!("done: shear 100.0 % [{}] strain ", "=".repeat(30));
+    let bar = format!("finished: shear 100.0 % [{}] strain ", "=".repeat(30));
     assert!(said.starts_with(&bar), "{said}");
     assert!(
         said.lines().count() == 1 && !said.contains('\x1b'),

@@ -1,10 +1,13 @@
 //! D²min, the mean square deviation of a neighbourhood's displacements from the best local affine
 //! map (LH appendix B).
 
+use std::fmt;
+
 use nalgebra::{Matrix2, Vector2};
 
+use super::displacement;
 use super::neighbourhood::{NearPairs, separation};
-use super::{displacement, rattlers};
+use super::rattlers::RattlerRule;
 use gshear_dem::simd::{Isa, Lanes, Work};
 use gshear_dem::state::{Disks, Frame};
 
@@ -22,9 +25,83 @@ const SINGULAR: f64 = 1e-12;
 /// tr(G Xᵀ) loses digits and the residuals are summed one by one; see [`NonAffine::residual`].
 const CANCELS: f64 = 0.01;
 
+/// Of how many free grains D²min is defined, and why it is not of the others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct DefinedCounts {
+    /// Free grains, of all frames together.
+    pub free: u64,
+    /// Those that have a value.
+    pub defined: u64,
+    /// Rattlers, which are left out.
+    pub rattlers: u64,
+    /// Grains that were removed before the later frame.
+    pub removed: u64,
+    /// Grains with fewer neighbours than dimensions, or with all of them on one line or plane.
+    pub few_neighbours: u64,
+}
+
+impl DefinedCounts {
+    /// Counts the free grains of a frame. `values`, `rattler`, `removed`: `[N]`, D²min and why a
+    /// grain is left out.
+    pub fn of(
+        grains: &Disks,
+        values: &[f64],
+        rattler: &[bool],
+        removed: impl Fn(usize) -> bool,
+    ) -> Self {
+        let mut counts = Self::default();
+        for n in (0..grains.count()).filter(|n| grains.body[*n] == 0) {
+            counts.free += 1;
+            if values[n].is_finite() {
+                counts.defined += 1;
+            } else if removed(n) {
+                counts.removed += 1;
+            } else if rattler[n] {
+                counts.rattlers += 1;
+            } else {
+                counts.few_neighbours += 1;
+            }
+        }
+        counts
+    }
+
+    /// Adds those of another frame.
+    pub fn add(&mut self, other: &Self) {
+        self.free += other.free;
+        self.defined += other.defined;
+        self.rattlers += other.rattlers;
+        self.removed += other.removed;
+        self.few_neighbours += other.few_neighbours;
+    }
+}
+
+impl fmt::Display for DefinedCounts {
+    /// The shares of the free grains, in words.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |count: u64| 100.0 * count as f64 / self.free.max(1) as f64;
+        write!(
+            f,
+            "defined for {:.1} % of the free grains",
+            percent(self.defined)
+        )?;
+        for (count, why) in [
+            (self.rattlers, "are rattlers"),
+            (self.few_neighbours, "have too few neighbours"),
+            (self.removed, "were removed"),
+        ] {
+            if count > 0 {
+                write!(f, ", {:.1} % {why}", percent(count))?;
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Computes D²min; its buffers are reused from frame to frame.
 #[derive(Debug, Default)]
 pub struct NonAffine {
+    /// Which grains of the earlier frame are neither centres nor neighbours.
+    pub rattlers_by: RattlerRule,
     near: NearPairs,
     rattler: Vec<bool>,
     moving: Vec<Moving>,
@@ -68,7 +145,8 @@ impl NonAffine {
         dmin: &mut [f64],
     ) {
         let length = grains.length;
-        rattlers::mark(2, grains, &earlier.contacts, &mut self.rattler);
+        let rule = self.rattlers_by;
+        rule.mark(2, grains, &earlier.contacts, &mut self.rattler);
         self.near.update(length, radius, &earlier.position);
         self.moving.clear();
         let grains = self.rattler.iter().zip(&earlier.position).enumerate();
@@ -221,6 +299,7 @@ fn best_fit(moments: &MomentSums, neighbours: u32) -> Matrix2<f64> {
 mod tests {
     use super::*;
     use crate::event::{self, Interval};
+    use crate::rattlers;
     use crate::testing::{frame, grains_in, mapped, scattered};
     use bytemuck::Zeroable;
     use gshear_dem::dimension::Two;

@@ -7,7 +7,7 @@ use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::neighbour::{Bins, LocalExtent};
 use gshear_dem::state::{BoxEdges, Cell, Disks, FrameRecords};
 
-use crate::rattlers;
+use crate::rattlers::RattlerRule;
 
 /// Two frames of a run, and how grains are followed from one to the other.
 #[derive(Debug, Clone, Copy)]
@@ -143,9 +143,20 @@ pub fn between_frames(
     interval: &Interval<'_>,
     radius: f64,
 ) -> Vec<f64> {
+    without_rattlers(axes, grains, interval, radius, RattlerRule::LeeHurley).0
+}
+
+/// [`between_frames`] with the rattlers by a rule. Returns the rattlers, `[N]`, as well.
+pub fn without_rattlers(
+    axes: usize,
+    grains: &Disks,
+    interval: &Interval<'_>,
+    radius: f64,
+    rule: RattlerRule,
+) -> (Vec<f64>, Vec<bool>) {
     let mut rattler = Vec::new();
-    rattlers::mark(axes, grains, &interval.frames[0].contacts, &mut rattler);
-    if axes == 2 {
+    rule.mark(axes, grains, &interval.frames[0].contacts, &mut rattler);
+    let values = if axes == 2 {
         non_affine::<Two>(interval, radius, |n| {
             !(rattler[n] || interval.removes::<Two>(n))
         })
@@ -153,7 +164,8 @@ pub fn between_frames(
         non_affine::<Three>(interval, radius, |n| {
             !(rattler[n] || interval.removes::<Three>(n))
         })
-    }
+    };
+    (values, rattler)
 }
 
 /// Returns the overlap Σab/√(Σa² Σb²) of two non-negative fields over the grains, `[N]`; grains

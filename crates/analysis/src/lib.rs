@@ -11,7 +11,7 @@
 //! | [`displacement`], [`dmin`], [`event`], [`neighbourhood`] | D²min between two frames |
 //! | [`regions`], [`dbscan`], [`rattlers`] | regions of rearranging grains (GR regions) |
 //! | [`forces`], [`mod@stress`], [`frame_scalars`] | contact forces, stresses, scalars of a frame |
-//! | [`moments`], [`spearman`], [`student`], [`ranges`] | statistics |
+//! | [`moments`], [`time_mean`], [`spearman`], [`student`], [`ranges`] | statistics |
 //! | [`rate_state`] | rate-and-state friction: steps, holds, fits |
 //! | [`jacobian`], [`growth`] | stiffness matrix K, growth of its modes; [`gshear_spectrum`] has its eigenvalues |
 //!
@@ -59,6 +59,7 @@ pub mod stability;
 pub mod stress;
 pub mod student;
 pub mod tau;
+pub mod time_mean;
 
 #[cfg(test)]
 mod testing;

@@ -2,10 +2,81 @@
 
 use gshear_dem::state::{ContactSample, Disks};
 
-/// Marks the rattlers of a frame in so many dimensions D: free grains with D or fewer contacts,
-/// wall grains with D - 1 or fewer (LH section 3.2 for disks, D = 2).
+/// Which grains are rattlers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RattlerRule {
+    /// Free grains with D or fewer contacts in D dimensions, wall grains with D - 1 or fewer (LH
+    /// section 3.2 for disks, D = 2). Every contact of the frame counts, whatever its force.
+    #[default]
+    LeeHurley,
+    /// Free grains that have too few contacts to be in balance. They are taken out with their
+    /// contacts until there are none. Grains of the walls are held.
+    ///
+    /// With friction two contacts balance a grain: equal and opposite forces along the line through
+    /// both points of contact, which give no torque, if that line is within both cones of friction
+    /// (Agnolin & Roux 2007, PRE 76, 061302, count such spheres). Without friction all forces point
+    /// to the centre, and D + 1 are needed (O'Hern et al. 2003, PRE 68, 011306).
+    Balance {
+        /// Whether contacts have friction.
+        friction: bool,
+    },
+    /// None: all grains count.
+    None,
+}
+
+impl RattlerRule {
+    /// Marks the rattlers of a frame in so many dimensions. `rattler` becomes `[N]`, by grain id.
+    pub fn mark(
+        self,
+        axes: usize,
+        grains: &Disks,
+        touching: &[ContactSample],
+        rattler: &mut Vec<bool>,
+    ) {
+        match self {
+            Self::LeeHurley => mark(axes, grains, touching, rattler),
+            Self::Balance { friction } => {
+                let least = if friction { 2 } else { axes + 1 };
+                mark_unbalanced(least, grains, touching, rattler);
+            }
+            Self::None => {
+                rattler.clear();
+                rattler.resize(grains.count(), false);
+            }
+        }
+    }
+}
+
+/// Marks the free grains with fewer than `least` contacts with others that are not marked.
+fn mark_unbalanced(
+    least: usize,
+    grains: &Disks,
+    touching: &[ContactSample],
+    rattler: &mut Vec<bool>,
+) {
+    rattler.clear();
+    rattler.resize(grains.count(), false);
+    loop {
+        let mut contacts = vec![0; grains.count()];
+        let ends = touching.iter().map(|contact| [contact.i, contact.j]);
+        for pair in ends.filter(|pair| pair.iter().all(|n| !rattler[*n as usize])) {
+            pair.iter().for_each(|n| contacts[*n as usize] += 1);
+        }
+        let mut is_done = true;
+        for (n, of) in contacts.iter().enumerate() {
+            if grains.body[n] == 0 && !rattler[n] && *of < least {
+                (rattler[n], is_done) = (true, false);
+            }
+        }
+        if is_done {
+            return;
+        }
+    }
+}
+
+/// Marks the rattlers of a frame in so many dimensions by [`RattlerRule::LeeHurley`].
 ///
-/// `rattler` becomes `[N]`, by grain id. Every contact of the frame counts, whatever its force.
+/// `rattler` becomes `[N]`, by grain id.
 pub fn mark(axes: usize, grains: &Disks, touching: &[ContactSample], rattler: &mut Vec<bool>) {
     let mut contacts = vec![0; grains.count()];
     for contact in touching {
@@ -37,5 +108,42 @@ mod tests {
         let contacts = [&contacts[..], &[contact(0, 4), contact(2, 4)]].concat();
         mark(3, &grains, &contacts, &mut rattler);
         assert_eq!(rattler, [false, true, false, true, true]);
+    }
+
+    /// Four grains that all touch hold each other, a chain beside them does not.
+    #[test]
+    fn a_chain_falls_from_its_end_on() {
+        let pairs = [
+            (0, 1),
+            (0, 2),
+            (0, 3),
+            (1, 2),
+            (1, 3),
+            (2, 3),
+            (3, 4),
+            (4, 5),
+            (4, 6),
+            (5, 6),
+            (6, 7),
+        ];
+        let contacts = pairs.map(|(i, j)| contact(i, j));
+        let mut grains = grains_in(10.0, &[1.0; 8]);
+        let mut rattler = Vec::new();
+        let mut marked = |rule: RattlerRule, axes: usize, grains: &Disks| -> Vec<usize> {
+            rule.mark(axes, grains, &contacts, &mut rattler);
+            (0..8).filter(|n| rattler[*n]).collect()
+        };
+        let [with, without] = [true, false].map(|friction| RattlerRule::Balance { friction });
+        assert_eq!(marked(without, 2, &grains), [4, 5, 6, 7]);
+        assert_eq!(marked(without, 3, &grains), [0, 1, 2, 3, 4, 5, 6, 7]);
+        for axes in [2, 3] {
+            assert_eq!(marked(with, axes, &grains), [7]);
+        }
+        assert_eq!(marked(RattlerRule::None, 2, &grains), [0; 0]);
+        // Grains 5 and 7 have two contacts and one: fewer than three.
+        assert_eq!(marked(RattlerRule::LeeHurley, 2, &grains), [5, 7]);
+        // Grains of walls are held.
+        (grains.body[7], grains.body[5]) = (1, 2);
+        assert_eq!(marked(without, 2, &grains), [0; 0]);
     }
 }

@@ -8,25 +8,33 @@ use std::num::NonZeroUsize;
 pub struct TauReading {
     /// Every so many rows of the time series are one interval.
     pub every: NonZeroUsize,
-    /// Whether τ is the mean over the rows of an interval, instead of its value at the end.
+    /// Whether τ is ⟨S⟩/⟨N⟩ over the rows of an interval, instead of its value at the end.
     pub average: bool,
     /// τ is rounded to multiples of this; `None`: not at all.
     pub round: Option<f64>,
 }
 
+/// The forces whose ratio is τ.
+#[derive(Debug, Clone, Copy)]
+pub struct WallForces<'a> {
+    /// `[L]` S of every row.
+    pub shear: &'a [f64],
+    /// `[L]` N of every row.
+    pub normal: &'a [f64],
+}
+
 impl TauReading {
-    /// Returns the rows at the ends of the intervals, ascending, and τ there. `tau`: `[L]`, of
-    /// every row. With averages the first interval has ended `every` rows after row 0.
-    pub fn of(&self, tau: &[f64]) -> (Vec<usize>, Vec<f64>) {
+    /// Returns the rows at the ends of the intervals, ascending, and τ there. With averages the
+    /// first interval has ended `every` rows after row 0.
+    pub fn of(&self, forces: WallForces<'_>) -> (Vec<usize>, Vec<f64>) {
+        let WallForces { shear, normal } = forces;
         let every = self.every.get();
         let first = if self.average { every } else { 0 };
-        let rows: Vec<usize> = (first..tau.len()).step_by(every).collect();
+        let rows: Vec<usize> = (first..shear.len()).step_by(every).collect();
         let value = |row: &usize| {
-            if self.average {
-                tau[row + 1 - every..=*row].iter().sum::<f64>() / every as f64
-            } else {
-                tau[*row]
-            }
+            let from = if self.average { row + 1 - every } else { *row };
+            let sum = |of: &[f64]| of[from..=*row].iter().sum::<f64>();
+            sum(shear) / sum(normal)
         };
         let rounded = |tau: f64| match self.round {
             Some(unit) => (tau / unit).round() * unit,
@@ -48,7 +56,27 @@ mod tests {
             average,
             round,
         };
-        reading.of(tau)
+        let normal = vec![1.0; tau.len()];
+        let forces = WallForces {
+            shear: tau,
+            normal: &normal,
+        };
+        reading.of(forces)
+    }
+
+    /// A row with N near zero weighs by its forces.
+    #[test]
+    fn an_average_is_the_ratio_of_the_mean_forces() {
+        let reading = TauReading {
+            every: NonZeroUsize::new(2).expect("one or more"),
+            average: true,
+            round: None,
+        };
+        let forces = WallForces {
+            shear: &[0.0, 1.0, 2.0],
+            normal: &[0.0, 3.0, -1.0],
+        };
+        assert_eq!(reading.of(forces), (vec![2], vec![1.5]));
     }
 
     const TAU: [f64; 8] = [0.0, 1.0, 2.0, 6.0, 4.0, 3.0, 8.0, 9.0];

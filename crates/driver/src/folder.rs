@@ -24,11 +24,11 @@ use gshear_store::file_names::{
 };
 use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile, RunStage};
+use gshear_store::status::{RunCondition, RunState, Status};
 use gshear_store::{checkpoint, existing, h5, part, text_writer};
 
 use crate::header::{Header, UpToCheckpoint, Written};
-pub use crate::lock::is_abandoned;
-use crate::lock::{Lock, unwritable};
+use crate::lock::{Lock, is_left, unwritable};
 use crate::options::Options;
 use crate::run_record::{RunRecord, id_in_scene};
 use crate::say::say_error;
@@ -45,6 +45,27 @@ const WRITTEN_BESIDE: [&str; 8] = [
     "spectra.csv-metadata.json",
     "run.h5.journal",
 ];
+
+/// What has become of the run of a file. A status of another run in its folder does not count.
+pub fn condition(run: &RunFile) -> RunCondition {
+    let status = Status::read(run.folder());
+    let is_of_run = |of: &Status| run.text("run_id").is_none_or(|id| id == of.run_id);
+    let status = status.filter(is_of_run);
+    RunCondition::of(
+        run.digest().is_some(),
+        status.as_ref(),
+        is_left(run.folder()),
+    )
+}
+
+/// What has become of the run of a folder, as its status has it; `None` without one.
+pub fn condition_by_status(folder: &Path) -> Option<RunCondition> {
+    let status = Status::read(folder)?;
+    // After the status: a run that ends writes it before it gives up its lock.
+    let is_left = is_left(folder);
+    let is_done = status.state == RunState::Done;
+    Some(RunCondition::of(is_done, Some(&status), is_left))
+}
 
 /// What the files of a folder say about their run.
 #[derive(Debug, Default)]

@@ -91,6 +91,11 @@ pub fn is_abandoned(folder: &Path) -> bool {
     holder.is_some_and(|holder| is_gone(Some(&holder), &file.try_lock_shared(), age))
 }
 
+/// Whether no run writes into a folder: it has no lock, or that of a process that is gone.
+pub fn is_left(folder: &Path) -> bool {
+    !folder.join(LOCK_FILE).exists() || is_abandoned(folder)
+}
+
 /// Opens an existing lock.
 fn open(path: &Path, write: bool) -> std::io::Result<File> {
     let mut options = OpenOptions::new();

@@ -15,6 +15,25 @@ use crate::scene::{Boundary, Scene};
 use crate::value::Value as KeyValue;
 use gshear_dem::laws::keys::Change;
 
+/// Returns whether any pair of materials of a scene, given as TOML, has sliding friction.
+pub fn has_friction(scene: &str) -> bool {
+    let scene = scene.parse::<Table>().unwrap_or_default();
+    let tables = ["contact", "material"].into_iter();
+    tables.filter_map(|name| scene.get(name)).any(is_frictional)
+}
+
+fn is_frictional(value: &Value) -> bool {
+    match value {
+        Value::Table(table) => table.iter().any(|(name, value)| match value {
+            Value::Float(value) if name == "friction" => *value > 0.0,
+            Value::Integer(value) if name == "friction" => *value > 0,
+            _ => is_frictional(value),
+        }),
+        Value::Array(values) => values.iter().any(is_frictional),
+        _ => false,
+    }
+}
+
 /// Returns the 128-bit xxh3 hash of these bytes as 32 hexadecimal digits.
 pub fn hash(bytes: &[u8]) -> String {
     format!("{:032x}", xxh3_128(bytes))

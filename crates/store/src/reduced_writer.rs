@@ -19,8 +19,8 @@ pub struct ReducedWriter {
 }
 
 impl ReducedWriter {
-    /// Creates the file and, if missing, its folder, with an empty `dmin/value` `[T][N]`
-    /// and `dmin/strain` `[T]`.
+    /// Creates the file and, if missing, its folder, with an empty `dmin/value` `[rows][N]`
+    /// and `dmin/strain` `[rows]`.
     ///
     /// # Errors
     /// `Failure::Other` if the folder or the file cannot be written.
@@ -37,6 +37,18 @@ impl ReducedWriter {
         Ok(ReducedWriter { part, file, dmin })
     }
 
+    /// Writes numbers, one of each row, into `dmin/NAME`.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn numbers(&self, name: &str, values: &[i64]) -> Result<()> {
+        let write = || -> hdf5::Result<()> {
+            let group = self.file.group("dmin")?;
+            checked::dataset(&group, name, ArrayView::from(values)).map(drop)
+        };
+        self.part.checked(write())
+    }
+
     /// Writes an attribute of the file.
     ///
     /// # Errors
@@ -46,7 +58,7 @@ impl ReducedWriter {
         self.part.checked(written)
     }
 
-    /// Writes D²min `[frames][N]` (m²) from frame `first` on.
+    /// Writes D²min `[rows][N]` (m²) from row `first` on.
     ///
     /// # Errors
     /// If the file cannot be written.

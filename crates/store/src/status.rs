@@ -4,6 +4,7 @@
 //! and a run goes on if it cannot be written.
 
 use std::borrow::Cow;
+use std::fmt;
 use std::path::Path;
 
 use gshear_dem::failure::on_one_line;
@@ -27,6 +28,74 @@ pub enum RunState {
     Done,
     /// It failed.
     Failed,
+}
+
+/// What is known of a run from its file, `status.json` and the lock of its folder. Every command
+/// that says what has become of a run says it in these words.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum RunCondition {
+    /// It runs.
+    Running,
+    /// It was killed: it left a status that says that it runs, and its process is gone.
+    Killed,
+    /// It stopped at a checkpoint before its end.
+    Stopped,
+    /// It came to its end.
+    Finished,
+    /// It failed, and why.
+    Failed(String),
+    /// It has not come to its end, and no status says more.
+    Unknown,
+}
+
+impl RunCondition {
+    /// Decides on a run. `finished`: its file has the digest of its last state; `status`: of its
+    /// folder, if it is that of this run; `gone`: no process holds the lock of the folder.
+    pub fn of(finished: bool, status: Option<&Status>, gone: bool) -> Self {
+        match status {
+            _ if finished => Self::Finished,
+            None => Self::Unknown,
+            Some(status) => match status.state {
+                RunState::Running if gone => Self::Killed,
+                RunState::Running => Self::Running,
+                RunState::Stopped => Self::Stopped,
+                RunState::Failed => {
+                    let message = status.message.as_deref().unwrap_or("unknown");
+                    Self::Failed(format!("{message} (stage {})", status.standing.stage))
+                }
+                // Another file of the folder is the one that is whole.
+                RunState::Done => Self::Unknown,
+            },
+        }
+    }
+
+    /// The condition in a word, which `gshear.Run.state` has, too.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Running => "running",
+            Self::Killed => "killed",
+            Self::Stopped => "stopped",
+            Self::Finished => "finished",
+            Self::Failed(_) => "failed",
+            Self::Unknown => "unfinished",
+        }
+    }
+}
+
+impl fmt::Display for RunCondition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Running => write!(f, "running"),
+            Self::Killed => write!(f, "killed: its process is gone"),
+            Self::Stopped => write!(f, "stopped at a checkpoint before its end"),
+            Self::Finished => write!(f, "finished"),
+            Self::Failed(message) => write!(f, "failed: {message}"),
+            Self::Unknown => write!(
+                f,
+                "unfinished: no digest, and no {STATUS_FILE} that says why"
+            ),
+        }
+    }
 }
 
 /// How far a stage has come. What is unknown is `None`.
@@ -123,5 +192,36 @@ impl Status {
         }
         status.standing.stage = on_one_line(&status.standing.stage).into_owned().into();
         Some(status)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_condition_follows_from_file_status_and_lock() {
+        let text = r#"{"version":1,"state":"running","message":null,"run_id":"a","title":"",
+            "stage":"shear","step":1,"steps":null,"fraction":null,"strain":null,
+            "stress_ratio":null,"solid_fraction":null,"shear_stress":null,"speed":null,
+            "seconds_left":null,"seconds":1.0,"grains":1,"ranks":1,"host":"","pid":1,"started":"",
+            "updated":""}"#;
+        let mut status: Status = serde_json::from_str(text).expect("a status");
+        let words = |status: &Status, gone| RunCondition::of(false, Some(status), gone).to_string();
+        assert_eq!(words(&status, false), "running");
+        assert_eq!(words(&status, true), "killed: its process is gone");
+        status.state = RunState::Stopped;
+        assert!(words(&status, true).starts_with("stopped at a checkpoint"));
+        status.state = RunState::Failed;
+        status.message = Some("2 grains have left".into());
+        assert_eq!(
+            words(&status, true),
+            "failed: 2 grains have left (stage shear)"
+        );
+        assert_eq!(
+            RunCondition::of(true, Some(&status), true).name(),
+            "finished"
+        );
+        assert_eq!(RunCondition::of(false, None, true).name(), "unfinished");
     }
 }

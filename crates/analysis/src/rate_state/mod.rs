@@ -30,7 +30,7 @@ pub use evolution_law::{Evolution, LogState, RateStateLaw};
 pub use experiment::{Experiment, Fitted, fit_all};
 pub use fit::{Estimate, Fit, chi_squared, fit};
 pub use jackknife::jackknife;
-pub use noise::{Autocorrelation, block_error, correlation};
+pub use noise::{Autocorrelation, correlation};
 pub use relaxation::{Relaxation, relaxations};
 pub use slider::RateStateSlider;
 pub use slider_record::{SliderRecord, merge};

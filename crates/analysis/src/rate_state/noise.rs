@@ -1,6 +1,4 @@
-//! Standard errors of means of correlated values.
-
-use crate::moments::Moments;
+//! Autocorrelation of the residuals of a fit.
 
 /// Variance and autocorrelation of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,36 +43,4 @@ pub fn correlation(values: &[f64]) -> Autocorrelation {
         inefficiency: inefficiency.clamp(1.0, n.max(1) as f64),
         window,
     }
-}
-
-/// Least number of blocks from whose scatter the error of the mean is taken.
-const FEWEST_BLOCKS: usize = 4;
-
-/// Returns the standard error of the mean of correlated values at equal intervals, by block
-/// averaging (Flyvbjerg & Petersen 1989).
-///
-/// The block length B is the least power of two with B³ > 2n (e_B/e_1)⁴, e_B being the error from
-/// blocks of length B (Lee et al. 2011, PRE 83, 066706), or the longest one that leaves four
-/// blocks. NaN for fewer than four values.
-pub fn block_error(values: &[f64]) -> f64 {
-    let n = values.len() as f64;
-    let mut blocks = values.to_vec();
-    let (mut length, mut first, mut error) = (1.0, f64::NAN, f64::NAN);
-    while blocks.len() >= FEWEST_BLOCKS {
-        error = Moments::of(&blocks).error();
-        if length == 1.0 {
-            first = error;
-        }
-        let ratio: f64 = error / first;
-        // The ratio is NaN if all values are equal; their error is 0 at any block length.
-        if ratio.is_nan() || f64::powi(length, 3) > 2.0 * n * ratio.powi(4) {
-            break;
-        }
-        blocks = blocks
-            .chunks_exact(2)
-            .map(|two| 0.5 * (two[0] + two[1]))
-            .collect();
-        length *= 2.0;
-    }
-    error
 }

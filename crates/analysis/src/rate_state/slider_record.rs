@@ -19,6 +19,8 @@ pub struct SliderRecord {
     pub slip: Vec<f64>,
     /// `[L]` Friction μ.
     pub friction: Vec<f64>,
+    /// `[L]` Normal force N over that of k̄; 1 of a law. The mean of μ = S/N is ⟨S⟩/⟨N⟩.
+    pub load: Vec<f64>,
     /// `[L]` Granular temperature: kinetic energy of a free grain beyond that of a linear velocity
     /// profile, over P d̄³ (disks: over P d̄²); NaN if it is not known.
     pub temperature: Vec<f64>,
@@ -34,7 +36,8 @@ const SAME_PROTOCOL: f64 = 1e-3;
 const SAME_STIFFNESS: f64 = 0.05;
 
 impl SliderRecord {
-    /// The record of one run: time, slip and friction. Its temperature is not known.
+    /// The record of one run: time, slip and friction, under a constant load. Its temperature is
+    /// not known.
     pub fn of_run(
         stiffness: f64,
         drive: Vec<DriveSegment>,
@@ -46,6 +49,7 @@ impl SliderRecord {
             drive,
             time,
             slip,
+            load: vec![1.0; friction.len()],
             friction,
             temperature: unknown.clone(),
             deviation: unknown,
@@ -97,6 +101,7 @@ impl SliderRecord {
             time: of(&self.time),
             slip: of(&self.slip),
             friction: of(&self.friction),
+            load: of(&self.load),
             temperature: of(&self.temperature),
             deviation: of(&self.deviation),
             realisations: self.realisations,
@@ -167,6 +172,7 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
         drive,
         slip: means(|r| &r.slip),
         friction: friction.iter().map(|of| of.mean).collect(),
+        load: means(|r| &r.load),
         temperature: means(|r| &r.temperature),
         deviation: friction.iter().map(Moments::deviation).collect(),
         realisations: members.len(),

@@ -3,9 +3,9 @@
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::noise::block_error;
 use super::slider_record::SliderRecord;
 use crate::moments::{Moments, grouped, joint_moments, mean};
+use crate::time_mean::TimeMean;
 
 /// Steady friction, averaged over the latter half of a slide.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,11 +14,11 @@ pub struct Steady {
     pub segment: usize,
     /// V_drive (m/s).
     pub velocity: f64,
-    /// μ_ss.
+    /// μ_ss, ⟨S⟩/⟨N⟩.
     pub friction: f64,
-    /// Standard error of μ_ss, from block averages.
+    /// Standard error of μ_ss, as of [`TimeMean`].
     pub error: f64,
-    /// Standard deviation of the rows around μ_ss.
+    /// Standard deviation over time of (S - μ_ss N)/⟨N⟩.
     pub scatter: f64,
     /// Slip over the whole segment (m).
     pub slip: f64,
@@ -99,18 +99,20 @@ pub fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
     let of = |segment: usize| {
         let drive = record.drive[segment];
         let [_, half] = record.halves(segment);
-        let values = &record.friction[half];
-        if drive.is_hold() || values.is_empty() {
+        if drive.is_hold() || half.is_empty() {
             return None;
         }
-        let moments = Moments::of(values);
+        let normal = &record.load[half.clone()];
+        let shear = record.friction[half].iter().zip(normal);
+        let shear: Vec<f64> = shear.map(|(friction, load)| friction * load).collect();
+        let steady = TimeMean::of_ratio(&shear, normal, &vec![1.0; normal.len()]);
         let rows = record.rows(segment);
         Some(Steady {
             segment,
             velocity: drive.velocity,
-            friction: moments.mean,
-            error: block_error(values),
-            scatter: moments.deviation(),
+            friction: steady.mean,
+            error: steady.error,
+            scatter: steady.deviation,
             slip: record.slip[rows.end - 1] - record.slip[rows.start],
         })
     };

@@ -8,6 +8,7 @@ use crate::printer::Printer;
 use gshear_analysis::moments::extent;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Result;
+use gshear_driver::folder::condition;
 use gshear_driver::say::fold_for;
 use gshear_scene::identity;
 use gshear_store::part;
@@ -31,10 +32,10 @@ impl Arguments {
 
 fn describe(run: &RunFile) -> Result<String> {
     let bytes = std::fs::metadata(part::file_of(run.path())).map_or(0, |file| file.len());
-    let state = match run.digest() {
-        Some(digest) => format!("ended, digest {digest}"),
-        None => "stopped early, or still running: no digest".to_string(),
-    };
+    let mut state = condition(run).to_string();
+    if let Some(digest) = run.digest() {
+        state += &format!(", digest {digest}");
+    }
     let family = family(run.scene(), run.grains().count());
     let grains = run.grains();
     let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();

@@ -7,7 +7,7 @@ use crate::printer::Printer;
 use crate::results::Results;
 use gshear_analysis::moments::mean;
 use gshear_analysis::phases::{self, Phase, PhaseKind};
-use gshear_analysis::tau::TauReading;
+use gshear_analysis::tau::{TauReading, WallForces};
 use gshear_dem::failure::Result;
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
@@ -32,7 +32,7 @@ pub struct Arguments {
     /// Take every Nth row of the time series as the end of an interval
     #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN)]
     every: NonZeroUsize,
-    /// Average τ over the rows of an interval
+    /// Take ⟨S⟩/⟨N⟩ over the rows of an interval as τ
     #[arg(long)]
     average: bool,
     /// Round τ to multiples of this
@@ -56,9 +56,10 @@ impl Arguments {
     pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = RunFile::open_sheared(&self.run)?;
         let series = run.series();
-        let tau = match self.normal_force {
-            NormalForce::Measured => series.column("stress_ratio").to_vec(),
-            NormalForce::Imposed => over_imposed(&run)?,
+        let shear = series.column("shear_force");
+        let normal = match self.normal_force {
+            NormalForce::Measured => series.column("normal_force").to_vec(),
+            NormalForce::Imposed => imposed(&run)?,
         };
         let all = series.column("strain");
         let first = phases::onset(all, self.from);
@@ -67,7 +68,10 @@ impl Arguments {
             average: self.average,
             round: self.round,
         };
-        let (rows, tau) = reading.of(&tau[first..]);
+        let (rows, tau) = reading.of(WallForces {
+            shear: &shear[first..],
+            normal: &normal[first..],
+        });
         let rows: Vec<usize> = rows.into_iter().map(|row| first + row).collect();
         let strain: Vec<f64> = rows.iter().map(|row| all[*row]).collect();
         let found = phases::find(&strain, &tau);
@@ -77,19 +81,17 @@ impl Arguments {
     }
 }
 
-/// τ of every row with the normal force that the run imposed.
-fn over_imposed(run: &RunFile) -> Result<Vec<f64>> {
+/// The normal force that the run imposed on every row.
+fn imposed(run: &RunFile) -> Result<Vec<f64>> {
     const IMPOSED: &str = "imposed_normal_force";
     let series = run.series();
-    let shear = series.column("shear_force");
     if series.has(IMPOSED) {
-        let imposed = series.column(IMPOSED);
-        return Ok(shear.iter().zip(imposed).map(|(s, n)| s / n).collect());
+        return Ok(series.column(IMPOSED).to_vec());
     }
     let imposed = run.number("normal_force").ok_or_else(|| {
         run.wrong("parameters/normal_force is missing: use --normal-force measured")
     })?;
-    Ok(shear.iter().map(|s| s / imposed).collect())
+    Ok(vec![imposed; series.rows()])
 }
 
 /// Returns one line per phase. `rows`: the rows of the time series in which it was found.

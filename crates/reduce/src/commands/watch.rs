@@ -10,13 +10,13 @@ use std::time::{Duration, Instant, SystemTime};
 use console::Term;
 
 use gshear_dem::failure::{Failure, Result, printable};
-use gshear_driver::folder::is_abandoned;
+use gshear_driver::folder::condition_by_status;
 use gshear_driver::progress::line;
 use gshear_driver::say::fold_for;
 use gshear_store::checkpoint;
 use gshear_store::file_names::{LOG_FILE, RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::{RunFile, RunStage};
-use gshear_store::status::{RunState, Status};
+use gshear_store::status::{RunCondition, RunState, Status};
 
 use crate::braille::plot;
 use crate::printer::Printer;
@@ -58,10 +58,9 @@ impl Arguments {
         loop {
             let begun = Instant::now();
             let status = Status::read(folder);
-            // After the status: a run that ends writes it before it gives up its lock.
-            let state = status.as_ref().map(|status| status.state);
-            let running = state == Some(RunState::Running);
-            let killed = running && is_abandoned(folder);
+            let condition = condition_by_status(folder);
+            let running = condition == Some(RunCondition::Running);
+            let killed = condition == Some(RunCondition::Killed);
             curves.read(status.as_ref())?;
             if status.is_none() && curves.rows() == 0 {
                 let what = if run.exists() {
@@ -77,7 +76,8 @@ impl Arguments {
             } else {
                 usize::MAX
             };
-            let mut text = vec![headline(status.as_ref(), killed, width, shown && colours)];
+            let headed = status.as_ref().zip(condition.as_ref());
+            let mut text = vec![headline(headed, width, shown && colours)];
             if shown {
                 let height = usize::from(term.size().0);
                 text.extend(curves.pictures(width.min(WIDEST), height.saturating_sub(3)));
@@ -97,7 +97,7 @@ impl Arguments {
             if shown {
                 write!(printer, "\x1b[J")?;
             }
-            if killed || state == Some(RunState::Stopped) {
+            if killed || condition == Some(RunCondition::Stopped) {
                 let mut states = [checkpoint::NAME, checkpoint::PREVIOUS].into_iter();
                 let has_state = states.any(|name| folder.join(name).exists());
                 let next = if has_state {
@@ -108,7 +108,7 @@ impl Arguments {
                 writeln!(printer, "{}", fold_for(&term, &printable(&next)))?;
             }
             printer.flush()?;
-            if !shown || !running || killed {
+            if !shown || !running {
                 return Ok(());
             }
             std::thread::sleep(INTERVAL.saturating_sub(begun.elapsed()));
@@ -117,31 +117,27 @@ impl Arguments {
 }
 
 /// What the run does, in a line.
-fn headline(status: Option<&Status>, killed: bool, width: usize, colours: bool) -> String {
-    let Some(status) = status else {
+fn headline(run: Option<(&Status, &RunCondition)>, width: usize, colours: bool) -> String {
+    let Some((status, condition)) = run else {
         let text = "the state is unknown: an earlier version wrote this run";
         return text.chars().take(width).collect();
     };
     let what = |words: &str| {
         let room = width.saturating_sub(words.chars().count());
         // Nothing is left to wait for.
-        let left = status.seconds_left.filter(|_| !killed);
+        let left = status
+            .seconds_left
+            .filter(|_| *condition == RunCondition::Running);
         words.to_string() + &line(&status.standing, status.speed, left, room, colours)
     };
-    match status.state {
-        RunState::Running if killed => what("killed: "),
-        RunState::Running if age(status).is_some_and(|age| age > SILENT) => {
+    match condition {
+        RunCondition::Running if age(status).is_some_and(|age| age > SILENT) => {
             let seconds = age(status).unwrap_or_default().as_secs();
             what(&format!("no news for {seconds}s, "))
         }
-        RunState::Running => what(""),
-        RunState::Stopped => what("stopped: "),
-        RunState::Done => what("done: "),
-        RunState::Failed => {
-            let message = status.message.as_deref().unwrap_or("unknown");
-            let text = format!("failed in {}: {message}", status.standing.stage);
-            text.chars().take(width).collect()
-        }
+        RunCondition::Running => what(""),
+        RunCondition::Failed(_) => condition.to_string().chars().take(width).collect(),
+        _ => what(&format!("{}: ", condition.name())),
     }
 }
 

@@ -28,6 +28,7 @@ use crate::layout::{
 pub use crate::parameter::{Parameter, Parameters};
 use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_analysis::time_mean::{self, RATIO_COLUMNS, TimeMean};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{
@@ -119,6 +120,25 @@ impl Series {
     /// Returns the number of rows L.
     pub fn rows(&self) -> usize {
         self.step.len()
+    }
+
+    /// Returns the weights of the rows from `first` on in a mean over time.
+    pub fn weights(&self, first: usize) -> Vec<f64> {
+        time_mean::durations(&self.time, first)
+    }
+
+    /// Returns the mean of a column over the rows from `first` on; of a ratio such as τ that of the
+    /// means of what is divided. Rows weigh by their time.
+    ///
+    /// # Panics
+    /// On a name that is not declared.
+    pub fn mean(&self, name: &str, first: usize) -> TimeMean {
+        let weights = self.weights(first);
+        let later = |name: &str| &self.column(name)[first..];
+        match RATIO_COLUMNS.iter().find(|of| of.ratio == name) {
+            Some(of) => TimeMean::of_ratio(later(of.numerator), later(of.denominator), &weights),
+            None => TimeMean::of(later(name), &weights),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::*;
+use crate::time_mean::block_error;
 
 /// FR's law and stiffness: k̄ d = 425 at d = 3 mm.
 const STIFFNESS: f64 = 1.4e5;

@@ -60,6 +60,7 @@ pub fn record(run: &RunFile) -> Result<SliderRecord> {
     }
     let measured = [time, column("slip"), column("stress_ratio")];
     let record = SliderRecord {
+        load: column("normal_force").iter().map(|n| n / force).collect(),
         temperature: temperature(run, &column("slip_rate"), &column("kinetic_energy")),
         ..SliderRecord::of_run(spring / force, drive, measured)
     };

@@ -7,10 +7,10 @@ use crate::printer::Printer;
 use crate::scalars;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::{Failure, Result};
+use gshear_driver::folder::{condition, condition_by_status};
 use gshear_report::sweep::{Sweep, SweepRun};
 use gshear_store::file_names::{RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::RunFile;
-use gshear_store::status::{RunState, Status};
 
 /// Whether a folder is that of a run, which may have failed before it wrote a file.
 fn has_begun(folder: &Path) -> bool {
@@ -110,16 +110,10 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
 /// # Errors
 /// A path without a run that has not begun either, a damaged file.
 fn unfinished(path: &Path) -> Result<Result<RunFile, String>> {
-    let status = Status::read(folder_of(path));
-    let why = status.map(|status| match (status.state, status.message) {
-        (RunState::Failed, Some(message)) => format!("failed: {message}"),
-        (RunState::Failed, None) => "failed".into(),
-        (RunState::Running, _) => "is under way, or was killed".into(),
-        _ => "was stopped before its end".to_string(),
-    });
+    let why = condition_by_status(folder_of(path)).map(|of| of.to_string());
     match (RunFile::open_any(path), why) {
         (Ok(run), _) if run.digest().is_some() => Ok(Ok(run)),
-        (Ok(_), why) => Ok(Err(why.unwrap_or_else(|| "has not ended".into()))),
+        (Ok(run), _) => Ok(Err(condition(&run).to_string())),
         (Err(_), Some(why)) if path.is_dir() && !path.join(RUN_FILE).exists() => Ok(Err(why)),
         (Err(failure), _) => Err(failure),
     }
