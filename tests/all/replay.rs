@@ -392,6 +392,10 @@ fn the_report_replays_the_largest_drop() {
         "output.checkpoint_strain=0.25",
     ];
     let again = report("kept", &[&kept[..], &["output.frame_strain=0"]].concat());
+    let coarse = report(
+        "coarse",
+        &[&kept[..], &["output.frame_strain=0.02"]].concat(),
+    );
     let none = report("none", &["output.frame_strain=0"]);
     assert!(again.join("replay/run.h5").is_file() && !whole.join("replay").exists());
     for figure in [
@@ -403,10 +407,64 @@ fn the_report_replays_the_largest_drop() {
         let data = |report: &Path| std::fs::read(report.join(format!("{figure}.csv"))).ok();
         assert!(data(&whole).is_some_and(|of| of.len() > 1000), "{figure}");
         assert!(data(&whole) == data(&again), "{figure} differs");
+        assert!(
+            data(&whole) == data(&coarse),
+            "{figure} of coarse frames differs"
+        );
         assert_eq!(data(&none), None);
     }
+    assert_shows_the_drop(&whole, &coarse);
+
+    // Without a replay the maps show what there is, and say that it is not the drop.
+    let folder = temporary.path().join("coarse");
+    let out = temporary.path().join("frames");
+    let told = said(
+        &reduce(&["report", text(&folder), "--no-replay", "--out", text(&out)]),
+        0,
+    );
+    assert!(
+        !told.contains("replay") && !out.join("replay").exists(),
+        "{told}"
+    );
+    let page = std::fs::read_to_string(out.join("index.html")).expect("a page");
+    assert!(page.contains("at the last frame before the drop: step "));
+    assert!(page.contains("The maps show the frames around the largest drop"));
+    let told = said(&reduce(&["report", text(&folder)]), 0);
+    let words = "for the largest drop, about 1s (--no-replay leaves it out)\n";
+    assert!(
+        told.contains("replays steps ") && told.contains(words),
+        "{told}"
+    );
     let page = std::fs::read_to_string(none.join("index.html")).expect("a page");
     assert!(page.contains("there are no maps"));
+}
+
+/// The states that a report shows are those right before and after the drop, and say so; the
+/// greatest D²min is found between two rows. `whole`: the report of the run with a frame per row.
+fn assert_shows_the_drop(whole: &Path, report: &Path) {
+    let numbers = |report: &Path| -> serde_json::Value {
+        let text = std::fs::read_to_string(report.join("summary.json")).expect("numbers");
+        serde_json::from_str(&text).expect("JSON")
+    };
+    let found = numbers(report);
+    let number = |of: &serde_json::Value| of.as_f64().expect("a number");
+    let tau = [0, 1].map(|k| number(&found["maps"]["stress_ratio"][k]));
+    let drop = number(&found["largest_drop"]["delta_tau"]);
+    assert!(drop < 0.0 && tau[1] - tau[0] == drop, "{tau:?} {drop}");
+    let page = std::fs::read_to_string(report.join("index.html")).expect("a page");
+    for (when, tau) in [("before", tau[0]), ("after", tau[1])] {
+        let words = format!("Force network right {when} the drop: step ");
+        let caption = page.split(&words).nth(1).expect("a caption");
+        let caption = caption.split("Lines join").next().expect("its beginning");
+        assert!(caption.contains(&format!("τ = {tau:.4}")), "{caption}");
+    }
+    let greatest = &found["greatest_dmin"];
+    let steps = |of: &serde_json::Value| [0, 1].map(|k| of["steps"][k].as_u64().expect("a step"));
+    let [from, to] = steps(greatest);
+    let rows = steps(&numbers(whole)["greatest_dmin"]);
+    assert_eq!(to - from, rows[1] - rows[0]);
+    assert!(report.join("replay-dmin/run.h5").is_file());
+    assert!(page.contains("The greatest D²<sub>min</sub> of the run"));
 }
 
 /// The stages of a run that stored its scalars and checkpoints are those of the run that stored its

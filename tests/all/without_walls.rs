@@ -283,6 +283,9 @@ fn the_profile_of_a_report_is_of_each_frames_height() {
     let flow = run_scene(folder.path(), "flow", FLOW, &set);
     let out = folder.path().join("flow");
     succeed(reducer().arg("report").arg(&out));
+    let page = std::fs::read_to_string(out.join("report/index.html")).expect("a page");
+    let figures = page.split("<h2>Parameters</h2>").next().expect("figures");
+    assert!(!figures.contains("top wall"), "there is none");
     let table = std::fs::read_to_string(out.join("report/fraction-profile.csv"));
     let table = table.expect("a profile");
     let column = |line: &str| line.split(',').nth(1).and_then(|x| x.parse().ok());

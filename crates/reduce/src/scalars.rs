@@ -3,12 +3,12 @@
 use rayon::prelude::*;
 
 use crate::commands::dmin::{between, is_planar};
-use crate::frame_pairs;
-use gshear_analysis::dmin::RADIUS;
+use crate::frame_pairs::{self, consecutive};
+use gshear_analysis::dmin::{NonAffine, RADIUS};
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::stress::ratio_on_top;
 use gshear_dem::failure::Result;
-use gshear_dem::state::FrameRecords;
+use gshear_dem::state::{Frame, FrameRecords};
 use gshear_store::run_reader::{FrameFields, RunFile, StoredScalars};
 
 /// Scalars of frames: one row per frame, or per interval for which the run has computed them.
@@ -100,9 +100,58 @@ pub fn of_any(run: &RunFile) -> Result<Vec<FrameScalars>> {
         Ok(())
     };
     if run.frames() > 0 {
-        frame_pairs::each(run, |range| run.records(range), value, write)?;
+        frame_pairs::each(
+            run,
+            &consecutive(run),
+            |range| run.records(range),
+            value,
+            write,
+        )?;
     }
     Ok(scalars)
+}
+
+/// Most grains, in all frames together, of which a report computes D²min: seconds.
+const MOST_GRAINS: usize = 30_000_000;
+
+/// Returns the steps between which the greatest D²min of a run of disks between walls lies: of its
+/// stored scalars, or of consecutive frames. `None` without D²min, or if there are too many grains
+/// and frames to look.
+///
+/// # Errors
+/// A damaged run.
+pub fn interval_of_greatest_dmin(run: &RunFile) -> Result<Option<[u64; 2]>> {
+    let (steps, greatest): (&[u64], Vec<f64>) = match run.stored_scalars() {
+        Some(stored) => {
+            let of_rows = stored.scalars.iter().map(|row| row.dmin_greatest);
+            (&stored.step, of_rows.collect())
+        }
+        None if run.frames() * run.grains().count() > MOST_GRAINS => return Ok(None),
+        None => (run.frame_steps(), greatest_of_frames(run)?),
+    };
+    let defined = (1..steps.len()).filter(|t| greatest[*t].is_finite());
+    let found = defined.max_by(|a, b| greatest[*a].total_cmp(&greatest[*b]));
+    Ok(found.map(|t| [steps[t - 1], steps[t]]))
+}
+
+/// Returns gD²min of every frame of disks between walls, `[T]` (m²); NaN of frame 0.
+fn greatest_of_frames(run: &RunFile) -> Result<Vec<f64>> {
+    let grains = run.grains();
+    let radius = RADIUS * grains.mean_radius();
+    let read = |range| run.block_of(range, FrameFields::Pairs);
+    let value = |of: &mut NonAffine, _: [usize; 2], [earlier, later]: [&Frame; 2]| {
+        let mut dmin = vec![f64::NAN; grains.count()];
+        of.between(grains, radius, earlier, later, &mut dmin);
+        dmin.into_iter().fold(f64::NAN, f64::max)
+    };
+    let mut greatest = vec![f64::NAN; run.frames().min(1)];
+    if run.frames() > 0 {
+        frame_pairs::each(run, &consecutive(run), read, value, |_, values| {
+            greatest.extend(values);
+            Ok(())
+        })?;
+    }
+    Ok(greatest)
 }
 
 /// Returns a column of the time series at the given steps; `None` if one of them has no row.
@@ -128,7 +177,7 @@ fn compute(run: &RunFile) -> Result<Vec<(f64, FrameScalars)>> {
         let first = run.block_of(0..1, FrameFields::Forces)?.swap_remove(0);
         rows.push((ratio_on_top(grains, &first), FrameScalars::UNDEFINED));
     }
-    frame_pairs::each(run, read, value, |_, values| {
+    frame_pairs::each(run, &consecutive(run), read, value, |_, values| {
         rows.extend(values);
         Ok(())
     })?;

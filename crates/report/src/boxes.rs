@@ -4,6 +4,7 @@
 use serde_json::{Value, json};
 
 use gshear_analysis::moments::extent;
+use gshear_analysis::time_mean::TimeMean;
 use gshear_dem::failure::Result;
 use gshear_store::csv_table;
 use gshear_store::file_names::SPECTRA_FILE;
@@ -16,6 +17,9 @@ use super::history::{Axis, LAYOUT, drawn};
 use super::page::Facts;
 use super::panels::{Deformation, PANELS, Panel};
 
+/// Name of the column of the mobilised friction.
+pub const MOBILISED_FRICTION: &str = "mobilised_friction";
+
 /// What the strain steps of a run measure.
 pub struct Measured {
     of: &'static Deformation,
@@ -24,6 +28,8 @@ pub struct Measured {
     /// `[L]` Sine of the mobilised friction angle; of simple shear the shear stress over the
     /// pressure.
     friction: Vec<f64>,
+    /// `[L]` Numerator and denominator of `friction`: two stresses.
+    friction_of: [Vec<f64>; 2],
     /// `[L]` The modulus from the row before to this one.
     modulus: Vec<f64>,
 }
@@ -41,15 +47,19 @@ impl Measured {
             (_, "biaxial") => (combined(x, y, |x, y| 0.5 * (x + y)), column("stress_zz")),
             _ => (x.to_vec(), column("stress_zz")),
         };
-        let sine = || combined(axial, &lateral, |a, l| (a - l) / (a + l));
+        let difference = || combined(axial, &lateral, |a, l| a - l);
+        let sine = || [difference(), combined(axial, &lateral, |a, l| a + l)];
         let pressure = column("pressure");
-        let (stress, friction) = match &*of.key {
+        let (stress, friction_of) = match &*of.key {
             "pure-shear" => (combined(axial, &lateral, |a, l| 0.5 * (a - l)), sine()),
-            "biaxial" => (combined(axial, &lateral, |a, l| a - l), sine()),
-            "compression" => (pressure.to_vec(), vec![f64::NAN; pressure.len()]),
+            "biaxial" => (difference(), sine()),
+            "compression" => {
+                let none = vec![f64::NAN; pressure.len()];
+                (pressure.to_vec(), [none.clone(), none])
+            }
             _ => {
                 let shear = column("shear_stress");
-                (shear.to_vec(), combined(shear, pressure, |s, p| s / p))
+                (shear.to_vec(), [shear.to_vec(), pressure.to_vec()])
             }
         };
         let solid = column("solid_fraction").iter();
@@ -65,15 +75,23 @@ impl Measured {
             of,
             modulus: (0..strain.len()).map(slope).collect(),
             stress,
-            friction,
+            friction: combined(&friction_of[0], &friction_of[1], |s, p| s / p),
+            friction_of,
         }
+    }
+
+    /// Returns the mean of the mobilised friction over the rows from `first` on, the ratio of the
+    /// mean stresses. `weights`: of these rows.
+    pub fn mean_friction(&self, first: usize, weights: &[f64]) -> TimeMean {
+        let [numerator, denominator] = self.friction_of.each_ref().map(|of| &of[first..]);
+        TimeMean::of_ratio(numerator, denominator, weights)
     }
 
     /// `[L]` By the names of their columns.
     pub fn columns(self) -> [(&'static str, Vec<f64>); 3] {
         [
             ("conjugate_stress", self.stress),
-            ("mobilised_friction", self.friction),
+            (MOBILISED_FRICTION, self.friction),
             ("modulus", self.modulus),
         ]
     }
@@ -91,7 +109,7 @@ impl Measured {
         };
         let stress = format!("{}: {}.", of.name, of.stress[0]);
         let modulus = format!("{}, from one strain step to the next.", of.modulus);
-        let (column, label) = ("mobilised_friction", "mobilised friction");
+        let (column, label) = (MOBILISED_FRICTION, "mobilised friction");
         let (conjugate, axis_label) = ("conjugate_stress", &of.stress[1]);
         let figures = [
             drawn("stress-strain", stress, axis_label, conjugate, &self.stress),

@@ -79,6 +79,15 @@ pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
     panels.filter_map(|panel| drawn(run, axis, panel)).collect()
 }
 
+/// What the drive moves.
+pub fn top(run: &RunFile) -> &'static str {
+    if run.has_walls() {
+        "top wall"
+    } else {
+        "image above the cell"
+    }
+}
+
 /// `None` if nothing has been recorded.
 pub fn drawn(run: &RunFile, axis: &Axis, panel: &'static Panel) -> Option<ReportFigure> {
     let series = run.series();
@@ -105,13 +114,15 @@ pub fn drawn(run: &RunFile, axis: &Axis, panel: &'static Panel) -> Option<Report
         let finite = values.iter().filter(|x| x.is_finite());
         finite.clone().count() > 1 && (finite.clone().any(|x| *x != 0.0))
     };
-    let known: Vec<(&str, Vec<f64>)> = (panel.lines.iter())
-        .map(|[column, name]| (&**name, shown(column)))
+    let named = |text: &str| text.replace("{top}", top(run));
+    let known: Vec<(String, Vec<f64>)> = (panel.lines.iter())
+        .map(|[column, name]| (named(name), shown(column)))
         .filter(|(_, values)| is_known(values))
         .collect();
-    let known: Vec<_> = known.iter().map(|(name, of)| (*name, &of[..])).collect();
+    let known: Vec<_> = known.iter().map(|(name, of)| (&**name, &of[..])).collect();
     let svg = lines(LAYOUT, (axis.label, &axis.values), &label, &known)?;
     let columns: Vec<&str> = panel.lines.iter().map(|[column, _]| &**column).collect();
     let data = axis.table(series, &columns);
-    Some(ReportFigure::new(&panel.name, &panel.caption, svg, data))
+    let caption = named(&panel.caption);
+    Some(ReportFigure::new(&panel.name, caption, svg, data))
 }

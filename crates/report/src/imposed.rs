@@ -20,7 +20,8 @@ const STRESSES: [(&str, &str); 4] = [
     ("imposed_shear_force", "imposed shear stress"),
 ];
 
-/// Draws the figures. Stresses are forces on the top wall over its area.
+/// Draws the figures. Stresses are forces on the top wall over its area; without walls they are
+/// those of the cell.
 pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
     let periods = run.periods().into_iter().filter(|x| x.is_finite());
     let area: f64 = periods.product();
@@ -52,24 +53,29 @@ pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
     let strains = ("shear strain γ (%)", &percent_of(strain)[..]);
     let normals = (&*format!("normal stress ({unit})"), &normal[..]);
     let shear = [("", &shear[..])];
+    let place = if run.has_walls() {
+        "on the top wall"
+    } else {
+        "of the cell"
+    };
     let figures = [
         (
             "stresses",
-            "Normal and shear stress on the top wall, and what is imposed of them.",
+            format!("Normal and shear stress {place}, and what is imposed of them."),
             lines(WIDE, times, &format!("stress ({unit})"), &stresses),
         ),
         (
             "stress-strain-loops",
-            "Shear stress on the top wall over the shear strain.",
+            format!("Shear stress {place} over the shear strain."),
             lines(SQUARE, strains, &shear_label, &shear),
         ),
         (
             "stress-path",
-            "Path of the stresses on the top wall, whose normal motion a part imposes.",
+            format!("Path of the stresses {place}, whose normal motion a part imposes."),
             lines(SQUARE, normals, &shear_label, &shear).filter(|_| holds_volume),
         ),
     ];
-    let drawn = |(name, caption, svg): (&'static str, &str, Option<String>)| {
+    let drawn = |(name, caption, svg): (&'static str, String, Option<String>)| {
         Some(ReportFigure::new(name, caption, svg?, data.clone()))
     };
     figures.into_iter().filter_map(drawn).collect()

@@ -9,9 +9,11 @@
 //!
 //! ```no_run
 //! use gshear_store::run_reader::RunFile;
+//! use gshear_store::status::RunCondition;
 //!
 //! let run = RunFile::open("out/plane-shear-2d".as_ref())?;
-//! let page = gshear_report::write(&run, None, None, &run.folder().join("report"))?;
+//! let sources = gshear_report::Sources::of(&RunCondition::Finished);
+//! let page = gshear_report::write(&run, &sources, &run.folder().join("report"))?;
 //! println!("open {}", page.display());
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
@@ -43,11 +45,13 @@ use std::path::{Path, PathBuf};
 
 use self::history::Axis;
 use self::map::Map;
-pub use self::summary::window_without_frames;
-use self::summary::{DropFrames, Summary};
+use self::page::Page;
+use self::summary::{DropFrames, EventFrames, Summary};
+pub use self::summary::{drop_without_frames, shows_drops};
 use gshear_dem::failure::Result;
 use gshear_dem::state::Disks;
 use gshear_store::run_reader::RunFile;
+use gshear_store::status::RunCondition;
 use gshear_store::{dictionary, text_writer};
 
 /// A figure of the report: name of its files, caption in HTML, SVG, and its data as CSV.
@@ -69,29 +73,54 @@ impl ReportFigure {
     }
 }
 
+/// What the report of a run is made of besides its file.
+pub struct Sources<'a> {
+    /// What has become of the run.
+    pub condition: &'a RunCondition,
+    /// The run around its largest drop, if [`drop_without_frames`] asks for it.
+    pub drop: Option<&'a RunFile>,
+    /// Where its greatest D²min lies.
+    pub rearranging: Option<Rearranging<'a>>,
+    /// Address of the page of its rate-and-state friction, from the folder of the report.
+    pub rate_state: Option<&'a str>,
+}
+
+impl<'a> Sources<'a> {
+    /// The file of a run alone.
+    pub fn of(condition: &'a RunCondition) -> Self {
+        Self {
+            condition,
+            drop: None,
+            rearranging: None,
+            rate_state: None,
+        }
+    }
+}
+
+/// Where the greatest D²min of a run lies.
+#[derive(Clone, Copy)]
+pub struct Rearranging<'a> {
+    /// Steps of the frames between which it was found.
+    pub steps: [u64; 2],
+    /// The run, or that part of it with more frames.
+    pub shown: &'a RunFile,
+}
+
 /// Writes the report into `folder`, which is created if missing: `index.html`, the figures as SVG
-/// with their data as CSV, and `summary.json`. Returns the path of the page. `replayed`: the run
-/// around its largest drop, if [`window_without_frames`] asks for it; `rate_state`: address of the
-/// page of its rate-and-state friction, from `folder`.
+/// with their data as CSV, and `summary.json`. Returns the path of the page.
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.
-pub fn write(
-    run: &RunFile,
-    replayed: Option<&RunFile>,
-    rate_state: Option<&str>,
-    folder: &Path,
-) -> Result<PathBuf> {
-    let summary = Summary::of(run, replayed)?;
-    let mut facts = page::facts(run, &summary);
-    facts.extend(rate_state.map(|page| {
+pub fn write(run: &RunFile, sources: &Sources<'_>, folder: &Path) -> Result<PathBuf> {
+    let summary = Summary::of(run, sources)?;
+    let mut facts = page::facts(run, &summary, sources.condition);
+    facts.extend(sources.rate_state.map(|page| {
         let link = format!("<a href=\"{page}\">velocity steps, holds and fits</a>");
         ("Rate and state", link)
     }));
     let mut figures = figures(run, &summary);
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(picture::figures(run)?);
-    let note = page::note_on_maps(run, &summary);
     let what = if run.has_free_surface() {
         "Flow below a free surface"
     } else if run.has_walls() {
@@ -99,28 +128,50 @@ pub fn write(
     } else {
         "Shear without walls"
     };
-    let page = page::html(run, what, facts, &figures, note);
+    let page = Page {
+        what,
+        condition: sources.condition,
+        facts,
+        figures: &figures,
+        note: page::note_on_maps(run, &summary),
+    };
+    let page = page::html(run, page);
     write_numbers(&summary.json(run), folder)?;
     write_files(run.dimension().axes(), &figures, &page, folder)
 }
 
 /// Writes the report of a run in a periodic box, as [`write()`]. `files`: of its strain steps and
-/// of Newton's equations, or one of them.
+/// of Newton's equations, or one of them; `conditions`: of each what has become of it.
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.
-pub fn write_box(files: &[&RunFile], folder: &Path) -> Result<PathBuf> {
+///
+/// # Panics
+/// Without files.
+pub fn write_box(
+    files: &[&RunFile],
+    conditions: &[RunCondition],
+    folder: &Path,
+) -> Result<PathBuf> {
     let run = files[0];
     let (mut facts, mut figures, mut names) = (Vec::new(), Vec::new(), Vec::new());
-    for file in files {
-        facts.extend(page::identity(file));
+    for (file, condition) in files.iter().zip(conditions) {
+        facts.extend(page::identity(file, condition));
         let (name, drawn) = boxes::measured(file, &mut facts)?;
         names.push(name);
         figures.extend(drawn);
     }
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(picture::figures(run)?);
-    let page = page::html(run, &names.join(", then "), facts, &figures, "");
+    let unfinished = conditions.iter().find(|of| **of != RunCondition::Finished);
+    let page = Page {
+        what: &names.join(", then "),
+        condition: unfinished.unwrap_or(&RunCondition::Finished),
+        facts,
+        figures: &figures,
+        note: "",
+    };
+    let page = page::html(run, page);
     write_numbers(&boxes::json(files), folder)?;
     write_files(run.dimension().axes(), &figures, &page, folder)
 }
@@ -169,18 +220,21 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
     let event = summary.event.as_ref();
     let shown = event.map(|event| event.drop).or(summary.drop);
     if let Some(drop) = &shown {
-        let on_axis = |event: &DropFrames| event.strain.map(|strain| 100.0 * strain);
+        let on_axis = |event: &DropFrames| event.frames.strain.map(|strain| 100.0 * strain);
         let driven = summary::is_driven(run);
         let frames = event.filter(|_| !driven).map(on_axis);
         let caption = format!(
-            "The largest drop{}: Δτ<sub>p</sub> = {:.4} over {} intervals of the time series. Shaded: the phases.",
+            "The largest drop{}: Δτ<sub>p</sub> = {:.4} over {} intervals of the time series, from τ = {:.4} to {:.4}. \
+             Shaded: the phases.",
             if Some(*drop) == summary.drop {
                 ""
             } else {
                 " with frames before and after it"
             },
             drop.change,
-            drop.duration()
+            drop.duration(),
+            tau[drop.start],
+            tau[drop.end]
         );
         let svg = stress_ratio::around(&axis, tau, phases, drop, frames);
         figures.push(ReportFigure::new("largest-drop", caption, svg, of_tau));
@@ -197,43 +251,55 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
     if let Some(event) = event {
         figures.extend(maps(run.grains(), event));
     }
+    if let Some(frames) = &summary.rearrangement {
+        figures.push(map_of_greatest(run.grains(), frames));
+    }
     figures
 }
 
 fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
-    let (earlier, later) = (&event.earlier, &event.later);
-    let view = map::view_of(grains, later, event.centre());
+    let frames = &event.frames;
+    let EventFrames { earlier, later, .. } = frames;
+    let view = map::view_of(grains, later, frames.centre());
     let [before, after] = [earlier, later].map(|frame| Map::new(grains, frame, view));
     let greatest = map::scale_of_forces(&[earlier, later]);
-    let [t, u] = event.frames;
-    let shown = |strain: f64| format!("γ = {:.5} %", 100.0 * strain);
-    let [from, to] = event.strain.map(shown);
-    let between = format!("frames {t} to {u}: {from} to {to}");
-    let part = if grains.count() > map::MOST_GRAINS {
-        " The sample is large: only the part around the greatest D²<sub>min</sub> is shown."
+    let [from, to] = [0, 1].map(|k| frames.state(k));
+    let [at_start, at_end] = [0, 1].map(|k| frames.title(k));
+    let between = format!("{at_start} to {at_end}");
+    let part = part_of(grains);
+    let (first, second) = if event.is_exact {
+        ("right before the drop", "right after the drop")
     } else {
-        ""
+        (
+            "at the last frame before the drop",
+            "at the first frame after the drop",
+        )
+    };
+    let over = if event.is_exact {
+        "over the drop"
+    } else {
+        "between the frames around the drop, which is shorter"
     };
     let network = "Lines join the centres of touching grains; their width and colour give the normal force, \
                    on the same scale before and after. Disks of the walls are grey.";
     [
         ReportFigure::new(
             "force-network-before",
-            format!("Force network before the drop. {network}{part}"),
-            before.forces(greatest, &format!("frame {t}, {from}")),
+            format!("Force network {first}: {from}. {network}{part}"),
+            before.forces(greatest, &at_start),
             map::data_of_contacts(earlier),
         ),
         ReportFigure::new(
             "force-network-after",
-            format!("Force network after the drop. {network}{part}"),
-            after.forces(greatest, &format!("frame {u}, {to}")),
+            format!("Force network {second}: {to}. {network}{part}"),
+            after.forces(greatest, &at_end),
             map::data_of_contacts(later),
         ),
         ReportFigure::new(
             "force-change",
             format!(
-                "Differential force network over the drop: change of the magnitude of every contact force, \
-                 0 where a contact was made or lost.{part}"
+                "Differential force network {over}: change of the magnitude of every contact force, \
+                 0 where a contact was made or lost. From {from} to {to}.{part}"
             ),
             after.force_changes(earlier, &between),
             map::data_of_changes(earlier, later),
@@ -241,11 +307,48 @@ fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
         ReportFigure::new(
             "dmin",
             format!(
-                "D²<sub>min</sub> over the drop, in units of the mean radius squared, with neighbours within 5 r̄. \
-                 White: rattlers and other grains without a defined value. Outlined in grey: walls.{part}"
+                "D²<sub>min</sub> {over}, in units of the mean radius squared, with neighbours within 5 r̄. \
+                 From {from} to {to}. {}{part}",
+                without_dmin(frames)
             ),
-            after.dmin(&event.dmin, after.range_of_dmin(&event.dmin), &between),
-            map::data_of_grains(grains, later, &event.dmin),
+            after.dmin(&frames.dmin, after.range_of_dmin(&frames.dmin), &between),
+            map::data_of_grains(grains, later, &frames.dmin),
         ),
     ]
+}
+
+/// What a map of D²min says of grains without a colour.
+fn without_dmin(frames: &EventFrames) -> String {
+    format!(
+        "White: grains without a value; it is {} (rattlers have two contacts or fewer). Outlined in grey: walls.",
+        frames.defined
+    )
+}
+
+/// What a map says that shows only a part of the sample.
+fn part_of(grains: &Disks) -> &'static str {
+    if grains.count() > map::MOST_GRAINS {
+        " The sample is large: only the part around the greatest D²<sub>min</sub> is shown."
+    } else {
+        ""
+    }
+}
+
+/// The map of the greatest D²min of the run.
+fn map_of_greatest(grains: &Disks, frames: &EventFrames) -> ReportFigure {
+    let later = &frames.later;
+    let map = Map::new(grains, later, map::view_of(grains, later, frames.centre()));
+    let between = format!("{} to {}", frames.title(0), frames.title(1));
+    let greatest = frames.greatest_dmin(grains).unwrap_or(f64::NAN);
+    let caption = format!(
+        "The greatest D²<sub>min</sub> of the run, {greatest:.3e} in units of the mean radius squared, with neighbours \
+         within 5 r̄: from {} to {}. {}{}",
+        frames.state(0),
+        frames.state(1),
+        without_dmin(frames),
+        part_of(grains)
+    );
+    let svg = map.dmin(&frames.dmin, map.range_of_dmin(&frames.dmin), &between);
+    let data = map::data_of_grains(grains, later, &frames.dmin);
+    ReportFigure::new("greatest-dmin", caption, svg, data)
 }

@@ -1,29 +1,46 @@
 //! The HTML page of a run's report: one self-contained file.
 
 use super::ReportFigure;
-use super::summary::{self, DropFrames, Summary, is_imposed, latter_half};
+use super::summary::{self, Summary, is_imposed, latter_half};
 use super::text::escape;
 use gshear_analysis::moments::extent;
 use gshear_analysis::phases::PhaseKind;
+use gshear_analysis::time_mean::TimeMean;
 use gshear_store::run_reader::RunFile;
+use gshear_store::status::RunCondition;
 
 /// Names and values of the table at the top, in HTML.
 pub type Facts = Vec<(&'static str, String)>;
 
-/// Returns the report as HTML, figures and style included. `what` was run; `note`, in HTML, follows
-/// the figures.
-pub fn html(
-    run: &RunFile,
-    what: &str,
-    facts: Facts,
-    figures: &[ReportFigure],
-    note: &str,
-) -> String {
+/// What a page says.
+pub struct Page<'a> {
+    /// What was run.
+    pub what: &'a str,
+    /// What has become of the run.
+    pub condition: &'a RunCondition,
+    /// The table at the top.
+    pub facts: Facts,
+    /// The figures.
+    pub figures: &'a [ReportFigure],
+    /// HTML after the figures.
+    pub note: &'a str,
+}
+
+/// Returns the report as HTML, figures and style included.
+pub fn html(run: &RunFile, page: Page<'_>) -> String {
+    let Page {
+        what,
+        condition,
+        facts,
+        figures,
+        note,
+    } = page;
     let title = escape(&title(run));
-    let lead = match run.digest() {
-        Some(_) => format!("{what}: a finished run of gshear-mpi."),
-        None => format!(
-            "{what}: a run of gshear-mpi that was stopped early or is still running; the report covers what it has written."
+    let lead = match condition {
+        RunCondition::Finished => format!("{what}: a finished run of gshear-mpi."),
+        other => format!(
+            "{what}: a run of gshear-mpi, {}. The report covers what it has written.",
+            escape(&other.to_string())
         ),
     };
     let body = self::figures(figures);
@@ -41,7 +58,6 @@ pub fn html(
 
 /// Says why there are no maps, or not of the largest drop.
 pub fn note_on_maps(run: &RunFile, summary: &Summary) -> &'static str {
-    let smaller = |event: &DropFrames| Some(event.drop) != summary.drop;
     let expected = summary::has_phases(run, &summary.phases);
     match &summary.event {
         _ if run.dimension().axes() != 2 => "",
@@ -50,9 +66,14 @@ pub fn note_on_maps(run: &RunFile, summary: &Summary) -> &'static str {
              write frames more often (output.frame_strain), or keep checkpoints \
              (output.keep_checkpoints), from which the report computes the drop again.</p>\n"
         }
-        Some(event) if smaller(event) => {
+        Some(event) if Some(event.drop) != summary.drop => {
             "<p>The maps do not show the largest drop, which has no frames before and after it. \
              With kept checkpoints (output.keep_checkpoints) the report computes it again.</p>\n"
+        }
+        Some(event) if !event.is_exact => {
+            "<p>The maps show the frames around the largest drop, which is shorter: τ of these frames \
+             differs by less than the drop. With kept checkpoints (output.keep_checkpoints) the report \
+             computes the drop again and shows the states right before and after it.</p>\n"
         }
         _ => "",
     }
@@ -97,7 +118,7 @@ fn title(run: &RunFile) -> String {
 }
 
 /// Returns what is said of any run.
-pub fn identity(run: &RunFile) -> Facts {
+pub fn identity(run: &RunFile, condition: &RunCondition) -> Facts {
     let of_grains = ["Disks", "Spheres"][run.dimension().axes() - 2];
     let all = run.grains().count();
     let walls = run.grains().body.iter().filter(|body| **body != 0).count();
@@ -107,9 +128,10 @@ pub fn identity(run: &RunFile) -> Facts {
     };
     let rows = format!("{}, {}", run.frames(), run.series().rows());
     let digest = run.digest();
-    let digest = digest.map_or("none: the run has not ended".into(), escape);
+    let digest = digest.map_or("none".into(), escape);
     vec![
         ("Run", escape(&run.path().display().to_string())),
+        ("State", escape(&condition.to_string())),
         (of_grains, grains),
         ("Frames, rows of the time series", rows),
         ("Digest", digest),
@@ -120,11 +142,10 @@ pub fn identity(run: &RunFile) -> Facts {
 fn way(run: &RunFile) -> (&'static str, String) {
     let strain = run.series().column("strain");
     if run.has_free_surface() {
-        let velocity = run.series().column("mean_velocity");
-        let mean = summary::finite_moments(&velocity[latter_half(run)]).mean;
+        let TimeMean { mean, error, .. } = run.series().mean("mean_velocity", latter_half(run));
         (
-            "Mean velocity in the latter half",
-            format!("{mean:.4e} m/s"),
+            "Mean velocity in the latter half, standard error",
+            format!("{mean:.4e} m/s ± {error:.1e} m/s"),
         )
     } else if is_imposed(run) {
         let [least, most] = extent(strain.iter().copied().chain([0.0])).map(|end| 100.0 * end);
@@ -138,13 +159,13 @@ fn way(run: &RunFile) -> (&'static str, String) {
 }
 
 /// Returns the numbers of a run between walls.
-pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
-    let mut facts = identity(run);
+pub fn facts(run: &RunFile, summary: &Summary, condition: &RunCondition) -> Facts {
+    let mut facts = identity(run, condition);
     facts.push(way(run));
     let stress = summary.stress;
-    let [mean, deviation] = [stress.mean, stress.population_deviation()].map(number);
-    let name = "τ in the latter half: mean, standard deviation";
-    facts.push((name, format!("{mean}, {deviation}")));
+    let [mean, error, deviation] = [stress.mean, stress.error, stress.deviation].map(number);
+    let name = "τ in the latter half: ⟨S⟩/⟨N⟩ ± standard error, standard deviation";
+    facts.push((name, format!("{mean} ± {error}, {deviation}")));
     let none = !summary::has_phases(run, &summary.phases);
     let names = ["Stick phases", "Slip phases"].into_iter();
     let kinds = [PhaseKind::Stick, PhaseKind::Slip].into_iter().zip(names);
@@ -161,7 +182,7 @@ pub fn facts(run: &RunFile, summary: &Summary) -> Facts {
         facts.push(("Largest drop", text));
     }
     let event = summary.event.as_ref();
-    if let Some(greatest) = event.and_then(|event| event.greatest_dmin(run.grains())) {
+    if let Some(greatest) = event.and_then(|event| event.frames.greatest_dmin(run.grains())) {
         let name = "Greatest D²<sub>min</sub>/r̄² over the mapped drop";
         facts.push((name, format!("{greatest:.3e}")));
     }

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use gshear_analysis::moments::extent;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Result;
-use gshear_dem::state::{Cell, FrameRecords, GrainSample, body};
+use gshear_dem::state::{Cell, ContactSample, FrameRecords, GrainSample, body};
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage};
 
@@ -31,6 +31,14 @@ const FARTHEST: f64 = 4.0;
 /// Most grains in a frame around which pairs are counted.
 const MOST_CENTRES: usize = 1000;
 
+/// A contact between free grains.
+struct FreeContact {
+    /// F_n and |F_t| (N, in 2D N/m).
+    forces: [f64; 2],
+    /// Number of the bin of its angle.
+    angle: usize,
+}
+
 /// Sums over frames.
 struct Sums<'a> {
     run: &'a RunFile,
@@ -43,10 +51,8 @@ struct Sums<'a> {
     /// Share of each layer that grains fill, and times their velocity along x (m/s), summed over
     /// the frames.
     layers: Vec<[f64; 2]>,
-    /// Counts of F_n and of |F_t|, over the mean F_n of the frame.
-    forces: [Vec<u64>; 2],
-    /// Number of contacts and sum of F_n over its mean, by the angle of the contact.
-    angles: Vec<[f64; 2]>,
+    /// Contacts between free grains.
+    contacts: Vec<FreeContact>,
     pairs: Vec<f64>,
     /// Σ n_x n_x, n_x n_z, n_z n_z of the contacts (y for z in 2D).
     fabric: [f64; 3],
@@ -89,8 +95,7 @@ pub fn figures(
         frames: frames.len(),
         ends,
         layers: vec![[0.0; 2]; LAYERS],
-        forces: [vec![0; FORCE_BINS], vec![0; FORCE_BINS]],
-        angles: vec![[0.0; 2]; ANGLES],
+        contacts: Vec::new(),
         pairs: vec![0.0; bins],
         fabric: [0.0; 3],
         mean_diameter,
@@ -175,26 +180,18 @@ impl Sums<'_> {
     fn contacts(&mut self, cell: Cell, frame: &FrameRecords) {
         let bodies = &self.run.grains().body;
         let is_free = |id: u32| u32::from(bodies[id as usize]) == body::FREE;
-        let free: Vec<_> = (frame.contacts.iter())
-            .filter(|contact| is_free(contact.i) && is_free(contact.j))
-            .collect();
-        let mean = free.iter().map(|c| c.normal_force).sum::<f64>() / free.len() as f64;
-        for contact in free {
+        let between_free = |contact: &&ContactSample| is_free(contact.i) && is_free(contact.j);
+        for contact in frame.contacts.iter().filter(between_free) {
             let tangential = contact.tangential_force.iter().map(|f| f * f).sum::<f64>();
-            let forces = [contact.normal_force, tangential.sqrt()].map(|f| f / mean);
-            for (counts, force) in self.forces.iter_mut().zip(forces) {
-                if let Some(count) = counts.get_mut((force / FORCE_BIN) as usize) {
-                    *count += 1;
-                }
-            }
             let [a, b] = [contact.i, contact.j].map(|id| &frame.grains[id as usize].position);
             let r = separation(self.axes, cell, a, b);
             let length = r.iter().map(|x| x * x).sum::<f64>().sqrt();
             let [x, z] = [r[0] / length, r[self.axes - 1] / length];
             let turned = z.atan2(x).rem_euclid(PI) / PI * ANGLES as f64;
-            let angle = &mut self.angles[(turned as usize).min(ANGLES - 1)];
-            angle[0] += 1.0;
-            angle[1] += forces[0];
+            self.contacts.push(FreeContact {
+                forces: [contact.normal_force, tangential.sqrt()],
+                angle: (turned as usize).min(ANGLES - 1),
+            });
             for (sum, part) in self.fabric.iter_mut().zip([x * x, x * z, z * z]) {
                 *sum += part;
             }
@@ -267,10 +264,25 @@ impl Sums<'_> {
         ]
     }
 
+    /// Mean normal force of the contacts of all frames together: a frame in which it is near zero,
+    /// as under attraction, does not outweigh the others.
+    fn mean_force(&self) -> f64 {
+        let normal = self.contacts.iter().map(|contact| contact.forces[0]);
+        normal.sum::<f64>() / self.contacts.len() as f64
+    }
+
     fn distribution(&self, of: &str) -> Option<ReportFigure> {
-        let all = self.angles.iter().map(|of| of[0]).sum::<f64>();
-        let [normal, tangential] = self.forces.each_ref().map(|counts| -> Vec<f64> {
-            let density = counts.iter().map(|n| *n as f64 / (all * FORCE_BIN));
+        let (all, mean) = (self.contacts.len() as f64, self.mean_force());
+        let [normal, tangential] = [0, 1].map(|part| -> Vec<f64> {
+            let mut counts = [0_u32; FORCE_BINS];
+            for contact in &self.contacts {
+                let bin = (contact.forces[part] / mean / FORCE_BIN).floor();
+                // A contact that attraction holds has no place among them.
+                if (0.0..FORCE_BINS as f64).contains(&bin) {
+                    counts[bin as usize] += 1;
+                }
+            }
+            let density = counts.iter().map(|n| f64::from(*n) / (all * FORCE_BIN));
             density.map(f64::log10).collect()
         });
         let middle = |k: usize| (k as f64 + 0.5) * FORCE_BIN;
@@ -290,10 +302,17 @@ impl Sums<'_> {
     }
 
     fn fabric(&self, of: &str) -> Option<ReportFigure> {
-        let all = self.angles.iter().map(|of| of[0]).sum::<f64>();
+        let (all, mean) = (self.contacts.len() as f64, self.mean_force());
+        // Number of contacts and sum of F_n over its mean, by the angle.
+        let mut angles = vec![[0.0; 2]; ANGLES];
+        for contact in &self.contacts {
+            let [count, sum] = &mut angles[contact.angle];
+            *count += 1.0;
+            *sum += contact.forces[0] / mean;
+        }
         let density = |[count, _]: &[f64; 2]| count / all * ANGLES as f64;
-        let density: Vec<f64> = self.angles.iter().map(density).collect();
-        let force: Vec<f64> = self.angles.iter().map(|[n, sum]| sum / n).collect();
+        let density: Vec<f64> = angles.iter().map(density).collect();
+        let force: Vec<f64> = angles.iter().map(|[n, sum]| sum / n).collect();
         let angle = |k: usize| (k as f64 + 0.5) * 180.0 / ANGLES as f64;
         let angles: Vec<f64> = (0..ANGLES).map(angle).collect();
         let caption = format!(

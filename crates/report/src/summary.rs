@@ -2,12 +2,16 @@
 
 use serde_json::{Value, json};
 
-use gshear_analysis::dmin;
+use gshear_analysis::dmin::{DefinedCounts, NonAffine, RADIUS};
 use gshear_analysis::moments::{Moments, extent};
 use gshear_analysis::phases::{self, Phase, PhaseKind};
+use gshear_analysis::stress::ratio_on_top;
+use gshear_analysis::time_mean::TimeMean;
 use gshear_dem::failure::Result;
 use gshear_dem::state::{Disks, Frame};
 use gshear_store::run_reader::RunFile;
+
+use crate::{Rearranging, Sources};
 
 /// Moments of the finite values.
 pub fn finite_moments(values: &[f64]) -> Moments {
@@ -33,19 +37,14 @@ pub fn has_phases(run: &RunFile, phases: &[Phase]) -> bool {
 }
 
 /// Least normal force with which τ is shown, over the greatest one of the run. Under less, as in a
-/// liquefied layer, τ is a ratio of two noises.
+/// liquefied layer or one that attraction holds together, τ is a ratio of two noises.
 const LEAST_LOAD: f64 = 0.01;
 
-/// `[L]` τ of a run; NaN in rows in which the layer bears next to no load, if a protocol imposes
-/// more than velocities.
+/// `[L]` τ of a run; NaN in rows in which the layer bears next to no load.
 pub fn stress_ratio(run: &RunFile) -> Vec<f64> {
     let series = run.series();
     let (tau, normal) = (series.column("stress_ratio"), series.column("normal_force"));
-    let least = if is_imposed(run) {
-        LEAST_LOAD * normal.iter().copied().fold(0.0, f64::max)
-    } else {
-        f64::NEG_INFINITY
-    };
+    let least = LEAST_LOAD * normal.iter().copied().fold(0.0, f64::max);
     let shown = |(tau, normal): (&f64, &f64)| if *normal < least { f64::NAN } else { *tau };
     tau.iter().zip(normal).map(shown).collect()
 }
@@ -71,8 +70,9 @@ fn is_free(run: &RunFile, phase: &Phase) -> bool {
     velocities[0] != 0.0 && velocities.iter().all(|v| *v == velocities[0])
 }
 
-/// Rows of the latter half of the strain; of the time, if a protocol imposes more than velocities.
-pub fn latter_half(run: &RunFile) -> std::ops::RangeFrom<usize> {
+/// First row of the latter half of the strain; of the time, if a protocol imposes more than
+/// velocities.
+pub fn latter_half(run: &RunFile) -> usize {
     // A strain that returns does not tell the halves of a run.
     let clock = if is_imposed(run) {
         &run.series().time[..]
@@ -80,13 +80,13 @@ pub fn latter_half(run: &RunFile) -> std::ops::RangeFrom<usize> {
         run.series().column("strain")
     };
     let half = 0.5 * clock.last().copied().unwrap_or(0.0);
-    clock.partition_point(|now| *now < half)..
+    clock.partition_point(|now| *now < half)
 }
 
 /// The largest slip at a constant velocity of the drive, after the start of the flow: τ first
 /// overshoots its mean of the latter half, and is back where that slip ends.
 fn largest_drop(run: &RunFile, tau: &[f64], phases: &[Phase]) -> Option<Phase> {
-    let mean = finite_moments(&tau[latter_half(run)]).mean;
+    let mean = run.series().mean("stress_ratio", latter_half(run)).mean;
     let is_over = |row: &usize| tau[*row] > mean;
     let mut rows = (0..tau.len()).skip_while(|row| !is_over(row));
     let start = rows.find(|row| !is_over(row)).unwrap_or(0);
@@ -95,42 +95,131 @@ fn largest_drop(run: &RunFile, tau: &[f64], phases: &[Phase]) -> Option<Phase> {
 }
 
 /// Whether frames are drawn around the largest drop: of disks between walls.
-fn shows_drops(run: &RunFile) -> bool {
-    run.dimension().axes() == 2 && run.has_walls()
+pub fn shows_drops(run: &RunFile) -> bool {
+    run.dimension().axes() == 2 && run.has_walls() && !run.has_free_surface()
 }
 
-/// Time (s) from before the start to after the end of the largest drop, if it is one of disks that
-/// no frames show from its start to its end.
-///
-/// # Errors
-/// A damaged file.
-pub fn window_without_frames(run: &RunFile) -> Result<Option<[f64; 2]>> {
-    let series = run.series();
+/// Steps of the first and the last row of the largest drop, if it is one of disks between walls and
+/// no frames show its start and its end.
+pub fn drop_without_frames(run: &RunFile) -> Option<[u64; 2]> {
+    if !shows_drops(run) {
+        return None;
+    }
     let tau = stress_ratio(run);
-    let Some(drop) = largest_drop(run, &tau, &phases_of(run, &tau)).filter(|_| shows_drops(run))
-    else {
-        return Ok(None);
-    };
-    let shown = |row: usize| run.frame_steps().binary_search(&series.step[row]).is_ok();
-    let window = [drop.start, drop.end].map(|row| series.time[row]);
-    Ok((!(shown(drop.start) && shown(drop.end))).then_some(window))
+    let drop = largest_drop(run, &tau, &phases_of(run, &tau))?;
+    let steps = [drop.start, drop.end].map(|row| run.series().step[row]);
+    let is_shown = |step: &u64| run.frame_steps().binary_search(step).is_ok();
+    if steps.iter().all(is_shown) {
+        return None;
+    }
+    Some(steps)
 }
 
-/// The two frames around a drop, and D²min between them.
+/// Two frames of a run, and D²min between them.
+pub struct EventFrames {
+    /// The earlier frame.
+    pub earlier: Frame,
+    /// The later frame.
+    pub later: Frame,
+    /// γ of the two frames.
+    pub strain: [f64; 2],
+    /// τ of the two frames: of the time series, or of the contacts if it has no row there.
+    pub tau: [f64; 2],
+    /// `[N]` D²min between the two frames (m²).
+    pub dmin: Vec<f64>,
+    /// Of how many free grains it is defined.
+    pub defined: DefinedCounts,
+}
+
+impl EventFrames {
+    /// Reads two frames of `shown`, which is `run` or a part of it.
+    ///
+    /// # Errors
+    /// If a frame cannot be read.
+    fn read(run: &RunFile, shown: &RunFile, frames: [usize; 2]) -> Result<Self> {
+        let (grains, series) = (run.grains(), run.series());
+        let [earlier, later] = [shown.frame(frames[0])?, shown.frame(frames[1])?];
+        let strain = shown.frame_strains()?;
+        let tau = |frame: &Frame| match series.step.binary_search(&frame.step) {
+            Ok(row) => series.column("stress_ratio")[row],
+            Err(_) => ratio_on_top(grains, frame),
+        };
+        let (mut of, mut dmin) = (NonAffine::default(), vec![f64::NAN; grains.count()]);
+        let radius = RADIUS * grains.mean_radius();
+        of.between(grains, radius, &earlier, &later, &mut dmin);
+        let removed = |n: usize| later.position[n][0].is_nan();
+        Ok(Self {
+            strain: frames.map(|t| strain[t]),
+            tau: [tau(&earlier), tau(&later)],
+            defined: DefinedCounts::of(grains, &dmin, of.rattlers(), removed),
+            dmin,
+            earlier,
+            later,
+        })
+    }
+
+    fn frame(&self, k: usize) -> &Frame {
+        [&self.earlier, &self.later][k]
+    }
+
+    /// Sum of the normal forces of all contacts of a frame (N/m).
+    pub fn normal_forces(&self, k: usize) -> f64 {
+        let contacts = self.frame(k).contacts.iter();
+        contacts.map(|contact| contact.normal_force).sum()
+    }
+
+    /// The state of frame 0 or 1, for captions.
+    pub fn state(&self, k: usize) -> String {
+        format!(
+            "step {}, γ = {:.5} %, τ = {:.4}, ΣF<sub>n</sub> = {:.4e} N/m",
+            self.frame(k).step,
+            100.0 * self.strain[k],
+            self.tau[k],
+            self.normal_forces(k)
+        )
+    }
+
+    /// Frame 0 or 1 in the title of a map.
+    pub fn title(&self, k: usize) -> String {
+        let strain = 100.0 * self.strain[k];
+        format!("γ = {strain:.5} %, τ = {:.4}", self.tau[k])
+    }
+
+    /// Returns the position of the grain with the greatest D²min, or of the first grain if none has
+    /// one.
+    pub fn centre(&self) -> [f64; 2] {
+        let defined = (0..self.dmin.len()).filter(|n| self.dmin[*n].is_finite());
+        let greatest = defined.max_by(|a, b| self.dmin[*a].total_cmp(&self.dmin[*b]));
+        let place = self.later.position.get(greatest.unwrap_or(0));
+        place.copied().unwrap_or_default()
+    }
+
+    /// Returns the greatest D²min over r̄²; `None` if no grain has one.
+    pub fn greatest_dmin(&self, grains: &Disks) -> Option<f64> {
+        let greatest = extent(self.dmin.iter().copied().filter(|d| d.is_finite()))[1];
+        (greatest.is_finite()).then(|| greatest / grains.mean_radius().powi(2))
+    }
+
+    /// What `summary.json` says of them.
+    fn json(&self, grains: &Disks) -> Value {
+        json!({
+            "steps": [self.earlier.step, self.later.step],
+            "strain": self.strain,
+            "stress_ratio": self.tau,
+            "sum_of_normal_forces": [self.normal_forces(0), self.normal_forces(1)],
+            "greatest_dmin_over_mean_radius_squared": self.greatest_dmin(grains),
+        })
+    }
+}
+
+/// The two frames around a drop.
 pub struct DropFrames {
     /// The slip.
     pub drop: Phase,
-    /// Index of the last frame at or before the start of the drop, and of the first at or after its
-    /// end.
-    pub frames: [usize; 2],
-    /// γ of the two frames.
-    pub strain: [f64; 2],
-    /// The frame before the drop.
-    pub earlier: Frame,
-    /// The frame after the drop.
-    pub later: Frame,
-    /// `[N]` D²min between the two frames (m²).
-    pub dmin: Vec<f64>,
+    /// Whether they are those at its start and at its end.
+    pub is_exact: bool,
+    /// The last frame at or before the start of the drop, and the first at or after its end.
+    pub frames: EventFrames,
 }
 
 impl DropFrames {
@@ -161,32 +250,34 @@ impl DropFrames {
         let Some((drop, frames)) = drop.and_then(|drop| Some((drop, frames(&drop)?))) else {
             return Ok(None);
         };
-        let strain = shown.frame_strains()?;
-        let [earlier, later] = [shown.frame(frames[0])?, shown.frame(frames[1])?];
         Ok(Some(DropFrames {
+            is_exact: frames.map(|t| steps[t]) == [rows[drop.start], rows[drop.end]],
             drop,
-            frames,
-            strain: frames.map(|t| strain[t]),
-            dmin: dmin::between(run.grains(), &earlier, &later),
-            earlier,
-            later,
+            frames: EventFrames::read(run, shown, frames)?,
         }))
     }
+}
 
-    /// Returns the position of the grain with the greatest D²min, or of the first grain if none has
-    /// one.
-    pub fn centre(&self) -> [f64; 2] {
-        let defined = (0..self.dmin.len()).filter(|n| self.dmin[*n].is_finite());
-        let greatest = defined.max_by(|a, b| self.dmin[*a].total_cmp(&self.dmin[*b]));
-        let place = self.later.position.get(greatest.unwrap_or(0));
-        place.copied().unwrap_or_default()
+/// Returns the two consecutive frames with the greatest D²min between the steps where it was found;
+/// `None` without such frames.
+///
+/// # Errors
+/// If a frame cannot be read.
+fn rearrangement(run: &RunFile, found: Rearranging<'_>) -> Result<Option<EventFrames>> {
+    let Rearranging { steps, shown } = found;
+    let of_frames = shown.frame_steps();
+    let first = of_frames.partition_point(|step| *step < steps[0]);
+    let end = of_frames.partition_point(|step| *step <= steps[1]);
+    let mut greatest: Option<(f64, EventFrames)> = None;
+    for t in first + 1..end.max(first + 1) {
+        let frames = EventFrames::read(run, shown, [t - 1, t])?;
+        let value = frames.greatest_dmin(run.grains());
+        let is_greater = |value: &f64| greatest.as_ref().is_none_or(|(most, _)| value > most);
+        if let Some(value) = value.filter(is_greater) {
+            greatest = Some((value, frames));
+        }
     }
-
-    /// Returns the greatest D²min over r̄²; `None` if no grain has one.
-    pub fn greatest_dmin(&self, grains: &Disks) -> Option<f64> {
-        let greatest = extent(self.dmin.iter().copied().filter(|d| d.is_finite()))[1];
-        (greatest.is_finite()).then(|| greatest / grains.mean_radius().powi(2))
-    }
+    Ok(greatest.map(|(_, frames)| frames))
 }
 
 /// All numbers of a run's report.
@@ -195,25 +286,29 @@ pub struct Summary {
     pub phases: Vec<Phase>,
     /// The largest drop after the start of the flow.
     pub drop: Option<Phase>,
-    /// Moments of τ over the latter half of the strain; of the time, if a protocol imposes more
-    /// than velocities.
-    pub stress: Moments,
+    /// Mean of τ, ⟨S⟩/⟨N⟩, over the latter half of the strain; of the time, if a protocol imposes
+    /// more than velocities.
+    pub stress: TimeMean,
     /// The drop that the maps show.
     pub event: Option<DropFrames>,
+    /// The frames of the greatest D²min of the run.
+    pub rearrangement: Option<EventFrames>,
 }
 
 impl Summary {
-    /// Computes the numbers of a run. `replayed`: the run around its largest drop, with frames.
+    /// Computes the numbers of a run.
     ///
     /// # Errors
     /// If the run is damaged.
-    pub fn of(run: &RunFile, replayed: Option<&RunFile>) -> Result<Self> {
+    pub fn of(run: &RunFile, sources: &Sources<'_>) -> Result<Self> {
         let tau = stress_ratio(run);
         let phases = phases_of(run, &tau);
-        let event = DropFrames::largest(run, replayed.unwrap_or(run), &tau, &phases)?;
+        let event = DropFrames::largest(run, sources.drop.unwrap_or(run), &tau, &phases)?;
+        let found = sources.rearranging.map(|found| rearrangement(run, found));
         Ok(Summary {
+            rearrangement: found.transpose()?.flatten(),
             drop: largest_drop(run, &tau, &phases),
-            stress: finite_moments(&tau[latter_half(run)]),
+            stress: run.series().mean("stress_ratio", latter_half(run)),
             event,
             phases,
         })
@@ -241,13 +336,11 @@ impl Summary {
             json!({ "long": long, "short": short })
         };
         let event = self.event.as_ref().map(|event| {
-            json!({
-                "drop": phase(&event.drop),
-                "frames": event.frames,
-                "strain": event.strain,
-                "greatest_dmin_over_mean_radius_squared": event.greatest_dmin(run.grains()),
-            })
+            let mut maps = event.frames.json(run.grains());
+            maps["drop"] = phase(&event.drop);
+            maps
         });
+        let rearrangement = self.rearrangement.as_ref();
         json!({
             "run": run.path().display().to_string(),
             "digest": run.digest(),
@@ -256,10 +349,15 @@ impl Summary {
             "frames": run.frames(),
             "series_rows": run.series().rows(),
             "final_strain": run.series().column("strain").last(),
-            "stress_ratio_latter_half": { "mean": self.stress.mean, "standard_deviation": self.stress.population_deviation() },
+            "stress_ratio_latter_half": {
+                "mean": self.stress.mean,
+                "standard_error": self.stress.error,
+                "standard_deviation": self.stress.deviation,
+            },
             "phases": { "stick": count(PhaseKind::Stick), "slip": count(PhaseKind::Slip) },
             "largest_drop": self.drop.as_ref().map(phase),
             "maps": event,
+            "greatest_dmin": rearrangement.map(|frames| frames.json(run.grains())),
             "parameters": run.parameters(),
         })
     }

@@ -148,6 +148,14 @@ impl Fixture {
         Self::sheared(8, 6, 6)
     }
 
+    /// Gives the rows these τ, under the normal force that they have.
+    pub fn set_stress_ratio(&mut self, tau: Vec<f64>) {
+        let [ratio, normal, shear] = ["stress_ratio", "normal_force", "shear_force"].map(column);
+        let forces = tau.iter().zip(&self.series[normal]);
+        self.series[shear] = forces.map(|(tau, force)| tau * force).collect();
+        self.series[ratio] = tau;
+    }
+
     /// Writes `run.h5`.
     pub fn write(&self, path: &Path) {
         self.try_write(path).expect("the fixture is written");
@@ -243,6 +251,13 @@ impl Fixture {
         });
         writer.finish(&Solo, &at_the_end)
     }
+}
+
+/// The number of a column of the time series.
+pub fn column(name: &str) -> usize {
+    let mut columns = SeriesRow::COLUMNS.iter();
+    let found = columns.position(|column| column.name == name);
+    found.unwrap_or_else(|| panic!("{name} is no column"))
 }
 
 /// γ at a step.

@@ -2,10 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use gshear_dem::state::{Frame, SeriesRow};
+use gshear_analysis::dmin::NonAffine;
+use gshear_analysis::rattlers::RattlerRule;
+use gshear_dem::state::Frame;
 
-use super::fixture::Fixture;
-use super::{are_described, done, folder_with};
+use super::fixture::{Fixture, STEPS_PER_ROW, TIME_STEP, column, strain_of};
+use super::{are_described, done, folder_with, reduce, refused};
 
 #[test]
 fn dmin_is_written_for_every_frame() {
@@ -90,6 +92,123 @@ fn dmin_is_written_for_every_frame() {
     assert!(bits(&values) == bits(&again), "threads reach the numbers");
 }
 
+/// Lags in frames, strain and time, a window, and other rattlers, against the function that the
+/// default calls, on the two frames alone.
+#[test]
+fn dmin_is_of_the_frames_and_grains_that_are_asked_for() {
+    let fixture = Fixture::sheared(16, 12, 7);
+    let (folder, path) = folder_with(&fixture);
+    let (grains, frames) = (&fixture.grains, &fixture.frames);
+    let expected = |rule: RattlerRule, from: usize, to: usize| -> Vec<u64> {
+        let mut of = NonAffine::default();
+        of.rattlers_by = rule;
+        let mut values = vec![0.0; grains.count()];
+        let radius = 5.0 * grains.mean_radius();
+        of.between(grains, radius, &frames[from], &frames[to], &mut values);
+        values.into_iter().map(f64::to_bits).collect()
+    };
+    let read = |options: &[&str]| -> Reduced {
+        let mut arguments = vec!["dmin", &path];
+        arguments.extend(options);
+        let told = done(&arguments);
+        let file = hdf5::File::open(folder.path().join("reduced.h5")).expect("reduced.h5");
+        let numbers = |name: &str| file.dataset(name).expect(name).read_raw().expect(name);
+        let value = file.dataset("dmin/value").expect("values");
+        Reduced {
+            told,
+            frame: numbers("dmin/frame"),
+            earlier: numbers("dmin/earlier"),
+            value: value.read_2d().expect("[R][N]"),
+        }
+    };
+    let bits = |found: &Reduced, row: usize| -> Vec<u64> {
+        found
+            .value
+            .row(row)
+            .iter()
+            .map(|value| value.to_bits())
+            .collect()
+    };
+    let paper = RattlerRule::LeeHurley;
+    let balance = RattlerRule::Balance { friction: true };
+    // All lags are three frames.
+    let strain = strain_of(3 * 10 * STEPS_PER_ROW, fixture.height).to_string();
+    let time = (3.0 * 10.0 * STEPS_PER_ROW as f64 * TIME_STEP).to_string();
+    for (options, rule) in [
+        (&["--lag", "3"][..], paper),
+        (&["--lag-strain", &strain], paper),
+        (&["--lag-time", &time], paper),
+        (&["--lag", "3", "--rattlers", "balance"], balance),
+        (&["--lag", "3", "--rattlers", "none"], RattlerRule::None),
+    ] {
+        let found = read(options);
+        assert_eq!(found.frame, [0, 1, 2, 3, 4, 5, 6]);
+        assert_eq!(found.earlier, [-1, -1, -1, 0, 1, 2, 3], "{options:?}");
+        for t in 0..7 {
+            if t < 3 {
+                assert!(found.value.row(t).iter().all(|value| value.is_nan()));
+            } else {
+                assert!(
+                    bits(&found, t) == expected(rule, t - 3, t),
+                    "{options:?} frame {t}"
+                );
+            }
+        }
+    }
+    let found = read(&["--window", "1..5", "--rattlers", "none"]);
+    assert_eq!((&found.frame[..], &found.earlier[..]), (&[5][..], &[1][..]));
+    assert!(bits(&found, 0) == expected(RattlerRule::None, 1, 5));
+    let all = "D²min is defined for 100.0 % of the free grains\n";
+    assert!(found.told.contains(all), "{}", found.told);
+
+    // The causes are counted: free grains with two contacts or fewer.
+    let told = read(&["--window", "1..5"]).told;
+    let mut contacts = vec![0; grains.count()];
+    for contact in &frames[1].contacts {
+        contacts[contact.i as usize] += 1;
+        contacts[contact.j as usize] += 1;
+    }
+    let free: Vec<usize> = (0..grains.count())
+        .filter(|n| grains.body[*n] == 0)
+        .collect();
+    let few = free.iter().filter(|n| contacts[**n] <= 2).count();
+    let share = 100.0 * few as f64 / free.len() as f64;
+    let words = format!("of the free grains, {share:.1} % are rattlers\n");
+    assert!(few > 0 && told.contains(&words), "{told}");
+    let tight = read(&["--cutoff", "1.5", "--rattlers", "none", "--window", "0..1"]).told;
+    assert!(tight.contains("have too few neighbours"), "{tight}");
+
+    for (options, words) in [
+        (
+            &["--window", "5..9"][..],
+            "has 7 frames; --window 5..9 needs",
+        ),
+        (&["--lag", "9"], "--lag 9: the run has 7 frames"),
+        (&["--lag-strain", "0.5"], "give a lesser lag"),
+    ] {
+        let mut arguments = vec!["dmin", &path];
+        arguments.extend(options);
+        let message = refused(&arguments);
+        assert!(message.contains(words), "{message}");
+    }
+    for options in [
+        &["--lag", "2", "--window", "1..5"][..],
+        &["--window", "5..1"],
+    ] {
+        let mut arguments = vec!["dmin", &path];
+        arguments.extend(options);
+        assert_eq!(reduce(&arguments).status.code(), Some(2), "{options:?}");
+    }
+}
+
+/// What `dmin` has said and written.
+struct Reduced {
+    told: String,
+    frame: Vec<i64>,
+    earlier: Vec<i64>,
+    value: ndarray::Array2<f64>,
+}
+
 #[test]
 fn phases_are_tabulated() {
     let mut fixture = Fixture::small();
@@ -102,7 +221,8 @@ fn phases_are_tabulated() {
             }
         })
         .collect();
-    fixture.series[1] = tau;
+    fixture.series[column("normal_force")].fill(0.5);
+    fixture.set_stress_ratio(tau);
     let (folder, path) = folder_with(&fixture);
     let told = done(&["phases", &path]);
     assert!(told.contains("largest drop: Δτ_p = -7.5000e0"), "{told}");
@@ -131,7 +251,32 @@ fn phases_are_tabulated() {
 fn phases_are_of_tau_as_it_is_asked_for() {
     let mut fixture = Fixture::sheared(16, 12, 6);
     let tau = |row: usize| (row / 2 + 3 * (row % 2)) as f64;
-    fixture.series[1] = (0..51).map(tau).collect();
+    fixture.series[column("normal_force")].fill(0.5);
+    fixture.set_stress_ratio((0..51).map(tau).collect());
+    let (folder, path) = folder_with(&fixture);
+    let phases = |path: &str, options: &[&str]| -> Vec<Vec<String>> {
+        let mut arguments = vec!["phases", path];
+        arguments.extend(options);
+        done(&arguments);
+        let csv = std::fs::read_to_string(Path::new(path).join("phases.csv"));
+        let row = |line: &str| line.split(',').map(String::from).collect();
+        csv.expect("the table").lines().skip(1).map(row).collect()
+    };
+    let rows = |phases: &[Vec<String>]| -> Vec<[String; 4]> {
+        let of = |row: &Vec<String>| [1, 3, 4, 9].map(|k| row[k].clone());
+        phases.iter().map(of).collect()
+    };
+    assert_eq!(phases(&path, &[]).len(), 50);
+    // Of every second row, and of means over two, τ only rises.
+    let second = phases(&path, &["--every", "2"]);
+    assert_eq!(rows(&second), [["stick", "0", "50", "25"]]);
+    assert_eq!(second[0][6], "5000");
+    let means = phases(&path, &["--every", "2", "--average"]);
+    assert_eq!(rows(&means), [["stick", "2", "50", "24"]]);
+    // Rounded to multiples of 100, it is constant.
+    assert_eq!(phases(&path, &["--round", "100"]).len(), 0);
+    drop(folder);
+
     // S over the imposed N of 0.6 rises up to row 30 and falls then.
     let ratio = |row: usize| {
         if row <= 30 {
@@ -140,40 +285,15 @@ fn phases_are_of_tau_as_it_is_asked_for() {
             60.0 - row as f64
         }
     };
-    let shear = SeriesRow::COLUMNS
-        .iter()
-        .position(|column| column.name == "shear_force")
-        .expect("a column");
-    fixture.series[shear] = (0..51).map(|row| 0.6 * ratio(row)).collect();
-    let (folder, path) = folder_with(&fixture);
-    let phases = |options: &[&str]| -> Vec<Vec<String>> {
-        let mut arguments = vec!["phases", &path];
-        arguments.extend(options);
-        done(&arguments);
-        let csv = std::fs::read_to_string(folder.path().join("phases.csv")).expect("the table");
-        let row = |line: &str| line.split(',').map(String::from).collect();
-        csv.lines().skip(1).map(row).collect()
-    };
-    let rows = |phases: &[Vec<String>]| -> Vec<[String; 4]> {
-        let of = |row: &Vec<String>| [1, 3, 4, 9].map(|k| row[k].clone());
-        phases.iter().map(of).collect()
-    };
-    assert_eq!(phases(&[]).len(), 50);
-    // Of every second row, and of means over two, τ only rises.
-    let second = phases(&["--every", "2"]);
-    assert_eq!(rows(&second), [["stick", "0", "50", "25"]]);
-    assert_eq!(second[0][6], "5000");
-    let means = phases(&["--every", "2", "--average"]);
-    assert_eq!(rows(&means), [["stick", "2", "50", "24"]]);
-    // Rounded to multiples of 100, it is constant.
-    assert_eq!(phases(&["--round", "100"]).len(), 0);
-    let imposed = phases(&["--normal-force", "imposed"]);
+    fixture.series[column("shear_force")] = (0..51).map(|row| 0.6 * ratio(row)).collect();
+    let (_folder, path) = folder_with(&fixture);
+    let imposed = phases(&path, &["--normal-force", "imposed"]);
     assert_eq!(
         rows(&imposed),
         [["stick", "0", "30", "30"], ["slip", "30", "50", "20"]]
     );
     let from = fixture.series[0][20].to_string();
-    let late = phases(&["--normal-force", "imposed", "--from", &from]);
+    let late = phases(&path, &["--normal-force", "imposed", "--from", &from]);
     assert_eq!(
         rows(&late),
         [["stick", "20", "30", "10"], ["slip", "30", "50", "20"]]
@@ -309,32 +429,34 @@ fn a_report_has_every_figure_and_needs_nothing_else() {
     assert_eq!([".csv", ".pdf", ".png"].map(ends), [figures; 3]);
     assert_eq!(summary["digest"], "00c0ffee00c0ffee");
     assert_eq!(summary["grains"], 192);
-    let [earlier, later] = [0, 1].map(|k| summary["maps"]["frames"][k].as_u64().expect("a frame"));
-    assert!(earlier < later && later < 20);
+    let [earlier, later] = [0, 1].map(|k| summary["maps"]["steps"][k].as_u64().expect("a step"));
+    assert!(earlier < later && later < 20_000);
 }
 
 #[test]
 fn a_summary_has_the_numbers_of_the_run() {
     let mut fixture = Fixture::small();
-    // Strain 0 … 50, τ = 1 in the first half, then 2 and 4 in turn: mean 3, deviation 1 but for the
-    // odd row.
+    // Strain 0 … 50, τ = 1 in the first half, then 2 under N = 3 and 4 under N = 1 in turn.
     fixture.series[0] = (0..51).map(f64::from).collect();
-    fixture.series[1] = (0..51)
-        .map(|row| {
-            if row < 25 {
-                1.0
-            } else {
-                f64::from(2 + 2 * (row % 2))
-            }
-        })
+    let later = |row: u32| row >= 25;
+    fixture.series[column("normal_force")] = (0..51)
+        .map(|row| if later(row) && row % 2 == 0 { 3.0 } else { 1.0 })
         .collect();
-    let (_, summary, _) = report_of(&fixture);
-    // Rows 25 … 50: 13 times 4, 13 times 2.
-    assert_eq!(summary["stress_ratio_latter_half"]["mean"], 3.0);
+    let tau = |row| match row {
+        row if !later(row) => 1.0,
+        row => f64::from(2 + 2 * (row % 2)),
+    };
+    fixture.set_stress_ratio((0..51).map(tau).collect());
+    let (_, summary, page) = report_of(&fixture);
+    // Rows 25 … 50: 13 times S = 4, 13 times S = 6. ⟨S⟩/⟨N⟩ = 5/2, S - τN = ±1.5 over ⟨N⟩ = 2.
+    let stress = &summary["stress_ratio_latter_half"];
     assert_eq!(
-        summary["stress_ratio_latter_half"]["standard_deviation"],
-        1.0
+        (&stress["mean"], &stress["standard_deviation"]),
+        (&2.5.into(), &0.75.into())
     );
+    // These residuals alternate, so that pairs of rows have no scatter.
+    assert_eq!(stress["standard_error"], 0.0);
+    assert!(page.contains("<td>2.5000 ± 0.0000, 0.7500</td>"), "{page}");
     assert_eq!(
         summary["phases"]["stick"],
         serde_json::json!({ "long": 1, "short": 12 })
@@ -347,7 +469,27 @@ fn a_summary_has_the_numbers_of_the_run() {
     // The first slip ends the start.
     assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([27, 28]));
     // Frames are every tenth row.
-    assert_eq!(summary["maps"]["frames"], serde_json::json!([2, 3]));
+    let maps = &summary["maps"];
+    assert_eq!(maps["steps"], serde_json::json!([2000, 3000]));
+    // The page says so: what is shown is not the drop, which ends at another τ.
+    assert_eq!(maps["stress_ratio"], serde_json::json!([1.0, 2.0]));
+    for (name, words) in [
+        (
+            "force-network-before",
+            "at the last frame before the drop: step 2000, ",
+        ),
+        (
+            "force-network-after",
+            "at the first frame after the drop: step 3000, ",
+        ),
+    ] {
+        let shown = figure(&page, name);
+        assert!(
+            shown.contains(words) && shown.contains("00 %, τ = "),
+            "{name}"
+        );
+    }
+    assert!(page.contains("The maps show the frames around the largest drop, which is shorter"));
 }
 
 /// The part of a page that shows a figure.
@@ -363,10 +505,8 @@ fn figure<'a>(page: &'a str, name: &str) -> &'a str {
 #[test]
 fn a_curve_of_small_phases_is_drawn_in_ink() {
     let mut fixture = Fixture::sheared(16, 12, 30);
-    let rows = fixture.series[1].len();
-    fixture.series[1] = (0..rows)
-        .map(|row| 0.001 * row as f64 - 0.003 * (row % 2) as f64)
-        .collect();
+    let tau = |row: usize| 0.001 * row as f64 - 0.003 * (row % 2) as f64;
+    fixture.set_stress_ratio((0..fixture.series[1].len()).map(tau).collect());
     let (_, _, page) = report_of(&fixture);
     let shown = figure(&page, "stress-strain");
     let widest = shown.lines().filter(|line| line.starts_with("<polyline"));
@@ -386,14 +526,13 @@ fn a_curve_of_small_phases_is_drawn_in_ink() {
 #[test]
 fn the_overshoot_of_the_start_is_no_drop() {
     let mut fixture = Fixture::small();
-    fixture.series[1] = (0..51)
-        .map(|row| match row {
-            0..=10 => 0.2 * f64::from(row),
-            11..=20 => 2.0 - 0.11 * f64::from(row - 10),
-            40 => 1.3,
-            row => 1.0 + 0.1 * f64::from(row % 2),
-        })
-        .collect();
+    let tau = |row| match row {
+        0..=10 => 0.2 * f64::from(row),
+        11..=20 => 2.0 - 0.11 * f64::from(row - 10),
+        40 => 1.3,
+        row => 1.0 + 0.1 * f64::from(row % 2),
+    };
+    fixture.set_stress_ratio((0..51).map(tau).collect());
     let (_, summary, _) = report_of(&fixture);
     assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([40, 42]));
 }
@@ -401,18 +540,15 @@ fn the_overshoot_of_the_start_is_no_drop() {
 #[test]
 fn a_step_of_the_drive_is_no_drop() {
     let mut fixture = Fixture::small();
-    let named = |name: &str| SeriesRow::COLUMNS.iter().position(|of| of.name == name);
-    let drive = named("drive_velocity").expect("a column");
     // τ falls by 5 where the velocity of the drive falls, by 8 while it rests, else by 2 at most.
-    fixture.series[1] = (0..51)
-        .map(|row| match row {
-            20 => 1.0,
-            30 => -2.0,
-            40 => 4.0,
-            row => 6.0 + f64::from(row % 2),
-        })
-        .collect();
-    fixture.series[drive] = (0..51)
+    let tau = |row| match row {
+        20 => 1.0,
+        30 => -2.0,
+        40 => 4.0,
+        row => 6.0 + f64::from(row % 2),
+    };
+    fixture.set_stress_ratio((0..51).map(tau).collect());
+    fixture.series[column("drive_velocity")] = (0..51)
         .map(|row| match row {
             0..20 => 2.0,
             28..32 => 0.0,
@@ -422,6 +558,50 @@ fn a_step_of_the_drive_is_no_drop() {
     let (_, summary, page) = report_of(&fixture);
     assert_eq!(summary["largest_drop"]["rows"], serde_json::json!([39, 40]));
     assert!(page.contains("slip (mm)") && page.contains("id=\"slip-rate\""));
+}
+
+/// `info`, `report` and `watch` say the same of a run that failed, was stopped or was killed.
+#[test]
+fn what_has_become_of_a_run_is_said_alike() {
+    let fixture = Fixture {
+        digest: None,
+        ..Fixture::small()
+    };
+    let (folder, path) = folder_with(&fixture);
+    for (state, message, words) in [
+        (
+            "failed",
+            "\"2 grains <have left>\"",
+            "failed: 2 grains <have left> (stage shear)",
+        ),
+        ("stopped", "null", "stopped at a checkpoint before its end"),
+        // Nothing holds a lock.
+        ("running", "null", "killed: its process is gone"),
+    ] {
+        let status = format!(
+            r#"{{"version":1,"state":"{state}","message":{message},"run_id":"a","title":"","stage":"shear","step":1,
+            "steps":2,"fraction":null,"strain":null,"stress_ratio":null,"solid_fraction":null,"shear_stress":null,
+            "speed":null,"seconds_left":null,"seconds":1.0,"grains":1,"ranks":1,"host":"","pid":1,"started":"",
+            "updated":""}}"#
+        );
+        std::fs::write(folder.path().join("status.json"), status).expect("written");
+        let info = done(&["info", &path]);
+        assert!(info.contains(&format!("state     {words}\n")), "{info}");
+        let watched = done(&["watch", &path]);
+        let name = words.split(':').next().expect("a word");
+        let name = name.split(' ').next().expect("a word");
+        assert!(watched.starts_with(&format!("{name}: ")), "{watched}");
+        assert!(state != "failed" || watched.contains(words), "{watched}");
+        done(&["report", &path, "--no-replay"]);
+        let page = std::fs::read_to_string(folder.path().join("report/index.html"));
+        let page = page.expect("a page");
+        let escaped = words.replace('<', "&lt;").replace('>', "&gt;");
+        assert!(
+            page.contains(&format!("a run of gshear-mpi, {escaped}.")),
+            "{page}"
+        );
+        assert!(page.contains(&format!("<tr><th>State</th><td>{escaped}</td></tr>")));
+    }
 }
 
 #[test]
@@ -435,7 +615,7 @@ fn a_report_of_next_to_nothing_says_so() {
             && names.contains(&"stress-strain.svg".to_string())
     );
     assert!(summary["maps"].is_null() && summary["digest"].is_null());
-    assert!(page.contains("there are no maps") && page.contains("stopped early"));
+    assert!(page.contains("there are no maps") && page.contains("unfinished: no digest"));
 
     fixture.series.iter_mut().for_each(Vec::clear);
     fixture.series_step.clear();

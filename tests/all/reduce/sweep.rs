@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 
-use super::fixture::Fixture;
+use super::fixture::{Fixture, column};
 use super::{are_described, done, refused};
 
 /// τ of the later rows of a run.
@@ -17,10 +17,10 @@ fn run_of(friction: f64, seed: u64) -> Fixture {
     let mut run = Fixture::small();
     (run.friction, run.seed) = (friction, seed);
     let rows = run.series_step.len();
+    run.series[column("normal_force")].fill(0.5);
     // 51 rows: the first 25 are left out.
-    run.series[1] = (0..rows)
-        .map(|row| if row < 25 { 1e3 } else { tau(friction, seed) })
-        .collect();
+    let tau = |row| if row < 25 { 1e3 } else { tau(friction, seed) };
+    run.set_stress_ratio((0..rows).map(tau).collect());
     run
 }
 
@@ -86,11 +86,15 @@ fn means_are_over_later_rows_and_then_over_seeds() {
             "contact.friction",
             "seed",
             "stress_ratio",
-            "coordination"
+            "stress_ratio_error",
+            "coordination",
+            "coordination_error"
         ]
     );
     assert_eq!(runs[1][..3], ["friction-0.5_seed-1", "0.5", "1"]);
     is_near(&runs[3][3], 0.55);
+    // Over the time of the run, in which τ is constant.
+    is_near(&runs[3][4], 0.0);
     let means = table(&out.join("means.csv"));
     let names =
         "contact.friction,stress_ratio,stress_ratio_error,coordination,coordination_error,runs";
@@ -119,6 +123,38 @@ fn means_are_over_later_rows_and_then_over_seeds() {
     ]);
     let all = table(&out.join("means.csv"));
     is_near(&all[1][1], (25.0 * 1e3 + 26.0 * (0.5 + 0.04 / 3.0)) / 51.0);
+}
+
+/// Of the case "mean-of-ratios": rows in which N is near zero, with any S/N. A single run has the
+/// error of its mean over time.
+#[test]
+fn a_row_without_load_does_not_ruin_the_mean() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut run = run_of(0.5, 1);
+    for row in [30, 40] {
+        run.series[column("normal_force")][row] = -1e-9;
+        run.series[column("shear_force")][row] = 1e-3;
+        run.series[column("stress_ratio")][row] = -1e6;
+    }
+    add(folder.path(), "one", &run);
+    done(&["report", words(folder.path()), "--columns", "stress_ratio"]);
+    for name in ["means.csv", "runs.csv"] {
+        let table = table(&folder.path().join("report").join(name));
+        let at = table[0].iter().position(|name| name == "stress_ratio");
+        let at = at.expect("a column");
+        // 24 rows of S = 0.51 N, N = 0.5, and these two.
+        let expected = (24.0 * 0.5 * 0.51 + 2e-3) / (24.0 * 0.5 - 2e-9);
+        is_near(&table[1][at], expected);
+        let error: f64 = table[1][at + 1].parse().expect("a number");
+        assert!(error > 0.0 && error < 0.03, "{error}");
+    }
+    done(&["report", words(&folder.path().join("one"))]);
+    let summary = std::fs::read_to_string(folder.path().join("one/report/summary.json"));
+    let summary: serde_json::Value = serde_json::from_str(&summary.expect("JSON")).expect("JSON");
+    let mean = summary["stress_ratio_latter_half"]["mean"]
+        .as_f64()
+        .expect("a number");
+    assert!((mean - 0.51).abs() < 1e-3, "{mean}");
 }
 
 /// Means lie at their keys: pixels of the points that the figure has.
@@ -206,10 +242,11 @@ fn runs_that_did_not_end_are_left_out() {
     std::fs::create_dir(sweep.join("notes")).expect("a folder");
     let told = done(&["report", words(&sweep)]);
     assert!(
-        told.contains("left out failed: failed: the packing did not settle\n"),
+        told.contains("left out failed: failed: the packing did not settle (stage pack)\n"),
         "{told}"
     );
-    assert!(told.contains("left out stopped: has not ended\n"), "{told}");
+    let unfinished = "left out stopped: unfinished: no digest, and no status.json that says why\n";
+    assert!(told.contains(unfinished), "{told}");
     assert_eq!(told.matches("left out").count(), 2, "{told}");
     let means = table(&sweep.join("report/means.csv"));
     assert_eq!(means[1].last().map(String::as_str), Some("3"));
@@ -217,7 +254,8 @@ fn runs_that_did_not_end_are_left_out() {
     let only = sweep.join("stopped");
     let message = refused(&["report", words(&only), words(&sweep.join("failed"))]);
     assert!(
-        message.contains("none of 2 runs has ended by itself, first stopped: has not ended"),
+        message
+            .contains("none of 2 runs has ended by itself, first stopped: unfinished: no digest"),
         "{message}"
     );
     assert!(!only.join("sweep-report").exists());

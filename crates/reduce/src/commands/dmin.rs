@@ -1,24 +1,31 @@
-//! `dmin`: writes D²min between consecutive frames into `reduced.h5`.
+//! `dmin`: writes D²min between frames into `reduced.h5`.
 
+use std::num::NonZeroUsize;
 use std::path::PathBuf;
+use std::str::FromStr;
 
+use clap::ValueEnum;
 use ndarray::Array2;
 
 use crate::frame_pairs;
 use crate::printer::Printer;
 use crate::results::Results;
-use gshear_analysis::dmin::{NonAffine, RADIUS};
+use gshear_analysis::dmin::{DefinedCounts, NonAffine, RADIUS};
 use gshear_analysis::event;
+use gshear_analysis::rattlers::RattlerRule;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Frame, FrameRecords};
-use gshear_scene::Dimensions;
+use gshear_scene::{Dimensions, identity};
 use gshear_store::reduced_writer::ReducedWriter;
 use gshear_store::run_reader::{FrameFields, RunFile};
 
-/// Write D²min between consecutive frames into reduced.h5 (Lee & Hurley, appendix B)
+/// Write D²min between frames into reduced.h5 (Lee & Hurley, appendix B)
 ///
-/// Dataset dmin/value, by frame and grain, in m². NaN in frame 0, for rattlers of the earlier
-/// frame, and for grains with fewer than two neighbours or with all neighbours on one line.
+/// Dataset dmin/value, by frame and grain, in m²: between each frame and the one before it, unless
+/// --lag or --window choose others. NaN without an earlier frame, for rattlers of the earlier frame
+/// (--rattlers), and for grains with fewer neighbours within the radius than dimensions or with all
+/// of them on one line or plane. A line says how many free grains have a value, and why others have
+/// none.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
     /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
@@ -26,14 +33,87 @@ pub struct Arguments {
     /// Folder to write into [default: the run's]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Radius of the neighbourhood in mean radii
-    #[arg(long, value_name = "R", default_value_t = RADIUS, allow_negative_numbers = true)]
+    /// Cutoff of the neighbours in the earlier frame, in mean radii
+    #[arg(long, visible_alias = "cutoff", value_name = "R", default_value_t = RADIUS, allow_negative_numbers = true)]
     radius: f64,
+    /// Which grains are neither centres nor neighbours
+    #[arg(long, value_enum, default_value_t = Rattlers::LeeHurley)]
+    rattlers: Rattlers,
+    /// Frames from the earlier to the later one
+    #[arg(long, value_name = "N", default_value_t = NonZeroUsize::MIN, group = "earlier")]
+    lag: NonZeroUsize,
+    /// Shear strain from the earlier frame to the later one: the last frame that is as far back
+    #[arg(long, value_name = "STRAIN", value_parser = super::positive, group = "earlier")]
+    lag_strain: Option<f64>,
+    /// Time from the earlier frame to the later one (s), likewise
+    #[arg(long, value_name = "TIME", value_parser = super::positive, group = "earlier")]
+    lag_time: Option<f64>,
+    /// Between these two frames alone
+    #[arg(long, value_name = "A..B", group = "earlier")]
+    window: Option<Window>,
+}
+
+/// Which grains are left out as rattlers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Rattlers {
+    /// Grains with two contacts or fewer (spheres three), in a wall one fewer
+    LeeHurley,
+    /// Free grains with too few contacts for balance, two with friction, else three (spheres four);
+    /// removed with their contacts until there are none
+    Balance,
+    /// None: all grains within the radius count
+    None,
+}
+
+impl Rattlers {
+    fn rule(self, run: &RunFile) -> RattlerRule {
+        match self {
+            Self::LeeHurley => RattlerRule::LeeHurley,
+            Self::Balance => RattlerRule::Balance {
+                friction: identity::has_friction(run.scene()),
+            },
+            Self::None => RattlerRule::None,
+        }
+    }
+
+    fn name(self) -> String {
+        let value = self.to_possible_value();
+        value.map_or_else(String::new, |of| of.get_name().to_string())
+    }
+}
+
+/// Two frames: `A..B`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Window {
+    from: usize,
+    to: usize,
+}
+
+impl FromStr for Window {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let ends = text.split_once("..").and_then(|(from, to)| {
+            let (from, to) = (from.parse().ok()?, to.parse().ok()?);
+            (from < to).then_some(Self { from, to })
+        });
+        ends.ok_or_else(|| "write A..B: two numbers of frames, the earlier one first".into())
+    }
+}
+
+/// A row of the result.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Row {
+    /// The later frame.
+    frame: usize,
+    /// The earlier one; `None` if there is none.
+    earlier: Option<usize>,
 }
 
 impl Arguments {
     /// # Errors
-    /// A radius that is not positive, a damaged run, a file that cannot be written.
+    /// A radius that is not positive, frames that the run lacks, a strain that returns, a damaged
+    /// run, a file that cannot be written.
     pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let run = &RunFile::open_any(&self.run)?;
         let results = Results::of(self.out.as_deref(), run.folder());
@@ -43,39 +123,121 @@ impl Arguments {
                 self.radius
             )));
         }
+        let rows = self.rows(run)?;
         let (grains, n) = (run.grains(), run.grains().count());
+        let strains = run.frame_strains()?;
+        let strains: Vec<f64> = rows.iter().map(|row| strains[row.frame]).collect();
         let path = results.place("reduced.h5");
-        let writer = ReducedWriter::create(&path, &run.frame_strains()?, n)?;
+        let writer = ReducedWriter::create(&path, &strains, n)?;
+        let number = |frame: Option<usize>| frame.map_or(-1, |frame| frame as i64);
+        let of_rows = |value: fn(&Row) -> Option<usize>| -> Vec<i64> {
+            rows.iter().map(|row| number(value(row))).collect()
+        };
+        writer.numbers("frame", &of_rows(|row| Some(row.frame)))?;
+        writer.numbers("earlier", &of_rows(|row| row.earlier))?;
         writer.attribute("run", run.path().display().to_string())?;
         writer.attribute("run_id", run.text("run_id").unwrap_or_default())?;
         writer.attribute("digest", run.digest().unwrap_or_default())?;
         writer.attribute("version", env!("CARGO_PKG_VERSION"))?;
         writer.attribute("radius_over_mean_radius", self.radius)?;
-        let radius = self.radius * grains.mean_radius();
+        writer.attribute("rattlers", self.rattlers.name())?;
+        let (radius, rule) = (self.radius * grains.mean_radius(), self.rattlers.rule(run));
 
-        if run.frames() > 0 {
-            writer.dmin(0, Array2::from_elem((1, n), f64::NAN).view())?;
+        let pairs: Vec<[usize; 2]> = (rows.iter())
+            .filter_map(|row| Some([row.earlier?, row.frame]))
+            .collect();
+        // Earlier frames of the first ones are missing.
+        let without = rows.len() - pairs.len();
+        for row in 0..without {
+            writer.dmin(row, Array2::from_elem((1, n), f64::NAN).view())?;
         }
-        let write = |first: usize, rows: Vec<Vec<f64>>| {
-            let values = Array2::from_shape_vec((rows.len(), n), rows.concat());
-            writer.dmin(first, values.expect("N values a row").view())
+        let mut counts = DefinedCounts::default();
+        let write = |first: usize, rows: Vec<(Vec<f64>, DefinedCounts)>| {
+            let (values, of_rows): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+            of_rows.iter().for_each(|of| counts.add(of));
+            let values = Array2::from_shape_vec((values.len(), n), values.concat());
+            writer.dmin(without + first, values.expect("N values a row").view())
         };
         if is_planar(run) {
             let read = |range| run.block_of(range, FrameFields::Pairs);
             let value = |of: &mut NonAffine, _: [usize; 2], [earlier, later]: [&Frame; 2]| {
                 let mut row = vec![0.0; n];
+                of.rattlers_by = rule;
                 of.between(grains, radius, earlier, later, &mut row);
-                row
+                let removed = |grain: usize| later.position[grain][0].is_nan();
+                let counts = DefinedCounts::of(grains, &row, of.rattlers(), removed);
+                (row, counts)
             };
-            frame_pairs::each(run, read, value, write)?;
+            frame_pairs::each(run, &pairs, read, value, write)?;
         } else {
             let read = |range| run.records(range);
             let value = |(): &mut (), numbers: [usize; 2], frames: [&FrameRecords; 2]| {
-                between(run, numbers, frames, radius)
+                let axes = run.dimension().axes();
+                let interval = run.interval(numbers, frames);
+                let (row, rattler) = event::without_rattlers(axes, grains, &interval, radius, rule);
+                let removed = |grain: usize| run.is_removed(&frames[1].grains[grain].image);
+                let counts = DefinedCounts::of(grains, &row, &rattler, removed);
+                (row, counts)
             };
-            frame_pairs::each(run, read, value, write)?;
+            frame_pairs::each(run, &pairs, read, value, write)?;
+        }
+        if counts.free > 0 {
+            writeln!(printer, "D²min is {counts}")?;
         }
         printer.wrote(&writer.finish()?)
+    }
+
+    /// The rows of the result, those without an earlier frame first.
+    fn rows(&self, run: &RunFile) -> Result<Vec<Row>> {
+        let frames = 0..run.frames();
+        if let Some(Window { from, to }) = self.window {
+            if to >= run.frames() {
+                return Err(run.wrong(format!(
+                    "has {} frames; --window {from}..{to} needs those of the numbers {from} and {to}",
+                    run.frames()
+                )));
+            }
+            let earlier = Some(from);
+            return Ok(vec![Row { frame: to, earlier }]);
+        }
+        let (option, passed, lag) = match (self.lag_strain, self.lag_time) {
+            (Some(lag), _) => ("--lag-strain", run.frame_strains()?, lag),
+            (_, Some(lag)) => ("--lag-time", run.frame_times().to_vec(), lag),
+            (None, None) => {
+                let lag = self.lag.get();
+                if lag > 1 && lag >= run.frames() {
+                    return Err(run.wrong(format!(
+                        "--lag {lag}: the run has {} frames; give a lesser lag",
+                        run.frames()
+                    )));
+                }
+                let earlier = |t: usize| t.checked_sub(lag);
+                let row = |frame| Row {
+                    frame,
+                    earlier: earlier(frame),
+                };
+                return Ok(frames.map(row).collect());
+            }
+        };
+        let grows = |pair: &[f64]| pair[1] > pair[0];
+        if !passed.windows(2).all(grows) {
+            let what = "does not grow from frame to frame; give --lag, a number of frames";
+            return Err(run.wrong(format!("{option}: what it counts {what}")));
+        }
+        // A lag of a whole number of frames is one, whatever rounding does.
+        let row = |frame: usize| {
+            let latest = passed[frame] - lag * (1.0 - 1e-6);
+            let earlier = passed.partition_point(|at| *at <= latest).checked_sub(1);
+            Row { frame, earlier }
+        };
+        let rows: Vec<Row> = frames.map(row).collect();
+        if rows.iter().all(|row| row.earlier.is_none()) && rows.len() > 1 {
+            let reach = passed[passed.len() - 1] - passed[0];
+            return Err(run.wrong(format!(
+                "{option} {lag}: the frames cover {reach} only; give a lesser lag"
+            )));
+        }
+        Ok(rows)
     }
 }
 

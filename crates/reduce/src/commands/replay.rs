@@ -65,22 +65,22 @@ impl Arguments {
     /// # Errors
     /// As [`window`].
     pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<()> {
-        let (rows, kind, run) = match (self.strain, self.time) {
-            (Some(strain), _) => (Rows::Strain(strain), "", RunFile::open(&self.run)?),
-            (None, Some(time)) => {
+        let (rows, [from, to], kind, run) = match (self.strain, self.time) {
+            (Some(ends), _) => (Rows::Strain(ends), ends, "", RunFile::open(&self.run)?),
+            (None, Some(ends)) => {
                 let run = RunFile::open_any(&self.run)?;
                 if run.stage() == RunStage::Shear {
-                    (Rows::Time(time), "time-", run)
+                    (Rows::Time(ends), ends, "time-", run)
                 } else {
                     let moving = folder_of(&self.run).join(NEWTONIAN_PART);
-                    (Rows::Time(time), "newtonian-", RunFile::open_any(&moving)?)
+                    let moving = RunFile::open_any(&moving)?;
+                    (Rows::Time(ends), ends, "newtonian-", moving)
                 }
             }
             (None, None) => {
                 return Err(Failure::input("replay: give --strain A..B or --time A..B"));
             }
         };
-        let (Rows::Strain([from, to]) | Rows::Time([from, to])) = rows;
         let beside = || run.folder().join(format!("replay-{kind}{from}-{to}"));
         let out = self.out.clone().unwrap_or_else(beside);
         let found = window(&run, rows, self.every, threads, &out)?;
@@ -106,6 +106,8 @@ pub enum Rows {
     Strain(Ends),
     /// Time at both ends (s): for a strain that returns.
     Time(Ends),
+    /// Steps of the first and the last row.
+    Steps([u64; 2]),
 }
 
 /// Result of a replay.
@@ -113,7 +115,7 @@ pub struct Replayed {
     /// The replayed part.
     pub run: RunFile,
     /// Step of the checkpoint that the replay started from.
-    from: u64,
+    pub from: u64,
     /// Number of rows of the time series compared, all equal to the last bit.
     rows: usize,
 }
@@ -121,6 +123,15 @@ pub struct Replayed {
 /// Returns whether the run kept checkpoints.
 pub fn can(run: &RunFile) -> bool {
     !checkpoint::kept(run.folder(), "shear").is_empty()
+}
+
+/// Returns the step of the checkpoint from which a replay of the shear begins whose first row is
+/// that of `step`; `None` if there is none.
+pub fn start(run: &RunFile, step: u64) -> Option<u64> {
+    Candidates::of(run.folder(), "shear")
+        .before(step)
+        .next()
+        .map(|(at, _)| *at)
 }
 
 /// Replays the run from the first to the last row of the time series in the range, into the folder
@@ -162,20 +173,27 @@ pub fn window(
 /// Returns the steps of the first and the last row of the time series in the range.
 fn steps(run: &RunFile, rows: Rows, every: Option<u64>) -> Result<ReplayWindow> {
     let series = run.series();
-    let (what, values, [from, to]) = match rows {
-        Rows::Strain(range) => ("strains", series.column("strain"), range),
-        Rows::Time(range) => ("times", &series.time[..], range),
-    };
-    let within = |row: &usize| values[*row] >= from && values[*row] <= to;
-    let mut rows = (0..series.rows()).filter(within);
-    let (Some(first), Some(last)) = (rows.next(), rows.next_back()) else {
+    let of_range = |what, values: &[f64], [from, to]: Ends| {
+        let is_within = |row: &usize| values[*row] >= from && values[*row] <= to;
+        let mut rows = (0..series.rows()).filter(is_within);
+        if let (Some(first), Some(last)) = (rows.next(), rows.next_back()) {
+            return Ok([first, last]);
+        }
         let extent = match (values.first(), values.last()) {
             (Some(first), Some(last)) => format!("it goes from {first} to {last}"),
             _ => "it has none".into(),
         };
-        return Err(run.wrong(format!(
+        Err(run.wrong(format!(
             "has fewer than two rows of the time series between the {what} {from} and {to}; {extent}"
-        )));
+        )))
+    };
+    let [first, last] = match rows {
+        Rows::Strain(ends) => of_range("strains", series.column("strain"), ends)?,
+        Rows::Time(ends) => of_range("times", &series.time, ends)?,
+        Rows::Steps(ends) => {
+            let steps: Vec<f64> = series.step.iter().map(|step| *step as f64).collect();
+            of_range("steps", &steps, ends.map(|step| step as f64))?
+        }
     };
     Ok(ReplayWindow {
         first: series.step[first],
@@ -225,27 +243,48 @@ fn again(
     Ok(from)
 }
 
+/// The checkpoints of a stage in a folder.
+struct Candidates {
+    /// Step and path, by step.
+    found: Vec<(u64, PathBuf)>,
+    /// A damaged one; it may not be needed.
+    damaged: Option<Failure>,
+}
+
+impl Candidates {
+    fn of(folder: &Path, stage: &str) -> Self {
+        let mut damaged = None;
+        let mut found = checkpoint::kept(folder, stage);
+        for name in [checkpoint::PREVIOUS, checkpoint::NAME] {
+            let path = folder.join(name);
+            if !path.is_file() {
+                continue;
+            }
+            let header =
+                checkpoint::read_texts(&path).and_then(|[header, _]| Header::parse(&header));
+            match header {
+                Ok((header, ..)) if header.stage() == stage => found.push((header.step(), path)),
+                Ok(_) => {}
+                Err(failure) => damaged = damaged.or(Some(failure)),
+            }
+        }
+        found.sort();
+        Self { found, damaged }
+    }
+
+    /// Those that a replay of `step` can start from, the last first. The forces of a frame are
+    /// computed in its step, so the checkpoint must be before it, or at step 0.
+    fn before(&self, step: u64) -> impl Iterator<Item = &(u64, PathBuf)> {
+        let fits = move |(at, _): &&(u64, PathBuf)| *at < step || *at == 0;
+        self.found.iter().filter(fits).rev()
+    }
+}
+
 /// Reads the last checkpoint of a stage before `step`, or at `step` if that is 0.
 fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved> {
-    let mut damaged = None;
-    let mut candidates = checkpoint::kept(folder, stage);
-    for name in [checkpoint::PREVIOUS, checkpoint::NAME] {
-        let path = folder.join(name);
-        if !path.is_file() {
-            continue;
-        }
-        // A damaged one may not be needed; if it is, the message below names it.
-        let header = checkpoint::read_texts(&path).and_then(|[header, _]| Header::parse(&header));
-        match header {
-            Ok((header, ..)) if header.stage() == stage => candidates.push((header.step(), path)),
-            Ok(_) => {}
-            Err(failure) => damaged = damaged.or(Some(failure)),
-        }
-    }
-    // The forces of a frame are computed in its step, so the checkpoint must be before it.
-    let fits = |(at, _): &&(u64, PathBuf)| *at < step || *at == 0;
-    candidates.sort();
-    for (_, path) in candidates.iter().filter(fits).rev() {
+    let mut candidates = Candidates::of(folder, stage);
+    let mut damaged = candidates.damaged.take();
+    for (_, path) in candidates.before(step) {
         match Saved::read(&Solo, path) {
             Ok(saved) => {
                 if let Some(failure) = damaged {

@@ -8,16 +8,22 @@ use super::rate_state::{self, Laws};
 use super::replay::{self, Rows};
 use crate::printer::Printer;
 use crate::results::Results;
-use gshear_dem::failure::Result;
+use crate::scalars::interval_of_greatest_dmin;
+use gshear_dem::failure::{Failure, Result};
+use gshear_driver::folder::condition;
+use gshear_driver::progress::duration;
+use gshear_report::{Rearranging, Sources};
 use gshear_store::file_names::{NEWTONIAN_PART, folder_of};
 use gshear_store::part;
 use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Write a report: index.html with all figures, each as SVG with its data as CSV, summary.json
 ///
-/// If no frames show the largest drop of a run between walls but checkpoints were kept
-/// (output.keep_checkpoints), the drop is computed again, with a frame per row. The page of a run
-/// in a periodic box shows what its deformation and Newton's equations have measured.
+/// Of disks between walls the maps show the states right before and after the largest drop of τ,
+/// and the greatest D²min. Unless frames show them, these parts are computed again from the
+/// checkpoint before them (output.keep_checkpoints), with a frame per row, if that takes less than
+/// two minutes. The page of a run in a periodic box shows what its deformation and Newton's
+/// equations have measured.
 ///
 /// Several runs, or the folder of a sweep, are compared: their curves over each other, and means
 /// with standard errors over seeds against the keys in which their scenes differ. Writes means.csv,
@@ -39,6 +45,12 @@ pub struct Arguments {
     /// Share of the rows of each run, from the first on, that means leave out [default: 0.5]
     #[arg(long, value_name = "SHARE", value_parser = share)]
     start: Option<f64>,
+    /// Compute parts of the run again, however long it takes
+    #[arg(long)]
+    replay: bool,
+    /// Compute no part of the run again: show the nearest frames
+    #[arg(long, conflicts_with = "replay")]
+    no_replay: bool,
     /// Folder to write into [default: the folder of the run or of the sweep + /report; of several
     /// runs that of the first + /sweep-report]
     #[arg(long, value_name = "DIR")]
@@ -71,7 +83,14 @@ impl Arguments {
         let beside = || Results::of(None, run.folder()).place("report");
         let folder = self.out.clone().unwrap_or_else(beside);
         let page = match run.stage() {
-            RunStage::Shear => between_walls(&run, &folder, threads)?,
+            RunStage::Shear => {
+                let choice = match (self.replay, self.no_replay) {
+                    (true, _) => Choice::All,
+                    (_, true) => Choice::None,
+                    _ => Choice::Short,
+                };
+                between_walls(&run, &folder, &Replays { choice, threads }, printer)?
+            }
             _ => in_a_box(&run, first, &folder)?,
         };
         printer.wrote(&page)
@@ -93,17 +112,35 @@ fn in_a_box(run: &RunFile, given: &Path, folder: &Path) -> Result<PathBuf> {
     let moving = (run.stage() == RunStage::Strain && part::exists(&moving)).then_some(moving);
     let moving = moving.map(|path| RunFile::open_any(&path)).transpose()?;
     let files: Vec<&RunFile> = [run].into_iter().chain(&moving).collect();
-    gshear_report::write_box(&files, folder)
+    let conditions: Vec<_> = files.iter().map(|file| condition(file)).collect();
+    gshear_report::write_box(&files, &conditions, folder)
 }
 
-/// If no frames show the largest drop and checkpoints were kept, replays it into `folder`/replay.
-/// Velocity steps and holds under a spring are reduced into `folder`/rate-state.
-fn between_walls(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf> {
-    let missing = gshear_report::window_without_frames(run)?.filter(|_| replay::can(run));
-    let out = folder.join("replay");
-    let again = |time| replay::window(run, Rows::Time(time), None, threads, &out);
-    let replayed = missing.map(again).transpose()?;
-    let replayed = replayed.as_ref().map(|of| &of.run);
+/// The page of a run between walls or under a free surface. Velocity steps and holds under a spring
+/// are reduced into `folder`/rate-state.
+fn between_walls(
+    run: &RunFile,
+    folder: &Path,
+    again: &Replays,
+    printer: &mut Printer,
+) -> Result<PathBuf> {
+    let mut drop = None;
+    if let Some(steps) = gshear_report::drop_without_frames(run) {
+        let out = folder.join("replay");
+        drop = again.replayed(run, "the largest drop", steps, &out, printer)?;
+    }
+    let (mut rearranging, mut finer) = (None, None);
+    if gshear_report::shows_drops(run) {
+        rearranging = interval_of_greatest_dmin(run)?;
+        let has_rows = |[from, to]: &[u64; 2]| {
+            let row = |step| run.series().step.binary_search(step);
+            matches!((row(from), row(to)), (Ok(first), Ok(last)) if last > first + 1)
+        };
+        if let Some(steps) = rearranging.filter(has_rows) {
+            let out = folder.join("replay-dmin");
+            finer = again.replayed(run, "the greatest D²min", steps, &out, printer)?;
+        }
+    }
     let mut rate_state = None;
     if rate_state::is_test(run) {
         let (runs, silent) = (std::slice::from_ref(run), &mut std::io::sink());
@@ -111,5 +148,88 @@ fn between_walls(run: &RunFile, folder: &Path, threads: usize) -> Result<PathBuf
         rate_state::write(runs, (Laws::Both, None), &into, &mut Printer::new(silent))?;
         rate_state = Some("rate-state/index.html");
     }
-    gshear_report::write(run, replayed, rate_state, folder)
+    let sources = Sources {
+        condition: &condition(run),
+        drop: drop.as_ref(),
+        rearranging: rearranging.map(|steps| Rearranging {
+            steps,
+            shown: finer.as_ref().unwrap_or(run),
+        }),
+        rate_state,
+    };
+    gshear_report::write(run, &sources, folder)
+}
+
+/// Whether and how a report computes parts of a run again.
+struct Replays {
+    choice: Choice,
+    threads: usize,
+}
+
+/// What the user wants of replays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Choice {
+    /// Those that take little time.
+    Short,
+    /// All.
+    All,
+    /// None.
+    None,
+}
+
+/// Longest replay that a report makes unasked (s).
+const LONGEST: f64 = 120.0;
+/// Grain-steps per second of a run that does not say its speed.
+const SPEED: f64 = 1e7;
+
+impl Replays {
+    /// Replays the run between the rows of two steps into `out`, with a frame for every row, and
+    /// says so and how long it will take. `None` if the user or the run does not allow it, which a
+    /// line says.
+    ///
+    /// # Errors
+    /// A signal that stops it, output that cannot be written.
+    fn replayed(
+        &self,
+        run: &RunFile,
+        what: &str,
+        [first, last]: [u64; 2],
+        out: &Path,
+        printer: &mut Printer,
+    ) -> Result<Option<RunFile>> {
+        if self.choice == Choice::None {
+            return Ok(None);
+        }
+        let Some(start) = replay::start(run, first) else {
+            writeln!(
+                printer,
+                "{what} is shown by the nearest frames: there is no checkpoint before step {first} to replay                  it from (output.keep_checkpoints = true keeps them)"
+            )?;
+            return Ok(None);
+        };
+        let grain_steps = (last - start) as f64 * run.grains().count() as f64;
+        let seconds = grain_steps / run.number("speed").unwrap_or(SPEED) / self.threads as f64;
+        let time = duration(seconds.ceil());
+        if self.choice == Choice::Short && seconds > LONGEST {
+            writeln!(
+                printer,
+                "{what} is shown by the nearest frames: a replay takes about {time}; give --replay for it"
+            )?;
+            return Ok(None);
+        }
+        writeln!(
+            printer,
+            "replays steps {start} to {last} for {what}, about {time} (--no-replay leaves it out)"
+        )?;
+        printer.flush()?;
+        match replay::window(run, Rows::Steps([first, last]), None, self.threads, out) {
+            Ok(replayed) => Ok(Some(replayed.run)),
+            // Of another version, or damaged: the report shows what there is.
+            Err(failure @ (Failure::Numbers(_) | Failure::Input(_))) => {
+                writeln!(printer, "{what} is shown by the nearest frames: {failure}")?;
+                Ok(None)
+            }
+            Err(failure) => Err(failure),
+        }
+    }
 }

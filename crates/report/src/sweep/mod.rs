@@ -13,7 +13,7 @@ use toml::Value;
 use self::marks::{colours, draw_means, key_label, legend, readable, with_error};
 use self::values::{Places, number, order, shown, text, values_of};
 use crate::ReportFigure;
-use crate::boxes::Measured;
+use crate::boxes::{MOBILISED_FRICTION, Measured};
 use crate::curves::{draw, padded};
 use crate::history::Axis;
 use crate::page;
@@ -23,8 +23,9 @@ use crate::summary::finite_moments;
 use crate::text::{escape, marked};
 use crate::ticks;
 use gshear_analysis::frame_scalars::FrameScalars;
-use gshear_analysis::moments::{Moments, distinct, grouped};
+use gshear_analysis::moments::{distinct, grouped};
 use gshear_analysis::phases::{self, PhaseStatistics};
+use gshear_analysis::time_mean::TimeMean;
 use gshear_dem::failure::{Failure, Result};
 use gshear_store::csv_table::Table;
 use gshear_store::dictionary;
@@ -54,7 +55,7 @@ pub struct SweepRun {
     /// Columns of the time series that may be drawn, by name.
     curves: BTreeMap<&'static str, Vec<f64>>,
     /// Means over the later rows and statistics of phases, by name.
-    means: BTreeMap<&'static str, f64>,
+    means: BTreeMap<&'static str, TimeMean>,
 }
 
 impl SweepRun {
@@ -69,28 +70,37 @@ impl SweepRun {
         scalars: &[FrameScalars],
     ) -> Self {
         let series = run.series();
-        let later = |values: &[f64]| later_mean(values, start);
+        let first = first_row(series.rows(), start);
+        let weights = series.weights(first);
         let stored = series.declared.iter().zip(&series.columns);
         let stored = stored.map(|(column, values)| (column.name, values.clone()));
         let mut columns: BTreeMap<&'static str, Vec<f64>> = stored.collect();
+        let mut means: BTreeMap<&'static str, TimeMean> = (columns.keys())
+            .map(|name| (*name, series.mean(name, first)))
+            .collect();
         if run.stage() == RunStage::Strain {
-            columns.extend(Measured::of(run).columns());
+            let measured = Measured::of(run);
+            let friction = measured.mean_friction(first, &weights);
+            for (name, values) in measured.columns() {
+                means.insert(name, TimeMean::of(&values[first..], &weights));
+                columns.insert(name, values);
+            }
+            means.insert(MOBILISED_FRICTION, friction);
         }
-        let mut means: BTreeMap<&'static str, f64> = BTreeMap::new();
-        means.extend(columns.iter().map(|(name, values)| (*name, later(values))));
         if run.stage() == RunStage::Shear && !run.has_free_surface() {
-            let first = first_row(series.rows(), start);
             let [strain, tau] = ["strain", "stress_ratio"].map(|name| series.column(name));
             let found = phases::find(&strain[first..], &tau[first..]);
             let names = PhaseStatistics::COLUMNS.iter().map(|of| of.name);
-            means.extend(names.zip(PhaseStatistics::of(&found).columns()));
+            let values = PhaseStatistics::of(&found).columns();
+            means.extend(names.zip(values.map(TimeMean::of_one)));
         }
         let of_frames = FrameScalars::COLUMNS.iter().enumerate().map(|(k, column)| {
-            let values: Vec<f64> = scalars.iter().map(|row| row.columns()[k]).collect();
-            (column.name, later(&values))
+            let rows = scalars[first_row(scalars.len(), start)..].iter();
+            let values: Vec<f64> = rows.map(|row| row.columns()[k]).collect();
+            (column.name, TimeMean::of(&values, &vec![1.0; values.len()]))
         });
         // Without D²min, and of spheres without regions, nothing is defined.
-        means.extend(of_frames.filter(|(_, mean)| mean.is_finite()));
+        means.extend(of_frames.filter(|(_, of)| of.mean.is_finite()));
         let compared = PANELS.compared.iter().map(|of| &of.column);
         let drawn: Vec<&String> = compared.chain(wanted).collect();
         columns.retain(|name, values| {
@@ -115,11 +125,6 @@ fn first_row(rows: usize, start: f64) -> usize {
     (start * rows as f64) as usize
 }
 
-/// Mean of the finite values from the share `start` on.
-fn later_mean(values: &[f64], start: f64) -> f64 {
-    finite_moments(&values[first_row(values.len(), start)..]).mean
-}
-
 /// Runs with the same values of all keys but the seed.
 struct Group<'a> {
     /// Values of the keys.
@@ -128,10 +133,19 @@ struct Group<'a> {
 }
 
 impl Group<'_> {
-    /// Moments of a column over the runs.
-    fn moments(&self, column: &str) -> Moments {
-        let values = self.runs.iter().map(|run| run.means[column]);
-        finite_moments(&values.collect::<Vec<_>>())
+    /// Mean of a column over the runs, with the standard error over them; of a single run its mean
+    /// over time, with the standard error of that.
+    fn mean(&self, column: &str) -> TimeMean {
+        if let [run] = self.runs[..] {
+            return run.means[column];
+        }
+        let values = self.runs.iter().map(|run| run.means[column].mean);
+        let moments = finite_moments(&values.collect::<Vec<_>>());
+        TimeMean {
+            mean: moments.mean,
+            error: moments.error(),
+            deviation: moments.deviation(),
+        }
     }
 }
 
@@ -304,23 +318,22 @@ impl<'a> Sweep<'a> {
             .columns(&keys, |&run| {
                 keys.iter().map(|key| text(run.scene.get(*key)))
             })
-            .columns(&self.columns, |&run| {
-                self.columns.iter().map(|column| run.means[&**column])
+            .columns(with_errors(&self.columns), |&run| {
+                let means = self.columns.iter().map(|column| run.means[&**column]);
+                means.flat_map(|of| [of.mean, of.error])
             })
             .csv()
     }
 
     /// A table with a line per group: the keys, means of columns with their errors, number of runs.
     fn table_of_means(&self, columns: &[String]) -> String {
-        let both = |name: &String| [name.clone(), format!("{name}{}", dictionary::ERROR)];
-        let names = columns.iter().flat_map(both);
         Table::of(self.groups())
             .columns(&self.keys, |group| {
                 group.values.clone().into_iter().map(text)
             })
-            .columns(names, |group| {
-                let moments = columns.iter().map(|column| group.moments(column));
-                let values = moments.flat_map(|of| [of.mean, of.error()]);
+            .columns(with_errors(columns), |group| {
+                let means = columns.iter().map(|column| group.mean(column));
+                let values = means.flat_map(|of| [of.mean, of.error]);
                 values.collect::<Vec<_>>()
             })
             .column("runs", |group| group.runs.len())
@@ -361,8 +374,9 @@ impl<'a> Sweep<'a> {
         figures: &[ReportFigure],
     ) -> String {
         let lead = format!(
-            "{} runs of gshear-mpi side by side. Means are over the rows of a run from {} % on, then over \
-             runs that differ in the seed alone; after ± the standard error over them. \
+            "{} runs of gshear-mpi side by side. Means are over the rows of a run from {} % on (of a ratio \
+             such as τ = S/N the ratio of the means), then over runs that differ in the seed alone; after ± \
+             the standard error over them, of a single run that of its mean over time. \
              <a href=\"{MEANS}\">{MEANS}</a>, <a href=\"{RUNS}\">{RUNS}</a>",
             self.runs.len(),
             100.0 * start
@@ -377,8 +391,8 @@ impl<'a> Sweep<'a> {
         let row = |group: &Group<'_>| {
             let keys = group.values.iter().map(|value| escape(&shown(*value)));
             let means = self.columns.iter().map(|column| {
-                let of = group.moments(column);
-                with_error(of.mean, of.error())
+                let of = group.mean(column);
+                with_error(of.mean, of.error)
             });
             let cells = keys.chain([group.runs.len().to_string()]).chain(means);
             let cells: String = cells.map(|cell| format!("<td>{cell}</td>")).collect();
@@ -404,9 +418,9 @@ impl<'a> Sweep<'a> {
         let lines = grouped(groups, same);
         let names: Vec<String> = lines.iter().map(|of| self.named(of[0], others())).collect();
         let point = |group: &&Group<'_>| {
-            let of = group.moments(column);
-            let error = Some(of.error()).filter(|error| error.is_finite());
-            let point = [places.at(group.values[key]), of.mean, error.unwrap_or(0.0)];
+            let of = group.mean(column);
+            let error = if of.error.is_finite() { of.error } else { 0.0 };
+            let point = [places.at(group.values[key]), of.mean, error];
             of.mean.is_finite().then_some(point)
         };
         let points = |line: &Vec<&Group<'_>>| -> Vec<[f64; 3]> {
@@ -438,8 +452,9 @@ impl<'a> Sweep<'a> {
         });
         let tied = (0..self.keys.len()).filter(|k| !telling.contains(k));
         let tied: Vec<&str> = tied.map(|k| &*self.keys[k]).collect();
-        let mut caption =
-            format!("Mean of {column} against {name}; bars: standard error over seeds.");
+        let mut caption = format!(
+            "Mean of {column} against {name}; bars: standard error over seeds, of a single run over time."
+        );
         if !tied.is_empty() {
             caption += &format!(" Keys that follow from the others: {}.", tied.join(", "));
         }
@@ -496,6 +511,12 @@ impl<'a> Sweep<'a> {
     }
 }
 
+/// Names of columns, each followed by that of its standard error.
+fn with_errors(columns: &[String]) -> impl Iterator<Item = String> {
+    let both = |name: &String| [name.clone(), format!("{name}{}", dictionary::ERROR)];
+    columns.iter().flat_map(both)
+}
+
 /// The columns that are compared: those that are asked for, or of the usual ones those that all
 /// runs have.
 fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>> {
@@ -517,7 +538,7 @@ fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>> {
         return Ok(distinct(asked.iter().cloned()));
     }
     let all_have = |name: &str| {
-        let known = |run: &SweepRun| run.means.get(name).is_some_and(|mean| mean.is_finite());
+        let known = |run: &SweepRun| run.means.get(name).is_some_and(|of| of.mean.is_finite());
         runs.iter().all(known)
     };
     let usual = PANELS.compared.iter().map(|of| of.column.clone());
