@@ -18,10 +18,12 @@ from gshear.analysis import (
     avalanches,
     b_value,
     coarse_grained,
+    durations,
     fabric,
     power_spectrum,
     profiles,
     rattlers,
+    time_mean,
 )
 
 
@@ -32,6 +34,7 @@ def planted(
     *,
     walls: bool,
     pairs: Sequence[tuple[int, int]] = (),
+    friction: float = 0.0,
 ) -> Frame:
     """A frame of planted grains, of which these touch with the normal force 7."""
     box = Box(np.array(edges), (True, dimension == 3, False), dimension - 1)
@@ -49,6 +52,7 @@ def planted(
         time=0.0,
         strain=0.0,
         dimension=dimension,
+        friction=friction,
         box=box,
         contacts=lambda frame: Contacts(tuple(columns), columns.__getitem__, {}, frame, len(i)),
     )
@@ -151,6 +155,32 @@ def test_b_of_exponential_magnitudes() -> None:
         b_value(magnitudes, 9)
 
 
+def test_a_mean_of_a_ratio_is_the_ratio_of_the_means() -> None:
+    """A row with N near zero, and rows of unequal length; a constant ratio is exact."""
+    shear, normal = np.array([1.0, 2.0, 3.0, 2.0, 1.0]), np.array([2.0, 4.0, 6.0, 4.0, -1e-6])
+    assert time_mean(shear, normal).mean == 9.0 / (16.0 - 1e-6)
+    weights = durations([0.0, 1.0, 3.0, 3.5, 4.5, 5.0])[1:]
+    assert weights.tolist() == [1.0, 2.0, 0.5, 1.0, 0.5]
+    assert time_mean(shear, weights=weights).mean == (1 + 4 + 1.5 + 2 + 0.5) / 5
+    assert time_mean(0.5 * normal, normal, weights=weights) == (0.5, 0.0, 0.0)
+    assert durations([0.0, 0.1, 0.2, 0.3]).tolist() == [1.0] * 4
+    assert np.isnan(time_mean([1.0, np.nan], [2.0, 1.0]).error)
+    with pytest.raises(ValueError, match="give one each"):
+        time_mean([1.0, 2.0], [1.0])
+
+
+def test_errors_of_means_are_the_scatter_of_repetitions() -> None:
+    """Series x' = 0.9 x + noise, whose mean has the variance 1/12/(1 - 0.9)²/n."""
+    noise = np.random.default_rng(5).random((2000, 800)) - 0.5
+    series = np.zeros(noise.shape)
+    for k in range(1, len(noise)):
+        series[k] = 0.9 * series[k - 1] + noise[k]
+    found = [time_mean(1 + x) for x in series.T]
+    expected = np.sqrt(1 / 12 / 0.01 / 2000)
+    assert np.sqrt(np.mean([of.error**2 for of in found])) == pytest.approx(expected, rel=0.12)
+    assert np.std([of.mean for of in found]) == pytest.approx(expected, rel=0.12)
+
+
 def test_fabric_in_closed_form() -> None:
     angle = 2 * np.pi * np.arange(360) / 360
     normals = np.stack([np.cos(angle), np.sin(angle), np.zeros(360)], axis=1)
@@ -172,6 +202,14 @@ def test_rattlers_are_removed_one_after_another() -> None:
     assert np.flatnonzero(rattlers(contacts)).tolist() == [4, 5, 6, 7]
     assert np.flatnonzero(rattlers(contacts, 2)).tolist() == [7]
     assert rattlers(contacts, 4).all()
+    # With friction two contacts hold a disk and a sphere, without it three and four.
+    for dimension, free in [(2, [4, 5, 6, 7]), (3, list(range(8)))]:
+        with_friction = planted(
+            dimension, [9.0, 9.0, 9.0], grains, walls=True, pairs=pairs, friction=0.3
+        )
+        without = planted(dimension, [9.0, 9.0, 9.0], grains, walls=True, pairs=pairs)
+        assert np.flatnonzero(rattlers(with_friction.contacts)).tolist() == [7]
+        assert np.flatnonzero(rattlers(without.contacts)).tolist() == free
     # Grains of walls are held without contacts.
     grains["body"][7] = 1
     grains["body"][5] = 2

@@ -15,17 +15,23 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gshear import Frame, ProgramFailedError, ProgramNotFoundError, Run, simulate
+from gshear import Frame, ProgramFailedError, ProgramNotFoundError, Run, analysis, simulate
 from gshear.programs import find, launcher
 
 from .conftest import SCENES
 
 
-def falk_langer(earlier: Frame, later: Frame, reach: float) -> NDArray[np.float64]:
-    """D²min of every grain by least squares, grain by grain (Falk & Langer 1998; LH B1 to B4)."""
+def falk_langer(
+    earlier: Frame, later: Frame, reach: float, bears: NDArray[np.bool_] | None = None
+) -> NDArray[np.float64]:
+    """D²min of every grain by least squares, grain by grain (Falk & Langer 1998; LH B1 to B4).
+
+    `bears`: grains that count; by default those that are no rattlers of Lee & Hurley.
+    """
     d = earlier.dimension
-    needed = np.where(earlier.body == 0, d + 1, d)
-    bears = earlier.contacts.coordination() >= needed
+    if bears is None:
+        needed = np.where(earlier.body == 0, d + 1, d)
+        bears = earlier.contacts.coordination() >= needed
     result = np.full(len(bears), np.nan)
     for i in np.flatnonzero(bears):
         whole = earlier.unwrapped - earlier.unwrapped[i]
@@ -53,6 +59,29 @@ def test_dmin_against_least_squares(walls: Run, radius: float) -> None:
         rounding = (1e-14 * walls.frame(0).box.edges[0]) ** 2 * 1e4
         np.testing.assert_allclose(theirs, ours, rtol=1e-7, atol=rounding)
     assert np.isnan(walls.dmin(0, radius=radius)).all()
+
+
+def test_dmin_over_a_lag_and_of_other_grains_against_least_squares(walls: Run) -> None:
+    """With all grains, and with those that friction or none holds in balance."""
+    reach = 5.0 * walls.frame(0).radius.mean()
+    rounding = (1e-14 * walls.frame(0).box.edges[0]) ** 2 * 1e4
+    defined = []
+    for rattlers, lag in [("none", 1), ("none", 7), ("balance", 3), ("lee-hurley", 7)]:
+        earlier, later = walls.frame(20 - lag), walls.frame(20)
+        bears = {
+            "none": np.ones(len(earlier.radius), dtype=bool),
+            "balance": ~analysis.rattlers(earlier.contacts),
+            "lee-hurley": None,
+        }[rattlers]
+        ours = falk_langer(earlier, later, reach, bears)
+        theirs = walls.dmin(20, lag=lag, rattlers=rattlers)
+        np.testing.assert_allclose(theirs, ours, rtol=1e-7, atol=rounding)
+        assert np.isnan(walls.dmin(lag - 1, lag=lag, rattlers=rattlers)).all()
+        defined.append(np.isfinite(theirs).sum())
+    everyone, _, balanced, paper = defined
+    assert everyone == len(walls.frame(0).radius)
+    assert paper < balanced < everyone
+    assert earlier.friction > 0
 
 
 def test_dmin_of_a_box_against_least_squares(box: Run) -> None:

@@ -6,6 +6,7 @@ import csv
 import json
 import math
 import os
+import shutil
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -51,6 +52,48 @@ def test_series_has_the_bits_of_the_log(walls: Run) -> None:
             assert run.series["stress_ratio"].equals(walls.series["stress_ratio"])
     finally:
         without.rename(walls.folder / "log.csv")
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run that was stopped at a step of its shear."""
+    out = tmp_path_factory.mktemp("stopped") / "run"
+    small = ["sample.grains=120", "sample.length=1.2e-5", "sample.packing=none"]
+    small += ["sample.radius_min=0.5e-6", "sample.radius_max=0.7e-6"]
+    sets = [f"--set={value}" for value in small]
+    words = [find("gshear-mpi"), SCENES / "crossing.toml", *sets, "--stop-at=200", "--out", out]
+    done = subprocess.run(words, capture_output=True, check=False)
+    assert done.returncode == 75, done.stderr
+    return out
+
+
+@pytest.mark.parametrize("state", ["running", "stopped", "failed", "done", None])
+def test_a_state_is_that_of_info(stopped: Path, tmp_path: Path, state: str | None) -> None:
+    """Of a run that was stopped; `running` without a lock, so that it was killed."""
+    folder = tmp_path / "run"
+    shutil.copytree(stopped, folder)
+    path = folder / "status.json"
+    status = json.loads(path.read_text(encoding="utf-8"))
+    assert status["state"] == "stopped"
+    if state is None:
+        path.unlink()
+    else:
+        path.write_text(json.dumps(status | {"state": state, "message": "left the sample"}))
+    expected = {"running": "killed", "stopped": "stopped", "failed": "failed"}
+    with Run(folder) as run:
+        assert run.state == expected.get(str(state), "unfinished")
+        assert run.failure == ("left the sample (stage shear)" if state == "failed" else None)
+        said = subprocess.run(
+            [find("gshear-reduce"), "info", folder], capture_output=True, text=True
+        )
+        words = next(line for line in said.stdout.splitlines() if line.startswith("state"))
+        assert words.split()[1].rstrip(":") == run.state
+        assert (run.failure or "") in words
+    if state is not None:
+        # That of another run does not count.
+        path.write_text(json.dumps(status | {"state": state, "run_id": "other"}))
+        with Run(folder) as run:
+            assert run.state == "unfinished"
 
 
 def test_series_of_a_box_is_that_of_the_file(box: Run) -> None:

@@ -56,7 +56,8 @@ def test_means_and_errors_are_those_by_hand(folder: Path) -> None:
         for run in sweep:
             series = run.series
             half = series[int(0.5 * len(series)) :]
-            by_hand.append([half[name].to_numpy().mean() for name in names])
+            ratio = half["shear_force"].sum() / half["normal_force"].sum()
+            by_hand.append([ratio, half["solid_fraction"].to_numpy().mean()])
             assert table.loc[run.folder.name, "rows"] == len(series)
     of_runs = np.array(by_hand)
     np.testing.assert_allclose(table[names].to_numpy(), of_runs, rtol=1e-14)
@@ -83,7 +84,9 @@ def test_columns_of_frames_and_phases_are_means_of_their_tables(folder: Path) ->
             assert row.slip_phases == len(falls) > 1
             total = step[step < 0].sum()
             np.testing.assert_allclose(row.slip_change, total / len(falls), rtol=1e-9)
-            np.testing.assert_allclose(row.stress_ratio, later.mean(), rtol=1e-12)
+            forces = run.series[["shear_force", "normal_force"]][len(run.series) // 2 :].sum()
+            ratio = forces.shear_force / forces.normal_force
+            np.testing.assert_allclose(row.stress_ratio, ratio, rtol=1e-12)
             dmin = run.regions()["dmin_top_tenth"].to_numpy()[len(run.frames) // 2 :]
             np.testing.assert_allclose(row.dmin_top_tenth, np.nanmean(dmin), rtol=1e-12)
 
@@ -100,6 +103,27 @@ def test_means_are_those_of_the_report(folder: Path, tmp_path: Path) -> None:
         np.testing.assert_allclose(means[name], report[name], rtol=1e-12, err_msg=name)
 
 
+def test_a_single_run_has_the_error_of_its_mean_over_time(folder: Path, tmp_path: Path) -> None:
+    """The same from pandas and from gshear-reduce, and of `Run.mean`."""
+    one = folder / "friction-0.6_seed-1"
+    names = ["stress_ratio", "solid_fraction", "coordination", "slip_phases", "dmin_greatest"]
+    words: list[object] = [programs.find("gshear-reduce"), "report", one]
+    words += ["--columns", ",".join(names), "--start", "0.3", "--out", tmp_path]
+    programs.run(words, quiet=True)
+    with Sweep([one], quiet=True) as sweep:
+        assert sweep.keys == []
+        means = sweep.means(names, start=0.3)
+        tau = sweep[0].mean("stress_ratio", start=0.3)
+    assert means["runs"].iloc[0] == 1
+    for table in ("means.csv", "runs.csv"):
+        report = pd.read_csv(tmp_path / table)
+        for name in (f"{column}{end}" for column in names for end in ("", "_error")):
+            np.testing.assert_allclose(means[name], report[name], rtol=1e-12, err_msg=name)
+    assert (tau.mean, tau.error) == tuple(means[["stress_ratio", "stress_ratio_error"]].iloc[0])
+    assert 0 < tau.error < tau.deviation
+    assert np.isnan(means["slip_phases_error"].iloc[0])
+
+
 def test_spheres_and_boxes_have_columns_of_dmin(copy: Callable[[str], Path]) -> None:
     """Means over frames of the greatest D²min of each."""
     for name in ("spheres", "box"):
@@ -114,25 +138,15 @@ def test_spheres_and_boxes_have_columns_of_dmin(copy: Callable[[str], Path]) -> 
 def test_runs_that_did_not_end_are_left_out(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A line says so; without any other run there is no sweep."""
+    """A line says so and why; without any other run there is no sweep."""
     shutil.copytree(folder / "friction-0.6_seed-1", tmp_path / "stopped")
     with h5py.File(tmp_path / "stopped" / "run.h5", "r+") as file:
         del file["parameters"].attrs["digest"]
     with Sweep([tmp_path / "stopped", folder / "friction-0.6_seed-2"]) as sweep:
         assert [run.folder.name for run in sweep] == ["friction-0.6_seed-2"]
-    assert capsys.readouterr().err == (
-        f"gshear: {tmp_path / 'stopped'} has not ended; it is left out\n"
-    )
+    assert capsys.readouterr().err == (f"gshear: {tmp_path / 'stopped'} is left out: unfinished\n")
     with pytest.raises(RunError, match="none of 1 runs has ended"):
         Sweep(tmp_path)
-
-
-def test_one_run_has_no_error_and_no_keys(folder: Path) -> None:
-    with Sweep([folder / "friction-0.6_seed-1"], quiet=True) as sweep:
-        assert sweep.keys == []
-        means = sweep.means(["stress_ratio"])
-        assert np.isnan(means["stress_ratio_error"].iloc[0])
-        assert means["runs"].iloc[0] == 1
 
 
 def test_what_is_no_sweep_is_refused(folder: Path, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
     from gshear import Run
 
     with Run("out/plane-shear-2d") as run:
-        print(run.scene["contact.friction"], run.series["stress_ratio"].mean())
+        print(run.scene["contact.friction"], run.mean("stress_ratio").mean)
         contacts = run.contacts(-1)
         print(contacts.normal_force.mean(), run.dmin(-1))
 

@@ -71,6 +71,7 @@ class Frame(Columns):
         time: Time (s); of a box that is strained the strain.
         strain: Shear strain γ.
         dimension: 2 for disks, 3 for spheres.
+        friction: The greatest coefficient of sliding friction of the scene.
         box: The periodic cell.
         contacts: The contacts of this frame.
     """
@@ -88,6 +89,7 @@ class Frame(Columns):
         dimension: int,
         box: Box,
         contacts: Callable[[Frame], Contacts],
+        friction: float = 0.0,
     ) -> None:
         super().__init__(names, read, units)
         self.index = index
@@ -95,6 +97,7 @@ class Frame(Columns):
         self.time = time
         self.strain = strain
         self.dimension = dimension
+        self.friction = friction
         self.box = box
         self.contacts = contacts(self)
 

@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from . import _hdf5, programs
+from . import _hdf5, _status, programs
 from ._hdf5 import SharedFile
+from .analysis import TimeMean, durations, time_mean
 from .box import Box
 from .errors import RunError
 from .frames import Contacts, Frame
@@ -32,8 +33,31 @@ EXACT: dict[str, Any] = (
     if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
     else {}
 )
+# Ratios of two columns, either of which may pass zero: their means are ratios of means.
+RATIOS = {"stress_ratio": ("shear_force", "normal_force")}
 GRAINS = "particles/trajectory"
 CONTACTS = "connectivity/contacts"
+
+
+class _DminReading(NamedTuple):
+    """How D²min is read: the options of `gshear-reduce dmin`."""
+
+    radius: float
+    lag: int
+    rattlers: str
+
+    @property
+    def options(self) -> list[str]:
+        lag = [] if self.lag == 1 else ["--lag", str(self.lag)]
+        rattlers = [] if self.rattlers == "lee-hurley" else ["--rattlers", self.rattlers]
+        return ["--radius", repr(self.radius), *lag, *rattlers]
+
+    @property
+    def folder(self) -> str:
+        """The folder of results that are not those of `reduced.h5`."""
+        lag = "" if self.lag == 1 else f"-lag-{self.lag}"
+        rattlers = "" if self.rattlers == "lee-hurley" else f"-{self.rattlers}"
+        return f"dmin-{self.radius:g}{lag}{rattlers}"
 
 
 class _Stored(NamedTuple):
@@ -155,6 +179,24 @@ class Run:
         return bool(self.parameters.get("digest"))
 
     @property
+    def state(self) -> str:
+        """What has become of the run, as `gshear-reduce info` says.
+
+        `running`, `killed` (its process is gone), `stopped` (at a checkpoint before its end),
+        `finished`, `failed` (`failure` says why), or `unfinished` if no `status.json` tells.
+        """
+        return self._condition()[0]
+
+    @property
+    def failure(self) -> str | None:
+        """Why the run failed; None unless it did."""
+        return self._condition()[1]
+
+    def _condition(self) -> tuple[str, str | None]:
+        run_id = str(self.parameters.get("run_id", ""))
+        return _status.condition(self.folder, run_id, finished=self.finished)
+
+    @property
     def dimension(self) -> int:
         """2 for disks, 3 for spheres."""
         return int(self.parameters["dimension"])
@@ -173,6 +215,24 @@ class Run:
             return _with_units(_complete_lines(log), units)
         stored: pd.DataFrame = self._once("series", self._read_series)
         return _with_units(stored.copy(), stored.attrs["units"])
+
+    def mean(self, column: str, *, start: float = 0.5) -> TimeMean:
+        """Returns the mean of a column of the time series over the later rows, with its error.
+
+            tau, error, deviation = run.mean("stress_ratio")
+
+        Of `stress_ratio` that is ⟨S⟩/⟨N⟩. Rows weigh by their time; `analysis.time_mean` has the
+        method of the standard error, which knows that rows are correlated.
+
+        Args:
+            column: A column of `series`.
+            start: The share of the rows, from the first on, that is left out.
+
+        Raises:
+            RunError: There is no such column.
+            ValueError: A wrong share.
+        """
+        return mean_of(self.series, column, start=start, path=self.path)
 
     def _read_series(self, file: h5py.Group) -> pd.DataFrame:
         observables = file["observables"]
@@ -313,6 +373,7 @@ class Run:
             time=float(frames.time[index]),
             strain=float(frames.strain[index]),
             dimension=self.dimension,
+            friction=self._once("friction", lambda _: _friction(self.scene)),
             box=self._box(stored, index),
             contacts=lambda frame: Contacts(names, read_contacts, units, frame, last - first),
         )
@@ -425,16 +486,26 @@ class Run:
         self.measures()
         return self._table("correlations.csv", ["correlate"], lambda _: True)
 
-    def dmin(self, index: SupportsIndex | slice, *, radius: float = 5.0) -> NDArray[np.float64]:
-        """Returns D²min of the grains between the frame before and frame `index` (m²).
+    def dmin(
+        self,
+        index: SupportsIndex | slice,
+        *,
+        radius: float = 5.0,
+        lag: int = 1,
+        rattlers: str = "lee-hurley",
+    ) -> NDArray[np.float64]:
+        """Returns D²min of the grains between an earlier frame and frame `index` (m²).
 
         Lee & Hurley, equations B1 to B4 (Falk & Langer 1998); `docs/reduction.md` has the details.
-        NaN in frame 0, for rattlers of the earlier frame, and where D²min is undefined.
+        NaN without an earlier frame, for rattlers of that frame, and where D²min is undefined.
 
         Args:
             index: Frame, or slice of frames.
-            radius: Radius of the neighbourhood over the mean radius. Other values than that of
-                `reduced.h5` are computed into a folder of their own.
+            radius: Radius of the neighbourhood over the mean radius. What differs from `reduced.h5`
+                in one of these options is computed into a folder of its own.
+            lag: Number of frames from the earlier one on.
+            rattlers: Which grains are left out: those of Lee & Hurley; `balance`, grains with too
+                few contacts to be in balance, as `analysis.rattlers` finds them; or `none`.
 
         Returns:
             [N], by id; of a slice [frames, N].
@@ -442,12 +513,13 @@ class Run:
         frames = len(self.frames)
         if not isinstance(index, slice):
             index = _position(index, frames, self.path)
+        reading = _DminReading(float(radius), operator.index(lag), rattlers)
         path = self.results / "reduced.h5"
-        if not self._is_dmin(path, radius):
+        if not self._is_dmin(path, reading):
             if self._is_dmin(path, None):
-                path = self.results / f"dmin-{radius:g}" / "reduced.h5"
-            if not self._is_dmin(path, radius):
-                self._reduce(["dmin", "--radius", repr(float(radius))], path.parent)
+                path = self.results / reading.folder / "reduced.h5"
+            if not self._is_dmin(path, reading):
+                self._reduce(["dmin", *reading.options], path.parent)
         with _hdf5.open_for_reading(path) as file:
             try:
                 if isinstance(index, slice) and (rows := range(frames)[index]).step < 0:
@@ -463,19 +535,28 @@ class Run:
     def _grains(self) -> int:
         return int(self._once("grains", lambda file: len(file[GRAINS]["id"])))
 
-    def _is_dmin(self, path: Path, radius: float | None) -> bool:
-        """Whether `path` has D²min of this run, with this radius unless it is None."""
+    def _is_dmin(self, path: Path, reading: _DminReading | None) -> bool:
+        """Whether `path` has D²min of this run, as it is read unless that is None."""
         if not self._is_newer(path):
             return False
         try:
             with _hdf5.open_for_reading(path) as file:
                 attributes = file.attrs
-                strains = file["dmin/strain"][:]
-                return (
+                strains, earlier = file["dmin/strain"][:], file["dmin/earlier"][:]
+                is_of_run = (
                     _hdf5.text(attributes["digest"]) == self.parameters.get("digest", "")
-                    and file["dmin/value"].shape == (len(self.frames), self._grains())
+                    and file["dmin/value"].shape[1] == self._grains()
+                )
+                if reading is None:
+                    return is_of_run
+                frames = np.arange(len(self.frames))
+                return (
+                    is_of_run
+                    and len(strains) == len(frames)
                     and np.allclose(strains, self.frames.strain, rtol=1e-6, equal_nan=True)
-                    and radius in (None, float(attributes["radius_over_mean_radius"]))
+                    and np.array_equal(earlier, np.maximum(frames - reading.lag, -1))
+                    and reading.radius == float(attributes["radius_over_mean_radius"])
+                    and reading.rattlers == _hdf5.text(attributes["rattlers"])
                 )
         except (OSError, KeyError):
             return False
@@ -662,6 +743,19 @@ class Frames:
         return f"<Frames of {self._run._name}: {len(self)}>"
 
 
+def mean_of(series: pd.DataFrame, column: str, *, start: float, path: Path) -> TimeMean:
+    """Returns the mean of a column of a time series over its later rows, as of `Run.mean`."""
+    if not 0.0 <= start < 1.0:
+        raise ValueError(f"start is {start}; give a share of the rows from 0 to below 1")
+    if column not in series:
+        raise RunError(f"{path}: no column {column!r}; it has {', '.join(series.columns)}")
+    first = int(start * len(series))
+    later, weights = series.iloc[first:], durations(series["time"], first)
+    numerator, denominator = RATIOS.get(column, (column, None))
+    over = None if denominator is None else later[denominator]
+    return time_mean(later[numerator], over, weights=weights)
+
+
 def _file_of(path: Path) -> Path:
     """Returns the HDF5 file of a run, given the file, a part of it or its folder."""
     if _hdf5.part_of(path)[0].is_file():
@@ -708,6 +802,23 @@ def _read(dataset: h5py.Dataset, first: NDArray[np.int64], last: NDArray[np.int6
     ends = np.append(begins[1:], len(first)) - 1
     parts = [dataset[a:b] for a, b in zip(first[begins], last[ends], strict=True)]
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _friction(scene: Scene) -> float:
+    """Returns the greatest coefficient of sliding friction of a scene, of any materials."""
+
+    def found(value: Any) -> Iterator[float]:  # noqa: ANN401 - values of TOML
+        if isinstance(value, dict):
+            for name, inner in value.items():
+                if name == "friction" and isinstance(inner, int | float):
+                    yield float(inner)
+                else:
+                    yield from found(inner)
+        elif isinstance(value, list):
+            for inner in value:
+                yield from found(inner)
+
+    return max(found({name: scene.get(name) for name in ("contact", "material")}), default=0.0)
 
 
 def _python(value: Any) -> Any:  # noqa: ANN401 - attributes have any type

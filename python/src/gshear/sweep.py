@@ -14,7 +14,7 @@ import pandas as pd
 from . import programs
 from ._toml import toml
 from .errors import ProgramFailedError, RunError
-from .run import FILE, Run, read_csv
+from .run import FILE, Run, mean_of, read_csv
 from .scene import Scene
 
 # A key that only chooses a packing among equals.
@@ -68,9 +68,10 @@ class Sweep(Sequence[Run]):
         self._quiet = quiet
         for run in runs_of_all:
             if not run.finished:
-                run.close()
                 if not quiet:
-                    print(f"gshear: {run.folder} has not ended; it is left out", file=sys.stderr)
+                    why = f"{run.state}: {run.failure}" if run.failure else run.state
+                    print(f"gshear: {run.folder} is left out: {why}", file=sys.stderr)
+                run.close()
         if not self._runs:
             raise RunError(f"none of {len(paths)} runs has ended, first {paths[0]}")
         scenes = [_values(run.scene) for run in self._runs]
@@ -115,7 +116,8 @@ class Sweep(Sequence[Run]):
         Args:
             columns: Columns of the time series, of the scalars of frames (`regions.csv`; of spheres
                 and boxes those of D²min), or statistics of phases (`runs.csv`); means over the rows
-                are given. The latter two are computed by gshear-reduce.
+                are given, of a ratio such as `stress_ratio` the ratio of the means. The latter two
+                are computed by gshear-reduce.
             start: The share of the rows, from the first on, that is left out of the means: 0.4 of a
                 run to the strain 0.1 leaves out what is before 0.04. By default the first half.
             measures: Further numbers, each a function of the run, such as
@@ -125,25 +127,39 @@ class Sweep(Sequence[Run]):
             KeyError: If a run has no such column.
             ValueError: A wrong share, or a measure with the name of a key.
         """
+        columns = [columns] if isinstance(columns, str) else list(columns)
+        return self._table(columns, start, measures)[0]
+
+    def _table(
+        self,
+        columns: Sequence[str],
+        start: float,
+        measures: Mapping[str, Callable[[Run], float]] | None,
+    ) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """`table`, and of each of its columns the standard error over the time of each run."""
         if not 0.0 <= start < 1.0:
             raise ValueError(f"start is {start}; give a share of the rows from 0 to below 1")
-        columns = [columns] if isinstance(columns, str) else list(columns)
         stored = [name for name in columns if all(name in run.series for run in self._runs)]
         computed = self._computed([name for name in columns if name not in stored], start)
         known = [name for name in measures or {} if name in self.keys]
         if known:
             raise ValueError(f"{known[0]} is a key of the scenes; give the measure another name")
-        rows = []
+        rows, errors = [], []
         for k, (run, values) in enumerate(zip(self._runs, self._values, strict=True)):
             row = {"run": run.folder.name, **values}
-            if columns:
-                series = run.series
-                later = series.iloc[int(start * len(series)) :]
-                means = {name: float(later[name].mean()) for name in stored}
-                row |= {n: means[n] if n in means else computed[n].iloc[k] for n in columns}
+            error = {"run": run.folder.name}
+            series = run.series if columns else pd.DataFrame()
+            for name in columns:
+                if name in stored:
+                    of_run = mean_of(series, name, start=start, path=run.path)
+                    row[name], error[name] = of_run.mean, of_run.error
+                else:
+                    row[name] = computed[name].iloc[k]
+                    error[name] = computed[f"{name}_error"].iloc[k]
             row |= {name: of(run) for name, of in (measures or {}).items()}
             rows.append(row)
-        return pd.DataFrame(rows).set_index("run")
+            errors.append(error)
+        return pd.DataFrame(rows).set_index("run"), pd.DataFrame(errors).set_index("run")
 
     def _computed(self, columns: Sequence[str], start: float) -> pd.DataFrame:
         """Means of columns that are not in all time series, a row for each run."""
@@ -171,20 +187,25 @@ class Sweep(Sequence[Run]):
     ) -> pd.DataFrame:
         """The means of `table` over the runs that differ in the keys `over` only.
 
-        `name_error` is the standard error of the mean, NaN of a single run; `runs` is their number.
+        `name_error` is the standard error of the mean over the runs, of a single run that of its
+        mean over time (NaN of statistics of phases and of measures); `runs` is the number of runs.
         The rows are indexed by the other keys.
         """
-        table = self.table(columns, start=start, measures=measures)
+        columns = [columns] if isinstance(columns, str) else list(columns)
+        table, over_time = self._table(columns, start, measures)
         by = [name for name in self.keys if name not in over]
         numbers = [name for name in table.columns if name not in self.keys]
         # Without other keys all runs are one group. Scenes without a key are a group, too.
         keys = by if by else [0] * len(table)
         groups = table.groupby(keys, sort=True, dropna=False)[numbers]
         means = groups.mean()
-        errors = groups.sem()
+        errors, runs = groups.sem(), groups.size()
+        values = {name: table[name].to_numpy() for name in by}
+        of_runs = over_time.reindex(columns=numbers).assign(**values)
+        single = of_runs.groupby(keys, sort=True, dropna=False)[numbers].first()
         for name in numbers:
-            means[f"{name}_error"] = errors[name]
-        means["runs"] = groups.size()
+            means[f"{name}_error"] = errors[name].where(runs > 1, single[name])
+        means["runs"] = runs
         return means
 
 

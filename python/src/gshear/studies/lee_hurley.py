@@ -26,6 +26,7 @@ from matplotlib.figure import Figure as Drawing
 from numpy.typing import ArrayLike, NDArray
 
 from .. import programs
+from ..analysis import time_mean
 from ..errors import RunError
 from ..run import Run
 from . import _output
@@ -102,6 +103,7 @@ class Studied:
         series: γ and τ of the whole run.
         onset: γ at which the regime begins.
         regime: `regions.csv` from there on: τ, and scalars of the interval that ends in each row.
+        tau: Mean of τ over the regime, ⟨S⟩/⟨N⟩, with its error and deviation.
         phases: `measures.csv`.
         correlations: `correlations.csv`.
         stages: `stages.csv`, rows of the regime by `start` and `end`; empty without a slip.
@@ -123,7 +125,8 @@ class Studied:
         radius = run.hdf5["particles/trajectory/radius"][:]
         self.grains, self.radius = len(radius), float(radius.mean())
         self.length = float(self.parameters["edges"][0])
-        self.series = run.series[["strain", "stress_ratio"]]
+        series = run.series
+        self.series = series[["strain", "stress_ratio"]]
         info = programs.run([programs.find("gshear-reduce"), "info", run.path], quiet=True)
         self.family = re.findall(r"^family +(\S+)", info, re.MULTILINE)[0]
 
@@ -135,6 +138,9 @@ class Studied:
         first, last = regime["strain"].iloc[[0, -1]]
         self.onset = float(max(wanted, first) if last > wanted else first)
         self.regime = regime[regime["strain"] >= self.onset].reset_index(drop=True)
+        during = series["step"].between(*self.regime["step"].iloc[[0, -1]])
+        rows = series[during]
+        self.tau = time_mean(rows["shear_force"], rows["normal_force"])
         choices = ["--from", repr(self.onset), "--reduction", options.reduction]
         more = ["--min-points", str(options.min_points), "--bins", options.bins]
         reduce("correlate", run.path, folder, *choices, *more)
@@ -265,8 +271,8 @@ def _numbers(run: Studied) -> list[Line]:
 
 
 def _basics(run: Studied) -> list[Line]:
-    tau, strain = run.regime["stress_ratio"], run.regime["strain"]
-    intervals, phases = len(tau) - 1, len(run.phases)
+    strain = run.regime["strain"]
+    intervals, phases = len(strain) - 1, len(run.phases)
     step = (strain.iloc[-1] - strain.iloc[0]) / max(intervals, 1)
     counted = PHASES[run.size].get(run.friction or 0.0)
     known = {n: scientific(x, 3) for n, x in run.parameters.items() if isinstance(x, float)}
@@ -289,7 +295,7 @@ def _basics(run: Studied) -> list[Line]:
         (
             "τ in the regime, mean and deviation",
             similar,
-            f"{tau.mean():.3f}, {tau.std(ddof=0):.3f}",
+            f"{run.tau.mean:.3f}, {run.tau.deviation:.3f}",
         ),
     ]
 
@@ -502,15 +508,15 @@ def _label(family: Sequence[Studied]) -> str:
 
 
 def _numbers_of_seed(run: Studied) -> dict[str, float]:
-    tau, slips = run.regime["stress_ratio"], run.slips()["delta_tau_p"]
-    intervals, phases = len(tau) - 1, len(run.phases)
+    slips = run.slips()["delta_tau_p"]
+    intervals, phases = len(run.regime) - 1, len(run.phases)
     numbers = {
         "intervals": float(intervals),
         "phases": float(phases),
         "phases_per_interval": phases / intervals if intervals else np.nan,
         "long_phases": float((run.phases["length"] == "long").sum()),
-        "tau_mean": float(tau.mean()),
-        "tau_deviation": float(tau.std(ddof=0)),
+        "tau_mean": run.tau.mean,
+        "tau_deviation": run.tau.deviation,
         "largest_slip": float(slips.min()),
         "mean_slip": float(slips.mean()),
     }
