@@ -21,13 +21,6 @@ export OMPI_MCA_rmaps_base_oversubscribe ?= 1
 # Bound ranks of two runs would share the first cores and leave the others idle.
 export OMPI_MCA_hwloc_base_binding_policy ?= none
 export MPIRUN
-# Tests start thousands of ranks on one node: the libraries of networks and graphics take a fifth of a start.
-test python: export OMPI_MCA_pml := ob1
-test python: export OMPI_MCA_btl := self,vader
-test python: export HWLOC_COMPONENTS := -gl,-opencl,-cuda,-nvml,-pci,-levelzero,-rsmi
-# mpirun would give ranks two seconds after an exit code other than 0, as of a stop at a checkpoint.
-test python: export OMPI_MCA_odls_base_sigkill_timeout := 0
-
 .PHONY: help deps build run test lint python docs scaling bench accuracy stress faults queues peers million book own-law mpich wheel manual install uninstall release clean
 
 help:
@@ -68,7 +61,8 @@ run: build
 	@echo "Results in $(OUT); open $(OUT)/report/index.html"
 	@cd $(OUT) && du -sh --apparent-size -- * | awk '{ printf "  %-24s %s\n", $$2, $$1 }'
 
-# Two tests a core, since many wait.
+# Two tests a core, since many wait. The environment of what they start is theirs (tests/common/environment.rs,
+# python/tests/environment.py).
 # All in the release profile: the tests run real programs, and one profile builds the dependencies once.
 test: lint
 	RUST_TEST_THREADS=$$(( 2 * $$(nproc) )) cargo test --release --locked --workspace

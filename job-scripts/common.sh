@@ -24,6 +24,12 @@ fail() {
     exit 2
 }
 
+# in_job SYSTEM ID USAGE: refuses to go on outside of a job, which has an ID.
+in_job() {
+    [[ -n $2 ]] ||
+        fail "this is not a job of $1; $3; without a batch system: mpirun -n 2 $program my.toml"
+}
+
 # read_arguments USAGE ARGUMENT...: takes the scene and the options of gshear-mpi from the script's
 # arguments, or from CONFIG and OPTIONS.
 read_arguments() {

@@ -29,6 +29,7 @@ source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {
     exit 2
 }
 usage="usage: flux batch [--env=INDEX=I] [--env=CHAIN=N] job-scripts/flux.sh CONFIG.toml [OPTIONS of gshear-mpi]"
+in_job Flux "$(flux getattr jobid 2>/dev/null || true)" "$usage"
 read_arguments "$usage" "$@"
 
 threads=${THREADS:-1}

@@ -32,7 +32,7 @@ cd "${LS_SUBCWD:-.}"
 index=${LSB_JOBINDEX:-0}
 index=${index#0}
 # LSF discards what a job printed before it is requeued.
-exec >>"${LSB_JOBNAME%%\[*}-$LSB_JOBID${index:+-$index}.log" 2>&1
+[[ -z ${LSB_JOBID:-} ]] || exec >>"${LSB_JOBNAME%%\[*}-$LSB_JOBID${index:+-$index}.log" 2>&1
 # LSF runs a copy of this script in a folder of its own.
 # shellcheck source-path=SCRIPTDIR source=common.sh
 source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {
@@ -40,6 +40,7 @@ source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {
     exit 2
 }
 usage="usage: CONFIG=my.toml [OPTIONS=\"...\"] bsub [-Q 75] [-J \"gshear[1-N]\"] < job-scripts/lsf.sh"
+in_job LSF "${LSB_JOBID:-}" "$usage"
 [[ -z ${CHAIN:-} ]] || fail "LSF makes chains by itself: give bsub -Q 75 instead of CHAIN"
 read_arguments "$usage" "$@"
 

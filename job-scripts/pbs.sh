@@ -29,6 +29,7 @@ source "${JOB_SCRIPTS:-job-scripts}/common.sh" || {
     exit 2
 }
 usage="usage: qsub [-J 1-N] -v CONFIG=my.toml[,OPTIONS=\"...\"][,CHAIN=N] job-scripts/pbs.sh"
+in_job PBS "${PBS_JOBID:-}" "$usage"
 read_arguments "$usage" "$@"
 
 # attribute NAME: of this job; long values are folded at a tab.

@@ -33,6 +33,7 @@ source "${JOB_SCRIPTS:-${SLURM_SUBMIT_DIR:-.}/job-scripts}/common.sh" || {
     exit 2
 }
 usage="usage: sbatch [--array=1-N] job-scripts/slurm.sh CONFIG.toml [OPTIONS of gshear-mpi]"
+in_job Slurm "${SLURM_JOB_ID:-}" "$usage"
 read_arguments "$usage" "$@"
 
 index=${SLURM_ARRAY_TASK_ID:-}

@@ -446,7 +446,7 @@ fn a_limit_of_the_size_of_files_is_named() {
         concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/crossing.toml"),
         out.display()
     );
-    let mut shell = std::process::Command::new("sh");
+    let mut shell = common::start("sh");
     // MPI by itself would put more than that into shared memory.
     shell.env("OMPI_MCA_ess_singleton_isolated", "1");
     let ended = shell.args(["-c", &command, common::PROGRAM]).output();

@@ -4,14 +4,13 @@
 //!
 //! Portable code is exempt; on x86-64 its operations are deliberately not inlined.
 
-use crate::common::{PROGRAM, REDUCER};
-use std::process::Command;
+use crate::common::{PROGRAM, REDUCER, start};
 
 #[test]
 fn no_vector_operation_is_called() {
     for program in [PROGRAM, REDUCER] {
         // `nm` comes with the linker.
-        let out = Command::new("nm")
+        let out = start("nm")
             .args(["--defined-only", program])
             .output()
             .expect("nm of binutils runs");

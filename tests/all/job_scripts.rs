@@ -1,10 +1,9 @@
-//! The job scripts are clean. `make queues` runs them.
+//! The job scripts are clean, and say so outside of a job. `make queues` runs them.
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
-use crate::common::{self, succeed};
+use crate::common::{self, start, succeed};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
@@ -19,11 +18,31 @@ fn job_scripts_are_clean() {
         .collect();
     assert_eq!(scripts.len(), 9, "{scripts:?}");
     for script in &scripts {
-        succeed(Command::new("bash").arg("-n").arg(script));
+        succeed(start("bash").arg("-n").arg(script));
     }
     if common::missing("shellcheck") {
         println!("skipped: shellcheck is not installed");
         return;
     }
-    succeed(Command::new("shellcheck").arg("-x").args(&scripts));
+    succeed(start("shellcheck").arg("-x").args(&scripts));
+}
+
+/// Submitted by hand, as with `bash`, on a machine without the batch system.
+#[test]
+fn a_script_outside_of_a_job_says_how_to_submit_it() {
+    for (name, system, submit) in [
+        ("slurm", "Slurm", "usage: sbatch "),
+        ("pbs", "PBS", "usage: qsub "),
+        ("lsf", "LSF", "usage: CONFIG=my.toml [OPTIONS=\"...\"] bsub "),
+        ("flux", "Flux", "usage: flux batch "),
+    ] {
+        let mut bash = start("bash");
+        bash.arg(format!("job-scripts/{name}.sh")).arg("my.toml");
+        let ended = bash.current_dir(ROOT).output().expect("bash");
+        let said = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(2), "{said}");
+        let wanted = format!("error: this is not a job of {system}; {submit}");
+        assert!(said.starts_with(&wanted) && said.lines().count() == 1, "{said}");
+        assert!(said.contains("; without a batch system: mpirun -n 2 "), "{said}");
+    }
 }

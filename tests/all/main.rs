@@ -26,6 +26,7 @@ mod failures;
 mod faults;
 mod flat_walls;
 mod free_surface;
+mod harness;
 mod inlined;
 mod jacobian;
 mod job_scripts;

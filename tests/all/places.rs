@@ -32,7 +32,7 @@ impl Mount {
     /// `None`, with a note, where that is not permitted.
     fn new(at: &Path, options: &[&str]) -> Option<Self> {
         std::fs::create_dir_all(at).expect("a folder");
-        let done = Command::new("mount").args(options).arg(at).output();
+        let done = common::start("mount").args(options).arg(at).output();
         match done {
             Ok(output) if output.status.success() => Some(Self(at.into())),
             _ => {
@@ -48,13 +48,13 @@ impl Mount {
 
     fn remount(&self, options: &str) {
         let options = format!("remount,{options}");
-        common::succeed(Command::new("mount").args(["-o", &options]).arg(&self.0));
+        common::succeed(common::start("mount").args(["-o", &options]).arg(&self.0));
     }
 }
 
 impl Drop for Mount {
     fn drop(&mut self) {
-        let _ = Command::new("umount").arg("-l").arg(&self.0).status();
+        let _ = common::start("umount").arg("-l").arg(&self.0).status();
     }
 }
 

@@ -16,7 +16,7 @@ const SHORT: &str = "--set=shear.strain=0.02";
 /// Everything that a shell command writes to a terminal of this width; `script` is one.
 fn on_a_terminal(columns: usize, command: &str) -> String {
     let command = format!("stty cols {columns} rows 24; {command}");
-    let mut script = Command::new("script");
+    let mut script = common::start("script");
     script.args(["-q", "-e", "-c", &command, "/dev/null"]);
     script.env("TERM", "xterm-256color").stdin(Stdio::null());
     String::from_utf8(succeed(&mut script).stdout).expect("text")
@@ -44,19 +44,11 @@ fn drawn(text: &str) -> Vec<String> {
     lines.filter(|line| line.contains(" strain ")).collect()
 }
 
-/// A command of mpirun and its environment as words of a shell.
-fn shell_words(ranks: &Command) -> String {
-    let variables = ranks
-        .get_envs()
-        .filter_map(|(name, value)| Some((name, value?)));
-    let variables: Vec<String> = variables
-        .map(|(name, value)| format!("{}={}", name.display(), value.display()))
-        .collect();
-    let words: Vec<String> = ranks
-        .get_args()
-        .map(|word| word.display().to_string())
-        .collect();
-    format!("env {} mpirun {}", variables.join(" "), words.join(" "))
+/// A command as words of a shell, which has the environment of every program.
+fn shell_words(command: &Command) -> String {
+    let words = std::iter::once(command.get_program()).chain(command.get_args());
+    let words: Vec<String> = words.map(|word| word.display().to_string()).collect();
+    words.join(" ")
 }
 
 /// Open MPI hides the terminal from its ranks, but not its size.
@@ -468,7 +460,7 @@ fn control_characters_of_files_are_escaped() {
     let at = |name: &str| folder.path().join(name);
     let hidden = |text: &str| text.contains(|c: char| c.is_control() && !"\n\t".contains(c));
     let says = |program: &str, code: i32, arguments: &[&Path]| {
-        let output = Command::new(program).args(arguments).output();
+        let output = common::start(program).args(arguments).output();
         let output = output.expect("the program starts");
         let text = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
         assert_eq!(output.status.code(), Some(code), "{text}");

@@ -1,8 +1,6 @@
 //! `--version` of both programs names the program, its libraries and the instruction sets.
 
-use std::process::Command;
-
-use crate::common::{PROGRAM, REDUCER, program, succeed};
+use crate::common::{PROGRAM, REDUCER, launcher, program, start, succeed};
 
 #[test]
 fn the_version_names_libraries_and_instruction_sets() {
@@ -20,9 +18,7 @@ fn the_version_names_libraries_and_instruction_sets() {
     );
 
     // Of the launcher, which comes with the library.
-    let launcher = std::env::var("MPIRUN").unwrap_or_else(|_| "mpirun".into());
-    let launcher = launcher.split_whitespace().next().expect("a program");
-    let of_launcher = Command::new(launcher).arg("--version").output();
+    let of_launcher = start(&launcher()[0]).arg("--version").output();
     let of_launcher = of_launcher.expect("mpirun");
     let of_launcher = String::from_utf8_lossy(&of_launcher.stdout).into_owned();
     let number = |word: &&str| word.contains('.') && word.starts_with(|c: char| c.is_ascii_digit());
@@ -53,7 +49,7 @@ fn the_version_names_libraries_and_instruction_sets() {
 #[test]
 fn the_version_of_the_reducer_is_that_of_its_build() {
     let lines = |program: &str| -> Vec<String> {
-        let said = succeed(Command::new(program).arg("--version")).stdout;
+        let said = succeed(start(program).arg("--version")).stdout;
         let said = String::from_utf8(said).expect("text");
         said.lines().map(String::from).collect()
     };
@@ -73,7 +69,7 @@ fn an_old_cargo_is_told_which_rust_is_needed() {
     std::fs::write(&cargo, "#!/bin/sh\necho 'cargo 1.9.0 (of old)'\n").expect("written");
     std::fs::set_permissions(&cargo, PermissionsExt::from_mode(0o755)).expect("runnable");
     let path = std::env::var("PATH").expect("a path");
-    let found = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/scripts/deps"))
+    let found = start(concat!(env!("CARGO_MANIFEST_DIR"), "/scripts/deps"))
         .env("PATH", format!("{}:{path}", folder.path().display()))
         .output()
         .expect("bash");

@@ -3,26 +3,23 @@
 #![allow(dead_code)]
 
 pub mod crossing;
+pub mod environment;
 pub mod protocols;
 pub mod synthetic;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+pub use environment::start;
 use gshear_store::run_reader::RunFile;
 
 /// The programs under test.
 pub const PROGRAM: &str = env!("CARGO_BIN_EXE_gshear-mpi");
 pub const REDUCER: &str = env!("CARGO_BIN_EXE_gshear-reduce");
 
-/// The tests' own variable (.cargo/config.toml), without which the programs run.
-const LOCKS: &str = "HDF5_USE_FILE_LOCKING";
-
 /// gshear-reduce.
 pub fn reducer() -> Command {
-    let mut command = Command::new(REDUCER);
-    command.env_remove(LOCKS);
-    command
+    start(REDUCER)
 }
 
 /// gshear-mpi on ranks; on one without mpirun.
@@ -30,14 +27,12 @@ pub fn program(ranks: usize) -> Command {
     if ranks > 1 {
         return mpirun(ranks, PROGRAM);
     }
-    let mut command = Command::new(PROGRAM);
-    command.env_remove(LOCKS);
-    command
+    start(PROGRAM)
 }
 
 /// The program that starts ranks, with its options: the environment's MPIRUN, such as
 /// `mpirun.mpich`.
-fn launcher() -> Vec<String> {
+pub fn launcher() -> Vec<String> {
     let given = std::env::var("MPIRUN").unwrap_or_default();
     let words: Vec<String> = given.split_whitespace().map(String::from).collect();
     if words.is_empty() {
@@ -51,26 +46,20 @@ fn launcher() -> Vec<String> {
 pub fn is_open_mpi() -> bool {
     static ANSWER: std::sync::OnceLock<bool> = std::sync::OnceLock::new();
     *ANSWER.get_or_init(|| {
-        let said = Command::new(&launcher()[0]).arg("--version").output();
+        let said = start(&launcher()[0]).arg("--version").output();
         let said = said.expect("mpirun starts").stdout;
         String::from_utf8_lossy(&said).contains("Open MPI")
     })
 }
 
-/// `mpirun -n ranks program`, also as root and on fewer cores than ranks; ended after 600 s, long
+/// `mpirun -n ranks program`; ended after 600 s, long
 /// though ranks wait for each other on cores that others use.
 pub fn mpirun(ranks: usize, program: impl AsRef<Path>) -> Command {
     let words = launcher();
-    let mut command = Command::new(&words[0]);
+    let mut command = start(&words[0]);
     command.args(&words[1..]).args(["--bind-to", "none"]);
-    command.env_remove(LOCKS);
     if is_open_mpi() {
-        command
-            .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
-            .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
-            .env("OMPI_MCA_rmaps_base_oversubscribe", "1")
-            .env("OMPI_MCA_mpi_yield_when_idle", "1")
-            .args(["--timeout", "600"]);
+        command.args(["--timeout", "600"]);
     } else {
         command.env("MPIEXEC_TIMEOUT", "600");
     }
@@ -220,7 +209,7 @@ pub fn kept_files(name: &str, folder: &Path) -> PathBuf {
     for entry in std::fs::read_dir(&from).expect("kept files").flatten() {
         let path = entry.path();
         let file = path.file_stem().expect("a name");
-        let bytes = succeed(Command::new("gzip").arg("-dc").arg(&path)).stdout;
+        let bytes = succeed(start("gzip").arg("-dc").arg(&path)).stdout;
         std::fs::write(to.join(file), bytes).expect("written");
     }
     to
@@ -240,7 +229,7 @@ pub fn interrupted(folder: &Path, arguments: &[String]) -> Outcome {
     let mut text = String::new();
     while !text.contains("step:") && lines.read_line(&mut text).expect("text") > 0 {}
     // The one of the shell, since a bare Debian has no other.
-    succeed(Command::new("sh").args(["-c", &format!("kill -USR1 {}", child.id())]));
+    succeed(start("sh").args(["-c", &format!("kill -USR1 {}", child.id())]));
     lines.read_to_string(&mut text).expect("text");
     let status = child.wait().expect("its end");
     Outcome {
@@ -278,7 +267,7 @@ pub fn processes(name: &str, value: &Path) -> Vec<(usize, u32)> {
 /// Sends a signal, such as `KILL`, to a process; it may have ended.
 pub fn signal(process: u32, name: &str) {
     // The one of the shell, since a bare Debian has no other.
-    let mut shell = Command::new("sh");
+    let mut shell = start("sh");
     let shell = shell.args(["-c", &format!("kill -{name} {process}")]);
     let _ = shell.stderr(std::process::Stdio::null()).status();
 }
@@ -361,7 +350,7 @@ pub fn change_file(path: &Path, change: impl FnOnce(&hdf5::File)) {
 
 /// Whether there is no such program here.
 pub fn missing(program: &str) -> bool {
-    let found = Command::new("sh")
+    let found = start("sh")
         .args(["-c", &format!("command -v {program}")])
         .output();
     !found.is_ok_and(|found| found.status.success())

@@ -5,7 +5,7 @@
 mod common;
 mod program;
 
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
 use common::{on_ranks, rank_arguments, rank_program, run_tests, succeed};
 
@@ -43,7 +43,7 @@ fn operations_hold_on_any_number_of_ranks() {
 
 fn starts_without_mpirun_as_one_rank() {
     let [test, as_rank] = rank_program();
-    let output = succeed(Command::new(test).arg(as_rank));
+    let output = succeed(common::start(test).arg(as_rank));
     assert_eq!(String::from_utf8_lossy(&output.stdout).trim(), "ranks 1");
 }
 

@@ -881,7 +881,7 @@ fn hostile_files_are_refused() {
             });
             let (program, words) = programs[k / Hostile::ALL.len() % programs.len()];
             // 2 GB of addresses: nothing that the file announces and does not hold.
-            let mut command = Command::new("sh");
+            let mut command = common::start("sh");
             command.args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\"", program]);
             command.args(words).arg(&path);
             if name == "spectrum.h5" {

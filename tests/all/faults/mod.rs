@@ -36,7 +36,7 @@ const BOX: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.to
 fn shim(folder: &Path) -> PathBuf {
     let library = folder.join("shim.so");
     let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/all/faults/shim.c");
-    let mut compiler = Command::new("cc");
+    let mut compiler = common::start("cc");
     compiler.args(["-O1", "-shared", "-fPIC", "-w", source, "-o"]);
     succeed(compiler.arg(&library).arg("-ldl"));
     library

@@ -3,11 +3,11 @@
 use std::io::{BufRead, BufReader};
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 use super::{LONG, SCENE, SHORT, ended, run};
-use crate::common::{Outcome, PROGRAM, program, succeed};
+use crate::common::{Outcome, PROGRAM, program, start, succeed};
 
 /// A run in the background, once it shears.
 fn background(folder: &Path, more: &[&str]) -> Child {
@@ -32,7 +32,7 @@ fn background(folder: &Path, more: &[&str]) -> Child {
 }
 
 fn signal(child: &Child, name: &str) {
-    succeed(Command::new("sh").args(["-c", &format!("kill -{name} {}", child.id())]));
+    succeed(start("sh").args(["-c", &format!("kill -{name} {}", child.id())]));
 }
 
 fn end(child: Child) -> Outcome {
@@ -94,7 +94,7 @@ fn a_lock_holds_in_another_pid_namespace() {
     let temporary = tempfile::tempdir().expect("a folder");
     let out = temporary.path().join("out");
     let child = background(&out, &[]);
-    let mut other = Command::new("unshare");
+    let mut other = start("unshare");
     other.args(["--pid", "--fork", "--mount-proc"]);
     other.args([PROGRAM, SCENE, LONG, "--resume=auto"]);
     let other = other

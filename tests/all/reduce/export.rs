@@ -8,7 +8,7 @@ use gshear_scene::lammps_data::{DataFile, parse};
 
 use super::fixture::Fixture;
 use super::{are_described, done, folder_with, refused};
-use crate::common::succeed;
+use crate::common::{start, succeed};
 
 fn read(path: &str) -> DataFile {
     parse("exported", &std::fs::read_to_string(path).expect(path)).expect("what was written")
@@ -279,7 +279,7 @@ fn a_file_that_cannot_grow_is_a_failure() {
         // Half a kilobyte or one, as the shell counts.
         let command =
             format!("ulimit -f 1; exec \"$0\" export '{path}' --format {format} --out '{out}'");
-        let output = std::process::Command::new("sh")
+        let output = start("sh")
             .args(["-c", &command, crate::common::REDUCER])
             .output()
             .expect("a shell");
@@ -307,7 +307,7 @@ fn an_export_does_not_replace_its_run() {
             assert!(std::fs::read(&file).expect("a file") == before, "{format}");
         }
         let pipe = format!("{path}/pipe-{format}");
-        succeed(std::process::Command::new("mkfifo").arg(&pipe));
+        succeed(start("mkfifo").arg(&pipe));
         let said = refused(&["export", &path, "--format", format, "--out", &pipe]);
         assert!(
             said.contains("is a device or a pipe; give a file"),
