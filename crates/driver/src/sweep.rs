@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Source;
-use gshear_scene::sweep::Member;
+use gshear_scene::sweep::{Member, takes_sweep_away};
 use gshear_store::status::{RunState, Status};
 
 use crate::calibration;
@@ -43,6 +43,11 @@ impl<'a> Sweep<'a> {
                 source.name()
             )));
         };
+        if let Some(set) = set.iter().find(|set| takes_sweep_away(set)) {
+            return Err(Failure::input(format!(
+                "--set {set}: takes away the sweep whose runs --sweep asks for; leave one of them out"
+            )));
+        }
         let key = |set: &str| set.split('=').next().unwrap_or_default().trim().to_string();
         let swept: Vec<String> = members[0].set.iter().map(|set| key(set)).collect();
         if let Some(set) = set.iter().find(|set| swept.contains(&key(set))) {

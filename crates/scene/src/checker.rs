@@ -10,8 +10,8 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::keys::{Key, KeyReader, Values};
 
 use crate::source::Input;
-use crate::value::Value;
-use crate::words::{list, quoted_list, show};
+use crate::value::{Value, refusal};
+use crate::words::{list, quoted_list};
 
 /// The values that were given, by their paths, with their places.
 pub(crate) type Given = BTreeMap<&'static str, (usize, Value)>;
@@ -158,8 +158,8 @@ impl<'a> Checker<'a> {
             return Vec::new();
         };
         let given = given.clone();
-        let hold = |x: &f64| x.is_finite() && bounds.hold(*x);
-        if given.is_empty() || !given.iter().all(hold) {
+        let is_refused = |x: &f64| refusal(bounds, *x).is_some();
+        if given.is_empty() || given.iter().any(is_refused) {
             let each = bounds.words();
             let what = format!("must hold one {what} or more, each of which {each}");
             self.refuse(key, &what);
@@ -324,10 +324,8 @@ impl KeyReader for Checker<'_> {
         else {
             return None;
         };
-        if !x.is_finite() {
-            self.refuse(key, &format!("must be a finite number, found {}", show(x)));
-        } else if !bounds.hold(x) {
-            self.refuse(key, &format!("{}, found {}", bounds.words(), show(x)));
+        if let Some(what) = refusal(bounds, x) {
+            self.refuse(key, &what);
         }
         Some(x)
     }

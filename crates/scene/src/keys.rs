@@ -176,18 +176,37 @@ fn unknown_of(known: &Table, table: &DeTable<'_>, problems: &mut Vec<(usize, Str
             problems.push((key.span().start, format!("{}.{name}", known.name), what));
             continue;
         };
-        let (Values::Tables(known), DeValue::Array(tables)) = (declared.values, value.get_ref())
-        else {
-            continue;
-        };
-        let known = known();
-        let keys = tables.iter().filter_map(|table| table.get_ref().as_table());
-        for (key, _) in keys.flatten() {
-            if known.iter().all(|of| of.name() != key.get_ref()) {
-                let what = unknown_key(declared.table(), key.get_ref());
-                let path = format!("{}.{}", declared.path, key.get_ref());
-                problems.push((key.span().start, path, what));
-            }
+        unknown_in_list(declared, value.get_ref(), problems);
+    }
+}
+
+/// Notes the keys that the tables of a list do not know: places, paths and what to say of them.
+pub(crate) fn unknown_in_list(
+    declared: &Key,
+    value: &DeValue<'_>,
+    problems: &mut Vec<(usize, String, String)>,
+) {
+    let known = match declared.values {
+        Values::Tables(keys) => keys(),
+        Values::Parts(keys) => keys.to_vec(),
+        _ => return,
+    };
+    let tables = value
+        .as_array()
+        .into_iter()
+        .flat_map(|tables| tables.iter());
+    for (n, table) in tables.enumerate() {
+        let keys = table.get_ref().as_table().into_iter().flatten();
+        for (key, _) in keys.filter(|(key, _)| known.iter().all(|of| of.name() != key.get_ref())) {
+            let name = key.get_ref();
+            let (path, what) = if let Values::Parts(_) = declared.values {
+                let what = format!("part {}: {}", n + 1, unknown_key_of_a_part(name, &known));
+                (declared.path.to_string(), what)
+            } else {
+                let path = format!("{}.{name}", declared.path);
+                (path, unknown_key(declared.table(), name))
+            };
+            problems.push((key.span().start, path, what));
         }
     }
 }
@@ -241,6 +260,12 @@ fn unknown_key(table: &str, key: &str) -> String {
     };
     let intro = format!("[{table}] knows");
     known_names(format!("unknown key{hint}"), &intro, &keys)
+}
+
+fn unknown_key_of_a_part(key: &str, known: &[&'static Key]) -> String {
+    let names: Vec<&str> = known.iter().map(|of| of.name()).collect();
+    let unknown = format!("unknown key {key}{}", meant(key, &names));
+    known_names(unknown, "a part knows", &names)
 }
 
 fn unknown_table(table: &str) -> String {

@@ -13,7 +13,10 @@ use gshear_dem::failure::{Failure, Result};
 pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>> {
     let source = input.source;
     let mut merged = DeTable::new();
-    let mut sweeps = false;
+    let mut sweeps = input
+        .overrides
+        .iter()
+        .any(|set| sweep::takes_sweep_away(set));
     for (n, part) in source.parts.iter().enumerate() {
         let tree = DeTable::parse(&part.padded).map_err(|e| not_toml(input, &e))?;
         let mut tree = tree.into_inner();

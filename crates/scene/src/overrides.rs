@@ -5,14 +5,18 @@ use std::borrow::Cow;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::keys::resolve;
+use super::keys::{resolve, unknown_in_list};
 use super::source::Input;
+use super::sweep::takes_sweep_away;
 use super::words::TAKE_AWAY;
 use gshear_dem::failure::Result;
 
 /// Puts every override into the tree, later ones over earlier ones.
 pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<()> {
     for (k, set) in input.overrides.iter().enumerate() {
+        if takes_sweep_away(set) {
+            continue;
+        }
         let start = input.override_offset(k);
         let span = start..start + set.len();
         let refuse = |what: &str| Err(input.failure(start, "", what));
@@ -49,6 +53,11 @@ pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<()>
         }
         match parse(value) {
             Ok(value) => {
+                let mut problems = Vec::new();
+                unknown_in_list(key, &value, &mut problems);
+                if let Some((_, _, what)) = problems.first() {
+                    return refuse(what);
+                }
                 target.insert(
                     Spanned::new(span.clone(), Cow::Borrowed(key.name())),
                     Spanned::new(span, value),
@@ -107,6 +116,22 @@ mod tests {
     }
 
     #[test]
+    fn a_sweep_is_taken_away() {
+        let scene = include_str!("../../../configs/plane-shear-2d.toml");
+        let source = Source::new("sweep.toml", format!("{scene}\n[sweep]\nseed = [2, 3]\n"));
+        let seed =
+            |set: &str| load(&source, &[set.into(), "seed=7".into()]).map(|scene| scene.seed);
+        assert_eq!(seed("sweep=none").unwrap(), 7);
+        assert_eq!(seed(" sweep = none").unwrap(), 7);
+        assert!(
+            seed("title=x")
+                .unwrap_err()
+                .to_string()
+                .contains("makes 2 runs")
+        );
+    }
+
+    #[test]
     fn bad_overrides() {
         for [set, expected] in cases(
             r#"
@@ -121,6 +146,7 @@ mod tests {
             sample.grains=1e3 | expected an integer without decimal point or exponent, found the number 1000.0
             title=3 | expected a string in quotes, found the integer 3
             time.force=yes | expected true or false, found the string "yes"
+            shear.protocol=[{velocty="1 m/s", time=1}] | part 1: unknown key velocty; did you mean velocity? A part knows velocity, distance, time, cycles, strain_amplitude, frequency, shear_stress, shear_stress_end, shear_stress_amplitude, pressure, pressure_end, pressure_amplitude, pressure_frequency, wall_velocity, bottom_amplitude, bottom_frequency
             shear.velocity=1e-3 | contradicts shear.inertial_number (line 33); give exactly one of inertial_number, velocity; --set shear.inertial_number=none takes that one away
             "#,
         ) {

@@ -12,8 +12,8 @@ use crate::derived::{self, STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
 use crate::load::Load;
 use crate::table::table;
-use crate::value::Value;
-use crate::words::{known_names, meant, show};
+use crate::value::{Value, refusal};
+use crate::words::show;
 
 table! {
     /// The shear.
@@ -349,22 +349,15 @@ impl PartValues<'_> {
         })
     }
 
-    /// Refuses unknown keys, values out of range, and keys that do not go together.
+    /// Refuses values out of range, and keys that do not go together.
     fn check(&self) -> Result<(), String> {
         for (name, x) in self.0 {
+            // Unknown keys have been refused.
             let known = PartKeys::TABLE.key(name);
-            let Some(Values::Number(range)) = known.map(|key| key.values) else {
-                let all: Vec<&str> = PartKeys::TABLE.own.iter().map(|key| key.path).collect();
-                let unknown = format!("unknown key {name}{}", meant(name, &all));
-                return Err(known_names(unknown, "a part knows", &all));
-            };
-            if !range.hold(*x) {
-                return Err(format!("{name} {}, found {}", range.words(), show(*x)));
-            } else if !x.is_finite() {
-                return Err(format!(
-                    "{name} must be a finite number, found {}",
-                    show(*x)
-                ));
+            if let Some(Values::Number(range)) = known.map(|key| key.values)
+                && let Some(what) = refusal(range, *x)
+            {
+                return Err(format!("{name} {what}"));
             }
         }
         for (key, others) in NEEDS {

@@ -13,7 +13,7 @@ use crate::materials::MaterialKeys;
 use crate::protocol::{PartKeys, WITHOUT_TOP};
 use crate::table::{laws_with, unit};
 use crate::units;
-use crate::value::Value as KeyValue;
+use crate::value::{MAGNITUDES, Value as KeyValue};
 use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, list};
 
 /// Begins the generated part of docs/config.md.
@@ -339,15 +339,17 @@ fn number(Bounds { from, to }: Bounds, with_unit: bool) -> Value {
     if with_unit {
         schema = json!({ "type": ["number", "string"], "pattern": quantity() });
     }
+    let [least, most] = MAGNITUDES;
     match from {
         Bound::Included(x) => schema["minimum"] = x.into(),
+        Bound::Excluded(0.0) => schema["minimum"] = least.into(),
         Bound::Excluded(x) => schema["exclusiveMinimum"] = x.into(),
-        Bound::Unbounded => {}
+        Bound::Unbounded => schema["minimum"] = (-most).into(),
     }
     match to {
         Bound::Included(x) => schema["maximum"] = x.into(),
         Bound::Excluded(x) => schema["exclusiveMaximum"] = x.into(),
-        Bound::Unbounded => {}
+        Bound::Unbounded => schema["maximum"] = most.into(),
     }
     schema
 }

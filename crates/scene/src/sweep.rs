@@ -1,14 +1,17 @@
 //! `[sweep]`: lists of values for keys of the configuration, and the runs that they make together.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use toml::de::{DeTable, DeValue};
 use toml::{Spanned, Value};
 
 use super::keys::resolve;
 use super::source::{Input, Source};
+use super::units;
+use super::value::Value as KeyValue;
 use super::words::{SWEEP, TAKE_AWAY, shortened};
 use gshear_dem::failure::{Failure, Result};
+use gshear_dem::laws::keys::Key;
 
 /// Runs of a sweep. All are listed, and checked before the first one runs.
 pub const MOST_RUNS: usize = 10_000;
@@ -105,6 +108,14 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>> {
     Ok(Some(all))
 }
 
+/// Whether an override (`sweep=none`) takes the sweep of the file away.
+pub fn takes_sweep_away(set: &str) -> bool {
+    let parts = set
+        .split_once('=')
+        .map(|(path, value)| (path.trim(), value.trim()));
+    parts == Some((SWEEP, TAKE_AWAY))
+}
+
 /// A failure at a key of the table; of the table itself if there is none.
 fn refuse<T>(input: &Input<'_>, offset: usize, path: &str, what: &str) -> Result<T> {
     let path = match path {
@@ -123,9 +134,10 @@ fn axes(
     let mut axes: Vec<Axis> = Vec::new();
     let mut runs = 1usize;
     for (offset, path, value) in found {
-        if let Err(what) = resolve(&path) {
-            return refuse(offset, &path, &what);
-        }
+        let key = match resolve(&path) {
+            Ok(key) => key,
+            Err(what) => return refuse(offset, &path, &what),
+        };
         let list = value.get_ref().as_array().filter(|list| !list.is_empty());
         let Some(list) = list else {
             let what = "must be a list of one value or more, such as [0.1, 0.3]";
@@ -158,11 +170,17 @@ fn axes(
             [text, given]
         };
         let values: Vec<[String; 2]> = list.iter().map(both).collect();
-        let mut seen = HashSet::new();
-        let number = |text: &str| text.replace('_', "").parse::<f64>().ok();
-        let same = |text: &str| number(text).map_or(text.to_string(), |x| format!("{x:?}"));
-        if let Some([twice, _]) = values.iter().find(|[text, _]| !seen.insert(same(text))) {
-            let what = format!("has {} twice", shortened(twice));
+        let mut seen = HashMap::new();
+        for [text, _] in &values {
+            let Some(first) = seen.insert(in_units_of(key, text), text) else {
+                continue;
+            };
+            let what = if first == text {
+                format!("has {} twice", shortened(text))
+            } else {
+                let (first, again) = (shortened(first), shortened(text));
+                format!("has {first} twice, as {again}, too; give each value once")
+            };
             return refuse(offset, &path, &what);
         }
         axes.push(Axis {
@@ -173,6 +191,31 @@ fn axes(
         });
     }
     Ok(axes)
+}
+
+/// A value of a key in the units of the key, the same text for all its spellings: `1e3`, `1000.0`
+/// and `"1 kPa"`. What is no value of the key, which is refused later, stays as it is.
+fn in_units_of(key: &Key, text: &str) -> String {
+    let line = Source::new("", format!("{} = {text}", key.path));
+    let value = || {
+        let mut tree = DeTable::parse(&line.parts[0].padded).ok()?.into_inner();
+        let numbers = units::numbers(&mut tree, &line.input()).ok()?;
+        units::put(&mut tree, &numbers);
+        let mut table = tree;
+        if !key.table().is_empty() {
+            let DeValue::Table(inner) = table.remove(key.table())?.into_inner() else {
+                return None;
+            };
+            table = inner;
+        }
+        Some(
+            match KeyValue::read(key.values, table.remove(key.name())?) {
+                Ok(value) => format!("{value:?}"),
+                Err(_) => return None,
+            },
+        )
+    };
+    value().unwrap_or_else(|| text.to_string())
 }
 
 /// What to say of a sweep that is run as if it were one scene.
@@ -298,18 +341,31 @@ mod tests {
     #[test]
     fn bad_sweeps() {
         for [sweep, wanted] in cases(
-            r"
+            r#"
             [sweep] | sweep: is empty; give lists of values, such as seed = [1, 2, 3]
             [sweep]\nseed = 3 | sweep.seed: must be a list of one value or more, such as [0.1, 0.3]
             [sweep]\nseed = [] | sweep.seed: must be a list of one value or more, such as [0.1, 0.3]
             [sweep]\nseed = [1, 2, 1] | sweep.seed: has 1 twice
+            [sweep]\nseed = [16, 0x10] | sweep.seed: has 16 twice, as 0x10, too; give each value once
+            [sweep]\n"load.pressure" = ["1 kPa", "1000 Pa"] | sweep.load.pressure: has "1 kPa" twice, as "1000 Pa", too; give each value once
+            [sweep]\n"load.pressure" = [2e3, "1 kPa", 1_000] | sweep.load.pressure: has "1 kPa" twice, as 1_000, too; give each value once
+            [sweep]\n"contact.friction" = [0.1, 0.10] | sweep.contact.friction: has 0.1 twice, as 0.10, too; give each value once
+            [sweep]\n"shear.protocol" = [[{velocity="1 m/s", time=1}], [{time="1000 ms", velocity=1.0}]] | sweep.shear.protocol: has [{velocity="1 m/s", time=1}] twice, as [{time="1000 ms", velocity=1.0}], too; give each value once
+            [sweep]\ntitle = ['a', "a"] | sweep.title: has 'a' twice, as "a", too; give each value once
             [sweep]\ntitle = ['a/b', 'a b'] | sweep.title: gives two runs the name title-a-b; make the values shorter
-            ",
+            "#,
         ) {
             assert_eq!(message(&sweep), wanted);
         }
         assert!(message("[sweep]\nsede = [1]").starts_with("sweep.sede: unknown key"));
         assert!(message("[sweep]\n'contact.fricton' = [1]").contains("did you mean friction?"));
+    }
+
+    /// Neighbouring integers beyond 2⁵³ are different values, though their doubles are not.
+    #[test]
+    fn large_seeds_are_different() {
+        let two = names("[sweep]\nseed = [9007199254740992, 9007199254740993]");
+        assert_eq!(two.len(), 2);
     }
 
     /// Told before they are made, whether its runs are listed or it is run as one scene.

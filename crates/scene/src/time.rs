@@ -68,6 +68,12 @@ pub(crate) fn check(c: &mut Checker<'_>, law: &Law, boxed: bool) {
     }
 }
 
+/// A time to four digits that are no more than it, so that a limit that is said is allowed.
+fn rounded_down(time: f64) -> f64 {
+    let digit = 10f64.powf(time.log10().floor() - 3.0);
+    (time / digit).floor() * digit
+}
+
 /// Δt and its limit. `walls`: of a scene between walls.
 pub(crate) fn derive(
     c: &mut Checker<'_>,
@@ -106,11 +112,11 @@ pub(crate) fn derive(
         (None, None) => (default, &keys.step),
     };
     if step > limit && !c.flag_or_default(&keys.force) {
-        // Rounded down, so that the number said is allowed.
-        let allowed = limit * (1.0 - 5e-4);
+        let allowed = rounded_down(limit);
         let what = format!(
-            "{} s is over the stability limit of {allowed:.3e} s; give less, or leave it out for {default:.3e} s, or run it all the same with time.force = true",
-            show(step)
+            "{} s is over the stability limit of {allowed:.3e} s; give less, or leave it out for {:.3e} s, or run it all the same with time.force = true",
+            show(step),
+            default.min(allowed)
         );
         c.refuse(key, &what);
     }

@@ -1,6 +1,6 @@
 //! Values of keys: what TOML gives, defaults, and how they are written.
 
-use gshear_dem::laws::keys::{Key, Values};
+use gshear_dem::laws::keys::{Bounds, Key, Values};
 use serde::Deserialize;
 use toml::Spanned;
 use toml::de::{DeValue, ValueDeserializer};
@@ -21,6 +21,25 @@ pub(crate) enum Value {
     /// Names and values in the order of their declarations; unknown names come last.
     Parts(Vec<Vec<(String, f64)>>),
     Tables(Vec<Entries>),
+}
+
+/// Magnitudes between which every number of a scene lies that is not 0, whatever its unit: products
+/// of some of them stay within the range of numbers.
+pub(crate) const MAGNITUDES: [f64; 2] = [1e-30, 1e30];
+
+/// What is wrong with a number that its key does not take.
+pub(crate) fn refusal(bounds: Bounds, x: f64) -> Option<String> {
+    let [least, most] = MAGNITUDES;
+    let what = if !x.is_finite() {
+        "must be a finite number".into()
+    } else if !bounds.hold(x) {
+        bounds.words()
+    } else if x != 0.0 && !(least..=most).contains(&x.abs()) {
+        format!("must lie between {least:e} and {most:e} in magnitude; check its unit")
+    } else {
+        return None;
+    };
+    Some(format!("{what}, found {}", show(x)))
 }
 
 /// The keys of a table of a list, and their values.
@@ -76,16 +95,13 @@ impl Value {
 
     /// What is wrong with a number that its key does not take.
     pub fn out_of_bounds(&self, key: &Key) -> Option<String> {
-        let (what, found) = match (self, key.values) {
-            (&Self::Number(x), Values::Number(bounds)) if !(bounds.hold(x) && x.is_finite()) => {
-                (bounds.words(), show(x))
-            }
+        match (self, key.values) {
+            (&Self::Number(x), Values::Number(bounds)) => refusal(bounds, x),
             (&Self::Whole(n), Values::Whole(range)) if n < range.from || n > range.to => {
-                (range.words(), n.to_string())
+                Some(format!("{}, found {n}", range.words()))
             }
-            _ => return None,
-        };
-        Some(format!("{what}, found {found}"))
+            _ => None,
+        }
     }
 
     /// The constant default of a key, if it has one.
