@@ -52,8 +52,7 @@ impl Task {
             run.folder = Some(RunFolder::take(exchange, &self, options)?);
             if exchange.rank() == 0 {
                 let folder = options.out.clone();
-                run.terminal
-                    .follow(folder, &run.record, scene, exchange.size());
+                run.terminal.follow(folder, &run.record, scene, exchange);
             }
         }
         run.terminal.header(exchange, scene, run.isa);

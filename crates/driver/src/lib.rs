@@ -25,6 +25,7 @@
 //! ```
 
 mod calibration;
+mod cores;
 mod ends;
 pub mod estimate;
 pub mod exported_state;

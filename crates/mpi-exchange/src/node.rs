@@ -145,6 +145,7 @@ pub struct Node {
     sent: [Cell<u64>; 2],
     received: [Cell<u64>; 2],
     patience: Patience,
+    processes: Vec<u32>,
     window: ffi::MPI_Win,
     // Dropped after the window.
     _communicator: SimpleCommunicator,
@@ -160,6 +161,8 @@ impl Node {
         }
         let mut ranks = vec![0i32; here as usize];
         communicator.all_gather_into(&world.rank(), &mut ranks[..]);
+        let mut processes = vec![0u32; here as usize];
+        communicator.all_gather_into(&std::process::id(), &mut processes[..]);
         let mut allowed = vec![0u64; here as usize * CPU_WORDS];
         communicator.all_gather_into(&allowed_cpus()[..], &mut allowed[..]);
         let polls = if here as usize <= number_of_cpus(&allowed) {
@@ -213,9 +216,15 @@ impl Node {
                 polls,
                 at_once: Cell::new(0),
             },
+            processes,
             window,
             _communicator: communicator,
         })
+    }
+
+    /// The processes of the ranks on this node.
+    pub fn processes(&self) -> &[u32] {
+        &self.processes
     }
 
     /// What this rank publishes.

@@ -28,6 +28,11 @@ pub trait Parallel: Exchange {
         LoneFailure::default()
     }
 
+    /// The processes of the ranks on this node, as far as it knows them: at least this one.
+    fn processes(&self) -> Vec<u32> {
+        vec![std::process::id()]
+    }
+
     /// From now on, ends the job with a message that names the rank if a rank has waited so long
     /// and no rank of its node computes. On several nodes ten times as long, since the ranks of
     /// other nodes are not seen. A few seconds after a [`LoneFailure`] with that message. Not

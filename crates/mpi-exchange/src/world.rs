@@ -206,6 +206,13 @@ impl Parallel for World {
         self.progress().wait()
     }
 
+    fn processes(&self) -> Vec<u32> {
+        match &self.node {
+            Some(node) => node.processes().to_vec(),
+            None => vec![std::process::id()],
+        }
+    }
+
     fn lone_failure(&self) -> LoneFailure {
         self.failure.clone()
     }

@@ -16,6 +16,9 @@ use super::text_writer;
 /// Version of the format.
 pub const VERSION: u32 = 1;
 
+/// The part of the time for which a rank may wait for a core without a word.
+const LONG_WAIT: f64 = 0.2;
+
 /// What has become of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -161,6 +164,10 @@ pub struct Status {
     pub grains: u32,
     /// Ranks.
     pub ranks: usize,
+    /// The part of the time, 0 to 1, that a rank on the node of rank 0 waited for a core which other
+    /// programs or ranks used: of the rank that waited longest.
+    #[serde(default)]
+    pub waited_for_cores: Option<f64>,
     /// The host of rank 0.
     pub host: String,
     /// The process of rank 0.
@@ -172,6 +179,11 @@ pub struct Status {
 }
 
 impl Status {
+    /// The part of the time that a rank waited for a core, if it is worth a word.
+    pub fn long_wait(&self) -> Option<f64> {
+        self.waited_for_cores.filter(|waited| *waited >= LONG_WAIT)
+    }
+
     /// Writes the file into a folder, beside and renamed.
     ///
     /// # Errors

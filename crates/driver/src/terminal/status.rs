@@ -4,22 +4,28 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use gshear_dem::failure::Result;
+use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_store::provenance;
 use gshear_store::status::{self, RunState, Standing, Status};
 
 use super::Terminal;
 use super::progress::Pace;
+use crate::cores::Cores;
 use crate::options::Outcome;
 use crate::run_record::RunRecord;
 
 /// Time between two versions of `status.json`.
 const INTERVAL: Duration = Duration::from_secs(1);
 
+/// Runs that are shorter say nothing of the cores that they had.
+const SHORTEST: Duration = Duration::from_secs(3);
+
 /// How far a run has come, and the file that says so.
 pub(super) struct StatusFile {
     folder: PathBuf,
     started: Instant,
+    cores: Cores,
     status: Status,
     pace: Pace,
     /// When the file was written last.
@@ -29,7 +35,13 @@ pub(super) struct StatusFile {
 /// On ranks other than 0, and in replays, nothing is told.
 impl Terminal {
     /// Tells from now on how far the run comes, also in the folder of the run. For rank 0.
-    pub fn follow(&mut self, folder: PathBuf, record: &RunRecord, scene: &Scene, ranks: usize) {
+    pub fn follow(
+        &mut self,
+        folder: PathBuf,
+        record: &RunRecord,
+        scene: &Scene,
+        exchange: &dyn Parallel,
+    ) {
         let status = Status {
             version: status::VERSION,
             state: RunState::Running,
@@ -41,7 +53,8 @@ impl Terminal {
             seconds_left: None,
             seconds: 0.0,
             grains: scene.sample.grains,
-            ranks,
+            ranks: exchange.size(),
+            waited_for_cores: None,
             host: provenance::host(),
             pid: std::process::id(),
             started: provenance::now(),
@@ -50,6 +63,7 @@ impl Terminal {
         self.status = Some(StatusFile {
             folder,
             started: Instant::now(),
+            cores: Cores::of(exchange.processes()),
             status,
             pace: Pace::new(&Standing::default()),
             written: None,
@@ -105,6 +119,12 @@ impl Terminal {
         file.status.message = message;
         file.status.seconds_left = None;
         file.write();
+        // A start alone may wait for a core.
+        let is_long = file.started.elapsed() >= SHORTEST && ending.is_ok();
+        if let (Some(waited), true) = (file.status.long_wait(), is_long) {
+            let advice = file.cores.advice(waited);
+            self.say(format!("note: {advice}"));
+        }
     }
 
     fn show(&mut self, standing: &Standing) {
@@ -129,6 +149,7 @@ impl StatusFile {
     /// Writes the file. It is for those who look on: a run goes on without it.
     fn write(&mut self) {
         self.status.seconds = self.started.elapsed().as_secs_f64();
+        self.status.waited_for_cores = self.cores.waited();
         self.status.updated = provenance::now();
         self.written = Some(Instant::now());
         let _ = self.status.write(&self.folder);

@@ -28,6 +28,8 @@ const SILENT: Duration = Duration::from_secs(30);
 /// How often a file is opened again that may be in the middle of a flush, and the time between.
 const ATTEMPTS: usize = 5;
 const PAUSE: Duration = Duration::from_millis(50);
+/// The least width (characters) of a line that has room for a wait for cores.
+const WIDE: usize = 100;
 /// The widest picture (characters), and the least size of one.
 const WIDEST: usize = 120;
 const LEAST: [usize; 2] = [30, 8];
@@ -122,13 +124,19 @@ fn headline(run: Option<(&Status, &RunCondition)>, width: usize, colours: bool) 
         let text = "the state is unknown: an earlier version wrote this run";
         return text.chars().take(width).collect();
     };
+    let waits = status
+        .long_wait()
+        .filter(|_| width >= WIDE && *condition == RunCondition::Running);
+    let waits =
+        waits.map(|waited| format!(", waits {:.0} % of the time for cores", 100.0 * waited));
+    let waits = waits.unwrap_or_default();
     let what = |words: &str| {
-        let room = width.saturating_sub(words.chars().count());
+        let room = width.saturating_sub(words.chars().count() + waits.chars().count());
         // Nothing is left to wait for.
         let left = status
             .seconds_left
             .filter(|_| *condition == RunCondition::Running);
-        words.to_string() + &line(&status.standing, status.speed, left, room, colours)
+        words.to_string() + &line(&status.standing, status.speed, left, room, colours) + &waits
     };
     match condition {
         RunCondition::Running if age(status).is_some_and(|age| age > SILENT) => {

@@ -1,0 +1,205 @@
+//! Whether the ranks had the cores that they needed, by what Linux says of processes.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// For how long the ranks of this node were ready to compute and had no core.
+///
+/// A step takes as long as its slowest rank, so that one rank without a core holds up all of them.
+pub struct Cores {
+    /// The ranks whose processes this one sees.
+    processes: Vec<u32>,
+    ranks: usize,
+    begun: Instant,
+    /// Of each thread when this began (ns).
+    before: HashMap<PathBuf, u64>,
+}
+
+impl Cores {
+    /// From now on. `processes`: of the ranks on this node.
+    pub fn of(processes: Vec<u32>) -> Self {
+        let ranks = processes.len();
+        // In a container of its own, a rank does not see those of others by their numbers.
+        let program = fs::read_link("/proc/self/exe").ok();
+        let is_rank = |process: &u32| fs::read_link(format!("/proc/{process}/exe")).ok() == program;
+        let processes: Vec<u32> = processes.into_iter().filter(is_rank).collect();
+        let before = processes.iter().flat_map(|&process| waits(process));
+        Self {
+            before: before.collect(),
+            processes,
+            ranks,
+            begun: Instant::now(),
+        }
+    }
+
+    /// The part of the time, 0 to 1, that the rank waited which waited longest; `None` if Linux does
+    /// not count it.
+    pub fn waited(&self) -> Option<f64> {
+        let of_thread = |(thread, wait): (PathBuf, u64)| {
+            wait.saturating_sub(self.before.get(&thread).copied().unwrap_or(0))
+        };
+        let threads = self.processes.iter().flat_map(|&process| waits(process));
+        let longest = threads.map(of_thread).max()?;
+        let elapsed = self.begun.elapsed().as_nanos().max(1) as f64;
+        Some((longest as f64 / elapsed).min(1.0))
+    }
+
+    /// What to say of ranks that waited for this part of the time, and what helps.
+    pub fn advice(&self, waited: f64) -> String {
+        let of = |mask: &str| fs::read_to_string(mask).ok().as_deref().and_then(allowed);
+        let masks: Option<Vec<Vec<u32>>> = self
+            .processes
+            .iter()
+            .map(|process| of(&format!("/proc/{process}/status")))
+            .collect();
+        let online = fs::read_to_string("/sys/devices/system/cpu/online");
+        let online = online.ok().and_then(|list| cpus(list.trim()));
+        let place = Place {
+            ranks: self.ranks,
+            allowed: masks.unwrap_or_default(),
+            online: online.map_or(0, |list| list.len()),
+        };
+        place.advice(waited)
+    }
+}
+
+/// Where ranks may run.
+struct Place {
+    ranks: usize,
+    /// The cores that each rank may use.
+    allowed: Vec<Vec<u32>>,
+    /// Number of cores of the machine.
+    online: usize,
+}
+
+impl Place {
+    fn advice(&self, waited: f64) -> String {
+        let mut all = self.allowed.concat();
+        all.sort_unstable();
+        all.dedup();
+        let (cores, ranks) = (all.len(), self.ranks);
+        let who = if ranks > 1 { "a rank" } else { "the rank" };
+        let percent = 100.0 * waited;
+        let bound = self.allowed.iter().any(|own| own.len() < self.online);
+        let why = if cores > 0 && cores < ranks && cores < self.online {
+            format!(
+                "{ranks} ranks are bound to {cores} of {} cores; start them with mpirun --bind-to none",
+                self.online
+            )
+        } else if cores > 0 && cores < ranks {
+            format!("{ranks} ranks share {cores} cores; use fewer ranks")
+        } else if bound && ranks > 1 {
+            "other programs used those that the ranks are bound to; start them with mpirun \
+             --bind-to none, use fewer ranks, or another machine"
+                .into()
+        } else if ranks > 1 {
+            "other programs used them; use fewer ranks, or another machine".into()
+        } else {
+            "other programs used them".into()
+        };
+        format!("{who} waited {percent:.0} % of the time for a core: {why}")
+    }
+}
+
+/// For how long each thread of a process has been ready to run without running (ns).
+fn waits(process: u32) -> Vec<(PathBuf, u64)> {
+    let tasks = fs::read_dir(format!("/proc/{process}/task"));
+    let tasks = tasks.into_iter().flatten().flatten();
+    tasks
+        .filter_map(|task| {
+            let text = fs::read_to_string(task.path().join("schedstat")).ok()?;
+            let wait = text.split_whitespace().nth(1)?.parse().ok()?;
+            Some((task.path(), wait))
+        })
+        .collect()
+}
+
+/// The cores in the line `Cpus_allowed_list` of a `status` file.
+fn allowed(status: &str) -> Option<Vec<u32>> {
+    let list = status
+        .lines()
+        .find_map(|line| line.strip_prefix("Cpus_allowed_list:"))?;
+    cpus(list.trim())
+}
+
+/// The numbers of a list such as `0-3,8`.
+fn cpus(list: &str) -> Option<Vec<u32>> {
+    let mut all = Vec::new();
+    for range in list.split(',') {
+        let (first, last) = range.split_once('-').unwrap_or((range, range));
+        all.extend(first.parse().ok()?..=last.parse::<u32>().ok()?);
+    }
+    Some(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn advice_follows_from_where_ranks_may_run() {
+        let place = |allowed: &[&str], online| Place {
+            ranks: allowed.len(),
+            allowed: allowed
+                .iter()
+                .map(|list| cpus(list).expect("cores"))
+                .collect(),
+            online,
+        };
+        for (allowed, online, wanted) in [
+            (
+                &["0", "0"][..],
+                8,
+                "2 ranks are bound to 1 of 8 cores; start them with mpirun --bind-to none",
+            ),
+            (
+                &["0-1", "0-1", "0-1"],
+                2,
+                "3 ranks share 2 cores; use fewer ranks",
+            ),
+            (
+                &["0", "1"],
+                8,
+                "other programs used those that the ranks are bound to; start them with mpirun --bind-to none, use fewer ranks, or another machine",
+            ),
+            (
+                &["0-7", "0-7"],
+                8,
+                "other programs used them; use fewer ranks, or another machine",
+            ),
+            (&["0-7"], 8, "other programs used them"),
+        ] {
+            let said = place(allowed, online).advice(0.634);
+            let start = if allowed.len() > 1 {
+                "a rank"
+            } else {
+                "the rank"
+            };
+            assert_eq!(
+                said,
+                format!("{start} waited 63 % of the time for a core: {wanted}")
+            );
+        }
+    }
+
+    #[test]
+    fn lists_of_cores() {
+        assert_eq!(cpus("0-2,8"), Some(vec![0, 1, 2, 8]));
+        assert_eq!((cpus("all"), allowed("Name:\tx")), (None, None));
+        assert_eq!(allowed("Name:\tx\nCpus_allowed_list:\t3\n"), Some(vec![3]));
+    }
+
+    /// This process itself has waited no longer than it has run, as far as Linux says.
+    #[test]
+    fn a_process_waits_for_part_of_the_time() {
+        let cores = Cores::of(vec![std::process::id()]);
+        assert!(
+            cores
+                .waited()
+                .is_none_or(|waited| (0.0..=1.0).contains(&waited))
+        );
+        assert_eq!(Cores::of(Vec::new()).waited(), None);
+    }
+}
