@@ -61,7 +61,8 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     small = ["sample.grains=120", "sample.length=1.2e-5", "sample.packing=none"]
     small += ["sample.radius_min=0.5e-6", "sample.radius_max=0.7e-6"]
     sets = [f"--set={value}" for value in small]
-    words = [find("gshear-mpi"), SCENES / "crossing.toml", *sets, "--stop-at=200", "--out", out]
+    words: list[str | Path] = [find("gshear-mpi"), SCENES / "crossing.toml", *sets]
+    words += ["--stop-at=200", "--out", out]
     done = subprocess.run(words, capture_output=True, check=False)
     assert done.returncode == 75, done.stderr
     return out

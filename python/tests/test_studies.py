@@ -18,6 +18,7 @@ from scipy import stats
 
 from gshear import Run, programs, simulate
 from gshear.studies import _output, bonfanti, lee_hurley
+from gshear.tables import read_csv
 
 SCENES = Path(__file__).resolve().parents[2] / "tests" / "scenes"
 Originals = Callable[[str], Path]
@@ -40,10 +41,6 @@ def refused(module: str, *arguments: str | os.PathLike[str]) -> str:
     assert done.stderr.count("\n") == 1, done.stderr
     assert done.stderr.startswith("error: ")
     return done.stderr
-
-
-def table(path: Path) -> pd.DataFrame:
-    return _output.read_table(path)
 
 
 def numbers(folder: Path, what: str = "what") -> dict[str, str]:
@@ -185,7 +182,7 @@ def test_numbers_of_lee_hurley(originals: Originals, of_seeds: Path) -> None:
     rest = (rows["shear_force"] - mean * rows["normal_force"]) / rows["normal_force"].mean()
     deviation = np.sqrt(np.mean(rest**2))
     assert found["τ in the regime, mean and deviation"] == f"{mean:.3f}, {deviation:.3f}"
-    drops = table(of_seeds / "drops.csv")
+    drops = read_csv(of_seeds / "drops.csv")
     ends = np.cumsum([0, *lengths])
     changes = np.sort(np.diff(tau[ends]))
     first = drops[drops["run"] == drops["run"][0]]
@@ -194,8 +191,8 @@ def test_numbers_of_lee_hurley(originals: Originals, of_seeds: Path) -> None:
 
 
 def test_coefficients_of_lee_hurley_against_scipy(of_seeds: Path) -> None:
-    found = table(of_seeds / "fig-13.csv")
-    phases = table(of_seeds / "run-1" / "measures.csv")
+    found = read_csv(of_seeds / "fig-13.csv")
+    phases = read_csv(of_seeds / "run-1" / "measures.csv")
     compared = 0
     for panel, (name, over) in zip("abcdefghij", lee_hurley.PANELS, strict=True):
         if over == "intervals":
@@ -220,15 +217,15 @@ def test_files_of_lee_hurley(originals: Originals, of_seeds: Path) -> None:
     for number in (*range(2, 14), *range(14, 26)):
         assert (of_seeds / f"fig-{number:02}.svg").exists() == (number < 14)
     # Figures show one of the runs that differ in their seeds; a seed given twice counts once.
-    assert len(table(of_seeds / "fig-13.csv")) == 10 * 8
-    ensemble = table(of_seeds / "ensemble.csv").set_index("what")
+    assert len(read_csv(of_seeds / "fig-13.csv")) == 10 * 8
+    ensemble = read_csv(of_seeds / "ensemble.csv").set_index("what")
     assert (ensemble["runs"] <= 2).all()
-    each = [len(table(of_seeds / f"run-{k}" / "measures.csv")) for k in (1, 2)]
+    each = [len(read_csv(of_seeds / f"run-{k}" / "measures.csv")) for k in (1, 2)]
     assert ensemble.loc["phases", "mean"] == np.mean(each)
     assert ensemble.loc["phases", "error"] == pytest.approx(abs(each[0] - each[1]) / 2)
     assert (of_seeds / "ensemble-small.svg").exists()
     # The steps of the maps are numbered through, from Stage I to Stage III.
-    maps = pd.concat([table(of_seeds / f"fig-{number:02}.csv") for number in (3, 4, 5)])
+    maps = pd.concat([read_csv(of_seeds / f"fig-{number:02}.csv") for number in (3, 4, 5)])
     assert maps["step"].is_monotonic_increasing
     assert list(maps["stage"].unique()) == ["I", "II", "III"]
     with Run(originals("disks"), quiet=True) as run:
@@ -275,14 +272,14 @@ def test_one_box(boxes: list[Path], tmp_path: Path) -> None:
     with Run(boxes[0] / "run.h5/newtonian", quiet=True) as run:
         stress = run.series["shear_stress"].to_numpy()
         assert found["drop of the shear stress"] == f"{100 * (1 - stress[-1] / stress[0]):.1f} %"
-        np.testing.assert_array_equal(table(tmp_path / "fig-05.csv")["shear_stress"], stress)
+        np.testing.assert_array_equal(read_csv(tmp_path / "fig-05.csv")["shear_stress"], stress)
         lambda_i = run.parameters["lambda_i"]
     name = "imaginary part of the pair at the start of Newton's equations"
     assert float(found[name]) == pytest.approx(lambda_i, rel=1e-4)
     with Run(boxes[0], quiet=True) as run:
         birth = found["strain at which the first complex pair appears"]
         assert float(birth.split()[0]) == pytest.approx(run.parameters["birth_after"], abs=1e-12)
-    grains = table(tmp_path / "fig-06.csv")
+    grains = read_csv(tmp_path / "fig-06.csv")
     assert grains["eigenvector_square"].sum() == pytest.approx(1)
 
 
@@ -290,7 +287,7 @@ def test_several_boxes(boxes: list[Path], tmp_path: Path) -> None:
     done = run_module("bonfanti", *boxes, "--out", tmp_path)
     assert done.returncode == 0, done.stderr
     assert files_are_linked(tmp_path)
-    runs = table(tmp_path / "ensemble-runs.csv")
+    runs = read_csv(tmp_path / "ensemble-runs.csv")
     for k, path in enumerate(boxes):
         with Run(path / "run.h5/newtonian", quiet=True) as run:
             series = run.series
@@ -305,16 +302,16 @@ def test_several_boxes(boxes: list[Path], tmp_path: Path) -> None:
         for form, options in (("", []), ("_paper_form", ["--paper-form"])):
             folder = tmp_path / f"all-{k}{form}"
             _output.reduce("stability", path / "run.h5", folder, *options)
-            first = table(folder / "stability.csv").query("pairs > 0").iloc[0]
+            first = read_csv(folder / "stability.csv").query("pairs > 0").iloc[0]
             assert runs[f"first_frame_with_pair{form}"][k] == first["strain"]
             # ω² = λ.
             omega = complex(runs[f"first_omega_r{form}"][k], runs[f"first_omega_i{form}"][k])
             value = complex(first["pair_real"], first["imaginary_greatest"])
             assert omega**2 == pytest.approx(value, rel=1e-12)
-    means = table(tmp_path / "ensemble.csv").set_index("what")
+    means = read_csv(tmp_path / "ensemble.csv").set_index("what")
     assert means.loc["birth", "mean"] == pytest.approx(runs["birth"].mean())
     assert means.loc["growing", "mean"] == (runs["aftermath"] == "growing").mean()
-    points = table(tmp_path / "ensemble-distributions.csv")
+    points = read_csv(tmp_path / "ensemble-distributions.csv")
     points = points[points["panel"] == "(a)"]
     assert points["value"].tolist() == sorted(runs["change_over_pressure"])
     assert points["share_of_runs"].tolist() == [0.5, 1.0]
@@ -341,7 +338,7 @@ def test_boxes_of_a_packing(originals: Originals, tmp_path: Path) -> None:
     ]
     done = run_module("bonfanti", *runs, "--out", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    families = table(tmp_path / "out" / "ensemble-runs.csv")["runs_of"]
+    families = read_csv(tmp_path / "out" / "ensemble-runs.csv")["runs_of"]
     assert families.tolist() == [f"packing {packing} N = 150"] * 2
 
 

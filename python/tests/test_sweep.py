@@ -107,7 +107,7 @@ def test_a_single_run_has_the_error_of_its_mean_over_time(folder: Path, tmp_path
     """The same from pandas and from gshear-reduce, and of `Run.mean`."""
     one = folder / "friction-0.6_seed-1"
     names = ["stress_ratio", "solid_fraction", "coordination", "slip_phases", "dmin_greatest"]
-    words: list[object] = [programs.find("gshear-reduce"), "report", one]
+    words: list[str | Path] = [programs.find("gshear-reduce"), "report", one]
     words += ["--columns", ",".join(names), "--start", "0.3", "--out", tmp_path]
     programs.run(words, quiet=True)
     with Sweep([one], quiet=True) as sweep:

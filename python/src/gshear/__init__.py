@@ -14,7 +14,7 @@ per unit depth; runs in a periodic box have the units of their scene.
 from importlib.metadata import version
 
 from .box import Box
-from .errors import GshearError, ProgramFailedError, ProgramNotFoundError, RunError
+from .errors import GshearError, NoSuchNameError, ProgramFailedError, ProgramNotFoundError, RunError
 from .frames import Contacts, Frame
 from .movies import movie
 from .programs import simulate
@@ -29,6 +29,7 @@ __all__ = [
     "Frame",
     "Frames",
     "GshearError",
+    "NoSuchNameError",
     "ProgramFailedError",
     "ProgramNotFoundError",
     "Run",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,15 @@ NEWTONIAN = "newtonian"
 ATTEMPTS = 20
 PAUSE = 0.1  # s
 RECENT = 60.0  # s
+# Bytes that deflate, the densest of the filters, makes of one at most.
+DENSEST = 1032
+# No file has groups within groups of as many levels.
+DEEPEST = 8
+# What h5py and NumPy raise where an object is not what a run has in its place.
+UNSOUND = (
+    *(AttributeError, IndexError, KeyError, OSError, OverflowError),
+    *(RuntimeError, TypeError, ValueError),
+)
 
 
 def text(value: object) -> str:
@@ -29,6 +40,36 @@ def unit(item: h5py.Group | h5py.Dataset) -> str | None:
         return unit(item["value"]) if "value" in item else None
     found = item.attrs.get("unit")
     return None if found is None else text(found)
+
+
+def members(group: h5py.Group) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
+    """Yields the objects of a group; links elsewhere are none."""
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.HardLink):
+            yield name, group[name]
+
+
+def numbers(
+    group: h5py.Group, name: str, axes: tuple[int, ...], kinds: str = "iuf"
+) -> h5py.Dataset:
+    """Returns a dataset of numbers.
+
+    Args:
+        group: Group of the dataset.
+        name: Path from there.
+        axes: How many axes it may have.
+        kinds: Which numbers it may have, as NumPy's `dtype.kind`.
+
+    Raises:
+        KeyError: There is no such object.
+        TypeError: It holds something else.
+    """
+    item = group[name]
+    if not isinstance(item, h5py.Dataset) or item.shape is None or item.dtype.kind not in kinds:
+        raise TypeError(f"{item.name} holds no {'integers' if 'f' not in kinds else 'numbers'}")
+    if item.ndim not in axes:
+        raise TypeError(f"{item.name} has {item.ndim} axes, not {' or '.join(map(str, axes))}")
+    return item
 
 
 def part_of(path: Path) -> tuple[Path, str]:
@@ -57,7 +98,8 @@ def open_for_reading(path: Path) -> h5py.File:
 
     Raises:
         OSError: It cannot be opened, or an object in it, as in the middle of a flush.
-        RunError: Its numbers are in other files, or links lead to them.
+        RunError: Its numbers are in other files, links lead to them, or it announces more than it
+            can hold.
     """
     try:
         file = h5py.File(path, "r", locking=False)
@@ -66,31 +108,47 @@ def open_for_reading(path: Path) -> h5py.File:
             raise
         file = h5py.File(path, "r")
     try:
-        found = _elsewhere(file)
-    except (KeyError, RuntimeError) as error:
+        found = _unsound(file, path.stat().st_size)
+    except UNSOUND as error:
         file.close()
         raise OSError(f"{path}: {error}") from error
     if found is not None:
         file.close()
-        raise RunError(f"{path}: {found} is in another file")
+        raise RunError(f"{path}: {found}")
     return file
 
 
-def _elsewhere(group: h5py.Group, levels: int = 8) -> str | None:
-    """Returns the name of an object below the group that is in another file, if any."""
+def _unsound(group: h5py.Group, size: int, levels: int = DEEPEST) -> str | None:
+    """Returns what is wrong with an object below a group of a file of `size` bytes, if anything."""
+    if levels == 0:
+        return "is damaged: its groups contain each other"
     for name in group:
         link = group.get(name, getlink=True)
         if isinstance(link, h5py.ExternalLink):
-            return f"{group.name.rstrip('/')}/{name}"
+            return f"{group.name.rstrip('/')}/{name} is in another file"
         if not isinstance(link, h5py.HardLink):
             continue
         item = group[name]
-        if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
-            return str(item.name)
-        below = _elsewhere(item, levels - 1) if isinstance(item, h5py.Group) and levels else None
-        if below is not None:
-            return below
+        found = None
+        if isinstance(item, h5py.Dataset):
+            found = _not_held(item, size)
+        elif isinstance(item, h5py.Group):
+            found = _unsound(item, size, levels - 1)
+        if found is not None:
+            return found
     return None
+
+
+def _not_held(item: h5py.Dataset, size: int) -> str | None:
+    """Returns what to say of a dataset that a file of `size` bytes cannot hold."""
+    if item.external or item.is_virtual:
+        return f"{item.name} is in another file"
+    # Without numbers, it has no shape.
+    announced = math.prod(item.shape or (0,)) * item.dtype.itemsize
+    has_filters = item.id.get_create_plist().get_nfilters() > 0
+    if announced <= size * (DENSEST if has_filters else 1):
+        return None
+    return f"is damaged: {item.name} announces {item.shape} values, more than the file can hold"
 
 
 class SharedFile:

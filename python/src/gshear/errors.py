@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+import difflib
 import shlex
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+
+# What papers and the programs' pictures call some columns.
+SYMBOLS = {
+    "tau": "stress_ratio",
+    "mu": "stress_ratio",
+    "phi": "solid_fraction",
+    "gamma": "strain",
+    "z": "coordination",
+}
 
 
 class GshearError(Exception):
@@ -12,6 +22,26 @@ class GshearError(Exception):
 
 class RunError(GshearError):
     """A folder or file is no run, is damaged, or lacks what is asked for."""
+
+
+class NoSuchNameError(GshearError, KeyError):
+    """There is no column or key of this name; the message has those that there are."""
+
+    def __str__(self) -> str:
+        # KeyError would quote it.
+        return str(self.args[0])
+
+
+def no_such(holder: str, kind: str, name: str, known: Iterable[object]) -> NoSuchNameError:
+    """Returns what to raise at a name that is none of the known ones, with the nearest of them."""
+    names = [str(each) for each in known]
+    last = name.rpartition(".")[2]
+    close = [own for own in [SYMBOLS.get(last.lower())] if own in names]
+    close = close or difflib.get_close_matches(last, names, 1)
+    hint = f": did you mean {close[0]!r}? It" if close else "; it"
+    return NoSuchNameError(
+        f"{holder} has no {kind} {name!r}{hint} has {', '.join(names) or 'none'}"
+    )
 
 
 class ProgramNotFoundError(GshearError):

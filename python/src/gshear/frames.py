@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .box import Box
+from .errors import NoSuchNameError, no_such
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -37,15 +38,20 @@ class Columns(Mapping[str, Array]):
     def __getitem__(self, name: str) -> Array:
         if name not in self._read:
             if name not in self._names:
-                raise KeyError(name)
+                raise self._no_such(name)
             self._read[name] = self._reader(name)
         return self._read[name]
 
     def __getattr__(self, name: str) -> Array:
         # Names with an underscore are never columns; during unpickling `_names` is not yet there.
-        if name.startswith("_") or name not in self._names:
-            raise AttributeError(f"{type(self).__name__} has no column {name!r}")
+        if name.startswith("_"):
+            raise AttributeError(name)
+        if name not in self._names:
+            raise AttributeError(str(self._no_such(name)))
         return self[name]
+
+    def _no_such(self, name: str) -> NoSuchNameError:
+        return no_such(f"a {type(self).__name__}", "column", name, self._names)
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)

@@ -20,6 +20,7 @@ from MDAnalysis import Universe
 from MDAnalysis.coordinates.H5MD import H5MDReader, H5PYPicklable
 
 from gshear import _hdf5
+from gshear.errors import RunError
 from gshear.run import Run
 
 __all__ = ["RunReader", "universe"]
@@ -64,6 +65,12 @@ class RunReader(H5MDReader):  # type: ignore[misc]
         self._frame = frame
 
     def _copy_to_data(self) -> None:
+        try:
+            self._read_series_and_contacts()
+        except _hdf5.UNSOUND as error:
+            raise RunError(f"{self.filename}: is damaged: {error}") from error
+
+    def _read_series_and_contacts(self) -> None:
         ts, file, frame = self.ts, self._particle_group.parent.parent, self._frame
         step, ts.time = (
             file[f"particles/trajectory/position/{part}"][frame] for part in ("step", "time")

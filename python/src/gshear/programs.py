@@ -108,7 +108,7 @@ def progress(folder: Path) -> Callable[[], None] | None:
             if path.stat().st_mtime_ns == before:
                 return
             status = json.loads(path.read_text())
-        except OSError:
+        except (OSError, ValueError):
             return
         part, steps, strain, left = map(status.get, ("fraction", "steps", "strain", "seconds_left"))
         words = [status["stage"] if part is None else f"{status['stage']} {part:.0%}"]

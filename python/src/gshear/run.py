@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import io
+import contextlib
 import operator
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -22,17 +22,12 @@ from .box import Box
 from .errors import RunError
 from .frames import Contacts, Frame
 from .scene import Scene
+from .tables import complete_lines, read_csv, with_units
 
 T = TypeVar("T")
 
 # The file of frames and time series.
 FILE = "run.h5"
-# Since 3.1 pandas reads numbers to their last bit without being told.
-EXACT: dict[str, Any] = (
-    {"float_precision": "round_trip"}
-    if tuple(map(int, pd.__version__.split(".")[:2])) < (3, 1)
-    else {}
-)
 # Ratios of two columns, either of which may pass zero: their means are ratios of means.
 RATIOS = {"stress_ratio": ("shear_force", "normal_force")}
 GRAINS = "particles/trajectory"
@@ -161,7 +156,7 @@ class Run:
     @property
     def scene(self) -> Scene:
         """The checked scene, every default filled in."""
-        return self._once("scene", lambda _: Scene(self.parameters["scene"]))
+        return self._once("scene", lambda file: Scene(file["parameters"].attrs["scene"]))
 
     @property
     def parameters(self) -> dict[str, Any]:
@@ -199,7 +194,14 @@ class Run:
     @property
     def dimension(self) -> int:
         """2 for disks, 3 for spheres."""
-        return int(self.parameters["dimension"])
+
+        def read(file: h5py.Group) -> int:
+            dimension = int(file["parameters"].attrs["dimension"])
+            if dimension not in (2, 3):
+                raise ValueError(f"the dimension is {dimension}")
+            return dimension
+
+        return self._once("dimension", read)
 
     @property
     def series(self) -> pd.DataFrame:
@@ -210,11 +212,14 @@ class Run:
         written row by row.
         """
         log = self.folder / "log.csv"
-        if self.stage == "shear" and log.exists() and not self.finished:
+        if self.stage == "shear" and log.is_file() and not self.finished:
             units = {name: unit for name, unit in self._series_units().items() if unit}
-            return _with_units(_complete_lines(log), units)
+            table = complete_lines(log)
+            if missing := [name for name in units if len(table) and name not in table]:
+                raise RunError(f"{log}: is damaged, or of another run: has no {missing[0]}")
+            return with_units(table, units)
         stored: pd.DataFrame = self._once("series", self._read_series)
-        return _with_units(stored.copy(), stored.attrs["units"])
+        return with_units(stored.copy(), stored.attrs["units"])
 
     def mean(self, column: str, *, start: float = 0.5) -> TimeMean:
         """Returns the mean of a column of the time series over the later rows, with its error.
@@ -235,14 +240,11 @@ class Run:
         return mean_of(self.series, column, start=start, path=self.path)
 
     def _read_series(self, file: h5py.Group) -> pd.DataFrame:
-        observables = file["observables"]
-        elements = {
-            name: item for name, item in observables.items() if "value" in item and "step" in item
-        }
+        elements = _series_elements(file)
         # H5MD sorts names; the log has the order of the declaration.
         log = self.folder / "log.csv"
-        if self.stage == "shear" and log.exists():
-            with log.open(encoding="utf-8") as file_of_log:
+        if self.stage == "shear" and log.is_file():
+            with log.open(encoding="utf-8", errors="replace") as file_of_log:
                 order = file_of_log.readline().strip().split(",")
             elements = {
                 name: elements[name]
@@ -251,8 +253,9 @@ class Run:
         columns: dict[str, Any] = {}
         for name, element in elements.items():
             if not columns:
-                columns = {"step": element["step"][:], "time": element["time"][:]}
-            columns[name] = element["value"][:]
+                columns = {"step": _hdf5.numbers(element, "step", (1,), "iu")[:]}
+                columns["time"] = _hdf5.numbers(element, "time", (1,))[:]
+            columns[name] = _hdf5.numbers(element, "value", (1,))[:]
         # The program may be adding rows to one column after the other.
         rows = min((len(column) for column in columns.values()), default=0)
         table = pd.DataFrame({name: column[:rows] for name, column in columns.items()})
@@ -261,7 +264,7 @@ class Run:
 
     def _series_units(self) -> dict[str, str | None]:
         def read(file: h5py.Group) -> dict[str, str | None]:
-            items = {n: i for n, i in file["observables"].items() if "value" in i and "step" in i}
+            items = _series_elements(file)
             units = {name: _hdf5.unit(item) for name, item in items.items()}
             for item in list(items.values())[:1]:
                 units |= {"step": _hdf5.unit(item["step"]), "time": _hdf5.unit(item["time"])}
@@ -332,12 +335,12 @@ class Run:
             return found if name in stored.constants else found[0]
         rows = _selected(frames, len(stored.step), self.path)
         if name in stored.constants:
-            return stored.constants[name][:]
+            return self._values(lambda now: now.constants[name][:])
         if name in stored.grains:
-            return _read(stored.grains[name], rows, rows + 1)
+            return self._values(lambda now: _read(now.grains[name], rows, rows + 1))
         if name in stored.contacts:
             first, last = stored.offset[rows], stored.offset[rows + 1]
-            values = _read(stored.contacts[name], first, last)
+            values = self._values(lambda now: _read(now.contacts[name], first, last))
             ends = np.cumsum(last - first)
             return [values[a:b] for a, b in zip(ends - (last - first), ends, strict=True)]
         if name == "edges":
@@ -354,13 +357,14 @@ class Run:
         first, last = int(stored.offset[index]), int(stored.offset[index + 1])
 
         def read_grains(name: str) -> NDArray[Any]:
-            now = self._stored
-            constant = name in now.constants
-            values: NDArray[Any] = now.constants[name][:] if constant else now.grains[name][index]
-            return values
+            if name in stored.constants:
+                return self._values(lambda now: now.constants[name][:])
+            return self._values(lambda now: now.grains[name][index])
 
         def read_contacts(name: str) -> NDArray[Any]:
-            values: NDArray[Any] = self._stored.contacts[name][first:last]
+            values = self._values(lambda now: now.contacts[name][first:last])
+            if name in ("i", "j") and values.max(initial=0) >= self._grains():
+                raise self._damaged(f"{CONTACTS}/{name} has grains that there are not")
             return values
 
         names, units = tuple(stored.contacts), stored.units
@@ -383,15 +387,35 @@ class Run:
         """The complete frames of the present state of the file."""
 
         def read(file: h5py.Group) -> _Stored:
-            group, contacts = file[GRAINS], file[CONTACTS]
-            constants = {n: item for n, item in group.items() if isinstance(item, h5py.Dataset)}
-            elements = {n: item for n, item in group.items() if n not in constants}
-            grains = {n: item["value"] for n, item in elements.items() if "value" in item}
-            columns = {n: i for n, i in contacts.items() if n not in ("step", "time", "offset")}
-            box = group["box"]
-            clock, edges, offset = group["position"], box["edges/value"], contacts["offset"][:]
+            group, contacts, numbers = file[GRAINS], file[CONTACTS], _hdf5.numbers
+            items = dict(_hdf5.members(group))
+            constants = {
+                name: numbers(group, name, (1,))
+                for name, item in items.items()
+                if isinstance(item, h5py.Dataset)
+            }
+            grains = {
+                name: numbers(group, f"{name}/value", (2, 3))
+                for name, item in items.items()
+                if name not in constants and "value" in item
+            }
+            columns = {
+                name: numbers(contacts, name, (1, 2), "iu" if name in ("i", "j") else "iuf")
+                for name, _ in _hdf5.members(contacts)
+                if name not in ("step", "time", "offset")
+            }
+            _check_columns(constants, grains, columns)
+            box, clock = group["box"], group["position"]
+            edges = numbers(box, "edges/value", (2, 3))
+            if edges.shape[1:] not in ((3,), (3, 3)):
+                raise ValueError(f"{edges.name} has the shape {edges.shape}")
+            # Numbers that may be subtracted.
+            offset = numbers(contacts, "offset", (1,), "iu")[:].astype(np.int64)
+            if offset[:1].any() or (np.diff(offset) < 0).any():
+                raise ValueError(f"{CONTACTS}/offset falls")
+            steps, times = numbers(clock, "step", (1,), "iu"), numbers(clock, "time", (1,))
             # The program may be writing a frame: all of it must be there.
-            count = min(len(item) for item in (*grains.values(), clock["step"], edges))
+            count = min(len(item) for item in (*grains.values(), steps, times, edges))
             rows = min(len(column) for column in columns.values())
             count = max(0, min(count, int(np.searchsorted(offset, rows, side="right")) - 1))
             named = (constants | grains | columns).items()
@@ -402,10 +426,9 @@ class Run:
                 grains,
                 columns,
                 units,
-                clock["step"][:count],
-                clock["time"][:count],
-                # Numbers that may be subtracted.
-                offset[: count + 1].astype(np.int64),
+                steps[:count],
+                times[:count],
+                offset[: count + 1],
                 edges[:count],
                 (x, y, z),
             )
@@ -426,6 +449,8 @@ class Run:
         series = self.series
         rows = series["step"].to_numpy(dtype=np.float64)
         strains = series["strain"].to_numpy()
+        if not (np.diff(rows) > 0).all():
+            raise ValueError("the steps of the time series do not rise")
         if len(rows) == 0:
             return np.where(step == 0, 0.0, np.nan)
         if len(rows) == 1:
@@ -472,7 +497,7 @@ class Run:
     def regions(self) -> pd.DataFrame:
         """Returns the scalars of every frame of disks (`regions.csv`)."""
         table = self._table("regions.csv", ["regions"], self._are_regions)
-        return _with_units(table, self._scalar_units())
+        return with_units(table, self._scalar_units())
 
     def measures(self) -> pd.DataFrame:
         """Returns the statistics of every phase of disks (`measures.csv` of `correlate`)."""
@@ -520,17 +545,18 @@ class Run:
                 path = self.results / reading.folder / "reduced.h5"
             if not self._is_dmin(path, reading):
                 self._reduce(["dmin", *reading.options], path.parent)
-        with _hdf5.open_for_reading(path) as file:
-            try:
+        try:
+            with _hdf5.open_for_reading(path) as file:
+                stored = _hdf5.numbers(file, "dmin/value", (2,))
                 if isinstance(index, slice) and (rows := range(frames)[index]).step < 0:
                     # HDF5 reads forwards.
                     forwards = slice(rows[-1], rows[0] + 1, -rows.step) if rows else slice(0)
-                    backwards: NDArray[np.float64] = file["dmin/value"][forwards][::-1]
+                    backwards: NDArray[np.float64] = stored[forwards][::-1]
                     return backwards
-                values: NDArray[np.float64] = file["dmin/value"][index]
-            except OSError as error:
-                raise RunError(f"{path}: is damaged; remove it: {error}") from error
-            return values
+                values: NDArray[np.float64] = stored[index]
+                return values
+        except _hdf5.UNSOUND as error:
+            raise RunError(f"{path}: is damaged; remove it: {error}") from error
 
     def _grains(self) -> int:
         return int(self._once("grains", lambda file: len(file[GRAINS]["id"])))
@@ -542,10 +568,12 @@ class Run:
         try:
             with _hdf5.open_for_reading(path) as file:
                 attributes = file.attrs
-                strains, earlier = file["dmin/strain"][:], file["dmin/earlier"][:]
-                is_of_run = (
-                    _hdf5.text(attributes["digest"]) == self.parameters.get("digest", "")
-                    and file["dmin/value"].shape[1] == self._grains()
+                strains = _hdf5.numbers(file, "dmin/strain", (1,))[:]
+                earlier = _hdf5.numbers(file, "dmin/earlier", (1,))[:]
+                grains = _hdf5.numbers(file, "dmin/value", (2,)).shape[1]
+                digest = _hdf5.text(attributes["digest"])
+                is_of_run = bool(
+                    digest == self.parameters.get("digest", "") and grains == self._grains()
                 )
                 if reading is None:
                     return is_of_run
@@ -558,7 +586,7 @@ class Run:
                     and reading.radius == float(attributes["radius_over_mean_radius"])
                     and reading.rattlers == _hdf5.text(attributes["rattlers"])
                 )
-        except (OSError, KeyError):
+        except (RunError, *_hdf5.UNSOUND):
             return False
 
     def rate_state(self) -> dict[str, pd.DataFrame]:
@@ -633,8 +661,11 @@ class Run:
         """
 
         def read(file: h5py.Group) -> NDArray[np.uint64]:
-            scalars = file["observables"].get("gshear", {}).values()
-            return next((item["step"][:] for item in scalars), self.frames.step)
+            for name in file["observables"].get("gshear", {}):
+                path = f"observables/gshear/{name}/step"
+                steps: NDArray[np.uint64] = _hdf5.numbers(file, path, (1,), "iu")[:]
+                return steps
+            return self.frames.step
 
         steps = self._once("steps of scalars", read)
         series = self._once("series", self._read_series)
@@ -658,16 +689,19 @@ class Run:
         """
         path = self.results / name
         if self._is_newer(path):
-            table = read_csv(path)
-            if belongs(table):
-                return table
+            # What is damaged, or another table, is made anew.
+            with contextlib.suppress(RunError, *_hdf5.UNSOUND):
+                table = read_csv(path)
+                if belongs(table):
+                    return table
         self._reduce(command, folder or self.results)
         return read_csv(path)
 
     def _is_newer(self, path: Path) -> bool:
         """Whether a result exists and was written after the run."""
         try:
-            return path.stat().st_mtime_ns > self._file.path.stat().st_mtime_ns
+            newer = path.stat().st_mtime_ns > self._file.path.stat().st_mtime_ns
+            return newer and path.is_file()
         except FileNotFoundError:
             return False
 
@@ -687,23 +721,37 @@ class Run:
         found: dict[str, str] = self._once("scalar units", read)
         return found
 
+    def _values(self, read: Callable[[_Stored], NDArray[Any]]) -> NDArray[Any]:
+        """Returns numbers of frames, which are read when they are used."""
+        return self._attempt(lambda _: read(self._stored))
+
     def _once(self, name: str, read: Callable[[h5py.Group], T]) -> T:
         """Returns what `read` makes of the file, kept until the file changes."""
+
+        def kept(file: h5py.Group) -> T:
+            cache = self._file.cache
+            if name not in cache:
+                cache[name] = read(file)
+            value: T = cache[name]
+            return value
+
+        return self._attempt(kept)
+
+    def _attempt(self, read: Callable[[h5py.Group], T]) -> T:
+        """Returns what `read` makes of the file; the program may be in the middle of writing it."""
         for _ in range(_hdf5.ATTEMPTS):
             file = self._file.open()
-            if name in self._file.cache:
-                kept: T = self._file.cache[name]
-                return kept
             try:
-                value = read(file)
-            except (KeyError, OSError) as error:
+                return read(file)
+            except _hdf5.UNSOUND as error:
                 problem = error
                 if not self._file.reopen_if_recent():
                     break
-            else:
-                self._file.cache[name] = value
-                return value
-        raise RunError(f"{self.path}: not a complete run of gshear-mpi: {problem}") from problem
+        raise self._damaged(problem) from problem
+
+    def _damaged(self, problem: object) -> RunError:
+        what = "is damaged, or not a complete run of gshear-mpi"
+        return RunError(f"{self.path}: {what}: {problem}")
 
 
 class Frames:
@@ -764,6 +812,37 @@ def _file_of(path: Path) -> Path:
         return path / FILE
     what = f"holds no {FILE}" if path.is_dir() else "no such file or folder"
     raise RunError(f"{path}: {what}: give the folder of a run (`--out` of gshear-mpi) or its file")
+
+
+def _series_elements(file: h5py.Group) -> dict[str, h5py.Group]:
+    """Returns the elements of the time series by name, each with `step`, `time` and `value`."""
+    items = _hdf5.members(file["observables"])
+    return {n: i for n, i in items if isinstance(i, h5py.Group) and "value" in i and "step" in i}
+
+
+def _check_columns(
+    constants: dict[str, h5py.Dataset],
+    grains: dict[str, h5py.Dataset],
+    contacts: dict[str, h5py.Dataset],
+) -> None:
+    """Whether frames have what every frame has, each of one number of grains.
+
+    Raises:
+        KeyError: A column is missing.
+        ValueError: Columns are of different numbers of grains.
+    """
+    for name, columns in (
+        *((name, constants) for name in ("id", "radius", "body")),
+        *((name, grains) for name in ("position", "velocity")),
+        *((name, contacts) for name in ("i", "j", "normal_force", "tangential_force")),
+    ):
+        if name not in columns:
+            raise KeyError(f"frames have no {name}")
+    count = len(constants["radius"])
+    numbers = [len(column) for column in constants.values()]
+    numbers += [column.shape[1] for column in grains.values()]
+    if any(number != count for number in numbers):
+        raise ValueError(f"frames have {count} radii, and other columns of {numbers} grains")
 
 
 def _position(index: SupportsIndex, count: int, path: Path) -> int:
@@ -840,24 +919,3 @@ def _equal(table: pd.Series, own: NDArray[np.float64]) -> bool:
     """Whether a column has the numbers of the run, where the run has any."""
     known = np.isfinite(own)
     return np.allclose(table.to_numpy()[known], own[known], rtol=1e-9, atol=0)
-
-
-def _with_units(table: pd.DataFrame, units: dict[str, str]) -> pd.DataFrame:
-    table.attrs["units"] = {name: unit for name, unit in units.items() if name in table}
-    return table
-
-
-def read_csv(path: Path) -> pd.DataFrame:
-    """Returns a table; its numbers have the same bits as those of the program that wrote it."""
-    table: pd.DataFrame = pd.read_csv(path, **EXACT)
-    return table
-
-
-def _complete_lines(path: Path) -> pd.DataFrame:
-    """Returns the table of a file that is being written, without a last line that has no end."""
-    text = path.read_bytes()
-    complete = text[: text.rfind(b"\n") + 1]
-    if not complete:
-        return pd.DataFrame()
-    table: pd.DataFrame = pd.read_csv(io.BytesIO(complete), **EXACT)
-    return table

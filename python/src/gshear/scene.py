@@ -6,6 +6,8 @@ import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from .errors import no_such
+
 if sys.version_info >= (3, 11):
     import tomllib
 else:
@@ -30,7 +32,8 @@ class Scene(Mapping[str, Any]):
         value: Any = self._values
         for key in path.split("."):
             if not isinstance(value, dict) or key not in value:
-                raise KeyError(path)
+                known = value if isinstance(value, dict) else ()
+                raise no_such("the scene", "key", path, known)
             value = value[key]
         return value
 

@@ -14,8 +14,9 @@ import pandas as pd
 from . import programs
 from ._toml import toml
 from .errors import ProgramFailedError, RunError
-from .run import FILE, Run, mean_of, read_csv
+from .run import FILE, Run, mean_of
 from .scene import Scene
+from .tables import read_csv
 
 # A key that only chooses a packing among equals.
 SEED = "seed"
@@ -51,6 +52,8 @@ class Sweep(Sequence[Run]):
     ) -> None:
         if isinstance(runs, (str, os.PathLike)):
             folder = Path(runs)
+            if not folder.is_dir():
+                raise RunError(f"{folder}: no such folder: give the folder of a sweep")
             inner = sorted(path for path in folder.iterdir() if path.is_dir())
             paths = [path for path in inner if (path / FILE).exists()]
             if not paths:
@@ -147,7 +150,7 @@ class Sweep(Sequence[Run]):
         rows, errors = [], []
         for k, (run, values) in enumerate(zip(self._runs, self._values, strict=True)):
             row = {"run": run.folder.name, **values}
-            error = {"run": run.folder.name}
+            error: dict[str, Any] = {"run": run.folder.name}
             series = run.series if columns else pd.DataFrame()
             for name in columns:
                 if name in stored:

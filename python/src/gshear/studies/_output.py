@@ -18,7 +18,6 @@ from matplotlib.figure import Figure as Drawing
 
 from .. import programs
 from ..errors import GshearError, ProgramFailedError
-from ..run import EXACT
 
 # Okabe & Ito: blue, vermillion, green, purple, orange, sky blue, black.
 CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#22262b")
@@ -101,12 +100,6 @@ def reduce(command: str, run: Path, out: Path, *options: str | os.PathLike[str])
     words = [programs.find("gshear-reduce"), command, run, "--out", out, *options]
     out.mkdir(parents=True, exist_ok=True)
     programs.run(words, quiet=True)
-
-
-def read_table(path: Path) -> pd.DataFrame:
-    """Returns a table of gshear-reduce, its numbers to the last bit."""
-    table: pd.DataFrame = pd.read_csv(path, **EXACT)
-    return table
 
 
 def scientific(value: float, digits: int) -> str:

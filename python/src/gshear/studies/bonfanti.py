@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from ..errors import ProgramFailedError, RunError
 from ..run import Run
+from ..tables import read_csv
 from . import _output
-from ._output import CURVES, GREY, INK, PALE, Drawn, drawing, read_table, reduce, scientific
+from ._output import CURVES, GREY, INK, PALE, Drawn, drawing, reduce, scientific
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -107,8 +108,8 @@ def _read(strain: Run, moving: Run | None, folder: Path) -> Studied:
         nothing = {"fitted_omega_i": np.nan, "fitted_omega_r": np.nan, "decades": np.nan}
         return Studied(strain, None, pd.Series(nothing), pd.DataFrame())
     reduce("growth", moving.path, folder)
-    growth = read_table(folder / "growth.csv").iloc[0]
-    return Studied(strain, moving, growth, read_table(folder / "growth-grains.csv"))
+    growth = read_csv(folder / "growth.csv").iloc[0]
+    return Studied(strain, moving, growth, read_csv(folder / "growth-grains.csv"))
 
 
 # One run
@@ -205,7 +206,7 @@ def _imaginary(run: Studied) -> Drawn | str:
 def _eigenvalues(run: Studied) -> Drawn | str:
     """Figure 2."""
     path = run.strain.folder / "spectra.csv"
-    table = read_table(path)[["time", "real", "imaginary"]] if path.exists() else pd.DataFrame()
+    table = read_csv(path)[["time", "real", "imaginary"]] if path.exists() else pd.DataFrame()
     if not len(table):
         return "no eigenvalues in time: set newtonian.spectra"
     figure, (ax,) = _axes()
@@ -416,7 +417,7 @@ def first_pair(strain: Run, folder: Path, *, paper_form: bool) -> dict[str, floa
         if error.exit_code != NUMBER_FAILED or not table.exists():
             raise
         print(f"note: {error.output.strip()}")
-    found = read_table(table)
+    found = read_csv(table)
     found = found[found["pairs"] > 0]
     if not len(found):
         return nothing

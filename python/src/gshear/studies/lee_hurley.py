@@ -29,8 +29,9 @@ from .. import programs
 from ..analysis import time_mean
 from ..errors import RunError
 from ..run import Run
+from ..tables import read_csv
 from . import _output
-from ._output import CURVES, GREY, INK, PALE, Drawn, drawing, read_table, reduce, scientific
+from ._output import CURVES, GREY, INK, PALE, Drawn, drawing, reduce, scientific
 
 Array: TypeAlias = NDArray[np.float64]
 Line: TypeAlias = "tuple[str, str, str]"  # what, the paper's value, the run's value
@@ -131,7 +132,7 @@ class Studied:
         self.family = re.findall(r"^family +(\S+)", info, re.MULTILINE)[0]
 
         reduce("regions", run.path, folder)
-        regime = read_table(folder / "regions.csv")
+        regime = read_csv(folder / "regions.csv")
         if len(regime) < 2:
             raise RunError(f"{run.path}: has {len(regime)} frames: the study needs two or more")
         wanted = ONSET[self.size] if options.onset is None else options.onset
@@ -144,15 +145,15 @@ class Studied:
         choices = ["--from", repr(self.onset), "--reduction", options.reduction]
         more = ["--min-points", str(options.min_points), "--bins", options.bins]
         reduce("correlate", run.path, folder, *choices, *more)
-        self.phases = read_table(folder / "measures.csv")
-        self.correlations = read_table(folder / "correlations.csv")
+        self.phases = read_csv(folder / "measures.csv")
+        self.correlations = read_csv(folder / "correlations.csv")
         paths = [folder / f"stages{end}.csv" for end in ("", "-steps", "-grains", "-contacts")]
         for path in paths:
             path.unlink(missing_ok=True)
         if (self.phases["kind"] == "slip").any():
             threads = ["--threads", str(options.threads)] if options.threads else []
             reduce("stages", run.path, folder, *choices, *threads)
-        tables = [read_table(path) if path.exists() else pd.DataFrame() for path in paths]
+        tables = [read_csv(path) if path.exists() else pd.DataFrame() for path in paths]
         self.stages, self.steps, self.disks, self.contacts = tables
         for table in (self.stages, self.steps):
             for name in ("start", "end") if len(table) else ():
