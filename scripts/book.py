@@ -30,8 +30,9 @@ from pathlib import Path, PurePosixPath
 from urllib.parse import unquote, urlsplit
 
 import formulas
-from environment import run_in
 from formulas import CODE
+
+from environment import run_in
 
 CONTENTS = "docs/README.md"
 API_PAGE = "api.md"
