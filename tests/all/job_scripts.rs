@@ -33,7 +33,11 @@ fn a_script_outside_of_a_job_says_how_to_submit_it() {
     for (name, system, submit) in [
         ("slurm", "Slurm", "usage: sbatch "),
         ("pbs", "PBS", "usage: qsub "),
-        ("lsf", "LSF", "usage: CONFIG=my.toml [OPTIONS=\"...\"] bsub "),
+        (
+            "lsf",
+            "LSF",
+            "usage: CONFIG=my.toml [OPTIONS=\"...\"] bsub ",
+        ),
         ("flux", "Flux", "usage: flux batch "),
     ] {
         let mut bash = start("bash");
@@ -42,7 +46,13 @@ fn a_script_outside_of_a_job_says_how_to_submit_it() {
         let said = String::from_utf8_lossy(&ended.stderr);
         assert_eq!(ended.status.code(), Some(2), "{said}");
         let wanted = format!("error: this is not a job of {system}; {submit}");
-        assert!(said.starts_with(&wanted) && said.lines().count() == 1, "{said}");
-        assert!(said.contains("; without a batch system: mpirun -n 2 "), "{said}");
+        assert!(
+            said.starts_with(&wanted) && said.lines().count() == 1,
+            "{said}"
+        );
+        assert!(
+            said.contains("; without a batch system: mpirun -n 2 "),
+            "{said}"
+        );
     }
 }

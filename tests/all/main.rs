@@ -22,6 +22,7 @@ mod contracts_of_spheres;
 mod contracts_of_springs;
 mod damage;
 mod estimates;
+mod extreme_numbers;
 mod failures;
 mod faults;
 mod flat_walls;

@@ -197,6 +197,21 @@ fn a_run_that_fails_does_not_keep_the_others_from_running() {
     assert_eq!(found, ["failed", "done"]);
 }
 
+/// As `sweep = "none"` in a file that extends this one.
+#[test]
+fn a_sweep_is_taken_away_from_the_command_line() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let config = config(temporary.path(), "[sweep]\nseed = [3, 4]\n");
+    let out = temporary.path().join("out");
+    let one = run(&config, 1, &out, &["--set=sweep=none", SHORT]);
+    assert_eq!(one.code, 0, "{}", one.text);
+    assert!(out.join("run.h5").exists(), "one run, in this folder");
+    let both = run(&config, 1, &out, &["--set=sweep=none", "--sweep=list"]);
+    assert_eq!(both.code, 2, "{}", both.text);
+    let wanted = "error: --set sweep=none: takes away the sweep whose runs --sweep asks for";
+    assert!(both.text.starts_with(wanted), "{}", both.text);
+}
+
 /// Paths of a sweep are from the folder of its file, numbers differ by value, and names of folders
 /// are those that file systems have.
 #[test]
@@ -215,12 +230,23 @@ fn values_of_a_sweep_are_those_of_its_file() {
     };
     let listed = list("[sweep]\n'sample.packing' = ['grains.data']\n");
     assert_eq!(states(&listed)[0][1..], ["new", "packing-grains.data"]);
-    let twice = list("[sweep]\n'contact.friction' = [0.1, 1e-1]\n");
-    assert!(
-        twice.code == 2 && twice.text.contains("has 1e-1 twice"),
-        "{}",
-        twice.text
-    );
+    for (values, wanted) in [
+        (
+            "'contact.friction' = [0.1, 1e-1]",
+            "has 0.1 twice, as 1e-1, too",
+        ),
+        (
+            "'load.pressure' = [\"1 kPa\", \"1000 Pa\", 1e3]",
+            "has \"1 kPa\" twice, as \"1000 Pa\", too",
+        ),
+    ] {
+        let twice = list(&format!("[sweep]\n{values}\n"));
+        assert!(
+            twice.code == 2 && twice.text.contains(wanted),
+            "{}",
+            twice.text
+        );
+    }
     let title = "x".repeat(300);
     let long = list(&format!("[sweep]\ntitle = ['{title}']\n"));
     let expected = "a folder whose name has ";

@@ -202,6 +202,12 @@ fn the_status_says_how_far_a_run_has_come() {
     );
     assert!(seen.speed.is_some_and(|speed| speed > 0.0), "{seen:?}");
     assert!(seen.seconds_left.is_some_and(|left| left > 0.0), "{seen:?}");
+    // Where Linux counts it.
+    let waited = seen.waited_for_cores;
+    assert!(
+        waited.is_none_or(|waited| (0.0..=1.0).contains(&waited)),
+        "{seen:?}"
+    );
     // The rows up to there stand in the log, for those who watch.
     let log = std::fs::read_to_string(out.join("log.csv")).expect("a log");
     assert!(log.lines().count() > 1, "{log}");

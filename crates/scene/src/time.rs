@@ -112,6 +112,7 @@ pub(crate) fn derive(
         (None, None) => (default, &keys.step),
     };
     if step > limit && !c.flag_or_default(&keys.force) {
+        // The number that is said is allowed, and the default is not over it.
         let allowed = rounded_down(limit);
         let what = format!(
             "{} s is over the stability limit of {allowed:.3e} s; give less, or leave it out for {:.3e} s, or run it all the same with time.force = true",

@@ -30,16 +30,18 @@ pub(crate) const MAGNITUDES: [f64; 2] = [1e-30, 1e30];
 /// What is wrong with a number that its key does not take.
 pub(crate) fn refusal(bounds: Bounds, x: f64) -> Option<String> {
     let [least, most] = MAGNITUDES;
-    let what = if !x.is_finite() {
-        "must be a finite number".into()
+    let found = show(x);
+    if !x.is_finite() {
+        Some(format!("must be a finite number, found {found}"))
     } else if !bounds.hold(x) {
-        bounds.words()
+        Some(format!("{}, found {found}", bounds.words()))
     } else if x != 0.0 && !(least..=most).contains(&x.abs()) {
-        format!("must lie between {least:e} and {most:e} in magnitude; check its unit")
+        Some(format!(
+            "must lie between {least:e} and {most:e} in magnitude, found {found}; check its unit"
+        ))
     } else {
-        return None;
-    };
-    Some(format!("{what}, found {}", show(x)))
+        None
+    }
 }
 
 /// The keys of a table of a list, and their values.
