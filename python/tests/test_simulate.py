@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 import pytest
 
-from gshear import Run, simulate
+from gshear import ProgramFailedError, Run, simulate
 from gshear._toml import override, toml
 from gshear.programs import find
 
@@ -101,3 +101,22 @@ def test_the_program_takes_every_kind_of_value(tmp_path: Path) -> None:
     values |= {"sample.packing": packing, "sample.walls": "types"}
     with Run(simulate(scene, tmp_path / "b", ranks=1, values=values, quiet=True)) as run:
         assert run.scene["sample.packing"] == str(packing)
+
+
+@pytest.mark.parametrize(
+    ("said", "hint"),
+    [
+        ("error while loading shared libraries: libmpi.so.12: cannot open shared", "pip install"),
+        ("PMI_Init: unsupported PMI version", "bin/mpiexec"),
+    ],
+)
+def test_an_mpi_of_another_kind_is_explained(
+    said: str, hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "gshear-mpi"
+    program.write_text(f"#!/bin/sh\necho '{said}' >&2\nexit 127\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("GSHEAR_MPI", str(program))
+    with pytest.raises(ProgramFailedError, match=hint) as caught:
+        simulate(SCENES / "crossing.toml", tmp_path / "out", ranks=1, quiet=True)
+    assert said in caught.value.output

@@ -48,6 +48,16 @@ class ProgramNotFoundError(GshearError):
     """gshear-mpi or gshear-reduce is not installed where this package looks for it."""
 
 
+# What programs of the wheel, or MPI itself, say before they run, and what helps.
+HINTS = {
+    "libmpi.so.12: cannot open": "the programs of the wheel need the MPI that pip installs with "
+    "them: pip install 'mpich>=5,<6', or put the lib of an MPI with the ABI of MPICH into "
+    "LD_LIBRARY_PATH",
+    "unsupported PMI version": "another MPI's mpiexec or srun started the program: take the "
+    "bin/mpiexec of the environment that has the wheel, or set MPIRUN to it",
+}
+
+
 class ProgramFailedError(GshearError):
     """A program ended with an exit code other than 0.
 
@@ -61,6 +71,8 @@ class ProgramFailedError(GshearError):
         self.command = tuple(command)
         self.exit_code = exit_code
         self.output = output
+        hints = [f"\n{hint}" for said, hint in HINTS.items() if said in output]
         super().__init__(
             f"{shlex.join(command)} ended with exit code {exit_code}:\n{output.strip()}"
+            f"{''.join(hints)}"
         )
