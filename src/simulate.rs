@@ -51,22 +51,24 @@ pub fn simulate(commit: &'static str) -> ExitCode {
         }
     };
     let launched = world.check_launcher();
-    let code = match signals.and(launched).and_then(|()| go(&world, &arguments)) {
+    let outcome = signals.and(launched).and_then(|()| go(&world, &arguments));
+    let code = match &outcome {
         Ok(Outcome::Done) => 0,
         Ok(Outcome::Stopped) => STOPPED_EARLY,
         Err(failure) => {
             if speaks {
                 say_error(&format!("error: {failure}"));
             }
-            if matches!(failure, Failure::Other(_)) || h5::is_left_open() {
-                // When MPI ends, HDF5 would try to close the file: it could wait for ever, or
-                // crash.
-                world.barrier();
-                world.abort(failure.exit_code());
-            }
             failure.exit_code()
         }
     };
+    // All ranks know the outcome, but only one may have a file that it could not close.
+    let left_open = world.maximum(f64::from(u8::from(h5::is_left_open()))) > 0.0;
+    if left_open || matches!(outcome, Err(Failure::Other(_))) {
+        // When MPI ends, HDF5 would try to close the file: it could wait for ever, or crash.
+        world.barrier();
+        world.abort(code);
+    }
     ExitCode::from(code as u8)
 }
 

@@ -230,7 +230,8 @@ fn a_failure_keeps_the_last_checkpoint() {
     let checkpoint = folder.path().join("checkpoint.h5");
     let before = std::fs::read(&checkpoint).expect("a checkpoint");
     let [header, _] = gshear_store::checkpoint::read_texts(&checkpoint).expect("a checkpoint");
-    let (header, ..) = gshear_driver::header::Header::parse(&header).expect("a header");
+    let (header, ..) =
+        gshear_driver::header::Header::parse(&checkpoint, &header).expect("a header");
     let failing = [
         format!("--resume={}", checkpoint.display()),
         // Not at rest so soon.
@@ -479,6 +480,51 @@ fn a_limit_of_the_size_of_files_is_named() {
     assert_eq!(ended.status.code(), Some(1), "{said}");
     assert!(
         said.contains("error: ") && said.contains("File too large"),
+        "{said}"
+    );
+}
+
+/// A name that no file system takes is bad input, as other names that cannot be are.
+#[test]
+fn a_name_that_cannot_be_is_bad_input() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let walls = common::kept_files("walls", folder.path());
+    let (long, file) = ("a".repeat(256), folder.path().join("file"));
+    std::fs::write(&file, "").expect("written");
+    for out in [folder.path().join(&long), file.join("below")] {
+        refused(1, &out, &[SCENE.into()]);
+        refused(1, &out.join("run"), &[SCENE.into(), "--check".into()]);
+        refused(1, &out, &[format!("--resume={}", out.display())]);
+        for words in [&["dmin"][..], &["export", "--format=npz"], &["report"]] {
+            let mut command = reducer();
+            command.args(words).arg(&walls).arg("--out").arg(&out);
+            let output = command.output().expect("the program starts");
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+            assert!(said.contains(&*out.to_string_lossy()), "{said}");
+        }
+        let mut command = reducer();
+        let output = command.arg("info").arg(&out).output();
+        assert_eq!(output.expect("the program starts").status.code(), Some(2));
+    }
+}
+
+/// The limits of a job and of a process bound the grains, as the memory of the machine does; more
+/// memory than they allow would end the program by a signal.
+#[test]
+fn limits_of_memory_are_known() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // 4 GB of addresses, at least 400 bytes for each of 20 million grains.
+    let limited = "ulimit -v 4000000 && exec \"$0\" \"$@\"";
+    let mut command = std::process::Command::new("sh");
+    command.args(["-c", limited, common::PROGRAM, SCENE, "--check"]);
+    let sets = ["--set=sample.grains=20000000", "--set=sample.length=1"];
+    let output = command.args(sets).current_dir(folder.path()).output();
+    let output = output.expect("the program starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("fit into the memory of this machine (4.1 GB"),
         "{said}"
     );
 }

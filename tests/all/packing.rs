@@ -453,7 +453,7 @@ fn a_packing_may_not_be_at_its_load() {
     let load = |name: &str| {
         let checkpoint = folder.path().join(name).join("checkpoint.h5");
         let [header, _] = gshear_store::checkpoint::read_texts(&checkpoint).expect("a checkpoint");
-        match Header::parse(&header).expect("a header").0 {
+        match Header::parse(&checkpoint, &header).expect("a header").0 {
             Header::Shear(shear) => shear.piston.load,
             other => panic!("{other:?}"),
         }

@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::fs;
+use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -128,8 +129,10 @@ impl Contents {
             }
         }
         for name in [checkpoint::NAME, checkpoint::PREVIOUS] {
-            let texts = checkpoint::read_texts(&folder.join(name));
-            let read = texts.and_then(|[header, scene]| Ok((Header::parse(&header)?, scene)));
+            let path = folder.join(name);
+            let texts = checkpoint::read_texts(&path);
+            let read =
+                texts.and_then(|[header, scene]| Ok((Header::parse(&path, &header)?, scene)));
             if let Some(((header, record, packing), scene)) = readable(read)? {
                 found.stopped.get_or_insert((header.stage(), header.step()));
                 found.owners.push(FileOwner {
@@ -475,7 +478,7 @@ impl RunFolder {
     /// them again if it does not.
     fn remove_later(&self, path: &Path) -> Result<()> {
         let [header, _] = checkpoint::read_texts(path)?;
-        let (header, ..) = Header::parse(&header)?;
+        let (header, ..) = Header::parse(path, &header)?;
         let (stage, step) = (header.stage(), header.step());
         let mut later = checkpoint::kept(&self.path, stage);
         later.retain(|(kept, _)| *kept > step);
@@ -510,8 +513,13 @@ impl Drop for RunFolder {
     }
 }
 
-/// Refuses a name that HDF5 cannot take.
+/// Refuses a name that HDF5 or the file system cannot take.
 fn check_name(folder: &Path) -> Result<()> {
+    if let Err(why) = fs::symlink_metadata(folder)
+        && why.kind() == ErrorKind::InvalidFilename
+    {
+        return Err(unwritable(folder, &why));
+    }
     match folder.to_str() {
         Some(_) => Ok(()),
         None => Err(Failure::input(format!(
@@ -539,7 +547,7 @@ pub fn preview(folder: &Path, task: &Task) -> Result<String> {
     let existing = place.ancestors().find(|path| path.exists());
     let existing = named(existing.unwrap_or(Path::new("")));
     if !existing.is_dir() {
-        let why = std::io::Error::from(std::io::ErrorKind::NotADirectory);
+        let why = std::io::Error::from(ErrorKind::NotADirectory);
         return Err(unwritable(place, &why));
     }
     rustix::fs::access(existing, Access::WRITE_OK | Access::EXEC_OK)
@@ -632,7 +640,8 @@ impl Watched {
     /// [`Failure::Other`] if the file was removed or replaced.
     pub fn verify(&self) -> Result<()> {
         match Self::id(&self.path) {
-            found if found == self.id => Ok(()),
+            // It may have been removed before it was looked at first.
+            found if found.is_some() && found == self.id => Ok(()),
             found => Err(Failure::other(format!(
                 "{}: was {} during the run, so what the run wrote into it is gone; resume from the last checkpoint, or start again",
                 self.path.display(),

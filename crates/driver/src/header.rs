@@ -127,11 +127,12 @@ fn is_zero(starts: &u32) -> bool {
 }
 
 impl Header {
-    /// Parses the text of a header, the record of its run, and the file that the grains came from.
+    /// Parses the text of the header of a checkpoint, the record of its run, and the file that the
+    /// grains came from.
     ///
     /// # Errors
     /// A header of another version of this program.
-    pub fn parse(text: &str) -> Result<(Self, RunRecord, Option<PackingFile>)> {
+    pub fn parse(checkpoint: &Path, text: &str) -> Result<(Self, RunRecord, Option<PackingFile>)> {
         let parse = || -> serde_json::Result<_> {
             let mut fields: Map<String, Value> = serde_json::from_str(text)?;
             let [record, packing] =
@@ -140,7 +141,12 @@ impl Header {
             let record = serde_json::from_value(record)?;
             Ok((header, record, serde_json::from_value(packing)?))
         };
-        parse().map_err(|e| Failure::input(format!("the checkpoint's header: {e}")))
+        parse().map_err(|e| {
+            Failure::input(format!(
+                "{}: the header of the checkpoint cannot be read: {e}; resume with the version that wrote it",
+                checkpoint.display()
+            ))
+        })
     }
 
     /// The text of the header, with the record of its run, and the file that the grains came from.
@@ -229,7 +235,7 @@ impl Saved {
     /// Those of [`checkpoint::read`], and a header of another version of this program.
     pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<Self> {
         let ([header, toml], state) = checkpoint::read(exchange, path)?;
-        let (header, record, packing) = Header::parse(&header)?;
+        let (header, record, packing) = Header::parse(path, &header)?;
         Ok(Self {
             path: path.into(),
             header,

@@ -24,6 +24,8 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod calibration;
 mod cores;
 mod ends;

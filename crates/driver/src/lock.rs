@@ -14,7 +14,7 @@ use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 
 use gshear_dem::failure::{Failure, Result};
-use gshear_store::provenance;
+use gshear_store::{provenance, sound};
 
 /// Name of the lock in the folder of a run.
 pub const LOCK_FILE: &str = "run.lock";
@@ -22,6 +22,8 @@ pub const LOCK_FILE: &str = "run.lock";
 const HEARTBEAT: Duration = Duration::from_secs(30);
 /// A lock of which the kernel knows nothing is stale if it is older.
 const STALE: Duration = Duration::from_mins(5);
+/// Bytes of a lock.
+const LONGEST: u64 = 64 << 10;
 /// How often a lock is tried, and the pause between.
 const TRIES: usize = 10;
 const PAUSE: Duration = Duration::from_millis(20);
@@ -69,14 +71,17 @@ fn boot() -> String {
 }
 
 /// Whether the process of a lock is known to be gone. `tried`: the outcome of a try to lock the
-/// file.
+/// file. It may fail for other reasons than that the process holds the lock, such as a full table of
+/// locks; then only the age tells.
 fn is_gone(holder: Option<&Holder>, tried: &Result<(), TryLockError>, age: Duration) -> bool {
-    match holder {
-        Some(holder) if holder.is_known_here() => !matches!(tried, Err(TryLockError::WouldBlock)),
-        Some(_) => age > STALE,
+    match (holder, tried) {
+        (Some(holder), Ok(()) | Err(TryLockError::WouldBlock)) if holder.is_known_here() => {
+            tried.is_ok()
+        }
+        (Some(_), _) => age > STALE,
         // An owner locks the file before it writes its name: this one was killed in between, or is
         // about to write it where the kernel has no locks.
-        None => tried.is_ok() || age > HEARTBEAT,
+        (None, _) => tried.is_ok() || age > HEARTBEAT,
     }
 }
 
@@ -96,20 +101,27 @@ pub fn is_left(folder: &Path) -> bool {
     !folder.join(LOCK_FILE).exists() || is_abandoned(folder)
 }
 
-/// Opens an existing lock.
+/// Opens an existing lock, which is a file: a link is not followed, a pipe not waited for.
 fn open(path: &Path, write: bool) -> std::io::Result<File> {
     let mut options = OpenOptions::new();
-    let no_link = OFlags::NOFOLLOW.bits() as i32;
-    options.read(true).write(write).custom_flags(no_link);
-    options.open(path)
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    options.read(true).write(write);
+    let file = options.custom_flags(flags.bits() as i32).open(path)?;
+    sound::is_regular(file.metadata()?.file_type())?;
+    Ok(file)
 }
 
 /// The text of a lock, and its holder.
 fn read(file: &mut File) -> (String, Option<Holder>) {
     let mut text = String::new();
-    let _ = file.read_to_string(&mut text);
+    let _ = file.take(LONGEST).read_to_string(&mut text);
     let holder = serde_json::from_str(&text).ok();
     (text, holder)
+}
+
+/// The text of the lock at a path.
+fn text_at(path: &Path) -> std::io::Result<String> {
+    Ok(read(&mut open(path, false)?).0)
 }
 
 /// A lock that this process holds. Dropping it removes the file.
@@ -167,14 +179,16 @@ impl Lock {
     pub fn await_verdict(folder: &Path, note: impl Fn(&str)) {
         let path = folder.join(LOCK_FILE);
         let look = || {
-            let modified = fs::metadata(&path).and_then(|file| file.modified()).ok()?;
-            Some((fs::read_to_string(&path).ok()?, modified))
+            let mut file = open(&path, false).ok()?;
+            let modified = file.metadata().and_then(|of| of.modified()).ok()?;
+            let (text, holder) = read(&mut file);
+            Some((text, modified, holder?))
         };
         let Some(first) = look() else { return };
-        let Ok(holder) = serde_json::from_str::<Holder>(&first.0) else {
-            return;
-        };
-        if holder.is_known_here() {
+        let holder = &first.2;
+        let tried = open(&path, false).map(|file| file.try_lock_shared());
+        let tells = !matches!(tried, Ok(Err(TryLockError::Error(_))));
+        if holder.is_known_here() && tells {
             return;
         }
         let begun = Instant::now();
@@ -185,7 +199,7 @@ impl Lock {
                 return;
             }
             if looks == 1 {
-                let Holder { host, pid, .. } = &holder;
+                let Holder { host, pid, .. } = holder;
                 note(&format!(
                     "{}: held by process {pid} on {host}; waits until that process renews it or it is {} minutes old",
                     path.display(),
@@ -206,7 +220,12 @@ impl Lock {
         let mut file = match open(path, true) {
             Ok(file) => file,
             Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
-            Err(e) => return Err(unwritable(folder, &e)),
+            Err(e) => {
+                let path = path.display();
+                return Err(Failure::input(format!(
+                    "{path}: the lock of the folder cannot be opened: {e}; remove it, or give another folder with --out"
+                )));
+            }
         };
         // Kept until the lock is removed: of several programs only one removes it.
         let tried = file.try_lock();
@@ -229,7 +248,7 @@ impl Lock {
         // seen is removed.
         let aside = folder.join(format!("{LOCK_FILE}.{:x}", Holder::this(false).token));
         if fs::rename(path, &aside).is_ok() {
-            let same = fs::read_to_string(&aside).is_ok_and(|text| text == found);
+            let same = text_at(&aside).is_ok_and(|text| text == found);
             if !same {
                 let _ = fs::hard_link(&aside, path);
             }
@@ -257,7 +276,7 @@ impl Lock {
         };
         let text = serde_json::to_string(&Holder::this(locked)).expect("texts and numbers");
         file.write_all(text.as_bytes())?;
-        if fs::read_to_string(path).ok().as_ref() != Some(&text) {
+        if text_at(path).ok().as_ref() != Some(&text) {
             return Ok(None);
         }
         let file = Arc::new(file);
@@ -289,7 +308,7 @@ impl Lock {
                 folder.display()
             )));
         }
-        let what = match fs::read_to_string(&self.path) {
+        let what = match text_at(&self.path) {
             Ok(text) if text == self.text => return Ok(()),
             Ok(_) => "another gshear-mpi took this folder over; nothing more is written".into(),
             Err(e) => format!(
@@ -307,7 +326,7 @@ impl Drop for Lock {
             drop(stop);
             let _ = heartbeat.join();
         }
-        if fs::read_to_string(&self.path).is_ok_and(|text| text == self.text) {
+        if text_at(&self.path).is_ok_and(|text| text == self.text) {
             let _ = fs::remove_file(&self.path);
         }
     }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::packing::GrainLimit;
-use gshear_store::provenance;
+use gshear_store::{memory, provenance};
 
 /// Bytes that a run takes for a grain, at least: about 500 are printed as "state … bytes per
 /// grain".
@@ -80,29 +80,15 @@ pub fn per_rank(exchange: &dyn Parallel) -> Option<f64> {
     least.is_finite().then_some(least)
 }
 
-/// The memory of this node (bytes); `None` if the system does not tell.
+/// The memory of this node (bytes), or of what the job or the process may have of it; `None` if the
+/// system does not tell.
 fn memory_here() -> Option<u64> {
-    total(&std::fs::read_to_string("/proc/meminfo").ok()?)
-}
-
-/// `MemTotal` of `/proc/meminfo` (bytes).
-fn total(meminfo: &str) -> Option<u64> {
-    let line = meminfo.lines().find_map(|l| l.strip_prefix("MemTotal:"))?;
-    let number = line.trim().strip_suffix("kB")?.trim();
-    number.parse::<u64>().ok()?.checked_mul(1024)
+    memory::total().map(|bytes| bytes as u64)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn memory_is_that_of_meminfo() {
-        let text = "MemTotal:       16384 kB\nMemFree:         1 kB\n";
-        assert_eq!(total(text), Some(16 << 20));
-        assert_eq!(total("MemFree: 1 kB"), None);
-        assert!(memory_here().is_none_or(|bytes| bytes > 1 << 24));
-    }
 
     #[test]
     fn nodes_count_once() {

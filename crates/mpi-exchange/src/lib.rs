@@ -44,4 +44,4 @@ mod world;
 
 pub use parallel::Parallel;
 pub use watchdog::{LoneFailure, Waiting};
-pub use world::{World, library_version};
+pub use world::{World, end_process, library_version};

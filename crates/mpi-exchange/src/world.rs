@@ -223,7 +223,7 @@ fn addressable(bytes: &[u8]) -> &[u8] {
 }
 
 /// Ends this process at once: nothing is closed. mpirun then ends the other ranks.
-fn end_process(exit_code: i32) -> ! {
+pub fn end_process(exit_code: i32) -> ! {
     let _ = std::io::stdout().flush();
     // SAFETY: it takes any number and does not return.
     unsafe { libc::_exit(exit_code) }

@@ -22,6 +22,8 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod braille;
 mod commands;
 mod frame_pairs;

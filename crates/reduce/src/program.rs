@@ -10,7 +10,8 @@ use gshear_dem::failure::printable;
 use gshear_driver::say::{say, say_error};
 use gshear_driver::signals::outlive_full_files;
 use gshear_driver::version;
-use gshear_store::provenance;
+use gshear_mpi_exchange::end_process;
+use gshear_store::{h5, provenance};
 
 use crate::commands::{Arguments, Command, run};
 
@@ -73,5 +74,10 @@ pub fn reduce(commit: &'static str) -> ExitCode {
         say_error(&format!("error: {failure}"));
         failure.exit_code()
     });
+    if h5::is_left_open() {
+        // When the process ends, HDF5 would try to close the file, and could crash.
+        let _ = output.flush();
+        end_process(code);
+    }
     ExitCode::from(code as u8)
 }

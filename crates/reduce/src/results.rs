@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use gshear_dem::failure::Result;
 use gshear_store::dictionary;
 use gshear_store::file_names::is_reduced;
+use gshear_store::text_writer::refuse_linked_folder;
 
 use crate::printer::Printer;
 
@@ -18,16 +19,32 @@ impl Results {
         Self(named.unwrap_or(run).to_path_buf())
     }
 
+    /// The place that the user has named, or that of this name in the folder of the run.
+    ///
+    /// # Errors
+    /// As of [`Results::place`].
+    pub fn path(named: Option<&Path>, run: &Path, name: &str) -> Result<PathBuf> {
+        named.map_or_else(
+            || Self::of(None, run).place(name),
+            |path| Ok(path.to_path_buf()),
+        )
+    }
+
     /// The place of a file or folder.
+    ///
+    /// # Errors
+    /// A link to a folder, which somebody else may have put there.
     ///
     /// # Panics
     /// If [`is_reduced`] does not know the name.
-    pub fn place(&self, name: &str) -> PathBuf {
+    pub fn place(&self, name: &str) -> Result<PathBuf> {
         assert!(
             is_reduced(name),
             "{name}: is not in gshear_store::file_names::is_reduced"
         );
-        self.0.join(name)
+        let path = self.0.join(name);
+        refuse_linked_folder(&path)?;
+        Ok(path)
     }
 
     /// Writes a table and its metadata, and prints the name of the table.
@@ -50,7 +67,7 @@ impl Results {
         csv: &str,
         printer: &mut Printer,
     ) -> Result<()> {
-        let path = self.place(name);
+        let path = self.place(name)?;
         dictionary::write_table(&path, csv, axes)?;
         printer.wrote(&path)
     }

@@ -18,6 +18,8 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod boxes;
 pub mod colour;
 mod curves;

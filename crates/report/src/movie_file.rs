@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::fs::{File, OpenOptions};
-use std::io::{BufWriter, ErrorKind, Write};
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -35,7 +35,8 @@ pub struct MovieFile {
 
 enum Sink {
     Mp4(Child, PartFile),
-    Png(Box<Writer<BufWriter<File>>>, Option<Palette>, PartFile),
+    // Its encoder writes whole chunks, and would lose the errors of a buffer that it drops.
+    Png(Box<Writer<File>>, Option<Palette>, PartFile),
 }
 
 impl MovieFile {
@@ -118,12 +119,13 @@ impl MovieFile {
     }
 
     fn animation(&self, first: &Picture) -> Result<Sink> {
+        text_writer::refuse_linked_folder(&self.series())?;
         let palette = self.is_flat.then(|| Palette::of(&first.rgb));
         let part = PartFile::create(&self.path)?;
         let file = OpenOptions::new().write(true).open(part.part());
         let file = part.checked(file)?;
         let writer = || {
-            let mut encoder = encoder_of(BufWriter::new(file), first.size, palette.as_ref());
+            let mut encoder = encoder_of(file, first.size, palette.as_ref());
             encoder.set_animated(self.frames, 0)?;
             encoder.set_frame_delay(1, self.rate)?;
             encoder.write_header()

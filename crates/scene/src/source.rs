@@ -3,14 +3,20 @@
 use std::fs::File;
 use std::io::{ErrorKind, Read};
 use std::ops::Range;
-use std::os::unix::fs::FileTypeExt;
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
+use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 use toml::de::DeTable;
 
 use crate::words::EXTENDS;
 use gshear_dem::failure::{Failure, Result};
+
+/// For so long a pipe may have no writer, and the pause between two looks at it.
+const WRITER_COMES: Duration = Duration::from_millis(500);
+const PAUSE: Duration = Duration::from_millis(5);
 
 /// A configuration as text, with the name that messages give it, and the files that it extends.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -220,12 +226,47 @@ pub(super) fn read_bytes(path: &Path, format: &str, most: u64) -> Result<Vec<u8>
     if kind.is_char_device() || kind.is_block_device() {
         return Err(refuse(format!("is a device; give {format}")));
     }
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(unreadable)?;
-    let read = file.take(most.saturating_add(1)).read_to_end(&mut bytes);
-    read.map_err(unreadable)?;
+    let bytes = if kind.is_fifo() {
+        read_pipe(path, most)
+    } else {
+        let mut bytes = Vec::new();
+        let file = File::open(path).map_err(unreadable)?;
+        let read = file.take(most.saturating_add(1)).read_to_end(&mut bytes);
+        read.map(|_| bytes)
+    };
+    let bytes = bytes.map_err(unreadable)?;
     if bytes.len() as u64 > most {
         return Err(refuse(format!("has more than {most} bytes; give {format}")));
+    }
+    Ok(bytes)
+}
+
+/// The bytes of a pipe, up to the first beyond `most`. Opening a pipe that nothing writes into, or
+/// reading from it, would keep the program waiting for ever.
+fn read_pipe(path: &Path, most: u64) -> std::io::Result<Vec<u8>> {
+    let mut options = File::options();
+    let mut pipe = (options.read(true))
+        .custom_flags(OFlags::NONBLOCK.bits() as i32)
+        .open(path)?;
+    let begun = Instant::now();
+    let (mut bytes, mut piece) = (Vec::new(), vec![0; 64 << 10]);
+    while bytes.len() as u64 <= most {
+        match pipe.read(&mut piece) {
+            // Its writer may be about to open it.
+            Ok(0) if bytes.is_empty() && begun.elapsed() < WRITER_COMES => {}
+            Ok(0) if bytes.is_empty() => {
+                let what = "it is a named pipe that no program writes into";
+                return Err(std::io::Error::new(ErrorKind::InvalidInput, what));
+            }
+            Ok(0) => break,
+            Ok(length) => {
+                bytes.extend_from_slice(&piece[..length]);
+                continue;
+            }
+            Err(e) if [ErrorKind::WouldBlock, ErrorKind::Interrupted].contains(&e.kind()) => {}
+            Err(e) => return Err(e),
+        }
+        std::thread::sleep(PAUSE);
     }
     Ok(bytes)
 }

@@ -11,6 +11,7 @@ use rustix::fs::OFlags;
 use serde::de::DeserializeOwned;
 
 use super::h5;
+use super::sound;
 use super::text_writer::{self, unwritten};
 use gshear_dem::failure::{Failure, Result};
 
@@ -139,7 +140,7 @@ impl TableFile {
         let create = || -> std::io::Result<File> {
             let mut part = text_writer::beside(path)?;
             part.write_all(&line(&StringRecord::from(names)))?;
-            Ok(part.persist(path)?)
+            text_writer::give_name(part, path)
         };
         Ok(Self {
             path: path.into(),
@@ -227,11 +228,10 @@ pub fn rows_up_to(path: &Path, last: f64) -> Result<Option<u64>> {
         let path = path.display();
         h5::unread(format!("{path}: cannot continue this file: {why}"))
     };
-    // A pipe has no end.
     if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
         return Err(unread(&NO_FILE));
     }
-    let mut reader = BufReader::new(File::open(path).map_err(|e| unread(&e))?);
+    let mut reader = BufReader::new(sound::regular(path).map_err(|e| unread(&e))?);
     let (mut line, mut lines) = (Vec::new(), 0u64);
     loop {
         line.clear();
@@ -258,7 +258,8 @@ pub(crate) fn first_cell<T: FromStr>(line: &[u8]) -> Option<T> {
 /// [`Failure::Input`] that names the line, if the file cannot be read or a row does not fit `R`.
 pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>> {
     let unfit = |e: csv::Error| Failure::input(format!("{}: {e}", path.display()));
-    let mut reader = csv::Reader::from_path(path).map_err(unfit)?;
+    let file = sound::regular(path).map_err(|e| unfit(e.into()))?;
+    let mut reader = csv::Reader::from_reader(file);
     reader.deserialize().map(|row| row.map_err(unfit)).collect()
 }
 

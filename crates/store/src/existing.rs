@@ -10,6 +10,7 @@ use super::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
+use hdf5::Group;
 use std::path::Path;
 
 /// Prepares the file of a run that resumes: brings one that a killed program left behind back to
@@ -19,9 +20,11 @@ use std::path::Path;
 /// # Errors
 /// If a file can be neither written nor renamed, or the system does not let it be opened.
 pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<()> {
-    if !path.exists() {
+    let Ok(found) = std::fs::metadata(path) else {
         return Ok(());
-    }
+    };
+    sound::is_regular(found.file_type())
+        .map_err(|e| Failure::input(format!("{}: cannot be continued: {e}", path.display())))?;
     if let Some(journal) = Journal::read(path) {
         if journal.is_of_nothing() {
             return remove(path);
@@ -29,7 +32,7 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<()> {
         journal.restore(path)?;
     }
     hdf5::silence_errors(true);
-    let Err(error) = sound::open(path).and_then(|file| h5::walk(&file)) else {
+    let Err(error) = sound::read(path, h5::walk) else {
         return Ok(());
     };
     let message = format!("{}: cannot be opened: {error}", path.display());
@@ -90,18 +93,24 @@ fn remove(path: &Path) -> Result<()> {
 pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3]> {
     inspect(path, series, 0, 0)?;
     let read = || -> hdf5::Result<[u64; 3]> {
-        let file = Part::of(path).open()?;
-        let steps = |name: &str| file.dataset(&format!("{name}/step"))?.read_raw();
-        let frames = steps(&format!("{PARTICLES}/position"))?;
-        let rows = steps(&format!("{OBSERVABLES}/{}", series[0]))?;
-        let scalars = if file.link_exists(SCALARS) {
-            steps(&format!("{SCALARS}/{}", FrameScalars::COLUMNS[0]))?
-        } else {
-            Vec::new()
-        };
-        Ok([frames, rows, scalars].map(|steps| ascending_up_to(&steps, last)))
+        let part = Part::of(path).open()?;
+        let counts = counts_up_to(&part, series, last)?;
+        part.close()?;
+        Ok(counts)
     };
     read().map_err(|error| unfit(path, &format!("{NO_RUN} ({error})")))
+}
+
+fn counts_up_to(part: &Group, series: &[Column], last: u64) -> hdf5::Result<[u64; 3]> {
+    let steps = |name: &str| part.dataset(&format!("{name}/step"))?.read_raw();
+    let frames = steps(&format!("{PARTICLES}/position"))?;
+    let rows = steps(&format!("{OBSERVABLES}/{}", series[0]))?;
+    let scalars = if part.link_exists(SCALARS) {
+        steps(&format!("{SCALARS}/{}", FrameScalars::COLUMNS[0]))?
+    } else {
+        Vec::new()
+    };
+    Ok([frames, rows, scalars].map(|steps| ascending_up_to(&steps, last)))
 }
 
 /// Number of ascending steps up to `last`: a killed program may have left anything after them.
@@ -138,50 +147,65 @@ pub fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result
             "{name}: there is no such file to continue"
         )));
     }
-    let unfit = |why: String| unfit(path, &why);
-    let read = || -> hdf5::Result<Result<[u64; 4]>> {
-        let file = Part::of(path).open()?;
-        file.group(PARAMETERS)?.attr("scene")?;
-        let length = |name: &str| -> hdf5::Result<u64> {
-            let shape = file.dataset(name)?.shape();
-            Ok(shape.first().copied().unwrap_or(0) as u64)
-        };
-        let position = file.dataset(&format!("{PARTICLES}/position/value"))?;
-        let [_, grains, 3] = position.shape()[..] else {
-            return Ok(Err(unfit("position/value is not [T][N][3]".into())));
-        };
-        let mut others = file.group(OBSERVABLES)?.member_names()?;
-        let mut first = None;
-        for column in series {
-            let Some(place) = others.iter().position(|other| other == column.name) else {
-                return Ok(Err(unfit(format!("it has no column {column}; {ANOTHER}"))));
-            };
-            let name = others.swap_remove(place);
-            first.get_or_insert(name);
-        }
-        others.retain(|name| format!("{OBSERVABLES}/{name}") != SCALARS);
-        if let Some(name) = others.first() {
-            let why = format!("its column {name} would not be continued; {ANOTHER}");
-            return Ok(Err(unfit(why)));
-        }
-        let first = first.expect("the time series has a column");
-        let has_frames = length("connectivity/contacts/offset")?;
-        let has_rows = length(&format!("{OBSERVABLES}/{first}/step"))?;
-        if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
-            return Ok(Err(unfit(format!(
-                "it holds {} frames and {has_rows} rows, the checkpoint counts {frames} and {rows}",
-                has_frames.saturating_sub(1)
-            ))));
-        }
-        let offset = file.dataset("connectivity/contacts/offset")?;
-        let contacts = offset.read_slice_1d::<u64, _>(frames as usize..=frames as usize)?[0];
-        if length("connectivity/contacts/i")? < contacts {
-            return Ok(Err(unfit("contacts are missing".into())));
-        }
-        let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
-        let torques = file.link_exists(&contact_dataset(TWISTING_HISTORY));
-        let axes = spin.ndim() as u64;
-        Ok(Ok([grains as u64, contacts, axes, u64::from(torques)]))
+    let unfit = |why: &dyn std::fmt::Display| unfit(path, &why.to_string());
+    let read = || -> hdf5::Result<Result<[u64; 4], String>> {
+        let part = Part::of(path).open()?;
+        let found = continued(&part, series, frames, rows)?;
+        part.close()?;
+        Ok(found)
     };
-    read().unwrap_or_else(|error| Err(unfit(format!("{NO_RUN} ({error})"))))
+    match read() {
+        Ok(found) => found.map_err(|why| unfit(&why)),
+        Err(error) => Err(unfit(&format_args!("{NO_RUN} ({error})"))),
+    }
+}
+
+/// [`inspect`] of an open file: what it holds, or why it cannot be continued.
+fn continued(
+    file: &Group,
+    series: &[Column],
+    frames: u64,
+    rows: u64,
+) -> hdf5::Result<Result<[u64; 4], String>> {
+    file.group(PARAMETERS)?.attr("scene")?;
+    let length = |name: &str| -> hdf5::Result<u64> {
+        let shape = file.dataset(name)?.shape();
+        Ok(shape.first().copied().unwrap_or(0) as u64)
+    };
+    let position = file.dataset(&format!("{PARTICLES}/position/value"))?;
+    let [_, grains, 3] = position.shape()[..] else {
+        return Ok(Err("position/value is not [T][N][3]".into()));
+    };
+    let mut others = file.group(OBSERVABLES)?.member_names()?;
+    let mut first = None;
+    for column in series {
+        let Some(place) = others.iter().position(|other| other == column.name) else {
+            return Ok(Err(format!("it has no column {column}; {ANOTHER}")));
+        };
+        let name = others.swap_remove(place);
+        first.get_or_insert(name);
+    }
+    others.retain(|name| format!("{OBSERVABLES}/{name}") != SCALARS);
+    if let Some(name) = others.first() {
+        let why = format!("its column {name} would not be continued; {ANOTHER}");
+        return Ok(Err(why));
+    }
+    let first = first.expect("the time series has a column");
+    let has_frames = length("connectivity/contacts/offset")?;
+    let has_rows = length(&format!("{OBSERVABLES}/{first}/step"))?;
+    if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
+        return Ok(Err(format!(
+            "it holds {} frames and {has_rows} rows, the checkpoint counts {frames} and {rows}",
+            has_frames.saturating_sub(1)
+        )));
+    }
+    let offset = file.dataset("connectivity/contacts/offset")?;
+    let contacts = offset.read_slice_1d::<u64, _>(frames as usize..=frames as usize)?[0];
+    if length("connectivity/contacts/i")? < contacts {
+        return Ok(Err("contacts are missing".into()));
+    }
+    let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
+    let torques = file.link_exists(&contact_dataset(TWISTING_HISTORY));
+    let axes = spin.ndim() as u64;
+    Ok(Ok([grains as u64, contacts, axes, u64::from(torques)]))
 }

@@ -13,6 +13,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::sound;
 use super::text_writer::{self, unwritten};
 use gshear_dem::failure::{Failure, Result};
 use xxhash_rust::xxh3::xxh3_64;
@@ -120,18 +121,17 @@ impl Journal {
         let write = || -> std::io::Result<()> {
             let mut part = text_writer::beside(&path)?;
             part.write_all(&self.bytes())?;
-            part.as_file().sync_all()?;
-            part.persist(&path)?;
-            Ok(())
+            text_writer::give_name(part, &path).map(drop)
         };
         write().map_err(|e| unwritten(&path, &e))
     }
 
     /// Reads the journal of `file`; `None` if there is none or it is damaged.
     pub fn read(file: &Path) -> Option<Self> {
-        let path = path_of(file);
-        let is_file = path.is_file();
-        Self::parse(&is_file.then(|| std::fs::read(path).ok())??)
+        let mut bytes = Vec::new();
+        let mut journal = sound::regular(&path_of(file)).ok()?;
+        journal.read_to_end(&mut bytes).ok()?;
+        Self::parse(&bytes)
     }
 
     /// Brings `file` back to the state of the journal.

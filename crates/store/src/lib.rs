@@ -10,9 +10,12 @@
 //! | [`reduced_writer`], [`spectrum_writer`] | write `reduced.h5` and `spectrum.h5` |
 //! | [`spectrum_reader`] | reads the eigenvectors of `spectrum.h5` |
 //! | [`csv_table`], [`matrix_market`] | CSV tables, sparse matrices |
-//! | [`text_writer`] | writes beside the name of a file and renames |
+//! | [`text_writer`] | writes beside the name of a file, brings it to disk and renames |
+//! | [`checked`] | the same for HDF5 files of results, which are read back first |
+//! | [`sound`] | opens files that other people may have made |
 //! | [`existing`] | what a resumed run finds in `run.h5`, and its repair |
 //! | [`journal`] | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |
+//! | [`memory`] | whether there is memory for what is large |
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
 //! Most files are written under a temporary name and renamed when complete ([`text_writer`]).
@@ -36,9 +39,11 @@
 //! # Ok::<(), gshear_dem::failure::Failure>(())
 //! ```
 
+#![cfg_attr(not(test), warn(clippy::disallowed_methods))]
+
 mod batch;
 pub mod box_columns;
-mod checked;
+pub mod checked;
 pub mod checkpoint;
 pub mod checksums;
 pub mod collective;
@@ -56,6 +61,7 @@ pub mod journal;
 mod layout;
 pub mod log;
 pub mod matrix_market;
+pub mod memory;
 mod parameter;
 pub mod part;
 pub mod provenance;
@@ -64,7 +70,7 @@ mod room;
 mod row_table;
 mod run_header;
 pub mod run_reader;
-mod sound;
+pub mod sound;
 pub mod spectrum_reader;
 pub mod spectrum_writer;
 pub mod status;

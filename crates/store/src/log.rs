@@ -4,6 +4,7 @@ use super::collective::on_root;
 use super::csv_table::{TableFile, first_cell, rows_up_to};
 use super::h5;
 use super::run_reader::Series;
+use super::sound;
 use gshear_dem::columns::Column;
 use gshear_dem::domain::Exchange;
 use gshear_dem::failure::{Failure, Result};
@@ -77,7 +78,7 @@ impl Log {
     /// [`Failure::Input`] that names the first line that differs.
     pub fn compare(path: &Path, last: u64, series: &Series) -> Result<()> {
         let unread = |e: std::io::Error| unfit(path, e.to_string());
-        let lines = BufReader::new(std::fs::File::open(path).map_err(unread)?).split(b'\n');
+        let lines = BufReader::new(sound::regular(path).map_err(unread)?).split(b'\n');
         for (number, line) in lines.enumerate().skip(1) {
             let line = line.map_err(unread)?;
             let Some(step) = first_cell::<u64>(&line).filter(|step| *step <= last) else {
@@ -142,7 +143,7 @@ fn cells(step: u64, time: f64, row: impl Iterator<Item = f64>) -> impl Iterator<
 fn check_columns(path: &Path, columns: &[Column]) -> Result<()> {
     let unfit = |why: String| unfit(path, why);
     let mut line = String::new();
-    std::fs::File::open(path)
+    sound::regular(path)
         .and_then(|file| BufReader::new(file).read_line(&mut line))
         .map_err(|e| unfit(e.to_string()))?;
     let mut found = line.trim_end().split(',');

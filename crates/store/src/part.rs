@@ -1,11 +1,13 @@
 //! The parts of a `run.h5`: the root of the file holds the strain steps of a box or the shear, the
 //! group `newtonian` what follows the strain steps by Newton's equations.
 
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use hdf5::Group;
 
-use crate::sound;
+use crate::sound::{self, ReadFile};
 
 /// The group of Newton's equations.
 pub(crate) const NEWTONIAN: &str = "newtonian";
@@ -16,6 +18,37 @@ pub(crate) struct Part {
     pub file: PathBuf,
     /// Empty: the root.
     pub group: &'static str,
+}
+
+/// A part of a file that is open for reading.
+pub(crate) struct OpenPart {
+    // Dropped before the file.
+    group: Group,
+    file: Arc<ReadFile>,
+}
+
+impl OpenPart {
+    /// The file, for what keeps objects of the part: it must be dropped after them.
+    pub fn file(&self) -> Arc<ReadFile> {
+        self.file.clone()
+    }
+
+    /// Closes the file, whose objects must have been dropped.
+    ///
+    /// # Errors
+    /// If the system fails to.
+    pub fn close(self) -> hdf5::Result<()> {
+        drop(self.group);
+        Arc::into_inner(self.file).map_or(Ok(()), ReadFile::close)
+    }
+}
+
+impl Deref for OpenPart {
+    type Target = Group;
+
+    fn deref(&self) -> &Group {
+        &self.group
+    }
 }
 
 impl Part {
@@ -34,10 +67,10 @@ impl Part {
     }
 
     /// Opens the group for reading. Of a file that holds only the other part, as a replay's, that.
-    pub fn open(&self) -> hdf5::Result<Group> {
+    pub fn open(&self) -> hdf5::Result<OpenPart> {
         let file = sound::open(&self.file)?;
         let is_other = || !file.link_exists("particles") && file.link_exists(NEWTONIAN);
-        match self.group {
+        let group = match self.group {
             "" if is_other() => file.group(NEWTONIAN),
             "" => file.as_group(),
             group if file.link_exists(group) => file.group(group),
@@ -45,12 +78,16 @@ impl Part {
                 "the file has no group {group}: its scene has no [newtonian], or the run has not come to it"
             )
             .into()),
-        }
+        }?;
+        Ok(OpenPart {
+            group,
+            file: Arc::new(file),
+        })
     }
 
     /// Whether the part is there. A file that cannot be opened is in the way of its root, too.
     pub fn exists(&self) -> bool {
-        let is_own = |group: Group| group.name() == format!("/{}", self.group);
+        let is_own = |part: OpenPart| part.name() == format!("/{}", self.group);
         self.file.exists() && self.open().map_or(self.group.is_empty(), is_own)
     }
 }

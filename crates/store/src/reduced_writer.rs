@@ -2,20 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use hdf5::{Dataset, File};
+use hdf5::Dataset;
 use ndarray::{ArrayView, ArrayView2, s};
 
 use gshear_dem::failure::Result;
 
-use crate::checked;
-use crate::h5::{Attribute, set_attribute};
-use crate::text_writer::PartFile;
+use crate::checked::CheckedFile;
+use crate::h5::Attribute;
 
 /// Writer of `reduced.h5`.
 pub struct ReducedWriter {
-    part: PartFile,
-    file: File,
     dmin: Dataset,
+    file: CheckedFile,
 }
 
 impl ReducedWriter {
@@ -25,28 +23,24 @@ impl ReducedWriter {
     /// # Errors
     /// `Failure::Other` if the folder or the file cannot be written.
     pub fn create(path: &Path, strain: &[f64], grains: usize) -> Result<Self> {
-        let part = PartFile::create(path)?;
-        let make = || -> hdf5::Result<(File, Dataset)> {
-            let file = checked::create(part.part())?;
-            let group = file.create_group("dmin")?;
-            checked::dataset(&group, "strain", ArrayView::from(strain))?;
-            let dmin = checked::empty::<f64>(&group, "value", &[strain.len(), grains])?;
-            Ok((file, dmin))
-        };
-        let (file, dmin) = part.checked(make())?;
-        Ok(ReducedWriter { part, file, dmin })
+        let mut file = CheckedFile::create(path)?;
+        let made = (|| {
+            file.root()?.create_group("dmin")?;
+            file.dataset("dmin/strain", ArrayView::from(strain))?;
+            file.empty::<f64>("dmin/value", &[strain.len(), grains])
+        })();
+        let dmin = file.checked(made)?;
+        Ok(ReducedWriter { dmin, file })
     }
 
     /// Writes numbers, one of each row, into `dmin/NAME`.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn numbers(&self, name: &str, values: &[i64]) -> Result<()> {
-        let write = || -> hdf5::Result<()> {
-            let group = self.file.group("dmin")?;
-            checked::dataset(&group, name, ArrayView::from(values)).map(drop)
-        };
-        self.part.checked(write())
+    pub fn numbers(&mut self, name: &str, values: &[i64]) -> Result<()> {
+        let name = format!("dmin/{name}");
+        let written = self.file.dataset(&name, ArrayView::from(values));
+        self.file.checked(written)
     }
 
     /// Writes an attribute of the file.
@@ -54,8 +48,8 @@ impl ReducedWriter {
     /// # Errors
     /// If the file cannot be written.
     pub fn attribute(&self, name: &str, value: impl Into<Attribute>) -> Result<()> {
-        let written = set_attribute(&self.file, name, &value.into());
-        self.part.checked(written)
+        let written = self.file.attribute(name, &value.into());
+        self.file.checked(written)
     }
 
     /// Writes D²min `[rows][N]` (m²) from row `first` on.
@@ -64,7 +58,7 @@ impl ReducedWriter {
     /// If the file cannot be written.
     pub fn dmin(&self, first: usize, values: ArrayView2<f64>) -> Result<()> {
         let rows = s![first..first + values.nrows(), ..];
-        self.part.checked(self.dmin.write_slice(values, rows))
+        self.file.checked(self.dmin.write_slice(values, rows))
     }
 
     /// Closes the file and gives it its final name. Returns its path.
@@ -72,9 +66,7 @@ impl ReducedWriter {
     /// # Errors
     /// If the file cannot be written.
     pub fn finish(self) -> Result<PathBuf> {
-        let ReducedWriter { part, file, dmin } = self;
-        drop(dmin);
-        part.checked(file.close())?;
-        part.finish()
+        drop(self.dmin);
+        self.file.finish()
     }
 }

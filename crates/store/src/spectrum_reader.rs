@@ -9,7 +9,7 @@ use ndarray::{Ix2, s};
 use gshear_dem::failure::{Failure, Result};
 
 use crate::run_reader::one_line;
-use crate::sound;
+use crate::sound::{self, ReadFile};
 
 /// What a file of a run has of its grains.
 const OF_GRAINS: [&str; 3] = ["grain", "component", "eigenvector"];
@@ -26,6 +26,8 @@ pub struct SpectrumFile {
     grain: Vec<u32>,
     component: Vec<u8>,
     vectors: Dataset,
+    /// Closed when its dataset is.
+    _file: ReadFile,
 }
 
 /// An eigenvector: of every grain the displacement and the rotation, each as real and imaginary
@@ -59,11 +61,11 @@ impl SpectrumFile {
                 "has no eigenvectors by grain; write it with gshear-reduce spectrum RUN, without --paper-form",
             ));
         }
-        let text = |name: &str| -> hdf5::Result<String> {
-            let value: VarLenUnicode = file.attr(name)?.read_scalar()?;
-            Ok(value.as_str().into())
-        };
-        let read = || -> hdf5::Result<Self> {
+        let read = move || -> hdf5::Result<Self> {
+            let text = |name: &str| -> hdf5::Result<String> {
+                let value: VarLenUnicode = file.attr(name)?.read_scalar()?;
+                Ok(value.as_str().into())
+            };
             Ok(Self {
                 path: path.to_path_buf(),
                 run_id: text("run_id").ok(),
@@ -72,6 +74,7 @@ impl SpectrumFile {
                 grain: file.dataset("grain")?.read_raw()?,
                 component: file.dataset("component")?.read_raw()?,
                 vectors: file.dataset("eigenvector")?,
+                _file: file,
             })
         };
         let found = read().map_err(damaged)?;

@@ -7,10 +7,9 @@ use ndarray::{Array3, ArrayView};
 use gshear_dem::failure::Result;
 use gshear_spectrum::{Eigenvalue, Problem};
 
-use crate::checked;
-use crate::h5::{Attribute, set_attribute};
+use crate::checked::CheckedFile;
+use crate::h5::Attribute;
 use crate::run_reader::RunStage;
-use crate::text_writer::PartFile;
 
 /// The stored state that K is of.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -51,46 +50,52 @@ pub struct Columns {
 /// # Errors
 /// `Failure::Other` if the file cannot be written.
 pub fn write(path: &Path, matrix: &Path, problem: &Problem, columns: &Columns) -> Result<PathBuf> {
-    let part = PartFile::create(path)?;
-    let save = || -> hdf5::Result<()> {
-        let file = checked::create(part.part())?;
-        let numbers = |name: &str, of: &dyn Fn(&Eigenvalue) -> f64| {
-            let values: Vec<f64> = columns.eigenvalues.iter().map(of).collect();
-            checked::dataset(&file, name, ArrayView::from(&values))
-        };
-        numbers("lambda_re", &|e| e.value.re)?;
-        numbers("lambda_im", &|e| e.value.im)?;
-        numbers("residual", &|e| e.residual)?;
-        numbers("condition", &|e| e.condition)?;
-        let verdicts = columns.eigenvalues.iter().map(|e| e.verdict as u8);
-        let verdicts: Vec<u8> = verdicts.collect();
-        checked::dataset(&file, "verdict", ArrayView::from(&verdicts))?;
-        let participation = ArrayView::from(&columns.participation);
-        checked::dataset(&file, "participation", participation)?;
-        checked::dataset(&file, "eigenvector", columns.vectors.view())?;
-        if !columns.unknowns.is_empty() {
-            let grain: Vec<u32> = columns.unknowns.iter().map(|of| of.grain).collect();
-            let component: Vec<u8> = columns.unknowns.iter().map(|of| of.component).collect();
-            checked::dataset(&file, "grain", ArrayView::from(&grain))?;
-            checked::dataset(&file, "component", ArrayView::from(&component))?;
+    let mut file = CheckedFile::create(path)?;
+    let saved = save(&mut file, matrix, problem, columns);
+    file.checked(saved)?;
+    file.finish()
+}
+
+fn save(
+    file: &mut CheckedFile,
+    matrix: &Path,
+    problem: &Problem,
+    columns: &Columns,
+) -> hdf5::Result<()> {
+    let numbers =
+        |of: fn(&Eigenvalue) -> f64| -> Vec<f64> { columns.eigenvalues.iter().map(of).collect() };
+    let of_eigenvalues = [
+        ("lambda_re", numbers(|e| e.value.re)),
+        ("lambda_im", numbers(|e| e.value.im)),
+        ("residual", numbers(|e| e.residual)),
+        ("condition", numbers(|e| e.condition)),
+    ];
+    for (name, values) in &of_eigenvalues {
+        file.dataset(name, ArrayView::from(values))?;
+    }
+    let verdicts = columns.eigenvalues.iter().map(|e| e.verdict as u8);
+    let verdicts: Vec<u8> = verdicts.collect();
+    file.dataset("verdict", ArrayView::from(&verdicts))?;
+    let participation = ArrayView::from(&columns.participation);
+    file.dataset("participation", participation)?;
+    file.dataset("eigenvector", columns.vectors.view())?;
+    if !columns.unknowns.is_empty() {
+        let grain: Vec<u32> = columns.unknowns.iter().map(|of| of.grain).collect();
+        let component: Vec<u8> = columns.unknowns.iter().map(|of| of.component).collect();
+        file.dataset("grain", ArrayView::from(&grain))?;
+        file.dataset("component", ArrayView::from(&component))?;
+    }
+    file.attribute("matrix", &matrix.display().to_string().into())?;
+    file.attribute("version", &env!("CARGO_PKG_VERSION").into())?;
+    if let Some(origin) = &columns.origin {
+        file.attribute("stage", &origin.stage.name().into())?;
+        if let Some(id) = &origin.run_id {
+            file.attribute("run_id", &id.as_str().into())?;
         }
-        let attribute = |name: &str, value: Attribute| set_attribute(&file, name, &value);
-        attribute("matrix", matrix.display().to_string().into())?;
-        attribute("version", env!("CARGO_PKG_VERSION").into())?;
-        if let Some(origin) = &columns.origin {
-            attribute("stage", origin.stage.name().into())?;
-            if let Some(id) = &origin.run_id {
-                attribute("run_id", id.as_str().into())?;
-            }
-            attribute("step", origin.step.into())?;
-        }
-        attribute("rattling", Attribute::Count(problem.rattling() as u64))?;
-        let null = problem.null().ncols() as u64;
-        attribute("null_vectors", Attribute::Count(null))?;
-        attribute("norm", problem.norm().into())?;
-        file.close()
-    };
-    let saved = save();
-    part.checked(saved)?;
-    part.finish()
+        file.attribute("step", &origin.step.into())?;
+    }
+    file.attribute("rattling", &Attribute::Count(problem.rattling() as u64))?;
+    let null = problem.null().ncols() as u64;
+    file.attribute("null_vectors", &Attribute::Count(null))?;
+    file.attribute("norm", &problem.norm().into())
 }

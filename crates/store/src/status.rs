@@ -190,7 +190,7 @@ impl Status {
     /// The file cannot be written; an earlier one stays.
     pub fn write(&self, folder: &Path) -> std::io::Result<()> {
         let text = serde_json::to_string_pretty(self)? + "\n";
-        text_writer::replace(&folder.join(STATUS_FILE), text)
+        text_writer::refresh(&folder.join(STATUS_FILE), text)
     }
 
     /// Reads the file of a folder, its texts on one line each; `None` if there is none, or another

@@ -1,18 +1,25 @@
-//! Writes files beside their names and renames them when they are complete, so that a file with its
-//! final name is never a part of one.
+//! The one way by which a file of results gets its name: it is written beside it, brought to disk
+//! with every error looked at, and renamed. So a file with its final name is whole.
 //!
 //! Until then a file has a name of its own, `NAME.XXXXXX.part`, which did not exist before: what
 //! other people put into a folder, such as symbolic links, is never written through.
+//!
+//! Commands write text and pictures with [`write`] or a [`PartFile`], HDF5 files with a
+//! [`CheckedFile`](crate::checked::CheckedFile), which is one. `clippy.toml` forbids the functions
+//! of the standard library and of the `hdf5` crate that make files in another way.
 
-use std::fs::{DirEntry, Permissions};
-use std::io::{self, BufWriter, Write};
+use std::error::Error;
+use std::fs::{DirEntry, File, Permissions};
+use std::io::{self, BufWriter, ErrorKind, Seek, SeekFrom, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use crate::file_names::{LOG_FILE, SCENE_FILE, STATUS_FILE};
 use crate::run_reader::is_hdf5;
+use crate::{h5, sound};
 use gshear_dem::failure::{Failure, Result};
+use rustix::io::Errno;
 use tempfile::{Builder, NamedTempFile};
 
 /// Between the name of a file and the end of its temporary name.
@@ -39,11 +46,58 @@ pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
         .tempfile_in(folder_of(path))
 }
 
+/// Brings a complete file to disk and gives it its name. Returns the file.
+///
+/// A file system over a network may report only now that an earlier write has failed; after this
+/// call, closing the file cannot lose anything.
+///
+/// # Errors
+/// A file that cannot be written or renamed.
+pub fn give_name(part: NamedTempFile, path: &Path) -> io::Result<File> {
+    part.as_file().sync_all()?;
+    let file = part.persist(path)?;
+    sync_folder(folder_of(path))?;
+    Ok(file)
+}
+
+/// Brings the names of a folder to disk.
+///
+/// # Errors
+/// A folder that cannot be synchronised, unless the file system or the permissions of the folder
+/// do not allow it at all.
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
+    match File::open(folder).and_then(|folder| folder.sync_all()) {
+        Err(e) if e.kind() == ErrorKind::PermissionDenied => Ok(()),
+        Err(e) if e.raw_os_error() == Some(Errno::INVAL.raw_os_error()) => Ok(()),
+        other => other,
+    }
+}
+
+/// Brings a file that was written by its name to disk, and its name.
+///
+/// # Errors
+/// A file that cannot be written.
+pub(crate) fn sync(path: &Path) -> io::Result<()> {
+    File::open(path)?.sync_all()?;
+    sync_folder(folder_of(path))
+}
+
 /// Replaces a file, or what else has its name; its folder must exist.
 ///
 /// # Errors
 /// A file that cannot be written; what was there stays.
 pub fn replace(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
+    let mut part = beside(path)?;
+    part.write_all(content.as_ref())?;
+    give_name(part, path).map(drop)
+}
+
+/// [`replace`] of a file that is written anew all the time and may be lost, without waiting for the
+/// disk.
+///
+/// # Errors
+/// A file that cannot be written; what was there stays.
+pub fn refresh(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
     let mut part = beside(path)?;
     part.write_all(content.as_ref())?;
     part.persist(path)?;
@@ -69,16 +123,17 @@ pub fn remove_remnants(folder: &Path, names: &[&str], age: Duration) {
     }
 }
 
-/// Reads a text of a folder. A link may lead to a pipe or a device, which has no end.
+/// Reads a text of a folder.
 ///
 /// # Errors
-/// What is no file, or longer than any such text; a file that cannot be read.
+/// What is no [file](crate::sound::regular), or longer than any such text; a file that cannot be
+/// read.
 pub fn read(path: &Path) -> io::Result<String> {
-    let of = std::fs::metadata(path)?;
-    if of.is_file() && of.len() <= LONGEST {
-        std::fs::read_to_string(path)
+    let file = sound::regular(path)?;
+    if file.metadata()?.len() <= LONGEST {
+        io::read_to_string(file)
     } else {
-        Err(io::ErrorKind::InvalidData.into())
+        Err(ErrorKind::InvalidData.into())
     }
 }
 
@@ -87,6 +142,21 @@ fn folder_of(path: &Path) -> &Path {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
+}
+
+/// Refuses a link to a folder in a folder that somebody else may have made: results would be written
+/// where it leads. Links in the places of files are replaced.
+///
+/// # Errors
+/// [`Failure::Input`] if there is such a link.
+pub fn refuse_linked_folder(path: &Path) -> Result<()> {
+    if path.is_symlink() && path.is_dir() {
+        let name = path.display();
+        return Err(Failure::input(format!(
+            "{name}: is a link to a folder, where results are not written; remove it, or give the place with --out"
+        )));
+    }
+    Ok(())
 }
 
 /// Writes a file; creates its folder if missing.
@@ -113,17 +183,21 @@ fn is_original(path: &Path) -> bool {
         let beside = |other| path.with_file_name(other).exists();
         [LOG_FILE, SCENE_FILE, STATUS_FILE].contains(&name) && path.exists() && beside(SCENE_FILE)
     });
-    let is_of = |file: hdf5::File| file.group("h5md").is_ok() || file.attr("format").is_ok();
     hdf5::silence_errors(true);
-    is_of_a_run || is_hdf5(path) && hdf5::File::open(path).is_ok_and(is_of)
+    is_of_a_run
+        || is_hdf5(path)
+            && sound::read(path, |file| {
+                Ok(file.group("h5md").is_ok() || file.attr("format").is_ok())
+            })
+            .unwrap_or(false)
 }
 
 impl PartFile {
     /// Creates the file and, if missing, its folder.
     ///
     /// # Errors
-    /// [`Failure::Input`] if the path is that of a file of a run, or of a device or a pipe;
-    /// [`Failure::Other`] if the folder or the file cannot be written.
+    /// [`Failure::Input`] if the path is that of a file of a run, or of a device or a pipe, or no
+    /// file can have it; [`Failure::Other`] if the folder or the file cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
         let wrong = |what: &str| Failure::input(format!("{}: {what}", path.display()));
         let place = path.metadata();
@@ -138,7 +212,12 @@ impl PartFile {
         if let Some(name) = path.file_name().and_then(|name| name.to_str()) {
             remove_remnants(folder, &[name], FORGOTTEN);
         }
-        let file = file.map_err(|e| unwritten(path, &e))?;
+        let file = file.map_err(|e| match e.kind() {
+            ErrorKind::InvalidFilename | ErrorKind::NotADirectory => {
+                wrong(&format!("cannot be a file: {e}; give another name"))
+            }
+            _ => unwritten(path, &e),
+        })?;
         Ok(Self {
             path: path.to_path_buf(),
             writer: BufWriter::new(file),
@@ -154,21 +233,19 @@ impl PartFile {
     ///
     /// # Errors
     /// [`Failure::Other`] if `written` is an error.
-    pub fn checked<T>(&self, written: Result<T, impl std::fmt::Display>) -> Result<T> {
-        written.map_err(|e| unwritten(&self.path, &e))
+    pub fn checked<T>(&self, written: Result<T, impl Into<Box<dyn Error>>>) -> Result<T> {
+        written.map_err(|e| unwritten(&self.path, &with_causes(&*e.into())))
     }
 
-    /// Gives the file its name, and returns it.
+    /// Brings the file to disk, gives it its name, and returns that.
     ///
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
     pub fn finish(self) -> Result<PathBuf> {
         let Self { path, writer } = self;
-        let part = writer.into_inner();
-        let named = part
-            .map_err(|e| unwritten(&path, e.error()))?
-            .persist(&path);
-        named.map_err(|e| unwritten(&path, &e.error))?;
+        let part = writer.into_inner().map_err(io::IntoInnerError::into_error);
+        let named = part.and_then(|part| give_name(part, &path));
+        named.map_err(|e| unwritten(&path, &e))?;
         Ok(path)
     }
 }
@@ -183,9 +260,29 @@ impl Write for PartFile {
     }
 }
 
+impl Seek for PartFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.writer.seek(to)
+    }
+}
+
+/// The message of an error, and those of its causes that it does not repeat.
+fn with_causes(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        let message = error.to_string();
+        if !text.contains(&message) {
+            text = format!("{text}: {message}");
+        }
+        cause = error.source();
+    }
+    text
+}
+
 /// The failure of a file that cannot be written.
 pub fn unwritten(path: &Path, why: &dyn std::fmt::Display) -> Failure {
-    let why = why.to_string().replace('\n', " ");
+    let why = h5::reason(why);
     Failure::other(format!("{}: cannot be written: {why}", path.display()))
 }
 

@@ -88,7 +88,20 @@ def group_of(file: h5py.File, group: str) -> h5py.Group:
         group = NEWTONIAN
     if group not in file:
         raise RunError(f"{file.filename}: has no Newton's equations of a box")
+    _check_runs(file)
     return file[group]
+
+
+def _check_runs(file: h5py.File) -> None:
+    """Raises RunError if strain steps and Newton's equations are of different runs."""
+    parts = [f"{group}parameters" for group in ("", f"{NEWTONIAN}/")]
+    attributes = [file[part].attrs for part in parts if part in file]
+    runs = [text(of["run_id"]) for of in attributes if "run_id" in of]
+    if len(set(runs)) > 1:
+        raise RunError(
+            f"{file.filename}: strain steps and Newton's equations are of different runs "
+            f"(run_id {' and '.join(runs)})"
+        )
 
 
 def open_for_reading(path: Path) -> h5py.File:

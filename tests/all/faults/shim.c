@@ -7,7 +7,8 @@
  * FAULT_CALLS  how many calls fail from then on (default: all)
  * FAULT_KIND   enospc, eio: the call fails; short: half is written; kill: the process dies before
  *              the call; torn: it dies after half of the write; close: every close of a file that
- *              was written fails from the call on
+ *              was written fails from the call on; close-read: closes of files that were only read
+ *              fail, FAULT_CALL counts them
  * FAULT_RANK   the rank concerned (default: all)
  * FAULT_COUNT  file that gets "rank calls" when the process ends
  * FAULT_LOCKS  errno of every lock: a file system without locks
@@ -27,7 +28,7 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
-static atomic_long calls, closes;
+static atomic_long calls, closes, read_closes;
 
 static long number(const char *name, long otherwise) {
     const char *text = getenv(name);
@@ -186,6 +187,13 @@ int close(int fd) {
     const char *kind = getenv("FAULT_KIND");
     long first = number("FAULT_CALL", 0), of_rank = number("FAULT_RANK", -1);
     int fails = 0;
+    if (n >= 0 && kind && !strcmp(kind, "close-read") && (of_rank < 0 || of_rank == rank())) {
+        path[n] = 0;
+        if (concerned(path) && (fcntl(fd, F_GETFL) & (O_ACCMODE | O_DIRECTORY)) == O_RDONLY) {
+            long close = atomic_fetch_add(&read_closes, 1) + 1;
+            fails = first && close >= first && close - first < number("FAULT_CALLS", 1L << 40);
+        }
+    }
     if (n >= 0 && kind && !strcmp(kind, "close") && (of_rank < 0 || of_rank == rank())) {
         path[n] = 0;
         fails = concerned(path) && (fcntl(fd, F_GETFL) & O_ACCMODE) != O_RDONLY

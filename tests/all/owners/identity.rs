@@ -1,7 +1,9 @@
 //! Whose a folder is: the identity in every file, and what a new run refuses or replaces.
 
 use super::{BOX, SCENE, SHORT, attribute, bytes, ended, id_of_checkpoint, resume, run, stopped};
-use crate::common::gshear_mpi;
+use crate::common::{gshear_mpi, kept_files, reducer};
+use gshear_store::checksums::{OF_PARAMETERS, of_parameters};
+use gshear_store::run_reader::{Parameter, RunFile};
 
 #[test]
 fn every_file_carries_the_identity() {
@@ -124,4 +126,49 @@ fn a_new_run_replaces_nothing_unless_told() {
     ended(&run(&boxed, &arguments), 0, &[]);
     ended(&run(&boxed, &arguments), 2, &["which is finished"]);
     ended(&run(&boxed, &[SCENE, SHORT]), 2, &["holds another run"]);
+}
+
+/// One file holds the strain steps of a box and Newton's equations after them. Copied together from
+/// two runs, with all checksums right, they are not taken for one.
+#[test]
+fn both_parts_of_a_file_are_of_one_run() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = kept_files("box", temporary.path());
+    let file = folder.join("run.h5");
+    let part = file.join("newtonian");
+    let mut parameters = RunFile::open_any(&part)
+        .expect("a run")
+        .parameters()
+        .clone();
+    let other = "0".repeat(32);
+    parameters.insert("run_id".into(), Parameter::Text(other.clone()));
+    {
+        let opened = hdf5::File::open_rw(&file).expect("the file");
+        let group = opened.group("newtonian/parameters").expect("parameters");
+        let id: hdf5::types::VarLenUnicode = other.parse().expect("text");
+        let attribute = group.attr("run_id").expect("the identity");
+        attribute.write_scalar(&id).expect("written");
+        let sum = hdf5::types::FixedAscii::<32>::from_ascii(&of_parameters(&parameters));
+        let attribute = group.attr(OF_PARAMETERS).expect("the checksum");
+        let sum = sum.expect("a word");
+        attribute.write_scalar(&sum).expect("written");
+    }
+
+    let out = temporary.path().join("out");
+    for (words, run) in [
+        (&["info"][..], &file),
+        (&["info"], &part),
+        (&["report", "--out", "out"], &folder),
+        (&["growth", "--out", "out"], &folder),
+        (&["export", "--format=npz", "--out", "out/a.npz"], &file),
+        (&["export", "--format=npz", "--out", "out/a.npz"], &part),
+    ] {
+        let mut command = reducer();
+        command.args(words).arg(run).current_dir(temporary.path());
+        let output = command.output().expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        assert!(said.contains("of different runs (run_id "), "{said}");
+    }
+    assert!(!out.exists(), "nothing is written");
 }

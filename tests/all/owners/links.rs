@@ -150,3 +150,47 @@ fn the_reducer_writes_through_no_link() {
     }
     assert!(names[..8].iter().all(|name| !walls.join(name).is_symlink()));
 }
+
+/// A link to a folder would be entered, and its files replaced.
+#[test]
+fn the_reducer_enters_no_linked_folder() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let home = temporary.path().join("home");
+    std::fs::create_dir(&home).expect("a folder");
+    let walls = kept_files("walls", temporary.path());
+    for (name, words) in [
+        ("report", &["report"][..]),
+        ("rate-state", &["rate-state"]),
+        ("movie", &["movie", "--out", "movie.png"]),
+        ("movie.png", &["movie"]),
+        ("replay-0..1", &["replay", "--strain", "0..1"]),
+        ("reduced.h5", &["dmin"]),
+        ("frames.npz", &["export", "--format=npz"]),
+    ] {
+        // Of a replay the numbers are in the name.
+        let link = walls.join(name.replace("0..1", "0-1"));
+        symlink(&home, &link).expect("a link");
+        let mut command = reducer();
+        let command = command.args(words).arg(&walls).current_dir(&walls);
+        // Without ffmpeg.
+        let output = command
+            .env("PATH", "")
+            .output()
+            .expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{name}: {said}");
+        assert!(said.contains("is a link to a folder"), "{name}: {said}");
+        let left = std::fs::read_dir(&home).expect("a folder").count();
+        assert_eq!(left, 0, "{name}");
+        std::fs::remove_file(&link).expect("removed");
+    }
+    // The folder of the run itself may be one, and what the user names.
+    let [run, out] = ["run", "out"].map(|name| temporary.path().join(name));
+    symlink(&walls, &run).expect("a link");
+    symlink(&home, &out).expect("a link");
+    let mut command = reducer();
+    crate::common::succeed(command.arg("phases").arg(&run));
+    let mut command = reducer();
+    crate::common::succeed(command.arg("phases").arg(&run).arg("--out").arg(&out));
+    assert!(walls.join("phases.csv").exists() && home.join("phases.csv").exists());
+}

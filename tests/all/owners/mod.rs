@@ -3,6 +3,7 @@
 
 mod identity;
 mod links;
+mod pipes;
 mod resume;
 mod under_way;
 
@@ -77,7 +78,7 @@ fn attribute(file: &Path, name: &str) -> Option<String> {
 
 fn id_of_checkpoint(path: &Path) -> String {
     let [header, _] = checkpoint::read_texts(path).expect("a checkpoint");
-    let (_, record, _) = Header::parse(&header).expect("a header");
+    let (_, record, _) = Header::parse(path, &header).expect("a header");
     record.id
 }
 

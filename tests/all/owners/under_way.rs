@@ -7,7 +7,8 @@ use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 use super::{LONG, SCENE, SHORT, ended, run};
-use crate::common::{Outcome, PROGRAM, program, start, succeed};
+use crate::common::{Outcome, PROGRAM, bounded, program, start, succeed};
+use crate::faults::shim;
 
 /// A run in the background, once it shears.
 fn background(folder: &Path, more: &[&str]) -> Child {
@@ -59,6 +60,14 @@ fn one_run_at_a_time_writes_into_a_folder() {
             &[&format!("process {pid} on "), "started 20"],
         );
     }
+    // A lock that cannot be asked for, as where the table of locks is full, is not known to be free.
+    let mut blind = program(1);
+    blind.args([SCENE, LONG, "--overwrite", "--out"]).arg(&out);
+    blind
+        .env("LD_PRELOAD", shim(temporary.path()))
+        .env("FAULT_LOCKS", "37");
+    let refused = bounded(&mut blind, Duration::from_mins(2)).expect("it ends");
+    ended(&refused, 2, &[&format!("process {} on ", child.id())]);
     signal(&child, "USR1");
     assert_eq!(end(child).code, 75);
     assert!(!out.join("run.lock").exists());
@@ -109,6 +118,14 @@ fn a_lock_holds_in_another_pid_namespace() {
         assert_eq!(other.status.code(), Some(2), "{said}");
         assert!(said.contains("writes into this folder"), "{said}");
     }
+    // A lock that cannot be asked for, as where the table of locks is full, is not known to be free.
+    let mut blind = program(1);
+    blind.args([SCENE, LONG, "--overwrite", "--out"]).arg(&out);
+    blind
+        .env("LD_PRELOAD", shim(temporary.path()))
+        .env("FAULT_LOCKS", "37");
+    let refused = bounded(&mut blind, Duration::from_mins(2)).expect("it ends");
+    ended(&refused, 2, &[&format!("process {} on ", child.id())]);
     signal(&child, "USR1");
     assert_eq!(end(child).code, 75);
     assert!(!out.join("run.lock").exists());

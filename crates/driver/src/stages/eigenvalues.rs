@@ -6,12 +6,14 @@ use faer::c64;
 
 use super::assembly::Assembly;
 use crate::header::Pair;
+use crate::memory::DENSE_COPIES;
 use gshear_analysis::jacobian::{self, History, Jacobian};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{ContactState, GrainState};
 use gshear_spectrum::{Factors, Problem, Solver, Spectrum, Verdict};
 use gshear_store::collective::{gathered, on_root};
+use gshear_store::memory::require;
 
 /// dr and dθ of a grain; unused components are 0 in two dimensions.
 pub(super) type Move = [[f64; 3]; 2];
@@ -94,6 +96,12 @@ impl GlobalState {
             let place = Verdict::ALL.iter().position(|known| *known == verdict);
             [value.re, value.im, place.unwrap_or(0) as f64]
         };
+        let n = problem.size();
+        require(
+            DENSE_COPIES * 8.0 * (n as f64).powi(2),
+            &format!("all eigenvalues of a matrix of {n} unknowns"),
+            "leave them out with aqs.spectrum = false and newtonian.spectra = 0",
+        )?;
         Ok(Spectrum::values(&problem).into_iter().map(row).collect())
     }
 }

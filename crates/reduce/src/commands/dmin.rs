@@ -127,8 +127,8 @@ impl Arguments {
         let (grains, n) = (run.grains(), run.grains().count());
         let strains = run.frame_strains()?;
         let strains: Vec<f64> = rows.iter().map(|row| strains[row.frame]).collect();
-        let path = results.place("reduced.h5");
-        let writer = ReducedWriter::create(&path, &strains, n)?;
+        let path = results.place("reduced.h5")?;
+        let mut writer = ReducedWriter::create(&path, &strains, n)?;
         let number = |frame: Option<usize>| frame.map_or(-1, |frame| frame as i64);
         let of_rows = |value: fn(&Row) -> Option<usize>| -> Vec<i64> {
             rows.iter().map(|row| number(value(row))).collect()

@@ -20,9 +20,10 @@ use crate::frame_selection::{FrameRange, Which};
 use crate::printer::Printer;
 use crate::results::Results;
 use gshear_dem::failure::{Failure, Result};
-use gshear_store::checkpoint;
 use gshear_store::run_reader::RunFile;
 use gshear_store::text_writer::PartFile;
+use gshear_store::trajectory::frame_bytes;
+use gshear_store::{checkpoint, memory};
 
 use content::{ExportedFrame, ExportedModes, ExportedRun, GrainField};
 use vtkhdf::VtkWriter;
@@ -118,6 +119,19 @@ impl Arguments {
         let modes = self.modes(&file)?;
         let numbers = self.numbers(&file, modes.as_ref())?;
         let exported = ExportedRun::new(&file, &self.fields, modes)?;
+        if self.format == ExportFormat::Npz {
+            let [grain, contact] = frame_bytes(file.form());
+            let offsets = file.contact_offsets();
+            let contacts = numbers.iter().map(|&t| offsets[t + 1] - offsets[t]);
+            let bytes = (grain * file.grains().count() * numbers.len()) as f64
+                + contact as f64 * contacts.sum::<u64>() as f64;
+            let what = format!("{} frames as whole arrays", numbers.len());
+            memory::require(
+                bytes,
+                &what,
+                "give fewer with --frames, or another --format",
+            )?;
+        }
         let mut writer = self.writer(&file, &exported)?;
         exported.each_frame(&numbers, |frame| writer.frame(&exported, frame))?;
         writer.finish()
@@ -153,15 +167,14 @@ impl Arguments {
     fn writer(&self, file: &RunFile, exported: &ExportedRun) -> Result<Box<dyn FrameWriter>> {
         let named = |ending: &str| {
             let name = file.stage().named(&format!("frames.{ending}"));
-            let beside = || Results::of(None, file.folder()).place(&name);
-            self.out.clone().unwrap_or_else(beside)
+            Results::path(self.out.as_deref(), file.folder(), &name)
         };
         Ok(match self.format {
-            ExportFormat::LammpsDump => Box::new(dump::DumpWriter::create(&named("dump"))?),
-            ExportFormat::Vtkhdf => Box::new(VtkWriter::create(&named("vtkhdf"), exported)?),
-            ExportFormat::Xyz => Box::new(xyz::XyzWriter::create(&named("xyz"))?),
-            ExportFormat::Npz => Box::new(npz::NpzWriter::new(&named("npz"))),
-            ExportFormat::Csv => Box::new(csv::CsvWriter::create(&named("csv"), exported)?),
+            ExportFormat::LammpsDump => Box::new(dump::DumpWriter::create(&named("dump")?)?),
+            ExportFormat::Vtkhdf => Box::new(VtkWriter::create(&named("vtkhdf")?, exported)?),
+            ExportFormat::Xyz => Box::new(xyz::XyzWriter::create(&named("xyz")?)?),
+            ExportFormat::Npz => Box::new(npz::NpzWriter::new(&named("npz")?)),
+            ExportFormat::Csv => Box::new(csv::CsvWriter::create(&named("csv")?, exported)?),
             ExportFormat::LammpsData | ExportFormat::LiggghtsData => {
                 unreachable!("data files are written whole")
             }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::spectrum::dense;
 use crate::frame_selection::Which;
 use crate::printer::Printer;
 use crate::results::Results;
@@ -13,7 +14,7 @@ use gshear_analysis::growth::{self, Growth};
 use gshear_analysis::jacobian::History;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::{Failure, Result};
-use gshear_spectrum::{Spectrum, Verdict};
+use gshear_spectrum::Verdict;
 use gshear_store::csv_table::Table;
 use gshear_store::file_names::{NEWTONIAN_PART, folder_of};
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -119,7 +120,7 @@ fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>> {
     }
     let unfit = |why| Failure::numbers(format!("{}: {why}", run.path().display()));
     let problem = jacobian.problem().map_err(unfit)?;
-    let spectrum = Spectrum::dense(&problem);
+    let spectrum = dense(&problem)?;
     let all = &spectrum.eigenvalues;
     let pairs = (0..all.len()).filter(|k| all[*k].verdict == Verdict::Pair);
     // Both of a pair have the same |Im √λ|.

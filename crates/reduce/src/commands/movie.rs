@@ -71,7 +71,7 @@ impl Arguments {
             } else {
                 "movie.png"
             });
-            return Ok(Results::of(None, run.folder()).place(&name));
+            return Results::of(None, run.folder()).place(&name);
         };
         let wrong = |what: &str| Err(Failure::input(format!("--out {}: {what}", path.display())));
         match path.extension().and_then(|ending| ending.to_str()) {

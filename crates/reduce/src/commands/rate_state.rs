@@ -47,8 +47,7 @@ impl Arguments {
     pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let runs = self.runs.iter().map(|run| RunFile::open(run));
         let runs = runs.collect::<Result<Vec<_>, _>>()?;
-        let beside = || Results::of(None, runs[0].folder()).place("rate-state");
-        let folder = self.out.clone().unwrap_or_else(beside);
+        let folder = Results::path(self.out.as_deref(), runs[0].folder(), "rate-state")?;
         write(&runs, (self.law, self.direct_effect), &folder, printer)
     }
 }

@@ -15,7 +15,7 @@ use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE, folder_of};
 use gshear_store::run_reader::{self, RunFile, RunStage, Series};
-use gshear_store::text_writer::unwritten;
+use gshear_store::text_writer::{refuse_linked_folder, sync_folder, unwritten};
 
 /// Compute a part of a run again, with frames, from the checkpoint before it
 ///
@@ -81,8 +81,13 @@ impl Arguments {
                 return Err(Failure::input("replay: give --strain A..B or --time A..B"));
             }
         };
-        let beside = || run.folder().join(format!("replay-{kind}{from}-{to}"));
-        let out = self.out.clone().unwrap_or_else(beside);
+        let out = if let Some(out) = &self.out {
+            out.clone()
+        } else {
+            let out = run.folder().join(format!("replay-{kind}{from}-{to}"));
+            refuse_linked_folder(&out)?;
+            out
+        };
         let found = window(&run, rows, self.every, threads, &out)?;
         let steps = found.run.frame_steps();
         writeln!(
@@ -240,6 +245,7 @@ fn again(
         let entry = entry.map_err(unmade)?;
         std::fs::rename(entry.path(), out.join(entry.file_name())).map_err(unmade)?;
     }
+    sync_folder(out).map_err(unmade)?;
     Ok(from)
 }
 
@@ -260,8 +266,8 @@ impl Candidates {
             if !path.is_file() {
                 continue;
             }
-            let header =
-                checkpoint::read_texts(&path).and_then(|[header, _]| Header::parse(&header));
+            let texts = checkpoint::read_texts(&path);
+            let header = texts.and_then(|[header, _]| Header::parse(&path, &header));
             match header {
                 Ok((header, ..)) if header.stage() == stage => found.push((header.step(), path)),
                 Ok(_) => {}

@@ -80,8 +80,7 @@ impl Arguments {
             return self.of_several(printer);
         }
         let run = RunFile::open_any(first)?;
-        let beside = || Results::of(None, run.folder()).place("report");
-        let folder = self.out.clone().unwrap_or_else(beside);
+        let folder = Results::path(self.out.as_deref(), run.folder(), "report")?;
         let page = match run.stage() {
             RunStage::Shear => {
                 let choice = match (self.replay, self.no_replay) {
@@ -100,8 +99,7 @@ impl Arguments {
         let first = &self.runs[0];
         let is_sweep = self.runs.len() == 1 && sweep::is_of_runs(first);
         let name = if is_sweep { "report" } else { "sweep-report" };
-        let beside = || Results::of(None, folder_of(first)).place(name);
-        let folder = self.out.clone().unwrap_or_else(beside);
+        let folder = Results::path(self.out.as_deref(), folder_of(first), name)?;
         sweep::write(self, self.start.unwrap_or(START), &folder, printer)
     }
 }

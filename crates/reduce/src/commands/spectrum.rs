@@ -18,8 +18,8 @@ use gshear_spectrum::{
 };
 use gshear_store::csv_table::Table;
 use gshear_store::file_names::folder_of;
-use gshear_store::matrix_market;
 use gshear_store::spectrum_writer::{self, Columns, StateOrigin, Unknown};
+use gshear_store::{matrix_market, memory};
 
 /// Unknowns up to which --all-pairs uses the dense solver: 200 MB of vectors, one to two minutes.
 const DENSE: usize = 3000;
@@ -154,10 +154,10 @@ impl Arguments {
         let columns = columns(&asked, &spectrum);
         let table = table(&spectrum, &columns.participation);
         results.table("spectrum.csv", &table, printer)?;
-        let vectors = results.place("spectrum.h5");
+        let vectors = results.place("spectrum.h5")?;
         spectrum_writer::write(&vectors, &asked.source, problem, &columns)?;
         printer.wrote(&vectors)?;
-        let svg = results.place("spectrum.svg");
+        let svg = results.place("spectrum.svg")?;
         let figure = eigenvalue_figures::in_the_plane(&spectrum.eigenvalues);
         drawing::write(&svg, &figure)?;
         printer.wrote(&svg)
@@ -301,6 +301,23 @@ struct Solver<'a> {
     par: Par,
 }
 
+/// The dense matrix, its Schur form and a copy, and complex vectors.
+const DENSE_COPIES: f64 = 5.0;
+
+/// [`Spectrum::dense`], if there is memory for it.
+///
+/// # Errors
+/// A matrix that is too large.
+pub fn dense(problem: &Problem) -> Result<Spectrum> {
+    let n = problem.size();
+    memory::require(
+        DENSE_COPIES * 8.0 * (n as f64).powi(2),
+        &format!("a dense matrix of {n} unknowns with its eigenvectors"),
+        "use gshear-reduce spectrum with --shift or --unstable, which work on the sparse matrix",
+    )?;
+    Ok(Spectrum::dense(problem))
+}
+
 impl Solver<'_> {
     fn solve(&self, printer: &mut Printer) -> Result<Spectrum> {
         let (arguments, problem) = (self.arguments, self.problem);
@@ -311,7 +328,7 @@ impl Solver<'_> {
             )));
         }
         if arguments.dense || n < 3 {
-            return Ok(Spectrum::dense(problem));
+            return dense(problem);
         }
         if arguments.unstable {
             return self.amplified(printer);
@@ -322,6 +339,12 @@ impl Solver<'_> {
             "factors: {} entries, {:.3e} operations",
             symbolic.fill(),
             symbolic.operations()
+        )?;
+        // Complex numbers.
+        memory::require(
+            16.0 * symbolic.fill() as f64,
+            &format!("the factors of a matrix of {n} unknowns"),
+            "reduce a smaller sample, or a machine with more memory is needed",
         )?;
         if arguments.all_pairs {
             return self.all_pairs(&symbolic, printer);
@@ -348,7 +371,7 @@ impl Solver<'_> {
         let (problem, par) = (self.problem, self.par);
         let bounds = bendixson(problem);
         let spectrum = if problem.size() <= DENSE {
-            Spectrum::dense(problem)
+            dense(problem)?
         } else {
             let count = self.arguments.count.unwrap_or(100) as usize;
             let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;

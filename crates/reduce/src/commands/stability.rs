@@ -74,7 +74,7 @@ impl Arguments {
         Err(Failure::numbers(format!(
             "{}; {} has NaN for it and all other frames",
             failed.join("; "),
-            results.place("stability.csv").display()
+            results.place("stability.csv")?.display()
         )))
     }
 

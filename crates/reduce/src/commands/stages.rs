@@ -103,7 +103,7 @@ impl Arguments {
                 let found = of_run.step.binary_search(&step[row]);
                 found.map_or(f64::NAN, |k| of_run.time[k])
             });
-            let out = results.place("replay");
+            let out = results.place("replay")?;
             let replayed = replay::window(run, Rows::Time(ends), None, threads, &out)?;
             steps = map_steps(&replayed.run, &rows, (step, strain), reduction)?;
         }

@@ -1,7 +1,6 @@
 //! `watch`: curves of a run under way in the terminal, from `log.csv`, or `run.h5` of a box, and
 //! `status.json`, which can be read while the run writes.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -16,6 +15,7 @@ use gshear_driver::say::fold_for;
 use gshear_store::checkpoint;
 use gshear_store::file_names::{LOG_FILE, RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::{RunFile, RunStage};
+use gshear_store::sound;
 use gshear_store::status::{RunCondition, RunState, Status};
 
 use crate::braille::plot;
@@ -333,7 +333,7 @@ impl Tail {
 
     /// Reads the complete lines that are new; a file that cannot be read has none.
     fn read(&mut self) {
-        let Ok(mut file) = File::open(&self.path) else {
+        let Ok(mut file) = sound::regular(&self.path) else {
             return;
         };
         let Ok(of) = file.metadata() else { return };

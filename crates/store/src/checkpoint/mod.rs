@@ -4,7 +4,7 @@ mod records;
 
 use super::collective::{CollectiveOutcome, IdBlocks, agree, on_root, records_of};
 use super::h5::{self, Attribute, H5File, Word};
-use super::sound;
+use super::sound::{self, ReadFile};
 use super::text_writer::{self, unwritten};
 use gshear_dem::domain::total;
 use gshear_dem::failure::{Failure, Result};
@@ -165,16 +165,17 @@ fn verify(exchange: &dyn Parallel, path: &Path, attributes: &[(String, Attribute
 
 /// Compares the checksums of a file with those that were to be written.
 fn checksums_are(path: &Path, attributes: &[(String, Attribute)]) -> Result<(), String> {
-    let file = hdf5::File::open(path).map_err(|e| e.to_string())?;
-    for (name, value) in attributes {
-        if let Attribute::Word(expected) = value {
-            let found = file.attr(name).and_then(|a| a.read_scalar::<Word>());
-            if found.map_err(|e| e.to_string())?.as_str() != expected {
-                return Err(format!("its attribute {name} differs"));
+    let compared = sound::read(path, |file| {
+        for (name, value) in attributes {
+            if let Attribute::Word(expected) = value
+                && file.attr(name)?.read_scalar::<Word>()?.as_str() != expected
+            {
+                return Err(format!("its attribute {name} differs").into());
             }
         }
-    }
-    Ok(())
+        Ok(())
+    });
+    compared.map_err(|e| h5::reason(&e))
 }
 
 /// The states as one, in which the grains of the k-th have ids from k `grains` on.
@@ -221,12 +222,12 @@ fn apart(
 fn replace(folder: &Path, part: TempPath) -> Result<()> {
     let new = folder.join(NAME);
     let renamed = || -> std::io::Result<()> {
-        std::fs::File::open(&part)?.sync_all()?;
+        // Every rank has brought its part to disk when it closed the file.
         if new.try_exists()? {
             link(&new, &folder.join(PREVIOUS))?;
         }
         part.persist(&new)?;
-        std::fs::File::open(folder)?.sync_all()
+        text_writer::sync_folder(folder)
     };
     renamed()
         .map_err(|error| Failure::other(format!("{}: cannot be renamed: {error}", new.display())))
@@ -299,7 +300,8 @@ pub fn kept(folder: &Path, stage: &str) -> Vec<(u64, PathBuf)> {
 /// Returns whether a file is marked as a checkpoint.
 pub fn is_checkpoint(path: &Path) -> bool {
     hdf5::silence_errors(true);
-    path.is_file() && hdf5::File::open(path).is_ok_and(|file| file.attr("format").is_ok())
+    let marked = sound::read(path, |file| Ok(file.attr("format").is_ok()));
+    path.is_file() && marked.unwrap_or(false)
 }
 
 /// Reads the header and the scene of a checkpoint, and nothing of its state. Not collective.
@@ -309,7 +311,7 @@ pub fn is_checkpoint(path: &Path) -> bool {
 /// [`Failure::Other`] if the system does not let it be read.
 pub fn read_texts(path: &Path) -> Result<[String; 2]> {
     hdf5::silence_errors(true);
-    let texts = open(path).and_then(|file| texts(&file));
+    let texts = within(path, texts);
     texts.map_err(|why| h5::unread(format!("{}: {why}", path.display())))
 }
 
@@ -419,12 +421,12 @@ fn word(file: &hdf5::File, name: &str) -> Result<String, String> {
 }
 
 /// Opens a checkpoint.
-fn open(path: &Path) -> Result<hdf5::File, String> {
+fn open(path: &Path) -> Result<ReadFile, String> {
     match std::fs::metadata(path) {
-        Err(e) if e.kind() != ErrorKind::NotFound => return Err(e.to_string()),
-        Ok(of) if of.is_file() => {}
-        _ => return Err("there is no such checkpoint".into()),
-    }
+        Err(e) if e.kind() == ErrorKind::NotFound => Err("there is no such checkpoint".into()),
+        Err(e) => Err(e.to_string()),
+        Ok(of) => sound::is_regular(of.file_type()).map_err(|e| e.to_string()),
+    }?;
     let file = sound::open(path).map_err(|e| format!("not an HDF5 file, or damaged ({e})"))?;
     let names = file.attr_names().unwrap_or_default();
     let is_marked = names.iter().any(|name| name == "format");
@@ -457,12 +459,28 @@ fn texts(file: &hdf5::File) -> Result<[String; 2], String> {
     Ok([text("header")?, text("scene")?])
 }
 
-fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
+/// Reads from a checkpoint, and closes it.
+fn within<T>(
+    path: &Path,
+    read: impl FnOnce(&hdf5::File) -> Result<T, String>,
+) -> Result<T, String> {
     let file = open(path)?;
-    let texts = texts(&file)?;
+    let found = read(&file)?;
+    file.close()
+        .map_err(|e| format!("cannot be closed: {}", h5::reason(&e)))?;
+    Ok(found)
+}
+
+/// Reads this rank's share of a checkpoint.
+fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
+    within(path, |file| pieces_of(file, rank, ranks))
+}
+
+fn pieces_of(file: &hdf5::File, rank: usize, ranks: usize) -> Result<Pieces, String> {
+    let texts = texts(file)?;
     let names = file.attr_names().unwrap_or_default();
     let has = |sum: &str| names.iter().any(|name| name == sum);
-    let from = |prefix| (&file, prefix, rank, ranks);
+    let from = |prefix| (file, prefix, rank, ranks);
     let grains: Piece<GrainState> = piece(from(""))?;
     let count = grains.blocks.grains;
     if count == 0 {

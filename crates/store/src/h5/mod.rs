@@ -10,14 +10,15 @@ use hdf5::types::{FixedAscii, FixedUnicode, VarLenUnicode};
 use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
 use hdf5_sys::h5::hsize_t;
 use hdf5_sys::h5i::hid_t;
-use hdf5_sys::{h5d, h5p, h5s};
+use hdf5_sys::{h5d, h5f, h5p, h5s};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
 mod extents;
 mod mpi_errors;
 
-use crate::room;
+use crate::text_writer::{self, unwritten};
+use crate::{room, sound};
 use extents::RawData;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
@@ -93,7 +94,8 @@ impl Context {
     fn failure(&self, object: &str, what: &str, error: &dyn std::fmt::Display) -> Failure {
         self.failed.set(true);
         let file = self.path.display();
-        let message = format!("{file}: {object}: cannot {what}: {error}");
+        let reason = mpi_errors::reason(&self.path).unwrap_or_else(|| reason(error));
+        let message = format!("{file}: {object}: cannot {what}: {reason}");
         self.lone.note(&message);
         Failure::other(message)
     }
@@ -104,14 +106,35 @@ impl Context {
     }
 }
 
+/// The number by which HDF5 counts the objects of all files.
+const ALL_FILES: hid_t = h5f::H5F_OBJ_ALL as hid_t;
+
 /// Whether a file was left open.
 static LEFT_OPEN: AtomicBool = AtomicBool::new(false);
 
-/// Whether this process has left a file open for writing, as after a failure. It must then end by
-/// [`World::abort`](gshear_mpi_exchange::World::abort): HDF5 would close the file when MPI ends,
-/// which could crash, or wait for ever.
+/// Whether this process has left a file open, as after a failure, or failed to close one. It must
+/// then end by [`World::abort`](gshear_mpi_exchange::World::abort) or
+/// [`end_process`](gshear_mpi_exchange::end_process): HDF5 would close the file when MPI or the
+/// process ends, which could crash, or wait for ever. To be called when all files were dropped.
 pub fn is_left_open() -> bool {
-    LEFT_OPEN.load(Ordering::Relaxed)
+    let kinds = h5f::H5F_OBJ_FILE | h5f::H5F_OBJ_DATASET | h5f::H5F_OBJ_GROUP | h5f::H5F_OBJ_ATTR;
+    // What HDF5 fails to close it keeps among its open objects.
+    // SAFETY: the library counts its own list, for all files.
+    let open = hdf5::sync::sync(|| unsafe { h5f::H5Fget_obj_count(ALL_FILES, kinds) });
+    open != 0 || LEFT_OPEN.load(Ordering::Relaxed)
+}
+
+/// Closes a file of the serial driver, whose objects must have been dropped.
+///
+/// # Errors
+/// If the system fails to; the file [is left open](is_left_open) then.
+pub(crate) fn close(file: hdf5::File) -> hdf5::Result<()> {
+    file.close().inspect_err(|_| leave_open())
+}
+
+/// Notes that a file is left open.
+pub(crate) fn leave_open() {
+    LEFT_OPEN.store(true, Ordering::Relaxed);
 }
 
 /// A file open for writing on all ranks. Every call is collective; all arguments but the data must
@@ -138,10 +161,12 @@ impl H5File {
             (hdf5::File::with_options().with_fapl(|access| access.libver_v18()))
                 .create(path)
                 .and_then(hdf5::File::close)
-                .map_err(|e| Failure::other(format!("{}: cannot create: {e}", path.display())))
+                .map_err(|e| {
+                    Failure::other(format!("{}: cannot create: {}", path.display(), reason(&e)))
+                })
         });
         // It may be the close that failed.
-        made.inspect_err(|_| LEFT_OPEN.store(true, Ordering::Relaxed))?;
+        made.inspect_err(|_| leave_open())?;
         Self::open(path, exchange)
     }
 
@@ -152,7 +177,7 @@ impl H5File {
     pub fn open(path: &Path, exchange: &dyn Parallel) -> Result<Self> {
         let lone = exchange.lone_failure();
         let opened = Self::open_here(path, exchange).map_err(|error| {
-            let message = format!("{}: cannot open: {error}", path.display());
+            let message = format!("{}: cannot open: {}", path.display(), reason(&error));
             lone.note(&message);
             Failure::other(message)
         });
@@ -424,11 +449,15 @@ impl H5File {
         agreed
     }
 
-    /// Closes the file. Its columns must have been dropped.
+    /// Brings the file to disk and closes it. Its columns must have been dropped.
     ///
     /// # Errors
     /// As [`agree`].
     pub fn close(self, exchange: &dyn Parallel) -> Result<()> {
+        // While its datasets are open: what is still in the buffers of a dataset that HDF5 closes
+        // is lost without an error. Every rank brings to disk what it has written, because MPI
+        // ignores a close that fails.
+        self.agree(exchange, CollectiveOutcome::of(self.flush()))?;
         let file = self.file.clone();
         let context = self.context.clone();
         context.raw_data.borrow_mut().clear();
@@ -436,17 +465,17 @@ impl H5File {
         drop(self);
         let agreed = agree(exchange, context.checked("/", "close", file.close()));
         context.lone.clear();
-        if agreed.is_err() {
-            LEFT_OPEN.store(true, Ordering::Relaxed);
-        }
-        agreed
+        agreed.inspect_err(|_| leave_open())?;
+        on_root(exchange, || {
+            text_writer::sync(&context.path).map_err(|e| unwritten(&context.path, &e))
+        })
     }
 }
 
 impl Drop for H5File {
     fn drop(&mut self) {
         if !self.context.closes.get() {
-            LEFT_OPEN.store(true, Ordering::Relaxed);
+            leave_open();
             self.context.failed.set(true);
             // References that are never released keep the file open.
             std::mem::forget(self.file.clone());
@@ -499,12 +528,24 @@ pub fn probe(folder: &Path, exchange: &dyn Parallel) -> Result<()> {
         file.agree(exchange, CollectiveOutcome::of(probed))?;
         file.close(exchange)?;
         // Each rank with the serial driver, as checkpoints are read.
-        let read = hdf5::File::open(&path).and_then(|file| file.attr("probe"));
-        agree(exchange, read.map(drop).map_err(|why| unfit(&why)))
+        let read = sound::read(&path, |file| file.attr("probe").map(drop));
+        agree(exchange, read.map_err(|why| unfit(&why)))
     })();
     exchange.barrier();
     let _ = remove();
     tried
+}
+
+/// What an error says, on one line: of a call of the system that failed in HDF5 what the system
+/// says of it, as "No space left on device (os error 28)".
+pub fn reason(error: &dyn std::fmt::Display) -> String {
+    let text = error.to_string();
+    let of_system = || {
+        let number = text.split_once("errno = ")?.1.split_once(',')?.0;
+        let message = text.split_once("error message = '")?.1.split_once('\'')?.0;
+        Some(format!("{message} (os error {number})"))
+    };
+    of_system().unwrap_or_else(|| text.replace('\n', " "))
 }
 
 /// Whether a message tells that the system refused a call, as where the file is locked, too many
@@ -515,7 +556,13 @@ pub fn is_refused(message: &str) -> bool {
         let digits = after.split(|c: char| !c.is_ascii_digit()).next();
         digits?.parse().ok()
     });
-    let no_file = [Errno::NOENT, Errno::NOTDIR, Errno::ISDIR, Errno::LOOP];
+    let no_file = [
+        Errno::NOENT,
+        Errno::NOTDIR,
+        Errno::ISDIR,
+        Errno::LOOP,
+        Errno::NAMETOOLONG,
+    ];
     number.is_some_and(|number| !no_file.map(Errno::raw_os_error).contains(&number))
 }
 
@@ -539,8 +586,19 @@ pub fn walk(file: &hdf5::File) -> hdf5::Result<()> {
             looked = RawData::of(dataset).extents().map(drop);
         }
     };
-    below(&file.as_group()?, DEEPEST, "", &mut look)?;
+    each_dataset(file, &mut look)?;
     looked
+}
+
+/// Passes all datasets of a file to a visitor.
+///
+/// # Errors
+/// A damaged structure.
+pub(crate) fn each_dataset(
+    file: &hdf5::File,
+    each: &mut dyn FnMut(hdf5::Dataset),
+) -> hdf5::Result<()> {
+    below(&file.as_group()?, DEEPEST, "", each)
 }
 
 /// Passes all datasets below a group to a visitor, except those below the group `without`.
@@ -777,4 +835,21 @@ pub fn by_root<T: H5Type + Copy>(
     let after = before + data.len() as u64;
     let local = if root { data } else { &[] };
     column.append(after, Slab::rows(before, local.len() as u64, 1), local)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_call_says_what_the_system_says() {
+        let of_hdf5 = "H5Fflush(): unable to flush: file write failed: time = Sat Nov 28 2026\n\
+             , filename = 'a.h5', file descriptor = 9, errno = 28, error message = 'No space left on \
+             device', buf = 0x1, total write size = 8";
+        let expected = "No space left on device (os error 28)";
+        assert_eq!(reason(&of_hdf5), expected);
+        assert_eq!(reason(&std::io::Error::from(Errno::NOSPC)), expected);
+        assert_eq!(reason(&"a\nb"), "a b");
+        assert!(is_refused(of_hdf5) && is_refused(expected) && !is_refused("damaged"));
+    }
 }

@@ -1,14 +1,18 @@
 //! Failures of MPI's file operations. HDF5 returns them when its call ends, but a rank whose
 //! operation has failed may skip a part of a collective call in which the others wait for it, and
-//! then itself wait for them in the next part.
+//! then itself wait for them in the next part. MPI tells that input or output failed; why, only the
+//! system's number of the last error says.
 
 use std::ffi::{c_char, c_int, c_void};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use gshear_mpi_exchange::LoneFailure;
 use hdf5_sys::{h5f, h5p};
 use mpi::ffi;
+use rustix::fs::statvfs;
+use rustix::io::Errno;
 
 /// A file whose failures are noted.
 struct Noted {
@@ -16,6 +20,8 @@ struct Noted {
     handle: usize,
     path: PathBuf,
     failure: LoneFailure,
+    /// Why an operation failed, if the system has told.
+    reason: Option<String>,
 }
 
 /// Few: one for each path.
@@ -41,6 +47,7 @@ pub(super) fn note(file: &hdf5::File, path: &Path, failure: LoneFailure) -> hdf5
             handle: handle as usize,
             path: path.into(),
             failure,
+            reason: None,
         });
         drop(files);
         // SAFETY: MPI runs, and the file is open. The handler reads only the two arguments that
@@ -67,6 +74,7 @@ fn variadic(handler: Handler) -> VariadicHandler {
 
 /// Called by MPI in the operation that failed, which then returns the error.
 unsafe extern "C" fn failed(file: *mut ffi::MPI_File, code: *mut c_int) {
+    let told = told_by_system();
     // SAFETY: MPI passes valid addresses.
     let (handle, code) = unsafe { (*file as usize, *code) };
     let mut text = [0u8; ffi::MPI_MAX_ERROR_STRING as usize];
@@ -74,9 +82,36 @@ unsafe extern "C" fn failed(file: *mut ffi::MPI_File, code: *mut c_int) {
     // SAFETY: `text` holds the longest text.
     unsafe { ffi::MPI_Error_string(code, text.as_mut_ptr().cast::<c_char>(), &raw mut length) };
     let text = String::from_utf8_lossy(&text[..length.clamp(0, text.len() as c_int) as usize]);
-    if let Some(file) = files().iter().find(|file| file.handle == handle) {
+    if let Some(file) = files().iter_mut().find(|file| file.handle == handle) {
+        file.reason = file.reason.take().or(told);
         let path = file.path.display();
-        file.failure
-            .note_cause(&format!("{path}: cannot be written: {text}"));
+        let why = file.reason.as_deref().unwrap_or(&text);
+        (file.failure).note_cause(&format!("{path}: cannot be written: {why}"));
     }
+}
+
+/// Why this rank's operations on a file failed, if the system has told.
+pub(super) fn reason(path: &Path) -> Option<String> {
+    let files = files();
+    let file = files.iter().find(|file| file.path == path)?;
+    let is_full = || statvfs(path).is_ok_and(|disk| disk.f_bavail == 0);
+    let full = || is_full().then(|| io::Error::from(Errno::NOSPC).to_string());
+    file.reason.clone().or_else(full)
+}
+
+/// The last error of the system, if it can only be that of a file that is written. It may be older
+/// than the failure otherwise, or younger.
+fn told_by_system() -> Option<String> {
+    let last = io::Error::last_os_error();
+    let of_files = [
+        Errno::NOSPC,
+        Errno::DQUOT,
+        Errno::FBIG,
+        Errno::ROFS,
+        Errno::STALE,
+    ];
+    let of_files = of_files.map(|errno| Some(errno.raw_os_error()));
+    of_files
+        .contains(&last.raw_os_error())
+        .then(|| last.to_string())
 }

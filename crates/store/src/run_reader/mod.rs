@@ -10,6 +10,7 @@ mod verify;
 use std::collections::BTreeMap;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use hdf5::Dataset;
 
@@ -26,6 +27,7 @@ use crate::layout::{
     CONTACTS, Form, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain,
 };
 pub use crate::parameter::{Parameter, Parameters};
+use crate::sound::ReadFile;
 use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::time_mean::{self, RATIO_COLUMNS, TimeMean};
@@ -192,6 +194,8 @@ pub struct RunFile {
     /// Of [`of_contact`], by name.
     contacts: BTreeMap<&'static str, Dataset>,
     sums: FrameSums,
+    /// Closed when all its datasets are.
+    _file: Arc<ReadFile>,
 }
 
 impl RunFile {
@@ -252,6 +256,7 @@ impl RunFile {
         let source = OpenFile::open(&path)?;
         let stage = RunStage::of(&source);
         let parameters = source.parameters()?;
+        source.is_of_one_run(&parameters)?;
         let edges = source.edges(&parameters)?;
         let dimension = match parameters.get("dimension") {
             Some(Parameter::Integer(3)) => Dimensions::Three,
@@ -303,6 +308,7 @@ impl RunFile {
             grains,
             ids,
             path: path.clone(),
+            _file: source.file(),
         };
         file.cut_to_whole_frames(&source, finished)?;
         Ok(file)

@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::io::Read as _;
 use std::path::Path;
+use std::sync::Arc;
 
-use hdf5::{Dataset, Group, H5Type};
+use hdf5::types::VarLenUnicode;
+use hdf5::{Dataset, H5Type};
 
 use super::{Parameter, Parameters, Series, StoredScalars};
 use crate::checksums::{self, OF_PARAMETERS, of_parameters};
@@ -15,7 +17,8 @@ use crate::layout::{
     of_contact,
 };
 use crate::parameter::attributes;
-use crate::part::Part;
+use crate::part::{NEWTONIAN, OpenPart, Part};
+use crate::sound::{self, ReadFile};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
@@ -26,7 +29,7 @@ const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 /// Whether a file, or that of its part, begins as HDF5 files do.
 pub fn is_hdf5(path: &Path) -> bool {
     let mut first = [0; SIGNATURE.len()];
-    let file = std::fs::File::open(Part::of(path).file);
+    let file = sound::regular(&Part::of(path).file);
     let read = file.and_then(|mut file| file.read_exact(&mut first));
     read.is_ok() && first == SIGNATURE
 }
@@ -34,7 +37,7 @@ pub fn is_hdf5(path: &Path) -> bool {
 pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 /// An open file and its path for messages.
 pub(super) struct OpenFile<'a> {
-    file: Group,
+    file: OpenPart,
     path: &'a Path,
 }
 
@@ -43,6 +46,21 @@ impl<'a> OpenFile<'a> {
     pub(super) fn open(path: &'a Path) -> Result<Self> {
         let file = open_file(path)?;
         Ok(OpenFile { file, path })
+    }
+
+    /// The file, for what keeps its datasets: it must be dropped after them.
+    pub(super) fn file(&self) -> Arc<ReadFile> {
+        self.file.file()
+    }
+
+    /// Closes the file.
+    ///
+    /// # Errors
+    /// If the system fails to.
+    pub(super) fn close(self) -> Result<()> {
+        let path = self.path.display();
+        let closed = self.file.close();
+        closed.map_err(|e| Failure::other(format!("{path}: cannot be closed: {}", one_line(&e))))
     }
 
     pub(super) fn wrong(&self, object: &str, what: impl fmt::Display) -> Failure {
@@ -266,6 +284,29 @@ impl<'a> OpenFile<'a> {
         Ok(least)
     }
 
+    /// Refuses a file whose strain steps and Newton's equations are of different runs. `own`:
+    /// parameters of this part.
+    pub(super) fn is_of_one_run(&self, own: &Parameters) -> Result<()> {
+        let file = self.file.file();
+        let others = match &*self.file.name() {
+            "/" if file.link_exists(NEWTONIAN) => format!("{NEWTONIAN}/{PARAMETERS}"),
+            "/" => return Ok(()),
+            _ => PARAMETERS.into(),
+        };
+        let other = file.group(&others).and_then(|group| group.attr("run_id"));
+        let other = other.and_then(|id| id.read_scalar::<VarLenUnicode>());
+        match (own.get("run_id"), other) {
+            (Some(Parameter::Text(own)), Ok(other)) if own != other.as_str() => {
+                let what = format!(
+                    "strain steps and Newton's equations are of different runs (run_id {own} and {other}); \
+                     give the file as one run wrote it"
+                );
+                Err(self.wrong(&others, what))
+            }
+            _ => Ok(()),
+        }
+    }
+
     pub(super) fn parameters(&self) -> Result<Parameters> {
         if !self.exists(PARAMETERS) {
             return Err(self.lacks(PARAMETERS));
@@ -283,10 +324,10 @@ impl<'a> OpenFile<'a> {
     }
 }
 
-fn open_file(path: &Path) -> Result<Group> {
+fn open_file(path: &Path) -> Result<OpenPart> {
     let (name, part) = (path.display(), Part::of(path));
     let mut head = Vec::new();
-    let begin = std::fs::File::open(&part.file)
+    let begin = sound::regular(&part.file)
         .and_then(|file| file.take(SIGNATURE.len() as u64).read_to_end(&mut head));
     begin.map_err(|e| h5::unread(format!("{name}: cannot be read: {e}")))?;
     if head != SIGNATURE {
@@ -308,5 +349,5 @@ fn open_file(path: &Path) -> Result<Group> {
 
 /// Returns the message of an HDF5 error on one line.
 pub(crate) fn one_line(error: &hdf5::Error) -> String {
-    error.to_string().replace('\n', " ")
+    h5::reason(error)
 }

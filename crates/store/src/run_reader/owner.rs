@@ -31,7 +31,9 @@ pub struct Owner {
 /// `Failure::Input` if the file is not of a run, or damaged.
 pub fn owner(path: &Path) -> Result<Owner> {
     hdf5::silence_errors(true);
-    let parameters = OpenFile::open(path)?.parameters()?;
+    let file = OpenFile::open(path)?;
+    let parameters = file.parameters()?;
+    file.close()?;
     let text = |name: &str| match parameters.get(name) {
         Some(Parameter::Text(text)) => Some(text.clone()),
         _ => None,

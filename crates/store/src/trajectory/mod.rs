@@ -7,7 +7,7 @@ use crate::batch::{Frames, length};
 use crate::checksums::{self, OF_PARAMETERS, of_parameters};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, of_root, on_root, told_by_root};
 use crate::existing::{is_of, unlink_foreign};
-use crate::h5::{Attribute, H5File, Slab, by_root};
+use crate::h5::{self, Attribute, H5File, Slab, by_root};
 use crate::journal::{self, Journal};
 use crate::layout::{
     self, CHUNK_FRAMES, Datasets, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, describe,
@@ -16,9 +16,11 @@ pub use crate::layout::{Form, file_bytes, frame_bytes};
 use crate::part::Part;
 use crate::row_table::RowTable;
 pub use crate::run_header::{GrainShape, RunHeader};
+use crate::run_reader::RunFile;
+use crate::sound;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::domain::total;
-use gshear_dem::failure::Result;
+use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use gshear_mpi_exchange::Parallel;
 use hdf5::H5Type;
@@ -50,6 +52,8 @@ pub struct TrajectoryWriter {
     /// Where the run computes scalars of frames.
     scalars: Option<RowTable>,
     path: PathBuf,
+    /// In which the part of the file is; empty: the root.
+    group: &'static str,
     blocks: IdBlocks,
     /// Number of frames in a batch.
     batch: usize,
@@ -106,7 +110,7 @@ impl TrajectoryWriter {
             Datasets::new(&file, Mode::Create, grains as usize, header)
         })();
         let columns = agree(exchange, created)?;
-        let mut writer = Self::new(file, &part.file, columns, blocks);
+        let mut writer = Self::new(file, &part, columns, blocks);
         writer.write_statics(exchange, header)?;
         Ok(writer)
     }
@@ -128,14 +132,15 @@ impl TrajectoryWriter {
         self.file.agree(exchange, outcome)
     }
 
-    fn new(file: H5File, path: &Path, columns: Datasets, blocks: IdBlocks) -> Self {
+    fn new(file: H5File, part: &Part, columns: Datasets, blocks: IdBlocks) -> Self {
         // About two contacts a grain.
         let frame = size_of::<GrainSample>() + 2 * size_of::<ContactSample>();
         TrajectoryWriter {
             columns,
             scalars: None,
             file,
-            path: path.into(),
+            path: part.file.clone(),
+            group: part.group,
             blocks,
             batch: (BATCH_BYTES / (frame * blocks.grains as usize).max(1)).clamp(1, CHUNK_FRAMES),
             frames: Frames::default(),
@@ -325,7 +330,11 @@ impl TrajectoryWriter {
         self.attributes(exchange, attributes)?;
         drop((self.columns, self.scalars));
         self.file.close(exchange)?;
-        on_root(exchange, || journal::remove(&self.path))
+        // The journal is there until the file has been read.
+        on_root(exchange, || {
+            verify(&self.path, self.group)?;
+            journal::remove(&self.path)
+        })
     }
 
     /// Flushes if the last flush was long ago. A flush after every batch would double the cost of
@@ -348,6 +357,19 @@ impl TrajectoryWriter {
         self.flushed = Instant::now();
         self.file.agree(exchange, outcome)
     }
+}
+
+/// Reads a file back that has been written, but for the numbers of its frames, and compares it with
+/// its checksums. Not collective.
+fn verify(file: &Path, group: &str) -> Result<()> {
+    let bad = |why: &dyn std::fmt::Display| {
+        let name = file.display();
+        Failure::other(format!("{name}: was not written as it should be: {why}"))
+    };
+    sound::read(file, h5::walk).map_err(|e| bad(&e))?;
+    let part = file.join(group);
+    let part = if group.is_empty() { file } else { &part };
+    RunFile::open_any(part).map(drop).map_err(|e| bad(&e))
 }
 
 /// Keeps the metadata of a flush, to which the file returns if the program is killed.

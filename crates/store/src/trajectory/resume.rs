@@ -42,7 +42,7 @@ impl TrajectoryWriter {
         };
         let opened = Datasets::new(&file, Mode::Open, grains as usize, &header);
         let columns = agree(exchange, opened)?;
-        let mut writer = Self::new(file, &part.file, columns, blocks);
+        let mut writer = Self::new(file, &part, columns, blocks);
         (writer.frames_written, writer.contacts_written) = (frames, contacts);
         // A file that was closed has no journal, and a kill while it is cut would damage it.
         write_journal(&writer.file, &writer.path, exchange)?;

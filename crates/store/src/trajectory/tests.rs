@@ -83,7 +83,7 @@ fn values_have_units_per_unit_depth() {
     let unit = |name: &str| {
         let values = file.dataset(&format!("{OBSERVABLES}/{name}/value"));
         let unit = values.unwrap().attr("unit").ok()?;
-        Some(unit.read_scalar::<crate::h5::Word>().unwrap().to_string())
+        Some(unit.read_scalar::<h5::Word>().unwrap().to_string())
     };
     assert_eq!(unit("slip_rate").as_deref(), Some("m s-1"));
     assert_eq!(unit("work_load").as_deref(), Some("J m-1"));

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import functools
 import html
 import math
 import os
@@ -16,8 +17,8 @@ from typing import TypeAlias
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from .. import programs
-from ..errors import GshearError, ProgramFailedError
+from .. import _files, programs
+from ..errors import GshearError, ProgramFailedError, RunError
 
 # Okabe & Ito: blue, vermillion, green, purple, orange, sky blue, black.
 CURVES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#22262b")
@@ -38,7 +39,8 @@ def save(folder: Path, name: str, drawn: Drawn) -> str:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for suffix in ("svg", "pdf", "png"):
-        figure.savefig(folder / f"{name}.{suffix}", dpi=150, bbox_inches="tight")
+        draw = functools.partial(figure.savefig, format=suffix, dpi=150, bbox_inches="tight")
+        _files.write(folder / f"{name}.{suffix}", draw)
     for end, table in tables.items():
         write_table(folder / f"{name}{end}.csv", table)
     files = [f"{name}{end}.csv" for end in tables] + [f"{name}.pdf", f"{name}.png"]
@@ -69,11 +71,11 @@ def drawing(width: float, height: float) -> Drawing:
 def page(path: Path, title: str, lead: str, body: str) -> Path:
     """Writes the page and returns its path; `body` is HTML."""
     title, lead = html.escape(title), html.escape(lead)
-    path.write_text(
+    _files.write(
+        path,
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8"/>\n'
         f"<title>{title}</title>\n<style>\n{STYLE}\n</style>\n</head>\n<body>\n<h1>{title}</h1>\n<p>{lead}</p>\n"
         f"{body}</body>\n</html>\n",
-        encoding="utf-8",
     )
     return path
 
@@ -92,7 +94,7 @@ def write_table(path: Path, table: pd.DataFrame, *, quoted: bool = False) -> Non
     text = table.to_csv(
         index=False, na_rep="NaN", quoting=csv.QUOTE_ALL if quoted else csv.QUOTE_MINIMAL
     )
-    path.write_text(text, encoding="utf-8")
+    _files.write(path, text)
 
 
 def reduce(command: str, run: Path, out: Path, *options: str | os.PathLike[str]) -> None:
@@ -100,6 +102,23 @@ def reduce(command: str, run: Path, out: Path, *options: str | os.PathLike[str])
     words = [programs.find("gshear-reduce"), command, run, "--out", out, *options]
     out.mkdir(parents=True, exist_ok=True)
     programs.run(words, quiet=True)
+
+
+def folder_of(out: Path | None, run: Path, name: str) -> Path:
+    """Returns the folder that the user has named, or that of this name in the folder of the run.
+
+    Raises:
+        RunError: It is a link, which somebody else may have put into the folder of the run.
+    """
+    if out is not None:
+        return out
+    folder = run / name
+    if folder.is_symlink():
+        raise RunError(
+            f"{folder}: is a link, where results are not written; "
+            "remove it, or give the place with --out"
+        )
+    return folder
 
 
 def scientific(value: float, digits: int) -> str:

@@ -75,7 +75,7 @@ def study(options: argparse.Namespace) -> Path:
     Raises:
         GshearError: A run cannot be studied, or gshear-reduce failed.
     """
-    out = options.out or options.runs[0] / "bonfanti"
+    out = _output.folder_of(options.out, options.runs[0], "bonfanti")
     many = len(options.runs) > 1
     runs = [_open(path, done=many) for path in options.runs]
     if not many:

@@ -193,7 +193,7 @@ def study(options: argparse.Namespace) -> Path:
     for of in runs:
         if of.dimension != 2 or "stress_ratio" not in of.series:
             raise RunError(f"{of.path}: must be a run of disks between walls")
-    out = options.out or runs[0].folder / "lee-hurley"
+    out = _output.folder_of(options.out, runs[0].folder, "lee-hurley")
     studied = [
         Studied(run, label, out / f"run-{k}", options)
         for k, (run, label) in enumerate(zip(runs, _labels(runs), strict=True), start=1)

@@ -64,8 +64,7 @@ pub fn write(
         let run = RunFile::open_any(run)?;
         ExportedState::of_run(&run, frame.unwrap_or(Which::Last).of(&run)?)?
     };
-    let beside = || Results::of(None, folder_of(run)).place(&format!("{}.data", state.name));
-    let path = out.map_or_else(beside, Path::to_path_buf);
+    let path = Results::path(out, folder_of(run), &format!("{}.data", state.name))?;
     text_writer::write(&path, data_file(&state, reader))?;
     Ok(path)
 }

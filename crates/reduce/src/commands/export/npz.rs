@@ -1,6 +1,5 @@
 //! NumPy archives: one array per name, frames along the first axis.
 
-use std::fs::File;
 use std::io::Write;
 use std::num::TryFromIntError;
 use std::path::{Path, PathBuf};
@@ -96,8 +95,8 @@ impl NpzWriter {
         array.bytes.extend_from_slice(cast_slice(values));
     }
 
-    fn write(&self, part: &Path) -> Result<(), Box<dyn std::error::Error>> {
-        let mut archive = ZipWriter::new(File::create(part)?);
+    fn write(&self, part: &mut PartFile) -> Result<(), Box<dyn std::error::Error>> {
+        let mut archive = ZipWriter::new(part);
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
             .large_file(true);
@@ -173,8 +172,8 @@ impl FrameWriter for NpzWriter {
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
-        let part = PartFile::create(&self.path)?;
-        let written = self.write(part.part());
+        let mut part = PartFile::create(&self.path)?;
+        let written = self.write(&mut part);
         part.checked(written)?;
         Ok(vec![part.finish()?])
     }

@@ -9,17 +9,19 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use hdf5::types::{FixedAscii, VarLenUnicode};
-use hdf5::{Dataset, Extent, File, Group, H5Type, Hyperslab, SliceOrIndex};
+use hdf5::{Dataset, H5Type, Hyperslab, SliceOrIndex};
 use ndarray::ArrayViewD;
 
 use gshear_dem::failure::Result;
 use gshear_dem::state::GrainSample;
+use gshear_store::checked::CheckedFile;
 use gshear_store::contact_quantities::of_contacts;
-use gshear_store::text_writer::{PartFile, unwritten};
 
 use super::FrameWriter;
 use super::content::{ExportedFrame, ExportedRun};
 
+/// The group that holds everything.
+const ROOT: &str = "VTKHDF";
 /// The kinds of cells of PolyData, in the order of the columns of `CellOffsets`.
 const KINDS: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
 /// Groups of data, and of the places of each step in them.
@@ -36,11 +38,8 @@ const STEP_CHUNK: usize = 256;
 
 /// Writes the file.
 pub struct VtkWriter {
-    part: PartFile,
-    file: File,
-    /// The group `VTKHDF`.
-    root: Group,
-    /// Its datasets by their paths.
+    file: CheckedFile,
+    /// Datasets by their paths in the group `VTKHDF`.
     datasets: HashMap<String, Dataset>,
     frames: i64,
 }
@@ -49,31 +48,11 @@ impl VtkWriter {
     /// # Errors
     /// A file that cannot be created.
     pub fn create(path: &Path, run: &ExportedRun) -> Result<Self> {
-        let part = PartFile::create(path)?;
-        Self::try_create(part, run).map_err(|e| unwritten(path, &e))
-    }
-
-    fn try_create(part: PartFile, run: &ExportedRun) -> hdf5::Result<Self> {
-        let file = File::create(part.part())?;
-        let root = file.create_group("VTKHDF")?;
-        root.new_attr_builder()
-            .with_data(&[2i64, 0])
-            .create("Version")?;
-        let kind = FixedAscii::<8>::from_ascii(b"PolyData").map_err(|e| e.to_string())?;
-        root.new_attr::<FixedAscii<8>>()
-            .create("Type")?
-            .write_scalar(&kind)?;
-        let title: VarLenUnicode = run.title().parse().unwrap_or_default();
-        root.new_attr::<VarLenUnicode>()
-            .create("origin")?
-            .write_scalar(&title)?;
-        for group in KINDS.into_iter().chain(GROUPS) {
-            root.create_group(group)?;
-        }
+        let file = CheckedFile::create(path)?;
+        let described = describe(&file, run);
+        file.checked(described)?;
         Ok(Self {
-            part,
             file,
-            root,
             datasets: HashMap::new(),
             frames: 0,
         })
@@ -98,11 +77,10 @@ impl VtkWriter {
             _ => vec![entries, width],
         };
         if !self.datasets.contains_key(name) {
-            let mut extents: Vec<Extent> = shape(0).into_iter().map(Extent::from).collect();
-            extents[0].max = None;
-            let builder = self.root.new_dataset::<T>();
-            let builder = builder.chunk(shape((chunk / width).max(1))).shape(extents);
-            self.datasets.insert(name.into(), builder.create(name)?);
+            let (of_row, chunk) = (&shape(0)[1..], (chunk / width).max(1));
+            let path = format!("{ROOT}/{name}");
+            let dataset = self.file.growing::<T>(&path, of_row, chunk)?;
+            self.datasets.insert(name.into(), dataset);
         }
         let (first, new) = (self.entries(name), values.len() / width);
         if new == 0 {
@@ -258,28 +236,49 @@ impl VtkWriter {
         let ids: Vec<i64> = of_point.iter().map(|&g| run.file.ids()[g].into()).collect();
         self.append_data((OF, "id"), 1, &ids)
     }
+}
 
-    fn close(self) -> (PartFile, hdf5::Result<()>) {
-        let close = || {
-            let count = self.root.group("Steps")?.new_attr::<i64>();
-            count.create("NSteps")?.write_scalar(&self.frames)?;
-            // What cannot be written is noticed here; to close it says nothing.
-            self.file.flush()?;
-            self.file.close()
-        };
-        (self.part, close())
+/// Writes what the file is, and its groups.
+fn describe(file: &CheckedFile, run: &ExportedRun) -> hdf5::Result<()> {
+    let root = file.root()?.create_group(ROOT)?;
+    root.new_attr_builder()
+        .with_data(&[2i64, 0])
+        .create("Version")?;
+    let kind = FixedAscii::<8>::from_ascii(b"PolyData").map_err(|e| e.to_string())?;
+    root.new_attr::<FixedAscii<8>>()
+        .create("Type")?
+        .write_scalar(&kind)?;
+    let title: VarLenUnicode = run.title().parse().unwrap_or_default();
+    root.new_attr::<VarLenUnicode>()
+        .create("origin")?
+        .write_scalar(&title)?;
+    for group in KINDS.into_iter().chain(GROUPS) {
+        root.create_group(group)?;
     }
+    Ok(())
 }
 
 impl FrameWriter for VtkWriter {
     fn frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> Result<()> {
         let appended = self.append_frame(run, frame);
-        self.part.checked(appended)
+        self.file.checked(appended)
     }
 
     fn finish(self: Box<Self>) -> Result<Vec<PathBuf>> {
-        let (part, closed) = self.close();
-        part.checked(closed)?;
-        Ok(vec![part.finish()?])
+        let Self {
+            file,
+            datasets,
+            frames,
+        } = *self;
+        drop(datasets);
+        let counted = file.root().and_then(|root| {
+            let steps = root.group(&format!("{ROOT}/Steps"))?;
+            steps
+                .new_attr::<i64>()
+                .create("NSteps")?
+                .write_scalar(&frames)
+        });
+        file.checked(counted)?;
+        Ok(vec![file.finish()?])
     }
 }
