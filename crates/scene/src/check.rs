@@ -6,7 +6,6 @@ use gshear_dem::laws::keys::KeyReader;
 
 use crate::checker::Checker;
 use crate::general::{SCENE, check_bookkeeping};
-use crate::materials::OTHERS;
 use crate::output::OUTPUT;
 use crate::packing::GrainLimit;
 use crate::sample::{ReadPacking, SAMPLE};
@@ -30,7 +29,7 @@ pub(crate) fn scene(
     if c.count(&SCENE.dimension) == 3 {
         c.dimension = Dimensions::Three;
     }
-    let (law, contact) = law::check(c, c.is_given(&OTHERS))?;
+    let (law, contact) = law::check(c)?;
     let materials = materials::check(c, &law, &contact)?;
     time::check(c, &law, boxed);
     check_limit(c, limit);

@@ -74,11 +74,9 @@ pub(crate) fn pair_keys() -> Vec<&'static Key> {
     keys
 }
 
-/// The law with its constants, and what all contacts have.
-///
-/// With `several` materials, what follows from other keys differs from pair to pair, and is not
-/// filled in.
-pub(crate) fn check(c: &mut Checker<'_>, several: bool) -> Result<(Law, Contact)> {
+/// The law with its constants, and what all contacts have. With several materials these are the
+/// values of `[contact]`, with the elastic constants of the first.
+pub(crate) fn check(c: &mut Checker<'_>) -> Result<(Law, Contact)> {
     let kind = choose(c)?;
     let dimension = c.dimension;
     if dimension == Dimensions::Two {
@@ -104,9 +102,7 @@ pub(crate) fn check(c: &mut Checker<'_>, several: bool) -> Result<(Law, Contact)
     }
     let law = Law::read(kind, c);
     for (key, value) in law.given() {
-        if !several || c.is_given(key) || !key.default.is_empty() {
-            c.fill(key, *value);
-        }
+        c.fill(key, *value);
     }
     let adheres = dimension == Dimensions::Three && is_jkr(c);
     if adheres && law.contact_modulus().is_none() {
@@ -132,12 +128,24 @@ pub(crate) fn is_jkr(c: &mut Checker<'_>) -> bool {
     c.choice(&CONTACT.adhesion) == Some(ADHESION_NAMES[1])
 }
 
-/// What contacts have beside their law, from the values of its keys; `adheres`: by JKR.
+/// k_r/R_r² and k_w/R_r² (N/m; Pa in 2D) of these contacts, if they have them.
+pub(crate) fn turning_stiffnesses(law: &Law, contact: &Contact) -> [Option<f64>; 2] {
+    let rolling = contact.rolling_stiffness.or(law.rolling_stiffness());
+    [rolling, contact.twisting_stiffness.or(rolling)]
+}
+
+/// What contacts have beside their law, from the values of its keys; `adheres`: by JKR. A stiffness
+/// that is given as the one that applies without it is that one, so that writing a default down
+/// changes nothing, not even the limit of the time step.
 pub(crate) fn contact_of(
     law: &Law,
     adheres: bool,
     number: &mut dyn FnMut(&Key) -> Option<f64>,
 ) -> Contact {
+    let own = law.rolling_stiffness();
+    let rolling_stiffness = number(&CONTACT.rolling_stiffness).filter(|k| Some(*k) != own);
+    let rolling = rolling_stiffness.or(own);
+    let twisting_stiffness = number(&CONTACT.twisting_stiffness).filter(|k| Some(*k) != rolling);
     let mut coefficient = |key| number(key).unwrap_or(0.0);
     let energy = coefficient(&CONTACT.surface_energy);
     let modulus = law.contact_modulus().filter(|_| adheres && energy > 0.0);
@@ -152,16 +160,15 @@ pub(crate) fn contact_of(
             per_radius: if adheres { 0.0 } else { 4.0 * PI * energy },
             jkr: modulus.map(|modulus| Jkr::new(energy, modulus)),
         },
-        rolling_stiffness: number(&CONTACT.rolling_stiffness),
-        twisting_stiffness: number(&CONTACT.twisting_stiffness),
+        rolling_stiffness,
+        twisting_stiffness,
         ..Contact::NONE
     }
 }
 
 /// The key of a friction that lacks the stiffness of its spring, and what to say of it.
 pub(crate) fn lacks_stiffness(law: &Law, contact: &Contact) -> Option<(&'static Key, String)> {
-    let of_rolling = contact.rolling_stiffness.or(law.rolling_stiffness());
-    let of_twisting = contact.twisting_stiffness.or(of_rolling);
+    let [of_rolling, of_twisting] = turning_stiffnesses(law, contact);
     let (key, given) = if contact.rolling_friction > 0.0 && of_rolling.is_none() {
         (&CONTACT.rolling_friction, "rolling_stiffness")
     } else if contact.twisting_friction > 0.0 && of_twisting.is_none() {

@@ -11,7 +11,9 @@ use gshear_dem::state::{GrainState, Masses, body};
 
 use crate::checker::Checker;
 use crate::insertion::material_stream;
-use crate::law::{CONTACT, ContactKeys, PAIR, contact_of, is_jkr, lacks_stiffness};
+use crate::law::{
+    CONTACT, ContactKeys, PAIR, contact_of, is_jkr, lacks_stiffness, pair_keys, turning_stiffnesses,
+};
 use crate::sample::{SAMPLE, is_flat};
 use crate::table::{Table, laws_with, table};
 use crate::value::{Entries, Value};
@@ -159,13 +161,17 @@ fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), gi
     }
 }
 
-/// Reads the values of a pair of materials: what `contact.pair` or a material has, mixed where it
-/// has only those of like pairs.
+/// Reads the values of a pair of materials: what `contact.pair` or a material has, and of unlike
+/// materials the mean of what their like pairs have.
 struct PairReader<'r, 'a> {
     c: &'r mut Checker<'a>,
     materials: &'r [Listed],
     pairs: &'r [([usize; 2], Listed)],
+    /// The names of the materials.
+    names: &'r [String],
     of: [usize; 2],
+    /// The law and the contacts of like grains of the two materials; `None` while these are read.
+    like: Option<[&'r (Law, Contact); 2]>,
 }
 
 impl PairReader<'_, '_> {
@@ -176,25 +182,41 @@ impl PairReader<'_, '_> {
         }
     }
 
-    /// The value that `contact.pair` gives for two materials, in either order.
-    fn given(&self, pair: [usize; 2], key: &Key) -> Option<f64> {
-        let mut pairs = self.pairs.iter();
-        let (_, table) = pairs.find(|(of, _)| is_pair(*of, pair))?;
-        table.number(key)
+    /// The value of a key of `[contact]` for like grains, given or not.
+    fn of_like(&self, (law, contact): &(Law, Contact), k: usize, key: &Key) -> Option<f64> {
+        let [rolling, twisting] = turning_stiffnesses(law, contact);
+        match key.path {
+            path if path == CONTACT.rolling_stiffness.path => rolling,
+            path if path == CONTACT.twisting_stiffness.path => twisting,
+            _ => law.value(key).or_else(|| self.given([k, k], key)),
+        }
     }
 
-    fn of_like(&self, k: usize, key: &Key) -> Option<f64> {
+    /// The value that is given for two materials, or in `[contact]` for all.
+    fn given(&self, pair: [usize; 2], key: &Key) -> Option<f64> {
         let of_all = || Some(self.c.known(key)).filter(|x| !x.is_nan());
-        self.given([k, k], key).or_else(of_all)
+        given_in(self.pairs, pair, key).or_else(of_all)
     }
+}
+
+/// The value that `contact.pair` gives for two materials, in either order.
+fn given_in(pairs: &[([usize; 2], Listed)], pair: [usize; 2], key: &Key) -> Option<f64> {
+    let (_, table) = pairs.iter().find(|(of, _)| is_pair(*of, pair))?;
+    table.number(key)
 }
 
 impl KeyReader for PairReader<'_, '_> {
     fn number(&mut self, key: &Key) -> Option<f64> {
         let [i, j] = self.of;
         if key.table() != MaterialKeys::TABLE.name {
-            let mixed = || Some(geometric_mean(self.of_like(i, key)?, self.of_like(j, key)?));
-            return self.given([i, j], key).or_else(mixed);
+            let Some([one, other]) = self.like else {
+                return self.given([i, j], key);
+            };
+            let mean = || {
+                let [one, other] = [self.of_like(one, i, key)?, self.of_like(other, j, key)?];
+                Some(geometric_mean(one, other))
+            };
+            return given_in(self.pairs, [i, j], key).or_else(mean);
         }
         if i == j || ![YOUNG_MODULUS.path, POISSON_RATIO.path].contains(&key.path) {
             return self.of_material(i, key);
@@ -230,7 +252,9 @@ impl KeyReader for PairReader<'_, '_> {
     fn useless(&mut self, _: &Key, _: &str) {}
 
     fn refuse(&mut self, key: &Key, what: &str) {
-        self.c.refuse(key, what);
+        let [i, j] = self.of.map(|k| &self.names[k]);
+        let what = format!("{i:?} and {j:?}: {} {what}", key.name());
+        self.c.refuse_among(&[&CONTACT.pair, key], &what);
     }
 }
 
@@ -306,28 +330,72 @@ pub(crate) fn check(c: &mut Checker<'_>, law: &Law, contact: &Contact) -> Result
         c.settle()?;
     }
     let adheres = law.contact_modulus().is_some() && is_jkr(c);
-    all.laws.clear();
-    for pair in 0..count * count {
-        let [i, j] = [pair / count, pair % count];
+    let mut read = |of: [usize; 2], like: Option<[&(Law, Contact); 2]>| {
         let mut reader = PairReader {
-            c,
+            c: &mut *c,
             materials: &others,
             pairs: &pairs,
-            of: [i, j],
+            names: &all.names,
+            of,
+            like,
         };
         let law = Law::read(law.kind(), &mut reader);
         let mut contact = contact_of(&law, adheres, &mut |key| reader.number(key));
+        let [i, j] = of;
         contact.relative_densities = [1.0, densities[j] / densities[i]];
         if let Some((key, what)) = lacks_stiffness(&law, &contact) {
-            let [i, j] = [&all.names[i], &all.names[j]];
-            let what = format!("{i:?} and {j:?}: {} {what}", key.name());
-            c.refuse_among(&[&CONTACT.pair, key], &what);
+            reader.refuse(key, &what);
         }
-        all.laws.push((law, contact));
-    }
+        (law, contact)
+    };
+    let like: Vec<_> = (0..count).map(|k| read([k, k], None)).collect();
+    let pairs_of = (0..count).flat_map(|i| (0..count).map(move |j| [i, j]));
+    all.laws = pairs_of
+        .map(|[i, j]| match i == j {
+            true => like[i].clone(),
+            false => read([i, j], Some([&like[i], &like[j]])),
+        })
+        .collect();
     c.settle()?;
+    fill_pairs(c, law, &like, (&all.names, pairs));
     all.masses = Masses::Densities(Arc::from(densities));
     Ok(all)
+}
+
+/// Fills in what like pairs have by default where `[contact]`, whose defaults are filled in too,
+/// says something else. What unlike pairs have follows from that.
+fn fill_pairs(
+    c: &mut Checker<'_>,
+    of_all: &Law,
+    like: &[(Law, Contact)],
+    (names, mut pairs): (&[String], Vec<([usize; 2], Listed)>),
+) {
+    let keys = pair_keys();
+    let place = |name: &str| keys.iter().position(|key| key.name() == name);
+    let is_of_contact = |key: &Key| key.table() == ContactKeys::TABLE.name;
+    for (k, (law, _)) in like.iter().enumerate() {
+        for &(key, value) in law.given().iter().filter(|(key, _)| is_of_contact(key)) {
+            let is_given = c.is_given(key) || given_in(&pairs, [k, k], key).is_some();
+            if is_given || of_all.value(key) == Some(value) {
+                continue;
+            }
+            let at = pairs.iter().position(|(of, _)| *of == [k, k]);
+            let at = at.unwrap_or_else(|| {
+                let of = vec![names[k].clone(); 2];
+                let entries = vec![(PAIR.name().into(), Value::Names(of))];
+                let place = String::new();
+                pairs.push(([k, k], Listed { entries, place }));
+                pairs.len() - 1
+            });
+            let entries = &mut pairs[at].1.entries;
+            entries.push((key.name().into(), Value::Number(value)));
+            entries.sort_by_key(|(name, _)| place(name));
+        }
+    }
+    if !pairs.is_empty() {
+        let tables = pairs.into_iter().map(|(_, table)| table.entries);
+        c.fill(&CONTACT.pair, Value::Tables(tables.collect()));
+    }
 }
 
 /// Names, fractions and types of the other materials.
@@ -553,6 +621,112 @@ mod tests {
         let other = MIXTURE.replace("friction = 0.1", "friction = 0.2");
         let other = load(&Source::new("s", &other), &[]).expect("a scene");
         assert_ne!(identity(&other), identity(&scene));
+    }
+
+    /// Two materials, of which `pairs` says what differs, with this law.
+    fn two(law: &str, keys: &str, pairs: &str) -> Result<Scene> {
+        let dimension = if law == "lee-hurley" { 2 } else { 3 };
+        let text = format!(
+            "dimension = {dimension}\n{}",
+            r#"
+            material = [
+                { name = "a", density = 2500.0 ELASTIC },
+                { name = "b", density = 5000.0 ELASTIC2, fraction = 0.3 },
+            ]
+            contact = { law = "LAW", friction = 0.4, KEYS, pair = [PAIRS] }
+            sample = { grains = 4000, radius_min = 8e-4, radius_max = 1e-3, length = 0.016 WIDTH }
+            load.pressure = 100.0
+            shear = { inertial_number = 1e-2, strain = 0.02 }
+            "#
+        );
+        let elastic = |modulus: &str| match law {
+            "hooke" | "mindlin" => String::new(),
+            _ => format!(", young_modulus = {modulus}, poisson_ratio = 0.2"),
+        };
+        let text = text
+            .replace("ELASTIC2", &elastic("4e8"))
+            .replace("ELASTIC", &elastic("1e8"))
+            .replace("LAW", law)
+            .replace("KEYS", keys)
+            .replace("PAIRS", pairs)
+            .replace("WIDTH", if dimension == 3 { ", width = 0.016" } else { "" });
+        load(&Source::new("two.toml", text), &[])
+    }
+
+    /// The values of a key of like grains of both materials, and of unlike grains.
+    fn values_of(scene: &Scene, key: &str) -> [f64; 3] {
+        [0, 3, 1].map(|pair| {
+            let (law, contact) = &scene.materials.laws[pair];
+            match key {
+                "rolling_stiffness" => turning_stiffnesses(law, contact)[0].expect("has one"),
+                "twisting_stiffness" => turning_stiffnesses(law, contact)[1].expect("has one"),
+                _ => {
+                    let mut given = law.given().iter();
+                    given.find(|(of, _)| of.name() == key).expect("a value").1
+                }
+            }
+        })
+    }
+
+    /// Every key of `[contact]` whose default follows from others, left at it by one like pair or
+    /// by both: unlike grains have the geometric mean of what the like ones have, and writing down
+    /// what `[contact]` had by default changes nothing.
+    #[test]
+    fn unlike_grains_have_the_mean_of_what_like_ones_have_by_default() {
+        let roll = "rolling_friction = 0.1, twisting_friction = 0.1";
+        let bb = |keys: &str| format!(r#"{{ materials = ["b", "b"], {keys} }}"#);
+        let hooke = "damping_ratio = 0.1, normal_stiffness = 1000.0";
+        let impact = "restitution = 0.5, impact_speed = 1.0, impact_diameter = 2e-3";
+        for (law, keys, pair, key) in [
+            ("hooke", hooke, "tangential_stiffness = 1000.0", "tangential_stiffness"),
+            ("hooke", hooke, "normal_stiffness = 3000.0", "tangential_stiffness"),
+            ("hooke", &format!("{hooke}, {roll}"), "rolling_stiffness = 9.0", "rolling_stiffness"),
+            ("hooke", &format!("{hooke}, {roll}"), "rolling_stiffness = 9.0", "twisting_stiffness"),
+            ("hooke", &format!("{hooke}, {roll}"), "twisting_stiffness = 9.0", "twisting_stiffness"),
+            ("mindlin", "normal_stiffness = 1e6", "tangential_stiffness = 9e5", "tangential_stiffness"),
+            ("hertz", "normal_damping = 1e6", "tangential_damping = 9e6", "tangential_damping"),
+            ("hertz", "normal_damping = 1e6", "normal_damping = 4e6", "tangential_damping"),
+            ("hertz", impact, "friction = 0.1", "tangential_damping"),
+            (
+                "hertz-tsuji",
+                "restitution = 0.5",
+                "tangential_damping_ratio = 0.9",
+                "tangential_damping_ratio",
+            ),
+            (
+                "lee-hurley",
+                "damping_ratio = 0.1, rolling_friction = 0.1",
+                "friction = 0.3",
+                "rolling_stiffness",
+            ),
+            ("lee-hurley", "damping_ratio = 0.1", "sliding_damping = 0.5", "sliding_damping"),
+        ] {
+            let case = format!("{law} {pair} {key}");
+            let scene = two(law, keys, &bb(pair)).unwrap_or_else(|e| panic!("{case}: {e}"));
+            let [a, b, unlike] = values_of(&scene, key);
+            assert!(a != b, "{case}");
+            assert_eq!(unlike, geometric_mean(a, b), "{case}");
+            let again = load(&Source::new("s", &scene.toml), &[]).expect("a scene");
+            assert_eq!(format!("{again:?}"), format!("{scene:?}"), "{case}");
+            // Of like pairs that have none of their own.
+            let default = format!("{key} = {a:?}");
+            if !pair.contains("normal") && pair.contains(key) {
+                let scene_with = two(law, &format!("{keys}, {default}"), &bb(pair));
+                let laws = scene_with.expect("a scene").materials.laws;
+                assert_eq!(laws, scene.materials.laws, "{case}");
+            }
+        }
+    }
+
+    /// A mean that the pair cannot have is refused with the names of the pair.
+    #[test]
+    fn a_mean_beyond_the_bounds_of_the_pair_is_refused() {
+        let pair = r#"{ materials = ["a", "b"], normal_stiffness = 10.0 }"#;
+        let keys = "damping_ratio = 0.1, normal_stiffness = 1000.0";
+        let said = two("hooke", keys, pair).expect_err("refused").to_string();
+        for part in [r#""a" and "b": tangential_stiffness"#, "normal_stiffness = 10.0]"] {
+            assert!(said.contains(part), "{said}");
+        }
     }
 
     /// The equivalent material has the E* and G* of the pair (K. L. Johnson, Contact Mechanics,

@@ -142,3 +142,138 @@ fn scenes_in_boxes_read_back() {
         assert_eq!(format!("{again:?}"), format!("{scene:?}"), "{more}");
     }
 }
+
+/// Two materials with a law of spheres, and what their pairs have.
+const MIXTURE: &str = r#"
+    dimension = 3
+    material = [
+        { name = "a", young_modulus = 1e8, poisson_ratio = 0.2, density = 2500.0 },
+        { name = "b", young_modulus = 4e8, poisson_ratio = 0.3, density = 5000.0, fraction = 0.3 },
+    ]
+    contact = { law = "hertz", friction = 0.4, normal_damping = 1e6 }
+    contact.rolling_friction = 0.1
+    contact.rolling_stiffness = 1e3
+    contact.pair = [{ materials = ["b", "b"], normal_damping = 3e6 }]
+    sample = { grains = 4000, radius_min = 8e-4, radius_max = 1e-3, length = 0.016, width = 0.016 }
+    load.pressure = 100.0
+    shear = { inertial_number = 1e-2, strain = 0.02 }
+"#;
+
+/// Every value of `scene.toml` by itself, as an override: it changes neither the scene nor what is
+/// written.
+#[test]
+fn a_default_that_is_written_down_changes_nothing() {
+    let mut sources: Vec<(String, Vec<String>)> = Vec::new();
+    let default = include_str!("../../../configs/plane-shear-2d.toml");
+    let flat = format!("{HOOKE} sample.walls=flat");
+    let of_default = [
+        "",
+        HOOKE,
+        MINDLIN,
+        GRADED,
+        SPHERES,
+        "load.control=servo",
+        "load.gravity=9.81",
+        "sample.boundary=periodic",
+        "sample.boundary=periodic load.control=volume",
+        &flat,
+    ];
+    sources.extend(of_default.map(|sets| (default.into(), overrides(sets))));
+    sources.push((MIXTURE.into(), Vec::new()));
+    let of_box = include_str!("../../../configs/bonfanti.toml");
+    for sets in ["", "box.pressure=1e-2"] {
+        sources.push((of_box.into(), overrides(sets)));
+    }
+    for (text, sets) in &sources {
+        let scene = |more: Option<String>| {
+            let sets: Vec<_> = sets.iter().cloned().chain(more.clone()).collect();
+            let found = load(&Source::new("scene.toml", text), &sets);
+            found.unwrap_or_else(|e| panic!("{sets:?}: {e}"))
+        };
+        let alone = scene(None);
+        let written: toml::Table = toml::from_str(&alone.toml).unwrap();
+        let mut keys = 0;
+        for table in tables() {
+            for key in table.keys() {
+                let of_table = match table.name {
+                    "" => Some(&written),
+                    name => written.get(name).and_then(toml::Value::as_table),
+                };
+                let value = of_table.and_then(|of| of.get(key.name()));
+                let is_list = |value: &&toml::Value| value.is_array();
+                let Some(value) = value.filter(|value| !is_list(value)) else {
+                    continue;
+                };
+                let with = scene(Some(format!("{}={value}", key.path)));
+                assert_eq!(format!("{with:?}"), format!("{alone:?}"), "{}", key.path);
+                keys += 1;
+            }
+        }
+        assert!(keys > 20, "{keys} keys of {sets:?}");
+    }
+}
+
+/// The stiffnesses of rolling and twisting are not written, so that a branch with another modulus
+/// has another one. Written down they change nothing either, nor does the time step.
+#[test]
+fn the_stiffness_of_rolling_may_be_written_down() {
+    for sets in ["", HOOKE] {
+        let scene = with(sets);
+        let stiffness = scene.law.rolling_stiffness().expect("has one");
+        let again = with(&format!("{sets} contact.rolling_stiffness={stiffness:?}"));
+        assert_eq!(again.contact, scene.contact);
+        assert_eq!(again.time_step, scene.time_step);
+    }
+    let spheres = format!("{SPHERES} contact.rolling_friction=0.1 contact.rolling_stiffness=1e3
+        contact.twisting_friction=0.1").replace("contact.rolling_friction=none", "");
+    let scene = with(&spheres);
+    let again = with(&format!("{spheres} contact.twisting_stiffness=1e3"));
+    assert_eq!((again.contact, again.time_step), (scene.contact, scene.time_step));
+}
+
+/// Keys whose default follows from others: each is written in the scene of some kind, but for
+/// those that are left out for a reason.
+#[test]
+fn what_follows_from_other_keys_is_written() {
+    // What follows would not follow a change of what it comes from; `scene.toml` has a comment.
+    const FOLLOWS: [&str; 3] = [
+        "time.step",
+        "contact.rolling_stiffness",
+        "contact.twisting_stiffness",
+    ];
+    // Without them nothing is said: other keys, files or whoever runs the scene decide.
+    const NOTHING: [&str; 9] = [
+        "author",
+        "bookkeeping.skin",
+        "material.fraction",
+        "material.atom_type",
+        "sample.replicate",
+        "sample.walls",
+        "sample.wall_material",
+        "sample.large_material",
+        "aqs.steps",
+    ];
+    let mut scenes = ["", GRADED, SPHERES, HOOKE, MINDLIN, "load.control=servo"]
+        .map(with)
+        .to_vec();
+    let of_flow = "sample.boundary=periodic load.control=servo";
+    scenes.push(with(of_flow));
+    scenes.push(boxed("box.pressure=1e-2"));
+    scenes.push(load(&Source::new("mixture.toml", MIXTURE), &[]).unwrap());
+    for table in tables() {
+        for key in table.keys() {
+            let follows = key.default.is_empty() && !["", "none"].contains(&key.otherwise);
+            if !follows || FOLLOWS.contains(&key.path) || NOTHING.contains(&key.path) {
+                continue;
+            }
+            let is_written = |scene: &Scene| {
+                let written: toml::Table = toml::from_str(&scene.toml).unwrap();
+                match table.name {
+                    "" => written.contains_key(key.name()),
+                    name => written.get(name).is_some_and(|of| of.get(key.name()).is_some()),
+                }
+            };
+            assert!(scenes.iter().any(is_written), "{}", key.path);
+        }
+    }
+}

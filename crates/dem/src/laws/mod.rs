@@ -269,6 +269,13 @@ impl Law {
         &self.given
     }
 
+    /// The value of a key, given or default; `None` if it has none.
+    pub fn value(&self, key: &Key) -> Option<f64> {
+        let mut given = self.given.iter();
+        let (_, value) = given.find(|(own, _)| own.path == key.path)?;
+        Some(*value)
+    }
+
     /// The law while a sample is packed; see [`Constants::while_packing`].
     #[must_use]
     pub fn while_packing(&self, mean_diameter: f64, pressure: f64) -> Self {
