@@ -699,7 +699,7 @@ impl<D: Dimension> System<D> {
                     let (of_a, of_b) = (velocity(a), velocity(b));
                     let speed = length(std::array::from_fn(|axis| of_a[axis] - of_b[axis]));
                     format!(
-                        "{grains} collide too fast, at {speed:.3e} m/s: the damping force is greater than any elastic force of the contact law",
+                        "{grains} collide too fast, at {speed:.3e} m/s: with the damper their force is greater than any elastic force of the contact law",
                     )
                 }
             }

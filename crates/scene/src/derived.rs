@@ -5,13 +5,14 @@
 use super::grains::Sample;
 use gshear_dem::contact::{portable_exp, portable_ln};
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::laws::{Contact, Law, hooke};
+use gshear_dem::laws::{Contact, Law};
 
-/// Last δ/(R1+R2) of the laws for two equal disks: of LH at a/R = 0.3, beyond which its tangential
-/// stiffness (A9) is outside its range; of the springs as `hooke` has it.
-pub const OVERLAP_LIMIT: f64 = hooke::LARGEST_OVERLAP;
+/// The greatest mean overlap over d̄ under a load, and the last overlap over the diameter for which
+/// Δt is planned: the last δ/(R1+R2) of LH for two equal disks, at a/R = 0.3, beyond which its
+/// tangential stiffness (A9) is outside its range.
+pub const OVERLAP_LIMIT: f64 = 0.094;
 
-/// κ for which the mean overlap is the law's last, [`OVERLAP_LIMIT`].
+/// κ for which the mean overlap is the greatest, [`OVERLAP_LIMIT`].
 pub const STIFFNESS_NUMBER_MIN: f64 = 1.0 / OVERLAP_LIMIT;
 
 /// κ beyond which the mean overlap is so small a part of the coordinates that f64 does not resolve

@@ -152,7 +152,8 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     /// Computes the parameters of pairs of radii r_i, r_j (m), one [`Lanes16`] each.
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]);
 
-    /// The elastic F_n of two grains of this radius (m) at the largest overlap within the law.
+    /// The elastic F_n of two grains of this radius (m) at the largest overlap within the law, or
+    /// half of that: from it follows the unit of the forces.
     fn largest_force(&self, radius: f64) -> f64;
 
     /// Computes the response of some blocks of contacts and updates their histories. Only laws that

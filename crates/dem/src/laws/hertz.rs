@@ -261,8 +261,8 @@ pub(super) fn impact(force: impl Fn(f64, f64) -> f64) -> f64 {
 }
 
 /// Largest δ/(R_1+R_2) of two equal spheres; of two unequal spheres the largest δ over the diameter
-/// of the smaller one. Hertz' theory fails long before; the other laws have about the same bound.
-pub const LARGEST_OVERLAP: f64 = super::hooke::LARGEST_OVERLAP;
+/// of the smaller one, about that of `lee_hurley`. Hertz' theory fails long before.
+pub const LARGEST_OVERLAP: f64 = 0.094;
 
 /// How the dampers of Hertzian contacts depend on the overlap.
 pub trait Damper: Copy + Debug + PartialEq + Send + Sync + 'static {

@@ -180,10 +180,9 @@ impl Constants for Springs {
     }
 }
 
-/// Largest δ/(R_1+R_2) of two equal grains; of two unequal grains the largest δ over the diameter
-/// of the smaller one. Linear springs need no bound; this one is about that of LH, so that κ has
-/// the same range.
-pub const LARGEST_OVERLAP: f64 = 0.094;
+/// Largest δ over the diameter of the smaller grain. Linear springs have no bound; geometry has:
+/// beyond it the centre of the smaller grain is within the other grain, or below a flat wall.
+pub const LARGEST_OVERLAP: f64 = 0.5;
 
 /// Constants of the law, the same for all contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]

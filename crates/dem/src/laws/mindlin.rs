@@ -119,8 +119,12 @@ impl Constants for MindlinSprings {
     }
 }
 
-/// Largest δ over the diameter of the smaller grain. The law itself needs no bound.
-pub const LARGEST_OVERLAP: f64 = 0.25;
+/// Largest δ over the diameter of the smaller grain. The law itself has no bound: up to here its
+/// forces are rounded exactly to the unit that [`UNIT_OVERLAP`] gives.
+pub const LARGEST_OVERLAP: f64 = 0.39;
+/// δ over the diameter from whose F_n the unit of the forces follows; at [`LARGEST_OVERLAP`] F_n is
+/// less than twice as great.
+const UNIT_OVERLAP: f64 = 0.25;
 
 /// Constants of the law, the same for all contacts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -169,7 +173,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
 
     /// F_t may be greater than F_n, but more than twice as great only in contacts of tiny F_n.
     fn largest_force(&self, radius: f64) -> f64 {
-        let overlap = 2.0 * LARGEST_OVERLAP * radius;
+        let overlap = 2.0 * UNIT_OVERLAP * radius;
         self.normal_stiffness * overlap * overlap.sqrt() * self.friction.clamp(1.0, 2.0)
     }
 

@@ -34,9 +34,9 @@ pub mod body {
 /// by velocities too small to change a rounded position.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Units {
-    /// Of forces (N; per unit depth in 2D): 2^-50 to 2^-49 of the greatest force of the law. Less
-    /// than the error k R 2^-53 from the rounding of positions, as the greatest force is about k
-    /// R/10.
+    /// Of forces (N; per unit depth in 2D): 2^-50 to 2^-49 of the greatest force of the law. About
+    /// the error k X 2^-53 from the rounding of positions up to X, as the greatest force is k R/10,
+    /// or k R of linear springs.
     pub force: f64,
     /// Of torques (N m; per unit depth in 2D).
     pub torque: f64,
