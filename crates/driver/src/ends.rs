@@ -39,7 +39,7 @@ pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<()> {
 
 fn check_stop(header: Option<&Header>, stop: u64) -> Result<()> {
     let counted = match header {
-        None | Some(Header::Pack(_)) => 0,
+        None | Some(Header::Pack(_) | Header::Prepare { .. }) => 0,
         Some(Header::Shear(shear)) => shear.step,
         Some(Header::Aqs { progress, .. }) => progress.steps,
         Some(Header::Newtonian { step, progress, .. }) => progress.steps + step,
@@ -141,7 +141,7 @@ fn in_a_box(
                 return past(header, "newtonian.growth_times", format!("step {steps}"));
             }
         }
-        Header::Pack(_) | Header::Shear(_) => {}
+        Header::Pack(_) | Header::Shear(_) | Header::Prepare { .. } => {}
     }
     Ok(())
 }

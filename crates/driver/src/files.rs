@@ -169,23 +169,27 @@ impl Files {
         }
     }
 
-    /// Writes everything to disk. Returns the number of frames and rows in the files.
+    /// The number of frames and rows so far, buffered ones included.
+    pub fn written(&self) -> Written {
+        Written {
+            frames: self.trajectory.frames(),
+            rows: self.trajectory.rows(),
+            scalars: self.scalars_before + self.trajectory.scalar_rows(),
+        }
+    }
+
+    /// Writes everything to disk.
     ///
     /// # Errors
     /// A file that cannot be written, or was removed during the run.
-    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<Written> {
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<()> {
         let there = self.watched.iter().try_for_each(Watched::verify);
         agree(exchange, there)?;
         self.trajectory.flush(exchange)?;
         let log = self.log.as_mut();
         let logged = std::mem::replace(&mut self.log_state, Ok(()))
             .and_then(|()| log.map_or(Ok(()), Log::sync));
-        agree(exchange, logged)?;
-        Ok(Written {
-            frames: self.trajectory.frames(),
-            rows: self.trajectory.rows(),
-            scalars: self.scalars_before + self.trajectory.scalar_rows(),
-        })
+        agree(exchange, logged)
     }
 
     /// Closes the files; `attributes` are those of a stage that is done.

@@ -574,7 +574,7 @@ pub fn free(folder: &Path) -> Option<f64> {
 fn files_of(header: &Header) -> Option<(&'static str, &'static [Column], &Written)> {
     UpToCheckpoint::new(header.step()).last?;
     match header {
-        Header::Pack(_) => None,
+        Header::Pack(_) | Header::Prepare { .. } => None,
         Header::Shear(shear) => Some((RUN_FILE, &SeriesRow::COLUMNS[..], &shear.written)),
         Header::Aqs { written, .. } => Some((RUN_FILE, &AqsRow::COLUMNS[..], written)),
         Header::Newtonian { written, .. } => {

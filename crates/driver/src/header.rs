@@ -17,7 +17,7 @@ use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
 use crate::run_record::RunRecord;
-use crate::stages::PACK;
+use crate::stages::{PACK, PREPARE};
 
 /// Fields of the header with the record of the run, and with the file that the grains came from.
 const RECORD: &str = "run";
@@ -31,6 +31,14 @@ pub enum Header {
     Pack(PackHeader),
     /// Shear between walls.
     Shear(ShearHeader),
+    /// The preparation of a box that has failed, from which no run goes on: the last box in which the
+    /// grains came to rest.
+    Prepare {
+        /// Boxes so far.
+        step: u64,
+        /// The length of the box.
+        length: f64,
+    },
     /// Strain steps of a periodic box.
     Aqs {
         /// The progress of the strain steps.
@@ -165,7 +173,7 @@ impl Header {
     /// The stage, if it writes frames.
     pub fn run_stage(&self) -> Option<RunStage> {
         match self {
-            Header::Pack(_) => None,
+            Header::Pack(_) | Header::Prepare { .. } => None,
             Header::Shear(_) => Some(RunStage::Shear),
             Header::Aqs { .. } => Some(RunStage::Strain),
             Header::Newtonian { .. } => Some(RunStage::Newtonian),
@@ -174,7 +182,10 @@ impl Header {
 
     /// The name of the stage.
     pub fn stage(&self) -> &'static str {
-        self.run_stage().map_or(PACK, RunStage::name)
+        match self {
+            Header::Prepare { .. } => PREPARE,
+            _ => self.run_stage().map_or(PACK, RunStage::name),
+        }
     }
 
     /// Completed steps of the stage.
@@ -182,7 +193,7 @@ impl Header {
         match self {
             Header::Pack(pack) => pack.step,
             Header::Shear(shear) => shear.step,
-            Header::Newtonian { step, .. } => *step,
+            Header::Newtonian { step, .. } | Header::Prepare { step, .. } => *step,
             Header::Aqs { progress, .. } => progress.steps,
         }
     }
@@ -192,6 +203,7 @@ impl Header {
         match self {
             Header::Pack(_) => sample.cell(),
             Header::Shear(shear) => shear.cell(sample),
+            Header::Prepare { length, .. } => sample.box_cell(*length),
             Header::Aqs {
                 unfinished: Some(of),
                 ..

@@ -13,7 +13,7 @@ use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
 
 use crate::exported_state::read_packing;
-use crate::folder::{Contents, RunFolder};
+use crate::folder::{Contents, RunFolder, same_folder};
 use crate::header::Saved;
 use crate::lock::Lock;
 use crate::options::{Options, Outcome};
@@ -55,6 +55,12 @@ impl Task {
                 run.terminal.follow(folder, &run.record, scene, exchange);
             }
         }
+        if let Some(saved) = self.saved()
+            && self.entry == Entry::Resume
+            && (saved.path.parent()).is_some_and(|of| same_folder(of, &options.out))
+        {
+            run.saved_at = Some((saved.header.stage(), saved.header.step()));
+        }
         run.terminal.header(exchange, scene, run.isa);
         if let Some(warning) = self.not_at_load() {
             run.terminal.warn(warning);
@@ -63,6 +69,7 @@ impl Task {
             Dimensions::Two => stages::<Two>(&mut run, self.start),
             Dimensions::Three => stages::<Three>(&mut run, self.start),
         };
+        let outcome = outcome.map_err(|failure| run.leave_sound_state(failure));
         run.terminal.run_ended(&outcome);
         outcome
     }
@@ -173,7 +180,9 @@ pub fn resume_if_begun(exchange: &dyn Parallel, folder: &Path, task: Task) -> Re
     if is_finished(exchange, folder, &task)? {
         return Ok(None);
     }
-    let task = match newest(exchange, folder)? {
+    let saved = newest(exchange, folder)?;
+    let goes_on = |saved: &Saved| !matches!(saved.header, Header::Prepare { .. });
+    let task = match saved.filter(goes_on) {
         None => {
             let note = "holds this run without a checkpoint; it starts again";
             note_once(exchange, &format!("{}: {note}", folder.display()));
@@ -225,7 +234,13 @@ fn note_once(exchange: &dyn Parallel, note: &str) {
 }
 
 /// The task of a checkpoint: its scene with the changes, and its state.
-fn from_checkpoint(saved: Saved, wanted: Changes<'_>) -> Result<Task> {
+fn from_checkpoint(mut saved: Saved, wanted: Changes<'_>) -> Result<Task> {
+    if let Header::Prepare { .. } = saved.header {
+        let path = saved.path.display();
+        return Err(Failure::input(format!(
+            "{path}: is of a preparation that has failed, from which no run goes on; begin the scene again with other keys, or take the grains as sample.packing = \"{path}\""
+        )));
+    }
     let before = saved.scene(&[])?;
     let scene = match wanted {
         Changes::Set(set) | Changes::Branch(set) => saved.scene(set)?,

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::simd::Isa;
-use gshear_dem::state::Snapshot;
+use gshear_dem::state::{GrainState, Snapshot};
 use gshear_dem::tuning::Tuned;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
@@ -16,11 +16,19 @@ use crate::header::Header;
 use crate::options::{Options, Outcome};
 use crate::run_record::RunRecord;
 use crate::signals::Signals;
+use crate::stages::PREPARE;
 use crate::terminal::Terminal;
 use gshear_store::status::Standing;
 
 /// Steps of Newton's equations after which a stage looks whether the last checkpoint is old.
 pub(crate) const LOOK: u64 = 100;
+
+/// Steps of Newton's equations between two states that are kept in memory: a copy takes as long as
+/// some tens of steps.
+const KEPT_STEPS: u64 = 50_000;
+
+/// The most grains whose state is kept in memory. Larger samples have their checkpoints alone.
+const MOST_KEPT: u32 = 1_000_000;
 
 /// Whether a checkpoint is due after a step. A stop always writes one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,11 +82,28 @@ pub trait Stage {
     /// Whether a checkpoint is due after the last step.
     fn save_due(&self) -> Save;
 
-    /// Flushes the files and returns the state.
+    /// Writes what the files hold so far to disk, before a checkpoint.
+    ///
+    /// # Errors
+    /// A file that cannot be written, or a state that no run can go on from.
+    fn flush(&mut self, run: &mut Run<'_>) -> Result<()>;
+
+    /// The state after the last step, and what was written up to it.
     ///
     /// # Errors
     /// A file that cannot be written.
-    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint>;
+    fn state(&mut self, run: &mut Run<'_>) -> Result<Checkpoint>;
+
+    /// Whether the state after the last step is kept in memory, to be written if numbers fail before
+    /// the next checkpoint.
+    fn is_kept(&self) -> bool {
+        self.at().1.is_multiple_of(KEPT_STEPS)
+    }
+
+    /// Whether the state is sound although the last step has failed, because steps ran out.
+    fn is_sound(&self) -> bool {
+        false
+    }
 
     /// The fastest settings so far, if they are not those of the start.
     fn tuned(&self) -> Option<Tuned>;
@@ -111,6 +136,10 @@ pub struct Run<'a> {
     signals: Signals,
     started: Instant,
     saved: Instant,
+    /// The last state kept in memory; `None` if a checkpoint was written since.
+    sound: Option<Checkpoint>,
+    /// Stage and step of the newest checkpoint of this run in its folder.
+    pub(crate) saved_at: Option<(&'static str, u64)>,
     /// Time between checkpoints (s), if there is one.
     checkpoint_time: Option<f64>,
 }
@@ -147,6 +176,8 @@ impl<'a> Run<'a> {
             signals: Signals::catch()?,
             started: now,
             saved: now,
+            sound: None,
+            saved_at: None,
             checkpoint_time: Some(scene.checkpoint_time).filter(|time| *time > 0.0),
         })
     }
@@ -159,10 +190,9 @@ impl<'a> Run<'a> {
     /// written.
     pub(crate) fn drive(&mut self, stage: &mut dyn Stage, begins: bool) -> Result<Outcome> {
         let (name, _) = stage.at();
-        if let Some(folder) = &self.folder {
-            folder.clear(self.exchange)?;
-        }
+        self.clear()?;
         self.terminal.begin(&stage.standing());
+        self.keep(stage)?;
         if begins {
             stage.begin(self).map_err(|e| in_stage(e, name))?;
             stage.record(self)?;
@@ -170,8 +200,17 @@ impl<'a> Run<'a> {
         while !stage.is_done() {
             let last = self.options.stop_at;
             let last = last.is_some() && stage.count() == last;
-            let stop = stage.step(self, last).map_err(|e| in_stage(e, name))?;
-            stage.record(self).map_err(|e| in_stage(e, name))?;
+            let moved = stage.step(self, last);
+            let recorded = moved.and_then(|stop| stage.record(self).map(|()| stop));
+            let stop = match recorded {
+                Ok(stop) => stop,
+                Err(failure) => {
+                    if stage.is_sound() {
+                        self.keep(stage)?;
+                    }
+                    return Err(in_stage(failure, name));
+                }
+            };
             let stopped = stop && !stage.is_done();
             let due = match stage.save_due() {
                 Save::No => stopped,
@@ -180,8 +219,11 @@ impl<'a> Run<'a> {
             };
             if due {
                 self.record.tuned = stage.tuned();
-                let saved = stage.checkpoint(self).and_then(|of| self.save(&of));
+                let flushed = stage.flush(self).and_then(|()| stage.state(self));
+                let saved = flushed.and_then(|of| self.save(&of));
                 saved.map_err(|e| in_stage(e, name))?;
+            } else if stage.is_kept() {
+                self.keep(stage)?;
             }
             stage.log(self);
             let (_, step) = stage.at();
@@ -200,6 +242,62 @@ impl<'a> Run<'a> {
         self.terminal.clear();
         self.terminal.set(&stage.standing());
         Ok(Outcome::Done)
+    }
+
+    /// Removes the files of an earlier run, if that is still to be done; collective.
+    fn clear(&self) -> Result<()> {
+        let folder = self.folder.as_ref();
+        folder.map_or(Ok(()), |folder| folder.clear(self.exchange))
+    }
+
+    /// Keeps the state of a stage in memory, unless the sample is too large for that or the run is a
+    /// replay; collective.
+    fn keep(&mut self, stage: &mut dyn Stage) -> Result<()> {
+        // Room for the new one.
+        self.sound = None;
+        if self.folder.is_some() && self.scene.sample.grains <= MOST_KEPT {
+            self.sound = Some(stage.state(self)?);
+        }
+        Ok(())
+    }
+
+    /// Keeps the last sound state of a preparation that fails.
+    pub(crate) fn keep_prepared(&mut self, header: Header, grains: Vec<GrainState>) {
+        self.sound = self.folder.is_some().then(|| Checkpoint {
+            header,
+            state: Snapshot {
+                grains,
+                ..Snapshot::default()
+            },
+            keep: false,
+        });
+    }
+
+    /// After numbers that failed, writes the last sound state that is kept, and says in the failure
+    /// where it is. Collective.
+    pub(crate) fn leave_sound_state(&mut self, failure: Failure) -> Failure {
+        let Failure::Numbers(what) = failure else {
+            return failure;
+        };
+        if let Some(sound) = self.sound.take()
+            && self.saved_at != Some((sound.header.stage(), sound.header.step()))
+            && let Err(lost) = self.clear().and_then(|()| self.save(&sound))
+        {
+            return Failure::Numbers(format!("{what}; and its last sound state is lost: {lost}"));
+        }
+        let Some((stage, step)) = self.saved_at else {
+            return Failure::Numbers(what);
+        };
+        let path = self.options.out.join(checkpoint::NAME);
+        let path = path.display();
+        let how = if stage == PREPARE {
+            "take it as sample.packing".to_string()
+        } else {
+            format!("go on from it with --resume {path}, and --branch NEW_FOLDER for other physics")
+        };
+        Failure::Numbers(format!(
+            "{what}; the last sound state, {stage} step {step}, is in {path}: look at it with gshear-reduce export --format lammps-data {path}, or {how}"
+        ))
     }
 
     /// Whether a signal or the wall time requests a stop on this rank.
@@ -235,6 +333,8 @@ impl<'a> Run<'a> {
         let header_text = header.text(&self.record, self.scene.packing());
         let texts = [&*header_text, &self.scene.toml];
         checkpoint::write(exchange, out, texts, &checkpoint.state)?;
+        self.saved_at = Some((header.stage(), header.step()));
+        self.sound = None;
         self.terminal
             .saved(header.stage(), header.step(), self.saved.elapsed());
         on_root(exchange, || {

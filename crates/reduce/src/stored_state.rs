@@ -181,6 +181,9 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
     let saved = Saved::read(&Solo, path)?;
     let scene = saved.scene(&[])?;
     let Saved { header, state, .. } = saved;
+    if let Header::Prepare { .. } = header {
+        return unfit("a checkpoint of a preparation, which has no contacts; use one of a run");
+    }
     let Some(stage) = header.run_stage() else {
         return unfit(
             "a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",

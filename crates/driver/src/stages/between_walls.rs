@@ -39,7 +39,7 @@ pub fn run<D: LawSpace>(
             None => return Ok(Outcome::Stopped),
         },
         Header::Shear(header) => (header, state),
-        Header::Aqs { .. } | Header::Newtonian { .. } => {
+        Header::Prepare { .. } | Header::Aqs { .. } | Header::Newtonian { .. } => {
             return Err(Failure::input(
                 "the checkpoint is of a periodic box, and its scene has none",
             ));

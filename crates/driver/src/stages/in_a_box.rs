@@ -41,7 +41,7 @@ pub fn run<D: LawSpace>(
         run.terminal.unprepared();
         return Ok(Outcome::Stopped);
     };
-    if let Header::Pack(_) | Header::Shear(_) = header {
+    if let Header::Pack(_) | Header::Shear(_) | Header::Prepare { .. } = header {
         return Err(Failure::input("the checkpoint is not of a periodic box"));
     }
     let cell = header.cell::<D>(&scene.sample);

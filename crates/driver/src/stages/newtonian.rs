@@ -185,7 +185,12 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
                 self.files.finish(run.exchange, &[])?;
                 return outcome;
             }
-            Err(failure) => return Err(self.files.fail(run.exchange, failure)),
+            Err(failure) => {
+                if let (Failure::Numbers(_), Some(spectra)) = (&failure, &mut self.spectra) {
+                    spectra.flush(run.exchange)?;
+                }
+                return Err(self.files.fail(run.exchange, failure));
+            }
         }
         let digest = (self.assembly).digest(&self.progress.box_bytes(), self.step);
         if let Some(spectra) = &mut self.spectra {
@@ -215,7 +220,8 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     fn begin(&mut self, run: &mut Run<'_>) -> Result<()> {
         if self.scene.keep_checkpoints && run.options.replay.is_none() {
             // A window before the first checkpoint is replayed from the state at rest.
-            let checkpoint = self.checkpoint(run)?;
+            self.flush(run)?;
+            let checkpoint = self.state(run)?;
             run.save(&checkpoint)?;
         }
         self.assembly.initial_forces(&mut NoWalls, false)
@@ -293,12 +299,17 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         }
     }
 
-    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint> {
-        let written = self.files.flush(run.exchange)?;
-        let lines = match &mut self.spectra {
-            Some(spectra) => spectra.flush(run.exchange)?,
-            None => 0,
-        };
+    fn flush(&mut self, run: &mut Run<'_>) -> Result<()> {
+        self.files.flush(run.exchange)?;
+        match &mut self.spectra {
+            Some(spectra) => spectra.flush(run.exchange),
+            None => Ok(()),
+        }
+    }
+
+    fn state(&mut self, _: &mut Run<'_>) -> Result<Checkpoint> {
+        let written = self.files.written();
+        let lines = self.spectra.as_ref().map_or(0, SpectraFile::rows);
         Ok(Checkpoint {
             header: Header::Newtonian {
                 step: self.step,

@@ -39,6 +39,8 @@ pub(super) struct PackStage<'a, D: Dimension> {
     at_rest: bool,
     /// Whether the grains left the contact law before the bottom bore the whole load.
     fell_outside: bool,
+    /// Whether it has taken all the steps that it may.
+    ran_out: bool,
     /// Starts before this one.
     starts: u32,
     advance: Advance,
@@ -126,6 +128,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
             unit,
             at_rest: false,
             fell_outside: false,
+            ran_out: false,
             starts: header.starts,
             advance: Advance::new(scene, D::AXES, header.piston.height),
         })
@@ -237,6 +240,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         if loaded && kinetic < energy_at_rest && (carried - 1.0).abs() < balance {
             self.at_rest = true;
         } else if self.step >= pack.max_steps {
+            self.ran_out = true;
             return Err(Failure::numbers(format!(
                 "not at rest after pack.max_steps = {} steps: the kinetic energy per grain is {per_grain:.1e} P d δ, \
                  pack.tolerance is {tolerance:.1e}; allow more steps or a greater tolerance",
@@ -269,7 +273,15 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         }
     }
 
-    fn checkpoint(&mut self, _: &mut Run<'_>) -> Result<Checkpoint> {
+    fn flush(&mut self, _: &mut Run<'_>) -> Result<()> {
+        Ok(())
+    }
+
+    fn is_sound(&self) -> bool {
+        self.ran_out
+    }
+
+    fn state(&mut self, _: &mut Run<'_>) -> Result<Checkpoint> {
         Ok(Checkpoint {
             header: Header::Pack(PackHeader {
                 step: self.step,

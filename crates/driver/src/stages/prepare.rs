@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use super::assembly::Assembly;
 use super::relax::NOT_AT_REST;
 use super::scatter::{Placed, move_apart};
+use crate::header::Header;
 use crate::run::Run;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
@@ -192,6 +193,7 @@ fn compress<D: Dimension>(
             match rest(run, periodic, &mut assembly) {
                 Ok(state) => return Ok(state),
                 Err(Failure::Numbers(m)) if m.starts_with(NOT_AT_REST) => {
+                    keep(run, boxes, settled);
                     return Err(in_preparation(scene, length, &m));
                 }
                 Err(failure) => moved = Err(failure),
@@ -207,6 +209,7 @@ fn compress<D: Dimension>(
                 let what = format!(
                     "{m}, after {halvings} halvings of the compression step; give a lower box.solid_fraction, or another seed"
                 );
+                keep(run, boxes, settled);
                 return Err(in_preparation(scene, length, &what));
             }
             (Err(other), _) => return Err(other),
@@ -221,6 +224,13 @@ fn compress<D: Dimension>(
         let next = (shrinking * from).max(target);
         grains = shrunk::<D>(at_rest, *from, next);
         length = next;
+    }
+}
+
+/// Keeps the last box in which the grains settled, if there is one, after so many boxes.
+fn keep(run: &mut Run<'_>, step: u64, settled: Option<(f64, Vec<GrainState>)>) {
+    if let Some((length, grains)) = settled {
+        run.keep_prepared(Header::Prepare { step, length }, grains);
     }
 }
 

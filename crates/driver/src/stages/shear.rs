@@ -328,7 +328,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         })
     }
 
-    fn state(&mut self) -> Snapshot {
+    fn snapshot(&mut self) -> Snapshot {
         Snapshot {
             analysed: (self.analysis.as_ref().and_then(FrameAnalysis::last)).cloned(),
             ..self.assembly.owned()
@@ -351,7 +351,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
             // A window before the first checkpoint is replayed from the packed sample.
             run.save(&Checkpoint {
                 header: self.header(run, Written::default()),
-                state: self.state(),
+                state: self.snapshot(),
                 keep: true,
             })?;
         }
@@ -435,13 +435,17 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
         }
     }
 
-    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint> {
+    fn flush(&mut self, run: &mut Run<'_>) -> Result<()> {
         self.check_between(run.exchange)?;
         self.write_scalars(run.exchange)?;
-        let written = self.files.flush(run.exchange)?;
+        self.files.flush(run.exchange)
+    }
+
+    fn state(&mut self, run: &mut Run<'_>) -> Result<Checkpoint> {
+        self.write_scalars(run.exchange)?;
         Ok(Checkpoint {
-            header: self.header(run, written),
-            state: self.state(),
+            header: self.header(run, self.files.written()),
+            state: self.snapshot(),
             keep: self.scene.keep_checkpoints,
         })
     }

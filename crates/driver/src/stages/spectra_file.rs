@@ -61,9 +61,13 @@ impl SpectraFile {
         agree(exchange, wrote)
     }
 
-    /// Writes all rows to disk. Returns their number.
-    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<u64> {
-        agree(exchange, self.file.as_mut().map_or(Ok(()), TableFile::sync))?;
-        Ok(self.rows)
+    /// The number of rows so far.
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Writes all rows to disk.
+    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<()> {
+        agree(exchange, self.file.as_mut().map_or(Ok(()), TableFile::sync))
     }
 }

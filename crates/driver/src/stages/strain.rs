@@ -14,7 +14,7 @@ use gshear_store::run_reader::RunStage;
 use super::assembly::{Assembly, RestState};
 use super::box_state::Observed;
 use super::eigenvalues::Eigenvalues;
-use super::relax::{LONGEST, Relaxation};
+use super::relax::{LONGEST, NOT_AT_REST, Relaxation};
 use crate::files::{Files, Format};
 use crate::header::{
     Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, UpToCheckpoint,
@@ -52,6 +52,8 @@ pub(super) struct Strain<'a, D: Dimension> {
     pub(super) held: Vec<RestState>,
     /// The relaxations of the state that has no row yet.
     unrecorded: Option<Equilibrium>,
+    /// Whether a relaxation has taken all the steps that it may.
+    ran_out: bool,
     /// Strain and shear stress of the last state.
     latest: Option<[f64; 2]>,
 }
@@ -98,6 +100,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             work,
             held: held.collect(),
             unrecorded: None,
+            ran_out: false,
             latest: None,
         })
     }
@@ -311,8 +314,15 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     fn step(&mut self, run: &mut Run<'_>, _: bool) -> Result<bool> {
         if let Some(mut work) = self.work.take() {
             let parts = (&mut work.relaxing, &mut self.held);
-            let at_rest = self.relaxation.go_on(&mut self.assembly, parts);
-            if at_rest.map_err(|failure| self.of_strain_step(failure))? {
+            let at_rest = match self.relaxation.go_on(&mut self.assembly, parts) {
+                Ok(at_rest) => at_rest,
+                Err(failure) => {
+                    self.ran_out = failure.to_string().starts_with(NOT_AT_REST);
+                    self.work = Some(work);
+                    return Err(self.of_strain_step(failure));
+                }
+            };
+            if at_rest {
                 let mut found = work.found;
                 found += work.relaxing.found;
                 let next = self.search(run, &work)?;
@@ -401,7 +411,20 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         }
     }
 
-    fn checkpoint(&mut self, run: &mut Run<'_>) -> Result<Checkpoint> {
+    fn flush(&mut self, run: &mut Run<'_>) -> Result<()> {
+        self.files.flush(run.exchange)
+    }
+
+    /// That of whole strain steps.
+    fn is_kept(&self) -> bool {
+        self.work.is_none()
+    }
+
+    fn is_sound(&self) -> bool {
+        self.ran_out
+    }
+
+    fn state(&mut self, _: &mut Run<'_>) -> Result<Checkpoint> {
         let shape = |state: &RestState| Shape::of::<D>(&state.cell);
         let unfinished = self.work.as_ref().map(|work| Unfinished {
             shape: Shape::of::<D>(&self.assembly.system.cell),
@@ -411,7 +434,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         Ok(Checkpoint {
             header: Header::Aqs {
                 progress: self.progress,
-                written: self.files.flush(run.exchange)?,
+                written: self.files.written(),
                 unfinished,
             },
             state: Snapshot {
