@@ -142,3 +142,106 @@ fn ranks_run_the_merged_scene_in_si_units() {
     assert_eq!(scene(&two), base);
     assert_eq!(base["sample"]["length"].as_float(), Some(48e-6));
 }
+
+/// Two spheres of two materials between flat walls, which are pressed together and slide.
+const TWO: &str = "two spheres
+
+2 atoms
+4 atom types
+
+0.0 0.01 xlo xhi
+0.0 0.01 ylo yhi
+0.0 0.02 zlo zhi
+
+Atoms # sphere
+
+1 1 0.002 2500.0 0.004 0.005 0.01
+2 4 0.002 2500.0 0.00599 0.005 0.01
+
+Velocities
+
+1 0.0 1e-3 0.0 0.0 0.0 0.0
+2 0.0 0.0 0.0 0.0 0.0 0.0
+";
+
+/// The scene that a run writes, with every default filled in, is the same run: all laws, mixtures
+/// whose pairs have defaults of their own, walls, boxes and protocols.
+#[test]
+fn the_written_scene_runs_to_the_same_digest() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    write(folder.path(), &[("two.data", TWO)]);
+    let mixture = |law: &str, elastic: &str, contact: &str, pair: &str| {
+        format!(
+            "dimension = 3
+            material = [
+                {{ name = 'a', density = 2500.0 {elastic} }},
+                {{ name = 'b', density = 2500.0 {elastic} }},
+            ]
+            contact = {{ law = '{law}', friction = 100.0, rolling_friction = 1.0, {contact},
+                pair = [{{ materials = ['b', 'b'], {pair} }}] }}
+            sample = {{ packing = 'two.data', walls = 'flat', wall_material = 'a' }}
+            load.pressure = 100.0
+            time.step = 1e-7
+            shear.protocol = [{{ velocity = 0.0, time = 1e-5, wall_velocity = 0.0 }}]
+            output = {{ frame_rows = 1, series_rows = 1 }}"
+        )
+    };
+    let elastic = ", young_modulus = 1e6, poisson_ratio = 0.2";
+    let rolls = "rolling_stiffness = 100.0";
+    let scenes = [
+        mixture(
+            "hooke",
+            "",
+            "normal_stiffness = 1000.0, damping_ratio = 0.0",
+            "tangential_stiffness = 1000.0",
+        ),
+        mixture(
+            "mindlin",
+            "",
+            &format!("normal_stiffness = 1e5, {rolls}"),
+            "tangential_stiffness = 9e4",
+        ),
+        mixture(
+            "hertz",
+            elastic,
+            &format!("normal_damping = 1e6, {rolls}"),
+            "normal_damping = 4e6",
+        ),
+        mixture(
+            "hertz-tsuji",
+            elastic,
+            &format!("restitution = 0.5, {rolls}"),
+            "tangential_damping_ratio = 0.9",
+        ),
+    ];
+    let mut runs: Vec<(String, Vec<&str>)> = Vec::new();
+    for (k, text) in scenes.iter().enumerate() {
+        write(folder.path(), &[(&format!("{k}.toml"), text)]);
+        runs.push((at(&format!("{k}.toml")).display().to_string(), Vec::new()));
+    }
+    let of_tests = |name: &str| format!("{}/tests/scenes/{name}", env!("CARGO_MANIFEST_DIR"));
+    runs.push((of_tests("crossing.toml"), vec!["shear.strain=0.001"]));
+    runs.push((
+        of_tests("periodic.toml"),
+        vec!["aqs.steps=1", "newtonian.growth_times=0.1"],
+    ));
+    let digest = |text: &str| {
+        let lines = text.lines().filter(|line| line.contains("digest "));
+        let digests = lines.filter_map(|line| line.split_once("digest "));
+        let digests: Vec<String> = digests.map(|(_, digest)| digest.to_string()).collect();
+        assert!(!digests.is_empty(), "{text}");
+        digests
+    };
+    for (k, (scene, sets)) in runs.iter().enumerate() {
+        let [first, again] = ["first", "again"].map(|name| at(&format!("{name}-{k}")));
+        let mut arguments = vec![scene.clone()];
+        arguments.extend(sets.iter().map(|set| format!("--set={set}")));
+        let one = common::gshear_mpi(1, &first, &arguments);
+        assert_eq!(one.code, 0, "{scene}: {}", one.text);
+        let written = first.join("scene.toml").display().to_string();
+        let two = common::gshear_mpi(1, &again, &[written]);
+        assert_eq!(two.code, 0, "{scene}: {}", two.text);
+        assert_eq!(digest(&one.text), digest(&two.text), "{scene}");
+    }
+}

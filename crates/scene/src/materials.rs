@@ -649,7 +649,14 @@ mod tests {
             .replace("LAW", law)
             .replace("KEYS", keys)
             .replace("PAIRS", pairs)
-            .replace("WIDTH", if dimension == 3 { ", width = 0.016" } else { "" });
+            .replace(
+                "WIDTH",
+                if dimension == 3 {
+                    ", width = 0.016"
+                } else {
+                    ""
+                },
+            );
         load(&Source::new("two.toml", text), &[])
     }
 
@@ -678,14 +685,54 @@ mod tests {
         let hooke = "damping_ratio = 0.1, normal_stiffness = 1000.0";
         let impact = "restitution = 0.5, impact_speed = 1.0, impact_diameter = 2e-3";
         for (law, keys, pair, key) in [
-            ("hooke", hooke, "tangential_stiffness = 1000.0", "tangential_stiffness"),
-            ("hooke", hooke, "normal_stiffness = 3000.0", "tangential_stiffness"),
-            ("hooke", &format!("{hooke}, {roll}"), "rolling_stiffness = 9.0", "rolling_stiffness"),
-            ("hooke", &format!("{hooke}, {roll}"), "rolling_stiffness = 9.0", "twisting_stiffness"),
-            ("hooke", &format!("{hooke}, {roll}"), "twisting_stiffness = 9.0", "twisting_stiffness"),
-            ("mindlin", "normal_stiffness = 1e6", "tangential_stiffness = 9e5", "tangential_stiffness"),
-            ("hertz", "normal_damping = 1e6", "tangential_damping = 9e6", "tangential_damping"),
-            ("hertz", "normal_damping = 1e6", "normal_damping = 4e6", "tangential_damping"),
+            (
+                "hooke",
+                hooke,
+                "tangential_stiffness = 1000.0",
+                "tangential_stiffness",
+            ),
+            (
+                "hooke",
+                hooke,
+                "normal_stiffness = 3000.0",
+                "tangential_stiffness",
+            ),
+            (
+                "hooke",
+                &format!("{hooke}, {roll}"),
+                "rolling_stiffness = 9.0",
+                "rolling_stiffness",
+            ),
+            (
+                "hooke",
+                &format!("{hooke}, {roll}"),
+                "rolling_stiffness = 9.0",
+                "twisting_stiffness",
+            ),
+            (
+                "hooke",
+                &format!("{hooke}, {roll}"),
+                "twisting_stiffness = 9.0",
+                "twisting_stiffness",
+            ),
+            (
+                "mindlin",
+                "normal_stiffness = 1e6",
+                "tangential_stiffness = 9e5",
+                "tangential_stiffness",
+            ),
+            (
+                "hertz",
+                "normal_damping = 1e6",
+                "tangential_damping = 9e6",
+                "tangential_damping",
+            ),
+            (
+                "hertz",
+                "normal_damping = 1e6",
+                "normal_damping = 4e6",
+                "tangential_damping",
+            ),
             ("hertz", impact, "friction = 0.1", "tangential_damping"),
             (
                 "hertz-tsuji",
@@ -699,7 +746,12 @@ mod tests {
                 "friction = 0.3",
                 "rolling_stiffness",
             ),
-            ("lee-hurley", "damping_ratio = 0.1", "sliding_damping = 0.5", "sliding_damping"),
+            (
+                "lee-hurley",
+                "damping_ratio = 0.1",
+                "sliding_damping = 0.5",
+                "sliding_damping",
+            ),
         ] {
             let case = format!("{law} {pair} {key}");
             let scene = two(law, keys, &bb(pair)).unwrap_or_else(|e| panic!("{case}: {e}"));
@@ -724,7 +776,10 @@ mod tests {
         let pair = r#"{ materials = ["a", "b"], normal_stiffness = 10.0 }"#;
         let keys = "damping_ratio = 0.1, normal_stiffness = 1000.0";
         let said = two("hooke", keys, pair).expect_err("refused").to_string();
-        for part in [r#""a" and "b": tangential_stiffness"#, "normal_stiffness = 10.0]"] {
+        for part in [
+            r#""a" and "b": tangential_stiffness"#,
+            "normal_stiffness = 10.0]",
+        ] {
             assert!(said.contains(part), "{said}");
         }
     }

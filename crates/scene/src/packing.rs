@@ -1272,7 +1272,7 @@ mod tests {
             11 1 0.001 2500 -0.00125075 0.03 0 | f:19: atom 11 is out of the box: y = 0.03, the box has -0.001 0.02 ylo yhi
             -0.0005 0.0005 zlo -> 0.1 0.2 zlo | f: the box is beside the plane z = 0, in which the disks are: 0.1 0.2 zlo zhi
             // Onto atom 32.
-            39 1 0.001 2500 -0.0003 0.0030954781351419628 0 | f:22: atom 32 overlaps atom 39 (line 23) by 9.517e-4 m, 95.2 % of the sum of their radii; the law hooke takes 9.400e-5 m
+            39 1 0.001 2500 -0.0003 0.0030954781351419628 0 | f:22: atom 32 overlaps atom 39 (line 23) by 9.517e-4 m, 95.2 % of the sum of their radii; the law hooke takes 5.000e-4 m
             // Two of one row.
             32 2 0.001 2500 -0.0002517499999999998 0.0030954781351419628 0 & 39 3 0.001 2500 0.00674125 0.0030954781351419628 0 | f:23: atom 39 of type 3 is not above atom 32 of type 2 (line 22): the types are taken as top and bottom wall; give sample.walls = "layers" if they are not
             "#,

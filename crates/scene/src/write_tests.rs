@@ -150,7 +150,9 @@ const MIXTURE: &str = r#"
         { name = "a", young_modulus = 1e8, poisson_ratio = 0.2, density = 2500.0 },
         { name = "b", young_modulus = 4e8, poisson_ratio = 0.3, density = 5000.0, fraction = 0.3 },
     ]
-    contact = { law = "hertz", friction = 0.4, normal_damping = 1e6 }
+    contact.law = "hertz"
+    contact.friction = 0.4
+    contact.normal_damping = 1e6
     contact.rolling_friction = 0.1
     contact.rolling_stiffness = 1e3
     contact.pair = [{ materials = ["b", "b"], normal_damping = 3e6 }]
@@ -224,11 +226,17 @@ fn the_stiffness_of_rolling_may_be_written_down() {
         assert_eq!(again.contact, scene.contact);
         assert_eq!(again.time_step, scene.time_step);
     }
-    let spheres = format!("{SPHERES} contact.rolling_friction=0.1 contact.rolling_stiffness=1e3
-        contact.twisting_friction=0.1").replace("contact.rolling_friction=none", "");
+    let spheres = format!(
+        "{SPHERES} contact.rolling_friction=0.1 contact.rolling_stiffness=1e3
+        contact.twisting_friction=0.1"
+    )
+    .replace("contact.rolling_friction=none", "");
     let scene = with(&spheres);
     let again = with(&format!("{spheres} contact.twisting_stiffness=1e3"));
-    assert_eq!((again.contact, again.time_step), (scene.contact, scene.time_step));
+    assert_eq!(
+        (again.contact, again.time_step),
+        (scene.contact, scene.time_step)
+    );
 }
 
 /// Keys whose default follows from others: each is written in the scene of some kind, but for
@@ -270,7 +278,9 @@ fn what_follows_from_other_keys_is_written() {
                 let written: toml::Table = toml::from_str(&scene.toml).unwrap();
                 match table.name {
                     "" => written.contains_key(key.name()),
-                    name => written.get(name).is_some_and(|of| of.get(key.name()).is_some()),
+                    name => written
+                        .get(name)
+                        .is_some_and(|of| of.get(key.name()).is_some()),
                 }
             };
             assert!(scenes.iter().any(is_written), "{}", key.path);
