@@ -254,7 +254,7 @@ fn left(out: &Path, text: &str) -> (std::path::PathBuf, String, u64) {
     let said = message(text);
     let path = out.join("checkpoint.h5");
     let [header, _] = gshear_store::checkpoint::read_texts(&path).expect("a checkpoint");
-    let (header, ..) = gshear_driver::header::Header::parse(&header).expect("a header");
+    let (header, ..) = gshear_driver::header::Header::parse(&path, &header).expect("a header");
     let (stage, step) = (header.stage(), header.step());
     let named = format!(
         "the last sound state, {stage} step {step}, is in {}",
@@ -362,16 +362,16 @@ fn every_stage_that_fails_leaves_its_last_sound_state() {
         assert_eq!(stopped.code, 75, "{}", stopped.text);
         for ranks in [1, 2] {
             let out = at(&format!("{name} {ranks}"));
-            let mut program = common::program(ranks);
-            program
+            let mut command = program(ranks);
+            command
                 .arg("--resume")
                 .arg(at(name))
                 .arg("--branch")
                 .arg(&out);
             for set in set {
-                program.args(["--set", set]);
+                command.args(["--set", set]);
             }
-            let output = program.output().expect("the program starts");
+            let output = command.output().expect("the program starts");
             let said = String::from_utf8_lossy(&output.stderr).into_owned();
             assert_eq!(output.status.code(), Some(3), "{said}");
             let (path, stage, step) = left(&out, &said);

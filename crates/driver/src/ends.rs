@@ -5,6 +5,7 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Boundary, PeriodicBox, PlaneShear, Scene};
 
+use crate::continuation::{by_time_step, has_another_speed};
 use crate::header::Header;
 use crate::stages::newtonian;
 use crate::task::{Start, Task};
@@ -76,13 +77,24 @@ fn between_walls(
         }
         Header::Shear(shear) => {
             let schedule = Schedule::new(scene, walls, shear.height);
-            let earlier = Schedule::new(before, former, shear.height);
+            let earlier = by_time_step(before, scene, former, shear.height);
             if schedule.total < shear.step {
                 let strain = schedule.strain(schedule.total);
                 let end = format!("step {}, strain {strain:.6}", schedule.total);
                 return past(header, "shear", end);
             }
-            same_drive(&schedule, &earlier, shear.step)
+            if has_another_speed([&earlier, &schedule], [former, walls]) {
+                return Ok(());
+            }
+            same_drive(&schedule, &earlier, shear.step).map_err(|failure| {
+                let [then, now] = [before, scene].map(|scene| scene.time_step.step);
+                if then == now {
+                    return failure;
+                }
+                Failure::input(format!(
+                    "{failure}; the time step has changed too, from {then:?} to {now:?} s: --set time.step={then:?} keeps it"
+                ))
+            })
         }
         _ => Ok(()),
     }

@@ -429,13 +429,13 @@ impl RunFolder {
                 let file = there.then(|| RunFile::open(&path).ok()).flatten();
                 file.map_or(Ok(()), |file| Log::compare(&log, step, file.series()))
             }
-            Header::Newtonian { lines, .. } if there && *lines > 0 => {
+            Header::Newtonian { lines, origin, .. } if there && *lines > 0 => {
                 let wanted = match &scene.boundary {
                     Boundary::Periodic(of) => of.newtonian.is_some_and(|of| of.spectra > 0),
                     Boundary::Walls(_) => false,
                 };
                 let spectra = self.path.join(SPECTRA_FILE);
-                let time = step as f64 * scene.time_step.step;
+                let time = origin.time(step, scene.time_step.step);
                 let found = if wanted && beside {
                     readable(rows_up_to(&spectra, time))?.flatten().unwrap_or(0)
                 } else {

@@ -53,6 +53,9 @@ pub enum Header {
     Newtonian {
         /// Steps done.
         step: u64,
+        /// From where their time counts.
+        #[serde(default, skip_serializing_if = "TimeOrigin::is_start")]
+        origin: TimeOrigin,
         /// The progress of the strain steps before.
         progress: Progress,
         /// Number of frames and rows in the files.
@@ -83,6 +86,9 @@ pub struct PackHeader {
 pub struct ShearHeader {
     /// Steps done.
     pub step: u64,
+    /// From where their time counts.
+    #[serde(default, skip_serializing_if = "TimeOrigin::is_start")]
+    pub origin: TimeOrigin,
     /// The top.
     pub piston: Piston,
     /// `None` before the first step.
@@ -282,6 +288,29 @@ impl Saved {
             scene.sample = scene.sample.in_box(scene.dimension, length);
         }
         Ok(scene)
+    }
+}
+
+/// The step and the time (s) from which a stage counts its time: those of its start, or of a branch
+/// with another time step.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimeOrigin {
+    /// The step.
+    pub step: u64,
+    /// Its time (s).
+    pub time: f64,
+}
+
+impl TimeOrigin {
+    /// The time (s) after so many steps of Δt = `time_step` (s).
+    pub fn time(&self, step: u64, time_step: f64) -> f64 {
+        self.time + (step as f64 - self.step as f64) * time_step
+    }
+
+    /// Whether it is the start of the stage.
+    pub(crate) fn is_start(&self) -> bool {
+        *self == Self::default()
     }
 }
 

@@ -12,9 +12,10 @@ use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
 
+use crate::continuation::count_anew;
 use crate::exported_state::read_packing;
 use crate::folder::{Contents, RunFolder, same_folder};
-use crate::header::Saved;
+use crate::header::{Header, Saved};
 use crate::lock::Lock;
 use crate::options::{Options, Outcome};
 use crate::run::Run;
@@ -62,6 +63,9 @@ impl Task {
             run.saved_at = Some((saved.header.stage(), saved.header.step()));
         }
         run.terminal.header(exchange, scene, run.isa);
+        if let Some(note) = self.counts_anew() {
+            run.terminal.warn(note);
+        }
         if let Some(warning) = self.not_at_load() {
             run.terminal.warn(warning);
         }
@@ -266,6 +270,7 @@ fn from_checkpoint(mut saved: Saved, wanted: Changes<'_>) -> Result<Task> {
     };
     let mut record = saved.record.clone();
     let (entry, record) = if branches {
+        count_anew(&mut saved.header, &before, &scene);
         (Entry::New, record.branch(&scene, at))
     } else {
         record.resumed.push(at);

@@ -27,6 +27,7 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod calibration;
+mod continuation;
 mod cores;
 mod ends;
 pub mod estimate;

@@ -51,6 +51,18 @@ impl Task {
         }
     }
 
+    /// A sentence if this branch counts the steps of its checkpoint anew.
+    pub(crate) fn counts_anew(&self) -> Option<String> {
+        let (saved, parent) = (self.saved()?, self.record.parent.as_ref()?);
+        let [step, of_parent] = [saved.header.step(), parent.at.step];
+        (self.entry == Entry::New && step != of_parent).then(|| {
+            format!(
+                "the time step is {:.4e} s now: steps are counted by it, so that step {of_parent} of the checkpoint is step {step} of the branch; times and places go on",
+                self.scene.time_step.step
+            )
+        })
+    }
+
     /// A sentence if the grains that the shear starts with are not at their load; of rank 0.
     pub(crate) fn not_at_load(&self) -> Option<String> {
         match &self.start {

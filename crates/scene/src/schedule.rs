@@ -229,6 +229,39 @@ impl Schedule {
         step as f64 * self.step
     }
 
+    /// The step after which the drive, which moves one way, is nearest to a position (m); the one
+    /// after the last if it comes nowhere near.
+    pub fn step_at(&self, position: f64) -> u64 {
+        let (mut low, mut high) = (0, self.total + 1);
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if self.protocol.position(middle) < position {
+                low = middle + 1;
+            } else {
+                high = middle;
+            }
+        }
+        let away = |step: u64| (self.protocol.position(step) - position).abs();
+        match low.checked_sub(1) {
+            Some(before) if away(before) < away(low) => before,
+            _ => low,
+        }
+    }
+
+    /// The step that has the same place in the protocol, to half a step, as a step of the same
+    /// protocol in steps of another length.
+    pub fn step_of(&self, other: &Self, step: u64) -> u64 {
+        let part = other.protocol.segment_of(step);
+        let [of_other, own] = [other, self].map(|of| of.protocol.segments()[part]);
+        let done = step - of_other.first;
+        let steps = if done >= of_other.steps {
+            own.steps
+        } else {
+            ((done as f64 * (other.step / self.step)).round() as u64).min(own.steps)
+        };
+        own.first + steps
+    }
+
     /// I of a velocity (m/s).
     pub fn inertial_number(&self, velocity: f64) -> f64 {
         velocity / self.height * self.inertial_time

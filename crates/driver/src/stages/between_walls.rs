@@ -13,7 +13,7 @@ use gshear_store::checkpoint;
 use super::pack::{PackStage, falling_drag};
 use super::shear::ShearStage;
 use super::top_wall::{height_between, mass_of_layer, mass_of_top, stretch};
-use crate::header::{Header, PackHeader, ShearHeader, Written};
+use crate::header::{Header, PackHeader, ShearHeader, TimeOrigin, Written};
 use crate::options::Outcome;
 use crate::run::{Run, Stage};
 use crate::task::Start;
@@ -199,6 +199,7 @@ fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHead
     let stream = scene.packing().map_or(0.0, |file| file.stream);
     ShearHeader {
         step: 0,
+        origin: TimeOrigin::default(),
         images: (plane_shear.confinement == Confinement::Images).then_some([offset, stream]),
         height: height_between(scene, plane_shear, &piston),
         piston,

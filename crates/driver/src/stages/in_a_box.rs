@@ -10,7 +10,7 @@ use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
 use super::assembly::{Assembly, RestState};
-use super::newtonian::NewtonianStage;
+use super::newtonian::{NewtonianStage, Resumed};
 use super::prepare;
 use super::strain::Strain;
 use crate::header::{Header, Progress, Shape, Stretched, Written};
@@ -60,10 +60,19 @@ pub fn run<D: LawSpace>(
         assembly.initial_forces(&mut NoWalls, false)?;
     }
 
-    let (mut assembly, progress, resumed) = if let Header::Newtonian { step, progress, .. } = header
+    let (mut assembly, progress, resumed) = if let Header::Newtonian {
+        step,
+        origin,
+        progress,
+        ..
+    } = header
     {
-        let resumed = Some((step, displacements.unwrap_or_default()));
-        (assembly, progress, resumed)
+        let resumed = Resumed {
+            step,
+            origin,
+            displacements: displacements.unwrap_or_default(),
+        };
+        (assembly, progress, Some(resumed))
     } else {
         let mut strain = Strain::new(run, periodic, assembly, (header, held))?;
         let outcome = run.drive(&mut strain, begins);
@@ -84,7 +93,7 @@ pub fn run<D: LawSpace>(
         run.terminal.go_on(&run.options.out);
         return Ok(Outcome::Done);
     };
-    let begins = resumed.as_ref().is_none_or(|(step, _)| *step == 0);
+    let begins = resumed.as_ref().is_none_or(|of| of.step == 0);
     assembly.system.restart_clock();
     let of = (periodic, newtonian);
     let mut stage = NewtonianStage::new(run, of, assembly, progress, resumed)?;

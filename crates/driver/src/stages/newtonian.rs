@@ -24,7 +24,7 @@ use super::eigenvalues::GlobalState;
 use super::spectra_file::SpectraFile;
 use super::strain;
 use crate::files::{Files, Format};
-use crate::header::{Header, Pair, Progress, UpToCheckpoint};
+use crate::header::{Header, Pair, Progress, TimeOrigin, UpToCheckpoint};
 use crate::options::Outcome;
 use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
 use gshear_store::status::Standing;
@@ -39,9 +39,21 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     /// The progress of the strain steps before.
     progress: Progress,
     step: u64,
+    /// From where the time counts.
+    origin: TimeOrigin,
     due: Due,
     /// Shear stress of the last row.
     latest: Option<f64>,
+}
+
+/// Where the stage goes on.
+pub(super) struct Resumed {
+    /// Steps done.
+    pub step: u64,
+    /// From where their time counts.
+    pub origin: TimeOrigin,
+    /// The displacements up to there.
+    pub displacements: Vec<Displacement>,
 }
 
 /// The steps at which output is due. An interval longer than the stage disables an output.
@@ -114,13 +126,13 @@ impl Due {
 }
 
 impl<'a, D: Dimension> NewtonianStage<'a, D> {
-    /// `resumed`: the completed steps, and the displacements up to there.
+    /// The stage from its start, or as it was stopped.
     pub fn new(
         run: &Run<'a>,
         (periodic, of): (&PeriodicBox, &gshear_scene::Newtonian),
         mut assembly: Assembly<'a, D>,
         progress: Progress,
-        resumed: Option<(u64, Vec<Displacement>)>,
+        resumed: Option<Resumed>,
     ) -> Result<Self> {
         let (exchange, scene, step) = (run.exchange, run.scene, assembly.system.step);
         let strain = strain::reached::<D>(periodic, &progress);
@@ -146,7 +158,10 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             height: None,
         };
         let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
-        let before = goes_on.map(|(step, _)| UpToCheckpoint::new(*step));
+        let before = goes_on.map(|of| UpToCheckpoint::new(of.step));
+        let origin = resumed
+            .as_ref()
+            .map_or_else(TimeOrigin::default, |of| of.origin);
         let files = Files::open(run, &mut assembly, &format, before)?;
         let spectra = if due.spectra == u64::MAX {
             None
@@ -155,11 +170,11 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             // In another folder than the checkpoint's the file begins anew.
             let there = exists(exchange, &path)?;
             let last = before.filter(|_| there).and_then(|before| before.last);
-            let last = last.map(|last| last as f64 * step);
+            let last = last.map(|last| origin.time(last, step));
             Some(SpectraFile::open(exchange, &path, last)?)
         };
-        let motion = if let Some((_, displacements)) = &resumed {
-            GrainMotion::resume(exchange, &mut assembly.system, displacements)
+        let motion = if let Some(resumed) = &resumed {
+            GrainMotion::resume(exchange, &mut assembly.system, &resumed.displacements)
         } else {
             assembly.rebuild()?;
             GrainMotion::begin(&mut assembly.system)
@@ -171,7 +186,8 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             files,
             spectra,
             progress,
-            step: resumed.map_or(0, |(step, _)| step),
+            step: resumed.map_or(0, |of| of.step),
+            origin,
             due,
             latest: None,
         })
@@ -237,7 +253,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
 
     fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
         let (exchange, step) = (run.exchange, self.step);
-        let time = step as f64 * self.assembly.system.step;
+        let time = self.origin.time(step, self.assembly.system.step);
         let (row, frame_due) = (self.due.row(step), self.due.frame(step));
         if row || frame_due {
             let observed = self.assembly.observe(self.scene.sample.grains);
@@ -313,6 +329,7 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         Ok(Checkpoint {
             header: Header::Newtonian {
                 step: self.step,
+                origin: self.origin,
                 progress: self.progress,
                 written,
                 lines,

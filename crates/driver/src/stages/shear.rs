@@ -23,7 +23,7 @@ use super::assembly::Assembly;
 use super::top_wall::mass_of;
 use crate::files::{Files, Format};
 use crate::frame_analysis::FrameAnalysis;
-use crate::header::{Header, ShearHeader, UpToCheckpoint, Written};
+use crate::header::{Header, ShearHeader, TimeOrigin, UpToCheckpoint, Written};
 use crate::options::Outcome;
 use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
 use gshear_store::file_names::RUN_FILE;
@@ -84,6 +84,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     analysis: Option<FrameAnalysis>,
     step: u64,
     first: u64,
+    /// From where the time counts.
+    origin: TimeOrigin,
     started: Instant,
     /// The last row of the time series.
     latest: Option<SeriesRow>,
@@ -160,6 +162,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             analysis,
             step: from.step,
             first: from.step,
+            origin: from.origin,
             started: Instant::now(),
             latest: None,
         })
@@ -319,6 +322,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     fn header(&self, run: &Run<'_>, written: Written) -> Header {
         Header::Shear(ShearHeader {
             step: self.step,
+            origin: self.origin,
             piston: self.above.top().piston,
             images: self.images(),
             slider: (self.step > 0).then_some(self.above.top().slider.state),
@@ -373,7 +377,7 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
     fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
         let (exchange, step) = (run.exchange, self.step);
         let [series, frames, analysed] = self.due(step);
-        let time = self.schedule.time(step);
+        let time = self.origin.time(step, self.schedule.step);
         let is_last = step == self.schedule.total;
         if series || frames || analysed || is_last {
             self.check_between(exchange)?;
