@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use gshear_analysis::dmin::RADIUS;
+use gshear_analysis::dmin::{DefinedCounts, RADIUS};
 use gshear_analysis::event;
 use gshear_analysis::moments::extent;
+use gshear_analysis::rattlers::RattlerRule;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Result;
 use gshear_dem::state::{FrameRecords, body};
@@ -90,12 +91,15 @@ pub fn figures(run: &RunFile) -> Result<Vec<ReportFigure>> {
         ));
         let (grains, mean) = (run.grains(), run.grains().mean_radius());
         let axes = run.dimension().axes();
-        let dmin = event::between_frames(axes, grains, &interval, RADIUS * mean);
+        let rule = RattlerRule::LeeHurley;
+        let (dmin, rattler) = event::without_rattlers(axes, grains, &interval, RADIUS * mean, rule);
+        let removed = |n: usize| run.is_removed(&last.grains[n].image);
+        let defined = DefinedCounts::of(grains, &dmin, &rattler, removed);
         let over_square: Vec<f64> = dmin.iter().map(|d| (d / (mean * mean)).log10()).collect();
         pictures.push(packing.figure(
             ("grains-dmin", "log10_dmin_over_square"),
             ("log_{10} D²_{min}/r̄²", ""),
-            when,
+            &format!("{when}, {defined}"),
             (&over_square, packing.range_of_levels(&over_square)),
         ));
     }

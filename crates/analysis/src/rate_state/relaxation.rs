@@ -80,8 +80,8 @@ fn courses(record: &SliderRecord) -> Vec<Course> {
         let begin = record.begin(segment);
         let last = record.rows(segment - 1);
         let late = |row: &usize| record.time[*row] >= begin - LAST * slide.duration;
-        let start: Vec<f64> = last.filter(late).map(|row| record.friction[row]).collect();
-        let start = mean(&start);
+        let first = last.clone().find(late).unwrap_or(last.end);
+        let start = record.mean_friction(first..last.end);
         let row = |row: usize| {
             let change = record.friction[row] - start;
             [record.time[row] - begin, change, record.temperature[row]]

@@ -57,6 +57,11 @@ impl SliderRecord {
         }
     }
 
+    /// Returns the mean friction of some rows, ⟨S⟩/⟨N⟩.
+    pub fn mean_friction(&self, rows: Range<usize>) -> f64 {
+        weighted_mean(&self.friction[rows.clone()], &self.load[rows])
+    }
+
     /// Returns the time when a segment begins (s).
     pub fn begin(&self, segment: usize) -> f64 {
         let before: f64 = self.drive[..segment].iter().map(|s| s.duration).sum();
@@ -121,6 +126,15 @@ impl SliderRecord {
             && near(self.stiffness, other.stiffness, SAME_STIFFNESS)
             && (0..segments).all(same)
     }
+}
+
+/// Returns the mean of values by their weights; NaN without values.
+pub(super) fn weighted_mean(values: &[f64], weights: &[f64]) -> f64 {
+    let products = values
+        .iter()
+        .zip(weights)
+        .map(|(value, weight)| value * weight);
+    products.sum::<f64>() / weights.iter().sum::<f64>()
 }
 
 /// Joins the realisations of each protocol: their mean at the times of the first one, up to the end

@@ -4,7 +4,7 @@
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::slider_record::SliderRecord;
-use crate::moments::{Moments, grouped, joint_moments, mean};
+use crate::moments::{Moments, grouped, joint_moments};
 use crate::time_mean::TimeMean;
 
 /// Steady friction, averaged over the latter half of a slide.
@@ -236,14 +236,16 @@ fn extreme(
         length = ((PEAK_MEAN * d_c / per_row) as usize).clamp(1, half.len().min(rest.len()));
         end = half.start + near.max(length);
     }
-    let means = record.friction[half.start..end].windows(length).map(mean);
+    let mean = |row: usize| record.mean_friction(row..row + length);
+    let means = (half.start..(end + 1).saturating_sub(length)).map(mean);
     let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
     let (at, extreme) = if greatest {
         means.enumerate().max_by(order)?
     } else {
         means.enumerate().min_by(order)?
     };
-    let of_rest: Vec<f64> = record.friction[rest].windows(length).map(mean).collect();
+    let of_rest = rest.start..(rest.end + 1).saturating_sub(length);
+    let of_rest: Vec<f64> = of_rest.map(mean).collect();
     Some(Extreme {
         friction: extreme,
         slip: record.slip[half.start + at + length / 2],

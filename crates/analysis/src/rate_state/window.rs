@@ -5,8 +5,7 @@ use std::ops::Range;
 use super::drive_segment::DriveSegment;
 use super::evolution_law::RateStateLaw;
 use super::slider::RateStateSlider;
-use super::slider_record::SliderRecord;
-use crate::moments::mean;
+use super::slider_record::{SliderRecord, weighted_mean};
 
 /// Greatest number of means per segment; rows are averaged in groups so that the cost of a fit does
 /// not grow with the number of rows.
@@ -24,7 +23,9 @@ pub struct FitWindow {
     pub time: Vec<f64>,
     /// `[means]` Rows of each mean.
     groups: Vec<Range<usize>>,
-    /// `[means]` μ.
+    /// `[rows]` Normal force, by which rows weigh in the means.
+    load: Vec<f64>,
+    /// `[means]` μ, ⟨S⟩/⟨N⟩.
     pub friction: Vec<f64>,
     /// `[segments]` Means of each segment.
     pub segments: Vec<Range<usize>>,
@@ -42,6 +43,7 @@ impl FitWindow {
             drive,
             time: Vec::new(),
             groups: Vec::new(),
+            load: Vec::new(),
             friction: Vec::new(),
             segments: Vec::new(),
         };
@@ -55,7 +57,8 @@ impl FitWindow {
             let length = rows.len().div_ceil(MEANS).max(1);
             for start in rows.clone().step_by(length) {
                 let group = start..rows.end.min(start + length);
-                window.friction.push(mean(&record.friction[group.clone()]));
+                window.friction.push(record.mean_friction(group.clone()));
+                window.load.extend(&record.load[group.clone()]);
                 let place = window.time.len();
                 window.groups.push(place..place + group.len());
                 let times = record.time[group].iter();
@@ -85,14 +88,18 @@ impl FitWindow {
     /// If the integration fails; see [`RateStateSlider::motion`].
     pub fn model_means(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
         let rows = self.model(law)?;
-        let of = |group: &Range<usize>| mean(&rows[group.clone()]);
+        let of =
+            |group: &Range<usize>| weighted_mean(&rows[group.clone()], &self.load[group.clone()]);
         Ok(self.groups.iter().map(of).collect())
     }
 
     /// Returns the mean μ over the latter half of a segment, where sliding is nearest to steady.
     pub fn steady_friction(&self, segment: usize) -> f64 {
         let means = &self.segments[segment];
-        mean(&self.friction[means.start + means.len() / 2..means.end])
+        let latter = means.start + means.len() / 2..means.end;
+        let load = |group: &Range<usize>| self.load[group.clone()].iter().sum();
+        let loads: Vec<f64> = self.groups[latter.clone()].iter().map(load).collect();
+        weighted_mean(&self.friction[latter], &loads)
     }
 }
 

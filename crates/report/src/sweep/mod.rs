@@ -19,7 +19,7 @@ use crate::history::Axis;
 use crate::page;
 use crate::panels::{Compared, PANELS};
 use crate::plot::{Layout, figure};
-use crate::summary::finite_moments;
+use crate::summary::{finite_moments, stress_ratio};
 use crate::text::{escape, marked};
 use crate::ticks;
 use gshear_analysis::frame_scalars::FrameScalars;
@@ -88,7 +88,7 @@ impl SweepRun {
             means.insert(MOBILISED_FRICTION, friction);
         }
         if run.stage() == RunStage::Shear && !run.has_free_surface() {
-            let [strain, tau] = ["strain", "stress_ratio"].map(|name| series.column(name));
+            let (strain, tau) = (series.column("strain"), stress_ratio(run));
             let found = phases::find(&strain[first..], &tau[first..]);
             let names = PhaseStatistics::COLUMNS.iter().map(|of| of.name);
             let values = PhaseStatistics::of(&found).columns();

@@ -26,6 +26,24 @@ fn errors_of_means_count_correlated_values_as_few() {
     assert_eq!(block_error(&[1.0; 300]), 0.0);
 }
 
+/// A row in which the layer bears nearly no load, with any S/N, weighs by its forces.
+#[test]
+fn steady_friction_is_the_ratio_of_the_mean_forces() {
+    let law = law(Evolution::Aging);
+    let drive = [segment(0.01, 1.0), segment(0.1, 1.0)];
+    let plain = synthetic(&law, &drive, 1e-3);
+    let mut bare = plain.clone();
+    let row = bare.halves(1)[1].start + 5;
+    (bare.friction[row], bare.load[row]) = (-1e6, 1e-9);
+    let of = |record: &SliderRecord| {
+        let steady = steady_segments(record)[1].expect("a slide").friction;
+        [steady, FitWindow::of(record, 0..2).steady_friction(1)]
+    };
+    for (a, b) in of(&plain).into_iter().zip(of(&bare)) {
+        assert!((a - b).abs() < 1e-3 * a, "{a} {b}");
+    }
+}
+
 #[test]
 fn a_drive_is_cut_where_its_velocity_changes() {
     let made = [
