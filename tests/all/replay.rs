@@ -410,6 +410,17 @@ fn the_report_replays_the_largest_drop() {
     }
     assert_shows_the_drop(&whole, &coarse);
 
+    // Without a checkpoint before the drop a line says so.
+    let told = said(
+        &reduce(&["report", text(&temporary.path().join("none"))]),
+        0,
+    );
+    let words = "is shown by the nearest frames: there is no checkpoint before step ";
+    assert!(
+        told.contains(&format!("the largest drop {words}")),
+        "{told}"
+    );
+
     // Without a replay the maps show what there is, and say that it is not the drop.
     let folder = temporary.path().join("coarse");
     let out = temporary.path().join("frames");

@@ -10,6 +10,7 @@ use crate::printer::Printer;
 use crate::results::Results;
 use crate::scalars::interval_of_greatest_dmin;
 use gshear_dem::failure::{Failure, Result};
+use gshear_driver::estimate::bytes;
 use gshear_driver::folder::condition;
 use gshear_driver::progress::duration;
 use gshear_report::{Rearranging, Sources};
@@ -22,7 +23,7 @@ use gshear_store::run_reader::{RunFile, RunStage};
 /// Of disks between walls the maps show the states right before and after the largest drop of τ,
 /// and the greatest D²min. Unless frames show them, these parts are computed again from the
 /// checkpoint before them (output.keep_checkpoints), with a frame per row, if that takes less than
-/// two minutes. The page of a run in a periodic box shows what its deformation and Newton's
+/// two minutes and 1 GB. The page of a run in a periodic box shows what its deformation and Newton's
 /// equations have measured.
 ///
 /// Several runs, or the folder of a sweep, are compared: their curves over each other, and means
@@ -175,9 +176,13 @@ enum Choice {
     None,
 }
 
-/// Longest replay that a report makes unasked (s).
-const LONGEST: f64 = 120.0;
-/// Grain-steps per second of a run that does not say its speed.
+/// Most grain-steps of a thread in a replay that a report makes unasked: about two minutes. A limit
+/// in time would depend on how busy the machine was.
+const LONGEST: f64 = 2e9;
+/// Greatest size of its file (bytes), and what a grain with its contacts takes in a frame.
+const LARGEST: f64 = 1e9;
+const BYTES: f64 = 150.0;
+/// Grain-steps per second of a thread, if the run was slower, as on a busy machine.
 const SPEED: f64 = 1e7;
 
 impl Replays {
@@ -205,13 +210,18 @@ impl Replays {
             )?;
             return Ok(None);
         };
-        let grain_steps = (last - start) as f64 * run.grains().count() as f64;
-        let seconds = grain_steps / run.number("speed").unwrap_or(SPEED) / self.threads as f64;
-        let time = duration(seconds.ceil());
-        if self.choice == Choice::Short && seconds > LONGEST {
+        let grains = run.grains().count() as f64;
+        let grain_steps = (last - start) as f64 * grains / self.threads as f64;
+        let speed = run.number("speed").map_or(SPEED, |speed| speed.max(SPEED));
+        let time = duration((grain_steps / speed).ceil());
+        let is_within = |step: &&u64| (first..=last).contains(*step);
+        let frames = run.series().step.iter().filter(is_within).count() as f64;
+        let size = frames * grains * BYTES;
+        if self.choice == Choice::Short && (grain_steps > LONGEST || size > LARGEST) {
+            let size = bytes(size);
             writeln!(
                 printer,
-                "{what} is shown by the nearest frames: a replay takes about {time}; give --replay for it"
+                "{what} is shown by the nearest frames: a replay takes about {time} and {size}; give --replay for it"
             )?;
             return Ok(None);
         }
