@@ -416,6 +416,7 @@ fn the_report_replays_the_largest_drop() {
         0,
     );
     let words = "is shown by the nearest frames: there is no checkpoint before step ";
+    assert!(!told.contains("  "), "{told}");
     assert!(
         told.contains(&format!("the largest drop {words}")),
         "{told}"

@@ -170,12 +170,16 @@ impl EventFrames {
 
     /// The state of frame 0 or 1, for captions.
     pub fn state(&self, k: usize) -> String {
+        let force = self.normal_forces(k);
+        let force = match force.abs() {
+            0.0 | 1e-3..1e6 => format!("{force:.4}"),
+            _ => format!("{force:.4e}"),
+        };
         format!(
-            "step {}, γ = {:.5} %, τ = {:.4}, ΣF<sub>n</sub> = {:.4e} N/m",
+            "step {}, γ = {:.5} %, τ = {:.4}, ΣF<sub>n</sub> = {force} N/m",
             self.frame(k).step,
             100.0 * self.strain[k],
             self.tau[k],
-            self.normal_forces(k)
         )
     }
 

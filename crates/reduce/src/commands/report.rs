@@ -206,7 +206,8 @@ impl Replays {
         let Some(start) = replay::start(run, first) else {
             writeln!(
                 printer,
-                "{what} is shown by the nearest frames: there is no checkpoint before step {first} to replay                  it from (output.keep_checkpoints = true keeps them)"
+                "{what} is shown by the nearest frames: there is no checkpoint before step {first} to replay it from \
+                 (output.keep_checkpoints = true keeps them)"
             )?;
             return Ok(None);
         };
