@@ -96,7 +96,7 @@ def test_the_box_of_a_frame_is_that_of_its_row(originals: Callable[[str], Path])
 
 def test_every_dataset_says_its_unit(run: Run) -> None:
     pure = {"id", "body", "species", "step", "offset", "i", "j"}
-    pure |= {"sliding", "rolling", "twisting"}
+    pure |= {"sliding", "rolling", "twisting", "idle"}
     with run:
         units = run.series.attrs["units"]
         series = {f"observables/{name}/value" for name in run.series if name not in units}

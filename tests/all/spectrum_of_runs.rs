@@ -20,6 +20,69 @@ shear = { inertial_number = 0.01, strain = 0.3 }
 output.frame_strain = 1e-4
 "#;
 
+/// Scenes of grains that attract each other: constant, by DMT, by JKR, of disks and of two
+/// materials; dampers hold back some of their contacts.
+const ATTRACTING: [(&str, &str); 4] = [
+    (
+        "disks",
+        r#"
+material.density = 2500.0
+contact = { law = "hooke", normal_stiffness = 1e7, friction = 0.4, restitution = 0.1, attraction = 5.0 }
+sample = { grains = 100, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 21e-3, boundary = "periodic" }
+load.pressure = 5e3
+pack.tolerance = 0.1
+shear = { inertial_number = 0.2, strain = 0.4 }
+"#,
+    ),
+    (
+        "dmt",
+        r#"
+dimension = 3
+material = { density = 2500.0, young_modulus = 1e6, poisson_ratio = 0.3 }
+contact = { law = "hertz-tsuji", friction = 0.4, restitution = 0.1, surface_energy = 0.01 }
+sample = { grains = 150, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 10e-3, width = 10e-3, boundary = "periodic" }
+load.pressure = 5e2
+pack.tolerance = 0.1
+shear = { inertial_number = 0.2, strain = 0.4 }
+"#,
+    ),
+    (
+        "jkr",
+        r#"
+dimension = 3
+material = { density = 2500.0, young_modulus = 1e6, poisson_ratio = 0.3 }
+contact = { law = "hertz-tsuji", friction = 0.4, restitution = 0.1, surface_energy = 0.01, adhesion = "jkr" }
+sample = { grains = 150, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 10e-3, width = 10e-3, boundary = "periodic" }
+load.pressure = 5e2
+pack.tolerance = 0.1
+shear = { inertial_number = 0.2, strain = 0.4 }
+"#,
+    ),
+    (
+        "mixture",
+        r#"
+sample = { grains = 100, radius_min = 0.8e-3, radius_max = 1.2e-3, length = 21e-3, boundary = "periodic" }
+load.pressure = 5e3
+pack.tolerance = 0.1
+shear = { inertial_number = 0.2, strain = 0.4 }
+[contact]
+law = "hooke"
+normal_stiffness = 1e7
+friction = 0.4
+restitution = 0.1
+attraction = 2.0
+pair = [{ materials = ["light", "heavy"], attraction = 8.0 }]
+[[material]]
+name = "light"
+density = 2500.0
+[[material]]
+name = "heavy"
+density = 5000.0
+fraction = 0.5
+"#,
+    ),
+];
+
 fn spectrum(arguments: &[&str]) -> String {
     let mut command = reducer();
     let output = succeed(command.args(["spectrum", "--threads", "1"]).args(arguments));
@@ -30,20 +93,19 @@ fn path(folder: &Path, name: &str) -> String {
     folder.join(name).to_str().expect("UTF-8").to_string()
 }
 
-/// The number of contacts of the last frame that slide, as the file has them.
-fn sliding_of_the_last_frame(run: &Path) -> usize {
+/// The flags of the last frame.
+fn flags_of_the_last_frame(run: &Path, name: &str) -> Vec<u8> {
     let file = hdf5::File::open(run.join("run.h5")).expect("run.h5");
     let contacts = |name: &str| {
         let dataset = file.dataset(&format!("connectivity/contacts/{name}"));
         dataset.expect("a dataset")
     };
     let ends: Vec<u64> = contacts("offset").read_raw().expect("offsets");
-    let flags: Vec<u8> = contacts("sliding").read_raw().expect("flags");
+    let flags: Vec<u8> = contacts(name).read_raw().expect("flags");
     let [.., from, to] = ends[..] else {
         panic!("no frames");
     };
-    let flags = &flags[from as usize..to as usize];
-    flags.iter().filter(|flag| **flag == 1).count()
+    flags[from as usize..to as usize].to_vec()
 }
 
 /// A frame and the checkpoint of the same step have the same K and M, to the last bit, in two
@@ -101,7 +163,8 @@ fn frames_and_checkpoints_have_one_stiffness() {
         ]);
         assert!(said.contains(&format!("(step {stop})")), "{said}");
         if name != "box" {
-            let flagged = sliding_of_the_last_frame(&run);
+            let flagged = flags_of_the_last_frame(&run, "sliding");
+            let flagged = flagged.iter().filter(|flag| **flag == 1).count();
             assert!(flagged > 0, "{name}: nothing slides");
             let of_them = format!(" contacts, {flagged} of them sliding");
             assert!(
@@ -136,6 +199,39 @@ fn frames_and_checkpoints_have_one_stiffness() {
             table("a") == table("b") && table("a") == table("c"),
             "{name}: eigenvalues differ"
         );
+    }
+}
+
+/// The same of grains that attract each other: F_n of a contact that a damper holds back is not 0
+/// there, and the frame says so by a flag of its own.
+#[test]
+fn frames_of_grains_that_attract_have_the_stiffness_of_checkpoints() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, scene) in ATTRACTING {
+        let file = path(folder.path(), &format!("{name}.toml"));
+        fs::write(&file, scene).expect("a scene");
+        let run = folder.path().join(name);
+        let each_step = "--set=output.frame_strain=1e-9";
+        let outcome = gshear_mpi(1, &run, &[file, each_step.into(), "--stop-at=400".into()]);
+        assert_eq!(outcome.code, 75, "{}", outcome.text);
+        let idle = flags_of_the_last_frame(&run, "idle");
+        assert!(idle.contains(&1), "{name}: no damper holds a contact back");
+        let whole = path(&run, "checkpoint.h5");
+        let [frame, checkpoint] = [path(&run, "run.h5"), whole].map(|state| {
+            let matrix = format!("{state}.mtx");
+            let out = format!("{state}.spectrum");
+            spectrum(&[
+                &state,
+                "--count",
+                "2",
+                "--export-matrix",
+                &matrix,
+                "--out",
+                &out,
+            ]);
+            fs::read(matrix).expect("a matrix")
+        });
+        assert!(frame == checkpoint, "{name}: K differs");
     }
 }
 

@@ -44,10 +44,7 @@ pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
         walls: true,
         units: true,
         series: &SeriesRow::COLUMNS,
-        form: Form {
-            axes: 2,
-            torques: false,
-        },
+        form: Form::new(2, false),
         edges: [20.0, 15.5, 0.0],
         author: "the test",
         history_unit: "N",
@@ -117,6 +114,7 @@ pub fn contact(t: u64, (i, j): (u32, u32)) -> ContactSample {
         rolling: u64::from(of(7) > 0.0),
         torques: [0.0; 4],
         twisting: 0,
+        idle: u64::from(of(8) > 0.0),
     }
 }
 

@@ -484,6 +484,7 @@ pub fn frame<D: Dimension>(
             rolling: at_limit(1),
             torques: state.torques,
             twisting: at_limit(2),
+            idle: at_limit(3),
         }
     };
     let contacts = system.contacts.touching().filter(between_grains);

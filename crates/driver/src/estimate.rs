@@ -250,10 +250,8 @@ fn contacts(scene: &Scene) -> f64 {
 }
 
 fn form(scene: &Scene) -> Form {
-    Form {
-        axes: scene.dimension.axes(),
-        torques: index(scene) == 1 && scene.contact.resists_rotation(),
-    }
+    let torques = index(scene) == 1 && scene.contact.resists_rotation();
+    Form::new(scene.dimension.axes(), torques)
 }
 
 fn frame_bytes(scene: &Scene) -> f64 {

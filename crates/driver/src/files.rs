@@ -263,10 +263,7 @@ fn create<D: Dimension>(
     let header = RunHeader {
         author: author.unwrap_or(&user),
         history_unit: layout.history_unit,
-        form: Form {
-            axes: D::AXES,
-            torques: layout.has_torques,
-        },
+        form: Form::new(D::AXES, layout.has_torques),
         walls: plane_shear.is_some_and(|of| of.confinement != Confinement::Images),
         units: plane_shear.is_some(),
         series: format.columns,

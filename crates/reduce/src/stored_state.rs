@@ -6,6 +6,7 @@ use crate::frame_selection::Which;
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
 use gshear_analysis::moments::extent;
 use gshear_analysis::stability::Stability;
+use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::{Failure, Result};
@@ -90,6 +91,13 @@ impl StoredState {
             stage: run.stage(),
             step,
         };
+        let mut laws = scene.materials.laws.iter();
+        let attracts = laws.any(|(_, contact)| contact.attraction != Attraction::NONE);
+        if attracts && !run.form().idle && run.stage() != RunStage::Strain {
+            return Err(Failure::input(format!(
+                "{what}: K of grains that attract each other depends on which contacts a damper holds back, which the version that wrote this file did not store; give a checkpoint, or run the scene again"
+            )));
+        }
         if scene.flat_walls().is_some() {
             return Err(Failure::input(format!(
                 "{what}: has flat walls, whose contacts no frame holds; give a checkpoint"

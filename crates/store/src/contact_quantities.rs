@@ -9,6 +9,7 @@ use gshear_dem::columns::Column;
 use gshear_dem::state::ContactSample;
 use hdf5::H5Type;
 use hdf5::types::TypeDescriptor;
+use serde::{Deserialize, Serialize};
 
 const NORMAL_FORCE: Column = Column::new("normal_force", "N", "F_n");
 const TANGENTIAL_FORCE: Column = Column::new("tangential_force", "N", "F_t");
@@ -38,18 +39,24 @@ impl Kind {
 }
 
 /// What the contacts of a file are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Form {
     /// Dimensions.
     pub axes: usize,
     /// Whether they have the torques of spheres that resist rolling or twisting.
     pub torques: bool,
+    /// Whether they say which are idle: files of earlier versions do not.
+    pub idle: bool,
 }
 
 impl Form {
-    /// That of contacts in so many dimensions.
+    /// That of contacts in so many dimensions, as this version writes them.
     pub const fn new(axes: usize, torques: bool) -> Self {
-        Self { axes, torques }
+        Self {
+            axes,
+            torques,
+            idle: true,
+        }
     }
 }
 
@@ -63,6 +70,8 @@ const OVERLAP: Column = Column::new("overlap", "m", "δ");
 const SLIDING: Column = Column::new("sliding", "1", "at its limit");
 const ROLLING: Column = Column::new("rolling", "1", "at its limit");
 const TWISTING: Column = Column::new("twisting", "1", "at its limit");
+/// Files of earlier versions do not have it.
+pub(crate) const IDLE: Column = Column::new("idle", "1", "spring and damper leave no force");
 
 /// A number, a flag, or the components of a vector, of a contact.
 pub struct ContactQuantity {
@@ -89,7 +98,7 @@ macro_rules! quantities {
 }
 
 /// In the order of the file.
-static ALL: [ContactQuantity; 10] = quantities! {
+static ALL: [ContactQuantity; 11] = quantities! {
     Number NORMAL_FORCE: normal_force[0], [1, 1, 1];
     Number TANGENTIAL_FORCE: tangential_force[0], [1, 3, 3];
     Number TANGENTIAL_HISTORY: tangential_history[0], [1, 3, 3];
@@ -100,6 +109,7 @@ static ALL: [ContactQuantity; 10] = quantities! {
     Flag SLIDING: sliding[0], [1, 1, 1];
     Flag ROLLING: rolling[0], [1, 0, 1];
     Flag TWISTING: twisting[0], [0, 0, 1];
+    Flag IDLE: idle[0], [1, 1, 1];
 };
 
 /// All quantities of a contact apart from its grains.
@@ -120,6 +130,9 @@ pub(crate) fn flags(form: Form) -> impl Iterator<Item = &'static ContactQuantity
 impl ContactQuantity {
     /// Number of its values.
     pub fn width(&self, form: Form) -> usize {
+        if self.column.name == IDLE.name && !form.idle {
+            return 0;
+        }
         match (form.axes, form.torques) {
             (2, _) => self.widths[0],
             (_, false) => self.widths[1],

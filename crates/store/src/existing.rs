@@ -1,6 +1,6 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
-use super::contact_quantities::TWISTING_HISTORY;
+use super::contact_quantities::{Form, IDLE, TWISTING_HISTORY};
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
 use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, SCALARS, contact_dataset};
@@ -11,6 +11,7 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
 use hdf5::Group;
+use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// Prepares the file of a run that resumes: brings one that a killed program left behind back to
@@ -130,16 +131,26 @@ const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";
 const ANOTHER: &str = "another version wrote the file, or its protocol imposed velocities alone and this one more: \
      resume with that version or into another folder (--out)";
 
+/// A file that can be continued.
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+pub struct Continued {
+    /// N.
+    pub grains: u64,
+    /// The number of contacts in the frames that are kept.
+    pub contacts: u64,
+    /// What its contacts are.
+    pub form: Form,
+}
+
 /// Checks that a file has these columns of the time series and can be continued after these numbers
-/// of frames and rows. Returns N, the number of contacts in the first `frames` frames, the
-/// dimensions, and 1 if the contacts have torques. Writes nothing. Not collective.
+/// of frames and rows. Returns what it holds of them. Writes nothing. Not collective.
 ///
 /// # Errors
 /// [`Failure::Input`] if the file is not a `run.h5` or holds less.
 ///
 /// # Panics
 /// If `series` is empty.
-pub fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<[u64; 4]> {
+pub fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result<Continued> {
     hdf5::silence_errors(true);
     if !Part::of(path).file.is_file() {
         let name = path.display();
@@ -148,7 +159,7 @@ pub fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result
         )));
     }
     let unfit = |why: &dyn std::fmt::Display| unfit(path, &why.to_string());
-    let read = || -> hdf5::Result<Result<[u64; 4], String>> {
+    let read = || -> hdf5::Result<Result<Continued, String>> {
         let part = Part::of(path).open()?;
         let found = continued(&part, series, frames, rows)?;
         part.close()?;
@@ -166,7 +177,7 @@ fn continued(
     series: &[Column],
     frames: u64,
     rows: u64,
-) -> hdf5::Result<Result<[u64; 4], String>> {
+) -> hdf5::Result<Result<Continued, String>> {
     file.group(PARAMETERS)?.attr("scene")?;
     let length = |name: &str| -> hdf5::Result<u64> {
         let shape = file.dataset(name)?.shape();
@@ -206,6 +217,13 @@ fn continued(
     }
     let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
     let torques = file.link_exists(&contact_dataset(TWISTING_HISTORY));
-    let axes = spin.ndim() as u64;
-    Ok(Ok([grains as u64, contacts, axes, u64::from(torques)]))
+    Ok(Ok(Continued {
+        grains: grains as u64,
+        contacts,
+        form: Form {
+            axes: spin.ndim(),
+            torques,
+            idle: file.link_exists(&contact_dataset(IDLE)),
+        },
+    }))
 }

@@ -137,7 +137,8 @@ class Contacts(Columns):
     `tangential_force` (F_t on i) and `tangential_history`, [K] for disks (along t̂ = ẑ × n), [K, 3]
     for spheres;
     `rolling_history` and `rolling` (1 at the limit of rolling), [K] for disks; for spheres that
-    resist rolling or twisting [K, 3] and [K], with `twisting_history` and `twisting`, [K]. Forces
+    resist rolling or twisting [K, 3] and [K], with `twisting_history` and `twisting`, [K]; `idle`
+    (1 where the damper leaves the spring no force), [K], not in files of earlier versions. Forces
     are in N, for disks in N/m. `docs/glossary.md` defines the quantities.
 
     Attributes:

@@ -202,10 +202,7 @@ impl Fixture {
         attributes.extend(self.spring.map(|k| ("spring_stiffness", k.into())));
         let edges = [self.grains.length, self.height, 0.0];
         let header = RunHeader {
-            form: Form {
-                axes: 2,
-                torques: false,
-            },
+            form: Form::new(2, false),
             walls: true,
             units: true,
             series: &SeriesRow::COLUMNS,
@@ -290,6 +287,7 @@ fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
                     rolling: 0,
                     torques: [0.0; 4],
                     twisting: 0,
+                    idle: 0,
                 });
             }
         }

@@ -53,6 +53,8 @@ pub struct ContactSample {
     pub torques: [f64; 4],
     /// 1 if the elastic twisting torque is at its limit, else 0.
     pub twisting: u64,
+    /// 1 if spring and damper leave no force, as [`super::ContactState::is_idle`], else 0.
+    pub idle: u64,
 }
 
 crate::columns! {

@@ -432,12 +432,9 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameComparison::new(Form {
-            axes: 2,
-            torques: false,
-        });
+        let mut fields = FrameComparison::new(Form::new(2, false));
         fields.see_contacts(7, &a, &b);
-        let [.., pairs, force, _, _, _, _, _, _] = &fields.fields[..] else {
+        let [.., pairs, force, _, _, _, _, _, _, _] = &fields.fields[..] else {
             panic!("too few fields");
         };
         assert_eq!((pairs.compared, pairs.differing), (4, 2));

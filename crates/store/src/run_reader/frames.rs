@@ -24,6 +24,9 @@ pub(super) struct ContactValues {
     /// Each with the number of values of a contact.
     numbers: Vec<(&'static ContactQuantity, usize, Vec<f64>)>,
     flags: Vec<(&'static ContactQuantity, Vec<u8>)>,
+    /// Whether the file says which contacts are idle. In those of earlier versions they are the
+    /// ones without a force, which is right unless something attracts.
+    has_idle: bool,
 }
 
 impl ContactValues {
@@ -39,6 +42,9 @@ impl ContactValues {
             }
             for (of, flags) in &self.flags {
                 of.set_flag(&mut contact, flags[k]);
+            }
+            if !self.has_idle {
+                contact.idle = u64::from(contact.normal_force == 0.0);
             }
             contact
         };
@@ -240,6 +246,7 @@ impl RunFile {
             j: self.column("j", &rows)?,
             numbers: Vec::new(),
             flags: Vec::new(),
+            has_idle: form.idle,
         };
         for of in of_contacts(form).filter(|of| fields >= least_fields(of)) {
             let (name, width) = (of.column.name, of.width(form));

@@ -21,7 +21,7 @@ pub use self::owner::{Owner, owner};
 use self::verify::FrameSums;
 use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::checksums;
-use crate::contact_quantities::TWISTING_HISTORY;
+use crate::contact_quantities::{IDLE, TWISTING_HISTORY};
 use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
     CONTACTS, Form, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain,
@@ -282,7 +282,11 @@ impl RunFile {
         let series = source.table(place, columns, true, finished)?;
         let scalars = source.scalars(finished)?;
         let torques = source.exists(&contact_dataset(TWISTING_HISTORY));
-        let form = Form::new(dimension.axes(), torques);
+        let form = Form {
+            axes: dimension.axes(),
+            torques,
+            idle: source.exists(&contact_dataset(IDLE)),
+        };
         let [position, velocity, angular_velocity, image] =
             of_grain(dimension.axes()).map(|quantity| source.of_grains(quantity, grains.count()));
         let mut file = Self {

@@ -36,7 +36,7 @@ impl RunFile {
                     self.has_rolling().then_some(c.rolling != 0),
                     self.has_twisting().then_some(c.twisting != 0),
                 ],
-                c.normal_force == 0.0,
+                c.idle != 0,
             ),
             torques: c.torques,
             ..ContactState::new(c.i, c.j, history(c))
