@@ -21,8 +21,10 @@ pub struct EnergyBudget {
     /// Twice the dissipated energies, summed over the steps by the trapezoidal rule: the power of
     /// dampers at the start of the shear counts half.
     twice_dissipated: [i128; dissipation::KINDS],
-    /// The power of dampers at the end of the last step, times Δt; 0 for the other kinds.
+    /// The power of dampers at the end of the last step, times Δt, by where it counts.
     last_power: [i128; dissipation::KINDS],
+    /// [`dissipation::SET_BACK_TANGENTIAL`] and that of rolling at the end of the last step.
+    set_back: [i128; 2],
     /// Whether an energy was too great to be counted.
     uncounted: bool,
     /// The work done along x on the sample, and the force along x in the last step, over all ranks.
@@ -74,12 +76,16 @@ pub struct Begin {
     #[serde(default, skip_serializing_if = "crate::drive::is_zero")]
     pub potential: f64,
     /// Gravity (m/s²). With another one, in a branch, the budget begins again.
-    #[serde(default, skip_serializing_if = "is_weightless")]
+    #[serde(default, skip_serializing_if = "is_nothing")]
     pub gravity: [f64; 2],
+    /// Energy of springs that were set back against their force, tangential and of rolling (J; J/m
+    /// in 2D).
+    #[serde(default, skip_serializing_if = "is_nothing")]
+    pub set_back: [f64; 2],
 }
 
-fn is_weightless(gravity: &[f64; 2]) -> bool {
-    *gravity == [0.0; 2]
+fn is_nothing(numbers: &[f64; 2]) -> bool {
+    *numbers == [0.0; 2]
 }
 
 /// The energy budget of all ranks in a checkpoint, numbers in decimal.
@@ -147,6 +153,7 @@ impl EnergyBudget {
             unit: units.force * radius * 2f64.powi(-26),
             twice_dissipated: [0; dissipation::KINDS],
             last_power: [0; dissipation::KINDS],
+            set_back: [0; 2],
             uncounted: false,
             work: 0.0,
             force: 0.0,
@@ -162,11 +169,25 @@ impl EnergyBudget {
 
     /// Adds the energies that this rank's contacts dissipated in a step. `uncounted`: whether one
     /// of them was too great to be counted.
-    pub fn step(&mut self, dissipated: [i128; dissipation::KINDS], uncounted: bool) {
-        for (sum, more) in self.twice_dissipated.iter_mut().zip(dissipated) {
+    pub fn step(&mut self, counts: [i128; dissipation::COUNTS], uncounted: bool) {
+        let mut energies = [0; dissipation::KINDS];
+        energies.copy_from_slice(&counts[..dissipation::KINDS]);
+        self.last_power[dissipation::DAMPING] = energies[dissipation::DAMPING];
+        for (kind, cut) in [
+            (dissipation::FRICTION, dissipation::CUT_FRICTION),
+            (dissipation::ROLLING, dissipation::CUT_ROLLING),
+        ] {
+            self.last_power[kind] = counts[cut];
+            energies[kind] += counts[cut];
+        }
+        for (sum, more) in self.twice_dissipated.iter_mut().zip(energies) {
             *sum += 2 * more;
         }
-        self.last_power[dissipation::DAMPING] = dissipated[dissipation::DAMPING];
+        let set_back = [
+            dissipation::SET_BACK_TANGENTIAL,
+            dissipation::SET_BACK_ROLLING,
+        ];
+        self.set_back = set_back.map(|kind| counts[kind]);
         self.uncounted |= uncounted;
     }
 
@@ -244,7 +265,21 @@ impl EnergyBudget {
         let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(36));
         let mut elastic = [Accumulator::default(); ELASTIC];
         add_elastic(isa, law, &of, elastic_unit, &mut elastic);
-        let elastic = elastic_unit.total(exchange, elastic);
+        let mut set_back = [Accumulator::default(); 2];
+        for (of_kind, count) in set_back.iter_mut().zip(self.set_back) {
+            elastic_unit.add_whole(of_kind, count, self.unit);
+        }
+        let [normal, tangential, rolling] = elastic;
+        let [of_tangential, of_rolling] = set_back;
+        let parts = [
+            normal,
+            tangential.less(of_tangential),
+            rolling.less(of_rolling),
+            of_tangential,
+            of_rolling,
+        ];
+        let [normal, tangential, rolling, set_back @ ..] = elastic_unit.total(exchange, parts);
+        let elastic = [normal, tangential, rolling];
         let energy = of.kinetic + elastic.iter().sum::<f64>();
         let begin = self.begin.filter(|begin| begin.gravity == of.gravity);
         let begin = begin.unwrap_or_else(|| {
@@ -258,18 +293,22 @@ impl EnergyBudget {
                 height: of.height,
                 potential: of.potential,
                 gravity: of.gravity,
+                set_back,
             }
         });
         self.begin = Some(begin);
         // Trapezoidal rule: the power at the end of the last step counts half.
         let (dissipated, uncounted) = self.sums(exchange, self.last_power);
-        let dissipated = dissipated.map(|n| {
+        let mut dissipated = dissipated.map(|n| {
             if uncounted {
                 f64::NAN
             } else {
                 0.5 * n as f64 * self.unit
             }
         });
+        // The steps took it for elastic energy.
+        dissipated[dissipation::FRICTION] += set_back[0] - begin.set_back[0];
+        dissipated[dissipation::ROLLING] += set_back[1] - begin.set_back[1];
         let work_load = match self.normal {
             None => -of.load * (of.height - begin.height),
             Some(normal) => normal.work + (begin.potential - of.potential),

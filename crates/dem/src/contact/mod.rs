@@ -6,7 +6,7 @@ pub mod jkr;
 pub mod model;
 pub mod stiffness;
 
-use crate::dimension::{Dimension, Three, Vector};
+use crate::dimension::{Dimension, Three, Vector, scaled_sum};
 use crate::simd::{Lanes, Lanes16, Mask, Portable, PortableToken, inverse_sqrt, ln};
 
 /// Relative motion of sixteen pairs of grains, of i with respect to j; n points from j to i. SI
@@ -20,7 +20,8 @@ pub struct PairMotion {
     pub overlap: Lanes16,
     /// v_n of the full step, positive where the pair separates (m/s).
     pub normal_velocity: Lanes16,
-    /// v_n(t + ½Δt) Δt (m); set with an energy budget only.
+    /// By how much the overlap was greater a step ago (m): v_n(t + ½Δt) Δt, set with an energy
+    /// budget only, or to rounding if the law has [`ContactLaw::NEEDS_LAST_OVERLAP`].
     pub normal_increment: Lanes16,
     /// v_t of the full step (m/s).
     pub tangential_velocity: Vector<Lanes16>,
@@ -76,6 +77,9 @@ pub struct Blocks<'a> {
 pub type Jump = (usize, usize, f64);
 
 /// Kinds of dissipation: the indices of [`Response::dissipated`].
+///
+/// The part of each contact is what it does: a damper dissipates while it acts beside its spring,
+/// and a slider what is left where it cuts the two to a limit.
 pub mod dissipation {
     /// By dampers: the power at the end of the step (W; W/m in 2D). The other kinds are energies
     /// dissipated in the step (J; J/m in 2D).
@@ -88,6 +92,19 @@ pub mod dissipation {
     pub const STIFFNESS: usize = 3;
     /// Number of kinds.
     pub const KINDS: usize = 4;
+    /// A part of [`FRICTION`]: the power at the end of the step (W; W/m in 2D) that a damper would
+    /// have beside a spring with which it is cut to the limit of friction.
+    pub const CUT_FRICTION: usize = 4;
+    /// The same of [`ROLLING`].
+    pub const CUT_ROLLING: usize = 5;
+    /// The energy (J; J/m in 2D) at the end of the step of springs that are set back against the
+    /// force that they are part of, because their dampers alone exceed the limit of friction. No
+    /// work was done on them, so it is not elastic energy.
+    pub const SET_BACK_TANGENTIAL: usize = 6;
+    /// The same of rolling and twisting.
+    pub const SET_BACK_ROLLING: usize = 7;
+    /// Number of the kinds and of what else is counted for them.
+    pub const COUNTS: usize = 8;
 }
 
 /// Forces of sixteen contacts on grain i, per unit depth (N/m) in 2D; arbitrary where the pair does
@@ -111,7 +128,7 @@ pub struct Response {
     pub beyond: u16,
     /// Dissipation by [`dissipation`], if an energy budget is kept; also of contacts that have just
     /// opened, and 0 elsewhere.
-    pub dissipated: [Lanes16; dissipation::KINDS],
+    pub dissipated: [Lanes16; dissipation::COUNTS],
 }
 
 /// Elastic torques that resist the rolling and twisting of spheres: a vector in the tangent plane
@@ -145,6 +162,13 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     /// Whether rolling torques can arise. In three dimensions their history is the last
     /// [`TORQUES`] numbers, and `FRICTION` is set.
     const ROLLING: bool;
+    /// Whether dampers are cut to a limit together with their springs: then it sets the counts of
+    /// [`dissipation`] after its kinds.
+    const CUTS_DAMPERS: bool = false;
+    /// Whether it needs the overlap of a step ago.
+    const NEEDS_LAST_OVERLAP: bool = false;
+    /// Whether the limits begin with a jump where two grains touch, as those of a linear damper.
+    const LIMITS_JUMP: bool = false;
     /// The largest overlap within the law over the diameter of the smaller grain; infinite if the
     /// law itself sets [`Response::beyond`].
     const LARGEST_OVERLAP: f64 = f64::INFINITY;
@@ -171,51 +195,91 @@ pub trait ContactLaw: Copy + std::fmt::Debug + Send + Sync + 'static {
     ) -> [L; 3];
 }
 
-/// A spring's force or torque under a limit, and that of the damper parallel to it.
+/// A spring's force or torque of one component under a limit, and that of the damper parallel to
+/// it, which jumps at the limit.
 pub struct Limited<L: Lanes> {
     /// The spring's part, cut to the limit; it is stored as the history.
-    pub elastic: Vector<L>,
+    pub elastic: L,
     /// The damper's part.
-    pub viscous: Vector<L>,
+    pub viscous: L,
     /// Where the spring's part is at the limit.
     pub at_limit: L::Mask,
 }
 
 impl<L: Lanes> Limited<L> {
-    /// Of one component. `trial`: the spring's part after the step without limit. `viscous`: the
-    /// damper's part below the limit, of which `share` acts at it.
+    /// `trial`: the spring's part after the step without limit. `viscous`: the damper's part below
+    /// the limit, of which `share` acts at it.
     #[inline(always)]
     pub fn scalar(token: L::Token, trial: L, limit: L, viscous: L, share: f64) -> Self {
         let at_limit = trial.abs().greater(limit);
         Self {
-            elastic: [limit.copy_sign(trial).select(at_limit, trial); 3],
-            viscous: [at_share(token, viscous, share, at_limit); 3],
+            elastic: limit.copy_sign(trial).select(at_limit, trial),
+            viscous: at_share(token, viscous, share, at_limit),
+            at_limit,
+        }
+    }
+}
+
+/// A spring and the damper parallel to it, whose sum is cut to a limit by a slider in series: it
+/// does not jump there. The spring is set back so that the two together give the limit.
+pub struct Sliding<L: Lanes> {
+    /// Spring and damper, cut to the limit.
+    pub force: Vector<L>,
+    /// The spring's part; it is stored as the history.
+    pub elastic: Vector<L>,
+    /// Where they are at the limit.
+    pub at_limit: L::Mask,
+}
+
+/// A spring and the damper parallel to it at the end of a step, without a limit.
+pub struct Trial<L: Lanes> {
+    /// The spring's force before the step.
+    pub before: Vector<L>,
+    /// The spring's force.
+    pub elastic: Vector<L>,
+    /// The damper's force, which is subtracted from it.
+    pub viscous: Vector<L>,
+    /// The damper's force before the step.
+    pub viscous_before: Vector<L>,
+}
+
+impl<L: Lanes> Sliding<L> {
+    /// Of one component, the first.
+    #[inline(always)]
+    pub fn scalar(trial: &Trial<L>, limit: L, touching: L::Mask) -> Self {
+        let (elastic, viscous) = (trial.elastic[0], trial.viscous[0]);
+        let force = elastic - viscous;
+        let at_limit = force.abs().greater(limit).and(touching);
+        let force = limit.copy_sign(force).select(at_limit, force);
+        Self {
+            force: [force; 3],
+            elastic: [(force + viscous).select(at_limit, elastic); 3],
             at_limit,
         }
     }
 
-    /// Of a vector in the tangent plane; `before`: the spring's part before the step; `masks`:
-    /// where it was at the limit then, and where the pair touches.
+    /// Of a vector in the tangent plane. `slid`: where it was at the limit before the step.
     #[inline(always)]
     pub fn vector(
         token: L::Token,
-        [before, trial, viscous]: [&Vector<L>; 3],
+        trial: &Trial<L>,
         limit: L,
-        share: f64,
-        [slid, touching]: [L::Mask; 2],
+        slid: L::Mask,
+        touching: L::Mask,
     ) -> Self {
-        let at_limit = exceeds(trial, limit).and(touching);
-        let mut elastic = *trial;
+        let mut elastic = trial.elastic;
+        let mut force = difference(&elastic, &trial.viscous);
+        let at_limit = exceeds(&force, limit).and(touching);
         if at_limit.bits() != 0 {
-            elastic = set_back(token, before, trial, limit, [slid, at_limit]);
+            let before = difference(&trial.before, &trial.viscous_before);
+            force = set_back(token, &before, &force, limit, [slid, at_limit]);
+            for k in 0..3 {
+                elastic[k] = (force[k] + trial.viscous[k]).select(at_limit, elastic[k]);
+            }
         }
         Self {
+            force,
             elastic,
-            viscous: [
-                at_share(token, viscous[0], share, at_limit),
-                at_share(token, viscous[1], share, at_limit),
-                at_share(token, viscous[2], share, at_limit),
-            ],
             at_limit,
         }
     }
@@ -309,6 +373,26 @@ pub(crate) fn sum<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> Vector<L> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
+/// a - b.
+#[inline(always)]
+pub(crate) fn difference<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> Vector<L> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// v at the beginning of a step, 2 v(t + ½Δt) - v to second order, from the way in the step; v if Δt
+/// is 0.
+#[inline(always)]
+pub(crate) fn velocity_before<L: Lanes>(
+    token: L::Token,
+    per_step: f64,
+    way: &Vector<L>,
+    velocity: &Vector<L>,
+) -> Vector<L> {
+    let per_half_step = L::splat(token, 2.0 * per_step);
+    let sign = L::splat(token, if per_step > 0.0 { -1.0 } else { 1.0 });
+    scaled_sum(per_half_step, way, &scaled(velocity, sign))
+}
+
 /// A vector times a number.
 #[inline(always)]
 pub fn scaled<L: Lanes>(v: &Vector<L>, by: L) -> Vector<L> {
@@ -335,8 +419,83 @@ pub(crate) fn store_vector<L: Lanes>(v: &Vector<L>, lanes: &mut [Lanes16], n: us
 /// Adds the power of a damper to [`dissipation::DAMPING`].
 #[inline(always)]
 pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, power: L) {
-    let lanes = &mut response.dissipated[dissipation::DAMPING];
-    (L::load(token, lanes) + power).store(lanes);
+    add_dissipation(token, response, dissipation::DAMPING, power);
+}
+
+/// A damper that is cut to a limit together with its spring, as the energy budget sees it.
+pub(crate) struct CutDamper<L: Lanes> {
+    /// The power that it has beside its spring (W; W/m in 2D).
+    pub power: L,
+    /// Where the two are at the limit.
+    pub at_limit: L::Mask,
+    /// The energy of the spring (J; J/m in 2D).
+    pub energy: L,
+    /// The spring's part times the force: negative where it is set back against the force.
+    pub along: L,
+}
+
+/// What a force at its limit may differ from it by rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Where a force is at its limit, or as great but for rounding: forces that are computed again
+/// without a step between may be either. Takes the square of the force.
+#[inline(always)]
+pub(crate) fn reaches<L: Lanes>(
+    token: L::Token,
+    at_limit: L::Mask,
+    square: L,
+    limit: L,
+) -> L::Mask {
+    let near = square.greater(limit * limit * L::splat(token, 1.0 - ROUNDING));
+    L::mask(token, at_limit.bits() | near.bits())
+}
+
+impl<L: Lanes> CutDamper<L> {
+    /// One without power and energy yet.
+    #[inline(always)]
+    pub fn at(token: L::Token, at_limit: L::Mask) -> Self {
+        let zero = L::splat(token, 0.0);
+        Self {
+            power: zero,
+            at_limit,
+            energy: zero,
+            along: zero,
+        }
+    }
+
+    /// Where the spring is set back against the force.
+    #[inline(always)]
+    pub fn is_set_back(&self, token: L::Token) -> L::Mask {
+        L::splat(token, 0.0).greater(self.along).and(self.at_limit)
+    }
+
+    /// Adds the counts of friction, or those of rolling if `rolls`.
+    #[inline(always)]
+    pub fn count(&self, token: L::Token, response: &mut Response, rolls: bool) {
+        let zero = L::splat(token, 0.0);
+        let (cut, set_back) = if rolls {
+            (dissipation::CUT_ROLLING, dissipation::SET_BACK_ROLLING)
+        } else {
+            (dissipation::CUT_FRICTION, dissipation::SET_BACK_TANGENTIAL)
+        };
+        add_damping(token, response, zero.select(self.at_limit, self.power));
+        let power = self.power.select(self.at_limit, zero);
+        add_dissipation(token, response, cut, power);
+        let energy = self.energy.select(self.is_set_back(token), zero);
+        add_dissipation(token, response, set_back, energy);
+    }
+}
+
+/// Adds to a kind of dissipation.
+#[inline(always)]
+pub(crate) fn add_dissipation<L: Lanes>(
+    token: L::Token,
+    response: &mut Response,
+    kind: usize,
+    more: L,
+) {
+    let lanes = &mut response.dissipated[kind];
+    (L::load(token, lanes) + more).store(lanes);
 }
 
 /// Natural logarithm of a positive normal number, the same on every platform.
@@ -416,37 +575,63 @@ pub(crate) mod tests {
         response[0]
     }
 
-    /// The parts of a contact whose spring has `trial` under a limit of 2, with the damper's part.
-    fn limited(n: usize, trial: [f64; 3], viscous: [f64; 3], share: f64) -> ([f64; 3], [f64; 3]) {
-        let c = |v| Portable::splat(PortableToken, v);
-        let (trial, viscous) = (trial.map(c), viscous.map(c));
-        let f = if n == 1 {
-            Limited::scalar(PortableToken, trial[0], c(2.0), viscous[0], share)
-        } else {
-            let vectors = [&[c(0.0); 3], &trial, &viscous];
-            Limited::vector(PortableToken, vectors, c(2.0), share, [0, u16::MAX])
-        };
-        let first = |lanes: Portable| lanes.to_lanes16().0[0];
-        (f.elastic.map(first), f.viscous.map(first))
+    fn c(v: f64) -> Portable {
+        Portable::splat(PortableToken, v)
+    }
+
+    fn first(lanes: Portable) -> f64 {
+        lanes.to_lanes16().0[0]
     }
 
     #[test]
     fn a_damper_acts_below_the_limit_and_its_share_at_it() {
-        let viscous = [0.5, -1.0, 0.25];
+        let limited = |trial: f64, viscous: f64, share: f64| {
+            let f = Limited::scalar(PortableToken, c(trial), c(2.0), c(viscous), share);
+            [f.elastic, f.viscous].map(first)
+        };
         for share in [0.0, 0.5, 1.0] {
-            let at_limit = viscous.map(|v| share * v);
-            for n in [1, 3] {
-                let stuck = limited(n, [1.0, 0.0, 0.0], viscous, share);
-                assert_eq!(
-                    (stuck.0[0], stuck.1[..n].to_vec()),
-                    (1.0, viscous[..n].to_vec())
-                );
-                let (elastic, damper) = limited(n, [-4.0, 0.0, 0.0], viscous, share);
-                assert!((elastic[0] + 2.0).abs() < 1e-15, "{elastic:?}");
-                assert_eq!(damper[..n], at_limit[..n]);
-            }
+            assert_eq!(limited(1.0, 0.5, share), [1.0, 0.5]);
+            assert_eq!(limited(-4.0, 0.5, share), [-2.0, 0.5 * share]);
         }
         // No damper, no sign of zero: forces have the same bits as without one.
-        assert_eq!(limited(1, [4.0; 3], [-1.0; 3], 0.0).1[0].to_bits(), 0);
+        assert_eq!(limited(4.0, -1.0, 0.0)[1].to_bits(), 0);
+    }
+
+    /// Spring, damper and the sum of a trial under a limit of 2.
+    fn sliding(n: usize, elastic: [f64; 3], viscous: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        let trial = Trial {
+            before: [c(0.0); 3],
+            elastic: elastic.map(c),
+            viscous: viscous.map(c),
+            viscous_before: [c(0.0); 3],
+        };
+        let touching = u16::MAX;
+        let f = if n == 1 {
+            Sliding::scalar(&trial, c(2.0), touching)
+        } else {
+            Sliding::vector(PortableToken, &trial, c(2.0), 0, touching)
+        };
+        (f.force.map(first), f.elastic.map(first))
+    }
+
+    /// Spring and damper are cut together: the force does not jump where the sliding begins, and
+    /// the spring gives what the damper leaves of the limit.
+    #[test]
+    fn spring_and_damper_are_cut_together() {
+        for n in [1, 3] {
+            let (force, spring) = sliding(n, [1.0, 0.0, 0.0], [-0.75, 0.0, 0.0]);
+            assert_eq!((force[0], spring[0]), (1.75, 1.0));
+            for beyond in [1e-9, 1.0, 10.0] {
+                let (force, spring) = sliding(n, [1.25 + beyond, 0.0, 0.0], [-0.75, 0.0, 0.0]);
+                assert!((force[0] - 2.0).abs() < 1e-15, "{force:?}");
+                assert!((spring[0] - 1.25).abs() < 1e-15, "{spring:?}");
+            }
+            // The damper alone is beyond the limit: the spring pulls back.
+            let (force, spring) = sliding(n, [0.0; 3], [-5.0, 0.0, 0.0]);
+            assert!((force[0] - 2.0).abs() < 1e-15 && (spring[0] + 3.0).abs() < 1e-15);
+        }
+        let (force, spring) = sliding(3, [3.0, 0.0, 0.0], [0.0, -4.0, 0.0]);
+        let close = |a: [f64; 3], b: [f64; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 1e-14);
+        assert!(close(force, [1.2, 1.6, 0.0]) && close(spring, [1.2, -2.4, 0.0]));
     }
 }

@@ -114,6 +114,15 @@ impl From<Accumulator> for i128 {
 }
 
 impl Accumulator {
+    /// This sum less another.
+    #[must_use]
+    pub fn less(self, other: Self) -> Self {
+        Self {
+            sum: self.sum - other.sum,
+            outside: self.outside + other.outside,
+        }
+    }
+
     /// Writes the sum as `LIMBS + 1` integers that can be added over the ranks.
     pub fn write(&self, to: &mut [i64]) {
         for (k, limb) in to[..LIMBS].iter_mut().enumerate() {

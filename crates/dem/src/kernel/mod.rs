@@ -151,7 +151,7 @@ pub struct PassOutcome {
     /// A pair (block, lane) whose force is too great to be rounded to the unit.
     pub too_strong: Option<(usize, usize)>,
     /// Dissipation of the contacts whose grain i this rank owns, in [`Counting::unit`]s.
-    pub dissipated: [i128; dissipation::KINDS],
+    pub dissipated: [i128; dissipation::COUNTS],
     /// Whether an energy was too great to be counted.
     pub uncounted: bool,
     /// Σ F r_z/h along the last axis and along x of these contacts, in units of the forces, if it
@@ -249,7 +249,7 @@ pub struct Scratch<D: Dimension> {
     /// opened; set with an attraction only.
     jumps: Vec<Jump>,
     /// Block, lane and damping factor of pairs that touch for the first time; set with an energy
-    /// budget only.
+    /// budget, and if limits of the law begin with a jump.
     touched: Vec<Jump>,
 }
 
@@ -306,6 +306,9 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             outcome.outside = outcome.outside.or(outside);
             if pass.jkr().is_some() && !scratch.jumps.is_empty() {
                 scale_jumps::<C, BUDGET>(law, pass, chunk.start, scratch);
+            }
+            if C::LIMITS_JUMP && !scratch.touched.is_empty() {
+                restore_histories::<C, BUDGET>(law, pass, chunk.start, scratch);
             }
             if BUDGET {
                 count_dissipation::<C, L>(token, pass, chunk.clone(), scratch, &mut outcome);
@@ -422,9 +425,15 @@ fn scale_jumps<C: ContactLaw, const BUDGET: bool>(
         let (block, response) = (first + k, &mut scratch.response[k]);
         let forces = response.tangential.iter_mut();
         let forces = forces.chain(&mut scratch.turning[k].torque);
-        let damping = &mut response.dissipated[dissipation::DAMPING];
-        for lanes in forces.chain([&mut response.normal, damping]) {
+        for lanes in forces.chain([&mut response.normal]) {
             lanes.0[lane] *= factor;
+        }
+        for kind in [
+            dissipation::DAMPING,
+            dissipation::CUT_FRICTION,
+            dissipation::CUT_ROLLING,
+        ] {
+            response.dissipated[kind].0[lane] *= factor;
         }
         if contacts.touching[block] >> lane & 1 == 1 {
             continue;
@@ -446,9 +455,73 @@ fn scale_jumps<C: ContactLaw, const BUDGET: bool>(
             ] {
                 response.dissipated[kind].0[lane] += energy.to_lanes16().0[lane];
             }
+            for kind in [
+                dissipation::SET_BACK_TANGENTIAL,
+                dissipation::SET_BACK_ROLLING,
+            ] {
+                response.dissipated[kind].0[lane] = 0.0;
+            }
         }
         for lanes in history {
             lanes.0[lane] = 0.0;
+        }
+    }
+}
+
+/// The springs of pairs that touch for the first time and slide at once: the kernel has scaled the
+/// velocities by the part of the kick in which the pair touches, and with them the limit and the
+/// damper, from which the spring was set back. The force needs this, the history does not.
+#[cold]
+fn restore_histories<C: ContactLaw, const BUDGET: bool>(
+    law: &C,
+    pass: &mut Pass<'_, C::Space>,
+    first: usize,
+    scratch: &mut Scratch<C::Space>,
+) {
+    let contacts = &mut pass.part;
+    let spins = C::Space::SPINS;
+    for &(k, lane, factor) in &scratch.touched {
+        let (block, response) = (first + k, &mut scratch.response[k]);
+        let slides = response.sliding >> lane & 1 == 1;
+        // Torques of spheres are not scaled.
+        let rolls = C::ROLLING && spins == 1 && response.rolls >> lane & 1 == 1;
+        if !slides && !rolls {
+            continue;
+        }
+        let of = &contacts.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
+        let history = &mut contacts.history[block * C::HISTORY..][..C::HISTORY];
+        let overlap = Portable::load(PortableToken, &scratch.motion[k].overlap);
+        let before = BUDGET.then(|| law.elastic_energies(PortableToken, of, overlap, history));
+        if slides {
+            for lanes in &mut history[..spins] {
+                lanes.0[lane] /= factor;
+            }
+        }
+        if rolls {
+            history[C::HISTORY - 1].0[lane] /= factor;
+        }
+        let Some([_, tangential_before, rolling_before]) = before else {
+            continue;
+        };
+        let [_, tangential, rolling] = law.elastic_energies(PortableToken, of, overlap, history);
+        for (kind, set_back, [before, after]) in [
+            (
+                dissipation::FRICTION,
+                dissipation::SET_BACK_TANGENTIAL,
+                [tangential_before, tangential],
+            ),
+            (
+                dissipation::ROLLING,
+                dissipation::SET_BACK_ROLLING,
+                [rolling_before, rolling],
+            ),
+        ] {
+            let gained = (after - before).to_lanes16().0[lane];
+            response.dissipated[kind].0[lane] -= gained;
+            let set_back = &mut response.dissipated[set_back].0[lane];
+            if *set_back > 0.0 {
+                *set_back += gained;
+            }
         }
     }
 }
@@ -470,7 +543,9 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
     for &(k, lane, factor) in &scratch.touched {
         // Both the damping force and the velocity were scaled; the power needs only the force
         // scaled.
-        scratch.response[k].dissipated[dissipation::DAMPING].0[lane] /= factor;
+        for kind in [dissipation::DAMPING, dissipation::CUT_FRICTION] {
+            scratch.response[k].dissipated[kind].0[lane] /= factor;
+        }
     }
     let load = |lanes: &Lanes16| L::load(token, lanes);
     let c = |v| L::splat(token, v);
@@ -479,10 +554,17 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
     let (unit, step) = counting.unwrap_or((1.0, 0.0));
     let owned = chunk.end.min(part.owned_blocks.saturating_sub(part.first));
     let blocks = chunk.start..owned.max(chunk.start);
-    for kind in 0..dissipation::KINDS {
+    let kinds = if C::CUTS_DAMPERS {
+        dissipation::COUNTS
+    } else {
+        dissipation::KINDS
+    };
+    for kind in 0..kinds {
         let mut sums = L::no_counts(token);
         let per_unit = match kind {
-            dissipation::DAMPING => c(step / unit),
+            dissipation::DAMPING | dissipation::CUT_FRICTION | dissipation::CUT_ROLLING => {
+                c(step / unit)
+            }
             _ => c(1.0 / unit),
         };
         for response in &scratch.response[..blocks.len()] {

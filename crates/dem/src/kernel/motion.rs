@@ -55,7 +55,10 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         pair.overlap.store(&mut motion.overlap);
         let [v, half_v] = Velocity::of_pair::<C::Space>(token, &pair, difference);
         v.normal.store(&mut motion.normal_velocity);
-        if BUDGET {
+        if C::NEEDS_LAST_OVERLAP {
+            let last = pair.last_overlap::<C::Space>(token, &half_v, step, sum);
+            (last - pair.overlap).store(&mut motion.normal_increment);
+        } else if BUDGET {
             (half_v.normal * step).store(&mut motion.normal_increment);
         }
         if C::FRICTION {
@@ -70,8 +73,14 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let before = *touching;
         let approach = -half_v.normal * step;
         let lengths = [pair.overlap, approach, sum, r_i];
-        let (new, since_jump) =
-            touch::<L, BUDGET>(token, jkr.as_ref(), lengths, touching, (motion, overlap));
+        let (new, since_jump) = touch(
+            token,
+            jkr.as_ref(),
+            lengths,
+            touching,
+            (motion, overlap),
+            BUDGET || C::NEEDS_LAST_OVERLAP,
+        );
         if before | *touching != 0 {
             active = k + 1;
             if C::LARGEST_OVERLAP < f64::INFINITY {
@@ -85,7 +94,8 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let opened = if attracts { before & !*touching } else { 0 };
         if new | opened != 0 {
             let jumps = attracts.then_some(&mut scratch.jumps);
-            let touched = (BUDGET && jkr.is_none()).then_some(&mut scratch.touched);
+            let notes = (BUDGET || C::LIMITS_JUMP) && jkr.is_none();
+            let touched = notes.then_some(&mut scratch.touched);
             correct_jumps(
                 (k, [new, opened]),
                 [since_jump.to_lanes16(), approach.to_lanes16()],
@@ -168,14 +178,16 @@ fn smaller<L: Lanes>([sum, r_i]: [L; 2]) -> L {
 }
 
 /// Updates the mask of touching pairs. Returns the pairs that touch for the first time, and the
-/// overlap since touch or opening. Takes δ, -v_n Δt, R_i + R_j and R_i.
+/// overlap since touch or opening. Takes δ, -v_n Δt, R_i + R_j and R_i; `has_increment`: whether
+/// the motion has its normal increment.
 #[inline(always)]
-fn touch<L: Lanes, const BUDGET: bool>(
+fn touch<L: Lanes>(
     token: L::Token,
     jkr: Option<&Jkr>,
     [overlap, approach, sum, r_i]: [L; 4],
     touching: &mut u16,
     (motion, without_jkr): (&mut PairMotion, &mut Lanes16),
+    has_increment: bool,
 ) -> (u16, L) {
     let before = *touching;
     *touching = overlap.greater(L::splat(token, 0.0)).bits();
@@ -189,7 +201,8 @@ fn touch<L: Lanes, const BUDGET: bool>(
         return (new, overlap);
     }
     let of = (overlap, reduced_radius([sum, r_i]));
-    let (held, since_jump) = adhere::<L, BUDGET>(token, jkr, of, [before, *touching], motion);
+    let touched = [before, *touching];
+    let (held, since_jump) = adhere(token, jkr, of, touched, motion, has_increment);
     *touching = held;
     (new & !before, since_jump)
 }
@@ -288,12 +301,7 @@ impl<L: Lanes> Separation<L> {
             }
             stretching = sheared.stretching;
         }
-        let square = D::dot(&r, &r);
-        let per_distance = inverse_sqrt(token, square);
-        // To 0.501 ulp, because the overlap is the small difference of two lengths.
-        let estimate = square * per_distance;
-        let distance =
-            (c(0.5) * per_distance).mul_add((-estimate).mul_add(estimate, square), estimate);
+        let (distance, per_distance) = distance::<D, L>(token, &r);
         let mut n = r;
         for axis in 0..D::AXES {
             n[axis] = r[axis] * per_distance;
@@ -307,6 +315,37 @@ impl<L: Lanes> Separation<L> {
             stretching,
         }
     }
+
+    /// The overlap a step ago (m): of the separation then, or, where n does not turn, along n.
+    #[inline(always)]
+    fn last_overlap<D: Dimension>(
+        &self,
+        token: L::Token,
+        half_v: &Velocity<L>,
+        step: L,
+        sum: L,
+    ) -> L {
+        let mut r = self.r;
+        for axis in 0..D::AXES {
+            r[axis] = (-step).mul_add(half_v.vector[axis], r[axis]);
+        }
+        let turned = sum - distance::<D, L>(token, &r).0;
+        let straight = half_v.normal.mul_add(step, self.overlap);
+        let turns = self.per_distance.greater(L::splat(token, 0.0));
+        turned.select(turns, straight)
+    }
+}
+
+/// |r| and 1/|r|.
+#[inline(always)]
+fn distance<D: Dimension, L: Lanes>(token: L::Token, r: &[L; 3]) -> (L, L) {
+    let square = D::dot(r, r);
+    let per_distance = inverse_sqrt(token, square);
+    // To 0.501 ulp, because the overlap is the small difference of two lengths.
+    let estimate = square * per_distance;
+    let half = L::splat(token, 0.5) * per_distance;
+    let distance = half.mul_add((-estimate).mul_add(estimate, square), estimate);
+    (distance, per_distance)
 }
 
 /// Relative velocity of sixteen pairs (m/s).
@@ -490,12 +529,13 @@ impl<L: Lanes> Turn<L> {
 /// that overlap. Also returns the overlap since the jump: of pairs that have opened, beyond the
 /// pull-off.
 #[inline(always)]
-fn adhere<L: Lanes, const BUDGET: bool>(
+fn adhere<L: Lanes>(
     token: L::Token,
     jkr: &Jkr,
     (overlap, reduced): (L, L),
     [before, touching]: [u16; 2],
     motion: &mut PairMotion,
+    has_increment: bool,
 ) -> (u16, L) {
     let depth = jkr.depth(token, reduced);
     let beyond = depth.mul_add(L::splat(token, 1.0 / 3.0), overlap);
@@ -503,7 +543,7 @@ fn adhere<L: Lanes, const BUDGET: bool>(
     let acts = L::mask(token, before | touching);
     let hertzian = jkr.hertzian(token, depth, overlap);
     hertzian.select(acts, overlap).store(&mut motion.overlap);
-    if BUDGET {
+    if has_increment {
         let increment = L::load(token, &motion.normal_increment);
         let earlier = jkr.hertzian(token, depth, overlap + increment);
         (earlier - hertzian).store(&mut motion.normal_increment);

@@ -24,8 +24,8 @@ use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, add_damping, dissipation, exceeds, norm, portable_exp, portable_ln, scaled,
-    set_back, sum, vector,
+    Blocks, ContactLaw, CutDamper, dissipation, exceeds, norm, portable_exp, portable_ln, reaches,
+    scaled, set_back, sum, vector,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Vector, scaled_sum};
 use crate::kernel::PairForce;
@@ -357,6 +357,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     const HISTORY_UNIT: &'static str = "m";
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = false;
+    const CUTS_DAMPERS: bool = true;
     const LARGEST_OVERLAP: f64 = LARGEST_OVERLAP;
 
     #[inline(always)]
@@ -518,9 +519,6 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                     * (root * Three::dot(&after, &after)
                         - root_before * Three::dot(&before, &before));
                 let stiffness = half_k * (root_before - root) * Three::dot(&before, &after);
-                let stiffness = stiffness.select(touching, zero);
-                stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
-                (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);
                 let viscous = if D::BOUNDS_SPRING {
                     let ([x, y, z], [u_x, u_y, u_z]) = (force, spring);
                     let rest = [x - k_t * u_x, y - k_t * u_y, z - k_t * u_z];
@@ -528,8 +526,20 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                 } else {
                     scaled(&v_t, gamma_t * root)
                 };
-                let power = Three::dot(&viscous, &v_t).select(touching, zero);
-                add_damping(token, response, power);
+                let damper = CutDamper {
+                    power: Three::dot(&viscous, &v_t).select(touching, zero),
+                    at_limit: reaches(token, sliding, Three::dot(&force, &force), limit)
+                        .and(touching),
+                    energy: half_k * root * Three::dot(&after, &after),
+                    along: Three::dot(&after, &force),
+                };
+                let is_spring = L::mask(token, touching.bits() & !damper.is_set_back(token).bits());
+                let stiffness = stiffness.select(is_spring, zero);
+                stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);
+                response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
+                response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
+                damper.count(token, response, false);
             }
         }
     }

@@ -13,8 +13,16 @@
 //! F_t^e ← F_t^e - k_t v_t(t+½Δt) Δt
 //! ```
 //!
-//! cut to μ_s F_n and stored so. Below this limit -γ_t v_t is added, γ_t = 2α√(k_t m*), and at it
-//! the share `sliding_damping` of that, by default none, as in LIGGGHTS.
+//! beside the damper -γ_t v_t, γ_t = 2α√(k_t m*). With s = `sliding_damping`, by default 0,
+//!
+//! ```text
+//! |F_t^e - (1-s) γ_t v_t| ≤ μ_s F_n,   F_t = F_t^e - γ_t v_t
+//! ```
+//!
+//! Beyond this limit the sum on the left is cut to it, F_t^e is set back so that spring and damper
+//! together give the limit, as in LAMMPS, and -s γ_t v_t acts beside it. So F_t does not jump where
+//! sliding begins or ends. LIGGGHTS cuts the spring alone, and drops the damper with a jump while it
+//! is cut; without damping the two are the same.
 //!
 //! Rolling, in 2D, as in LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita
 //! and Oda):
@@ -23,8 +31,8 @@
 //! M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
 //! ```
 //!
-//! cut to μ_r R_r F_n. Below this limit the damper -C_r (ω_i-ω_j) is added (`rolling`); `epsd2` has
-//! none, as here with η_r = 0.
+//! beside the damper -C_r (ω_i-ω_j) (`rolling`), the two cut to μ_r R_r F_n together; `epsd2` has no
+//! damper, as here with η_r = 0.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -38,7 +46,10 @@ use super::rolling::{self, Rolling, rolling_force};
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, scaled, vector};
+use crate::contact::{
+    Blocks, ContactLaw, CutDamper, Sliding, Trial, add_damping, dissipation, reaches, scaled,
+    vector, velocity_before,
+};
 use crate::dimension::{Dimension, Dimensions, Three, Two, scaled_sum};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask};
@@ -73,7 +84,7 @@ pub struct Springs {
     pub density: f64,
     /// α, normal and tangential.
     pub damping_ratio: f64,
-    /// The share of the tangential damper that acts on sliding contacts.
+    /// s, the share of the tangential damper that acts on sliding contacts.
     pub sliding_damping: f64,
 }
 
@@ -242,6 +253,9 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     };
     const FRICTION: bool = FRICTION;
     const ROLLING: bool = ROLLING;
+    const CUTS_DAMPERS: bool = true;
+    // F_n begins with its damper.
+    const LIMITS_JUMP: bool = true;
     const LARGEST_OVERLAP: f64 = LARGEST_OVERLAP;
 
     #[inline(always)]
@@ -290,30 +304,59 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 let slip = vector(token, &motion.tangential_increment, n);
                 let v_t = vector(token, &motion.tangential_velocity, n);
                 let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
-                let trial = scaled_sum(-k_t, &slip, &before);
+                let beside = c(self.sliding_damping) * gamma_t;
+                let cut = c(1.0 - self.sliding_damping) * gamma_t;
                 let limit = c(self.friction) * load(&response.normal);
-                let (viscous, share) = (scaled(&v_t, gamma_t), self.sliding_damping);
+                let trial = Trial {
+                    before,
+                    elastic: scaled_sum(-k_t, &slip, &before),
+                    viscous: scaled(&v_t, cut),
+                    viscous_before: scaled(
+                        &velocity_before(token, blocks.per_step, &slip, &v_t),
+                        cut,
+                    ),
+                };
                 let f = if n == 1 {
-                    Limited::scalar(token, trial[0], limit, viscous[0], share)
+                    Sliding::scalar(&trial, limit, touching)
                 } else {
-                    let masks = [L::mask(token, response.sliding), touching];
-                    Limited::vector(token, [&before, &trial, &viscous], limit, share, masks)
+                    let slid = L::mask(token, response.sliding);
+                    Sliding::vector(token, &trial, limit, slid, touching)
                 };
                 response.sliding = f.at_limit.bits();
+                let (mut lost, mut power, mut energy, mut along) = (zero, zero, zero, zero);
                 for k in 0..n {
-                    (f.elastic[k] - f.viscous[k]).store(&mut response.tangential[k]);
+                    (-beside)
+                        .mul_add(v_t[k], f.force[k])
+                        .store(&mut response.tangential[k]);
                     let (before, after) = (before[k], f.elastic[k].select(touching, zero));
                     if BUDGET {
                         let per_k = c(1.0 / self.tangential_stiffness);
                         let gained = (after - before) * (after + before) * per_k;
-                        let lost = c(-0.5) * (before + after).mul_add(slip[k], gained);
-                        let to = &mut response.dissipated[dissipation::FRICTION];
-                        let sum = if k == 0 { lost } else { load(to) + lost };
-                        sum.store(to);
-                        let viscous = f.viscous[k].select(touching, zero);
-                        add_damping(token, response, viscous * v_t[k]);
+                        lost = c(-0.5).mul_add((before + after).mul_add(slip[k], gained), lost);
+                        power = v_t[k].mul_add(v_t[k], power);
+                        energy = (c(0.5) * per_k * after).mul_add(after, energy);
+                        along = after.mul_add(f.force[k], along);
                     }
                     after.store(&mut history[k]);
+                }
+                if BUDGET {
+                    lost.store(&mut response.dissipated[dissipation::FRICTION]);
+                    response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
+                    response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
+                    let power = power.select(touching, zero);
+                    add_damping(token, response, beside * power);
+                    let mut square = zero;
+                    for k in 0..n {
+                        square = f.force[k].mul_add(f.force[k], square);
+                    }
+                    let reaches = reaches(token, f.at_limit, square, limit);
+                    let damper = CutDamper {
+                        power: cut * power,
+                        at_limit: reaches.and(touching),
+                        energy,
+                        along,
+                    };
+                    damper.count(token, response, false);
                 }
             }
         }
@@ -440,19 +483,44 @@ mod tests {
         assert!(!slides);
     }
 
+    /// γ_t of `RADII`.
+    fn tangential_damping() -> f64 {
+        2.0 * 0.2 * (0.5e6 * reduced_mass()).sqrt()
+    }
+
+    /// Beyond their limits springs and dampers are cut together, and the springs set back.
     #[test]
-    fn limits_are_kept_and_remembered_without_dampers() {
+    fn limits_cut_springs_and_dampers_together() {
         let ([normal, tangential, rolling], slides, history) =
             response([1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
         close(normal, 2.0);
         close(tangential, -0.4 * 2.0);
-        close(history[0], tangential);
+        close(history[0], tangential + tangential_damping() * 5.0);
         close(rolling, -0.1 * (0.5e-3 / 1.5) * 2.0);
-        close(history[1], rolling);
+        let r_r: f64 = 0.5e-3 / 1.5;
+        let inertia = |r: f64| 1.5 * std::f64::consts::PI * 2500.0 * r.powi(4);
+        let i_r = inertia(0.5e-3) * inertia(1e-3) / (inertia(0.5e-3) + inertia(1e-3));
+        let damper = 2.0 * 0.3 * (i_r * 0.5e6 * r_r * r_r).sqrt() * 1e5;
+        close(history[1], rolling + damper);
         assert!(slides);
     }
 
-    /// The share of the damper adds to the limit, and the spring keeps it without the damper.
+    /// The forces on both sides of the limit are the same.
+    #[test]
+    fn nothing_jumps_where_sliding_begins() {
+        let damper = tangential_damping() * 5.0;
+        let at_limit = -(0.4 * 2.0 - damper);
+        let forces = [1.0 - 1e-12, 1.0 + 1e-12].map(|part| {
+            let history = [part * at_limit, 0.0];
+            response([1e-6, 0.0, 5.0, 0.0, 0.0, 0.0], history).0[1]
+        });
+        assert!(
+            (forces[0] - forces[1]).abs() < 1e-8 * forces[0].abs(),
+            "{forces:?}"
+        );
+    }
+
+    /// The share of the damper acts beside the limit, and is not cut.
     #[test]
     fn a_damper_acts_on_sliding_contacts_if_it_is_to() {
         for share in [0.25, 1.0] {
@@ -462,9 +530,9 @@ mod tests {
             };
             let ([_, tangential, rolling], slides, history) =
                 with_springs(&springs, [1e-6, 0.0, 5.0, 1e-5, 1e5, 1.0], [0.0, 0.0]);
-            let gamma_t = 2.0 * 0.2 * (0.5e6 * reduced_mass()).sqrt();
-            close(history[0], -0.4 * 2.0);
-            close(tangential, -0.4 * 2.0 - share * gamma_t * 5.0);
+            let damper = tangential_damping() * 5.0;
+            close(history[0], -0.4 * 2.0 + (1.0 - share) * damper);
+            close(tangential, -0.4 * 2.0 - share * damper);
             close(rolling, -0.1 * (0.5e-3 / 1.5) * 2.0);
             assert!(slides);
         }
@@ -473,10 +541,9 @@ mod tests {
             ..SPRINGS
         };
         let below = [1e-6, -0.01, 0.002, 1e-8, 3.0, 2e-6];
-        assert_eq!(
-            with_springs(&springs, below, [0.05, 1e-6]),
-            response(below, [0.05, 1e-6])
-        );
+        let [with, without] = [&springs, &SPRINGS].map(|s| with_springs(s, below, [0.05, 1e-6]));
+        close(with.0[1], without.0[1]);
+        assert_eq!((with.1, with.2), (without.1, without.2));
     }
 
     /// F_n is 0 if the damper alone would make it negative.

@@ -466,7 +466,7 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let v_t = load(&motion.tangential_velocity[0]);
             let damping = load(&p[DAMPING]) * root * v_t;
             let f = Limited::scalar(token, trial, limit, damping, self.sliding_damping);
-            let (elastic, viscous) = (f.elastic[0], f.viscous[0]);
+            let (elastic, viscous) = (f.elastic, f.viscous);
             (elastic - viscous).store(&mut response.tangential[0]);
             response.sliding = f.at_limit.bits();
             let (before, after) = (load(&history[0]), elastic.select(touching, zero));

@@ -189,7 +189,7 @@ impl<D: Dimension, const FRICTION: bool> ContactLaw for Mindlin<D, FRICTION> {
             root.store(&mut carry[ROOT]);
             (c(self.normal_stiffness) * depth * root).store(&mut response.normal);
             if BUDGET {
-                response.dissipated = [Lanes16::ZERO; dissipation::KINDS];
+                response.dissipated = [Lanes16::ZERO; dissipation::COUNTS];
             }
         }
         if FRICTION {
@@ -300,18 +300,20 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 let s_before = self.mobilised(token, earlier, &before);
                 let s_before = one.select(s_before.greater(one), s_before);
                 let stiffness_before = self.secant(token, root_before, s_before);
-                let mut work = zero;
+                let (mut work, mut slid) = (zero, zero);
                 for k in 0..spins {
-                    let force = stiffness_before * before[k] + stiffness * t[k];
-                    work = (c(0.5) * force).mul_add(slip[k], work);
+                    let force = c(0.5) * (stiffness_before * before[k] + stiffness * t[k]);
+                    work = force.mul_add(slip[k], work);
+                    slid = force.mul_add(before[k] + slip[k] - t[k], slid);
                 }
                 let gained = self.energy(token, root, s, &t)
                     - self.energy(token, root_before, s_before, &before);
                 let dissipated = work - gained;
                 // A contact that opens has slid until t was zero.
-                let sticks = zero.select(sliding, dissipated).select(touching, zero);
-                sticks.store(&mut response.dissipated[dissipation::STIFFNESS]);
-                (dissipated - sticks).store(&mut response.dissipated[dissipation::FRICTION]);
+                let friction = slid.select(sliding, zero).select(touching, dissipated);
+                let stiffness = (dissipated - friction).select(touching, zero);
+                stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                friction.store(&mut response.dissipated[dissipation::FRICTION]);
             }
         }
     }

@@ -6,6 +6,10 @@
 //! C_r = 2η_r√(I_r k_r)
 //! ```
 //!
+//! of `lee_hurley`. With `hooke` the limit is that of M, so that M does not jump there, and M^k is
+//! set back so that spring and damper together give it, as between spheres (`rolling_spheres`).
+//! Without a damper both are the same.
+//!
 //! with R_r = R_i R_j/(R_i+R_j) and I_r = I_i I_j/(I_i+I_j) of the moments of inertia I + mR² about
 //! the contact (LH A22).
 
@@ -13,7 +17,9 @@ use std::f64::consts::PI;
 
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation};
+use crate::contact::{
+    Blocks, ContactLaw, CutDamper, Limited, Sliding, Trial, add_damping, dissipation, reaches,
+};
 use crate::simd::{Lanes, Lanes16, Mask, inverse};
 
 /// Number of quantities that [`Rolling::parameters`] computes, the last parameters of a law.
@@ -95,18 +101,45 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let limit = load(&p[at + 2]) * load(&response.normal);
         let speed = load(&motion.rolling_velocity);
         let damping = load(&p[at + 1]) * speed;
-        let m = Limited::scalar(token, trial, limit, damping, 0.0);
-        let (elastic, viscous) = (m.elastic[0], m.viscous[0]);
-        (elastic - viscous).store(&mut response.rolling);
-        response.rolls = m.at_limit.bits();
-        let (before, after) = (load(&history[place]), elastic.select(touching, zero));
+        let before = load(&history[place]);
+        let (torque, elastic, viscous, at_limit);
+        if C::CUTS_DAMPERS {
+            let trial = Trial {
+                before: [before; 3],
+                elastic: [trial; 3],
+                viscous: [damping; 3],
+                viscous_before: [damping; 3],
+            };
+            let m = Sliding::scalar(&trial, limit, touching);
+            (torque, elastic, viscous, at_limit) = (m.force[0], m.elastic[0], damping, m.at_limit);
+        } else {
+            let m = Limited::scalar(token, trial, limit, damping, 0.0);
+            torque = m.elastic - m.viscous;
+            (elastic, viscous, at_limit) = (m.elastic, m.viscous, m.at_limit);
+        }
+        torque.store(&mut response.rolling);
+        response.rolls = at_limit.bits();
+        let after = elastic.select(touching, zero);
         if BUDGET {
             let work = (before + after) * load(&motion.rolling_increment);
-            let gained = (after - before) * (after + before) * inverse(token, load(&p[at]));
+            let compliance = inverse(token, load(&p[at]));
+            let gained = (after - before) * (after + before) * compliance;
             let dissipated = L::splat(token, -0.5) * (work + gained);
             dissipated.store(&mut response.dissipated[dissipation::ROLLING]);
-            let viscous = viscous.select(touching, zero);
-            add_damping(token, response, viscous * speed);
+            let power = viscous.select(touching, zero) * speed;
+            if C::CUTS_DAMPERS {
+                response.dissipated[dissipation::CUT_ROLLING] = Lanes16::ZERO;
+                response.dissipated[dissipation::SET_BACK_ROLLING] = Lanes16::ZERO;
+                let damper = CutDamper {
+                    power,
+                    at_limit: reaches(token, at_limit, torque * torque, limit).and(touching),
+                    energy: L::splat(token, 0.5) * after * after * compliance,
+                    along: after * torque,
+                };
+                damper.count(token, response, true);
+            } else {
+                add_damping(token, response, power);
+            }
         }
         after.store(&mut history[place]);
     }

@@ -28,8 +28,8 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CARRY, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, add_damping,
-    dissipation, exceeds, set_back, vector,
+    Blocks, CARRY, ContactLaw, CutDamper, Jump, PairMotion, Response, TORQUES, Turning,
+    dissipation, exceeds, reaches, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -134,6 +134,8 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     // The motion across n is needed.
     const FRICTION: bool = true;
     const ROLLING: bool = true;
+    const CUTS_DAMPERS: bool = true;
+    const LIMITS_JUMP: bool = C::LIMITS_JUMP;
     const LARGEST_OVERLAP: f64 = C::LARGEST_OVERLAP;
 
     #[inline(always)]
@@ -178,6 +180,10 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 response.tangential = [Lanes16::ZERO; 3];
                 response.sliding = 0;
             }
+            if BUDGET && !(C::FRICTION && C::CUTS_DAMPERS) {
+                response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
+                response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
+            }
             let (all, p, history) = (p, &p[C::PARAMETERS..], &mut history[C::HISTORY..]);
             let touching = load(&motion.overlap).greater(zero);
             let normal = load(&response.normal);
@@ -206,6 +212,14 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             let (cut, [rolls, twists]) = cut(token, [earlier, trial], limits, masks);
             (response.rolls, response.twists) = (rolls.bits(), twists.bits());
             let mut dissipated = zero;
+            let [x, y, z, twist] = cut;
+            let of_rolling = Three::dot(&[x, y, z], &[x, y, z]);
+            let rolls_or_nearly = reaches(token, rolls, of_rolling, limits[0]);
+            let twists_or_nearly = reaches(token, twists, twist * twist, limits[1]);
+            let mut dampers = [
+                CutDamper::at(token, rolls_or_nearly.and(touching)),
+                CutDamper::at(token, twists_or_nearly.and(touching)),
+            ];
             for k in 0..TORQUES {
                 // A torque that begins with a jump acts for ½ + θ of the step.
                 let torque = begins.beyond_a_step.mul_add(at_first[k], cut[k]);
@@ -227,12 +241,21 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                     let too_much = c(-0.5).select(stored.abs().greater(zero), zero);
                     let share = begins.share.select(touching, too_much);
                     let counts = share.abs().greater(zero);
-                    add_damping(token, response, (share * power).select(counts, zero));
+                    let damper = &mut dampers[k / 3];
+                    damper.power = damper.power + (share * power).select(counts, zero);
+                    let energy = c(0.5) * after * after * per_stiffness;
+                    damper.energy = damper.energy + energy;
+                    damper.along = after.mul_add(cut[k], damper.along);
                 }
                 after.store(&mut history[k]);
             }
             if BUDGET {
                 dissipated.store(&mut response.dissipated[dissipation::ROLLING]);
+                response.dissipated[dissipation::CUT_ROLLING] = Lanes16::ZERO;
+                response.dissipated[dissipation::SET_BACK_ROLLING] = Lanes16::ZERO;
+                for damper in &dampers {
+                    damper.count(token, response, true);
+                }
             }
         }
     }

@@ -108,7 +108,7 @@ pub struct Evaluated {
     pub tangential: Vector,
     pub history: Vector,
     pub slides: bool,
-    pub dissipated: [f64; dissipation::KINDS],
+    pub dissipated: [f64; dissipation::COUNTS],
 }
 
 /// Evaluates a law once, of two grains of these radii.
