@@ -717,7 +717,7 @@ fn limits_of_memory_are_known() {
     let folder = tempfile::tempdir().expect("a folder");
     // 4 GB of addresses, at least 400 bytes for each of 20 million grains.
     let limited = "ulimit -v 4000000 && exec \"$0\" \"$@\"";
-    let mut command = std::process::Command::new("sh");
+    let mut command = common::start("sh");
     command.args(["-c", limited, common::PROGRAM, SCENE, "--check"]);
     let sets = ["--set=sample.grains=20000000", "--set=sample.length=1"];
     let output = command.args(sets).current_dir(folder.path()).output();

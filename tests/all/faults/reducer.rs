@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::{Table, shim, spread};
-use crate::common::{bounded, copy_folder, kept_files, no_parts, reducer};
+use crate::common::{bounded, copy_folder, kept_files, no_parts, reducer, start, succeed};
 use hdf5::types::TypeDescriptor;
 
 /// Longest time of a command on a busy machine.
@@ -253,7 +253,7 @@ fn a_full_disk_loses_no_number_in_silence() {
         .len();
     let [.., last] = [0, 1, size.div_ceil(4096)];
     for pages in 1..=last + 1 {
-        let mount = std::process::Command::new("mount")
+        let mount = start("mount")
             .args([
                 "-t",
                 "tmpfs",
@@ -277,7 +277,7 @@ fn a_full_disk_loses_no_number_in_silence() {
             let reference = reference.get(&whole.join("reduced.h5"));
             (content.is_some(), content == reference)
         };
-        crate::common::succeed(std::process::Command::new("umount").arg(&disk));
+        succeed(start("umount").arg(&disk));
         let outcome = outcome.expect("an end");
         if outcome.code == 0 {
             assert!(same, "{pages} pages: {}", outcome.text);

@@ -7,14 +7,14 @@ use std::process::Command;
 use std::time::Duration;
 
 use super::{SCENE, SHORT, ended, resume, run, stopped};
-use crate::common::{Outcome, bounded, copy_folder, program, reducer, succeed};
+use crate::common::{Outcome, bounded, copy_folder, program, reducer, start, succeed};
 
 /// A program that waits for a pipe never ends.
 const LONGEST: Duration = Duration::from_mins(2);
 
 fn pipe(path: &Path) {
     let _ = std::fs::remove_file(path);
-    succeed(Command::new("mkfifo").arg(path));
+    succeed(start("mkfifo").arg(path));
 }
 
 fn bounded_outcome(command: &mut Command) -> Outcome {
