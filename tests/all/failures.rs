@@ -638,30 +638,6 @@ fn a_strain_step_out_of_the_law_names_its_grains() {
     }
 }
 
-/// The library ends the program by itself, with a message about its own settings.
-#[test]
-fn an_mpi_that_does_not_start_is_explained() {
-    if !common::is_open_mpi() {
-        return;
-    }
-    let folder = tempfile::tempdir().expect("a folder");
-    let out = folder.path().join("out");
-    let strange = [("OMPI_MCA_pml", "nothing")];
-    let ended = common::with_environment(&strange, 1, &out, &[]);
-    assert_eq!(ended.code, 1, "{}", ended.text);
-    assert!(
-        ended.text.contains("error: MPI (Open MPI"),
-        "{}",
-        ended.text
-    );
-    assert!(
-        ended.text.contains("of another MPI started this program"),
-        "{}",
-        ended.text
-    );
-    assert!(!out.exists());
-}
-
 /// A batch system may limit the size of files.
 #[test]
 fn a_limit_of_the_size_of_files_is_named() {

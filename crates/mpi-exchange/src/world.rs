@@ -9,7 +9,6 @@ use gshear_dem::domain::{Exchange, Link};
 use gshear_dem::failure::{Failure, Result, printable};
 use std::cell::RefCell;
 use std::io::Write;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use mpi::Threading;
@@ -67,30 +66,6 @@ const LIBRARIES: [(&str, &str); 4] = [
 /// If this is in rank 0's environment, all messages go through the MPI library.
 const NO_SHARED_MEMORY: &str = "GSHEAR_NO_SHARED_MEMORY";
 
-/// Whether MPI has started in this process.
-static STARTED: AtomicBool = AtomicBool::new(false);
-
-/// Says at the end of the process what may help if MPI did not start: the library ends the process
-/// itself, with a message that does not name the launcher, such as "unsupported PMI version".
-extern "C" fn explain_end() {
-    if STARTED.load(Ordering::Relaxed) {
-        return;
-    }
-    let own = std::env::current_exe()
-        .ok()
-        .map(|own| own.with_file_name("mpiexec"));
-    let own = own.filter(|own| own.exists());
-    let own = own.map_or("its own mpirun".into(), |own| {
-        printable(&own.display().to_string()).into_owned()
-    });
-    let _ = writeln!(
-        std::io::stderr(),
-        "error: MPI ({}) did not start, as its message above says; if mpirun, mpiexec or srun of \
-         another MPI started this program, start it with {own}, or without for one rank",
-        library_version()
-    );
-}
-
 impl World {
     /// Starts MPI, under mpirun or as a single rank without it. Must be called once, at the start
     /// of `main`, while there is one thread.
@@ -107,11 +82,8 @@ impl World {
                 unsafe { std::env::set_var(name, value) };
             }
         }
-        // SAFETY: it takes the address of a function that lives as long as the process.
-        unsafe { libc::atexit(explain_end) };
         let (universe, _) =
             mpi::initialize_with_threading(Threading::Funneled).expect("MPI is started once");
-        STARTED.store(true, Ordering::Relaxed);
         let message = std::panic::take_hook();
         std::panic::set_hook(Box::new(move |panic| {
             message(panic);
