@@ -103,12 +103,14 @@ fn means_are_those_of_the_logs(out: &Path) {
     let tau = |name: &str| {
         let log = read(out.join(name).join("log.csv"));
         let head: Vec<&str> = log.lines().next().expect("names").split(',').collect();
-        let at = head.iter().position(|of| *of == "stress_ratio").expect("τ");
-        let cell = |line: &str| line.split(',').nth(at)?.parse::<f64>().ok();
-        let all: Vec<f64> = log.lines().skip(1).filter_map(cell).collect();
-        // τ is not defined while nothing touches the top wall.
-        let later = all[all.len() / 2..].iter().filter(|tau| !tau.is_nan());
-        later.clone().sum::<f64>() / later.count() as f64
+        // ⟨S⟩/⟨N⟩: rows with N near 0 do not count more than others.
+        let sum = |name: &str| {
+            let at = head.iter().position(|of| *of == name).expect("a column");
+            let cell = |line: &str| line.split(',').nth(at)?.parse::<f64>().ok();
+            let all: Vec<f64> = log.lines().skip(1).filter_map(cell).collect();
+            all[all.len() / 2..].iter().sum::<f64>()
+        };
+        sum("shear_force") / sum("normal_force")
     };
     let means = read(out.join("report/means.csv"));
     let lines: Vec<Vec<&str>> = means
