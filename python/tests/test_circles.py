@@ -61,8 +61,10 @@ class Crate:
     def uses(self, module: Module, public: bool = False) -> list[Module]:
         """What `use` and paths name, from the root of the crate on."""
         text = self.text[module]
-        prefix = r"\bpub(?:\([a-z]+\))? " if public else r"\b"
-        trees = re.findall(prefix + r"use ([^;]+);", text)
+        # At the beginning of a line: messages have the word, too.
+        public_use = r"pub(?:\([a-z]+\))? "
+        prefix = r"^\s*" + (public_use if public else rf"(?:{public_use})?")
+        trees = re.findall(prefix + r"use ([^;]+);", text, re.MULTILINE)
         paths = [leaf for tree in trees for leaf in leaves(" ".join(tree.split()))]
         if public:
             return [self.absolute(module, path) or (*module, *path.split("::")) for path in paths]
