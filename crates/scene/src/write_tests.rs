@@ -155,7 +155,7 @@ const MIXTURE: &str = r#"
     contact.normal_damping = 1e6
     contact.rolling_friction = 0.1
     contact.rolling_stiffness = 1e3
-    contact.pair = [{ materials = ["b", "b"], normal_damping = 3e6 }]
+    contact.pair = [{ materials = ["b", "b"], friction = 0.1 }]
     sample = { grains = 4000, radius_min = 8e-4, radius_max = 1e-3, length = 0.016, width = 0.016 }
     load.pressure = 100.0
     shear = { inertial_number = 1e-2, strain = 0.02 }
