@@ -267,7 +267,11 @@ fn what_follows_from_other_keys_is_written() {
     let of_flow = "sample.boundary=periodic load.control=servo";
     scenes.push(with(of_flow));
     scenes.push(boxed("box.pressure=1e-2"));
-    scenes.push(load(&Source::new("mixture.toml", MIXTURE), &[]).unwrap());
+    let tsuji = "contact.law=hertz-tsuji contact.normal_damping=none contact.restitution=0.5";
+    for sets in ["", tsuji] {
+        let mixture = Source::new("mixture.toml", MIXTURE);
+        scenes.push(load(&mixture, &overrides(sets)).unwrap());
+    }
     for table in tables() {
         for key in table.keys() {
             let follows = key.default.is_empty() && !["", "none"].contains(&key.otherwise);
