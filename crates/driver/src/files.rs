@@ -7,10 +7,11 @@ use gshear_dem::state::Confinement;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::{agree, exists, on_root, told_by_root};
+use gshear_store::disk::unwritten;
 use gshear_store::file_names::{LOG_FILE, RUN_FILE, SCENE_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
-use gshear_store::text_writer::{self, unwritten};
+use gshear_store::text_writer;
 use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
 use gshear_store::{dictionary, existing, part, provenance};
 

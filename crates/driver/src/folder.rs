@@ -26,7 +26,7 @@ use gshear_store::file_names::{
 use gshear_store::log::Log;
 use gshear_store::run_reader::{self, RunFile, RunStage};
 use gshear_store::status::{RunCondition, RunState, Status};
-use gshear_store::{checkpoint, existing, h5, part, text_writer};
+use gshear_store::{checkpoint, disk, existing, part, probe, text_writer};
 
 use crate::header::{Header, UpToCheckpoint, Written};
 use crate::lock::{Lock, is_left, unwritable};
@@ -102,7 +102,7 @@ impl Contents {
     /// [`Failure::Other`] if the system does not let the folder or a file be read.
     pub fn of(folder: &Path) -> Result<Self> {
         let mut found = Self::default();
-        let unread = |e| h5::unread(format!("{}: cannot be read: {e}", folder.display()));
+        let unread = |e| disk::unread(format!("{}: cannot be read: {e}", folder.display()));
         let scene = text_writer::read(&folder.join(SCENE_FILE)).map_err(unread);
         let scene = readable(scene)?.unwrap_or_default();
         let entries = readable(fs::read_dir(folder).map_err(unread))?;
@@ -316,7 +316,7 @@ impl RunFolder {
         };
         let mut notes = Vec::new();
         on_root(exchange, || folder.take_on_root(task, options, &mut notes))?;
-        h5::probe(&folder.path, exchange)?;
+        probe::probe(&folder.path, exchange)?;
         for note in notes {
             say_error(&format!("note: {note}"));
         }

@@ -11,7 +11,8 @@ use png::{AdaptiveFilterType, BitDepth, ColorType, Compression, Encoder, FilterT
 
 use super::movie::Picture;
 use gshear_dem::failure::Result;
-use gshear_store::text_writer::{self, PartFile, unwritten};
+use gshear_store::disk::unwritten;
+use gshear_store::text_writer::{self, PartFile};
 
 const FFMPEG: &str = "ffmpeg";
 /// Steps of a channel that look alike.

@@ -351,9 +351,12 @@ pub(crate) fn check(c: &mut Checker<'_>, law: &Law, contact: &Contact) -> Result
     let like: Vec<_> = (0..count).map(|k| read([k, k], None)).collect();
     let pairs_of = (0..count).flat_map(|i| (0..count).map(move |j| [i, j]));
     all.laws = pairs_of
-        .map(|[i, j]| match i == j {
-            true => like[i].clone(),
-            false => read([i, j], Some([&like[i], &like[j]])),
+        .map(|[i, j]| {
+            if i == j {
+                like[i].clone()
+            } else {
+                read([i, j], Some([&like[i], &like[j]]))
+            }
         })
         .collect();
     c.settle()?;

@@ -10,9 +10,9 @@ use csv::{StringRecord, Writer};
 use rustix::fs::OFlags;
 use serde::de::DeserializeOwned;
 
-use super::h5;
+use super::disk::{self, unwritten};
 use super::sound;
-use super::text_writer::{self, unwritten};
+use super::text_writer;
 use gshear_dem::failure::{Failure, Result};
 
 /// A value that a cell can hold. Numbers have the shortest form that reads back to the same bits.
@@ -226,7 +226,7 @@ impl TableFile {
 pub fn rows_up_to(path: &Path, last: f64) -> Result<Option<u64>> {
     let unread = |why: &dyn std::fmt::Display| {
         let path = path.display();
-        h5::unread(format!("{path}: cannot continue this file: {why}"))
+        disk::unread(format!("{path}: cannot continue this file: {why}"))
     };
     if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
         return Err(unread(&NO_FILE));

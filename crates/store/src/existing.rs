@@ -1,6 +1,7 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
 use super::contact_quantities::{Form, IDLE, TWISTING_HISTORY};
+use super::disk;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
 use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, SCALARS, contact_dataset};
@@ -37,7 +38,7 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<()> {
         return Ok(());
     };
     let message = format!("{}: cannot be opened: {error}", path.display());
-    if h5::is_refused(&message) {
+    if disk::is_refused(&message) {
         return Err(Failure::other(message));
     }
     let free = |k: &u64| !path.with_extension(format!("unreadable-{k}.h5")).exists();
@@ -123,7 +124,7 @@ fn ascending_up_to(steps: &[u64], last: u64) -> u64 {
 
 fn unfit(path: &Path, why: &str) -> Failure {
     let path = path.display();
-    h5::unread(format!("{path}: cannot continue this file: {why}"))
+    disk::unread(format!("{path}: cannot continue this file: {why}"))
 }
 
 const NO_RUN: &str = "it is not the run.h5 of a run, or damaged";

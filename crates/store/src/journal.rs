@@ -13,8 +13,9 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::disk::unwritten;
 use super::sound;
-use super::text_writer::{self, unwritten};
+use super::text_writer;
 use gshear_dem::failure::{Failure, Result};
 use xxhash_rust::xxh3::xxh3_64;
 

@@ -50,6 +50,7 @@ pub mod collective;
 pub mod contact_quantities;
 pub mod csv_table;
 pub mod dictionary;
+pub mod disk;
 pub mod existing;
 pub mod file_names;
 #[allow(
@@ -64,6 +65,7 @@ pub mod matrix_market;
 pub mod memory;
 mod parameter;
 pub mod part;
+pub mod probe;
 pub mod provenance;
 pub mod reduced_writer;
 mod room;

@@ -2,7 +2,7 @@
 
 use super::collective::on_root;
 use super::csv_table::{TableFile, first_cell, rows_up_to};
-use super::h5;
+use super::disk;
 use super::run_reader::Series;
 use super::sound;
 use gshear_dem::columns::Column;
@@ -130,7 +130,7 @@ impl Log {
 
 fn unfit(path: &Path, why: String) -> Failure {
     let path = path.display();
-    h5::unread(format!("{path}: cannot continue this log: {why}"))
+    disk::unread(format!("{path}: cannot continue this log: {why}"))
 }
 
 /// The cells of a row.

@@ -15,11 +15,11 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::disk::{folder_of, sync_folder, unwritten};
 use crate::file_names::{LOG_FILE, SCENE_FILE, STATUS_FILE};
 use crate::run_reader::is_hdf5;
-use crate::{h5, sound};
+use crate::sound;
 use gshear_dem::failure::{Failure, Result};
-use rustix::io::Errno;
 use tempfile::{Builder, NamedTempFile};
 
 /// Between the name of a file and the end of its temporary name.
@@ -58,28 +58,6 @@ pub fn give_name(part: NamedTempFile, path: &Path) -> io::Result<File> {
     let file = part.persist(path)?;
     sync_folder(folder_of(path))?;
     Ok(file)
-}
-
-/// Brings the names of a folder to disk.
-///
-/// # Errors
-/// A folder that cannot be synchronised, unless the file system or the permissions of the folder
-/// do not allow it at all.
-pub fn sync_folder(folder: &Path) -> io::Result<()> {
-    match File::open(folder).and_then(|folder| folder.sync_all()) {
-        Err(e) if e.kind() == ErrorKind::PermissionDenied => Ok(()),
-        Err(e) if e.raw_os_error() == Some(Errno::INVAL.raw_os_error()) => Ok(()),
-        other => other,
-    }
-}
-
-/// Brings a file that was written by its name to disk, and its name.
-///
-/// # Errors
-/// A file that cannot be written.
-pub(crate) fn sync(path: &Path) -> io::Result<()> {
-    File::open(path)?.sync_all()?;
-    sync_folder(folder_of(path))
 }
 
 /// Replaces a file, or what else has its name; its folder must exist.
@@ -134,13 +112,6 @@ pub fn read(path: &Path) -> io::Result<String> {
         io::read_to_string(file)
     } else {
         Err(ErrorKind::InvalidData.into())
-    }
-}
-
-fn folder_of(path: &Path) -> &Path {
-    match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
     }
 }
 
@@ -278,12 +249,6 @@ fn with_causes(error: &dyn Error) -> String {
         cause = error.source();
     }
     text
-}
-
-/// The failure of a file that cannot be written.
-pub fn unwritten(path: &Path, why: &dyn std::fmt::Display) -> Failure {
-    let why = h5::reason(why);
-    Failure::other(format!("{}: cannot be written: {why}", path.display()))
 }
 
 #[cfg(test)]

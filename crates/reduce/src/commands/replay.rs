@@ -13,9 +13,10 @@ use gshear_driver::options::{Options, Outcome};
 use gshear_driver::say::say_error;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
+use gshear_store::disk::{sync_folder, unwritten};
 use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE, folder_of};
 use gshear_store::run_reader::{self, RunFile, RunStage, Series};
-use gshear_store::text_writer::{refuse_linked_folder, sync_folder, unwritten};
+use gshear_store::text_writer::refuse_linked_folder;
 
 /// Compute a part of a run again, with frames, from the checkpoint before it
 ///

@@ -3,9 +3,10 @@
 mod records;
 
 use super::collective::{CollectiveOutcome, IdBlocks, agree, on_root, records_of};
-use super::h5::{self, Attribute, H5File, Word};
+use super::disk::{self, unwritten};
+use super::h5::{Attribute, H5File, Word};
 use super::sound::{self, ReadFile};
-use super::text_writer::{self, unwritten};
+use super::text_writer;
 use gshear_dem::domain::total;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{
@@ -175,7 +176,7 @@ fn checksums_are(path: &Path, attributes: &[(String, Attribute)]) -> Result<(), 
         }
         Ok(())
     });
-    compared.map_err(|e| h5::reason(&e))
+    compared.map_err(|e| disk::reason(&e))
 }
 
 /// The states as one, in which the grains of the k-th have ids from k `grains` on.
@@ -227,7 +228,7 @@ fn replace(folder: &Path, part: TempPath) -> Result<()> {
             link(&new, &folder.join(PREVIOUS))?;
         }
         part.persist(&new)?;
-        text_writer::sync_folder(folder)
+        disk::sync_folder(folder)
     };
     renamed()
         .map_err(|error| Failure::other(format!("{}: cannot be renamed: {error}", new.display())))
@@ -312,7 +313,7 @@ pub fn is_checkpoint(path: &Path) -> bool {
 pub fn read_texts(path: &Path) -> Result<[String; 2]> {
     hdf5::silence_errors(true);
     let texts = within(path, texts);
-    texts.map_err(|why| h5::unread(format!("{}: {why}", path.display())))
+    texts.map_err(|why| disk::unread(format!("{}: {why}", path.display())))
 }
 
 /// Reads a checkpoint. Returns the header, the scene as TOML, and this rank's part of the state: a
@@ -323,7 +324,7 @@ pub fn read_texts(path: &Path) -> Result<[String; 2]> {
 /// [`Failure::Input`], the same on every rank, if the file is missing, damaged or not a checkpoint;
 /// [`Failure::Other`] if the system does not let it be read.
 pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapshot)> {
-    let bad = |why: String| h5::unread(format!("{}: {why}", path.display()));
+    let bad = |why: String| disk::unread(format!("{}: {why}", path.display()));
     // Each rank reads for itself with the serial driver, so that a failure on one rank does not
     // make the others wait.
     let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
@@ -467,7 +468,7 @@ fn within<T>(
     let file = open(path)?;
     let found = read(&file)?;
     file.close()
-        .map_err(|e| format!("cannot be closed: {}", h5::reason(&e)))?;
+        .map_err(|e| format!("cannot be closed: {}", disk::reason(&e)))?;
     Ok(found)
 }
 

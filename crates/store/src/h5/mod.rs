@@ -11,14 +11,13 @@ use hdf5::{Dataspace, Datatype, H5Type, Location, PropertyList};
 use hdf5_sys::h5::hsize_t;
 use hdf5_sys::h5i::hid_t;
 use hdf5_sys::{h5d, h5f, h5p, h5s};
-use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
 
 mod extents;
 mod mpi_errors;
 
-use crate::text_writer::{self, unwritten};
-use crate::{room, sound};
+use crate::disk::{self, reason, unwritten};
+use crate::room;
 use extents::RawData;
 use std::borrow::Cow;
 use std::cell::{Cell, RefCell};
@@ -467,7 +466,7 @@ impl H5File {
         context.lone.clear();
         agreed.inspect_err(|_| leave_open())?;
         on_root(exchange, || {
-            text_writer::sync(&context.path).map_err(|e| unwritten(&context.path, &e))
+            disk::sync(&context.path).map_err(|e| unwritten(&context.path, &e))
         })
     }
 }
@@ -498,80 +497,6 @@ fn for_mpi(path: &Path, parallel: bool) -> Cow<'_, Path> {
     match path.to_str() {
         Some(name) if parallel && name.contains(':') => PathBuf::from(format!("ufs:{name}")).into(),
         _ => path.into(),
-    }
-}
-
-/// Creates a file in a folder on all ranks, reads it and removes it. Collective.
-///
-/// # Errors
-/// [`Failure::Input`] if the folder is no place for HDF5; [`Failure::Other`] if writing fails.
-pub fn probe(folder: &Path, exchange: &dyn Parallel) -> Result<()> {
-    let _waiting = exchange.waiting();
-    let path = folder.join("run.probe");
-    let remove = || match exchange.rank() {
-        0 => std::fs::remove_file(&path),
-        _ => Ok(()),
-    };
-    // One that a killed program has left.
-    let _ = remove();
-    exchange.barrier();
-    let unfit = |why: &dyn std::fmt::Display| {
-        Failure::input(format!(
-            "{}: HDF5 cannot write here: {why}; give another folder with --out, and where there are \
-             no locks HDF5_USE_FILE_LOCKING=FALSE in the environment",
-            folder.display()
-        ))
-    };
-    let tried = (|| {
-        let file = H5File::create(&path, exchange).map_err(|why| unfit(&why))?;
-        let probed = file.attribute("/", "probe", &Attribute::Count(1));
-        file.agree(exchange, CollectiveOutcome::of(probed))?;
-        file.close(exchange)?;
-        // Each rank with the serial driver, as checkpoints are read.
-        let read = sound::read(&path, |file| file.attr("probe").map(drop));
-        agree(exchange, read.map_err(|why| unfit(&why)))
-    })();
-    exchange.barrier();
-    let _ = remove();
-    tried
-}
-
-/// What an error says, on one line: of a call of the system that failed in HDF5 what the system
-/// says of it, as "No space left on device (os error 28)".
-pub fn reason(error: &dyn std::fmt::Display) -> String {
-    let text = error.to_string();
-    let of_system = || {
-        let number = text.split_once("errno = ")?.1.split_once(',')?.0;
-        let message = text.split_once("error message = '")?.1.split_once('\'')?.0;
-        Some(format!("{message} (os error {number})"))
-    };
-    of_system().unwrap_or_else(|| text.replace('\n', " "))
-}
-
-/// Whether a message tells that the system refused a call, as where the file is locked, too many
-/// files are open or a device fails. The file may be sound.
-pub fn is_refused(message: &str) -> bool {
-    let number = ["errno = ", "(os error "].into_iter().find_map(|before| {
-        let (_, after) = message.split_once(before)?;
-        let digits = after.split(|c: char| !c.is_ascii_digit()).next();
-        digits?.parse().ok()
-    });
-    let no_file = [
-        Errno::NOENT,
-        Errno::NOTDIR,
-        Errno::ISDIR,
-        Errno::LOOP,
-        Errno::NAMETOOLONG,
-    ];
-    number.is_some_and(|number| !no_file.map(Errno::raw_os_error).contains(&number))
-}
-
-/// The failure of a file that cannot be read: [`Failure::Other`] if that may pass.
-pub fn unread(message: String) -> Failure {
-    if is_refused(&message) {
-        Failure::other(message)
-    } else {
-        Failure::input(message)
     }
 }
 

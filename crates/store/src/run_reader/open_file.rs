@@ -11,7 +11,7 @@ use hdf5::{Dataset, H5Type};
 
 use super::{Parameter, Parameters, Series, StoredScalars};
 use crate::checksums::{self, OF_PARAMETERS, of_parameters};
-use crate::h5;
+use crate::disk;
 use crate::layout::{
     EDGES_VALUE, Form, PARAMETERS, PARTICLES, Quantity, SCALARS, contact_dataset, grain_dataset,
     of_contact,
@@ -329,7 +329,7 @@ fn open_file(path: &Path) -> Result<OpenPart> {
     let mut head = Vec::new();
     let begin = sound::regular(&part.file)
         .and_then(|file| file.take(SIGNATURE.len() as u64).read_to_end(&mut head));
-    begin.map_err(|e| h5::unread(format!("{name}: cannot be read: {e}")))?;
+    begin.map_err(|e| disk::unread(format!("{name}: cannot be read: {e}")))?;
     if head != SIGNATURE {
         return Err(Failure::input(format!(
             "{name}: is not an HDF5 file: {FOREIGN}"
@@ -337,17 +337,17 @@ fn open_file(path: &Path) -> Result<OpenPart> {
     }
     part.open().map_err(|e| {
         let reason = one_line(&e);
-        let state = match h5::is_refused(&reason) {
+        let state = match disk::is_refused(&reason) {
             _ if reason.contains("lock file") => "is being written",
             _ if reason.contains("has no group") => "is missing",
             true => "cannot be opened",
             false => "is damaged",
         };
-        h5::unread(format!("{name}: {state}: {reason}"))
+        disk::unread(format!("{name}: {state}: {reason}"))
     })
 }
 
 /// Returns the message of an HDF5 error on one line.
 pub(crate) fn one_line(error: &hdf5::Error) -> String {
-    h5::reason(error)
+    disk::reason(error)
 }

@@ -1,0 +1,83 @@
+//! What the system does with files: bringing them and their names to disk, and what it says when that
+//! fails.
+
+use std::fs::File;
+use std::io::{self, ErrorKind};
+use std::path::Path;
+
+use gshear_dem::failure::Failure;
+use rustix::io::Errno;
+
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// Brings the names of a folder to disk.
+///
+/// # Errors
+/// A folder that cannot be synchronised, unless the file system or the permissions of the folder
+/// do not allow it at all.
+pub fn sync_folder(folder: &Path) -> io::Result<()> {
+    match File::open(folder).and_then(|folder| folder.sync_all()) {
+        Err(e) if e.kind() == ErrorKind::PermissionDenied => Ok(()),
+        Err(e) if e.raw_os_error() == Some(Errno::INVAL.raw_os_error()) => Ok(()),
+        other => other,
+    }
+}
+
+/// Brings a file that was written by its name to disk, and its name.
+///
+/// # Errors
+/// A file that cannot be written.
+pub(crate) fn sync(path: &Path) -> io::Result<()> {
+    File::open(path)?.sync_all()?;
+    sync_folder(folder_of(path))
+}
+
+/// What an error says, on one line: of a call of the system that failed in HDF5 what the system
+/// says of it, as "No space left on device (os error 28)".
+pub fn reason(error: &dyn std::fmt::Display) -> String {
+    let text = error.to_string();
+    let of_system = || {
+        let number = text.split_once("errno = ")?.1.split_once(',')?.0;
+        let message = text.split_once("error message = '")?.1.split_once('\'')?.0;
+        Some(format!("{message} (os error {number})"))
+    };
+    of_system().unwrap_or_else(|| text.replace('\n', " "))
+}
+
+/// Whether a message tells that the system refused a call, as where the file is locked, too many
+/// files are open or a device fails. The file may be sound.
+pub fn is_refused(message: &str) -> bool {
+    let number = ["errno = ", "(os error "].into_iter().find_map(|before| {
+        let (_, after) = message.split_once(before)?;
+        let digits = after.split(|c: char| !c.is_ascii_digit()).next();
+        digits?.parse().ok()
+    });
+    let no_file = [
+        Errno::NOENT,
+        Errno::NOTDIR,
+        Errno::ISDIR,
+        Errno::LOOP,
+        Errno::NAMETOOLONG,
+    ];
+    number.is_some_and(|number| !no_file.map(Errno::raw_os_error).contains(&number))
+}
+
+/// The failure of a file that cannot be read: [`Failure::Other`] if that may pass.
+pub fn unread(message: String) -> Failure {
+    if is_refused(&message) {
+        Failure::other(message)
+    } else {
+        Failure::input(message)
+    }
+}
+
+/// The failure of a file that cannot be written.
+pub fn unwritten(path: &Path, why: &dyn std::fmt::Display) -> Failure {
+    let why = reason(why);
+    Failure::other(format!("{}: cannot be written: {why}", path.display()))
+}
