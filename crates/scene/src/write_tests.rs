@@ -243,7 +243,7 @@ fn the_stiffness_of_rolling_may_be_written_down() {
 /// those that are left out for a reason.
 #[test]
 fn what_follows_from_other_keys_is_written() {
-    // What follows would not follow a change of what it comes from; `scene.toml` has a comment.
+    // What follows would not follow a change of what it comes from.
     const FOLLOWS: [&str; 3] = [
         "time.step",
         "contact.rolling_stiffness",
