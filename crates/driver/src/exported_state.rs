@@ -144,6 +144,7 @@ impl ExportedState {
                 (Dimensions::Three, [length, width]) => [[0.0, length], [0.0, width], edges],
             },
             tilt,
+            bounded: Default::default(),
             stream: self.stream,
             types: atoms().fold(3, |n, a| n.max(a.kind)),
             atoms: self.grains.iter().map(atom).collect(),

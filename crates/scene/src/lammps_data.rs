@@ -16,6 +16,8 @@ pub struct DataFile {
     pub bounds: [[f64; 2]; 3],
     /// xy, xz, yz of a tilted box.
     pub tilt: [f64; 3],
+    /// What the file says of the bounds along an axis that is not periodic, such as `ff`.
+    pub bounded: [Option<String>; 3],
     /// Velocity along x of the image above (m/s), if it is known; no file has it.
     pub stream: Option<f64>,
     /// Number of types.
@@ -137,7 +139,7 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile> {
                 return Err(lines.wrong(
                     at,
                     &format!(
-                        "{} is no section of a packing of disks; it has Atoms, and may have Velocities, Masses, … Coeffs, … Labels",
+                        "{} is no section of a packing of spheres or disks; it has Atoms, and may have Velocities, Masses, … Coeffs, … Labels",
                         quoted(other)
                     ),
                 ));
@@ -393,7 +395,7 @@ impl<'a> Lines<'a> {
 }
 
 /// A line without its comment, and the comment without its `#`.
-fn split_comment(line: &str) -> (&str, &str) {
+pub(crate) fn split_comment(line: &str) -> (&str, &str) {
     let (text, comment) = line.split_once('#').unwrap_or((line, ""));
     (text.trim(), comment.trim())
 }
@@ -670,7 +672,7 @@ Velocities
             2 0 0 0 0 0 0 | 5 0 0 0 0 0 0 | f:16: there is no atom 5
             2 0 0 0 0 0 0 | 1 0 0 0 0 0 0 | f:16: a second velocity of atom 1
             2 0 0 0 0 0 0 | 2 0 0 0 | f:16: 4 columns; a row of Velocities is id vx vy vz wx wy wz
-            Velocities | Rotations | f:13: "Rotations" is no section of a packing of disks; it has Atoms, and may have Velocities, Masses, … Coeffs, … Labels
+            Velocities | Rotations | f:13: "Rotations" is no section of a packing of spheres or disks; it has Atoms, and may have Velocities, Masses, … Coeffs, … Labels
             Velocities | Bonds | f:15: Bonds are not taken: grains have none; delete the section
             Atoms # sphere | Atoms # hybrid bond sphere | f:8: Atoms are of the style hybrid bond sphere; write them with atom_style sphere: id type diameter density x y z; or with a hybrid that begins with sphere
             Atoms # sphere\n\n1 1 1.0 1.0 1 1 0 | Atoms # hybrid sphere\n\n1 1 1.0 1.0 1 1 0 8 | f:10: 8 columns; a row of Atoms is id type x y z diameter density, as atom_style hybrid sphere writes it

@@ -1,6 +1,8 @@
 //! Frames of LAMMPS' text dumps (`dump custom`), and lists of spheres `x y z r`.
 
-use crate::lammps_data::{Atom, DataFile, Lines};
+use std::collections::HashMap;
+
+use crate::lammps_data::{Atom, DataFile, Lines, split_comment};
 use crate::words::{quoted, shortened};
 use gshear_dem::failure::{Failure, Result};
 
@@ -16,12 +18,52 @@ pub fn is_dump(text: &str) -> bool {
     text.trim_start().starts_with("ITEM:")
 }
 
-/// Whether a text is a list of spheres: its first row has four numbers, or YADE's five.
+/// Whether a text is a list of spheres: it says its periods as one, or its first row has four
+/// numbers, or YADE's five.
 pub fn is_list(text: &str) -> bool {
     let mut rows = text.lines().map(str::trim);
-    let first = rows.find(|row| !row.is_empty() && !row.starts_with('#'));
-    let words = || first.unwrap_or("").split_whitespace();
-    (4..=5).contains(&words().count()) && words().all(|word| word.parse::<f64>().is_ok())
+    let first =
+        rows.find(|row| row.starts_with(PERIODIC) || !row.is_empty() && !row.starts_with('#'));
+    let first = first.unwrap_or("");
+    let words = || first.split_whitespace();
+    let has_numbers = (4..=5).contains(&words().count()) && words().all(is_number);
+    has_numbers || first.starts_with(PERIODIC)
+}
+
+fn is_number(word: &str) -> bool {
+    word.parse::<f64>().is_ok()
+}
+
+/// The spheres of clumps, of which a sample has none.
+#[derive(Default)]
+struct Clumps {
+    /// The first sphere of each clump, and its line.
+    first: HashMap<i64, (u64, usize)>,
+}
+
+impl Clumps {
+    /// Adds a sphere whose clump the column `column` names; a negative number is none.
+    fn add(&mut self, lines: &Lines<'_>, atom: &Atom, word: &str, column: &str) -> Result<()> {
+        let number = word.parse::<f64>().ok().filter(|x| x.fract() == 0.0);
+        let Some(clump) = number.map(|x| x as i64) else {
+            let what = format!(
+                "{} is no number of a clump ({column}); -1 is none",
+                quoted(word)
+            );
+            return Err(lines.wrong(atom.line, &what));
+        };
+        if clump < 0 {
+            return Ok(());
+        }
+        let Some((id, line)) = self.first.insert(clump, (atom.id, atom.line)) else {
+            return Ok(());
+        };
+        let what = format!(
+            "spheres {id} (line {line}) and {} form clump {clump} ({column}), but samples have no clumps; give a packing of single spheres, with -1 in this column or without it",
+            atom.id
+        );
+        Err(lines.wrong(atom.line, &what))
+    }
 }
 
 /// Reads a frame of a dump, counted from 0 on; by default the last one. `name` is what messages
@@ -45,7 +87,24 @@ pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile> {
     if let Some(before) = start.checked_sub(1) {
         lines.rest.nth(before);
     }
-    let (mut count, mut cell) = (None, None);
+    let found = parse_frame(name, &mut lines);
+    // A run that was killed leaves a part of its last frame.
+    let is_cut_off = found.is_err() && lines.rest.next().is_none();
+    found.map_err(|failure| match starts.len().checked_sub(2) {
+        Some(before) if is_cut_off && starts.last() == Some(start) => {
+            let file = name.rsplit_once('@').filter(|_| frame.is_some());
+            let file = file.map_or(name, |(file, _)| file);
+            Failure::input(format!(
+                "{failure}; the last frame may be cut off: {file}@{before} is the one before it"
+            ))
+        }
+        _ => failure,
+    })
+}
+
+/// Reads the frame that begins here.
+fn parse_frame(name: &str, lines: &mut Lines<'_>) -> Result<DataFile> {
+    let (mut count, mut cell, mut bounded) = (None, None, [const { None }; 3]);
     loop {
         let Some((at, line)) = lines.next() else {
             return Err(Failure::input(format!(
@@ -61,16 +120,19 @@ pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile> {
             };
             count = Some(number);
         } else if item.starts_with("BOX BOUNDS") {
-            cell = Some(bounds(&mut lines, at)?);
+            bounded = not_periodic(item);
+            cell = Some(bounds(lines, at)?);
         } else if let (Some(names), Some(count), Some((bounds, tilt))) =
             (item.strip_prefix("ATOMS "), count, cell)
         {
-            let columns = Columns::find(&lines, at, names)?;
-            let rows = (0..count).map(|_| columns.atom(&mut lines, count, (bounds, tilt)));
+            let columns = Columns::find(lines, at, names)?;
+            let mut clumps = Clumps::default();
+            let rows = (0..count).map(|_| columns.atom(lines, count, (bounds, tilt), &mut clumps));
             let atoms = rows.collect::<Result<Vec<Atom>>>()?;
             return Ok(DataFile {
                 bounds,
                 tilt,
+                bounded,
                 stream: None,
                 types: atoms.iter().map(|a| a.kind).max().unwrap_or(1),
                 atoms,
@@ -85,6 +147,18 @@ pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile> {
             return Err(lines.wrong(at, &what));
         }
     }
+}
+
+/// What the heading of the bounds says of each axis that is not periodic. Old dumps say nothing.
+fn not_periodic(item: &str) -> [Option<String>; 3] {
+    let mut words = item.split_whitespace().rev();
+    let mut kinds = [words.next(), words.next(), words.next()];
+    kinds.reverse();
+    let is_kind = |word: &&str| word.len() == 2 && word.bytes().all(|end| b"pfsm".contains(&end));
+    if !kinds.iter().all(|word| word.as_ref().is_some_and(is_kind)) {
+        return [const { None }; 3];
+    }
+    kinds.map(|kind| kind.filter(|kind| *kind != "pp").map(String::from))
 }
 
 /// The lower and upper bounds of the box, and xy, xz, yz.
@@ -133,7 +207,12 @@ struct Columns {
     /// Diameter over the size.
     times: f64,
     velocity: [Option<usize>; 6],
+    /// LIGGGHTS' number of a clump.
+    clump: Option<usize>,
 }
+
+/// Its name.
+const MULTISPHERE: &str = "id_multisphere";
 
 impl Columns {
     /// `names`: after ITEM: ATOMS, on line `at`.
@@ -162,10 +241,17 @@ impl Columns {
             size,
             times,
             velocity: ["vx", "vy", "vz", "omegax", "omegay", "omegaz"].map(place),
+            clump: place(MULTISPHERE),
         })
     }
 
-    fn atom(&self, lines: &mut Lines<'_>, count: u64, cell: Bounds) -> Result<Atom> {
+    fn atom(
+        &self,
+        lines: &mut Lines<'_>,
+        count: u64,
+        cell: Bounds,
+        clumps: &mut Clumps,
+    ) -> Result<Atom> {
         let (line, words) = lines.row(count, "ITEM: ATOMS")?;
         let form = "a row has a number for every column";
         if words.len() != self.count {
@@ -195,7 +281,7 @@ impl Columns {
             *v = at.map_or(Ok(0.0), number)?;
         }
         let [vx, vy, vz, wx, wy, wz] = velocity;
-        Ok(Atom {
+        let atom = Atom {
             id,
             kind: kind as u32,
             diameter,
@@ -204,7 +290,11 @@ impl Columns {
             velocity: [vx, vy, vz],
             angular_velocity: [wx, wy, wz],
             line,
-        })
+        };
+        if let Some(at) = self.clump {
+            clumps.add(lines, &atom, words[at], MULTISPHERE)?;
+        }
+        Ok(atom)
     }
 }
 
@@ -229,12 +319,21 @@ pub fn parse_list(name: &str, text: &str) -> Result<DataFile> {
         return Err(lines.wrong(at, &format!("a length of the box is {length:?}; {form}")));
     }
     let mut atoms = Vec::new();
+    let mut clumps = Clumps::default();
     while let Some((line, row)) = lines.next() {
+        let row = split_comment(row).0;
         let words: Vec<&str> = row.split_whitespace().collect();
+        if words.len() > 5 || !words.iter().copied().all(is_number) {
+            let what = format!(
+                "{} is no row of a list of spheres, which is x y z r: four numbers with blanks between them, and YADE's clumpId after them",
+                shortened(row)
+            );
+            return Err(lines.wrong(line, &what));
+        }
         let [x, y, z, radius] = lines.numbers(line, &words, 0, "a row is x y z r")?;
         let id = atoms.len() as u64 + 1;
         lines.check_sphere(line, id, [2.0 * radius, 1.0])?;
-        atoms.push(Atom {
+        let atom = Atom {
             id,
             kind: 1,
             diameter: 2.0 * radius,
@@ -242,7 +341,11 @@ pub fn parse_list(name: &str, text: &str) -> Result<DataFile> {
             position: [x, y, z],
             line,
             ..Atom::default()
-        });
+        };
+        if let Some(clump) = words.get(4) {
+            clumps.add(&lines, &atom, clump, "the fifth column, YADE's clumpId")?;
+        }
+        atoms.push(atom);
     }
     Ok(DataFile {
         bounds: periods.map(|length| [0.0, length]),

@@ -312,6 +312,26 @@ fn place(
     Ok(())
 }
 
+/// Refuses a file that says that its box ends along an axis along which the sample is periodic:
+/// grains at its two ends would touch each other. `up`: the last axis.
+fn check_periodic(
+    name: &str,
+    bounded: &[Option<String>; 3],
+    up: usize,
+    arrangement: Arrangement,
+) -> Result<()> {
+    let periodic = if arrangement.boxed { up + 1 } else { up };
+    for (axis, bounded) in AXES.iter().zip(bounded).take(periodic) {
+        if let Some(kind) = bounded {
+            let what = format!(
+                "the box is not periodic along {axis} ({kind} in ITEM: BOX BOUNDS), but the sample is; give a packing that is periodic there, or write pp if this one is"
+            );
+            return Err(wrong(name, 0, what));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses grains that are few for their box.
 fn check_room(atoms: &[Atom], periods: &[f64], largest: f64) -> Result<(), String> {
     let count = atoms.len();
@@ -481,6 +501,7 @@ impl Packing {
             };
             return Err(wrong(name, 0, what));
         }
+        check_periodic(name, &data.bounded, up, arrangement)?;
         let of_atoms = atoms.iter().flat_map(|a| &a.position[..=up]);
         let coordinates = of_atoms.chain(data.bounds[..up].as_flattened());
         let farthest = coordinates.fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -968,6 +989,17 @@ mod tests {
             assert_eq!(read.atoms[0].line, 22);
             assert_eq!(without_lines(read), expected);
         }
+        // A run that was killed leaves a part of its last frame, at least of the heading.
+        let whole = dump.len() - rows.len();
+        for cut in [whole - 20, whole, dump.len() - 30] {
+            for (name, frame) in [("f", None), ("f@1", Some(1))] {
+                let said = message(parsed(name, &dump.as_bytes()[..cut], frame));
+                let hint = "; the last frame may be cut off: f@0 is the one before it";
+                assert!(said.ends_with(hint), "{said}");
+            }
+        }
+        let only = &dump.as_bytes()[first.len() + 15..dump.len() - 30];
+        assert!(!message(parsed("f", only, None)).contains("f@"));
         let one = parsed("f", dump.as_bytes(), Some(0)).unwrap();
         assert_eq!(one.atoms.len(), 1);
         let said = message(parsed("f", dump.as_bytes(), Some(2)));
@@ -1006,14 +1038,23 @@ mod tests {
         assert!(rows.eq(expected), "{:?}", read.atoms);
         let refused = |bytes: &[u8], frame| message(parsed("f", bytes, frame));
         for [text, expected] in cases(
-            r"
+            r#"
             1 2 3 4\n | f: a list of spheres x y z r lacks its box; begin it with the line ##PERIODIC:: L_x L_y L_z
             ##PERIODIC:: 1 1 0\n1 2 3 4\n | f:1: a length of the box is 0.0; write: ##PERIODIC:: L_x L_y L_z
             ##PERIODIC:: 1 1 1\n1 2 3 4\n1 2 3\n | f:3: 3 columns are too few; a row is x y z r
-            ",
+            ##PERIODIC:: 1 1 1\n0 Sphere .1 .1 .1 .1\n | f:2: 0 Sphere .1 .1 .1 .1 is no row of a list of spheres, which is x y z r: four numbers with blanks between them, and YADE's clumpId after them
+            ##PERIODIC:: 1 1 1\n0.1,0.1,0.1,0.1\n | f:2: 0.1,0.1,0.1,0.1 is no row of a list of spheres, which is x y z r: four numbers with blanks between them, and YADE's clumpId after them
+            ##PERIODIC:: 1 1 1\n1 2 3 4 0\n1 2 3 4 -1\n1 2 3 4 0\n | f:4: spheres 1 (line 2) and 3 form clump 0 (the fifth column, YADE's clumpId), but samples have no clumps; give a packing of single spheres, with -1 in this column or without it
+            ##PERIODIC:: 1 1 1\n1 2 3 4 .5\n | f:2: ".5" is no number of a clump (the fifth column, YADE's clumpId); -1 is none
+            "#,
         ) {
             assert_eq!(refused(text.as_bytes(), None), expected);
         }
+        let clumps = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n3\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\nITEM: ATOMS id id_multisphere x y z radius\n7 -1 0 0 0 1\n8 2 0 0 0 1\n9 2 0 0 0 1\n";
+        let expected = "f:12: spheres 8 (line 11) and 9 form clump 2 (id_multisphere), but samples have no clumps; give a packing of single spheres, with -1 in this column or without it";
+        assert_eq!(refused(clumps.as_bytes(), None), expected);
+        let single = clumps.replace("9 2", "9 3");
+        assert_eq!(parsed("f", single.as_bytes(), None).unwrap().atoms.len(), 3);
         let marked = "\u{feff}1 2 3 4\n".as_bytes();
         let expected = "f: a list of spheres x y z r lacks its box; begin it with the line ##PERIODIC:: L_x L_y L_z";
         assert_eq!(refused(marked, None), expected);
@@ -1243,6 +1284,42 @@ mod tests {
         let (packing, scene) = packing(|_| text.clone(), "dimension=3").unwrap();
         let force = force_on_top(&scene, &packing.grains(&scene).unwrap());
         assert!((force / 192.0 - 1.0).abs() < 1e-9, "{force}");
+    }
+
+    /// A dump says along which axes its box is periodic: between walls along all but the last, in a
+    /// box along all.
+    #[test]
+    fn boxes_that_end_are_not_periodic() {
+        let read = |kinds: &str, boxed: bool| {
+            let text = format!(
+                "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS {kinds}\n0 4\n0 4\n0 4\nITEM: ATOMS id x y z radius\n1 1 1 1 0.5\n"
+            );
+            let data = parsed("f", text.as_bytes(), None).unwrap();
+            let arrangement = Arrangement {
+                boxed,
+                ..Arrangement::BETWEEN_WALLS
+            };
+            Packing::new("f", Path::new(FILE), data, arrangement)
+        };
+        for (kinds, boxed) in [
+            ("pp pp ff", false),
+            ("xy xz yz pp pp fm", false),
+            ("pp pp pp", false),
+            ("pp pp pp", true),
+            ("", true),
+        ] {
+            assert!(read(kinds, boxed).is_ok(), "{kinds}");
+        }
+        for (kinds, boxed, axis, kind) in [
+            ("ff pp ff", false, "x", "ff"),
+            ("pp sm ff", false, "y", "sm"),
+            ("pp pp ff", true, "z", "ff"),
+        ] {
+            let expected = format!(
+                "f: the box is not periodic along {axis} ({kind} in ITEM: BOX BOUNDS), but the sample is; give a packing that is periodic there, or write pp if this one is"
+            );
+            assert_eq!(message(read(kinds, boxed)), expected);
+        }
     }
 
     /// Positions along x are wrapped as LAMMPS wraps them, and begin at xlo.

@@ -507,6 +507,7 @@ fn spheres() -> Vec<u8> {
         line: 0,
     };
     let file = lammps_data::DataFile {
+        bounded: Default::default(),
         bounds: [[0.0, 5e-3], [0.0, 5e-3], [0.0, 10e-3]],
         tilt: [0.0; 3],
         stream: None,
