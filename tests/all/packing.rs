@@ -567,6 +567,35 @@ fn a_grain_that_leaves_through_a_wall_ends_the_run() {
     assert_eq!(id % 1000, 999, "{}", said[0]);
 }
 
+/// The bottom wall of this sample had a hole wider than any grain, bridged by an arch. A grain left
+/// after 48,321 steps; now one of the arch is a grain of the wall, on any number of ranks.
+#[test]
+fn a_hole_under_an_arch_is_closed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("arch.toml");
+    let text = "
+        seed = 1
+        material = { young_modulus = 1e9, poisson_ratio = 0.2, density = 2500 }
+        contact = { friction = 0.2, rolling_friction = 0.01, damping_ratio = 0.1 }
+        sample = { grains = 300, radius_min = 0.5e-6, radius_max = 1e-6, length = 30e-6 }
+        load.stiffness_number = 1e3
+        shear = { inertial_number = 1e-3, strain = 0.1 }
+        output = { frame_strain = 0, series_strain = 1e-4 }
+        ";
+    std::fs::write(&scene, text).expect("written");
+    let shear = |name: &str, ranks: usize, stop: u64| {
+        let arguments = [scene.display().to_string(), format!("--stop-at={stop}")];
+        let ended = gshear_mpi(ranks, &folder.path().join(name), &arguments);
+        assert_eq!(ended.code, 75, "{}", ended.text);
+        let plugged = "one grain more belongs to the walls: it closes a hole";
+        assert!(ended.text.contains(plugged), "{}", ended.text);
+        let run = RunFile::open(&folder.path().join(name)).expect("a run");
+        run.grains().body.clone()
+    };
+    let bodies = shear("long", 1, 50_000);
+    assert_eq!(shear("ranks", 2, 1), bodies);
+}
+
 /// A sample that weighs 20 times its load comes to rest: the bottom wall carries load and weight.
 /// Sheared, it keeps its energy: a grain that rises takes some.
 #[test]

@@ -42,6 +42,7 @@
 //! | `check`, `checker` | checks the tables in their order; values, defaults and problems |
 //! | `extent` | refuses a run that would not end or not fit on a disk |
 //! | `write` | writes the values that the checks left as TOML again |
+//! | [`holes`] | holes in walls of grains, and what closes them |
 //! | [`identity`] | the hash of all that decides the trajectory; changes of a scene at a resume |
 
 mod check;
@@ -50,6 +51,7 @@ pub mod derived;
 mod extent;
 mod general;
 mod grains;
+pub mod holes;
 pub mod identity;
 pub mod insertion;
 mod keys;

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::Zeroable;
 use flate2::read::MultiGzDecoder;
 
+use crate::holes;
 use crate::identity::hash;
 use crate::insertion::{finish_walls, freeze_walls};
 use crate::lammps_data::{self, AXES, Atom, DataFile};
@@ -605,6 +606,8 @@ impl Packing {
                 Walls::Layers => {
                     let planes = plane_shear.planes(&scene.sample, self.file.edges);
                     freeze_walls(&mut grains, up, planes, wall);
+                    let plugs = holes::plugs(scene, plane_shear, self.file.edges, &grains);
+                    holes::close(&mut grains, &plugs, wall);
                 }
                 Walls::Types if plane_shear.confinement == Confinement::FreeSurface => {
                     self.bottom_by_type(&mut grains, wall)?;

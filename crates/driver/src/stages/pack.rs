@@ -7,8 +7,9 @@ use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{Confinement, Snapshot, body};
+use gshear_dem::state::{Confinement, GrainState, Snapshot, body};
 use gshear_dem::tuning::Tuned;
+use gshear_scene::holes;
 use gshear_scene::insertion::freeze_walls;
 use gshear_scene::schedule::packing_time;
 use gshear_scene::{Load, PlaneShear, Scene};
@@ -17,6 +18,7 @@ use super::assembly::Assembly;
 use super::top_wall::{height_between, mass_of, mass_of_top};
 use crate::header::{Header, PackHeader};
 use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
+use gshear_store::collective::gathered;
 use gshear_store::status::Standing;
 
 /// Steps between two checks whether the sample is at rest.
@@ -145,15 +147,34 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         (self.fell_outside && self.starts < MOST_STARTS).then_some(self.starts + 1)
     }
 
+    /// The grains that close holes of the walls, with the bodies of these; the same on every rank.
+    /// Collective.
+    fn plugs(&self, run: &Run<'_>, grains: &[GrainState], height: f64) -> Vec<(u32, u32)> {
+        let (scene, walls) = (self.scene, self.plane_shear);
+        let reach = holes::reach(walls, &scene.sample);
+        let is_near = |g: &&GrainState| {
+            let up = g.position[D::UP];
+            g.body != body::FREE || up < reach || up > height - reach
+        };
+        let near: Vec<GrainState> = grains.iter().filter(is_near).copied().collect();
+        let near = gathered(run.exchange, &near, |g| g.id);
+        holes::plugs(scene, walls, [0.0, height], &near)
+    }
+
     /// Makes walls of grains of the sample at rest. Returns the top wall, and the state for the
     /// shear.
     pub fn finish(mut self, run: &Run<'_>) -> (Piston, Snapshot) {
         let mut state = self.assembly.snapshot();
         let (scene, height) = (self.scene, self.drive.piston.height);
         let of = self.plane_shear;
+        let mut plugged = 0;
         if of.confinement != Confinement::Images && !of.has_planes() {
             let planes = of.planes(&scene.sample, [0.0, height]);
-            freeze_walls(&mut state.grains, D::UP, planes, scene.materials.wall);
+            let material = scene.materials.wall;
+            freeze_walls(&mut state.grains, D::UP, planes, material);
+            let plugs = self.plugs(run, &state.grains, height);
+            holes::close(&mut state.grains, &plugs, material);
+            plugged = plugs.len();
         }
         let piston = Piston {
             velocity: 0.0,
@@ -163,6 +184,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         };
         let between = height_between(scene, of, &piston);
         run.terminal.packed(self.step, between, of);
+        run.terminal.plugged(plugged);
         (piston, state)
     }
 }

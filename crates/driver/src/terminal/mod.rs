@@ -242,6 +242,17 @@ impl Terminal {
         self.say(format!("pack:  at rest after {step} steps; {made}"));
     }
 
+    /// `count`: grains that became grains of the walls because they close holes of these.
+    pub fn plugged(&self, count: usize) {
+        match count {
+            0 => {}
+            1 => self.say("pack:  one grain more belongs to the walls: it closes a hole"),
+            n => self.say(format!(
+                "pack:  {n} grains more belong to the walls: they close holes"
+            )),
+        }
+    }
+
     pub fn shearing(
         &self,
         scene: &Scene,
