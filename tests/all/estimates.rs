@@ -222,6 +222,28 @@ fn a_time_is_said_for_strain_steps() {
     );
 }
 
+/// The search for a pressure takes the time of its relaxations: a million where it goes by 1e-7 of
+/// the length from a loose packing, each of a tenth of a millisecond and more.
+#[test]
+fn a_time_is_said_for_the_search_for_a_pressure() {
+    let words = [
+        OF_A_BOX,
+        "--set=aqs.steps=0",
+        "--set=box.solid_fraction=0.5",
+        "--set=box.pressure=1e-4",
+    ];
+    let time = |more: &[&str]| lines(&said(&[&words[..], more].concat()))["time"].clone();
+    let fine = time(&["--set=box.pressure_step=1e-7"]);
+    let (_, said) = fine.split_once("aqs very roughly ").expect(&fine);
+    assert!(
+        seconds(said.split(',').next().expect("a time")) > 60.0,
+        "{fine}"
+    );
+    // By default it is the strain step.
+    let by_strain = time(&["--set=aqs.strain_step=1e-7"]);
+    assert!(by_strain.contains("aqs very roughly "), "{by_strain}");
+}
+
 /// Greatest resident size of a run (bytes) that is asked to stop after a while.
 fn resident(out: &Path, arguments: &[&str]) -> f64 {
     let mut child = program(1)

@@ -14,7 +14,7 @@ use gshear_dem::state::{Cell, GrainState, Sheared};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::{Boundary, Deformation, Dimensions, Method, Sample, Scene};
 
-use crate::estimate::index;
+use crate::estimate::{StrainStepTime, index};
 use crate::launch::Task;
 use crate::options::{Options, Verbosity};
 use crate::run::Run;
@@ -28,19 +28,23 @@ use crate::stages::relax;
 /// # Errors
 /// More ranks than the sample has room for.
 pub fn speed(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<Option<f64>> {
-    let of = [speed_on_a_lattice::<Two>, speed_on_a_lattice::<Three>];
+    let of: [Measurement<f64>; 2] = [speed_on_a_lattice::<Two>, speed_on_a_lattice::<Three>];
     measured(exchange, task, options, of)
 }
 
-/// Time of a strain step of a box (s), roughly, measured within seconds; `None` for other
+/// Times of the strain steps of a box, roughly, measured within seconds; `None` for other
 /// scenes, and if the equilibrium is not found by Newton's method. Collective.
 ///
 /// # Errors
 /// More ranks than the sample has room for.
-pub fn strain_step(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<Option<f64>> {
+pub fn strain_step(
+    exchange: &dyn Parallel,
+    task: &Task,
+    options: &Options,
+) -> Result<Option<StrainStepTime>> {
     match &task.scene.boundary {
         Boundary::Periodic(periodic) if periodic.relax.method == Method::Newton => {
-            let of = [
+            let of: [Measurement<StrainStepTime>; 2] = [
                 strain_step_on_lattices::<Two>,
                 strain_step_on_lattices::<Three>,
             ];
@@ -55,17 +59,17 @@ const MOST_GRAINS: u32 = 100_000;
 /// Time of the measurement (s), about.
 const MEASURED: f64 = 0.4;
 
-type Measurement = fn(&Run<'_>) -> Result<f64>;
+type Measurement<T> = fn(&Run<'_>) -> Result<T>;
 
 /// What a measurement of disks or spheres finds, in a run that says nothing and writes nothing, on
 /// all ranks; `None` if it failed on one, as where the law does not hold on the lattice. Refuses
 /// more ranks than the sample has room for. Collective.
-fn measured(
+fn measured<T>(
     exchange: &dyn Parallel,
     task: &Task,
     options: &Options,
-    [of_disks, of_spheres]: [Measurement; 2],
-) -> Result<Option<f64>> {
+    [of_disks, of_spheres]: [Measurement<T>; 2],
+) -> Result<Option<T>> {
     let scene = &task.scene;
     let options = Options {
         verbosity: Verbosity::Quiet,
@@ -207,10 +211,10 @@ const FEW: u32 = 100;
 /// spheres: nested dissection of a network in two and in three dimensions.
 const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
 
-/// Time of a strain step (s): that of its factorisations of K and, if the scene asks for them, of
+/// Times of a strain step and of its relaxations: those of their factorisations of K and, if the scene asks for them, of
 /// all eigenvalues, of lattices in which every grain touches as many others as in a packing.
 /// Collective.
-fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<f64> {
+fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<StrainStepTime> {
     let (exchange, scene) = (run.exchange, run.scene);
     let Boundary::Periodic(periodic) = &scene.boundary else {
         unreachable!("strain steps are those of a box")
@@ -249,13 +253,14 @@ fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<f64> {
         Deformation::Biaxial => RELAXATIONS[1],
         Deformation::Compression(_) => RELAXATIONS[2],
     };
-    let mut seconds = relaxations * FACTORISATIONS * relaxation;
+    let relaxation = FACTORISATIONS * relaxation;
+    let mut step = relaxations * relaxation;
     if periodic.aqs.spectrum {
         let lattice = lattice(all.min(FEW));
         let mut assembly = lattice.assembly(run, law)?;
         let one = timed(exchange, || assembly.eigenvalues().map(drop))?;
         let larger = f64::from(all) / f64::from(lattice.count());
-        seconds += one * larger.powi(3);
+        step += one * larger.powi(3);
     }
-    Ok(seconds)
+    Ok(StrainStepTime { step, relaxation })
 }

@@ -6,9 +6,11 @@ use std::fmt::Write;
 use gshear_dem::contact::TORQUES;
 use gshear_dem::state::{Confinement, ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
+use gshear_scene::derived;
 use gshear_scene::schedule::{Schedule, packing_steps};
 use gshear_scene::{
-    Boundary, Method, Motion, PackingFile, PeriodicBox, PlaneShear, Sample, Scene, WallSpeed,
+    Boundary, Deformation, Method, Motion, PackingFile, PeriodicBox, PlaneShear, Sample, Scene,
+    WallSpeed,
 };
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, RUN_FILE};
@@ -45,10 +47,19 @@ pub struct Estimate {
     pub files: Vec<FileEstimate>,
     /// Speed of all ranks together (grain-steps/s), without output; `None` if it was not measured.
     pub speed: Option<f64>,
-    /// Time of a strain step of a box (s), roughly; `None` if it was not measured.
-    pub strain_step: Option<f64>,
+    /// Time of the strain steps of a box, roughly; `None` if it was not measured.
+    pub strain_step: Option<StrainStepTime>,
     /// Time of a step over that of the measured speed.
     slower: f64,
+}
+
+/// Times of strain steps (s).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StrainStepTime {
+    /// Of a strain step.
+    pub step: f64,
+    /// Of a relaxation, of which a strain step may have several.
+    pub relaxation: f64,
 }
 
 /// The steps of a stage that are left.
@@ -62,6 +73,8 @@ pub struct StageEstimate {
     pub exact: bool,
     /// Whether they are steps of the equations of motion.
     pub moves: bool,
+    /// Relaxations in which a box is brought to its pressures besides these steps, as a guess.
+    searches: f64,
     /// Bytes of frames, and rows of the time series, to be written.
     output: (f64, u64),
 }
@@ -74,6 +87,7 @@ impl StageEstimate {
             steps,
             exact,
             moves: true,
+            searches: 0.0,
             output: (0.0, 0),
         }
     }
@@ -143,7 +157,8 @@ impl Estimate {
         let computed = if stage.moves {
             self.slower * self.work(stage) / self.speed?
         } else {
-            stage.steps as f64 * self.strain_step?
+            let time = self.strain_step?;
+            stage.steps as f64 * time.step + stage.searches * time.relaxation
         };
         Some(computed + output)
     }
@@ -373,6 +388,39 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
     (stages, vec![run, log, checkpoints(scene, kept)])
 }
 
+/// Relaxations in which a box is brought to its pressures after `strained` strain steps, as a guess:
+/// lengths change from where grains are loose to where they are dense, and then by the overlaps that
+/// the pressures need. Those of every strain step are in its time.
+fn searches(scene: &Scene, periodic: &PeriodicBox, strained: Option<u64>) -> f64 {
+    let pressures = match (&periodic.deformation, periodic.pressure, strained) {
+        (Deformation::Compression(pressures), ..) => {
+            let done = (strained.unwrap_or(0) as usize).min(pressures.len());
+            pressures[done..].to_vec()
+        }
+        (_, Some(pressure), None) => vec![pressure],
+        _ => Vec::new(),
+    };
+    let axes = scene.dimension.axes() as f64;
+    let sample = &scene.sample;
+    let fraction = periodic.solid_fraction / DENSE[index(scene)];
+    // The logarithm of the length over that of a dense packing.
+    let mut length = if strained.is_none() {
+        -fraction.ln() / axes
+    } else {
+        0.0
+    };
+    let mut searches = 0.0;
+    for pressure in pressures {
+        // δ̄/d̄, by which a dense packing is shorter at this pressure.
+        let kappa = derived::stiffness_number(&scene.law, sample, pressure);
+        let overlap = kappa.map_or(0.0, |kappa| 1.0 / kappa);
+        let change = (length + overlap).abs();
+        searches += change / periodic.aqs.pressure_step;
+        length = -overlap;
+    }
+    searches
+}
+
 fn checkpoints(scene: &Scene, count: u64) -> FileEstimate {
     let one = checkpoint_bytes(scene);
     FileEstimate {
@@ -409,16 +457,22 @@ fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: 
     }
     let aqs = &periodic.aqs;
     let steps = aqs.steps.min(last);
-    let frames = steps.checked_div(aqs.frame_every);
-    let frames = frames.map_or(0, |frames| frames + 1);
+    let frames = match aqs.frame_every {
+        0 => 0,
+        // Also of the last state.
+        every if steps == aqs.steps => steps.div_ceil(every) + 1,
+        every => steps / every + 1,
+    };
     let strains = steps.saturating_sub(strained.unwrap_or(0));
-    if strains > 0 {
+    let searches = searches(scene, periodic, strained);
+    if strains > 0 || searches > 0.0 {
         stages.push(StageEstimate {
             name: RunStage::Strain.name(),
             steps: strains,
             // Ends earlier with the growth of a pair.
             exact: aqs.until_imaginary == 0.0,
             moves: false,
+            searches,
             output: (frames as f64 * frame_bytes(scene), steps),
         });
     }

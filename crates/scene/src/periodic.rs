@@ -49,6 +49,9 @@ table! {
             default: "1e-4",
             change: Change::Branch,
         },
+        /// greatest relative change of a length between two relaxations while such a pressure is
+        /// looked for
+        pressure_step: Number(UNIT) { otherwise: "`aqs.strain_step`", change: Change::Branch },
     }
 }
 
@@ -74,8 +77,7 @@ table! {
 table! {
     /// Athermal quasi-static deformation of a box.
     AQS: AqsKeys "aqs" Box Branch {
-        /// δγ, or δε of a biaxial box; of a box at a pressure also the greatest relative change of
-        /// a length between two relaxations
+        /// δγ, or δε of a biaxial box
         strain_step: Number(UNIT) { what: "delta gamma", example: "1e-4" },
         /// number of strain steps
         steps: Whole(FROM_ZERO) {
@@ -218,8 +220,10 @@ pub enum Method {
 /// Athermal quasi-static deformation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Aqs {
-    /// δγ; δε of a biaxial box; the greatest relative change of a length between relaxations.
+    /// δγ; δε of a biaxial box.
     pub strain_step: f64,
+    /// The greatest relative change of a length between relaxations while a pressure is looked for.
+    pub pressure_step: f64,
     /// Number of strain steps.
     pub steps: u64,
     /// Frames are written every so many steps; 0 is never.
@@ -264,6 +268,8 @@ pub(crate) fn check(
             0.0
         }
     };
+    let pressure = check_pressure(c, &deformation);
+    let has_pressure = pressure.is_some() || matches!(deformation, Deformation::Compression(_));
     let mut periodic = PeriodicBox {
         sizes: Sizes::Uniform,
         packing: None,
@@ -271,7 +277,7 @@ pub(crate) fn check(
             .named(&SAMPLE.placement, &Placement::NAMES)
             .unwrap_or(Placement::Lattice),
         solid_fraction,
-        pressure: check_pressure(c, &deformation),
+        pressure,
         pressure_tolerance: c.number_or_default(&BOX.pressure_tolerance),
         relax: Relax {
             method: c.named(&RELAX.method, &METHODS).unwrap_or(Method::Newton),
@@ -279,7 +285,7 @@ pub(crate) fn check(
             drag: c.required(&RELAX.drag),
             max_steps: c.count(&RELAX.max_steps),
         },
-        aqs: check_aqs(c, &deformation),
+        aqs: check_aqs(c, &deformation, has_pressure),
         deformation,
         newtonian: check_newtonian(c),
     };
@@ -357,14 +363,15 @@ fn check_pressure(c: &mut Checker<'_>, deformation: &Deformation) -> Option<f64>
         Deformation::SimpleShear | Deformation::PureShear => {
             if !c.is_given(&BOX.pressure) {
                 let why = "applies to a box at a pressure, and there is no box.pressure";
-                c.useless(&BOX.pressure_tolerance, why);
+                c.all_useless(&[&BOX.pressure_tolerance, &BOX.pressure_step], why);
             }
             c.number(&BOX.pressure)
         }
     }
 }
 
-fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation) -> Aqs {
+/// `has_pressure`: the box is brought to some pressure.
+fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation, has_pressure: bool) -> Aqs {
     let keys = &AQS;
     let spectrum = c.flag_or_default(&keys.spectrum);
     if !spectrum {
@@ -384,8 +391,14 @@ fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation) -> Aqs {
         }
         _ => c.required_count(&keys.steps),
     };
+    let strain_step = c.required(&keys.strain_step);
+    let pressure_step = c.number(&BOX.pressure_step).unwrap_or(strain_step);
+    if has_pressure {
+        c.fill(&BOX.pressure_step, pressure_step);
+    }
     Aqs {
-        strain_step: c.required(&keys.strain_step),
+        strain_step,
+        pressure_step,
         steps,
         frame_every: c.count(&keys.frame_every),
         spectrum,

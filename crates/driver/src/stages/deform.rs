@@ -132,7 +132,7 @@ impl<D: Dimension> Strain<'_, D> {
     /// Begins the next correction of the lateral stress; `None` if it is the wanted one.
     pub(super) fn correct(&mut self, mut of: Correction) -> Result<Option<Search>> {
         let wanted = self.periodic.pressure.unwrap_or(f64::NAN);
-        let most = self.periodic.aqs.strain_step;
+        let most = self.periodic.aqs.pressure_step;
         let excess = self.lateral_excess(wanted);
         if let Some(before) = of.excess {
             // A rearrangement may make the packing look soft, or softer than nothing.
@@ -154,7 +154,7 @@ impl<D: Dimension> Strain<'_, D> {
         if of.count == MOST_CORRECTIONS {
             return Err(Failure::numbers(format!(
                 "strain step {}: the lateral stress differs from box.pressure = {wanted:.4e} by {excess:.1e} after \
-                 {MOST_CORRECTIONS} corrections; give a greater box.pressure_tolerance, or a smaller aqs.strain_step",
+                 {MOST_CORRECTIONS} corrections; give a greater box.pressure_tolerance, or a smaller aqs.strain_step or box.pressure_step",
                 self.progress.steps + 1
             )));
         }
@@ -196,7 +196,7 @@ impl<D: Dimension> Strain<'_, D> {
             wanted,
             toward: if pressure < wanted { 1.0 } else { -1.0 },
             pressure,
-            change: self.periodic.aqs.strain_step,
+            change: self.periodic.aqs.pressure_step,
             slope: None,
             beyond: None,
         };
@@ -240,7 +240,7 @@ impl<D: Dimension> Strain<'_, D> {
     /// the law. Chooses how far to change the lengths next.
     fn judge(&mut self, of: &mut Pressing, now: Option<f64>) -> Result<()> {
         let allowed = self.periodic.pressure_tolerance * of.wanted;
-        if judged(of, now, allowed, self.periodic.aqs.strain_step) {
+        if judged(of, now, allowed, self.periodic.aqs.pressure_step) {
             self.held.pop();
             self.held.push(RestState::of(&mut self.assembly));
             return Ok(());
