@@ -20,6 +20,33 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
+/// Row and frame of step 0 are the packed sample, whose grains and images are at rest; those after
+/// it move at the velocity of the drive, which they get at once.
+#[test]
+fn the_first_row_is_the_packed_sample() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = ["shear.strain=0.01", "output.frame_strain=0.005"];
+    let flow = run_scene(folder.path(), "flow", FLOW, &set);
+    let series = flow.series();
+    let (slip_rate, drive) = (series.column("slip_rate"), series.column("drive_velocity"));
+    assert_eq!(slip_rate[0], 0.0);
+    assert!(
+        slip_rate[1..]
+            .iter()
+            .zip(drive)
+            .all(|(v, drive)| v == drive)
+    );
+    let greatest = |frame: usize| {
+        let velocities = flow.frame(frame).expect("a frame").velocity;
+        velocities
+            .iter()
+            .flatten()
+            .fold(0.0_f64, |most, v| most.max(v.abs()))
+    };
+    assert!(greatest(0) < 1e-2 * drive[0]);
+    assert!(greatest(1) > 0.5 * drive[0]);
+}
+
 /// The mass of the height is pressed by N and does not leave: so the mean of the stress is N. Its
 /// columns are the stress tensor's.
 #[test]

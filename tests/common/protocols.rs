@@ -32,7 +32,7 @@ pub const DISKS: Case = Case {
     further: &["output.series_rows=10", "output.frame_rows=1"],
     parts: &[
         "velocity = 0.3, time = 1e-7",
-        "velocity = -0.3, time = 1e-7, pressure = 7e5",
+        "velocity = -0.3, ramp = 6e-8, time = 1e-7, pressure = 7e5",
         "velocity = 0.3, time = 1e-7, pressure = 5e5, pressure_end = 8e5",
         "velocity = 0.3, time = 1e-7, pressure = 6e5, pressure_amplitude = 2e5, pressure_frequency = 2e7",
         "velocity = 0.3, time = 1e-7, wall_velocity = 0",
@@ -53,7 +53,7 @@ pub const SPHERES: Case = Case {
     removed: &["shear.spring_number"],
     further: &["output.series_rows=10", "output.frame_rows=1"],
     parts: &[
-        "velocity = 3, time = 1e-4",
+        "velocity = 3, ramp = 7e-5, time = 1e-4",
         "velocity = 3, time = 1e-4, pressure = 1.2e5",
         "velocity = 3, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
         "velocity = 3, time = 1e-4, pressure = 1e5, pressure_amplitude = 3e4, pressure_frequency = 2e4",
@@ -74,7 +74,7 @@ pub const SPHERES_BETWEEN_FLAT_WALLS: Case = Case {
     sample: &["sample.walls=flat"],
     parts: &[
         "velocity = 3, time = 1e-4",
-        "velocity = -3, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
+        "velocity = -3, ramp = 8e-5, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
         "velocity = 3, time = 1e-4, wall_velocity = -0.1",
         "shear_stress = 1e4, time = 1e-4, pressure = 1e5, bottom_amplitude = 1e-5, bottom_frequency = 1e4",
     ],
@@ -85,7 +85,7 @@ pub const SPHERES_BETWEEN_FLAT_WALLS: Case = Case {
 pub const SPHERES_UNDER_A_SPRING: Case = Case {
     removed: &[],
     parts: &[
-        "velocity = 3, time = 1e-4",
+        "velocity = 3, ramp = 7e-5, time = 1e-4",
         "velocity = 3, time = 1e-4, pressure = 8e4, pressure_end = 1.2e5",
         "velocity = 3, time = 1e-4, pressure = 1e5, pressure_amplitude = 3e4, pressure_frequency = 2e4",
         "strain_amplitude = 0.003, frequency = 1e4, cycles = 1.25, pressure = 1e5",
@@ -135,7 +135,7 @@ pub const DISKS_WITHOUT_WALLS: Case = Case {
     sample: &["sample.boundary=periodic"],
     parts: &[
         "velocity = 3, time = 4e-6",
-        "velocity = -3, time = 1e-7, pressure = 7e5",
+        "velocity = -3, ramp = 6e-8, time = 1e-7, pressure = 7e5",
         "velocity = 0.3, time = 1e-7, pressure = 5e5, pressure_end = 8e5",
         "velocity = 0.3, time = 1e-7, pressure = 6e5, pressure_amplitude = 2e5, pressure_frequency = 2e7",
         "velocity = 0.3, time = 1e-7, wall_velocity = 0",

@@ -58,6 +58,10 @@ impl Part {
         Imposed {
             along: match self.imposed.along {
                 Along::Velocity(velocity) => Along::Velocity(velocity),
+                Along::Ramp(ramp) => Along::Ramp(Ramp {
+                    time: ramp.time / step,
+                    ..ramp
+                }),
                 Along::Oscillation(of) => Along::Oscillation(wave(of, height)),
                 Along::Force(stress) => Along::Force(course(stress)),
             },
@@ -73,6 +77,7 @@ impl Part {
     pub fn speed(&self, height: f64) -> f64 {
         match self.imposed.along {
             Along::Velocity(velocity) => velocity.abs(),
+            Along::Ramp(ramp) => ramp.fastest(),
             Along::Oscillation(of) => TAU * of.frequency * of.amplitude * height,
             Along::Force(_) => 0.0,
         }
@@ -81,7 +86,7 @@ impl Part {
     /// The greatest frequency (Hz) in it; 0 if there is none.
     pub fn highest_frequency(&self) -> f64 {
         let along = match self.imposed.along {
-            Along::Velocity(_) => None,
+            Along::Velocity(_) | Along::Ramp(_) => None,
             Along::Oscillation(wave) => Some(wave),
             Along::Force(stress) => stress.wave,
         };
@@ -111,6 +116,8 @@ pub struct Imposed {
 pub enum Along {
     /// The velocity of the drive (m/s); 0 is a hold.
     Velocity(f64),
+    /// The velocity of the drive, which it reaches along a ramp.
+    Ramp(Ramp),
     /// The drive oscillates about its position at the start of the segment (m).
     Oscillation(Wave),
     /// The top is free, and pulled by this force (N; N/m in 2D).
@@ -124,6 +131,51 @@ pub enum Normal {
     Load(Course),
     /// The velocity away from the bottom (m/s); 0 is a constant volume.
     Velocity(f64),
+}
+
+/// A velocity that changes linearly from one value to another, and is then constant.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ramp {
+    /// At the start (m/s).
+    pub from: f64,
+    /// At the end of the ramp, and from then on.
+    pub to: f64,
+    /// Duration of the ramp: in steps, of a part of a scene in seconds. Need not be whole.
+    pub time: f64,
+}
+
+impl Ramp {
+    /// The velocity (m/s) this long after the start, in the unit of the ramp's time.
+    pub fn velocity(&self, time: f64) -> f64 {
+        if time >= self.time {
+            self.to
+        } else {
+            self.from + (self.to - self.from) * (time / self.time)
+        }
+    }
+
+    /// The integral of the velocity (m/s times the unit of time) over this time.
+    pub fn distance(&self, time: f64) -> f64 {
+        if time >= self.time {
+            self.to * time + 0.5 * (self.from - self.to) * self.time
+        } else {
+            time * (self.from + 0.5 * (self.to - self.from) * (time / self.time))
+        }
+    }
+
+    /// The mean velocity (m/s) in the step after so many steps, of a ramp whose time is in steps.
+    fn velocity_in_step(&self, steps: f64) -> f64 {
+        if steps >= self.time {
+            self.to
+        } else {
+            self.distance(steps + 1.0) - self.distance(steps)
+        }
+    }
+
+    /// The greatest speed (m/s).
+    fn fastest(&self) -> f64 {
+        self.from.abs().max(self.to.abs())
+    }
 }
 
 /// The course of a force during a segment: linear from one value to another, and a sinusoid.
@@ -174,11 +226,12 @@ impl From<Along> for Imposed {
 }
 
 impl Segment {
-    /// The velocity of the drive (m/s); `None` if it is not constant.
+    /// The velocity of the drive (m/s), that to which it is ramped; `None` if it has none.
     pub fn velocity(&self) -> Option<f64> {
         match self.imposed.along {
             Along::Velocity(velocity) => Some(velocity),
-            _ => None,
+            Along::Ramp(ramp) => Some(ramp.to),
+            Along::Oscillation(_) | Along::Force(_) => None,
         }
     }
 
@@ -216,6 +269,7 @@ impl Segment {
         let done = step - self.first;
         match &self.imposed.along {
             Along::Velocity(velocity) => self.position + velocity * (done as f64 * dt),
+            Along::Ramp(ramp) => self.position + ramp.distance(done as f64) * dt,
             Along::Oscillation(wave) => self.position + wave.at(done),
             Along::Force(_) => self.position,
         }
@@ -300,6 +354,7 @@ impl Protocol {
             } = segment.imposed;
             let along = match along {
                 Along::Velocity(velocity) => velocity.abs(),
+                Along::Ramp(ramp) => ramp.fastest(),
                 Along::Oscillation(wave) => of_wave(wave),
                 Along::Force(_) => 0.0,
             };
@@ -337,8 +392,13 @@ impl Protocol {
     /// Velocity of the drive (m/s) in the step after `step` steps: that of the half step. 0 in
     /// segments of a force.
     pub fn velocity(&self, step: u64) -> f64 {
-        match self.segment(step).imposed.along {
+        let segment = self.segment(step);
+        match segment.imposed.along {
             Along::Velocity(velocity) => velocity,
+            Along::Ramp(ramp) => {
+                let done = (step - segment.first) as f64;
+                ramp.velocity_in_step(done)
+            }
             Along::Oscillation(_) => (self.position(step + 1) - self.position(step)) / self.step,
             Along::Force(_) => 0.0,
         }
@@ -350,6 +410,7 @@ impl Protocol {
         let segment = self.segment_before(step);
         match &segment.imposed.along {
             Along::Velocity(velocity) => *velocity,
+            Along::Ramp(ramp) => ramp.velocity((step - segment.first) as f64),
             Along::Oscillation(wave) => wave.rate(step - segment.first, self.step),
             Along::Force(_) => 0.0,
         }
@@ -393,6 +454,7 @@ impl Protocol {
             let along = match (&one.imposed.along, &two.imposed.along) {
                 // Their positions tell.
                 (Along::Velocity(_), Along::Velocity(_)) => true,
+                (Along::Ramp(one), Along::Ramp(two)) => one == two && same_start,
                 (Along::Oscillation(one), Along::Oscillation(two)) => one == two && same_start,
                 (Along::Force(one), Along::Force(two)) => course(one, two),
                 _ => false,
@@ -463,6 +525,40 @@ mod tests {
             let [here, next] = [step, step + 1].map(|k| protocol.position(k));
             let moved = protocol.velocity(step) * STEP;
             assert!((next - here - moved).abs() < 1e-15, "{step}");
+        }
+    }
+
+    /// The position of a ramped drive is the integral of its velocity, from whatever it starts, and
+    /// the mean velocities of the steps add up to it.
+    #[test]
+    fn a_ramp_moves_by_its_integral() {
+        for (from, to, time) in [(0.0, 2.0, 8.0), (2.0, -1.0, 12.5), (-1.0, 0.0, 0.3)] {
+            let ramp = Ramp { from, to, time };
+            let parts = [
+                (Along::Velocity(from).into(), 3),
+                (Along::Ramp(ramp).into(), 20),
+                (Along::Velocity(to).into(), 5),
+            ];
+            let protocol = Protocol::of(STEP, parts);
+            let mut summed = 0.0;
+            for step in 0..=protocol.steps() {
+                let t = step.saturating_sub(3) as f64 * STEP;
+                let ramped = t.min(time * STEP);
+                let expected = from * (step.min(3) as f64 * STEP)
+                    + from * ramped
+                    + 0.5 * (to - from) * ramped * ramped / (time * STEP)
+                    + to * (t - ramped);
+                assert!((protocol.position(step) - expected).abs() < 1e-16, "{step}");
+                assert!((summed - expected).abs() < 1e-16, "{step}");
+                let velocity = from + (to - from) * ramped / (time * STEP);
+                assert!((protocol.full_velocity(step) - velocity).abs() < 1e-15);
+                if step < protocol.steps() {
+                    summed += protocol.velocity(step) * STEP;
+                }
+            }
+            assert_eq!(protocol.velocity(22), to);
+            assert!(!protocol.is_more_than_velocities());
+            assert!(protocol.fastest() == f64::max(from.abs(), to.abs()));
         }
     }
 

@@ -54,7 +54,9 @@ pub(crate) fn scene(
         let overlap = walls.greatest_overlap(&law, &contact, &sample);
         let load = (&walls.load, walls.layers(&sample));
         let at = (overlap, time_step.step);
-        walls.load.control = load::derive_servo(c, (&law, &sample), load, at);
+        let control = load::derive_servo(c, (&law, &sample), load, at);
+        load::check_wall_mass(c, (&law, &sample), load, at);
+        walls.load.control = control;
         c.settle()?;
     }
     let mut scene = Scene {

@@ -201,6 +201,16 @@ pub fn servo_gain_limit(law: &Law, sample: &Sample, overlap: f64, step: f64) -> 
     sample.mean_section() / (4.0 * of_contact)
 }
 
+/// The least mass (kg; kg/m in 2D) of the top wall for Δt (s): on contacts that have together the
+/// stiffness K and the damping constant C, K Δt² + C Δt/2. They are taken as four contacts of mean
+/// grains at this overlap (m) on every d̄, in 3D d̄².
+pub fn least_wall_mass(law: &Law, sample: &Sample, overlap: f64, step: f64) -> f64 {
+    let mass = law.masses().of(0, sample.mean_volume);
+    let rigid = law.rigidity(mean_stiffness(law, sample, overlap), mass, false);
+    let contacts = 4.0 * sample.base() / sample.mean_section();
+    contacts * (rigid.normal * step + 0.5 * rigid.damping[0]) * step
+}
+
 /// k (N/m; Pa in 2D) of two grains of the mean radius at this overlap (m).
 fn mean_stiffness(law: &Law, sample: &Sample, overlap: f64) -> f64 {
     let radius = 0.5 * sample.mean_diameter;

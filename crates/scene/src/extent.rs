@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{Key, KeyReader};
-use gshear_dem::protocol::{Normal, Part, Segment};
+use gshear_dem::protocol::{Normal, Part};
 use gshear_dem::system::THICKEST_SKIN;
 
 use crate::checker::Checker;
@@ -13,7 +13,7 @@ use crate::periodic::{AQS, BOX, NEWTONIAN, PeriodicBox};
 use crate::protocol::{Motion, SHEAR};
 use crate::sample::SAMPLE;
 use crate::scene::{Boundary, Scene};
-use crate::schedule::{Intervals, MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
+use crate::schedule::{MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
 use crate::time::TIME;
 use crate::walls::PlaneShear;
 use crate::words::show;
@@ -108,12 +108,13 @@ fn of_walls(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
     let schedule = Schedule::new(scene, walls, height);
     let step = scene.time_step.step;
     let parts: Vec<DrivePart> = match &walls.shear.motion {
-        Motion::Strain { strain, .. } => {
-            let speed = schedule.protocol.velocity(0);
+        Motion::Strain { ramp, strain, .. } => {
+            let speed = schedule.protocol.segment(0).velocity().unwrap_or(0.0);
             vec![DrivePart {
                 name: String::new(),
                 speed,
-                steps: strain * height / speed / step,
+                // A ramp is at most so much behind.
+                steps: (strain * height / speed + ramp) / step,
             }]
         }
         Motion::Protocol(parts) => {
@@ -222,20 +223,11 @@ fn check_steps(parts: &[DrivePart], step: f64) -> Result<(), String> {
 
 /// Refuses more output of the shear than any disk holds.
 fn check_output(c: &mut Checker<'_>, scene: &Scene, schedule: &Schedule) {
-    let count = |every: fn(&Intervals) -> u64, first: u64| -> f64 {
-        let segments = schedule.protocol.segments().iter().zip(&schedule.intervals);
-        let of_segment = |(segment, intervals): (&Segment, _)| {
-            let steps = segment.steps.saturating_sub(first);
-            steps.checked_div(every(intervals)).unwrap_or(0) as f64
-        };
-        segments.map(of_segment).sum()
-    };
-    let frames = count(|s| s.frames, schedule.first_frame);
-    let rows = count(|s| s.series, 0);
+    let counts = schedule.counts(schedule.total);
     let keys = [&OUTPUT.frame_strain, &OUTPUT.frame_rows];
-    written(c, &keys, frames, frames_of(scene));
+    written(c, &keys, counts.frames as f64, frames_of(scene));
     let keys = [&OUTPUT.series_strain, &OUTPUT.series_rows];
-    written(c, &keys, rows, ROWS);
+    written(c, &keys, counts.rows as f64, ROWS);
 }
 
 fn of_a_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {

@@ -195,7 +195,7 @@ mod tests {
 
     fn motion(scene: &Scene) -> (WallSpeed, f64) {
         match walls(scene).shear.motion {
-            Motion::Strain { drive, strain } => (drive, strain),
+            Motion::Strain { drive, strain, .. } => (drive, strain),
             Motion::Protocol(_) => panic!("a protocol"),
         }
     }

@@ -43,6 +43,12 @@ table! {
         /// `"servo"`, in every step a velocity from the error of the pressure; `"volume"`, nothing:
         /// the packed sample is sheared at constant volume
         control: Text(&CONTROL_NAMES) { default: CONTROL_NAMES[0] },
+        /// mass of the top wall, on which load, spring and shear stress act
+        wall_mass: Number(POSITIVE) {
+            unit: "kg, in 2D kg/m",
+            condition: "enough for the time step",
+            otherwise: "that of its grains",
+        },
         /// φ to which the packed sample is brought before the shear, by stretching its cell: less
         /// than it was packed to
         solid_fraction: Number(Bounds { from: Bound::Excluded(0.1), to: Bound::Excluded(1.0) }) {
@@ -83,6 +89,8 @@ pub struct Load {
     pub incline: f64,
     /// What moves the top wall along its normal.
     pub control: Control,
+    /// Mass of the top wall (kg; kg/m in 2D). `None`: that of its grains.
+    pub wall_mass: Option<f64>,
     /// φ to which the packed sample is brought before the shear.
     pub solid_fraction: Option<f64>,
 }
@@ -121,7 +129,7 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     if is_free {
         let why = "loads a top wall, but sample.boundary = \"free\" has none";
         c.all_useless(&WAYS, why);
-        c.useless(&LOAD.control, why);
+        c.all_useless(&[&LOAD.control, &LOAD.wall_mass], why);
         c.required(&LOAD.gravity);
     } else {
         c.exactly_one(
@@ -132,6 +140,7 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     for key in WAYS {
         c.number(key);
     }
+    c.number(&LOAD.wall_mass);
     let gravity = c.number_or_default(&LOAD.gravity);
     let incline = c.number_or_default(&LOAD.incline);
     if is_free && gravity <= 0.0 && c.is_given(&LOAD.gravity) {
@@ -192,6 +201,7 @@ pub(crate) fn derive(
             gravity,
             incline,
             control,
+            wall_mass: c.number(&LOAD.wall_mass),
             solid_fraction,
         });
     }
@@ -275,5 +285,28 @@ pub(crate) fn derive_servo(
     Control::Servo {
         gain,
         speed_max: c.number(&LOAD.servo_speed_max).unwrap_or(f64::INFINITY),
+    }
+}
+
+/// Refuses a top wall that is too light for Δt (s) at the greatest mean overlap (m). `layers`: of
+/// grains that give way to it together.
+pub(crate) fn check_wall_mass(
+    c: &mut Checker<'_>,
+    (law, sample): (&Law, &Sample),
+    (load, layers): (&Load, f64),
+    (greatest_overlap, step): (f64, f64),
+) {
+    let Some(mass) = load.wall_mass else {
+        return;
+    };
+    let least = derived::least_wall_mass(law, sample, greatest_overlap, step) / layers;
+    if mass < least {
+        let what = format!(
+            "{} {unit} is too light for a time step of {step:.3e} s; give at least {:.3e} {unit}, or leave it out for the mass of the wall's grains",
+            show(mass),
+            1.001 * least,
+            unit = sample.by_dimension("kg/m", "kg"),
+        );
+        c.refuse(&LOAD.wall_mass, &what);
     }
 }

@@ -110,9 +110,16 @@ mod tests {
     #[test]
     fn none_takes_a_key_away() {
         let scene = embedded("shear.inertial_number=none shear.velocity=1e-3").unwrap();
-        let (drive, strain) = (WallSpeed::Velocity(1e-3), 0.1);
+        let (drive, ramp, strain) = (WallSpeed::Velocity(1e-3), 0.0, 0.1);
         let motion = &scene.plane_shear("the scene").unwrap().shear.motion;
-        assert_eq!(*motion, Motion::Strain { drive, strain });
+        assert_eq!(
+            *motion,
+            Motion::Strain {
+                drive,
+                ramp,
+                strain
+            }
+        );
     }
 
     #[test]

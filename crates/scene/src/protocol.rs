@@ -3,7 +3,7 @@
 use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{ANY, Change, Key, KeyReader, POSITIVE, Values};
-use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part};
+use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part, Ramp};
 use gshear_dem::state::Confinement;
 use gshear_dem::wave::Wave;
 
@@ -22,6 +22,13 @@ table! {
         inertial_number: Number(POSITIVE) {},
         /// V of the top wall
         velocity: Number(POSITIVE) { unit: "m/s" },
+        /// time in which the velocity rises from 0 along a straight line; without it the wall jumps
+        /// to its velocity
+        ramp: Number(POSITIVE) {
+            unit: "s",
+            condition: "with `inertial_number` or `velocity`; parts have their own",
+            otherwise: "none",
+        },
         /// total γ
         strain: Number(POSITIVE) { what: "the total gamma", example: "0.1", change: Change::End },
         /// instead of these three: a list of parts
@@ -46,6 +53,9 @@ table! {
     PART: PartKeys Branch {
         /// velocity of the drive; 0 is a hold, less reverses it
         velocity: Number(ANY) { unit: "m/s" },
+        /// time in which the velocity changes from that of the part before, at first from 0, to
+        /// `velocity`, along a straight line; without it, it jumps
+        ramp: Number(POSITIVE) { unit: "s", condition: "at most the duration" },
         /// how far the drive moves, with `velocity`
         distance: Number(POSITIVE) { unit: "m" },
         /// duration
@@ -97,6 +107,8 @@ pub enum Motion {
     Strain {
         /// How fast.
         drive: WallSpeed,
+        /// Time (s) in which the speed rises from 0; 0 without a ramp.
+        ramp: f64,
         /// γ at the end.
         strain: f64,
     },
@@ -142,6 +154,7 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     if confinement == Confinement::FreeSurface {
         let why = "moves a top wall, but sample.boundary = \"free\" has none";
         c.all_useless(&springs, why);
+        c.useless(&keys.ramp, why);
         if !c.is_given(&keys.protocol) {
             let what = "how long the grains flow, such as protocol = [{ time = 1.0 }] (s)";
             c.lacks("shear", what);
@@ -156,8 +169,11 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
         let why = "says how the drive moves, and so does shear.protocol";
         let speeds = [&keys.inertial_number, &keys.velocity, &keys.strain];
         c.all_useless(&speeds, why);
+        let why = "applies to shear.inertial_number and shear.velocity; parts of shear.protocol have a ramp of their own";
+        c.useless(&keys.ramp, why);
         return;
     }
+    c.number(&keys.ramp);
     c.exactly_one(
         &[&keys.inertial_number, &keys.velocity],
         "the rate: inertial_number (I), such as inertial_number = 2e-4, or velocity (m/s), or a protocol",
@@ -195,8 +211,11 @@ pub(crate) fn derive(
             Some(i) => WallSpeed::InertialNumber(i),
             None => WallSpeed::Velocity(c.known(&keys.velocity)),
         };
-        let strain = c.known(&keys.strain);
-        Motion::Strain { drive, strain }
+        Motion::Strain {
+            drive,
+            ramp: c.number(&keys.ramp).unwrap_or(0.0),
+            strain: c.known(&keys.strain),
+        }
     };
     let shear = Shear { motion, spring };
     check_pressures(&shear, (law, sample), load.pressure)
@@ -238,12 +257,12 @@ fn parts(
     if given.is_empty() {
         return Err("has no parts; give one or more, such as [[shear.protocol]] with velocity and distance or time".into());
     }
-    let mut parts = Vec::new();
+    let mut parts: Vec<Part> = Vec::new();
     // A protocol without loads leaves the load of the packed sample as it is.
     let mut has_normal = false;
     for (n, values) in given.iter().enumerate() {
         let values = PartValues(values);
-        let part = values.part(&mut pressure);
+        let part = values.part(&mut pressure, parts.last());
         let part = part.map_err(|what| format!("part {}: {what}", n + 1))?;
         has_normal |= values.has_normal();
         parts.push(part);
@@ -275,7 +294,7 @@ fn parts(
 struct PartValues<'v>(&'v [(String, f64)]);
 
 /// Keys that need another one.
-static NEEDS: [(&Key, &[&Key]); 11] = [
+static NEEDS: [(&Key, &[&Key]); 12] = [
     (
         &PART.frequency,
         &[&PART.strain_amplitude, &PART.shear_stress_amplitude],
@@ -290,6 +309,7 @@ static NEEDS: [(&Key, &[&Key]); 11] = [
     (&PART.bottom_frequency, &[&PART.bottom_amplitude]),
     (&PART.cycles, &[&PART.frequency]),
     (&PART.distance, &[&PART.velocity]),
+    (&PART.ramp, &[&PART.velocity]),
 ];
 
 /// Keys of which no two may be given.
@@ -324,10 +344,11 @@ impl PartValues<'_> {
         keys.iter().any(|key| self.of(key).is_some())
     }
 
-    /// The part. `pressure` (Pa): at the end of the part before, then at the end of this one.
-    fn part(&self, pressure: &mut f64) -> Result<Part, String> {
+    /// The part after `before`. `pressure` (Pa): at the end of the part before, then at the end of
+    /// this one.
+    fn part(&self, pressure: &mut f64, before: Option<&Part>) -> Result<Part, String> {
         self.check()?;
-        let along = self.along()?;
+        let along = self.along(before)?;
         let normal = if let Some(velocity) = self.of(&PART.wall_velocity) {
             Normal::Velocity(velocity)
         } else {
@@ -377,9 +398,14 @@ impl PartValues<'_> {
     }
 
     /// What moves the top wall along x: a velocity (m/s), γ, or a stress (Pa).
-    fn along(&self) -> Result<Along, String> {
-        if let Some(velocity) = self.of(&PART.velocity) {
-            return Ok(Along::Velocity(velocity));
+    fn along(&self, before: Option<&Part>) -> Result<Along, String> {
+        match (self.of(&PART.velocity), self.of(&PART.ramp)) {
+            (Some(velocity), None) => return Ok(Along::Velocity(velocity)),
+            (Some(to), Some(time)) => {
+                let from = velocity_after(before)?;
+                return Ok(Along::Ramp(Ramp { from, to, time }));
+            }
+            (None, _) => {}
         }
         if let Some(strain) = self.wave(&PART.strain_amplitude, &PART.frequency) {
             return Ok(Along::Oscillation(strain));
@@ -397,17 +423,54 @@ impl PartValues<'_> {
 
     /// The duration (s).
     fn time(&self, along: Along) -> Result<f64, String> {
-        match (self.of(&PART.distance), along) {
-            (Some(_), Along::Velocity(0.0)) => {
-                return Err("a hold (velocity = 0) covers no distance; give its time (s)".into());
-            }
-            (Some(distance), Along::Velocity(velocity)) => return Ok(distance / velocity.abs()),
-            _ => {}
+        if let Some(distance) = self.of(&PART.distance) {
+            return match along {
+                Along::Velocity(0.0) | Along::Ramp(Ramp { to: 0.0, .. }) => {
+                    Err("a hold (velocity = 0) covers no distance; give its time (s)".into())
+                }
+                Along::Ramp(ramp) => time_of_distance(&ramp, distance),
+                Along::Velocity(velocity) => Ok(distance / velocity.abs()),
+                Along::Oscillation(_) | Along::Force(_) => unreachable!("needs a velocity"),
+            };
         }
         let of_cycles = || Some(self.of(&PART.cycles)? / self.of(&PART.frequency)?);
         let time = self.of(&PART.time).or_else(of_cycles);
-        time.ok_or("lacks how long it lasts: distance of the drive (m), time (s) or cycles".into())
+        let time =
+            time.ok_or("lacks how long it lasts: distance of the drive (m), time (s) or cycles")?;
+        match along {
+            Along::Ramp(ramp) if ramp.time > time => Err(format!(
+                "ramp must be at most the duration of the part, {} s, found {}",
+                show(time),
+                show(ramp.time)
+            )),
+            _ => Ok(time),
+        }
     }
+}
+
+/// The velocity (m/s) of the drive after a part, from which the next one is ramped.
+fn velocity_after(part: Option<&Part>) -> Result<f64, String> {
+    match part.map(|part| part.imposed.along) {
+        None => Ok(0.0),
+        Some(Along::Velocity(velocity)) => Ok(velocity),
+        Some(Along::Ramp(ramp)) => Ok(ramp.to),
+        Some(Along::Oscillation(_) | Along::Force(_)) => Err(
+            "ramp begins with the velocity of the part before, which has none; leave it out, or put a part with velocity (0 is a hold) before"
+                .into(),
+        ),
+    }
+}
+
+/// How long (s) a drive that is ramped takes for a distance (m) in the direction in which it ends.
+fn time_of_distance(ramp: &Ramp, distance: f64) -> Result<f64, String> {
+    let ramped = ramp.distance(ramp.time) * ramp.to.signum();
+    if ramped > distance {
+        return Err(format!(
+            "distance must be at least that of the ramp, {ramped:.3e} m, found {}; give more, or a shorter ramp",
+            show(distance)
+        ));
+    }
+    Ok(ramp.time + (distance - ramped) / ramp.to.abs())
 }
 
 /// Checks the pressures of the parts beside the one (Pa) of the load, which was checked.

@@ -175,8 +175,9 @@ pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
         ("output.checkpoint_strain", checkpoint, all.checkpoints),
         ("analysis.strain", walls.analysis.strain, all.analysis),
     ];
-    let inflated = |(_, asked, steps): &(&str, f64, u64)| *steps as f64 * per_step > 1.5 * asked;
-    let inflated = given.iter().filter(|of| of.2 > 0).filter(|of| inflated(of));
+    let inflated = given.iter().filter(|(_, asked, interval)| {
+        !interval.is_never() && interval.steps() as f64 * per_step > 1.5 * asked
+    });
     let keys: Vec<String> = inflated
         .map(|(key, asked, _)| format!("{key} = {}", show(*asked)))
         .collect();

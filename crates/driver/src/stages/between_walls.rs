@@ -145,7 +145,7 @@ fn take_changes(
                 shear.energy_budget = None;
             }
             let slider = &mut shear.slider;
-            if is_heavier {
+            if is_heavier || of_before.load.wall_mass != of_now.load.wall_mass {
                 let of = (grains, shear.height);
                 let times =
                     mass_of_top(run, now, of_now, of) / mass_of_top(run, before, of_before, of);

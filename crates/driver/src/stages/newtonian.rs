@@ -58,8 +58,10 @@ pub(super) struct Resumed {
 
 /// The steps at which output is due. An interval longer than the stage disables an output.
 struct Due {
-    /// Number of steps of the stage.
+    /// Number of steps of the stage, or up to the end of the window.
     steps: u64,
+    /// The last step of the stage, which is always written.
+    last: u64,
     rows: u64,
     frames: u64,
     spectra: u64,
@@ -90,6 +92,7 @@ impl Due {
         let grid = dense.as_ref().map_or(1, |dense| dense.every);
         Self {
             steps,
+            last: steps,
             rows: every(of.rows).div_ceil(grid).saturating_mul(grid),
             frames,
             spectra: every(of.spectra),
@@ -108,16 +111,27 @@ impl Due {
 
     fn row(&self, step: u64) -> bool {
         let dense = self.dense.as_ref();
-        step.is_multiple_of(self.rows) || dense.is_some_and(|dense| dense.due(step))
+        step.is_multiple_of(self.rows)
+            || dense.is_some_and(|dense| dense.due(step))
+            || self.is_last(step, self.rows)
     }
 
     fn frame(&self, step: u64) -> bool {
         match self.window {
             Some(ReplayWindow { first, every, .. }) => {
-                step >= first && (step - first).is_multiple_of(every)
+                step >= first
+                    && every.map_or_else(
+                        || self.row(step),
+                        |every| (step - first).is_multiple_of(every),
+                    )
             }
-            None => step.is_multiple_of(self.frames),
+            None => step.is_multiple_of(self.frames) || self.is_last(step, self.frames),
         }
+    }
+
+    /// Whether a step is the last of the stage, and an output of this interval is written.
+    fn is_last(&self, step: u64, every: u64) -> bool {
+        step == self.last && every != u64::MAX
     }
 
     fn spectrum(&self, step: u64) -> bool {

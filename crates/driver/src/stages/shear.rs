@@ -15,7 +15,7 @@ use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
 use gshear_dem::tuning::Tuned;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
-use gshear_scene::{PlaneShear, Scene};
+use gshear_scene::{Motion, PlaneShear, Scene};
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
 
@@ -116,6 +116,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let mut top = top(scene, plane_shear, &schedule, &from);
         if from.step == 0 {
             set_moving(&mut state.grains, &mut top, &schedule, D::UP);
+            let is_driven = spring.is_none() && !schedule.protocol.segment(0).is_pulled();
+            if let (Some([_, stream]), true) = (from.images, is_driven) {
+                // Images, and the grains with them, take the velocity of the drive in the first step.
+                top.slider.state.velocity = stream;
+            }
         }
         let mut above = Above::new(scene, plane_shear, top, from.images.is_some());
         assembly.system.flat = scene.flat_walls();
@@ -289,12 +294,30 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             return Ok(());
         }
         Err(Failure::numbers(format!(
-            "step {}: the top wall has left the sample: nothing touches it at {:.6e} m above the bottom, and at {:.3e} m/s it rises by another {flight:.3e} m, more than half a mean diameter, against its load of {:.3e} Pa; begin with a packing at rest at this load (pack.skip = false), or change the load in steps",
+            "step {}: the top wall has left the sample: nothing touches it at {:.6e} m above the bottom, and at {:.3e} m/s it rises by another {flight:.3e} m, more than half a mean diameter, against its load of {:.3e} Pa; {}",
             self.step,
             piston.height - self.frame.walls,
             piston.velocity,
             piston.load / self.scene.sample.base(),
+            self.what_holds_the_top(),
         )))
+    }
+
+    /// What to change so that the top wall does not leave the sample.
+    fn what_holds_the_top(&self) -> String {
+        let is_loose = self.plane_shear.origin.file().is_some() && self.plane_shear.pack.skip;
+        let packed = if is_loose {
+            "pack.skip = false if the file's grains are not at rest at this load; "
+        } else {
+            ""
+        };
+        let ramp = match self.plane_shear.shear.motion {
+            Motion::Strain { .. } => "shear.ramp (s)",
+            Motion::Protocol(_) => "ramp (s) in the part, or pressure and pressure_end",
+        };
+        format!(
+            "{packed}grains throw a wall that begins to move at once: give a gradual start ({ramp}), or load.control = \"servo\", or no walls (sample.boundary = \"periodic\")"
+        )
     }
 
     /// What is above the sample, as rows of the time series measure it; collective.
@@ -538,12 +561,12 @@ fn attributes(
     let load = &plane_shear.load;
     let velocity = schedule.protocol.segment(0).velocity().unwrap_or(0.0);
     let frames = schedule.intervals[0].frames;
-    let frame_strain = velocity * (frames as f64 * schedule.step) / schedule.height;
+    let frame_strain = velocity * (frames.mean_steps() * schedule.step) / schedule.height;
     let definition = definition_of_inertial_number(scene.dimension);
     let inertial_number = schedule.inertial_number(velocity);
     let mut attributes = vec![
         ("frame_strain", frame_strain.into()),
-        ("steps_per_frame", frames.into()),
+        ("steps_per_frame", frames.steps().into()),
         ("inertial_number", inertial_number.into()),
         ("inertial_number_definition", definition.into()),
         ("stiffness_number", load.stiffness_number.into()),

@@ -366,7 +366,8 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         self.latest = Some([row.strain, row.shear_stress]);
         run.terminal.strain_step(step, &row);
         let every = aqs.frame_every;
-        if every > 0 && step.is_multiple_of(every) {
+        let is_last = step >= aqs.steps || self.has_grown();
+        if every > 0 && (step.is_multiple_of(every) || is_last) {
             let (grains, contacts) = self.assembly.frame();
             let edges = self.assembly.system.cell.edges::<D>(0.0);
             let clock = (step, row.strain);

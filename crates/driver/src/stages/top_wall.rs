@@ -11,7 +11,8 @@ use crate::run::Run;
 
 /// Mass of the top (kg; kg/m in 2D), summed over the ranks; collective.
 ///
-/// That of a wall is the mass of its grains, of a flat one about as much. Images above a cell of
+/// That of the scene, if it gives one. Else that of a wall is the mass of its grains, of a flat one
+/// about as much. Images above a cell of
 /// height h get that of all grains times (d̄/h)²: as the cell is stretched through all layers, its
 /// frequency is then about that of a contact, which the time step resolves and the dampers of the
 /// contacts damp.
@@ -21,7 +22,9 @@ pub(super) fn mass_of_top(
     plane_shear: &PlaneShear,
     (grains, height): (&[GrainState], f64),
 ) -> f64 {
-    if plane_shear.confinement == Confinement::Images {
+    if let Some(mass) = plane_shear.load.wall_mass {
+        mass
+    } else if plane_shear.confinement == Confinement::Images {
         let layer = scene.sample.mean_diameter / height;
         mass_of(run, scene, grains, body::FREE) * layer * layer
     } else if plane_shear.has_planes() {

@@ -16,14 +16,14 @@ use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::on_one_line;
-use gshear_dem::protocol::{Along, Course, Normal, Segment};
+use gshear_dem::protocol::{Along, Course, Normal, Ramp, Segment};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::Confinement;
 use gshear_dem::system::System;
 use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::derived::mean_attraction;
-use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
+use gshear_scene::schedule::{Interval, Schedule, definition_of_inertial_number};
 use gshear_scene::{
     Boundary, Control, Dimensions, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls,
     unlikely,
@@ -291,8 +291,8 @@ impl Terminal {
                         imposed(schedule, segment),
                         schedule.time(segment.steps),
                         segment.steps,
-                        every("frames", intervals.frames),
-                        every("series", intervals.series),
+                        every("frames", intervals.frames.steps()),
+                        every("series", intervals.series.steps()),
                     ));
                 }
             }
@@ -310,16 +310,22 @@ impl Terminal {
             WallSpeed::InertialNumber(_) => "I given",
             WallSpeed::Velocity(_) => "V given",
         };
-        let speed = schedule.protocol.velocity(0);
+        let segment = schedule.protocol.segment(0);
+        let speed = segment.velocity().unwrap_or(0.0);
+        let ramp = ramped(schedule, segment);
         self.say(format!(
-            "shear: I = {} = {:.4e}, V = {speed:.6e} m/s ({given}); shear rate {:.4e} /s",
+            "shear: I = {} = {:.4e}, V = {speed:.6e} m/s ({given}){ramp}; shear rate {:.4e} /s",
             definition_of_inertial_number(scene.dimension),
             schedule.inertial_number(speed),
             speed / schedule.height,
         ));
-        let every = |name: &str, steps: u64| match steps {
-            0 => every(name, 0),
-            n => format!("{} ({:.4e} strain)", every(name, n), schedule.strain(n)),
+        let every = |name: &str, interval: Interval| {
+            let steps = every(name, interval.steps());
+            if interval.is_never() {
+                return steps;
+            }
+            let strain = interval.mean_steps() * schedule.strain(1);
+            format!("{steps} ({strain:.4e} strain)")
         };
         let intervals = &schedule.intervals[0];
         self.say(format!(
@@ -334,11 +340,11 @@ impl Terminal {
             ("frames", intervals.frames, schedule.first_frame),
             ("scalars", intervals.analysis, schedule.first_analysis),
         ];
-        for (name, steps, first) in starts {
-            if steps > 0 && (name == "scalars" || first > 0) {
+        for (name, interval, first) in starts {
+            if !interval.is_never() && (name == "scalars" || first > 0) {
                 self.say(format!(
                     "shear: {} from step {first} on, strain {:.6}",
-                    every(name, steps),
+                    every(name, interval),
                     schedule.strain(first)
                 ));
             }
@@ -456,6 +462,18 @@ fn every(name: &str, steps: u64) -> String {
     }
 }
 
+/// The ramp to the velocity of a segment, if it has one.
+fn ramped(schedule: &Schedule, segment: &Segment) -> String {
+    match &segment.imposed.along {
+        Along::Ramp(ramp) => format!(
+            ", from {:.4e} m/s within {:.4e} s",
+            ramp.from,
+            ramp.time * schedule.step
+        ),
+        _ => String::new(),
+    }
+}
+
 /// What a segment of a protocol imposes; forces in N, in 2D N/m.
 fn imposed(schedule: &Schedule, segment: &Segment) -> String {
     let frequency = |wave: &Wave| wave.frequency / schedule.step;
@@ -471,13 +489,13 @@ fn imposed(schedule: &Schedule, segment: &Segment) -> String {
         text
     };
     let mut text = match &segment.imposed.along {
-        Along::Velocity(velocity) => {
+        Along::Velocity(velocity) | Along::Ramp(Ramp { to: velocity, .. }) => {
             let mut text = format!("V = {velocity:.4e} m/s");
             // I is that of the load of the scene, which other parts may change.
             if segment.imposed.normal.is_none() {
                 text += &format!(" (I = {:.2e})", schedule.inertial_number(*velocity));
             }
-            text
+            text + &ramped(schedule, segment)
         }
         Along::Oscillation(wave) => format!(
             "strain amplitude {:.4e} at {:.4e} Hz",

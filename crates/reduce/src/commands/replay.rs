@@ -204,7 +204,7 @@ fn steps(run: &RunFile, rows: Rows, every: Option<u64>) -> Result<ReplayWindow> 
     Ok(ReplayWindow {
         first: series.step[first],
         last: series.step[last],
-        every: every.unwrap_or_else(|| series.step[first + 1] - series.step[first]),
+        every,
     })
 }
 

@@ -590,7 +590,7 @@ impl RunFile {
     }
 
     /// Returns γ of the frames, `[T]`: V t/H if the wall moves at the constant velocity V, and what
-    /// the protocol imposes if it does so for all parts; if a spring or a force moves the wall,
+    /// a ramp or the protocol imposes if it does so for all parts; if a spring or a force moves the wall,
     /// interpolated between the rows of the time series (NaN before the first and after the last
     /// row); that of the cell in a periodic box.
     ///
@@ -612,7 +612,7 @@ impl RunFile {
         if self.number("spring_stiffness").is_some_and(f64::is_finite) {
             return Ok(self.interpolated_strains());
         }
-        if self.has_protocol() {
+        if self.has_protocol() || gshear_scene::has_key(self.scene(), "shear.ramp") {
             // Under a force the top moves as it likes.
             let imposed = self.schedule().filter(|of| !of.protocol.has_force());
             let imposed = imposed.map(|of| self.step.iter().map(|step| of.strain(*step)).collect());
