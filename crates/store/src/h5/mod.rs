@@ -761,20 +761,3 @@ pub fn by_root<T: H5Type + Copy>(
     let local = if root { data } else { &[] };
     column.append(after, Slab::rows(before, local.len() as u64, 1), local)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_failed_call_says_what_the_system_says() {
-        let of_hdf5 = "H5Fflush(): unable to flush: file write failed: time = Sat Nov 28 2026\n\
-             , filename = 'a.h5', file descriptor = 9, errno = 28, error message = 'No space left on \
-             device', buf = 0x1, total write size = 8";
-        let expected = "No space left on device (os error 28)";
-        assert_eq!(reason(&of_hdf5), expected);
-        assert_eq!(reason(&std::io::Error::from(Errno::NOSPC)), expected);
-        assert_eq!(reason(&"a\nb"), "a b");
-        assert!(is_refused(of_hdf5) && is_refused(expected) && !is_refused("damaged"));
-    }
-}
