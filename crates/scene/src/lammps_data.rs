@@ -528,6 +528,7 @@ mod tests {
         };
         DataFile {
             bounds: [[0.0, 48e-6], [-1e-9, 0.1 + 0.2], [-0.5, 0.5]],
+            bounded: [const { None }; 3],
             tilt: [1e-6 / 3.0, 0.0, 0.0],
             stream: None,
             types: 3,

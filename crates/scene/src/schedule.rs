@@ -590,7 +590,7 @@ mod tests {
         assert!((s.strain(s.total) - 0.03).abs() < full * s.step);
 
         let none = schedule("shear.strain=0.01 output.frame_strain=0 output.series_strain=0");
-        assert_eq!(written(&none), [vec![], vec![]]);
+        assert_eq!(written(&none), [Vec::<u64>::new(), Vec::new()]);
     }
 
     /// Each part of a protocol has as many frames and rows as are asked for, and the first and last

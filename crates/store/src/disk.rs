@@ -93,7 +93,7 @@ mod tests {
              device', buf = 0x1, total write size = 8";
         let expected = "No space left on device (os error 28)";
         assert_eq!(reason(&of_hdf5), expected);
-        assert_eq!(reason(&std::io::Error::from(Errno::NOSPC)), expected);
+        assert_eq!(reason(&io::Error::from(Errno::NOSPC)), expected);
         assert_eq!(reason(&"a\nb"), "a b");
         assert!(is_refused(of_hdf5) && is_refused(expected) && !is_refused("damaged"));
     }
