@@ -26,7 +26,9 @@ pub(super) fn relative_motion<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let mut active = 0;
     let step = L::splat(token, pass.input.step);
     let shifts = [pass.input.units.slip, Units::ROTATION].map(Units::shift);
-    let steps = (step, shifts.map(|shift| L::splat(token, shift)));
+    // An array's `map` may be called, without the instruction set.
+    let shifts = [L::splat(token, shifts[0]), L::splat(token, shifts[1])];
+    let steps = (step, shifts);
     let jkr = pass.jkr();
     let cell = (&pass.input.cell, pass.part.has_feet);
     let contacts = &mut pass.part;

@@ -363,7 +363,7 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     #[inline(always)]
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
-        let [of_i, of_j] = self.densities.map(c);
+        let [of_i, of_j] = [c(self.densities[0]), c(self.densities[1])];
         let (m_i, m_j) = (of_i * Three::power(r_i), of_j * Three::power(r_j));
         (r_i * r_j / (r_i + r_j)).store(&mut out[RADIUS]);
         D::of_pair(token, c(self.damping), m_i * m_j / (m_i + m_j)).store(&mut out[DAMPING]);

@@ -261,7 +261,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
     #[inline(always)]
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
-        let [of_i, of_j] = self.densities.map(c);
+        let [of_i, of_j] = [c(self.densities[0]), c(self.densities[1])];
         let (m_i, m_j) = (of_i * D::power(r_i), of_j * D::power(r_j));
         let reduced_mass = m_i * m_j / (m_i + m_j);
         (c(2.0 * self.damping_ratio) * (c(self.normal_stiffness) * reduced_mass).sqrt())

@@ -291,7 +291,7 @@ impl<const FRICTION: bool, const ROLLING: bool> ContactLaw for LeeHurley<FRICTIO
     fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
         let c = |v| L::splat(token, v);
         let (one, four) = (c(1.0), c(4.0));
-        let [of_i, of_j] = self.densities.map(c);
+        let [of_i, of_j] = [c(self.densities[0]), c(self.densities[1])];
         let (m_i, m_j) = (of_i * r_i * r_i, of_j * r_j * r_j);
         let reduced_mass = m_i * m_j / (m_i + m_j);
         let ratio = r_j / r_i;

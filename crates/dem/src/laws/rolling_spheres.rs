@@ -143,7 +143,7 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         let c = |v| L::splat(token, v);
         self.law.parameters(token, r_i, r_j, out);
         let out = &mut out[C::PARAMETERS..];
-        let [mut m_i, mut m_j] = self.masses.map(c);
+        let [mut m_i, mut m_j] = [c(self.masses[0]), c(self.masses[1])];
         if self.is_density {
             (m_i, m_j) = (m_i * Three::power(r_i), m_j * Three::power(r_j));
         }
