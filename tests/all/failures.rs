@@ -670,7 +670,7 @@ fn a_name_that_cannot_be_is_bad_input() {
     std::fs::write(&file, "").expect("written");
     for out in [folder.path().join(&long), file.join("below")] {
         refused(1, &out, &[SCENE.into()]);
-        refused(1, &out.join("run"), &[SCENE.into(), "--check".into()]);
+        refused(1, &out.join("run"), &[SCENE.into()]);
         refused(1, &out, &[format!("--resume={}", out.display())]);
         for words in [&["dmin"][..], &["export", "--format=npz"], &["report"]] {
             let mut command = reducer();

@@ -1,6 +1,7 @@
 //! NumPy archives: one array per name, frames along the first axis.
 
-use std::io::Write;
+use std::error::Error;
+use std::io::{self, ErrorKind, Seek, SeekFrom, Write};
 use std::num::TryFromIntError;
 use std::path::{Path, PathBuf};
 
@@ -95,26 +96,70 @@ impl NpzWriter {
         array.bytes.extend_from_slice(cast_slice(values));
     }
 
-    fn write(&self, part: &mut PartFile) -> Result<(), Box<dyn std::error::Error>> {
-        let mut archive = ZipWriter::new(part);
+    fn write(&self, part: &mut PartFile) -> Result<(), Box<dyn Error>> {
+        let mut failure = None;
+        let mut archive = ZipWriter::new(UntilFailure {
+            part,
+            failure: &mut failure,
+            at: 0,
+            end: 0,
+        });
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
             .large_file(true);
-        let mut write = || -> Result<(), Box<dyn std::error::Error>> {
-            for array in &self.arrays {
-                archive.start_file(format!("{}.npy", array.name), options)?;
-                archive.write_all(&array.header()?)?;
-                archive.write_all(&array.bytes)?;
-            }
-            Ok(())
-        };
-        if let Err(e) = write() {
-            // Dropped, it would try to end the file, and print that this failed, too.
-            std::mem::forget(archive);
-            return Err(e);
+        for array in &self.arrays {
+            archive.start_file(format!("{}.npy", array.name), options)?;
+            archive.write_all(&array.header()?)?;
+            archive.write_all(&array.bytes)?;
         }
         archive.finish()?;
+        failure.map_or(Ok(()), |e| Err(e.into()))
+    }
+}
+
+/// A file that takes what is written after a failure, and drops it. An archive that fails would end
+/// itself when it is dropped, and print that this fails, too.
+struct UntilFailure<'a> {
+    part: &'a mut PartFile,
+    failure: &'a mut Option<io::Error>,
+    /// Position and length (bytes).
+    at: u64,
+    end: u64,
+}
+
+impl UntilFailure<'_> {
+    fn go_on(&mut self, go_on: impl FnOnce(&mut PartFile) -> io::Result<()>) {
+        if self.failure.is_none() {
+            *self.failure = go_on(self.part).err();
+        }
+    }
+}
+
+impl Write for UntilFailure<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.go_on(|part| part.write_all(bytes));
+        self.at += bytes.len() as u64;
+        self.end = self.end.max(self.at);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.go_on(Write::flush);
         Ok(())
+    }
+}
+
+impl Seek for UntilFailure<'_> {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let at = match to {
+            SeekFrom::Start(at) => Some(at),
+            SeekFrom::Current(by) => self.at.checked_add_signed(by),
+            SeekFrom::End(by) => self.end.checked_add_signed(by),
+        };
+        self.at = at.ok_or(ErrorKind::InvalidInput)?;
+        let at = SeekFrom::Start(self.at);
+        self.go_on(|part| part.seek(at).map(drop));
+        Ok(self.at)
     }
 }
 
