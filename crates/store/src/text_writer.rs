@@ -184,7 +184,8 @@ impl PartFile {
             remove_remnants(folder, &[name], FORGOTTEN);
         }
         let file = file.map_err(|e| match e.kind() {
-            ErrorKind::InvalidFilename | ErrorKind::NotADirectory => {
+            // The last: a file is where its folder belongs.
+            ErrorKind::InvalidFilename | ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
                 wrong(&format!("cannot be a file: {e}; give another name"))
             }
             _ => unwritten(path, &e),

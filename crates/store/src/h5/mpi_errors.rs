@@ -5,14 +5,19 @@
 
 use std::ffi::{c_char, c_int, c_void};
 use std::io;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use gshear_mpi_exchange::LoneFailure;
 use hdf5_sys::{h5f, h5p};
 use mpi::ffi;
-use rustix::fs::statvfs;
 use rustix::io::Errno;
+
+use crate::text_writer;
+
+/// Bytes of the write by which the system is asked again.
+const ASKED_FOR: usize = 64 << 10;
 
 /// A file whose failures are noted.
 struct Noted {
@@ -74,7 +79,7 @@ fn variadic(handler: Handler) -> VariadicHandler {
 
 /// Called by MPI in the operation that failed, which then returns the error.
 unsafe extern "C" fn failed(file: *mut ffi::MPI_File, code: *mut c_int) {
-    let told = told_by_system();
+    let last = io::Error::last_os_error();
     // SAFETY: MPI passes valid addresses.
     let (handle, code) = unsafe { (*file as usize, *code) };
     let mut text = [0u8; ffi::MPI_MAX_ERROR_STRING as usize];
@@ -83,7 +88,8 @@ unsafe extern "C" fn failed(file: *mut ffi::MPI_File, code: *mut c_int) {
     unsafe { ffi::MPI_Error_string(code, text.as_mut_ptr().cast::<c_char>(), &raw mut length) };
     let text = String::from_utf8_lossy(&text[..length.clamp(0, text.len() as c_int) as usize]);
     if let Some(file) = files().iter_mut().find(|file| file.handle == handle) {
-        file.reason = file.reason.take().or(told);
+        let told = || told_by(&last).or_else(|| asked_again(&file.path));
+        file.reason = file.reason.take().or_else(told);
         let path = file.path.display();
         let why = file.reason.as_deref().unwrap_or(&text);
         (file.failure).note_cause(&format!("{path}: cannot be written: {why}"));
@@ -94,15 +100,20 @@ unsafe extern "C" fn failed(file: *mut ffi::MPI_File, code: *mut c_int) {
 pub(super) fn reason(path: &Path) -> Option<String> {
     let files = files();
     let file = files.iter().find(|file| file.path == path)?;
-    let is_full = || statvfs(path).is_ok_and(|disk| disk.f_bavail == 0);
-    let full = || is_full().then(|| io::Error::from(Errno::NOSPC).to_string());
-    file.reason.clone().or_else(full)
+    file.reason.clone().or_else(|| asked_again(path))
 }
 
-/// The last error of the system, if it can only be that of a file that is written. It may be older
-/// than the failure otherwise, or younger.
-fn told_by_system() -> Option<String> {
-    let last = io::Error::last_os_error();
+/// What the system says of a write beside the file, which fails for the same reason where the disk
+/// is full or a quota is used up.
+fn asked_again(path: &Path) -> Option<String> {
+    let written = text_writer::beside(path)
+        .and_then(|file| file.as_file().write_all_at(&vec![0; ASKED_FOR], 0));
+    told_by(&written.err()?)
+}
+
+/// The message of an error of the system, if it can only be that of a file that is written: the last
+/// one may be older than a failure, or younger.
+fn told_by(error: &io::Error) -> Option<String> {
     let of_files = [
         Errno::NOSPC,
         Errno::DQUOT,
@@ -111,7 +122,8 @@ fn told_by_system() -> Option<String> {
         Errno::STALE,
     ];
     let of_files = of_files.map(|errno| Some(errno.raw_os_error()));
-    of_files
-        .contains(&last.raw_os_error())
-        .then(|| last.to_string())
+    of_files.contains(&error.raw_os_error()).then(|| {
+        let number = error.raw_os_error().unwrap_or_default();
+        io::Error::from_raw_os_error(number).to_string()
+    })
 }
