@@ -986,7 +986,8 @@ mod tests {
                 .for_each(|a| (a.line, a.density) = (0, 1.0));
             data
         };
-        let expected = without_lines(data.clone());
+        let mut expected = without_lines(data.clone());
+        expected.bounded = [None, Some("ff".into()), Some("ff".into())];
         for frame in [None, Some(1)] {
             let read = parsed("f", dump.as_bytes(), frame).unwrap();
             assert_eq!(read.atoms[0].line, 22);

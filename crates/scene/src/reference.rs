@@ -463,7 +463,7 @@ mod tests {
             load.incline load.solid_fraction pack.friction pack.drag pack.tolerance
             shear.inertial_number shear.strain shear.spring_number output.frame_strain
             output.frame_start output.series_strain output.checkpoint_strain box.solid_fraction
-            box.pressure_tolerance aqs.strain_step aqs.birth_precision aqs.until_imaginary
+            box.pressure_tolerance box.pressure_step aqs.strain_step aqs.birth_precision aqs.until_imaginary
             newtonian.growth_times analysis.strain analysis.start bookkeeping.skin";
         let without = keys()
             .filter(|key| matches!(key.values, Values::Number(_) | Values::Numbers(_)))

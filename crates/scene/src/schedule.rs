@@ -568,7 +568,8 @@ mod tests {
             }
         }
         // Along a ramp x = V t²/(2 r), then V (t - r/2).
-        let ramp = 4e-6;
+        let steady = schedule("shear.inertial_number=1e-2 shear.strain=0.03");
+        let ramp = 0.04 * steady.height / steady.protocol.velocity(steady.total);
         let s = schedule(&format!(
             "shear.inertial_number=1e-2 shear.ramp={ramp} shear.strain=0.03 output.frame_strain=0.01
             output.series_strain=1e-3"

@@ -250,9 +250,11 @@ fn what_follows_from_other_keys_is_written() {
         "contact.twisting_stiffness",
     ];
     // Without them nothing is said: other keys, files or whoever runs the scene decide.
-    const NOTHING: [&str; 9] = [
+    const NOTHING: [&str; 11] = [
         "author",
         "bookkeeping.skin",
+        "load.solid_fraction",
+        "load.wall_mass",
         "material.fraction",
         "material.atom_type",
         "sample.replicate",

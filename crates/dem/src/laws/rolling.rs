@@ -74,7 +74,7 @@ impl Rolling {
         let c = |v| L::splat(token, v);
         let r_r = r_i * r_j / (r_i + r_j);
         let k_r = c(self.stiffness) * r_r * r_r;
-        let [of_i, of_j] = self.densities.map(|density| c(1.5 * density));
+        let [of_i, of_j] = [c(1.5 * self.densities[0]), c(1.5 * self.densities[1])];
         let (i_i, i_j) = (of_i * r_i * r_i * r_i * r_i, of_j * r_j * r_j * r_j * r_j);
         let i_r = i_i * i_j / (i_i + i_j);
         k_r.store(&mut out[0]);
