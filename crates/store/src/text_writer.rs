@@ -4,7 +4,7 @@
 //! Until then a file has a name of its own, `NAME.XXXXXX.part`, which did not exist before: what
 //! other people put into a folder, such as symbolic links, is never written through.
 //!
-//! Commands write text and pictures with [`write`] or a [`PartFile`], HDF5 files with a
+//! Commands write text and pictures with [`write()`] or a [`PartFile`], HDF5 files with a
 //! [`CheckedFile`](crate::checked::CheckedFile), which is one. `clippy.toml` forbids the functions
 //! of the standard library and of the `hdf5` crate that make files in another way.
 
