@@ -58,10 +58,10 @@ def test_a_frame_has_the_bits_of_the_export(walls: Run, index: int, tmp_path: Pa
 
 def test_indices_and_slices(disks: Run) -> None:
     count = len(disks.frames)
-    assert count == 50
+    assert count == 51
     assert disks.frame(-1).index == count - 1
     assert disks.frame(np.int64(3)).step == disks.frame(np.uint8(3)).step == disks.frames.step[3]
-    assert [frame.index for frame in disks.frames[-2:]] == [48, 49]
+    assert [frame.index for frame in disks.frames[-2:]] == [49, 50]
     assert [frame.step for frame in disks.frames] == disks.frames.step.tolist()
     backwards = disks.frame(slice(4, None, -2))
     assert next(backwards).index == 4
@@ -102,10 +102,10 @@ def test_arrays_of_many_frames_are_those_of_each(name: str, reduced: Callable[[s
 
 
 def test_frames_and_quantities_that_are_not_there_are_named(disks: Run) -> None:
-    for frames in (50, -51, [0, 50], range(49, 52)):
-        with pytest.raises(IndexError, match=r"run.h5: no frame (50|-51): the run has 50 frames"):
+    for frames in (51, -52, [0, 51], range(50, 53)):
+        with pytest.raises(IndexError, match=r"run.h5: no frame (51|-52): the run has 51 frames"):
             disks.array("position", frames)
-    with pytest.raises(IndexError, match=r"a mask of \(49,\) booleans for 50 frames"):
+    with pytest.raises(IndexError, match=r"a mask of \(49,\) booleans for 51 frames"):
         disks.array("position", np.ones(49, dtype=bool))
     for wrong in ([0.0, 1.0], [[0, 1]], "first", 1.5):
         with pytest.raises(TypeError, match="give integers or a slice"):

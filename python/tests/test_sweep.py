@@ -56,8 +56,11 @@ def test_means_and_errors_are_those_by_hand(folder: Path) -> None:
         for run in sweep:
             series = run.series
             half = series[int(0.5 * len(series)) :]
-            ratio = half["shear_force"].sum() / half["normal_force"].sum()
-            by_hand.append([ratio, half["solid_fraction"].to_numpy().mean()])
+            # Rows count for the time since the last one: that at the end comes earlier than others.
+            time = series["time"].to_numpy()
+            of_rows = np.diff(time)[len(series) - len(half) - 1 :]
+            ratio = (of_rows @ half["shear_force"]) / (of_rows @ half["normal_force"])
+            by_hand.append([ratio, (of_rows @ half["solid_fraction"]) / of_rows.sum()])
             assert table.loc[run.folder.name, "rows"] == len(series)
     of_runs = np.array(by_hand)
     np.testing.assert_allclose(table[names].to_numpy(), of_runs, rtol=1e-14)
@@ -84,8 +87,9 @@ def test_columns_of_frames_and_phases_are_means_of_their_tables(folder: Path) ->
             assert row.slip_phases == len(falls) > 1
             total = step[step < 0].sum()
             np.testing.assert_allclose(row.slip_change, total / len(falls), rtol=1e-9)
-            forces = run.series[["shear_force", "normal_force"]][len(run.series) // 2 :].sum()
-            ratio = forces.shear_force / forces.normal_force
+            of_rows = np.diff(run.series["time"])[len(run.series) // 2 - 1 :]
+            forces = run.series[["shear_force", "normal_force"]][len(run.series) // 2 :]
+            ratio = (of_rows @ forces.shear_force) / (of_rows @ forces.normal_force)
             np.testing.assert_allclose(row.stress_ratio, ratio, rtol=1e-12)
             dmin = run.regions()["dmin_top_tenth"].to_numpy()[len(run.frames) // 2 :]
             np.testing.assert_allclose(row.dmin_top_tenth, np.nanmean(dmin), rtol=1e-12)

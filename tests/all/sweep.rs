@@ -104,11 +104,20 @@ fn means_are_those_of_the_logs(out: &Path) {
         let log = read(out.join(name).join("log.csv"));
         let head: Vec<&str> = log.lines().next().expect("names").split(',').collect();
         // ⟨S⟩/⟨N⟩: rows with N near 0 do not count more than others.
-        let sum = |name: &str| {
+        let column = |name: &str| -> Vec<f64> {
             let at = head.iter().position(|of| *of == name).expect("a column");
             let cell = |line: &str| line.split(',').nth(at)?.parse::<f64>().ok();
-            let all: Vec<f64> = log.lines().skip(1).filter_map(cell).collect();
-            all[all.len() / 2..].iter().sum::<f64>()
+            log.lines().skip(1).filter_map(cell).collect()
+        };
+        let strain = column("strain");
+        let half = 0.5 * strain[strain.len() - 1];
+        let first = strain.iter().filter(|now| **now < half).count();
+        // Rows count for the time since the last one: that at the end comes earlier than others.
+        let time = column("time");
+        let sum = |name: &str| {
+            let values = column(name);
+            let of_row = |row: usize| values[row] * (time[row] - time[row - 1]);
+            (first..values.len()).map(of_row).sum::<f64>()
         };
         sum("shear_force") / sum("normal_force")
     };

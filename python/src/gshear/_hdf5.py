@@ -197,7 +197,9 @@ class SharedFile:
                     self._file = open_for_reading(self.path)
                     self._signature = signature
                 return group_of(self._file, self._group)
-            except OSError as error:
+            except RunError:
+                raise
+            except UNSOUND as error:
                 self._release()
                 absent = isinstance(error, FileNotFoundError)
                 if absent or attempt + 1 == ATTEMPTS or not self.reopen_if_recent():

@@ -880,9 +880,10 @@ fn hostile_files_are_refused() {
                 hostile.replace(file, dataset, &own).expect("replaced");
             });
             let (program, words) = programs[k / Hostile::ALL.len() % programs.len()];
-            // 2 GB of addresses: nothing that the file announces and does not hold.
+            // 8 GB of addresses: nothing that the file announces and does not hold. Products of
+            // matrices reserve some for the caches of the processor, of some 600 MB a thread.
             let mut command = common::start("sh");
-            command.args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\"", program]);
+            command.args(["-c", "ulimit -v 8000000; exec \"$0\" \"$@\"", program]);
             command.args(words).arg(&path);
             if name == "spectrum.h5" {
                 command.arg(&cell);

@@ -202,6 +202,7 @@ fn bad_matrices_are_refused_and_nothing_is_written() {
 fn stability_of_frames_with_idle_contacts_and_after_one_that_fails() {
     let mut fixture = Fixture::small();
     let idle = &mut fixture.frames[1].contacts[5];
+    idle.idle = 1;
     idle.normal_force = 0.0;
     idle.tangential_force = [0.0; 3];
     idle.tangential_history = [0.0; 3];
