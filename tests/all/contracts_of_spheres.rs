@@ -105,7 +105,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
 
     // Attraction, which depends on the radii and jumps in the steps of touch and of opening; that
     // of JKR holds grains together that no longer overlap. Tsuji's dampers, which exceed Coulomb's
-    // limit at most touches and set springs back to their bound.
+    // limit at most touches and set springs back to their bound. Springs that remember their force.
     let energy = "--set=contact.surface_energy=2.0";
     let tsuji = [
         "--set=contact.law=hertz-tsuji",
@@ -118,6 +118,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
         ("held", &[energy, "--set=contact.adhesion=dmt"][..]),
         ("adhering", &[energy, "--set=contact.adhesion=jkr"]),
         ("damped", &tsuji),
+        ("rescaled", &["--set=contact.tangential_history=force"]),
     ];
     let short = format!("--set={SHORT}");
     let plain = run("plain", 1, &[&short]).digest();

@@ -10,7 +10,7 @@ use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::kernel::{ContactForces, PairForce};
-use gshear_dem::laws::keys::{Key, KeyReader};
+use gshear_dem::laws::keys::{Key, KeyReader, TANGENTIAL_HISTORY};
 use gshear_dem::laws::mixture::pair_force;
 use gshear_dem::laws::{Contact, LAWS, Law, LawKind, LawSpace};
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses, Sheared, body, length};
@@ -32,6 +32,33 @@ const H: f64 = 2e-5;
 
 /// Gives every key its example; of keys that exclude each other the first.
 struct Examples;
+
+/// The same, with springs that remember their force.
+struct OfForces;
+
+impl KeyReader for OfForces {
+    fn number(&mut self, key: &Key) -> Option<f64> {
+        Examples.number(key)
+    }
+
+    fn choice(&mut self, key: &Key) -> Option<&'static str> {
+        (key.path == TANGENTIAL_HISTORY.path).then_some("force")
+    }
+
+    fn required(&mut self, key: &Key) -> f64 {
+        Examples.required(key)
+    }
+
+    fn exactly_one(&mut self, _: &[&Key], _: &str) -> usize {
+        0
+    }
+
+    fn useless(&mut self, _: &Key, _: &str) {}
+
+    fn refuse(&mut self, key: &Key, what: &str) {
+        Examples.refuse(key, what);
+    }
+}
 
 impl KeyReader for Examples {
     fn number(&mut self, key: &Key) -> Option<f64> {
@@ -123,6 +150,8 @@ struct Packing<'a, D: Dimension> {
     system: System<D>,
     /// Rate at which all grains recede from the origin (1/s).
     expansion: f64,
+    /// The part of their distances by which all grains have approached each other in a step.
+    approach: f64,
     law: &'a dyn PairForce<D>,
 }
 
@@ -147,6 +176,7 @@ impl<'a, D: Dimension> Packing<'a, D> {
         let mut packing = Self {
             system,
             expansion: 0.0,
+            approach: 0.0,
             law,
         };
         packing.load(contact, &mut random);
@@ -254,17 +284,22 @@ impl<'a, D: Dimension> Packing<'a, D> {
         self.system.contacts.limits_are_known = false;
         let ids = &self.system.grains().id;
         let grain = ids.iter().position(|id| *id == grain).expect("a grain");
-        let record = self.system.grains().record[grain];
+        let record = self.system.grains().record.clone();
+        for g in 0..self.system.owned() {
+            let rate = -self.approach / STEP;
+            let fields = self.system.grains_mut().fields_mut(g);
+            (0..D::AXES).for_each(|k| fields[D::HALF_VELOCITY + k] = rate * fields[k]);
+        }
         let fields = self.system.grains_mut().fields_mut(grain);
         if k < D::AXES {
             fields[k] += h;
-            fields[D::HALF_VELOCITY + k] = h / STEP;
+            fields[D::HALF_VELOCITY + k] += h / STEP;
         } else {
             fields[D::HALF_SPIN + k - D::AXES] = h / STEP;
         }
         self.forces(None);
         let grains = self.system.grains_mut();
-        grains.record[grain] = record;
+        grains.record.copy_from_slice(&record);
         let mut by_id: Vec<usize> = (0..grains.owned).collect();
         by_id.sort_unstable_by_key(|&g| grains.id[g]);
         let found = by_id.into_iter().map(|g| &grains.force[g]);
@@ -409,6 +444,47 @@ fn stiffness_is_the_derivative_of_the_forces_of_every_law() {
                 Dimensions::Three => agrees_with_all_limits::<Three>(kind, true),
             }
         }
+    }
+}
+
+/// Springs that remember their force: K is the derivative of the forces while all overlaps grow. By
+/// differences after steps in which they have grown by a part, 0 by Richardson's extrapolation of
+/// three parts.
+#[test]
+fn stiffness_of_remembered_forces_is_that_of_growing_overlaps() {
+    for name in ["hertz", "hertz-tsuji"] {
+        let kind = LAWS.iter().find(|law| law.name == name).expect("a law");
+        let law = Law::read(kind, &mut OfForces);
+        let contact = Contact {
+            friction: 0.4,
+            ..Contact::NONE
+        };
+        let force = Three::pair_force(&law, &contact).expect("forces");
+        let mut packing = Packing::<Three>::new(force.as_ref(), &contact, cell(3.0));
+        let jacobian = packing.jacobian(true);
+        assert!(
+            jacobian.sliding > 5 && jacobian.contacts > jacobian.sliding + 30,
+            "{name}"
+        );
+        let (k, per_grain) = (jacobian.k.to_dense(), jacobian.per_grain);
+        let greatest = k.norm_max();
+        let mut worst = 0.0f64;
+        for column in 0..jacobian.unknowns() {
+            let unknown = (jacobian.grains[column / per_grain], column % per_grain);
+            let slopes = [8.0, 16.0, 32.0].map(|part| {
+                packing.approach = part * H;
+                let [before, after] = [-H, H].map(|by| packing.moved(unknown, by));
+                let slope = before.iter().zip(&after).map(|(a, b)| (b - a) / (2.0 * H));
+                slope.collect::<Vec<_>>()
+            });
+            for row in 0..jacobian.unknowns() {
+                let at = jacobian.grains[row / per_grain] as usize * per_grain + row % per_grain;
+                let [a, b, c] = [slopes[0][at], slopes[1][at], slopes[2][at]];
+                let slope = (8.0 * a - 6.0 * b + c) / 3.0;
+                worst = worst.max((k[(row, column)] + slope).abs());
+            }
+        }
+        assert!(worst < 1e-3 * greatest, "{name}: {:e}", worst / greatest);
     }
 }
 

@@ -330,6 +330,10 @@ impl KeyReader for Checker<'_> {
         Some(x)
     }
 
+    fn choice(&mut self, key: &Key) -> Option<&'static str> {
+        Checker::choice(self, key)
+    }
+
     fn required(&mut self, key: &Key) -> f64 {
         self.number(key).unwrap_or_else(|| {
             self.lacks(key.table(), &key.lacking());

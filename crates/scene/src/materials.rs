@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{
-    BELOW_ONE, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, Values, YOUNG_MODULUS,
+    BELOW_ONE, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, TANGENTIAL_HISTORY, Values,
+    YOUNG_MODULUS,
 };
 use gshear_dem::laws::{Contact, Law};
 use gshear_dem::state::{GrainState, Masses, body};
@@ -146,8 +147,13 @@ fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), gi
             let of_law = law.kind().keys.iter().any(|own| own.path == key.path);
             let what = if let Some(what) = value.out_of_bounds(key) {
                 what
-            } else if [CONTACT.law.path, CONTACT.pair.path, CONTACT.adhesion.path]
-                .contains(&key.path)
+            } else if [
+                CONTACT.law.path,
+                CONTACT.pair.path,
+                CONTACT.adhesion.path,
+                TANGENTIAL_HISTORY.path,
+            ]
+            .contains(&key.path)
             {
                 "is the same for all pairs".into()
             } else if of_law || laws_with(key).is_empty() {
@@ -231,6 +237,11 @@ impl KeyReader for PairReader<'_, '_> {
         } else {
             ratio
         })
+    }
+
+    /// All pairs have the same.
+    fn choice(&mut self, key: &Key) -> Option<&'static str> {
+        self.c.choice(key)
     }
 
     fn required(&mut self, key: &Key) -> f64 {

@@ -10,6 +10,20 @@
 //! The history u (m) is the tangential displacement since the touch. If |F_t| exceeds μF_n, it is
 //! cut to that limit, and u is set back so that spring and damper together give the limit.
 //!
+//! The force of a loaded spring grows and falls with √δ, too, without work along the slip: a cycle
+//! that shears, presses, shears back and releases returns more energy than it took
+//! (`dissipated_stiffness` < 0). With `tangential_history = "force"` the history is the force F of
+//! the spring (N) instead, and no cycle does so (D. Elata and J. G. Berryman, Mech. Mater. 24, 229,
+//! 1996). It grows by the slip Δu, does not change while δ grows, and falls with √δ,
+//!
+//! ```text
+//! F ← F - k_t √(δR*) Δu            while δ grows,
+//! F ← F √(δ/δ') - k_t √(δR*) Δu    while δ falls from δ' to δ
+//! ```
+//!
+//! as LAMMPS' `mindlin_rescale/force`, but with the mean of √(δR*) of the step while δ grows. K has
+//! the derivative of a δ that grows: F does not change with δ.
+//!
 //! This is LAMMPS' `gran/hertz/history` with `limit_damping` and the k_t of FR.
 
 use std::fmt::Debug;
@@ -18,8 +32,9 @@ use std::sync::Arc;
 
 use super::keys::{
     DENSITY, IMPACT_DIAMETER, IMPACT_SPEED, Key, KeyReader, NORMAL_DAMPING, POISSON_RATIO,
-    RESTITUTION, TANGENTIAL_DAMPING, YOUNG_MODULUS,
+    RESTITUTION, TANGENTIAL_DAMPING, TANGENTIAL_HISTORY, YOUNG_MODULUS,
 };
+use super::rescaled::Rescaled;
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
@@ -48,6 +63,7 @@ pub const KIND: LawKind = LawKind {
         &IMPACT_DIAMETER,
         &NORMAL_DAMPING,
         &TANGENTIAL_DAMPING,
+        &TANGENTIAL_HISTORY,
     ],
     read: |values| Arc::new(Spheres::read(values)),
 };
@@ -65,6 +81,8 @@ pub struct Spheres {
     pub normal_damping: f64,
     /// γ_t (1/(m s)).
     pub tangential_damping: f64,
+    /// Whether the history of the tangential spring is its force, not its displacement.
+    pub remembers_force: bool,
 }
 
 impl Spheres {
@@ -95,6 +113,7 @@ impl Spheres {
             density: values.required(&DENSITY),
             normal_damping: 0.0,
             tangential_damping: 0.0,
+            remembers_force: values.choice(&TANGENTIAL_HISTORY) == Some("force"),
         }
     }
 
@@ -194,9 +213,13 @@ impl Constants for Spheres {
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        let rough = Hertz::<true>::new(self, contact);
         let smooth = Hertz::<false>::new(self, contact);
-        Some(between_spheres(self, contact, rough, smooth))
+        Some(if self.remembers_force {
+            between_spheres(self, contact, Rescaled::new(smooth), smooth)
+        } else {
+            let rough = Hertz::<true>::new(self, contact);
+            between_spheres(self, contact, rough, smooth)
+        })
     }
 }
 
@@ -297,16 +320,16 @@ impl Damper for Viscoelastic {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Hertz<const FRICTION: bool, D = Viscoelastic> {
     /// k_n and k_t (Pa).
-    normal_stiffness: f64,
-    tangential_stiffness: f64,
+    pub(super) normal_stiffness: f64,
+    pub(super) tangential_stiffness: f64,
     /// The constant of the normal damper: γ_n (1/(m s)) of a viscoelastic one.
     damping: f64,
     /// γ_t/γ_n.
-    tangential_damping: f64,
+    pub(super) tangential_damping: f64,
     /// (4/3)πρ (kg/m³) of i and j.
     densities: [f64; 2],
     /// μ.
-    friction: f64,
+    pub(super) friction: f64,
     damper: PhantomData<D>,
 }
 
@@ -339,16 +362,16 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
 
 // Places in the parameters of a pair.
 /// R* (m).
-const RADIUS: usize = 0;
+pub(super) const RADIUS: usize = 0;
 /// [`Damper::of_pair`]: m*γ_n (kg/(m s)) of a viscoelastic damper.
-const DAMPING: usize = 1;
+pub(super) const DAMPING: usize = 1;
 
 // Indices in `Blocks::carry`: √(δR*), and F_n over it (Pa m).
-const ROOT: usize = 0;
+pub(super) const ROOT: usize = 0;
 const NORMAL: usize = 1;
 
 /// Lower bound of δR* (m²), also for pairs that do not touch.
-const NO_AREA: f64 = 1e-290;
+pub(super) const NO_AREA: f64 = 1e-290;
 
 impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     type Space = Three;

@@ -351,6 +351,16 @@ pub const SLIDING_DAMPING: Key = Key {
         ])
         .doc("share of the tangential damper that acts on sliding contacts, too")
 };
+/// The values of [`TANGENTIAL_HISTORY`].
+pub const HISTORIES: [&str; 2] = ["displacement", "force"];
+/// What a contact remembers of its tangential spring.
+pub const TANGENTIAL_HISTORY: Key = Key {
+    values: Values::Text(&HISTORIES),
+    default: HISTORIES[0],
+    change: Change::Never,
+    ..Key::number("contact.tangential_history", ANY)
+        .doc("history of the tangential spring: its displacement, or its force, rescaled while the contact area shrinks")
+};
 /// e.
 pub const RESTITUTION: Key = Key::number("contact.restitution", UNIT)
     .such_as(["e", "", "0.73"])
@@ -360,6 +370,10 @@ pub const RESTITUTION: Key = Key::number("contact.restitution", UNIT)
 pub trait KeyReader {
     /// A number within the key's bounds; `None` if it is not given.
     fn number(&mut self, key: &Key) -> Option<f64>;
+    /// The word of a key that takes one of several; `None` stands for its default.
+    fn choice(&mut self, _key: &Key) -> Option<&'static str> {
+        None
+    }
     /// A number that must be given; NaN if it is not.
     fn required(&mut self, key: &Key) -> f64;
     /// Ways to give one quantity, of which exactly one must be given. Returns its place; `what`

@@ -12,6 +12,7 @@ pub mod keys;
 pub mod lee_hurley;
 pub mod mindlin;
 pub mod mixture;
+mod rescaled;
 pub mod rolling;
 mod rolling_spheres;
 pub mod tsuji;
@@ -232,6 +233,8 @@ pub trait Constants: Debug + Send + Sync {
 pub struct Law {
     kind: &'static LawKind,
     given: Vec<(&'static Key, f64)>,
+    /// The words of its keys that take one.
+    chosen: Vec<&'static str>,
     constants: Arc<dyn Constants>,
 }
 
@@ -243,9 +246,15 @@ impl Law {
             let value = values.number(key).or_else(|| constants.default_of(key))?;
             Some((*key, value))
         });
+        let given = given.collect();
+        let chosen = kind.keys.iter().filter_map(|key| match key.values {
+            keys::Values::Text(_) => values.choice(key),
+            _ => None,
+        });
         Self {
             kind,
-            given: given.collect(),
+            given,
+            chosen: chosen.collect(),
             constants,
         }
     }
@@ -255,6 +264,7 @@ impl Law {
         Self {
             kind,
             given: Vec::new(),
+            chosen: Vec::new(),
             constants: Arc::new(constants),
         }
     }
@@ -299,7 +309,7 @@ impl std::ops::Deref for Law {
 impl PartialEq for Law {
     fn eq(&self, other: &Self) -> bool {
         let [one, two] = [self, other].map(|law| law.given.iter().map(|(key, x)| (key.path, *x)));
-        self.kind.name == other.kind.name && one.eq(two)
+        self.kind.name == other.kind.name && one.eq(two) && self.chosen == other.chosen
     }
 }
 

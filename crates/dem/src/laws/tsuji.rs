@@ -8,7 +8,7 @@
 //! F_t = -√(δR*) k_t u - γ_t v_t,          γ_t = x γ_n,                  k_t = 2E/((1+ν)(2-ν))
 //! ```
 //!
-//! with Coulomb's limit and the history u of `hertz`, but u is set back against v_t to
+//! with Coulomb's limit and the history u, or F, of `hertz`, but u is set back against v_t to
 //! k_t |u| = μ k_n δ at most: where γ_t |v_t| exceeds the limit by more, F_t = -μF_n v_t/|v_t|. At
 //! the touch a damper exceeds the limit if x |v_t| > μ |v_n|. Without the bound it would set u back
 //! by more the smaller the overlap, as δ^(-1/4): the contact would then push along its slip, and
@@ -34,8 +34,10 @@ use std::sync::Arc;
 
 use super::hertz::{Damper, Hertz, PACKING_RESTITUTION, Spheres, impact};
 use super::keys::{
-    DENSITY, Key, POISSON_RATIO, RESTITUTION, TANGENTIAL_DAMPING_RATIO, YOUNG_MODULUS,
+    DENSITY, Key, POISSON_RATIO, RESTITUTION, TANGENTIAL_DAMPING_RATIO, TANGENTIAL_HISTORY,
+    YOUNG_MODULUS,
 };
+use super::rescaled::Rescaled;
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::dimension::{Dimensions, Three};
@@ -57,6 +59,7 @@ pub const KIND: LawKind = LawKind {
         &DENSITY,
         &RESTITUTION,
         &TANGENTIAL_DAMPING_RATIO,
+        &TANGENTIAL_HISTORY,
     ],
     read: |values| {
         Arc::new(TsujiSpheres {
@@ -165,8 +168,12 @@ impl Constants for TsujiSpheres {
     }
 
     fn spheres(&self, contact: &Contact) -> Option<Box<dyn PairForce<Three>>> {
-        let (rough, smooth) = (self.force::<true>(contact), self.force::<false>(contact));
-        Some(between_spheres(self, contact, rough, smooth))
+        let smooth = self.force::<false>(contact);
+        Some(if self.spheres.remembers_force {
+            between_spheres(self, contact, Rescaled::new(smooth), smooth)
+        } else {
+            between_spheres(self, contact, self.force::<true>(contact), smooth)
+        })
     }
 }
 

@@ -89,6 +89,7 @@ pub const fn elastic(normal_stiffness: f64, tangential_stiffness: f64, density: 
 /// Spheres without dampers.
 pub const fn undamped(young_modulus: f64, poisson_ratio: f64, density: f64) -> Spheres {
     Spheres {
+        remembers_force: false,
         young_modulus,
         poisson_ratio,
         density,
