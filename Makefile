@@ -128,6 +128,7 @@ bench: deps
 
 accuracy: deps
 	cargo bench --locked --bench accuracy -- measure
+	cargo test --release --locked -p gshear-dem --test all -- --ignored --exact laws::write_the_orders_of_every_law
 
 stress: deps
 	cargo test --release --locked --test all -- --ignored --exact --nocapture stress::all_into_the_table

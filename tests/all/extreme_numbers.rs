@@ -9,8 +9,8 @@ use crate::common::crossing::SCENE;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// The paths of all keys below a table of the schema that take a number; of a list of tables, such as
-/// the parts of a protocol, a value for the whole list in which `{}` stands for the number.
+/// The paths of all keys below a table of the schema that take a number; of a list of tables, such
+/// as the parts of a protocol, a value for the whole list in which `{}` stands for the number.
 fn numbers(table: &str, keys: &Value, found: &mut Vec<String>) {
     for (name, schema) in keys.as_object().expect("keys") {
         let path = match table {

@@ -577,8 +577,8 @@ fn a_box_is_compressed_more_slowly_before_its_preparation_fails() {
     assert_eq!(taken.code, 0, "{}", taken.text);
 }
 
-/// Linear springs have no bound but geometry: denser boxes than any within 0.19 R, strained, are the
-/// same on any ranks.
+/// Linear springs have no bound but geometry: denser boxes than any within 0.19 R, strained, are
+/// the same on any ranks.
 #[test]
 fn linear_springs_take_great_overlaps() {
     let folder = tempfile::tempdir().expect("a folder");

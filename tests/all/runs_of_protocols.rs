@@ -210,7 +210,8 @@ const FAST: &str = "
     output = { frame_strain = 0, series_strain = 1e-2 }
 ";
 
-/// A wall that jumps to I = 0.2 leaves the sample, and the message says what helps. Each of it does.
+/// A wall that jumps to I = 0.2 leaves the sample, and the message says what helps. Each of it
+/// does.
 #[test]
 fn what_is_said_of_a_wall_that_leaves_helps() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -211,9 +211,9 @@ const FEW: u32 = 100;
 /// spheres: nested dissection of a network in two and in three dimensions.
 const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
 
-/// Times of a strain step and of its relaxations: those of their factorisations of K and, if the scene asks for them, of
-/// all eigenvalues, of lattices in which every grain touches as many others as in a packing.
-/// Collective.
+/// Times of a strain step and of its relaxations: those of their factorisations of K and, if the
+/// scene asks for them, of all eigenvalues, of lattices in which every grain touches as many others
+/// as in a packing. Collective.
 fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<StrainStepTime> {
     let (exchange, scene) = (run.exchange, run.scene);
     let Boundary::Periodic(periodic) = &scene.boundary else {

@@ -34,8 +34,8 @@ impl Cores {
         }
     }
 
-    /// The part of the time, 0 to 1, that the rank waited which waited longest; `None` if Linux does
-    /// not count it.
+    /// The part of the time, 0 to 1, that the rank waited which waited longest; `None` if Linux
+    /// does not count it.
     pub fn waited(&self) -> Option<f64> {
         let of_thread = |(thread, wait): (PathBuf, u64)| {
             wait.saturating_sub(self.before.get(&thread).copied().unwrap_or(0))

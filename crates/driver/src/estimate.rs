@@ -388,9 +388,9 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
     (stages, vec![run, log, checkpoints(scene, kept)])
 }
 
-/// Relaxations in which a box is brought to its pressures after `strained` strain steps, as a guess:
-/// lengths change from where grains are loose to where they are dense, and then by the overlaps that
-/// the pressures need. Those of every strain step are in its time.
+/// Relaxations in which a box is brought to its pressures after `strained` strain steps, as a
+/// guess: lengths change from where grains are loose to where they are dense, and then by the
+/// overlaps that the pressures need. Those of every strain step are in its time.
 fn searches(scene: &Scene, periodic: &PeriodicBox, strained: Option<u64>) -> f64 {
     let pressures = match (&periodic.deformation, periodic.pressure, strained) {
         (Deformation::Compression(pressures), ..) => {

@@ -31,8 +31,8 @@ pub enum Header {
     Pack(PackHeader),
     /// Shear between walls.
     Shear(ShearHeader),
-    /// The preparation of a box that has failed, from which no run goes on: the last box in which the
-    /// grains came to rest.
+    /// The preparation of a box that has failed, from which no run goes on: the last box in which
+    /// the grains came to rest.
     Prepare {
         /// Boxes so far.
         step: u64,

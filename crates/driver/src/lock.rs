@@ -71,8 +71,8 @@ fn boot() -> String {
 }
 
 /// Whether the process of a lock is known to be gone. `tried`: the outcome of a try to lock the
-/// file. It may fail for other reasons than that the process holds the lock, such as a full table of
-/// locks; then only the age tells.
+/// file. It may fail for other reasons than that the process holds the lock, such as a full table
+/// of locks; then only the age tells.
 fn is_gone(holder: Option<&Holder>, tried: &Result<(), TryLockError>, age: Duration) -> bool {
     match (holder, tried) {
         (Some(holder), Ok(()) | Err(TryLockError::WouldBlock)) if holder.is_known_here() => {

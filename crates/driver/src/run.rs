@@ -94,8 +94,8 @@ pub trait Stage {
     /// A file that cannot be written.
     fn state(&mut self, run: &mut Run<'_>) -> Result<Checkpoint>;
 
-    /// Whether the state after the last step is kept in memory, to be written if numbers fail before
-    /// the next checkpoint.
+    /// Whether the state after the last step is kept in memory, to be written if numbers fail
+    /// before the next checkpoint.
     fn is_kept(&self) -> bool {
         self.at().1.is_multiple_of(KEPT_STEPS)
     }
@@ -250,8 +250,8 @@ impl<'a> Run<'a> {
         folder.map_or(Ok(()), |folder| folder.clear(self.exchange))
     }
 
-    /// Keeps the state of a stage in memory, unless the sample is too large for that or the run is a
-    /// replay; collective.
+    /// Keeps the state of a stage in memory, unless the sample is too large for that or the run is
+    /// a replay; collective.
     fn keep(&mut self, stage: &mut dyn Stage) -> Result<()> {
         // Room for the new one.
         self.sound = None;

@@ -1,10 +1,10 @@
 //! Holes in walls of grains through which free grains may leave, and the grains that close them
 //! (docs/scheme.md, "Holes in walls").
 //!
-//! A wall has a hole for a grain of radius r if a path for its centre leads through the wall, farther
-//! than `R_i` + r from every grain i of it. A hole that is bridged by a grain greater than it stays
-//! closed: the grain is wedged between grains of the wall. One that is wider than what rests over it
-//! is bridged by an arch, which shear breaks.
+//! A wall has a hole for a grain of radius r if a path for its centre leads through the wall,
+//! farther than `R_i` + r from every grain i of it. A hole that is bridged by a grain greater than
+//! it stays closed: the grain is wedged between grains of the wall. One that is wider than what
+//! rests over it is bridged by an arch, which shear breaks.
 
 use gshear_dem::state::{Confinement, GrainState, body, length};
 
@@ -346,8 +346,8 @@ mod tests {
         assert!(closed.plugs().is_empty());
     }
 
-    /// A layer of touching spheres of radius 1 has pores for √2 - 1; one is missing, whose place has
-    /// room for 1. The grid takes paths that are narrower by a tenth.
+    /// A layer of touching spheres of radius 1 has pores for √2 - 1; one is missing, whose place
+    /// has room for 1. The grid takes paths that are narrower by a tenth.
     #[test]
     fn pores_of_a_square_layer() {
         let layer = |missing: bool| {

@@ -59,7 +59,8 @@ pub struct ReplayWindow {
 }
 
 /// How often something is written during a segment of the protocol. The k-th time is at the step
-/// nearest to k intervals after the start of the segment, so that rounding to steps does not add up.
+/// nearest to k intervals after the start of the segment, so that rounding to steps does not add
+/// up.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Interval {
     /// Steps of a unit at the full speed of the drive, at least 1; 0 is never.
@@ -77,8 +78,8 @@ struct Pace {
 }
 
 impl Pace {
-    /// Steps in which the drive moves as far as in `full` steps of its full speed: a ramp of r steps
-    /// is r/2 steps behind at its end.
+    /// Steps in which the drive moves as far as in `full` steps of its full speed: a ramp of r
+    /// steps is r/2 steps behind at its end.
     fn steps(self, full: f64) -> f64 {
         if full >= 0.5 * self.ramp {
             full + 0.5 * self.ramp

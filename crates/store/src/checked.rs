@@ -17,8 +17,8 @@ const BLOCK: usize = 16 << 20;
 
 /// An HDF5 file of results that is being written, under its temporary name.
 ///
-/// HDF5 keeps what is written in buffers and loses it without an error where a dataset is closed and
-/// its buffer cannot be written. So every dataset stays open until [`CheckedFile::finish`] has
+/// HDF5 keeps what is written in buffers and loses it without an error where a dataset is closed
+/// and its buffer cannot be written. So every dataset stays open until [`CheckedFile::finish`] has
 /// flushed the file. A file that is dropped before is removed, and [left open](h5::is_left_open) in
 /// HDF5.
 pub struct CheckedFile {
@@ -153,8 +153,8 @@ impl CheckedFile {
         self.part.checked(written)
     }
 
-    /// Closes the file, whose datasets must have been dropped, reads it back, and gives it its name.
-    /// Returns that.
+    /// Closes the file, whose datasets must have been dropped, reads it back, and gives it its
+    /// name. Returns that.
     ///
     /// # Errors
     /// [`Failure::Other`](gshear_dem::failure::Failure::Other) if the file cannot be written.

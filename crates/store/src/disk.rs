@@ -1,5 +1,5 @@
-//! What the system does with files: bringing them and their names to disk, and what it says when that
-//! fails.
+//! What the system does with files: bringing them and their names to disk, and what it says when
+//! that fails.
 
 use std::fs::File;
 use std::io::{self, ErrorKind};

@@ -1,5 +1,5 @@
-//! Opens files that other people may have made: they are files, HDF5 files lead nowhere else, and no
-//! size that they announce is allocated unless the file can hold it.
+//! Opens files that other people may have made: they are files, HDF5 files lead nowhere else, and
+//! no size that they announce is allocated unless the file can hold it.
 
 use std::fs::FileType;
 use std::io;

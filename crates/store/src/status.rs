@@ -164,8 +164,8 @@ pub struct Status {
     pub grains: u32,
     /// Ranks.
     pub ranks: usize,
-    /// The part of the time, 0 to 1, that a rank on the node of rank 0 waited for a core which other
-    /// programs or ranks used: of the rank that waited longest.
+    /// The part of the time, 0 to 1, that a rank on the node of rank 0 waited for a core which
+    /// other programs or ranks used: of the rank that waited longest.
     #[serde(default)]
     pub waited_for_cores: Option<f64>,
     /// The host of rank 0.

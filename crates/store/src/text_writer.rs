@@ -115,8 +115,8 @@ pub fn read(path: &Path) -> io::Result<String> {
     }
 }
 
-/// Refuses a link to a folder in a folder that somebody else may have made: results would be written
-/// where it leads. Links in the places of files are replaced.
+/// Refuses a link to a folder in a folder that somebody else may have made: results would be
+/// written where it leads. Links in the places of files are replaced.
 ///
 /// # Errors
 /// [`Failure::Input`] if there is such a link.

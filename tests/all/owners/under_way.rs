@@ -60,7 +60,8 @@ fn one_run_at_a_time_writes_into_a_folder() {
             &[&format!("process {pid} on "), "started 20"],
         );
     }
-    // A lock that cannot be asked for, as where the table of locks is full, is not known to be free.
+    // A lock that cannot be asked for, as where the table of locks is full, is not known to be
+    // free.
     let mut blind = program(1);
     blind.args([SCENE, LONG, "--overwrite", "--out"]).arg(&out);
     blind
@@ -118,7 +119,8 @@ fn a_lock_holds_in_another_pid_namespace() {
         assert_eq!(other.status.code(), Some(2), "{said}");
         assert!(said.contains("writes into this folder"), "{said}");
     }
-    // A lock that cannot be asked for, as where the table of locks is full, is not known to be free.
+    // A lock that cannot be asked for, as where the table of locks is full, is not known to be
+    // free.
     let mut blind = program(1);
     blind.args([SCENE, LONG, "--overwrite", "--out"]).arg(&out);
     blind

@@ -62,7 +62,8 @@ pub struct Blocks<'a> {
     pub motion: &'a [PairMotion],
     /// The rotation of spheres that resist it, and its torques.
     pub turning: &'a mut [Turning],
-    /// 1/Δt (1/s) in three dimensions; 0 if Δt is 0.
+    /// 1/Δt (1/s) in three dimensions, and where an energy budget counts dampers that are cut to a
+    /// limit; 0 elsewhere, and if Δt is 0.
     pub per_step: f64,
     /// Intermediate results that one loop of a law passes to the next.
     pub carry: &'a mut [[Lanes16; CARRY]],
@@ -88,7 +89,8 @@ pub mod dissipation {
     pub const FRICTION: usize = 1;
     /// By rolling at its limit.
     pub const ROLLING: usize = 2;
-    /// By a change of stiffness under a constant force; an incremental law may also gain energy.
+    /// By a change of stiffness under a constant force. Negative where a law gains energy: an
+    /// incremental one, or one whose springs are set back against the force.
     pub const STIFFNESS: usize = 3;
     /// Number of kinds.
     pub const KINDS: usize = 4;
@@ -98,8 +100,9 @@ pub mod dissipation {
     /// The same of [`ROLLING`].
     pub const CUT_ROLLING: usize = 5;
     /// The energy (J; J/m in 2D) at the end of the step of springs that are set back against the
-    /// force that they are part of, because their dampers alone exceed the limit of friction. No
-    /// work was done on them, so it is not elastic energy.
+    /// force that they are part of, because their dampers alone exceed the limit. No work was done
+    /// on them, so it is not elastic energy while they slide; once they stick it is, and
+    /// [`STIFFNESS`] counts the gain.
     pub const SET_BACK_TANGENTIAL: usize = 6;
     /// The same of rolling and twisting.
     pub const SET_BACK_ROLLING: usize = 7;
@@ -117,7 +120,8 @@ pub struct Response {
     pub tangential: Vector<Lanes16>,
     /// Rolling torque about z, of disks.
     pub rolling: Lanes16,
-    /// Lanes at the Coulomb limit; before the law is evaluated those of the last step.
+    /// Lanes at the Coulomb limit; before the law is evaluated those of the last step, where
+    /// [`Blocks::per_step`] is set.
     pub sliding: u16,
     /// Lanes at the limit of rolling, likewise.
     pub rolls: u16,
@@ -379,8 +383,8 @@ pub(crate) fn difference<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> Vector<L> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// v at the beginning of a step, 2 v(t + ½Δt) - v to second order, from the way in the step; v if Δt
-/// is 0.
+/// v at the beginning of a step, 2 v(t + ½Δt) - v to second order, from the way in the step; v if
+/// Δt is 0.
 #[inline(always)]
 pub(crate) fn velocity_before<L: Lanes>(
     token: L::Token,
@@ -422,16 +426,52 @@ pub(crate) fn add_damping<L: Lanes>(token: L::Token, response: &mut Response, po
     add_dissipation(token, response, dissipation::DAMPING, power);
 }
 
+/// A spring under a limit at one end of a step, as the energy budget sees it.
+pub(crate) struct LimitedSpring<L: Lanes> {
+    /// Its energy (J; J/m in 2D).
+    pub energy: L,
+    /// The square of its damper's part less that of the force of both: positive where the damper
+    /// alone is beyond the limit.
+    pub beyond: L,
+    /// Where the two are at the limit.
+    pub at_limit: L::Mask,
+}
+
+impl<L: Lanes> LimitedSpring<L> {
+    /// One without energy yet.
+    #[inline(always)]
+    pub fn at(token: L::Token, at_limit: L::Mask) -> Self {
+        let zero = L::splat(token, 0.0);
+        Self {
+            energy: zero,
+            beyond: zero,
+            at_limit,
+        }
+    }
+
+    /// Adds a component: of the spring's part, half of its compliance, and of the force.
+    #[inline(always)]
+    pub fn add(&mut self, half_compliance: L, spring: L, force: L) {
+        self.energy = (half_compliance * spring).mul_add(spring, self.energy);
+        let damper = spring - force;
+        self.beyond = damper.mul_add(damper, (-force).mul_add(force, self.beyond));
+    }
+
+    /// Where the spring is set back for its damper: no work was done on it.
+    #[inline(always)]
+    pub fn is_set_back(&self, token: L::Token) -> L::Mask {
+        self.beyond.greater(L::splat(token, 0.0)).and(self.at_limit)
+    }
+}
+
 /// A damper that is cut to a limit together with its spring, as the energy budget sees it.
 pub(crate) struct CutDamper<L: Lanes> {
     /// The power that it has beside its spring (W; W/m in 2D).
     pub power: L,
-    /// Where the two are at the limit.
-    pub at_limit: L::Mask,
-    /// The energy of the spring (J; J/m in 2D).
-    pub energy: L,
-    /// The spring's part times the force: negative where it is set back against the force.
-    pub along: L,
+    /// The spring at the beginning of the step, where the pair touches at its end.
+    pub before: LimitedSpring<L>,
+    /// The spring at the end of the step.
+    pub after: LimitedSpring<L>,
 }
 
 /// What a force at its limit may differ from it by rounding.
@@ -451,38 +491,37 @@ pub(crate) fn reaches<L: Lanes>(
 }
 
 impl<L: Lanes> CutDamper<L> {
-    /// One without power and energy yet.
-    #[inline(always)]
-    pub fn at(token: L::Token, at_limit: L::Mask) -> Self {
-        let zero = L::splat(token, 0.0);
-        Self {
-            power: zero,
-            at_limit,
-            energy: zero,
-            along: zero,
-        }
-    }
-
-    /// Where the spring is set back against the force.
-    #[inline(always)]
-    pub fn is_set_back(&self, token: L::Token) -> L::Mask {
-        L::splat(token, 0.0).greater(self.along).and(self.at_limit)
-    }
-
     /// Adds the counts of friction, or those of rolling if `rolls`.
+    ///
+    /// A spring that was set back and is at its limit no longer gives its energy back to the
+    /// grains. Nothing stored it: the law gains it, and it counts as that.
     #[inline(always)]
     pub fn count(&self, token: L::Token, response: &mut Response, rolls: bool) {
         let zero = L::splat(token, 0.0);
-        let (cut, set_back) = if rolls {
-            (dissipation::CUT_ROLLING, dissipation::SET_BACK_ROLLING)
+        let (kind, cut, set_back) = if rolls {
+            (
+                dissipation::ROLLING,
+                dissipation::CUT_ROLLING,
+                dissipation::SET_BACK_ROLLING,
+            )
         } else {
-            (dissipation::CUT_FRICTION, dissipation::SET_BACK_TANGENTIAL)
+            (
+                dissipation::FRICTION,
+                dissipation::CUT_FRICTION,
+                dissipation::SET_BACK_TANGENTIAL,
+            )
         };
-        add_damping(token, response, zero.select(self.at_limit, self.power));
-        let power = self.power.select(self.at_limit, zero);
+        let at_limit = self.after.at_limit;
+        add_damping(token, response, zero.select(at_limit, self.power));
+        let power = self.power.select(at_limit, zero);
         add_dissipation(token, response, cut, power);
-        let energy = self.energy.select(self.is_set_back(token), zero);
+        let is_set_back = self.after.is_set_back(token);
+        let energy = self.after.energy.select(is_set_back, zero);
         add_dissipation(token, response, set_back, energy);
+        let gained = zero.select(is_set_back, self.before.energy);
+        let gained = gained.select(self.before.is_set_back(token), zero);
+        add_dissipation(token, response, kind, gained);
+        add_dissipation(token, response, dissipation::STIFFNESS, -gained);
     }
 }
 

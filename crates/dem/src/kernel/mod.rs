@@ -375,7 +375,8 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
 ) -> Option<(usize, usize)> {
     let jkr = pass.jkr().is_some();
     let contacts = &mut pass.part;
-    if C::FRICTION && C::Space::SPINS == 3 {
+    let needs_last_step = C::Space::SPINS == 3 || (BUDGET && C::CUTS_DAMPERS);
+    if (C::FRICTION || C::ROLLING) && needs_last_step {
         let limits = &contacts.limits[chunk.clone()];
         for (response, limits) in scratch.response.iter_mut().zip(limits) {
             [response.sliding, response.rolls, response.twists, _] = *limits;
@@ -389,7 +390,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             history: &mut contacts.history[range(C::HISTORY)],
             motion: &scratch.motion[..chunk.len()],
             turning: &mut scratch.turning[..chunk.len()],
-            per_step: if C::Space::SPINS == 3 && pass.input.step > 0.0 {
+            per_step: if needs_last_step && pass.input.step > 0.0 {
                 1.0 / pass.input.step
             } else {
                 0.0
@@ -492,32 +493,43 @@ fn restore_histories<C: ContactLaw, const BUDGET: bool>(
         let history = &mut contacts.history[block * C::HISTORY..][..C::HISTORY];
         let overlap = Portable::load(PortableToken, &scratch.motion[k].overlap);
         let before = BUDGET.then(|| law.elastic_energies(PortableToken, of, overlap, history));
+        // The spring acts from the touch on, not from nothing: all of its force on all of its way.
+        let motion = &scratch.motion[k];
+        let (mut worked, mut turned) = (0.0, 0.0);
         if slides {
-            for lanes in &mut history[..spins] {
+            for (lanes, way) in history
+                .iter_mut()
+                .zip(&motion.tangential_increment[..spins])
+            {
+                worked -= (1.0 / factor - 0.5) * lanes.0[lane] * way.0[lane];
                 lanes.0[lane] /= factor;
             }
         }
         if rolls {
-            history[C::HISTORY - 1].0[lane] /= factor;
+            let torque = &mut history[C::HISTORY - 1].0[lane];
+            turned -= (1.0 / factor - 0.5) * *torque * motion.rolling_increment.0[lane];
+            *torque /= factor;
         }
         let Some([_, tangential_before, rolling_before]) = before else {
             continue;
         };
         let [_, tangential, rolling] = law.elastic_energies(PortableToken, of, overlap, history);
-        for (kind, set_back, [before, after]) in [
+        for (kind, set_back, work, [before, after]) in [
             (
                 dissipation::FRICTION,
                 dissipation::SET_BACK_TANGENTIAL,
+                worked,
                 [tangential_before, tangential],
             ),
             (
                 dissipation::ROLLING,
                 dissipation::SET_BACK_ROLLING,
+                turned,
                 [rolling_before, rolling],
             ),
         ] {
             let gained = (after - before).to_lanes16().0[lane];
-            response.dissipated[kind].0[lane] -= gained;
+            response.dissipated[kind].0[lane] += work - gained;
             let set_back = &mut response.dissipated[set_back].0[lane];
             if *set_back > 0.0 {
                 *set_back += gained;

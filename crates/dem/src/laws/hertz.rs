@@ -39,8 +39,8 @@ use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, CutDamper, dissipation, exceeds, norm, portable_exp, portable_ln, reaches,
-    scaled, set_back, sum, vector,
+    Blocks, ContactLaw, CutDamper, LimitedSpring, dissipation, exceeds, norm, portable_exp,
+    portable_ln, reaches, scaled, set_back, sum, vector, velocity_before,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Vector, scaled_sum};
 use crate::kernel::PairForce;
@@ -513,10 +513,11 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             // Spring and damper over √(δR*).
             let mut force = scaled_sum(k_t, &u, &scaled(&v_t, gamma_t));
             let limit = c(self.friction) * load(&carry[NORMAL]);
+            let slid = L::mask(token, response.sliding);
             let sliding = exceeds(&force, limit).and(touching);
             let mut spring = u;
             if sliding.bits() != 0 {
-                let masks = [L::mask(token, response.sliding), sliding];
+                let masks = [slid, sliding];
                 let moved = (gamma_t, &slip, &v_t);
                 let limits = [limit, load(&motion.overlap)];
                 let cut;
@@ -543,20 +544,31 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                         - root_before * Three::dot(&before, &before));
                 let stiffness = half_k * (root_before - root) * Three::dot(&before, &after);
                 let viscous = if D::BOUNDS_SPRING {
-                    let ([x, y, z], [u_x, u_y, u_z]) = (force, spring);
-                    let rest = [x - k_t * u_x, y - k_t * u_y, z - k_t * u_z];
-                    scaled(&rest, root)
+                    scaled_sum(-k_t, &spring, &force)
                 } else {
-                    scaled(&v_t, gamma_t * root)
+                    scaled(&v_t, gamma_t)
                 };
+                let square = Three::dot(&force, &force);
+                let v_before = velocity_before(token, blocks.per_step, &slip, &v_t);
+                let damper_before = scaled(&v_before, gamma_t);
+                let force_before = scaled_sum(k_t, &before, &damper_before);
+                let reaches = reaches(token, sliding, square, limit);
                 let damper = CutDamper {
-                    power: Three::dot(&viscous, &v_t).select(touching, zero),
-                    at_limit: reaches(token, sliding, Three::dot(&force, &force), limit)
-                        .and(touching),
-                    energy: half_k * root * Three::dot(&after, &after),
-                    along: Three::dot(&after, &force),
+                    power: (root * Three::dot(&viscous, &v_t)).select(touching, zero),
+                    before: LimitedSpring {
+                        energy: half_k * root_before * Three::dot(&before, &before),
+                        beyond: Three::dot(&damper_before, &damper_before)
+                            - Three::dot(&force_before, &force_before),
+                        at_limit: slid.and(touching),
+                    },
+                    after: LimitedSpring {
+                        energy: half_k * root * Three::dot(&after, &after),
+                        beyond: Three::dot(&viscous, &viscous) - square,
+                        at_limit: reaches.and(touching),
+                    },
                 };
-                let is_spring = L::mask(token, touching.bits() & !damper.is_set_back(token).bits());
+                let is_set_back = damper.after.is_set_back(token);
+                let is_spring = L::mask(token, touching.bits() & !is_set_back.bits());
                 let stiffness = stiffness.select(is_spring, zero);
                 stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
                 (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);

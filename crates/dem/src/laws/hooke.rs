@@ -21,8 +21,8 @@
 //!
 //! Beyond this limit the sum on the left is cut to it, F_t^e is set back so that spring and damper
 //! together give the limit, as in LAMMPS, and -s γ_t v_t acts beside it. So F_t does not jump where
-//! sliding begins or ends. LIGGGHTS cuts the spring alone, and drops the damper with a jump while it
-//! is cut; without damping the two are the same.
+//! sliding begins or ends. LIGGGHTS cuts the spring alone, and drops the damper with a jump while
+//! it is cut; without damping the two are the same.
 //!
 //! Rolling, in 2D, as in LIGGGHTS' `epsd2` (Ai et al. 2011, type C, with the stiffness of Iwashita
 //! and Oda):
@@ -31,8 +31,8 @@
 //! M^k ← M^k - k_r Δθ_r,  k_r = k_t R_r²,  R_r = R_i R_j/(R_i+R_j)
 //! ```
 //!
-//! beside the damper -C_r (ω_i-ω_j) (`rolling`), the two cut to μ_r R_r F_n together; `epsd2` has no
-//! damper, as here with η_r = 0.
+//! beside the damper -C_r (ω_i-ω_j) (`rolling`), the two cut to μ_r R_r F_n together; `epsd2` has
+//! no damper, as here with η_r = 0.
 
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -47,8 +47,8 @@ use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, CutDamper, Sliding, Trial, add_damping, dissipation, reaches, scaled,
-    vector, velocity_before,
+    Blocks, ContactLaw, CutDamper, LimitedSpring, Sliding, Trial, add_damping, dissipation,
+    reaches, scaled, vector, velocity_before,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Two, scaled_sum};
 use crate::kernel::PairForce;
@@ -291,6 +291,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                 let power = k_n.mul_add(overlap, -normal) * v_n;
                 let power = power.select(overlap.greater(zero), zero);
                 power.store(&mut response.dissipated[dissipation::DAMPING]);
+                response.dissipated[dissipation::STIFFNESS] = Lanes16::ZERO;
             }
         }
         if FRICTION {
@@ -316,14 +317,16 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                         cut,
                     ),
                 };
+                let slid = L::mask(token, response.sliding);
                 let f = if n == 1 {
                     Sliding::scalar(&trial, limit, touching)
                 } else {
-                    let slid = L::mask(token, response.sliding);
                     Sliding::vector(token, &trial, limit, slid, touching)
                 };
                 response.sliding = f.at_limit.bits();
-                let (mut lost, mut power, mut energy, mut along) = (zero, zero, zero, zero);
+                let (mut lost, mut power, mut square) = (zero, zero, zero);
+                let mut spring_before = LimitedSpring::at(token, slid.and(touching));
+                let mut spring_after = LimitedSpring::at(token, touching);
                 for k in 0..n {
                     (-beside)
                         .mul_add(v_t[k], f.force[k])
@@ -334,8 +337,10 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                         let gained = (after - before) * (after + before) * per_k;
                         lost = c(-0.5).mul_add((before + after).mul_add(slip[k], gained), lost);
                         power = v_t[k].mul_add(v_t[k], power);
-                        energy = (c(0.5) * per_k * after).mul_add(after, energy);
-                        along = after.mul_add(f.force[k], along);
+                        square = f.force[k].mul_add(f.force[k], square);
+                        let half_k = c(0.5) * per_k;
+                        spring_before.add(half_k, before, before - trial.viscous_before[k]);
+                        spring_after.add(half_k, after, f.force[k]);
                     }
                     after.store(&mut history[k]);
                 }
@@ -345,16 +350,12 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
                     response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
                     let power = power.select(touching, zero);
                     add_damping(token, response, beside * power);
-                    let mut square = zero;
-                    for k in 0..n {
-                        square = f.force[k].mul_add(f.force[k], square);
-                    }
                     let reaches = reaches(token, f.at_limit, square, limit);
+                    spring_after.at_limit = reaches.and(touching);
                     let damper = CutDamper {
                         power: cut * power,
-                        at_limit: reaches.and(touching),
-                        energy,
-                        along,
+                        before: spring_before,
+                        after: spring_after,
                     };
                     damper.count(token, response, false);
                 }

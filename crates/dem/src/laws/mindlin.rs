@@ -120,7 +120,7 @@ impl Constants for MindlinSprings {
 }
 
 /// Largest δ over the diameter of the smaller grain. The law itself has no bound: up to here its
-/// forces are rounded exactly to the unit that [`UNIT_OVERLAP`] gives.
+/// forces are rounded exactly to the unit of forces.
 pub const LARGEST_OVERLAP: f64 = 0.39;
 /// δ over the diameter from whose F_n the unit of the forces follows; at [`LARGEST_OVERLAP`] F_n is
 /// less than twice as great.

@@ -4,8 +4,8 @@
 use super::hertz::{Damper, Hertz, NO_AREA, RADIUS, ROOT};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, CutDamper, Sliding, Trial, dissipation, norm, reaches, scaled, vector,
-    velocity_before,
+    Blocks, ContactLaw, CutDamper, LimitedSpring, Sliding, Trial, difference, dissipation, norm,
+    reaches, scaled, vector, velocity_before,
 };
 use crate::dimension::{Dimension, Three, scaled_sum};
 use crate::simd::{Lanes, Lanes16, Mask, inverse, inverse_sqrt};
@@ -115,27 +115,38 @@ impl<D: Damper> ContactLaw for Rescaled<D> {
                 let stored = half_compliance * inverse(token, last_root);
                 let stored = stored * Three::dot(&before, &before);
                 let stored = stored.select(last_overlap.greater(zero), zero);
-                let (mut work, mut slid) = (zero, zero);
+                let (mut work, mut lengths) = (zero, zero);
                 for k in 0..3 {
                     work = (half * (before[k] + after[k])).mul_add(-slip[k], work);
                     let mean = half * (kept[k] + after[k]);
-                    slid = mean.mul_add(trial.elastic[k] - after[k], slid);
+                    lengths = mean.mul_add(trial.elastic[k] - after[k], lengths);
                 }
                 let lost = work - (energy - stored);
                 let mut viscous = trial.viscous;
                 for k in 0..3 {
                     viscous[k] = f.elastic[k] - f.force[k];
                 }
+                let damper_before = &trial.viscous_before;
+                let force_before = difference(&before, damper_before);
+                let square = Three::dot(&f.force, &f.force);
                 let damper = CutDamper {
                     power: Three::dot(&viscous, &v_t).select(touching, zero),
-                    at_limit: reaches(token, f.at_limit, Three::dot(&f.force, &f.force), limit)
-                        .and(touching),
-                    energy,
-                    along: Three::dot(&after, &f.force),
+                    before: LimitedSpring {
+                        energy: stored,
+                        beyond: Three::dot(damper_before, damper_before)
+                            - Three::dot(&force_before, &force_before),
+                        at_limit: slid.and(touching),
+                    },
+                    after: LimitedSpring {
+                        energy,
+                        beyond: Three::dot(&viscous, &viscous) - square,
+                        at_limit: reaches(token, f.at_limit, square, limit).and(touching),
+                    },
                 };
                 // A contact that opens has slid until F was 0.
-                let friction = (slid * inverse(token, stiffness)).select(f.at_limit, zero);
-                let is_spring = L::mask(token, touching.bits() & !damper.is_set_back(token).bits());
+                let friction = (lengths * inverse(token, stiffness)).select(f.at_limit, zero);
+                let is_set_back = damper.after.is_set_back(token);
+                let is_spring = L::mask(token, touching.bits() & !is_set_back.bits());
                 let friction = friction.select(is_spring, lost);
                 friction.store(&mut response.dissipated[dissipation::FRICTION]);
                 (lost - friction).store(&mut response.dissipated[dissipation::STIFFNESS]);

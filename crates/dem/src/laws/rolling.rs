@@ -18,7 +18,8 @@ use std::f64::consts::PI;
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce};
 use crate::contact::{
-    Blocks, ContactLaw, CutDamper, Limited, Sliding, Trial, add_damping, dissipation, reaches,
+    Blocks, ContactLaw, CutDamper, Limited, LimitedSpring, Sliding, Trial, add_damping,
+    dissipation, reaches, velocity_before,
 };
 use crate::simd::{Lanes, Lanes16, Mask, inverse};
 
@@ -97,18 +98,23 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let pairs = kept.zip(blocks.motion);
     for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
         let touching = load(&motion.overlap).greater(zero);
-        let trial = (-load(&p[at])).mul_add(load(&motion.rolling_increment), load(&history[place]));
+        let before = load(&history[place]);
+        let increment = load(&motion.rolling_increment);
+        let trial = (-load(&p[at])).mul_add(increment, before);
         let limit = load(&p[at + 2]) * load(&response.normal);
         let speed = load(&motion.rolling_velocity);
         let damping = load(&p[at + 1]) * speed;
-        let before = load(&history[place]);
+        let [speed_before, ..] =
+            velocity_before(token, blocks.per_step, &[increment; 3], &[speed; 3]);
+        let damping_before = load(&p[at + 1]) * speed_before;
+        let rolled = L::mask(token, response.rolls);
         let (torque, elastic, viscous, at_limit);
         if C::CUTS_DAMPERS {
             let trial = Trial {
                 before: [before; 3],
                 elastic: [trial; 3],
                 viscous: [damping; 3],
-                viscous_before: [damping; 3],
+                viscous_before: [damping_before; 3],
             };
             let m = Sliding::scalar(&trial, limit, touching);
             (torque, elastic, viscous, at_limit) = (m.force[0], m.elastic[0], damping, m.at_limit);
@@ -121,7 +127,7 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         response.rolls = at_limit.bits();
         let after = elastic.select(touching, zero);
         if BUDGET {
-            let work = (before + after) * load(&motion.rolling_increment);
+            let work = (before + after) * increment;
             let compliance = inverse(token, load(&p[at]));
             let gained = (after - before) * (after + before) * compliance;
             let dissipated = L::splat(token, -0.5) * (work + gained);
@@ -130,12 +136,17 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             if C::CUTS_DAMPERS {
                 response.dissipated[dissipation::CUT_ROLLING] = Lanes16::ZERO;
                 response.dissipated[dissipation::SET_BACK_ROLLING] = Lanes16::ZERO;
-                let damper = CutDamper {
+                let half_compliance = L::splat(token, 0.5) * compliance;
+                let reaches = reaches(token, at_limit, torque * torque, limit);
+                let mut damper = CutDamper {
                     power,
-                    at_limit: reaches(token, at_limit, torque * torque, limit).and(touching),
-                    energy: L::splat(token, 0.5) * after * after * compliance,
-                    along: after * torque,
+                    before: LimitedSpring::at(token, rolled.and(touching)),
+                    after: LimitedSpring::at(token, reaches.and(touching)),
                 };
+                damper
+                    .before
+                    .add(half_compliance, before, before - damping_before);
+                damper.after.add(half_compliance, after, torque);
                 damper.count(token, response, true);
             } else {
                 add_damping(token, response, power);

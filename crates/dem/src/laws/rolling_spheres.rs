@@ -28,8 +28,8 @@
 use super::{Constants, Contact};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CARRY, ContactLaw, CutDamper, Jump, PairMotion, Response, TORQUES, Turning,
-    dissipation, exceeds, reaches, set_back, vector,
+    Blocks, CARRY, ContactLaw, CutDamper, Jump, LimitedSpring, PairMotion, Response, TORQUES,
+    Turning, dissipation, exceeds, reaches, set_back, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
@@ -135,6 +135,7 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     const FRICTION: bool = true;
     const ROLLING: bool = true;
     const CUTS_DAMPERS: bool = true;
+    const NEEDS_LAST_OVERLAP: bool = C::NEEDS_LAST_OVERLAP;
     const LIMITS_JUMP: bool = C::LIMITS_JUMP;
     const LARGEST_OVERLAP: f64 = C::LARGEST_OVERLAP;
 
@@ -180,6 +181,9 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 response.tangential = [Lanes16::ZERO; 3];
                 response.sliding = 0;
             }
+            if BUDGET && !C::FRICTION {
+                response.dissipated[dissipation::STIFFNESS] = Lanes16::ZERO;
+            }
             if BUDGET && !(C::FRICTION && C::CUTS_DAMPERS) {
                 response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
                 response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
@@ -192,6 +196,7 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             // without limit.
             let begins = begins_at(token, (motion, turning), history, blocks.per_step, jumps);
             let (normal, set_back) = self.at_first::<L>(token, (all, normal), motion, &begins);
+            let begun = [set_back[0].greater(zero), set_back[1].greater(zero)];
             let mut sprung = [zero; TORQUES];
             let (mut before, mut earlier, mut trial, mut at_first) =
                 (sprung, sprung, sprung, sprung);
@@ -208,7 +213,9 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
             }
             let limits = [load(&p[ARM]) * normal, load(&p[ARM + 1]) * normal];
-            let masks = [L::mask(token, response.rolls), touching];
+            let rolled = L::mask(token, response.rolls);
+            let twisted = L::mask(token, response.twists);
+            let masks = [rolled, touching];
             let (cut, [rolls, twists]) = cut(token, [earlier, trial], limits, masks);
             (response.rolls, response.twists) = (rolls.bits(), twists.bits());
             let mut dissipated = zero;
@@ -216,9 +223,26 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             let of_rolling = Three::dot(&[x, y, z], &[x, y, z]);
             let rolls_or_nearly = reaches(token, rolls, of_rolling, limits[0]);
             let twists_or_nearly = reaches(token, twists, twist * twist, limits[1]);
+            // What is subtracted of a pair that has opened is of the kind of the last step.
+            let rolls_or_nearly = choose::<L>(token, touching, [rolls_or_nearly, rolled]);
+            let twists_or_nearly = choose::<L>(token, touching, [twists_or_nearly, twisted]);
             let mut dampers = [
-                CutDamper::at(token, rolls_or_nearly.and(touching)),
-                CutDamper::at(token, twists_or_nearly.and(touching)),
+                CutDamper {
+                    power: zero,
+                    before: LimitedSpring::at(
+                        token,
+                        either::<L>(token, [rolled, begun[0]]).and(touching),
+                    ),
+                    after: LimitedSpring::at(token, rolls_or_nearly),
+                },
+                CutDamper {
+                    power: zero,
+                    before: LimitedSpring::at(
+                        token,
+                        either::<L>(token, [twisted, begun[1]]).and(touching),
+                    ),
+                    after: LimitedSpring::at(token, twists_or_nearly),
+                },
             ];
             for k in 0..TORQUES {
                 // A torque that begins with a jump acts for ½ + θ of the step.
@@ -243,9 +267,10 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                     let counts = share.abs().greater(zero);
                     let damper = &mut dampers[k / 3];
                     damper.power = damper.power + (share * power).select(counts, zero);
-                    let energy = c(0.5) * after * after * per_stiffness;
-                    damper.energy = damper.energy + energy;
-                    damper.along = after.mul_add(cut[k], damper.along);
+                    let half_compliance = c(0.5) * per_stiffness;
+                    let earlier = at_first[k].select(begun[k / 3], earlier[k]);
+                    damper.before.add(half_compliance, before[k], earlier);
+                    damper.after.add(half_compliance, after, cut[k]);
                 }
                 after.store(&mut history[k]);
             }
@@ -408,6 +433,19 @@ fn cut<L: Lanes>(
     let twist = of_twisting.copy_sign(twist).select(twists, twist);
     let [x, y, z] = cut;
     ([x, y, z, twist], [rolls, twists])
+}
+
+/// Where at least one of two masks is set.
+#[inline(always)]
+fn either<L: Lanes>(token: L::Token, of: [L::Mask; 2]) -> L::Mask {
+    L::mask(token, of[0].bits() | of[1].bits())
+}
+
+/// The first of two masks where `condition`, the second elsewhere.
+#[inline(always)]
+fn choose<L: Lanes>(token: L::Token, condition: L::Mask, of: [L::Mask; 2]) -> L::Mask {
+    let (condition, [one, other]) = (condition.bits(), [of[0].bits(), of[1].bits()]);
+    L::mask(token, (one & condition) | (other & !condition))
 }
 
 /// Where torques begin, in contacts without history.

@@ -7,6 +7,7 @@ mod ghosts;
 mod hertz;
 mod hooke;
 mod images;
+mod laws;
 mod mindlin;
 mod mixture;
 mod planes;

@@ -118,7 +118,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             set_moving(&mut state.grains, &mut top, &schedule, D::UP);
             let is_driven = spring.is_none() && !schedule.protocol.segment(0).is_pulled();
             if let (Some([_, stream]), true) = (from.images, is_driven) {
-                // Images, and the grains with them, take the velocity of the drive in the first step.
+                // Images, and the grains with them, take the velocity of the drive in the first
+                // step.
                 top.slider.state.velocity = stream;
             }
         }

@@ -23,8 +23,8 @@ use gshear_store::run_reader::{RunFile, RunStage};
 /// Of disks between walls the maps show the states right before and after the largest drop of τ,
 /// and the greatest D²min. Unless frames show them, these parts are computed again from the
 /// checkpoint before them (output.keep_checkpoints), with a frame per row, if that takes less than
-/// two minutes and 1 GB. The page of a run in a periodic box shows what its deformation and Newton's
-/// equations have measured.
+/// two minutes and 1 GB. The page of a run in a periodic box shows what its deformation and
+/// Newton's equations have measured.
 ///
 /// Several runs, or the folder of a sweep, are compared: their curves over each other, and means
 /// with standard errors over seeds against the keys in which their scenes differ. Writes means.csv,

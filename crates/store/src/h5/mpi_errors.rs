@@ -111,8 +111,8 @@ fn asked_again(path: &Path) -> Option<String> {
     told_by(&written.err()?)
 }
 
-/// The message of an error of the system, if it can only be that of a file that is written: the last
-/// one may be older than a failure, or younger.
+/// The message of an error of the system, if it can only be that of a file that is written: the
+/// last one may be older than a failure, or younger.
 fn told_by(error: &io::Error) -> Option<String> {
     let of_files = [
         Errno::NOSPC,

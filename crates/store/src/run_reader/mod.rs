@@ -590,9 +590,9 @@ impl RunFile {
     }
 
     /// Returns γ of the frames, `[T]`: V t/H if the wall moves at the constant velocity V, and what
-    /// a ramp or the protocol imposes if it does so for all parts; if a spring or a force moves the wall,
-    /// interpolated between the rows of the time series (NaN before the first and after the last
-    /// row); that of the cell in a periodic box.
+    /// a ramp or the protocol imposes if it does so for all parts; if a spring or a force moves the
+    /// wall, interpolated between the rows of the time series (NaN before the first and after the
+    /// last row); that of the cell in a periodic box.
     ///
     /// # Errors
     /// [`Failure::Input`] if a parameter is missing.
