@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-use crate::common::{gshear_mpi, reducer, succeed};
+use crate::common::{change_file, gshear_mpi, reducer, succeed};
 use gshear_store::run_reader::RunFile;
 
 const MINDLIN: &str = r#"
@@ -232,6 +232,28 @@ fn frames_of_grains_that_attract_have_the_stiffness_of_checkpoints() {
             fs::read(matrix).expect("a matrix")
         });
         assert!(frame == checkpoint, "{name}: K differs");
+
+        // A file of an earlier version lacks the flag.
+        change_file(&run.join("run.h5"), |file| {
+            for dataset in [
+                "connectivity/contacts/idle",
+                "checksums/connectivity/contacts/idle",
+            ] {
+                if file.link_exists(dataset) {
+                    file.unlink(dataset).expect("removed");
+                }
+            }
+        });
+        let state = path(&run, "run.h5");
+        let out = path(&run, "old");
+        for command in ["spectrum", "stability"] {
+            let output = reducer().args([command, &state, "--out", &out]).output();
+            let output = output.expect("it starts");
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{command}: {said}");
+            assert!(said.contains("did not store; give a checkpoint"), "{said}");
+            assert!(!Path::new(&out).exists(), "{command}");
+        }
     }
 }
 
