@@ -477,8 +477,8 @@ pub(crate) struct CutDamper<L: Lanes> {
 /// What a force at its limit may differ from it by rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// Where a force is at its limit, or as great but for rounding: forces that are computed again
-/// without a step between may be either. Takes the square of the force.
+/// Where a force is at its limit, or as great but for rounding, also of a limit of nothing: forces
+/// that are computed again without a step between may be either. Takes the square of the force.
 #[inline(always)]
 pub(crate) fn reaches<L: Lanes>(
     token: L::Token,
@@ -486,8 +486,8 @@ pub(crate) fn reaches<L: Lanes>(
     square: L,
     limit: L,
 ) -> L::Mask {
-    let near = square.greater(limit * limit * L::splat(token, 1.0 - ROUNDING));
-    L::mask(token, at_limit.bits() | near.bits())
+    let is_below = (limit * limit * L::splat(token, 1.0 - ROUNDING)).greater(square);
+    L::mask(token, at_limit.bits() | !is_below.bits())
 }
 
 impl<L: Lanes> CutDamper<L> {
