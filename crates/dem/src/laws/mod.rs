@@ -242,19 +242,19 @@ impl Law {
     /// Reads the keys of a law. `values` collects the problems.
     pub fn read(kind: &'static LawKind, values: &mut dyn KeyReader) -> Self {
         let constants = (kind.read)(values);
-        let given = kind.keys.iter().filter_map(|key| {
-            let value = values.number(key).or_else(|| constants.default_of(key))?;
-            Some((*key, value))
-        });
-        let given = given.collect();
-        let chosen = kind.keys.iter().filter_map(|key| match key.values {
-            keys::Values::Text(_) => values.choice(key),
-            _ => None,
-        });
+        let (mut given, mut chosen) = (Vec::new(), Vec::new());
+        for key in kind.keys {
+            if let keys::Values::Text(_) = key.values {
+                chosen.extend(values.choice(key));
+            } else {
+                let value = values.number(key).or_else(|| constants.default_of(key));
+                given.extend(value.map(|value| (*key, value)));
+            }
+        }
         Self {
             kind,
             given,
-            chosen: chosen.collect(),
+            chosen,
             constants,
         }
     }

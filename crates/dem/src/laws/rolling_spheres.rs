@@ -346,7 +346,9 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
             let limit = L::load(token, &own[ARM + k]) * begun;
             let size = L::load(token, &own[DAMPING + k]) * parts[k];
             let within = limit / size.max(c(SOFTEST));
-            parts[k] = (c(1.0) - within).max(c(0.0));
+            let part = (c(1.0) - within).max(c(0.0));
+            // None of the torques that do not begin here, whatever else is in the block.
+            parts[k] = part.select(size.greater(c(0.0)), c(0.0));
         }
         (normal, parts)
     }
