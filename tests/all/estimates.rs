@@ -290,8 +290,16 @@ fn memory_is_that_of_the_run() {
         ),
     ] {
         let lines = lines(&said(&arguments));
-        let found = resident(&folder.path().join(name), &arguments);
-        within(MEMORY, bytes(&lines["memory"]), found, name);
+        let said = bytes(&lines["memory"]);
+        // Who looks now and then may miss a peak just before the end.
+        let mut found = 0.0_f64;
+        for look in 0..4 {
+            if said > MEMORY * found {
+                let out = folder.path().join(format!("{name}-{look}"));
+                found = found.max(resident(&out, &arguments));
+            }
+        }
+        within(MEMORY, said, found, name);
     }
 }
 

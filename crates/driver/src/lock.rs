@@ -240,7 +240,7 @@ impl Lock {
         if !gone && !force {
             return Ok(Some(Failure::input(format!(
                 "{}: {whose}, writes into this folder; wait until it has ended or give another --out. \
-                 If that process is gone, --break-lock takes the folder over",
+                 --break-lock takes the folder over from a process that has died",
                 folder.display()
             ))));
         }

@@ -91,7 +91,8 @@ unsafe extern "C" fn failed(file: *mut ffi::MPI_File, code: *mut c_int) {
         let told = || told_by(&last).or_else(|| asked_again(&file.path));
         file.reason = file.reason.take().or_else(told);
         let path = file.path.display();
-        let why = file.reason.as_deref().unwrap_or(&text);
+        let unknown = || format!("{text}; MPI does not say whether space or quota ran out");
+        let why = file.reason.clone().unwrap_or_else(unknown);
         (file.failure).note_cause(&format!("{path}: cannot be written: {why}"));
     }
 }
