@@ -151,7 +151,7 @@ fn a_sphere_that_rolls_to_rest_loses_the_work_of_rolling() {
 /// released. The work of the drive over the tangential energy after the first part.
 fn work_of_a_cycle(law: &str, history: &str) -> f64 {
     let folder = tempfile::tempdir().expect("a folder");
-    let (side, diameter) = (4, 1e-3);
+    let (side, diameter) = (6, 1e-3);
     let spacing = diameter * (1.0 - 5e-3);
     let mut grains = format!("##PERIODIC:: {0:?} {0:?} {0:?}\n", side as f64 * spacing);
     for id in 0..side * side * side {
@@ -165,10 +165,10 @@ fn work_of_a_cycle(law: &str, history: &str) -> f64 {
         "dimension = 3\n[material]\nyoung_modulus = 1e6\npoisson_ratio = 0.3\ndensity = 2500.0\n\
          [contact]\n{law}\ntangential_history = \"{history}\"\nfriction = 10.0\n\
          [sample]\npacking = \"lattice.txt\"\nboundary = \"periodic\"\n[load]\npressure = 200.0\n\
-         [shear]\nprotocol = [\n{{ velocity = 1.3e-5, time = 0.05, wall_velocity = 0.0 }},\n\
-         {{ velocity = 0.0, time = 0.05, wall_velocity = -4e-4 }},\n\
-         {{ velocity = -1.3e-5, time = 0.05, wall_velocity = 0.0 }},\n\
-         {{ velocity = 0.0, time = 0.05, wall_velocity = 4e-4 }},\n]\n[output]\nseries_rows = 10\n"
+         [shear]\nprotocol = [\n{{ velocity = 2e-5, time = 0.05, wall_velocity = 0.0 }},\n\
+         {{ velocity = 0.0, time = 0.05, wall_velocity = -6e-4 }},\n\
+         {{ velocity = -2e-5, time = 0.05, wall_velocity = 0.0 }},\n\
+         {{ velocity = 0.0, time = 0.05, wall_velocity = 6e-4 }},\n]\n[output]\nseries_rows = 10\n"
     );
     let run = run_scene(folder.path(), "cycle", &scene, &[]);
     let series = run.series();

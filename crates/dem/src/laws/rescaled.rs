@@ -95,8 +95,8 @@ impl<D: Damper> ContactLaw for Rescaled<D> {
                 let (speed, per_speed) = norm(token, &v_t);
                 let bound = c(law.friction * law.normal_stiffness) * overlap * root;
                 let damped = (gamma_t * speed).greater(limit + bound).and(f.at_limit);
-                for k in 0..3 {
-                    let along = v_t[k] * per_speed;
+                for (k, v) in v_t.iter().enumerate() {
+                    let along = *v * per_speed;
                     f.force[k] = (-(limit * along)).select(damped, f.force[k]);
                     f.elastic[k] = (bound * along).select(damped, f.elastic[k]);
                 }
@@ -122,10 +122,7 @@ impl<D: Damper> ContactLaw for Rescaled<D> {
                     lengths = mean.mul_add(trial.elastic[k] - after[k], lengths);
                 }
                 let lost = work - (energy - stored);
-                let mut viscous = trial.viscous;
-                for k in 0..3 {
-                    viscous[k] = f.elastic[k] - f.force[k];
-                }
+                let viscous = difference(&f.elastic, &f.force);
                 let damper_before = &trial.viscous_before;
                 let force_before = difference(&before, damper_before);
                 let square = Three::dot(&f.force, &f.force);

@@ -98,13 +98,13 @@ crate::columns! {
         work_drive: "J",
         /// work of the load on the sample, or of walls driven along their normals
         work_load: "J",
-        /// dissipated by dampers, without those that a limit cuts together with their springs
+        /// dissipated by dampers that no limit cuts
         dissipated_damping: "J",
         /// dissipated by sliding
         dissipated_friction: "J",
         /// dissipated by rolling at its limit
         dissipated_rolling: "J",
-        /// dissipated by changes of k_t at constant force, and by JKR pull-off; gained if negative
+        /// dissipated by changes of k_t, and by JKR pull-off; negative: gained
         dissipated_stiffness: "J",
         /// energy not accounted for, over the sum of both works' magnitudes
         energy_residual: "1",
