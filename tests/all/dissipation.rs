@@ -153,10 +153,13 @@ fn work_of_a_cycle(law: &str, history: &str) -> f64 {
     let folder = tempfile::tempdir().expect("a folder");
     let (side, diameter) = (6, 1e-3);
     let spacing = diameter * (1.0 - 5e-3);
-    let mut grains = format!("##PERIODIC:: {0:?} {0:?} {0:?}\n", side as f64 * spacing);
+    let mut grains = format!(
+        "##PERIODIC:: {0:?} {0:?} {0:?}\n",
+        f64::from(side) * spacing
+    );
     for id in 0..side * side * side {
         for place in [id % side, id / side % side, id / side / side] {
-            let _ = write!(grains, "{:?} ", (place as f64 + 0.5) * spacing);
+            let _ = write!(grains, "{:?} ", (f64::from(place) + 0.5) * spacing);
         }
         let _ = writeln!(grains, "{:?}", 0.5 * diameter);
     }
