@@ -68,7 +68,7 @@ def test_indices_and_slices(disks: Run) -> None:
     assert [frame.index for frame in backwards] == [2, 0]
     assert [c.frame.index for c in disks.contacts(slice(2, 4))] == [2, 3]
     for index in (count, -count - 1):
-        with pytest.raises(IndexError, match=rf"no frame {index}: the run has 50 frames"):
+        with pytest.raises(IndexError, match=rf"no frame {index}: the run has 51 frames"):
             disks.frame(index)
 
 

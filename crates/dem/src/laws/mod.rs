@@ -12,7 +12,6 @@ pub mod keys;
 pub mod lee_hurley;
 pub mod mindlin;
 pub mod mixture;
-mod rescaled;
 pub mod rolling;
 mod rolling_spheres;
 pub mod tsuji;

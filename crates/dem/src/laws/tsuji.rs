@@ -32,12 +32,11 @@
 
 use std::sync::Arc;
 
-use super::hertz::{Damper, Hertz, PACKING_RESTITUTION, Spheres, impact};
+use super::hertz::{Damper, Hertz, PACKING_RESTITUTION, Rescaled, Spheres, impact};
 use super::keys::{
     DENSITY, Key, POISSON_RATIO, RESTITUTION, TANGENTIAL_DAMPING_RATIO, TANGENTIAL_HISTORY,
     YOUNG_MODULUS,
 };
-use super::rescaled::Rescaled;
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
 use crate::dimension::{Dimensions, Three};
