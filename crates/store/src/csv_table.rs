@@ -138,7 +138,7 @@ impl TableFile {
     pub fn create(path: &Path, names: &[&str]) -> Result<Self> {
         // The names are there as soon as the file is.
         let create = || -> std::io::Result<File> {
-            let mut part = text_writer::beside(path)?;
+            let mut part = disk::beside(path)?;
             part.write_all(&line(&StringRecord::from(names)))?;
             text_writer::give_name(part, path)
         };

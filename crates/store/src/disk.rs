@@ -1,12 +1,18 @@
 //! What the system does with files: bringing them and their names to disk, and what it says when
 //! that fails.
 
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io::{self, ErrorKind};
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 use gshear_dem::failure::Failure;
 use rustix::io::Errno;
+use tempfile::{Builder, NamedTempFile};
+
+/// Between the name of a file and the end of its temporary name.
+pub(crate) const RANDOM: usize = 6;
+pub(crate) const ENDING: &str = ".part";
 
 pub(crate) fn folder_of(path: &Path) -> &Path {
     match path.parent() {
@@ -80,6 +86,22 @@ pub fn unread(message: String) -> Failure {
 pub fn unwritten(path: &Path, why: &dyn std::fmt::Display) -> Failure {
     let why = reason(why);
     Failure::other(format!("{}: cannot be written: {why}", path.display()))
+}
+
+/// Creates a file beside `path`. It is removed when it is dropped; `persist` gives it its name.
+///
+/// # Errors
+/// A folder in which no file can be made.
+pub(crate) fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    let mut prefix = path.file_name().unwrap_or_default().to_owned();
+    prefix.push(".");
+    Builder::new()
+        .prefix(&prefix)
+        .rand_bytes(RANDOM)
+        .suffix(ENDING)
+        // As of every new file; the system takes away what the user does not want.
+        .permissions(Permissions::from_mode(0o666))
+        .tempfile_in(folder_of(path))
 }
 
 #[cfg(test)]

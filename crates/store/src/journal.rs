@@ -13,7 +13,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::disk::unwritten;
+use super::disk::{self, unwritten};
 use super::sound;
 use super::text_writer;
 use gshear_dem::failure::{Failure, Result};
@@ -120,7 +120,7 @@ impl Journal {
     pub fn write(&self, file: &Path) -> Result<()> {
         let path = path_of(file);
         let write = || -> std::io::Result<()> {
-            let mut part = text_writer::beside(&path)?;
+            let mut part = disk::beside(&path)?;
             part.write_all(&self.bytes())?;
             text_writer::give_name(part, &path).map(drop)
         };

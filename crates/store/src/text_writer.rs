@@ -9,42 +9,22 @@
 //! of the standard library and of the `hdf5` crate that make files in another way.
 
 use std::error::Error;
-use std::fs::{DirEntry, File, Permissions};
+use std::fs::{DirEntry, File};
 use std::io::{self, BufWriter, ErrorKind, Seek, SeekFrom, Write};
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::disk::{folder_of, sync_folder, unwritten};
+use crate::disk::{ENDING, RANDOM, beside, folder_of, sync_folder, unwritten};
 use crate::file_names::{LOG_FILE, SCENE_FILE, STATUS_FILE};
 use crate::run_reader::is_hdf5;
 use crate::sound;
 use gshear_dem::failure::{Failure, Result};
-use tempfile::{Builder, NamedTempFile};
+use tempfile::NamedTempFile;
 
-/// Between the name of a file and the end of its temporary name.
-const RANDOM: usize = 6;
-const ENDING: &str = ".part";
 /// Bytes of a text.
 const LONGEST: u64 = 64 << 20;
 /// A program that has not written to its file for so long was killed.
 const FORGOTTEN: Duration = Duration::from_hours(24);
-
-/// Creates a file beside `path`. It is removed when it is dropped; `persist` gives it its name.
-///
-/// # Errors
-/// A folder in which no file can be made.
-pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
-    let mut prefix = path.file_name().unwrap_or_default().to_owned();
-    prefix.push(".");
-    Builder::new()
-        .prefix(&prefix)
-        .rand_bytes(RANDOM)
-        .suffix(ENDING)
-        // As of every new file; the system takes away what the user does not want.
-        .permissions(Permissions::from_mode(0o666))
-        .tempfile_in(folder_of(path))
-}
 
 /// Brings a complete file to disk and gives it its name. Returns the file.
 ///
@@ -254,6 +234,8 @@ fn with_causes(error: &dyn Error) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
     use super::*;
 
     #[test]

@@ -6,7 +6,6 @@ use super::collective::{CollectiveOutcome, IdBlocks, agree, on_root, records_of}
 use super::disk::{self, unwritten};
 use super::h5::{Attribute, H5File, Word};
 use super::sound::{self, ReadFile};
-use super::text_writer;
 use gshear_dem::domain::total;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{
@@ -142,7 +141,7 @@ fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> 
 /// Returns its name on every rank. Collective.
 fn part_of(exchange: &dyn Parallel, folder: &Path) -> Result<(Option<TempPath>, OsString)> {
     let new = folder.join(NAME);
-    let made = || text_writer::beside(&new).map_err(|e| unwritten(&new, &e));
+    let made = || disk::beside(&new).map_err(|e| unwritten(&new, &e));
     let part = on_root(exchange, || made().map(Some))?.map(NamedTempFile::into_temp_path);
     let name = part.as_ref().and_then(|part| part.file_name());
     let name = exchange.broadcast(name.unwrap_or_default().as_bytes().to_vec());

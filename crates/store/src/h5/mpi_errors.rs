@@ -14,7 +14,7 @@ use hdf5_sys::{h5f, h5p};
 use mpi::ffi;
 use rustix::io::Errno;
 
-use crate::text_writer;
+use crate::disk;
 
 /// Bytes of the write by which the system is asked again.
 const ASKED_FOR: usize = 64 << 10;
@@ -107,8 +107,8 @@ pub(super) fn reason(path: &Path) -> Option<String> {
 /// What the system says of a write beside the file, which fails for the same reason where the disk
 /// is full or a quota is used up.
 fn asked_again(path: &Path) -> Option<String> {
-    let written = text_writer::beside(path)
-        .and_then(|file| file.as_file().write_all_at(&vec![0; ASKED_FOR], 0));
+    let written =
+        disk::beside(path).and_then(|file| file.as_file().write_all_at(&vec![0; ASKED_FOR], 0));
     told_by(&written.err()?)
 }
 
