@@ -39,7 +39,7 @@ fn read(folder: &Path) -> Result<()> {
     // Frames have every grain and every contact. A block of them is read at once.
     let length = run.block_length();
     for first in (0..run.frames()).step_by(length) {
-        for frame in run.block(first..run.frames().min(first + length))? {
+        for frame in run.records(first..run.frames().min(first + length))? {
             let sliding = frame.contacts.iter().filter(|c| c.sliding > 0).count();
             println!(
                 "step {:8}: {} contacts, {sliding} of them slide",

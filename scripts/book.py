@@ -40,11 +40,11 @@ LAWS = "docs/laws.md"
 PYTHON = "docs/python-api.md"
 # Modules of the Python package whose names users import.
 MODULES = ("__init__", "analysis", "plots", "mdanalysis")
-# What laws have beside them: file and title.
+# What laws have beside them: file and title; the adhesions follow the second.
 BESIDE_LAWS = {
-    "rolling_spheres": "rolling and twisting of spheres",
-    "attraction": "attraction",
-    "mixture": "several materials",
+    "laws/rolling_spheres.rs": "rolling and twisting of spheres",
+    "adhesions/mod.rs": "adhesion",
+    "laws/mixture.rs": "several materials",
 }
 
 ITEM = re.compile(r"^(?P<indent> *)- \[(?P<title>[^]]+)\]\((?P<path>[^)#\s]+\.md)\)")
@@ -327,24 +327,43 @@ def build(root: Path, mdbook: str, api: Path | None, book: Path) -> None:
     print(f"{len(pages.pages)} pages: {book / 'index.html'}")
 
 
+def listed(folder: Path, name: str) -> list[str]:
+    """The modules in a list of kinds, such as LAWS of laws/mod.rs."""
+    found = re.search(name + r"[^=]*=\s*&?\[(.*?)\]", (folder / "mod.rs").read_text(), re.S)
+    if found is None:
+        raise BookError(f"{folder}/mod.rs: no list {name}")
+    return re.findall(r"(\w+)::KIND", found[1])
+
+
+def titled(path: Path) -> str:
+    """The name of a law or an adhesion in its source file."""
+    found = re.search(r"name: \"([^\"]+)\"", path.read_text())
+    if found is None:
+        raise BookError(f"{path}: no name")
+    return found[1]
+
+
 def laws(root: Path) -> str:
     """The page of the contact laws, from the front pages of their source files."""
-    folder = root / "crates/dem/src/laws"
-    listed = re.search(r"LAWS[^=]*=\s*&?\[(.*?)\]", (folder / "mod.rs").read_text(), re.S)
-    if listed is None:
-        raise BookError(f"{folder}/mod.rs: no list LAWS")
-    names = re.findall(r"(\w+)::KIND", listed[1])
+    source = root / "crates/dem/src"
+    pages = {}
+    for name in listed(source / "laws", "LAWS"):
+        path = source / f"laws/{name}.rs"
+        pages[path] = titled(path)
+    for file, title in BESIDE_LAWS.items():
+        pages[source / file] = title
+        if file == "adhesions/mod.rs":
+            for name in listed(source / "adhesions", "ADHESIONS"):
+                path = source / f"adhesions/{name}.rs"
+                pages[path] = f"adhesion {titled(path)}"
     begin, end = "<!-- laws: generated -->\n", "<!-- end of laws -->\n"
     before, _, rest = (root / LAWS).read_text().partition(begin)
     text = ""
-    for name in [*names, *BESIDE_LAWS]:
-        source = (folder / f"{name}.rs").read_text()
-        key = re.search(r"name: \"([^\"]+)\"", source)
-        title = key[1] if key else BESIDE_LAWS.get(name)
-        if title is None:
-            raise BookError(f"{folder}/{name}.rs: no name of the law")
+    for path, title in pages.items():
         front = [
-            line[3:].removeprefix(" ") for line in source.splitlines() if line.startswith("//!")
+            line[3:].removeprefix(" ")
+            for line in path.read_text().splitlines()
+            if line.startswith("//!")
         ]
         text += f"\n## {title}\n\n" + typeset_comment("\n".join(front)) + "\n"
     return f"{before}{begin}{text}\n{end}{rest.partition(end)[2]}"

@@ -89,7 +89,9 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
     };
     let resume = arguments.resume.as_deref();
     let auto = resume == Some(Path::new(AUTO));
-    if let Some(path) = resume.filter(|_| !auto) {
+    if let Some(path) = resume
+        && !auto
+    {
         return resume_from(world, arguments, options, path);
     }
     if auto && (arguments.branch.is_some() || arguments.overwrite) {
@@ -185,8 +187,10 @@ fn is_within(packing: &Path, folder: &Path) -> bool {
     let of_a_run = file.extension().is_some_and(|of| of == "h5") || name.is_some_and(is_reduced);
     let place = if file.is_dir() {
         Some(&*file)
+    } else if of_a_run {
+        file.parent()
     } else {
-        file.parent().filter(|_| of_a_run)
+        None
     };
     place.is_some_and(|place| same_folder(place, folder))
 }

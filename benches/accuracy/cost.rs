@@ -168,7 +168,7 @@ const FINEST: u32 = RUNGS + 3;
 /// with the whole law, without rolling torques, and with normal springs alone.
 fn sample() -> Vec<Curve> {
     let sample = Sample::prepare();
-    let (material, contact) = (sample.material(), sample.scene.contact);
+    let (material, contact) = (sample.material(), sample.scene.contact.clone());
     let undamped = Material {
         damping_ratio: 0.0,
         sliding_damping: 0.0,

@@ -1,8 +1,8 @@
 //! What the dampers are given: the scheme of this program, and that of LAMMPS, for comparison.
 
 use gshear_dem::dimension::{Dimension, Two};
-use gshear_dem::domain::Accumulator;
-use gshear_dem::drive::{Drive, Felt, WallForces, WallSteps};
+
+use gshear_dem::drive::{Drive, Felt, WallForces, WallSteps, WallSums};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
 use gshear_dem::tuning::PassSettings;
@@ -75,8 +75,8 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.forces(settings, cell, step, grains)
     }
 
-    fn load(&self, felt: &Felt<'_, Two>, to: &mut [Accumulator; 3]) {
-        self.walls.load(felt, to);
+    fn load(&self, felt: &Felt<'_, Two>, sums: &mut WallSums) {
+        self.walls.load(felt, sums);
     }
 
     fn kick(&mut self, step: f64, load: WallForces, grains: &mut Grains<Two>) {

@@ -218,7 +218,10 @@ def test_removed_grains_are_told(tmp_path: Path, walls: Run) -> None:
         output.frame_rows = 10
     """
     (tmp_path / "hole.toml").write_text(scene)
+    assert walls.boundary == "rough walls"
     with Run(simulate(tmp_path / "hole.toml", tmp_path / "out", ranks=1, quiet=True)) as run:
+        assert run.boundary == "free surface"
+        assert all("removed" in frame for frame in run.frames)
         removed = [frame.removed for frame in run.frames]
         lowest = [frame.position[8, 1] for frame in run.frames]
         layers = analysis.profiles(run.frames[-1:], 4)

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use crate::common::{Outcome, gshear_mpi, run_scene};
+use crate::common::{self, Outcome, gshear_mpi, run_scene};
 use gshear_analysis::growth;
-use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
+use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE, STATUS_FILE};
 use gshear_store::run_reader::RunFile;
 
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
@@ -163,4 +163,31 @@ fn dampers_do_not_act_in_strain_steps() {
     for (a, b) in still.iter().zip(&damped) {
         assert!((a - b).abs() < 1e-9 * change, "{still:?} {damped:?}");
     }
+}
+
+/// `info` of a run whose strain steps are complete says what has become of the stage after them.
+#[test]
+fn info_says_that_a_later_stage_failed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = run(folder.path(), 1, &["--set=newtonian.growth_times=0.01"]);
+    assert_eq!(outcome.code, 0, "{}", outcome.text);
+    let info = || {
+        let mut command = common::reducer();
+        let output = common::succeed(command.arg("info").arg(folder.path()));
+        String::from_utf8(output.stdout).expect("text")
+    };
+    let text = info();
+    assert!(text.contains("\nstate     finished, digest "), "{text}");
+    assert!(!text.contains("then newtonian"), "{text}");
+    let status = folder.path().join(STATUS_FILE);
+    let text = std::fs::read_to_string(&status).expect("a status");
+    let failed = text
+        .replace("\"state\": \"done\"", "\"state\": \"failed\"")
+        .replace("\"message\": null", "\"message\": \"too fast\"");
+    assert_ne!(failed, text);
+    std::fs::write(&status, failed).expect("a status");
+    let text = info();
+    let then = "\n          then newtonian: failed: too fast (stage newtonian)\n";
+    assert!(text.contains("\nstate     finished, digest "), "{text}");
+    assert!(text.contains(then), "{text}");
 }

@@ -3,10 +3,12 @@
 
 use crate::common::protocols::{
     Case, DISKS, DISKS_BELOW_A_FREE_SURFACE, DISKS_UNDER_A_SERVO, DISKS_WITHOUT_WALLS, SPHERES,
-    SPHERES_BELOW_A_FREE_SURFACE, SPHERES_BETWEEN_FLAT_WALLS, SPHERES_UNDER_A_SERVO,
-    SPHERES_UNDER_A_SPRING, SPHERES_WITHOUT_WALLS, SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
+    SPHERES_BELOW_A_FREE_SURFACE, SPHERES_BETWEEN_FLAT_WALLS, SPHERES_UNDER_A_FLAT_TOP,
+    SPHERES_UNDER_A_SERVO, SPHERES_UNDER_A_SPRING, SPHERES_WITHOUT_WALLS,
+    SPHERES_WITHOUT_WALLS_UNDER_A_SERVO,
 };
 use crate::common::{self, copy_folder, gshear_mpi, reducer, same_run};
+use gshear_dem::state::body;
 use gshear_store::run_reader::RunFile;
 use tempfile::TempDir;
 
@@ -69,6 +71,16 @@ fn of_spheres() {
 #[test]
 fn of_spheres_between_flat_walls() {
     keeps_the_contracts(&SPHERES_BETWEEN_FLAT_WALLS);
+}
+
+#[test]
+fn of_spheres_under_a_flat_top() {
+    let folder = keeps_the_contracts(&SPHERES_UNDER_A_FLAT_TOP);
+    let run = RunFile::open(&folder.path().join("one")).expect("a run");
+    assert_eq!(run.boundary().name, "flat top");
+    let bodies = run.state(0).expect("a state").0;
+    let count = |body| bodies.iter().filter(|g| g.body == body).count();
+    assert!(count(body::BOTTOM) > 0 && count(body::TOP) == 0);
 }
 
 #[test]

@@ -87,9 +87,9 @@ fn agrees(folder: &Path, arguments: &[&str]) {
     let status = Status::read(folder).expect("a status");
     let steps = &lines["steps"];
     assert!(
-        steps.ends_with(&format!("shear {}", status.standing.step)),
+        steps.ends_with(&format!("shear {}", status.progress.step)),
         "{steps}: {}",
-        status.standing.step
+        status.progress.step
     );
     let file = RunFile::open(folder).expect("a run");
     let content = format!(
@@ -147,7 +147,7 @@ fn steps_are_guessed_from_the_height_between_the_walls() {
     assert_eq!(run.code, 75, "{}", run.text);
     let steps = Status::read(folder.path())
         .expect("a status")
-        .standing
+        .progress
         .steps;
     let lines = lines(&said(&scene));
     let (_, guess) = lines["steps"].split_once("shear about ").expect("a guess");
@@ -260,7 +260,7 @@ fn resident(out: &Path, arguments: &[&str]) -> f64 {
         let peak = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
         let peak = peak.and_then(|peak| peak.trim().trim_end_matches(" kB").parse::<f64>().ok());
         most = peak.map_or(most, |peak| 1024.0 * peak);
-        if !asked && Status::read(out).is_some_and(|status| status.standing.step > 50) {
+        if !asked && Status::read(out).is_some_and(|status| status.progress.step > 50) {
             common::signal(child.id(), "USR1");
             asked = true;
         }

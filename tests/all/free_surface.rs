@@ -102,7 +102,7 @@ fn the_work_is_that_of_the_centre_of_mass() {
     let set = ["shear.protocol=[{ time = 0.3 }]", "output.frame_rows=4"];
     let run = run_scene(folder.path(), "work", SLOPE, &set);
     let records = run.records(0..run.frames()).expect("frames");
-    let (grains, length) = (run.grains(), run.grains().length);
+    let (grains, length) = (run.grains(), run.periods()[0]);
     let place = |t: usize, axis: usize| {
         let free = (0..grains.count()).filter(|g| grains.body[*g] == 0);
         let of = |g: usize| {

@@ -6,7 +6,7 @@ use std::process::Output;
 
 use crate::common::crossing::{PACKED, SCENE};
 use crate::common::{self, gshear_mpi, reducer};
-use gshear_dem::state::FrameRecords;
+use gshear_dem::state::Frame;
 use gshear_store::checksums::{self, FRAMES, ROWS, of_numbers, weights};
 use gshear_store::run_reader::RunFile;
 use nalgebra::{DMatrix, Vector3};
@@ -41,7 +41,7 @@ fn text(path: &Path) -> &str {
 }
 
 /// All that is stored of the frames of these steps.
-fn frames(folder: &Path, steps: &[u64]) -> Vec<gshear_dem::state::Frame> {
+fn frames(folder: &Path, steps: &[u64]) -> Vec<Frame> {
     let run = RunFile::open(folder).expect("a run");
     let at = |step: &u64| run.frame_steps().binary_search(step).expect("a frame");
     let read = |step: &u64| run.frame(at(step)).expect("a frame");
@@ -238,7 +238,7 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
         contacts[contact.j as usize] += 1;
     }
     let bears = |g: usize| contacts[g] > if whole.grains().body[g] == 0 { 3 } else { 2 };
-    let apart = |frame: &FrameRecords, i: usize, j: usize| {
+    let apart = |frame: &Frame, i: usize, j: usize| {
         let mut r =
             Vector3::from(frame.grains[j].position) - Vector3::from(frame.grains[i].position);
         for axis in 0..2 {
@@ -250,7 +250,7 @@ fn frames_of_spheres_are_reduced_exported_and_compared() {
         }
         r
     };
-    let place = |frame: &FrameRecords, g: usize, axis: usize| {
+    let place = |frame: &Frame, g: usize, axis: usize| {
         let grain = &frame.grains[g];
         let turns = if axis < 2 {
             grain.image[axis] as f64 * periods[axis]
@@ -502,4 +502,43 @@ fn stages_replay_the_largest_drop() {
         assert!(read(&one) == read(&other), "{name} differs");
     }
     assert!(other.join("replay/run.h5").is_file() && !one.join("replay").exists());
+}
+
+/// `stability --birth` finds the rows that a run with a frame per row shows: there is no pair in
+/// the first state, whose tangential forces are zero, and one in the first row.
+#[test]
+fn the_birth_of_a_pair_is_found_in_rows_that_had_no_frame() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let [frames, kept] = ["frames", "kept"].map(|name| temporary.path().join(name));
+    let part = "shear.strain=0.03";
+    run(SCENE, 1, &frames, &[part, "output.frame_strain=0.005"]);
+    let set = [
+        part,
+        "output.frame_strain=0.03",
+        "output.keep_checkpoints=true",
+    ];
+    run(SCENE, 1, &kept, &set);
+    said(&reduce(&["stability", text(&frames)]), 0);
+    let table = std::fs::read_to_string(frames.join("stability.csv")).expect("a table");
+    let rows: Vec<Vec<&str>> = table.lines().map(|l| l.split(',').collect()).collect();
+    let column = |name: &str| rows[0].iter().position(|c| *c == name).expect("a column");
+    let (step, pairs) = (column("step"), column("pairs"));
+    let first = rows.iter().skip(1).position(|row| row[pairs] != "0.0");
+    let first = first.expect("a pair");
+    assert!(first > 0, "{table}");
+    let words = said(&reduce(&["stability", text(&kept), "--birth"]), 0);
+    let [before, after] = [first, first + 1].map(|row| rows[row][step]);
+    let found = format!("birth: a complex pair between steps {before} and {after}, ");
+    assert!(words.contains(&found), "{words}\n{table}");
+    // The frames before and after are whole frames of a run.
+    let again = RunFile::open(&kept.join("birth")).expect("a run");
+    assert_eq!(again.frame_steps()[0].to_string(), rows[1][step]);
+
+    // From a frame with a pair on there is no birth, and without a checkpoint no replay.
+    let late = ["stability", text(&frames), "--birth", "--frames", "2.."];
+    let words = said(&reduce(&late), 0);
+    assert!(words.contains("has a complex pair already"), "{words}");
+    let first_state = ["stability", text(&frames), "--birth", "--frames", "0..0"];
+    let words = said(&reduce(&first_state), 0);
+    assert!(words.contains("none of these frames"), "{words}");
 }

@@ -101,7 +101,7 @@ fn scalars_follow_grains_over_the_edge() {
     let unbroken = temporary.path().join("unbroken");
     whole(&unbroken, 1, &scalars).digest();
     let run_of = open(&unbroken);
-    let length = run_of.grains().length;
+    let length = run_of.periods()[0];
     let [first, last] = [0, 1].map(|t| {
         let frame = run_of.records(t..t + 1).expect("a frame").remove(0);
         let of_grain = |g: &GrainSample| g.position[0] + g.image[0] as f64 * length;

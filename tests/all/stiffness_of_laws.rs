@@ -1,11 +1,16 @@
 //! K of every law in `LAWS`, chosen as a run chooses it, against differences of its own forces: in
 //! every dimension it has, with and without friction and rolling resistance.
 
+use std::f64::consts::PI;
+use std::sync::Arc;
+
 use faer::{Par, c64};
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
+use gshear_dem::adhesions::constant::Constant;
+use gshear_dem::adhesions::dmt::Dmt;
+use gshear_dem::adhesions::jkr::Jkr;
 use gshear_dem::contact::TORQUES;
-use gshear_dem::contact::attraction::Attraction;
-use gshear_dem::contact::jkr::Jkr;
+use gshear_dem::contact::adhesion::AdhesionModel;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
@@ -212,7 +217,8 @@ impl<'a, D: Dimension> Packing<'a, D> {
             let radius = &self.system.grains().radius;
             let radii = [radius[at.i], radius[at.j]];
             let overlap = samples.overlap[at.block].0[at.lane];
-            let attraction = contact.attraction.contact(radii, overlap).pull;
+            let adhesion = contact.adhesion.as_ref();
+            let attraction = adhesion.map_or(0.0, |a| a.contact(radii, overlap).force);
             let normal = samples.normal[at.block].0[at.lane] + attraction;
             let tangential = samples.tangential[at.block];
             let tangential: Vec<f64> = (0..D::SPINS).map(|k| tangential[k].0[at.lane]).collect();
@@ -379,7 +385,7 @@ fn idle<D: LawSpace>(law: &Law, contact: &Contact) {
             assert!(error < 1e-6 * greatest, "{name}: {error:e} at {unknown:?}");
         }
     }
-    if contact.attraction == Attraction::default() {
+    if contact.adhesion.is_none() {
         let found = (jacobian.contacts, jacobian.k.to_dense().norm_max());
         assert_eq!(found, (0, 0.0), "{name}");
     }
@@ -392,19 +398,21 @@ fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
     let rolling: &[f64] = if rolls { &[0.0, 0.1] } else { &[0.0] };
     // Of a pair with this overlap about a half and a fifth of the spring's force.
     let force = 0.02 * law.normal_stiffness(0.5, 0.5, 0.03);
-    let attraction = Attraction {
-        constant: force,
-        per_radius: if D::SPINS == 3 { force } else { 0.0 },
-        jkr: None,
-    };
+    let constant = Constant { force };
+    let mut cases: Vec<(f64, Option<Arc<dyn AdhesionModel>>)> = vec![(0.0, None), (0.4, None)];
+    if D::SPINS == 3 {
+        // 4πγ is the force.
+        let dmt = Dmt::new(force / (4.0 * PI), constant);
+        cases.push((0.4, Some(Arc::new(dmt))));
+    } else {
+        cases.push((0.4, Some(Arc::new(constant))));
+    }
     // Weak, since it presses the closest pairs further, and they are near the end of the law.
-    let jkr = law.contact_modulus().map(|modulus| Attraction {
-        jkr: Some(Jkr::new(force / 3000.0, modulus)),
-        ..Attraction::NONE
-    });
-    let attractions = [Some(attraction), jkr].into_iter().flatten();
-    let without = [0.0, 0.4].map(|friction| (friction, Attraction::NONE));
-    for (friction, attraction) in without.into_iter().chain(attractions.map(|of| (0.4, of))) {
+    if let Some(modulus) = law.contact_modulus() {
+        let jkr = Jkr::new(force / 3000.0, modulus);
+        cases.push((0.4, Some(Arc::new(jkr))));
+    }
+    for (friction, adhesion) in cases {
         for &rolling_friction in rolling {
             let contact = Contact {
                 friction,
@@ -418,15 +426,15 @@ fn agrees_with_all_limits<D: LawSpace>(kind: &'static LawKind, rolls: bool) {
                 },
                 twisting_stiffness: None,
                 twisting_damping_ratio: 0.2,
-                attraction,
+                adhesion: adhesion.clone(),
                 ..Contact::NONE
             };
-            let of_all = (law.clone(), contact);
+            let of_all = (law.clone(), contact.clone());
             agrees::<D>(std::slice::from_ref(&of_all));
             let other = Contact {
                 friction: 2.0 * friction,
                 rolling_stiffness: Some(0.2 * law.normal_stiffness(0.5, 0.5, 0.03)),
-                ..contact
+                ..contact.clone()
             };
             let unlike = (law.clone(), other);
             agrees::<D>(&[of_all.clone(), unlike.clone(), unlike, of_all]);

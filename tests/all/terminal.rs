@@ -188,17 +188,17 @@ fn stopped_when(out: &Path, seen: impl Fn(&Status) -> bool) -> Status {
 fn the_status_says_how_far_a_run_has_come() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("out");
-    let seen = stopped_when(&out, |status| status.standing.stress_ratio.is_some());
+    let seen = stopped_when(&out, |status| status.progress.stress_ratio.is_some());
     assert_eq!(
-        (seen.state, &*seen.standing.stage),
+        (seen.state, &*seen.progress.stage),
         (RunState::Running, "shear")
     );
     assert!(
-        seen.standing.step > 0
+        seen.progress.step > 0
             && seen
-                .standing
+                .progress
                 .steps
-                .is_some_and(|steps| steps > seen.standing.step)
+                .is_some_and(|steps| steps > seen.progress.step)
     );
     assert!(seen.speed.is_some_and(|speed| speed > 0.0), "{seen:?}");
     assert!(seen.seconds_left.is_some_and(|left| left > 0.0), "{seen:?}");
@@ -213,7 +213,7 @@ fn the_status_says_how_far_a_run_has_come() {
     assert!(log.lines().count() > 1, "{log}");
     let stopped = status(&out);
     assert_eq!(stopped.state, RunState::Stopped);
-    assert!(stopped.standing.step >= seen.standing.step && stopped.run_id == seen.run_id);
+    assert!(stopped.progress.step >= seen.progress.step && stopped.run_id == seen.run_id);
     let id = format!("# run_id {}", seen.run_id);
     let scene = std::fs::read_to_string(out.join("scene.toml")).expect("a scene");
     assert!(scene.contains(&id), "{scene}");
@@ -230,7 +230,7 @@ fn the_status_says_how_far_a_run_has_come() {
     assert_eq!(failed.code, 3, "{}", failed.text);
     let found = status(&out);
     assert_eq!(
-        (found.state, &*found.standing.stage),
+        (found.state, &*found.progress.stage),
         (RunState::Failed, "pack")
     );
     let message = found.message.expect("a message");
@@ -241,10 +241,10 @@ fn the_status_says_how_far_a_run_has_come() {
     assert_eq!(done.code, 0, "{}", done.text);
     let found = status(&out);
     assert_eq!(
-        (found.state, found.standing.fraction),
+        (found.state, found.progress.fraction),
         (RunState::Done, Some(1.0))
     );
-    assert_eq!(Some(found.standing.step), found.standing.steps);
+    assert_eq!(Some(found.progress.step), found.progress.steps);
     assert!(found.message.is_none() && found.seconds_left.is_none());
     common::no_parts(&out);
 }
@@ -328,7 +328,7 @@ fn a_killed_run_is_said_to_be_killed() {
         .arg(&out)
         .spawn()
         .expect("the program starts");
-    while Status::read(&out).is_none_or(|status| status.standing.stress_ratio.is_none()) {
+    while Status::read(&out).is_none_or(|status| status.progress.stress_ratio.is_none()) {
         std::thread::sleep(Duration::from_millis(2));
     }
     let watched = || {
@@ -396,15 +396,15 @@ fn a_box_has_a_status() {
     assert_eq!(run.code, 75, "{}", run.text);
     let found = status(folder.path());
     assert_eq!(
-        (found.state, &*found.standing.stage),
+        (found.state, &*found.progress.stage),
         (RunState::Stopped, "aqs")
     );
-    assert_eq!(found.standing.step, 2);
+    assert_eq!(found.progress.step, 2);
     assert!(
-        found.standing.strain.is_some_and(|strain| strain > 0.0),
+        found.progress.strain.is_some_and(|strain| strain > 0.0),
         "{found:?}"
     );
-    assert!(found.standing.shear_stress.is_some() && found.standing.stress_ratio.is_none());
+    assert!(found.progress.shear_stress.is_some() && found.progress.stress_ratio.is_none());
 }
 
 /// The curve of a box begins at its start, though it is watched from later on.
@@ -424,7 +424,7 @@ fn a_box_is_watched_from_its_start() {
         .spawn()
         .expect("the program starts");
     let begun = Instant::now();
-    let is_under_way = |status: Status| status.standing.stage == "aqs" && status.standing.step > 20;
+    let is_under_way = |status: Status| status.progress.stage == "aqs" && status.progress.step > 20;
     let mut since = None;
     // Long enough for the run to write its first rows.
     while since.is_none_or(|since: Instant| since.elapsed() < Duration::from_secs(4)) {
@@ -470,7 +470,12 @@ fn control_characters_of_files_are_escaped() {
         let output = common::start(program).args(arguments).output();
         let output = output.expect("the program starts");
         let text = String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned();
-        assert_eq!(output.status.code(), Some(code), "{text}");
+        assert_eq!(
+            output.status.code(),
+            Some(code),
+            "{}: {text}",
+            output.status
+        );
         assert!(!hidden(&text), "{text:?}");
         text
     };

@@ -2,7 +2,6 @@
 //! over the edges of the cell, and packings of boxes.
 
 use crate::common::{gshear_mpi, reducer, run_scene, succeed};
-use gshear_dem::dimension::Two;
 use gshear_store::run_reader::RunFile;
 
 /// Disks of friction 0.4 at I = 0.02.
@@ -37,11 +36,11 @@ fn the_first_row_is_the_packed_sample() {
             .all(|(v, drive)| v == drive)
     );
     let greatest = |frame: usize| {
-        let velocities = flow.frame(frame).expect("a frame").velocity;
-        velocities
+        let grains = flow.frame(frame).expect("a frame").grains;
+        grains
             .iter()
-            .flatten()
-            .fold(0.0_f64, |most, v| most.max(v.abs()))
+            .flat_map(|grain| grain.velocity)
+            .fold(0.0_f64, |most: f64, v: f64| most.max(v.abs()))
     };
     assert!(greatest(0) < 1e-2 * drive[0]);
     assert!(greatest(1) > 0.5 * drive[0]);
@@ -71,7 +70,7 @@ fn the_stress_is_that_of_the_load() {
             .all(|p| *p > 0.0 && *p < 100.0)
     );
     assert!(latter("stress_zz").iter().all(|p| p.is_nan()));
-    assert!(!flow.has_walls() && flow.grains().body.iter().all(|body| *body == 0));
+    assert!(!flow.boundary().has_walls() && flow.grains().body.iter().all(|body| *body == 0));
 }
 
 #[test]
@@ -163,7 +162,7 @@ fn displacements_follow_images_and_offset() {
         let interval = flow.interval([from, to], [&records[from], &records[to]]);
         let shear = (strains[to] - strains[from]) * height;
         for (n, grain) in records[from].grains.iter().enumerate() {
-            let moved = interval.displacement::<Two>(n);
+            let moved = interval.displacement(n);
             let expected = shear * grain.position[1] / height;
             farthest = farthest.max((moved[0] - expected).abs());
         }

@@ -81,6 +81,12 @@ pub const SPHERES_BETWEEN_FLAT_WALLS: Case = Case {
     ..SPHERES
 };
 
+/// A plate on a bottom of grains.
+pub const SPHERES_UNDER_A_FLAT_TOP: Case = Case {
+    sample: &["sample.walls=flat-top"],
+    ..SPHERES_BETWEEN_FLAT_WALLS
+};
+
 /// All that a spring allows: what moves is its far end.
 pub const SPHERES_UNDER_A_SPRING: Case = Case {
     removed: &[],

@@ -3,12 +3,13 @@
 
 #![allow(dead_code)]
 
+use gshear_dem::boundary::ROUGH_WALLS;
 use gshear_dem::state::{
     BoxEdges, ContactForce, ContactSample, ContactState, Displacement, FramePart, GrainPosition,
     GrainSample, GrainState, HeldState, SeriesRow, Snapshot,
 };
 use gshear_store::h5::Attribute;
-use gshear_store::trajectory::{Form, GrainShape, RunHeader};
+use gshear_store::trajectory::{FrameFormat, GrainShape, RunHeader};
 
 fn hash(a: u64, b: u64, c: u64) -> u64 {
     let mut x =
@@ -41,10 +42,10 @@ pub fn shapes(grains: u64) -> Vec<GrainShape> {
 
 pub fn header(grains: &[GrainShape]) -> RunHeader<'_> {
     RunHeader {
-        walls: true,
+        boundary: &ROUGH_WALLS,
         units: true,
         series: &SeriesRow::COLUMNS,
-        form: Form::new(2, false),
+        form: FrameFormat::new(2, false),
         edges: [20.0, 15.5, 0.0],
         author: "the test",
         history_unit: "N",
@@ -82,7 +83,8 @@ fn image(t: u64, id: u64) -> [i64; 3] {
 
 pub fn grain(t: u64, id: u64) -> GrainSample {
     GrainSample {
-        id,
+        id: id as u32,
+        removed: 0,
         position: [number(t, id, 3), number(t, id, 4), 0.0],
         velocity: [number(t, id, 5), number(t, id, 6), 0.0],
         angular_velocity: [0.0, 0.0, number(t, id, 7)],

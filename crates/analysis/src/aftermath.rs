@@ -25,7 +25,7 @@ impl Aftermath {
 
 /// Root mean square displacement over the mean diameter from which the motion is a catastrophe: an
 /// overlap is a few hundredths of a diameter.
-pub const CATASTROPHE: f64 = 1e-2;
+pub(crate) const CATASTROPHE: f64 = 1e-2;
 /// The same up to which it is still the linear growth.
 pub const LINEAR: f64 = 1e-5;
 /// Share of the time, at the end, of which means are taken: without damping the packing vibrates.
@@ -84,35 +84,35 @@ impl BoxChange {
         let (&first, &last) = (series.time.first()?, series.time.last()?);
         let begin = last - END * (last - first);
         let from = series.time.partition_point(|t| *t < begin);
-        let ends = |column: &[f64]| {
-            (
-                column[0],
-                mean_in_time(&series.time[from..], &column[from..]),
-            )
-        };
-        let (pressure, stress) = (ends(series.pressure), ends(series.stress));
-        let relative = |column: &[f64]| {
-            let (before, after) = ends(column);
-            after / before - 1.0
-        };
-        let change = stress.1 - stress.0;
-        let first_with = |displacement: f64| {
+        let [pressure, stress, energy, contacts, msd] = [
+            series.pressure,
+            series.stress,
+            series.energy,
+            series.contacts,
+            series.msd,
+        ]
+        .map(|column| Ends {
+            before: column[0],
+            after: mean_in_time(&series.time[from..], &column[from..]),
+        });
+        let change = stress.after - stress.before;
+        let [linear_until, catastrophe_at] = [LINEAR, CATASTROPHE].map(|displacement| {
             let msd = (displacement * mean_diameter).powi(2);
             let row = series.msd.iter().position(|m| *m >= msd);
             row.map_or(f64::NAN, |row| series.time[row] - first)
-        };
+        });
         Some(Self {
-            pressure_before: pressure.0,
-            stress_before: stress.0,
+            pressure_before: pressure.before,
+            stress_before: stress.before,
             stress_change: change,
-            change_over_pressure: change.abs() / pressure.0,
-            change_over_stress: change.abs() / stress.0.abs(),
-            pressure_change: relative(series.pressure),
-            energy_change: relative(series.energy),
-            contacts_change: relative(series.contacts),
-            displacement: ends(series.msd).1.sqrt() / mean_diameter,
-            linear_until: first_with(LINEAR),
-            catastrophe_at: first_with(CATASTROPHE),
+            change_over_pressure: change.abs() / pressure.before,
+            change_over_stress: change.abs() / stress.before.abs(),
+            pressure_change: pressure.relative_change(),
+            energy_change: energy.relative_change(),
+            contacts_change: contacts.relative_change(),
+            displacement: msd.after.sqrt() / mean_diameter,
+            linear_until,
+            catastrophe_at,
         })
     }
 
@@ -128,14 +128,27 @@ impl BoxChange {
     }
 }
 
+/// A column at the start and at the end.
+struct Ends {
+    before: f64,
+    after: f64,
+}
+
+impl Ends {
+    fn relative_change(&self) -> f64 {
+        self.after / self.before - 1.0
+    }
+}
+
 /// Mean by the trapezoidal rule, because rows are not at equal intervals; of one row its value.
 fn mean_in_time(time: &[f64], values: &[f64]) -> f64 {
     let whole = time[time.len() - 1] - time[0];
     if whole <= 0.0 {
         return values[values.len() - 1];
     }
-    let part = |k: usize| 0.5 * (values[k] + values[k + 1]) * (time[k + 1] - time[k]);
-    (0..time.len() - 1).map(part).sum::<f64>() / whole
+    let intervals = 0..time.len() - 1;
+    let parts = intervals.map(|k| 0.5 * (values[k] + values[k + 1]) * (time[k + 1] - time[k]));
+    parts.sum::<f64>() / whole
 }
 
 #[cfg(test)]

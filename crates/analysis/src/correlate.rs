@@ -152,22 +152,24 @@ impl Regime {
     }
 
     fn rows(&self, subject: Subject) -> Vec<KeyedPair> {
-        let intervals = |of: fn(&FrameScalars) -> f64| {
-            let rows = (1..self.tau.len()).map(|k| {
-                let change = self.tau[k] - self.tau[k - 1];
-                row(change, of(&self.scalars[k]))
-            });
-            rows.collect()
-        };
         match subject {
-            Subject::Greatest => intervals(|s| s.dmin_greatest),
-            Subject::TopTenth => intervals(|s| s.dmin_top_tenth),
+            Subject::Greatest => self.intervals(|s| s.dmin_greatest),
+            Subject::TopTenth => self.intervals(|s| s.dmin_top_tenth),
             Subject::Phase(quantity, length) => {
                 let phases = self.phases.iter().filter(|phase| length.has(phase));
-                let rows = phases.map(|of| row(of.phase.change, quantity.of(of)));
+                let rows = phases.map(|phase| row(phase.phase.change, quantity.of(phase)));
                 rows.collect()
             }
         }
+    }
+
+    /// Δτ of every interval with one of its scalars.
+    fn intervals(&self, scalar: fn(&FrameScalars) -> f64) -> Vec<KeyedPair> {
+        let rows = (1..self.tau.len()).map(|k| {
+            let change = self.tau[k] - self.tau[k - 1];
+            row(change, scalar(&self.scalars[k]))
+        });
+        rows.collect()
     }
 
     /// Returns ρ and p of Δτ_p with `quantity` over long phases, in ranges of `by` over

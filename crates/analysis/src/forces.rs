@@ -1,8 +1,7 @@
-//! Contact forces of 2D frames: magnitude, direction, and change between two frames (LH section
-//! 3.2).
+//! Contact forces: magnitude, direction, and change between two frames (LH section 3.2).
 
-use super::neighbourhood::separation;
-use gshear_dem::state::{ContactSample, Disks, Frame};
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::state::{ContactSample, Frame, length};
 
 /// Returns |f| (N/m in 2D), normal and tangential part together.
 pub fn size(contact: &ContactSample) -> f64 {
@@ -10,27 +9,42 @@ pub fn size(contact: &ContactSample) -> f64 {
     (normal * normal + (x * x + y * y + z * z)).sqrt()
 }
 
-/// Returns n, from j to i, and the force f on i (N/m), in the coordinates of the cell.
-pub fn vector(grains: &Disks, frame: &Frame, contact: &ContactSample) -> ([f64; 2], [f64; 2]) {
-    let [i, j] = [contact.i, contact.j].map(|n| frame.position[n as usize]);
-    let d = separation(grains.length, j, i);
-    let distance = (d[0] * d[0] + d[1] * d[1]).sqrt();
-    let n = [d[0] / distance, d[1] / distance];
-    let (normal, tangential) = (contact.normal_force, contact.tangential_force[0]);
-    let f = [
-        normal * n[0] - tangential * n[1],
-        normal * n[1] + tangential * n[0],
-    ];
-    (n, f)
+/// A contact in the coordinates of the cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ContactVectors {
+    /// n, the unit vector from j to i.
+    pub normal: [f64; 3],
+    /// f on i (N; N/m in 2D).
+    pub force: [f64; 3],
 }
 
-/// Returns |θ| (rad), 0 … π/2: the angle between the x axis and the line of the contact force.
+/// Returns the direction of a contact and its force.
+pub(crate) fn vectors(frame: &Frame, contact: &ContactSample) -> ContactVectors {
+    let separation = frame.separation(contact.j, contact.i);
+    let distance = length(separation);
+    let n = separation.map(|x| x / distance);
+    let tangential = match frame.dimension {
+        // The component along (-n_y, n_x).
+        Dimensions::Two => {
+            let along = contact.tangential_force[0];
+            [-along * n[1], along * n[0], 0.0]
+        }
+        Dimensions::Three => contact.tangential_force,
+    };
+    ContactVectors {
+        normal: n,
+        force: std::array::from_fn(|k| contact.normal_force * n[k] + tangential[k]),
+    }
+}
+
+/// Returns |θ| (rad) of disks, 0 … π/2: the angle between the x axis and the line of the contact
+/// force.
 ///
 /// The angle is that of the line, not of the vector: i and j feel opposite forces, and their order
 /// in the contact is arbitrary.
-pub fn angle(grains: &Disks, frame: &Frame, contact: &ContactSample) -> f64 {
-    let (_, f) = vector(grains, frame, contact);
-    f[1].abs().atan2(f[0].abs())
+pub(crate) fn angle(frame: &Frame, contact: &ContactSample) -> f64 {
+    let [x, y, _] = vectors(frame, contact).force;
+    y.abs().atan2(x.abs())
 }
 
 /// Writes the differential force network to `changes`: the change of |f| of every contact of the
@@ -53,12 +67,12 @@ pub fn changes(earlier: &Frame, later: &Frame, changes: &mut Vec<f64>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{grains_in, pushed, touching};
+    use crate::testing::{pushed, touching};
     use std::f64::consts::PI;
 
     #[test]
     fn changes_are_those_of_the_size_of_contacts_in_both_frames() {
-        let frame = |contacts: &[ContactSample]| touching(Vec::new(), contacts.to_vec());
+        let frame = |contacts: &[ContactSample]| touching(10.0, &[], contacts.to_vec());
         let earlier = frame(&[
             pushed(0, 1, 3.0, -4.0),
             pushed(0, 2, 1.0, 0.0),
@@ -81,7 +95,6 @@ mod tests {
     #[test]
     fn the_force_is_turned_from_the_normal_by_its_tangential_part() {
         // Across the periodic boundary: the normal from grain 1 to grain 0 points along +x.
-        let grains = grains_in(10.0, &[1.0, 1.0]);
         for (normal, tangential, wanted) in [
             (1.0, 0.0, 0.0),
             (1.0, 1.0, PI / 4.0),
@@ -90,10 +103,10 @@ mod tests {
             (3.0_f64.sqrt(), 1.0, PI / 6.0),
         ] {
             let contact = pushed(0, 1, normal, tangential);
-            let frame = touching(vec![[0.4, 3.0], [8.5, 3.0]], vec![contact]);
-            let (n, f) = vector(&grains, &frame, &contact);
-            assert_eq!((n, f), ([1.0, 0.0], [normal, tangential]));
-            let found = angle(&grains, &frame, &contact);
+            let frame = touching(10.0, &[[0.4, 3.0], [8.5, 3.0]], vec![contact]);
+            let ContactVectors { normal: n, force } = vectors(&frame, &contact);
+            assert_eq!((n, force), ([1.0, 0.0, 0.0], [normal, tangential, 0.0]));
+            let found = angle(&frame, &contact);
             assert!((found - wanted).abs() < 1e-15, "{found} for {wanted}");
         }
     }

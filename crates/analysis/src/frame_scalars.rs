@@ -3,10 +3,11 @@
 //! contact-force angles in GR regions.
 
 use super::dmin::{self, NonAffine};
+use super::interval::Interval;
 use super::regions::{GrReading, MinPoints, Reduction, Regions};
 use super::spearman::{Spearman, sort_key};
 use super::stress::largest_principals;
-use gshear_dem::state::{Disks, Frame};
+use gshear_dem::state::{Frame, GrainConstants};
 
 /// Share of the defined D²min, the greatest ones, that g_t10%D²min averages.
 const TOP: f64 = 0.1;
@@ -70,7 +71,7 @@ impl FrameScalars {
     }
 
     /// Returns mean and median |θ| (rad) of the contacts of grains in GR regions.
-    pub fn region_angles(&self, reduction: Reduction) -> [f64; 2] {
+    pub(crate) fn region_angles(&self, reduction: Reduction) -> [f64; 2] {
         let [.., mean, median] = self.of_regions(reduction);
         [mean, median]
     }
@@ -98,7 +99,7 @@ pub struct Stressed {
 
 impl Stressed {
     /// Computes σ_p of every grain.
-    pub fn new(grains: &Disks, frame: Frame) -> Self {
+    pub fn new(grains: &GrainConstants, frame: Frame) -> Self {
         let principal = largest_principals(grains, &frame);
         Self { frame, principal }
     }
@@ -125,7 +126,7 @@ pub struct ScalarScratch {
 ///
 /// The result depends on the two frames alone, bit by bit, not on earlier uses of `scratch`.
 pub fn frame_scalars(
-    grains: &Disks,
+    grains: &GrainConstants,
     earlier: &Stressed,
     later: &Stressed,
     scratch: &mut ScalarScratch,
@@ -145,7 +146,8 @@ pub fn frame_scalars(
     stress_change.extend(principal.map(|(from, to)| (to - from).abs()));
     let (earlier, later) = (&earlier.frame, &later.frame);
     dmin.resize(grains.count(), 0.0);
-    non_affine.between(grains, radius, earlier, later, dmin);
+    let interval = Interval::between_walls([earlier, later]);
+    non_affine.between(grains, &interval, radius, dmin);
     regions.find(grains, earlier, later);
     let [net, losses, greatest_loss] = Reduction::ALL.map(|reduction| {
         let [one, two] = MinPoints::ALL.map(|min_points| {
@@ -154,7 +156,7 @@ pub fn frame_scalars(
                 min_points,
             }) as f64
         });
-        regions.angles(reduction, grains, later, angles);
+        regions.angles(reduction, later, angles);
         let [mean, median] = mean_and_median(angles);
         [one, two, mean, median]
     });
@@ -198,9 +200,13 @@ fn greatest(values: &[f64], keys: &mut Vec<u64>) -> (f64, f64) {
     }
     let top = &mut keys[..count];
     top.sort_unstable();
-    let value = |key: &u64| f64::from_bits(!key & !(1 << 63));
-    let sum: f64 = top.iter().map(value).sum();
-    (value(&top[0]), sum / count as f64)
+    let sum: f64 = top.iter().copied().map(value_of_key).sum();
+    (value_of_key(top[0]), sum / count as f64)
+}
+
+/// The value, not negative, whose sort key has these bits inverted.
+fn value_of_key(inverted: u64) -> f64 {
+    f64::from_bits(!inverted & !(1 << 63))
 }
 
 /// Mean and median (of an even number the mean of the middle two); NaN if empty. Sorts the values.
@@ -217,7 +223,7 @@ fn mean_and_median(values: &mut [f64]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{frame, grains_in, scattered};
+    use crate::testing::{frame, grains_of, scattered};
 
     #[test]
     fn the_greatest_tenth_is_of_the_defined_values() {
@@ -241,14 +247,14 @@ mod tests {
 
     #[test]
     fn what_a_scratch_was_used_for_before_does_not_matter() {
-        let grains = grains_in(40.0, &[1.0; 300]);
+        let grains = grains_of(&[1.0; 300]);
         let start = scattered(1, 300, 40.0, 30.0);
         let frames = [0, 1, 2, 3, 4, 5].map(|k: u32| {
             // Small moves, for which the pair lists stay valid, and a large one.
             let size = if k == 4 { 3.0 } else { 0.05 * f64::from(k) };
             let moves = scattered(2 + u64::from(k), 300, size, size);
             let places: Vec<_> = start.iter().zip(moves).map(|(r, d)| r + d).collect();
-            let mut frame = frame(&grains, &places);
+            let mut frame = frame(40.0, &places);
             for (n, contact) in frame.contacts.iter_mut().enumerate() {
                 contact.normal_force = 1.0 + (7.3 * n as f64 + f64::from(k)).sin();
                 contact.tangential_force[0] = 0.3 * (2.1 * n as f64 - f64::from(k)).cos();
@@ -264,9 +270,9 @@ mod tests {
             let fresh = bits(pair, &mut ScalarScratch::default());
             assert_eq!(bits(pair, &mut used), fresh);
         }
-        let fewer = grains_in(40.0, &[1.0; 200]);
+        let fewer = grains_of(&[1.0; 200]);
         let points = scattered(9, 200, 40.0, 30.0);
-        let still = Stressed::new(&fewer, frame(&fewer, &points));
+        let still = Stressed::new(&fewer, frame(40.0, &points));
         let again = frame_scalars(&fewer, &still, &still, &mut used);
         assert_eq!((again.dmin_greatest, again.regions), (0.0, 0.0));
         assert!(again.region_angle_mean.is_nan() && again.stress_dmin_rho.is_nan());

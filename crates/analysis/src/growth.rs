@@ -68,7 +68,7 @@ fn slope_beside(points: &[[f64; 2]], omega: f64) -> Option<f64> {
     const HARMONICS: usize = 6;
     let start = points.first()?[0];
     let length = points.last()?[0] - start;
-    let row = |t: f64, column: usize| {
+    let fit = LinearFit::new(points, 2 + 2 * HARMONICS, |t, column| {
         let t = t - start;
         match (column, column / 2) {
             (0, _) => 1.0,
@@ -76,25 +76,44 @@ fn slope_beside(points: &[[f64; 2]], omega: f64) -> Option<f64> {
             (even, n) if even % 2 == 0 => (n as f64 * omega * t).cos(),
             (_, n) => (n as f64 * omega * t).sin(),
         }
-    };
-    let (_, _, factors) = least_squares(points, 2 + 2 * HARMONICS, row)?;
-    Some(factors[1] / length)
+    })?;
+    Some(fit.factors[1] / length)
 }
 
-/// The functions `of`, of a time and a number, fitted to points: their values at the points as a
-/// matrix of columns, the points' values, and the factors of the functions.
-fn least_squares(
-    points: &[[f64; 2]],
-    functions: usize,
-    of: impl Fn(f64, usize) -> f64,
-) -> Option<(DMatrix<f64>, DVector<f64>, DVector<f64>)> {
-    let of = DMatrix::from_fn(points.len(), functions, |k, column| {
-        of(points[k][0], column)
-    });
-    let to = DVector::from_fn(points.len(), |k, _| points[k][1]);
-    let normal = (of.transpose() * &of).cholesky()?;
-    let factors = normal.solve(&(of.transpose() * &to));
-    Some((of, to, factors))
+/// A sum of functions fitted to points by least squares.
+struct LinearFit {
+    /// Values of the functions at the points, a column each.
+    functions: DMatrix<f64>,
+    /// Values of the points.
+    values: DVector<f64>,
+    /// Factors of the functions.
+    factors: DVector<f64>,
+}
+
+impl LinearFit {
+    /// Fits so many functions of a time, each with its number.
+    fn new(
+        points: &[[f64; 2]],
+        count: usize,
+        function: impl Fn(f64, usize) -> f64,
+    ) -> Option<Self> {
+        let functions = DMatrix::from_fn(points.len(), count, |k, column| {
+            function(points[k][0], column)
+        });
+        let values = DVector::from_fn(points.len(), |k, _| points[k][1]);
+        let normal = (functions.transpose() * &functions).cholesky()?;
+        let factors = normal.solve(&(functions.transpose() * &values));
+        Some(Self {
+            functions,
+            values,
+            factors,
+        })
+    }
+
+    /// Sum of the squared residuals.
+    fn residual(self) -> f64 {
+        (self.functions * self.factors - self.values).norm_squared()
+    }
 }
 
 /// Averages of the points over 400 equal intervals, so that dense rows do not outweigh sparse ones.
@@ -103,8 +122,10 @@ fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let [[first, _], .., [last, _]] = points else {
         return points.to_vec();
     };
-    let interval = |point: &[f64; 2]| ((point[0] - first) / (last - first) * INTERVALS).floor();
-    let parts = points.chunk_by(|a, b| interval(a) == interval(b));
+    let parts = points.chunk_by(|a, b| {
+        let [a, b] = [a, b].map(|point| ((point[0] - first) / (last - first) * INTERVALS).floor());
+        a == b
+    });
     parts.map(|part| joint_moments(part).0).collect()
 }
 
@@ -119,11 +140,16 @@ fn frequency(time: &[f64], msd: &[f64], omega_i: f64) -> Option<f64> {
     let dense = densest(time)?;
     let (time, msd) = (&time[dense.clone()], &msd[dense]);
     let start = time[0];
-    let value = |(t, m): (&f64, &f64)| [t - start, m * (-2.0 * omega_i * (t - start)).exp()];
-    let values: Vec<[f64; 2]> = time.iter().zip(msd).map(value).collect();
+    let values = time.iter().zip(msd);
+    let values: Vec<[f64; 2]> = values
+        .map(|(t, m)| [t - start, m * (-2.0 * omega_i * (t - start)).exp()])
+        .collect();
     let mean = values.iter().map(|v| v[1]).sum::<f64>() / values.len() as f64;
-    let is_rise = |w: &&[[f64; 2]]| w[0][1] < mean && w[1][1] >= mean;
-    let rises: Vec<f64> = values.windows(2).filter(is_rise).map(|w| w[0][0]).collect();
+    let pairs = values.windows(2);
+    let rises: Vec<f64> = pairs
+        .filter(|pair| pair[0][1] < mean && pair[1][1] >= mean)
+        .map(|pair| pair[0][0])
+        .collect();
     let (first, last) = (rises.first()?, rises.last()?);
     if rises.len() < 3 {
         return None;
@@ -164,15 +190,12 @@ fn densest(time: &[f64]) -> Option<std::ops::Range<usize>> {
 
 /// Sum of squared residuals of a + b cos ωt + c sin ωt.
 fn residual(values: &[[f64; 2]], omega: f64) -> f64 {
-    let row = |t: f64, column: usize| match column {
+    let fit = LinearFit::new(values, 3, |t, column| match column {
         0 => 1.0,
         1 => (omega * t).cos(),
         _ => (omega * t).sin(),
-    };
-    let fitted = least_squares(values, 3, row);
-    fitted.map_or(f64::INFINITY, |(of, to, factors)| {
-        (of * factors - to).norm_squared()
-    })
+    });
+    fit.map_or(f64::INFINITY, LinearFit::residual)
 }
 
 #[cfg(test)]

@@ -8,10 +8,10 @@
 //! | modules | quantities |
 //! | --- | --- |
 //! | [`phases`], [`tau`], [`drop_stages`], [`phase_measures`], [`correlate`] | stick and slip phases of τ, statistics per phase and their correlations |
-//! | [`displacement`], [`dmin`], [`event`], [`neighbourhood`] | D²min between two frames |
+//! | [`interval`], [`dmin`], [`displacement`], [`overlap`] | D²min and displacements between two frames |
 //! | [`regions`], [`dbscan`], [`rattlers`] | regions of rearranging grains (GR regions) |
 //! | [`forces`], [`mod@stress`], [`frame_scalars`] | contact forces, stresses, scalars of a frame |
-//! | [`moments`], [`time_mean`], [`spearman`], [`student`], [`ranges`] | statistics |
+//! | [`moments`], [`time_mean`], [`spearman`], [`ranges`] | statistics |
 //! | [`rate_state`] | rate-and-state friction: steps, holds, fits |
 //! | [`jacobian`], [`growth`] | stiffness matrix K, growth of its modes; [`gshear_spectrum`] has its eigenvalues |
 //!
@@ -41,13 +41,14 @@ pub mod dbscan;
 pub mod displacement;
 pub mod dmin;
 pub mod drop_stages;
-pub mod event;
 pub mod forces;
 pub mod frame_scalars;
 pub mod growth;
+pub mod interval;
 pub mod jacobian;
 pub mod moments;
-pub mod neighbourhood;
+mod neighbourhood;
+pub mod overlap;
 pub mod phase_measures;
 pub mod phases;
 pub mod ranges;
@@ -57,7 +58,7 @@ pub mod regions;
 pub mod spearman;
 pub mod stability;
 pub mod stress;
-pub mod student;
+pub(crate) mod student;
 pub mod tau;
 pub mod time_mean;
 

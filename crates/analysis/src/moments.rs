@@ -15,11 +15,11 @@ impl Moments {
     /// Computes them; the order of the values decides how sums are rounded.
     pub fn of(values: &[f64]) -> Self {
         let mean = mean(values);
-        let square = |value: &f64| (value - mean) * (value - mean);
+        let squares = values.iter().map(|value| (value - mean) * (value - mean));
         Self {
             count: values.len() as f64,
             mean,
-            squares: values.iter().map(square).sum(),
+            squares: squares.sum(),
         }
     }
 
@@ -46,7 +46,7 @@ pub fn mean(values: &[f64]) -> f64 {
 
 /// Returns the means of x and y of points, and the sums of (x - x̄)² and of (x - x̄)(y - ȳ), whose
 /// ratio is the slope of the least-squares line.
-pub fn joint_moments(points: &[[f64; 2]]) -> ([f64; 2], [f64; 2]) {
+pub(crate) fn joint_moments(points: &[[f64; 2]]) -> ([f64; 2], [f64; 2]) {
     let n = points.len() as f64;
     let [x, y] = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n);
     let spread = points.iter().map(|p| (p[0] - x) * (p[0] - x)).sum();
@@ -56,9 +56,11 @@ pub fn joint_moments(points: &[[f64; 2]]) -> ([f64; 2], [f64; 2]) {
 
 /// Returns the least and the greatest value, NaN left out; ∞ and -∞ without values.
 pub fn extent(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
-    let ends = [f64::INFINITY, f64::NEG_INFINITY];
-    let wider = |[low, high]: [f64; 2], value: f64| [low.min(value), high.max(value)];
-    values.into_iter().fold(ends, wider)
+    let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
+    for value in values {
+        (low, high) = (low.min(value), high.max(value));
+    }
+    [low, high]
 }
 
 /// Returns the items in groups of those that are the same as the first of the group, in the order

@@ -36,7 +36,7 @@ pub fn cells(length: f64, reach: f64, points: &[[f64; 2]]) -> Bins<Two> {
 /// All pairs of grains that may lie within a radius, in order of (i, j). The order does not depend
 /// on the frame the lists were made in, so sums over the pairs are reproducible.
 #[derive(Debug, Default)]
-pub struct NearPairs {
+pub(crate) struct NearPairs {
     length: f64,
     radius: f64,
     /// Positions that the lists were made from.
@@ -53,24 +53,26 @@ impl NearPairs {
     /// is L_x (m). Lists are rebuilt only if a grain has moved by half the skin.
     pub fn update(&mut self, length: f64, radius: f64, position: &[[f64; 2]]) {
         let skin = SKIN * radius;
-        let stayed = || {
-            let places = self.found_at.iter().zip(position);
-            places.fold(true, |stayed, (from, to)| {
-                let d = separation(length, *from, *to);
-                let is_near = d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin;
-                // A removed grain is near none.
-                stayed && (is_near || to[0].is_nan())
-            })
-        };
         let same =
             (self.length, self.radius, self.found_at.len()) == (length, radius, position.len());
-        if same && stayed() {
+        if same && self.have_stayed(skin, position) {
             return;
         }
         (self.length, self.radius) = (length, radius);
         self.found_at.clear();
         self.found_at.extend_from_slice(position);
         self.find(radius + skin);
+    }
+
+    /// Whether no grain has moved by half the skin.
+    fn have_stayed(&self, skin: f64, position: &[[f64; 2]]) -> bool {
+        let places = self.found_at.iter().zip(position);
+        places.fold(true, |stayed, (from, to)| {
+            let d = separation(self.length, *from, *to);
+            let is_near = d[0] * d[0] + d[1] * d[1] < 0.25 * skin * skin;
+            // A removed grain is near none.
+            stayed && (is_near || to[0].is_nan())
+        })
     }
 
     fn find(&mut self, cutoff: f64) {

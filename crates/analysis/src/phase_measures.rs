@@ -53,30 +53,31 @@ pub fn of(
 }
 
 fn measure(scalars: &[FrameScalars], reading: GrReading) -> PhaseMeasures {
-    let regions = || scalars.iter().map(|s| s.regions(reading));
-    let regions_least = regions().fold(f64::INFINITY, least);
-    let first = regions().position(|count| count == regions_least);
-    let last = regions().rposition(|count| count == regions_least);
-    let angles = |k: usize| scalars[k].region_angles(reading.reduction);
-    let [angle_mean, angle_median] = last.map_or([f64::NAN; 2], angles);
-    let one = |s: &FrameScalars| s.dmin_greatest;
-    let top = |s: &FrameScalars| s.dmin_top_tenth;
-    let max = |of: fn(&FrameScalars) -> f64| {
-        let values = scalars.iter().map(of);
-        values.fold(f64::NEG_INFINITY, |a, b| -least(-a, -b))
+    let regions: Vec<f64> = scalars.iter().map(|s| s.regions(reading)).collect();
+    let regions_least = regions.iter().copied().fold(f64::INFINITY, least);
+    let first = regions.iter().position(|count| *count == regions_least);
+    let last = regions.iter().rposition(|count| *count == regions_least);
+    let [angle_mean, angle_median] = match last {
+        Some(last) => scalars[last].region_angles(reading.reduction),
+        None => [f64::NAN; 2],
     };
-    let sum = |of: fn(&FrameScalars) -> f64| {
-        first.map_or(f64::NAN, |first| scalars[first..].iter().map(of).sum())
-    };
+    let greatest: Vec<f64> = scalars.iter().map(|s| s.dmin_greatest).collect();
+    let top: Vec<f64> = scalars.iter().map(|s| s.dmin_top_tenth).collect();
     PhaseMeasures {
-        dmin_max: max(one),
-        top_max: max(top),
-        dmin_sum: sum(one),
-        top_sum: sum(top),
+        dmin_max: maximum(&greatest),
+        top_max: maximum(&top),
+        dmin_sum: first.map_or(f64::NAN, |first| greatest[first..].iter().sum()),
+        top_sum: first.map_or(f64::NAN, |first| top[first..].iter().sum()),
         regions_least,
         angle_mean,
         angle_median,
     }
+}
+
+/// The greatest of some numbers, or NaN if one is NaN.
+fn maximum(values: &[f64]) -> f64 {
+    let values = values.iter();
+    values.fold(f64::NEG_INFINITY, |a, b| -least(-a, -b))
 }
 
 /// The lesser of two numbers, or NaN if either is NaN; `f64::min` would ignore the NaN.

@@ -1,5 +1,7 @@
 //! Stick and slip phases: maximal monotone runs of τ (LH section 3.2).
 
+use std::ops::Range;
+
 use crate::moments::mean;
 
 /// A phase is long if t_p exceeds this many intervals Δγ (LH section 3.3).
@@ -41,6 +43,18 @@ pub struct Phase {
 }
 
 impl Phase {
+    /// The phase of these rows of τ(γ).
+    fn between(strain: &[f64], tau: &[f64], rows: Range<usize>, kind: PhaseKind) -> Self {
+        let (start, end) = (rows.start, rows.end - 1);
+        Self {
+            start,
+            end,
+            strain: [strain[start], strain[end]],
+            change: tau[end] - tau[start],
+            kind,
+        }
+    }
+
     /// Returns t_p in intervals Δγ of the series.
     pub fn duration(&self) -> usize {
         self.end - self.start
@@ -81,11 +95,10 @@ gshear_dem::columns! {
 impl PhaseStatistics {
     /// Counts phases and takes their means.
     pub fn of(phases: &[Phase]) -> Self {
-        let changes = |kind| -> Vec<f64> {
-            let of_kind = phases.iter().filter(|phase| phase.kind == kind);
-            of_kind.map(|phase| phase.change).collect()
-        };
-        let [stick, slip] = [PhaseKind::Stick, PhaseKind::Slip].map(changes);
+        let [stick, slip] = [PhaseKind::Stick, PhaseKind::Slip].map(|kind| -> Vec<f64> {
+            let phases = phases.iter().filter(|phase| phase.kind == kind);
+            phases.map(|phase| phase.change).collect()
+        });
         Self {
             stick_phases: stick.len() as f64,
             slip_phases: slip.len() as f64,
@@ -98,8 +111,8 @@ impl PhaseStatistics {
 
 /// Returns the first row from which on a regime counts: γ, which may return, has come to `onset`.
 pub fn onset(strain: &[f64], onset: f64) -> usize {
-    let is_there = |strain: &f64| *strain >= onset;
-    strain.iter().position(is_there).unwrap_or(strain.len())
+    let first = strain.iter().position(|strain| *strain >= onset);
+    first.unwrap_or(strain.len())
 }
 
 /// Returns the phases of τ(γ), both `[L]`. The interval of the rows is the Δγ in which t_p is
@@ -112,27 +125,17 @@ pub fn find(strain: &[f64], tau: &[f64]) -> Vec<Phase> {
     let rows: Vec<usize> = (0..tau.len()).collect();
     for finite in rows.split(|&row| !tau[row].is_finite()) {
         if let [first, .., last] = finite {
-            find_finite(strain, tau, [*first, *last], &mut phases);
+            find_finite(strain, tau, *first..*last + 1, &mut phases);
         }
     }
     phases
 }
 
-/// The phases from the row `first` to the row `last`, with finite values between them.
-fn find_finite(strain: &[f64], tau: &[f64], [first, last]: [usize; 2], phases: &mut Vec<Phase>) {
-    let mut start = first;
+/// The phases of rows with finite values.
+fn find_finite(strain: &[f64], tau: &[f64], rows: Range<usize>, phases: &mut Vec<Phase>) {
+    let mut start = rows.start;
     let mut kind = None;
-    let mut close = |start: usize, end: usize, kind: PhaseKind| {
-        let (strain, change) = ([strain[start], strain[end]], tau[end] - tau[start]);
-        phases.push(Phase {
-            start,
-            end,
-            strain,
-            change,
-            kind,
-        });
-    };
-    for k in first + 1..=last {
+    for k in rows.start + 1..rows.end {
         let now = if tau[k] < tau[k - 1] {
             PhaseKind::Slip
         } else if tau[k] > tau[k - 1] {
@@ -143,12 +146,12 @@ fn find_finite(strain: &[f64], tau: &[f64], [first, last]: [usize; 2], phases: &
         if let Some(before) = kind.replace(now)
             && before != now
         {
-            close(start, k - 1, before);
+            phases.push(Phase::between(strain, tau, start..k, before));
             start = k - 1;
         }
     }
     if let Some(kind) = kind {
-        close(start, last, kind);
+        phases.push(Phase::between(strain, tau, start..rows.end, kind));
     }
 }
 

@@ -36,6 +36,13 @@ impl Bins {
         }
     }
 
+    /// The number of the last edge that a positive value is not below.
+    fn number(self, value: f64) -> i32 {
+        let guess = (f64::from(self.per_decade()) * value.log10()).floor() as i32;
+        // The logarithm of an edge may be rounded down.
+        guess + i32::from(value >= self.edge(guess + 1))
+    }
+
     fn range(self, number: i32) -> ValueRange {
         let [nearer, farther] = [number, number + 1].map(|k| self.edge(k));
         ValueRange { nearer, farther }
@@ -43,7 +50,7 @@ impl Bins {
 
     /// Returns the ranges of Δτ and Δτ_p: slip from the greatest to the least, then stick from the
     /// least to the greatest. |Δτ| begins at 1e-5; the last range is open.
-    pub fn of_stress_changes(self) -> Vec<ValueRange> {
+    pub(crate) fn of_stress_changes(self) -> Vec<ValueRange> {
         let first = LEAST * self.per_decade();
         let last = (LAST + 1) * self.per_decade() - 1;
         let mut up: Vec<ValueRange> = (first..=last).map(|k| self.range(k)).collect();
@@ -60,13 +67,8 @@ impl Bins {
     /// Returns the ranges that hold all positive finite `values`, at most the greatest 24 of them.
     /// Empty if no value is positive and finite.
     pub fn around(self, values: impl Iterator<Item = f64>) -> Vec<ValueRange> {
-        let number = |value: f64| {
-            let guess = (f64::from(self.per_decade()) * value.log10()).floor() as i32;
-            // The logarithm of an edge may be rounded down.
-            guess + i32::from(value >= self.edge(guess + 1))
-        };
-        let numbers = values.filter(|v| v.is_finite() && *v > 0.0).map(number);
-        let numbers: Vec<i32> = numbers.collect();
+        let positive = values.filter(|v| v.is_finite() && *v > 0.0);
+        let numbers: Vec<i32> = positive.map(|value| self.number(value)).collect();
         let (Some(&low), Some(&high)) = (numbers.iter().min(), numbers.iter().max()) else {
             return Vec::new();
         };
@@ -95,7 +97,7 @@ impl ValueRange {
 
 /// A pair of values and the value that decides which range it belongs to.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KeyedPair {
+pub(crate) struct KeyedPair {
     /// Value that selects the range.
     pub by: f64,
     /// The two values to correlate.
@@ -103,13 +105,16 @@ pub struct KeyedPair {
 }
 
 /// Returns Spearman's ρ and p of the pairs in each range.
-pub fn correlations(rows: &[KeyedPair], ranges: &[ValueRange]) -> Vec<(ValueRange, Correlation)> {
+pub(crate) fn correlations(
+    rows: &[KeyedPair],
+    ranges: &[ValueRange],
+) -> Vec<(ValueRange, Correlation)> {
     let mut spearman = Spearman::default();
-    let within = |range: &ValueRange| {
+    let correlations = ranges.iter().map(|range| {
         let rows = rows.iter().filter(|row| range.contains(row.by));
         (*range, spearman.of(rows.map(|row| row.pair)))
-    };
-    ranges.iter().map(within).collect()
+    });
+    correlations.collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Rattlers: grains with too few contacts to carry load.
 
-use gshear_dem::state::{ContactSample, Disks};
+use gshear_dem::state::{ContactSample, Frame, GrainConstants};
 
 /// Which grains are rattlers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -25,19 +25,14 @@ pub enum RattlerRule {
 }
 
 impl RattlerRule {
-    /// Marks the rattlers of a frame in so many dimensions. `rattler` becomes `[N]`, by grain id.
-    pub fn mark(
-        self,
-        axes: usize,
-        grains: &Disks,
-        touching: &[ContactSample],
-        rattler: &mut Vec<bool>,
-    ) {
+    /// Marks the rattlers of a frame. `rattler` becomes `[N]`, by grain id.
+    pub fn mark(self, grains: &GrainConstants, frame: &Frame, rattler: &mut Vec<bool>) {
+        let axes = frame.dimension.axes();
         match self {
-            Self::LeeHurley => mark(axes, grains, touching, rattler),
+            Self::LeeHurley => mark_below_coordination(axes, grains, &frame.contacts, rattler),
             Self::Balance { friction } => {
                 let least = if friction { 2 } else { axes + 1 };
-                mark_unbalanced(least, grains, touching, rattler);
+                mark_unbalanced(least, grains, &frame.contacts, rattler);
             }
             Self::None => {
                 rattler.clear();
@@ -50,7 +45,7 @@ impl RattlerRule {
 /// Marks the free grains with fewer than `least` contacts with others that are not marked.
 fn mark_unbalanced(
     least: usize,
-    grains: &Disks,
+    grains: &GrainConstants,
     touching: &[ContactSample],
     rattler: &mut Vec<bool>,
 ) {
@@ -63,8 +58,8 @@ fn mark_unbalanced(
             pair.iter().for_each(|n| contacts[*n as usize] += 1);
         }
         let mut is_done = true;
-        for (n, of) in contacts.iter().enumerate() {
-            if grains.body[n] == 0 && !rattler[n] && *of < least {
+        for (n, count) in contacts.iter().enumerate() {
+            if grains.body[n] == 0 && !rattler[n] && *count < least {
                 (rattler[n], is_done) = (true, false);
             }
         }
@@ -74,39 +69,74 @@ fn mark_unbalanced(
     }
 }
 
-/// Marks the rattlers of a frame in so many dimensions by [`RattlerRule::LeeHurley`].
-///
-/// `rattler` becomes `[N]`, by grain id.
-pub fn mark(axes: usize, grains: &Disks, touching: &[ContactSample], rattler: &mut Vec<bool>) {
+/// Marks the grains with `axes` contacts or fewer, in a wall one fewer.
+fn mark_below_coordination(
+    axes: usize,
+    grains: &GrainConstants,
+    touching: &[ContactSample],
+    rattler: &mut Vec<bool>,
+) {
     let mut contacts = vec![0; grains.count()];
     for contact in touching {
         contacts[contact.i as usize] += 1;
         contacts[contact.j as usize] += 1;
     }
     rattler.clear();
-    let of_bodies = contacts.iter().zip(&grains.body);
-    rattler.extend(of_bodies.map(|(&of, &body)| of <= if body == 0 { axes } else { axes - 1 }));
+    let counts = contacts.iter().zip(&grains.body);
+    rattler.extend(counts.map(|(count, body)| *count <= if *body == 0 { axes } else { axes - 1 }));
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{contact, grains_in};
+    use crate::testing::{contact, grains_of, touching};
+    use gshear_dem::dimension::Dimensions::{self, Three, Two};
+
+    /// Marks the rattlers of grains with these contacts.
+    fn mark(
+        rule: RattlerRule,
+        dimension: Dimensions,
+        grains: &GrainConstants,
+        contacts: &[ContactSample],
+        rattler: &mut Vec<bool>,
+    ) {
+        let mut frame = touching(10.0, &[], contacts.to_vec());
+        frame.dimension = dimension;
+        rule.mark(grains, &frame, rattler);
+    }
 
     #[test]
     fn a_free_grain_needs_three_contacts_and_a_wall_grain_two() {
-        let mut grains = grains_in(10.0, &[1.0; 5]);
+        let mut grains = grains_of(&[1.0; 5]);
         grains.body = vec![0, 0, 1, 2, 0];
         // Number of contacts of the grains 0 … 4: 3, 2, 2, 1, 0.
         let contacts = vec![contact(0, 1), contact(0, 2), contact(0, 3), contact(1, 2)];
         let mut rattler = vec![true; 9];
-        mark(2, &grains, &contacts, &mut rattler);
+        mark(
+            RattlerRule::LeeHurley,
+            Two,
+            &grains,
+            &contacts,
+            &mut rattler,
+        );
         assert_eq!(rattler, [false, true, false, true, true]);
         // A free sphere needs four contacts, a wall sphere three.
-        mark(3, &grains, &contacts, &mut rattler);
+        mark(
+            RattlerRule::LeeHurley,
+            Three,
+            &grains,
+            &contacts,
+            &mut rattler,
+        );
         assert_eq!(rattler, [true; 5]);
         let contacts = [&contacts[..], &[contact(0, 4), contact(2, 4)]].concat();
-        mark(3, &grains, &contacts, &mut rattler);
+        mark(
+            RattlerRule::LeeHurley,
+            Three,
+            &grains,
+            &contacts,
+            &mut rattler,
+        );
         assert_eq!(rattler, [false, true, false, true, true]);
     }
 
@@ -127,23 +157,23 @@ mod tests {
             (6, 7),
         ];
         let contacts = pairs.map(|(i, j)| contact(i, j));
-        let mut grains = grains_in(10.0, &[1.0; 8]);
+        let mut grains = grains_of(&[1.0; 8]);
         let mut rattler = Vec::new();
-        let mut marked = |rule: RattlerRule, axes: usize, grains: &Disks| -> Vec<usize> {
-            rule.mark(axes, grains, &contacts, &mut rattler);
+        let mut marked = |rule, dimension, grains: &GrainConstants| -> Vec<usize> {
+            mark(rule, dimension, grains, &contacts, &mut rattler);
             (0..8).filter(|n| rattler[*n]).collect()
         };
         let [with, without] = [true, false].map(|friction| RattlerRule::Balance { friction });
-        assert_eq!(marked(without, 2, &grains), [4, 5, 6, 7]);
-        assert_eq!(marked(without, 3, &grains), [0, 1, 2, 3, 4, 5, 6, 7]);
-        for axes in [2, 3] {
-            assert_eq!(marked(with, axes, &grains), [7]);
+        assert_eq!(marked(without, Two, &grains), [4, 5, 6, 7]);
+        assert_eq!(marked(without, Three, &grains), [0, 1, 2, 3, 4, 5, 6, 7]);
+        for dimension in [Two, Three] {
+            assert_eq!(marked(with, dimension, &grains), [7]);
         }
-        assert_eq!(marked(RattlerRule::None, 2, &grains), [0; 0]);
+        assert_eq!(marked(RattlerRule::None, Two, &grains), [0; 0]);
         // Grains 5 and 7 have two contacts and one: fewer than three.
-        assert_eq!(marked(RattlerRule::LeeHurley, 2, &grains), [5, 7]);
+        assert_eq!(marked(RattlerRule::LeeHurley, Two, &grains), [5, 7]);
         // Grains of walls are held.
         (grains.body[7], grains.body[5]) = (1, 2);
-        assert_eq!(marked(without, 2, &grains), [0; 0]);
+        assert_eq!(marked(without, Two, &grains), [0; 0]);
     }
 }

@@ -3,7 +3,7 @@
 
 use super::dbscan::Dbscan;
 use super::forces;
-use gshear_dem::state::{Disks, Frame};
+use gshear_dem::state::{Frame, GrainConstants};
 
 /// Share of all grains, those of the greatest reduction, that form the regions.
 pub const SHARE: f64 = 0.01;
@@ -81,7 +81,7 @@ pub struct Regions {
     points: Vec<[f64; 2]>,
     dbscan: Dbscan,
     /// By [`Reduction`].
-    found: [Clusters; 3],
+    clusters: [Clusters; 3],
 }
 
 /// The grains of the greatest reduction, and their clusters by [`MinPoints`].
@@ -101,7 +101,7 @@ impl Regions {
     /// Contacts made or lost count as 0. The regions are made of 1 % of all grains N, rounded and
     /// at least one; among equals lower ids come first. Grains whose reduction is not negative
     /// never belong to a region.
-    pub fn find(&mut self, grains: &Disks, earlier: &Frame, later: &Frame) {
+    pub fn find(&mut self, grains: &GrainConstants, earlier: &Frame, later: &Frame) {
         forces::changes(earlier, later, &mut self.changes);
         for reduction in Reduction::ALL {
             self.reduction.clear();
@@ -121,49 +121,49 @@ impl Regions {
         let wanted = ((SHARE * reduction.len() as f64).round() as usize).max(1);
         order.clear();
         order.extend((0..reduction.len() as u32).filter(|n| reduction[*n as usize] < 0.0));
-        let by_reduction = |a: &u32, b: &u32| {
-            let [x, y] = [a, b].map(|n| reduction[*n as usize]);
-            x.total_cmp(&y).then(a.cmp(b))
-        };
         if order.len() > wanted {
-            order.select_nth_unstable_by(wanted, by_reduction);
+            order.select_nth_unstable_by(wanted, |a, b| {
+                let [x, y] = [a, b].map(|n| reduction[*n as usize]);
+                x.total_cmp(&y).then(a.cmp(b))
+            });
             order.truncate(wanted);
         }
         order.sort_unstable();
     }
 
-    fn cluster(&mut self, grains: &Disks, later: &Frame, reduction: Reduction) {
-        let found = &mut self.found[reduction as usize];
-        Self::choose(&self.reduction, &mut found.grains);
-        found.within.clear();
-        found.within.resize(grains.count(), false);
+    fn cluster(&mut self, grains: &GrainConstants, later: &Frame, reduction: Reduction) {
+        let clusters = &mut self.clusters[reduction as usize];
+        Self::choose(&self.reduction, &mut clusters.grains);
+        clusters.within.clear();
+        clusters.within.resize(grains.count(), false);
         self.points.clear();
-        for n in &found.grains {
-            found.within[*n as usize] = true;
-            self.points.push(later.position[*n as usize]);
+        for n in &clusters.grains {
+            clusters.within[*n as usize] = true;
+            let [x, y, _] = later.position(*n as usize);
+            self.points.push([x, y]);
         }
         let epsilon = EPSILON * grains.mean_radius();
         for reading in MinPoints::ALL {
-            let (length, points) = (grains.length, &self.points);
-            let (least, labels) = (reading.count(), &mut found.labels[reading as usize]);
+            let (length, points) = (later.cell.periods[0], &self.points);
+            let (least, labels) = (reading.count(), &mut clusters.labels[reading as usize]);
             let count = self.dbscan.clusters(length, epsilon, least, points, labels);
-            found.counts[reading as usize] = count;
+            clusters.counts[reading as usize] = count;
         }
     }
 
     /// Returns the ids of the grains of the greatest reduction, ascending.
     pub fn grains(&self, reduction: Reduction) -> &[u32] {
-        &self.found[reduction as usize].grains
+        &self.clusters[reduction as usize].grains
     }
 
     /// Returns the region of each of [`Self::grains`]; `None` for noise.
     pub fn labels(&self, reading: GrReading) -> &[Option<u32>] {
-        &self.found[reading.reduction as usize].labels[reading.min_points as usize]
+        &self.clusters[reading.reduction as usize].labels[reading.min_points as usize]
     }
 
     /// Returns the number of regions.
     pub fn count(&self, reading: GrReading) -> usize {
-        self.found[reading.reduction as usize].counts[reading.min_points as usize]
+        self.clusters[reading.reduction as usize].counts[reading.min_points as usize]
     }
 
     /// Returns the differential force network (N/m), one value per contact of the later frame.
@@ -173,44 +173,39 @@ impl Regions {
 
     /// Writes to `angles` |θ| (rad) of every contact of the later frame with at least one grain in
     /// a region.
-    pub fn angles(
-        &self,
-        reduction: Reduction,
-        grains: &Disks,
-        later: &Frame,
-        angles: &mut Vec<f64>,
-    ) {
-        let found = &self.found[reduction as usize];
-        let within = |n: u32| found.within[n as usize];
-        let contacts = later.contacts.iter();
-        let of_regions = contacts.filter(|c| within(c.i) || within(c.j));
+    pub fn angles(&self, reduction: Reduction, later: &Frame, angles: &mut Vec<f64>) {
+        let within = &self.clusters[reduction as usize].within;
         angles.clear();
-        angles.extend(of_regions.map(|contact| forces::angle(grains, later, contact)));
+        for contact in &later.contacts {
+            if within[contact.i as usize] || within[contact.j as usize] {
+                angles.push(forces::angle(later, contact));
+            }
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{grains_in, pushed, touching};
+    use crate::testing::{grains_of, pushed, touching};
 
     /// 300 grains in a row along x, 1 apart, each touching the next; contact k has the force
     /// `force(k)`.
     fn chain(force: impl Fn(u32) -> f64) -> Frame {
         let contact = |k: u32| pushed(k, k + 1, force(k), 0.0);
-        let places = (0..300).map(|k| [f64::from(k), 0.0]).collect();
-        touching(places, (0..299).map(contact).collect())
+        let places: Vec<[f64; 2]> = (0..300).map(|k| [f64::from(k), 0.0]).collect();
+        touching(300.0, &places, (0..299).map(contact).collect())
     }
 
     /// The regions of a chain whose contacts all had the force 10, and the number of angles in
     /// those by the net reduction, all along x. With a radius of 0.4, ε = 2 and 1 % are three
     /// grains.
     fn found(later: &Frame) -> (Regions, usize) {
-        let grains = grains_in(300.0, &[0.4; 300]);
+        let grains = grains_of(&[0.4; 300]);
         let mut regions = Regions::default();
         regions.find(&grains, &chain(|_| 10.0), later);
         let mut angles = vec![1.0];
-        regions.angles(NET, &grains, later, &mut angles);
+        regions.angles(NET, later, &mut angles);
         assert!(angles.iter().all(|angle| *angle == 0.0));
         (regions, angles.len())
     }

@@ -41,11 +41,11 @@ impl Spearman {
         }
         let [x, y] = &self.ranks;
         let mean = count as i64 + 1;
-        let product = |a: &[i64], b: &[i64]| -> f64 {
+        let [xy, xx, yy] = [[x, y], [x, x], [y, y]].map(|[a, b]| {
             let terms = a.iter().zip(b).map(|(a, b)| (a - mean) * (b - mean));
             terms.map(i128::from).sum::<i128>() as f64
-        };
-        let rho = product(x, y) / (product(x, x) * product(y, y)).sqrt();
+        });
+        let rho = xy / (xx * yy).sqrt();
         let rho = rho.clamp(-1.0, 1.0);
         let p = student::two_sided(rho, count);
         Correlation { rho, p, count }
@@ -64,7 +64,6 @@ fn doubled_ranks(
     // The last bits of the value are replaced by its row: one integer sorts faster than a pair of
     // value and row.
     let rows = keys.len().next_power_of_two() as u64 - 1;
-    let key_of = |entry: &u64| keys[(entry & rows) as usize];
     order.clear();
     order.extend(keys.iter().zip(0..).map(|(key, row)| key & !rows | row));
     order.sort_unstable();
@@ -73,9 +72,9 @@ fn doubled_ranks(
     let mut first = 0;
     for alike in order.chunk_by_mut(|a, b| a & !rows == b & !rows) {
         if alike.len() > 1 {
-            alike.sort_unstable_by_key(key_of);
+            alike.sort_unstable_by_key(|entry| keys[(entry & rows) as usize]);
         }
-        for tied in alike.chunk_by(|a, b| key_of(a) == key_of(b)) {
+        for tied in alike.chunk_by(|a, b| keys[(a & rows) as usize] == keys[(b & rows) as usize]) {
             // Tied values have the ranks first + 1 … first + length; this is twice their average.
             let doubled = (2 * first + tied.len() + 1) as i64;
             for entry in tied {

@@ -38,8 +38,8 @@ impl Stability {
     }
 
     /// Counts the eigenvalues of a matrix of this norm.
-    pub fn of_values(values: &[c64], norm: f64) -> Self {
-        let mut found = Self {
+    pub(crate) fn of_values(values: &[c64], norm: f64) -> Self {
+        let mut stability = Self {
             pair_real: f64::NAN,
             real_least: f64::INFINITY,
             real_greatest: f64::NEG_INFINITY,
@@ -50,26 +50,26 @@ impl Stability {
             if verdict == Verdict::Zero {
                 continue;
             }
-            found.real_least = found.real_least.min(value.re);
-            found.real_greatest = found.real_greatest.max(value.re);
+            stability.real_least = stability.real_least.min(value.re);
+            stability.real_greatest = stability.real_greatest.max(value.re);
             match verdict {
                 // One of the two.
                 Verdict::Pair if value.im > 0.0 => {
-                    found.pairs += 1.0;
-                    found.pairs_negative += f64::from(u8::from(value.re < 0.0));
-                    if value.im > found.imaginary_greatest {
-                        (found.imaginary_greatest, found.pair_real) = (value.im, value.re);
+                    stability.pairs += 1.0;
+                    stability.pairs_negative += f64::from(u8::from(value.re < 0.0));
+                    if value.im > stability.imaginary_greatest {
+                        (stability.imaginary_greatest, stability.pair_real) = (value.im, value.re);
                     }
-                    found.growth_rate = found.growth_rate.max(value.sqrt().im);
+                    stability.growth_rate = stability.growth_rate.max(value.sqrt().im);
                 }
                 Verdict::Real if value.re < 0.0 => {
-                    found.negative += 1.0;
-                    found.growth_rate = found.growth_rate.max((-value.re).sqrt());
+                    stability.negative += 1.0;
+                    stability.growth_rate = stability.growth_rate.max((-value.re).sqrt());
                 }
                 _ => {}
             }
         }
-        found
+        stability
     }
 }
 

@@ -12,7 +12,7 @@ use std::f64::consts::PI;
 /// ```text
 /// p = P(|t| ≥ |ρ| √(ν/(1-ρ²))) = I_x(ν/2, ½),  ν = count - 2,  x = 1-ρ²
 /// ```
-pub fn two_sided(rho: f64, count: usize) -> f64 {
+pub(crate) fn two_sided(rho: f64, count: usize) -> f64 {
     if rho.is_nan() || count < 3 {
         return f64::NAN;
     }
@@ -52,13 +52,17 @@ fn gamma_ratio(a: f64) -> f64 {
     factor * a.sqrt() * sum
 }
 
+/// The value, or a tiny one in place of values that would make the next division overflow.
+fn away_from_zero(value: f64) -> f64 {
+    const TINY: f64 = 1e-300;
+    if value.abs() < TINY { TINY } else { value }
+}
+
 /// Continued fraction of the incomplete beta function by the method of Lentz: I_x(a, b) is x^a
 /// (1-x)^b/(a B(a, b)) times this (NIST DLMF 8.17.22). It converges fast for x < (a+1)/(a+b+2).
 fn continued_fraction(a: f64, b: f64, x: f64) -> f64 {
-    const TINY: f64 = 1e-300;
-    let away = |value: f64| if value.abs() < TINY { TINY } else { value };
     let mut c = 1.0;
-    let mut d = 1.0 / away(1.0 - (a + b) * x / (a + 1.0));
+    let mut d = 1.0 / away_from_zero(1.0 - (a + b) * x / (a + 1.0));
     let mut fraction = d;
     for m in 1..10_000 {
         let m = f64::from(m);
@@ -66,8 +70,8 @@ fn continued_fraction(a: f64, b: f64, x: f64) -> f64 {
         let odd = -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0));
         let before = fraction;
         for term in [even, odd] {
-            d = 1.0 / away(1.0 + term * d);
-            c = away(1.0 + term / c);
+            d = 1.0 / away_from_zero(1.0 + term * d);
+            c = away_from_zero(1.0 + term / c);
             fraction *= c * d;
         }
         if (fraction - before).abs() <= f64::EPSILON * fraction.abs() {

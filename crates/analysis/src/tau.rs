@@ -31,16 +31,17 @@ impl TauReading {
         let every = self.every.get();
         let first = if self.average { every } else { 0 };
         let rows: Vec<usize> = (first..shear.len()).step_by(every).collect();
-        let value = |row: &usize| {
-            let from = if self.average { row + 1 - every } else { *row };
-            let sum = |of: &[f64]| of[from..=*row].iter().sum::<f64>();
-            sum(shear) / sum(normal)
-        };
-        let rounded = |tau: f64| match self.round {
-            Some(unit) => (tau / unit).round() * unit,
-            None => tau,
-        };
-        let values = rows.iter().map(|row| rounded(value(row))).collect();
+        let values = rows.iter().map(|&row| {
+            let from = if self.average { row + 1 - every } else { row };
+            let [shear, normal] =
+                [shear, normal].map(|forces| forces[from..=row].iter().sum::<f64>());
+            let tau = shear / normal;
+            match self.round {
+                Some(unit) => (tau / unit).round() * unit,
+                None => tau,
+            }
+        });
+        let values = values.collect();
         (rows, values)
     }
 }

@@ -4,16 +4,17 @@ use nalgebra::{Matrix2, Vector2};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use gshear_dem::state::{ContactSample, Disks, Frame};
+use bytemuck::Zeroable;
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::state::{Cell, ContactSample, Frame, GrainConstants, GrainSample};
 
-/// Returns free grains of the given radii in a cell of length L_x.
-pub fn grains_in(length: f64, radius: &[f64]) -> Disks {
+/// Returns free grains of the given radii.
+pub fn grains_of(radius: &[f64]) -> GrainConstants {
     let n = radius.len();
-    Disks {
+    GrainConstants {
         radius: radius.to_vec(),
         body: vec![0; n],
         mass: vec![1.0; n],
-        length,
     }
 }
 
@@ -22,7 +23,7 @@ pub fn contact(i: u32, j: u32) -> ContactSample {
     ContactSample {
         i: i.min(j),
         j: i.max(j),
-        ..bytemuck::Zeroable::zeroed()
+        ..ContactSample::zeroed()
     }
 }
 
@@ -35,20 +36,28 @@ pub fn pushed(i: u32, j: u32, normal_force: f64, tangential_force: f64) -> Conta
     }
 }
 
-/// Returns a frame of 2D grains at these places, with these contacts.
-pub fn touching(position: Vec<[f64; 2]>, contacts: Vec<ContactSample>) -> Frame {
+/// Returns a frame of disks between walls at these places, with these contacts; `length`: L_x.
+pub fn touching(length: f64, places: &[[f64; 2]], contacts: Vec<ContactSample>) -> Frame {
+    let grain = |[x, y]: &[f64; 2]| GrainSample {
+        position: [*x, *y, 0.0],
+        ..GrainSample::zeroed()
+    };
     Frame {
-        position,
+        dimension: Dimensions::Two,
+        cell: Cell::between_walls([length, f64::INFINITY]),
+        step: 0,
+        time: 0.0,
+        grains: places.iter().map(grain).collect(),
         contacts,
-        ..Frame::default()
     }
 }
 
 /// Returns contacts that leave no rattler among n ≥ 5 grains.
-pub fn enough_contacts(n: usize) -> Vec<ContactSample> {
+pub(crate) fn enough_contacts(n: usize) -> Vec<ContactSample> {
     let n = n as u32;
-    let of = |i: u32| [contact(i, (i + 1) % n), contact(i, (i + 2) % n)];
-    (0..n).flat_map(of).collect()
+    (0..n)
+        .flat_map(|i| [contact(i, (i + 1) % n), contact(i, (i + 2) % n)])
+        .collect()
 }
 
 /// Returns points drawn uniformly from `width` × `height` around the periodic boundary x = 0, not
@@ -66,12 +75,12 @@ pub fn mapped(points: &[Vector2<f64>], map: Matrix2<f64>) -> Vec<Vector2<f64>> {
 }
 
 /// Returns a frame of these points, wrapped into [0, L_x), without rattlers.
-pub fn frame(grains: &Disks, points: &[Vector2<f64>]) -> Frame {
-    let place = |r: &Vector2<f64>| [r.x.rem_euclid(grains.length), r.y];
-    let image = |r: &Vector2<f64>| r.x.div_euclid(grains.length) as i64;
-    let position = points.iter().map(place).collect();
-    Frame {
-        image: points.iter().map(image).collect(),
-        ..touching(position, enough_contacts(points.len()))
+pub fn frame(length: f64, points: &[Vector2<f64>]) -> Frame {
+    let place = |r: &Vector2<f64>| [r.x.rem_euclid(length), r.y];
+    let places: Vec<[f64; 2]> = points.iter().map(place).collect();
+    let mut frame = touching(length, &places, enough_contacts(points.len()));
+    for (grain, r) in frame.grains.iter_mut().zip(points) {
+        grain.image[0] = r.x.div_euclid(length) as i64;
     }
+    frame
 }

@@ -55,7 +55,7 @@ impl TimeMean {
     /// rows, as from [`durations`]. Rows in which one of them is not finite do not count.
     ///
     /// The error is that of the mean of the linearised residuals (S - τN)/⟨N⟩, by
-    /// [`block_error`]: to first order those of a ratio of means (Cochran, *Sampling Techniques*,
+    /// `block_error`: to first order those of a ratio of means (Cochran, *Sampling Techniques*,
     /// 1977, section 6.3).
     ///
     /// # Panics
@@ -67,9 +67,10 @@ impl TimeMean {
             .map(|((s, n), w)| [*s, *n, *w])
             .filter(|row| row.iter().all(|value| value.is_finite()))
             .collect();
-        let sum = |value: fn(&[f64; 3]) -> f64| rows.iter().map(value).sum::<f64>();
-        let (shear, normal) = (sum(|[s, _, w]| w * s), sum(|[_, n, w]| w * n));
-        let (time, count) = (sum(|[.., w]| *w), rows.len() as f64);
+        let shear: f64 = rows.iter().map(|[s, _, w]| w * s).sum();
+        let normal: f64 = rows.iter().map(|[_, n, w]| w * n).sum();
+        let time: f64 = rows.iter().map(|[.., w]| *w).sum();
+        let count = rows.len() as f64;
         let mean = shear / normal;
         let scale = count / normal;
         let residuals: Vec<f64> = (rows.iter())
@@ -92,18 +93,18 @@ const EQUAL: f64 = 1e-6;
 /// unit.
 pub fn durations(time: &[f64], first: usize) -> Vec<f64> {
     let rows = first..time.len();
-    let interval = |row: usize| match row {
+    let intervals = rows.map(|row| match row {
         0 if time.len() > 1 => (time[1] - time[0]).abs(),
         0 => 1.0,
         row => (time[row] - time[row - 1]).abs(),
-    };
-    let found: Vec<f64> = rows.map(interval).collect();
-    let mean = found.iter().sum::<f64>() / found.len() as f64;
-    let is_equal = |interval: &f64| (interval - mean).abs() <= EQUAL * mean;
-    if mean.is_nan() || mean <= 0.0 || found.iter().all(is_equal) {
-        return vec![1.0; found.len()];
+    });
+    let intervals: Vec<f64> = intervals.collect();
+    let mean = intervals.iter().sum::<f64>() / intervals.len() as f64;
+    let mut deviations = intervals.iter().map(|interval| (interval - mean).abs());
+    if mean.is_nan() || mean <= 0.0 || deviations.all(|by| by <= EQUAL * mean) {
+        return vec![1.0; intervals.len()];
     }
-    found
+    intervals
 }
 
 /// Least number of blocks from whose scatter the error of the mean is taken.
@@ -115,7 +116,7 @@ const FEWEST_BLOCKS: usize = 4;
 /// The block length B is the least power of two with B³ > 2n (e_B/e_1)⁴, e_B being the error from
 /// blocks of length B (Lee et al. 2011, PRE 83, 066706), or the longest one that leaves four
 /// blocks. NaN for fewer than four values.
-pub fn block_error(values: &[f64]) -> f64 {
+pub(crate) fn block_error(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let mut blocks = values.to_vec();
     let (mut length, mut first, mut error) = (1.0, f64::NAN, f64::NAN);

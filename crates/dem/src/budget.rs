@@ -49,7 +49,7 @@ pub struct NormalWork {
 
 impl NormalWork {
     /// That of a constant load until now, for a run whose load begins to vary.
-    pub fn of_constant_load(piston: &Piston, begin: &Begin) -> Self {
+    pub(crate) fn of_constant_load(piston: &Piston, begin: &Begin) -> Self {
         let kinetic = 0.5 * piston.mass * piston.velocity * piston.velocity;
         Self {
             work: -piston.load * (piston.height - begin.height) - kinetic,
@@ -204,7 +204,7 @@ impl EnergyBudget {
     }
 
     /// Whether the kinetic energy of the top belongs to the sample.
-    pub fn has_wall(&self) -> bool {
+    pub(crate) fn has_wall(&self) -> bool {
         self.normal.is_none()
     }
 
@@ -259,12 +259,12 @@ impl EnergyBudget {
         exchange: &dyn Exchange,
         isa: Isa,
         law: &dyn PairModel,
-        of: SampleState<'_>,
+        sample: SampleState<'_>,
     ) -> EnergyBalance {
         // Elastic energies are greater than the energy dissipated in a step.
         let elastic_unit = FixedPoint::new(self.unit * 2f64.powi(36));
         let mut elastic = [Accumulator::default(); ELASTIC];
-        add_elastic(isa, law, &of, elastic_unit, &mut elastic);
+        add_elastic(isa, law, &sample, elastic_unit, &mut elastic);
         let mut set_back = [Accumulator::default(); 2];
         for (of_kind, count) in set_back.iter_mut().zip(self.set_back) {
             elastic_unit.add_whole(of_kind, count, self.unit);
@@ -280,8 +280,8 @@ impl EnergyBudget {
         ];
         let [normal, tangential, rolling, set_back @ ..] = elastic_unit.total(exchange, parts);
         let elastic = [normal, tangential, rolling];
-        let energy = of.kinetic + elastic.iter().sum::<f64>();
-        let begin = self.begin.filter(|begin| begin.gravity == of.gravity);
+        let energy = sample.kinetic + elastic.iter().sum::<f64>();
+        let begin = self.begin.filter(|begin| begin.gravity == sample.gravity);
         let begin = begin.unwrap_or_else(|| {
             self.twice_dissipated = self.last_power;
             self.work = 0.0;
@@ -290,9 +290,9 @@ impl EnergyBudget {
             }
             Begin {
                 energy,
-                height: of.height,
-                potential: of.potential,
-                gravity: of.gravity,
+                height: sample.height,
+                potential: sample.potential,
+                gravity: sample.gravity,
                 set_back,
             }
         });
@@ -310,8 +310,8 @@ impl EnergyBudget {
         dissipated[dissipation::FRICTION] += set_back[0] - begin.set_back[0];
         dissipated[dissipation::ROLLING] += set_back[1] - begin.set_back[1];
         let work_load = match self.normal {
-            None => -of.load * (of.height - begin.height),
-            Some(normal) => normal.work + (begin.potential - of.potential),
+            None => -sample.load * (sample.height - begin.height),
+            Some(normal) => normal.work + (begin.potential - sample.potential),
         };
         let missing =
             self.work + work_load - (energy - begin.energy) - dissipated.iter().sum::<f64>();
@@ -350,14 +350,14 @@ pub struct SampleState<'a> {
 fn add_elastic(
     isa: Isa,
     law: &dyn PairModel,
-    of: &SampleState<'_>,
+    sample: &SampleState<'_>,
     unit: FixedPoint,
     sums: &mut [Accumulator; ELASTIC],
 ) {
-    let contacts = of.contacts;
+    let contacts = sample.contacts;
     let owned = contacts.owned_blocks;
     let mut energies = vec![[Lanes16::ZERO; ELASTIC]; owned];
-    law.energies(isa, &contacts.elastic(of.overlap), &mut energies);
+    law.energies(isa, &contacts.elastic(sample.overlap), &mut energies);
     for (energies, touching) in energies.iter().zip(&contacts.touching) {
         for (sum, lanes) in sums.iter_mut().zip(energies) {
             for lane in (0..LANES).filter(|lane| touching >> lane & 1 == 1) {

@@ -93,12 +93,12 @@ impl Clock {
             "phase (s)", "min", "mean", "max", "share"
         );
         for (k, (_, name)) in PHASES.iter().enumerate() {
-            let of = |f: fn(f64, f64) -> f64, from| all.iter().fold(from, |a, r| f(a, r[k]));
+            let folded = |f: fn(f64, f64) -> f64, from| all.iter().fold(from, |a, r| f(a, r[k]));
             let mean = all.iter().map(|r| r[k]).sum::<f64>() / ranks;
             text += &format!(
                 "{name:<20}{:>10.3}{mean:>10.3}{:>10.3}{:>8.1}%\n",
-                of(f64::min, f64::INFINITY),
-                of(f64::max, 0.0),
+                folded(f64::min, f64::INFINITY),
+                folded(f64::max, 0.0),
                 100.0 * mean * ranks / sum.max(f64::MIN_POSITIVE),
             );
         }

@@ -73,9 +73,8 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
         differences: &mut Self::Fields,
         of_j: &mut [Lanes16; 8],
     );
-    /// Adds forces and torques to the grains of a block of pairs. The terms are the force on i, the
-    /// torque on i, and that on j.
-    fn add_forces<L: Lanes>(terms: [Vector<L>; 3], sums: &mut [Self::Force], pairs: PairBlock<'_>);
+    /// Adds forces and torques to the grains of a block of pairs.
+    fn add_forces<L: Lanes>(forces: &PairForces<L>, sums: &mut [Self::Force], pairs: PairBlock<'_>);
 
     /// a·b.
     fn dot<L: Lanes>(a: &Vector<L>, b: &Vector<L>) -> L;
@@ -87,6 +86,16 @@ pub trait Dimension: Debug + Default + Clone + Copy + Send + Sync + 'static {
     fn moment<L: Lanes>(n: &Vector<L>, f: &Vector<L>) -> Vector<L>;
     /// F_n n + F_t.
     fn force<L: Lanes>(n: &Vector<L>, normal: L, tangential: &Vector<L>) -> Vector<L>;
+}
+
+/// What sixteen contacts do to their grains; zeros where none acts.
+pub struct PairForces<L> {
+    /// The force on i; that on j is its opposite (N; N/m in 2D).
+    pub force: Vector<L>,
+    /// The torque on i (N m; N in 2D).
+    pub torque_i: Vector<L>,
+    /// The torque on j.
+    pub torque_j: Vector<L>,
 }
 
 /// x a + b.
@@ -157,12 +166,9 @@ impl Dimension for Two {
     }
 
     #[inline(always)]
-    fn add_forces<L: Lanes>(
-        [force, torque_i, torque_j]: [Vector<L>; 3],
-        sums: &mut [Force2],
-        pairs: PairBlock<'_>,
-    ) {
-        let terms = [force[0], force[1], torque_i[0], torque_j[0]];
+    fn add_forces<L: Lanes>(forces: &PairForces<L>, sums: &mut [Force2], pairs: PairBlock<'_>) {
+        let [x, y, _] = forces.force;
+        let terms = [x, y, forces.torque_i[0], forces.torque_j[0]];
         L::add_forces_2d(terms, sums, pairs);
     }
 
@@ -244,7 +250,8 @@ impl Dimension for Three {
     }
 
     #[inline(always)]
-    fn add_forces<L: Lanes>(terms: [Vector<L>; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+    fn add_forces<L: Lanes>(forces: &PairForces<L>, sums: &mut [CacheLine], pairs: PairBlock<'_>) {
+        let terms = [forces.force, forces.torque_i, forces.torque_j];
         L::add_forces_3d(terms, sums, pairs);
     }
 

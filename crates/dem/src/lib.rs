@@ -94,7 +94,8 @@
 //! | --- | --- |
 //! | [`step`] | the time step in named phases: read it first |
 //! | [`laws`] | the contact laws, one per file, and their list |
-//! | [`contact`] | the interface of a law |
+//! | [`adhesions`] | what holds grains together beside a law, one per file, and their list |
+//! | [`contact`] | the interfaces of a law and of an adhesion |
 //! | [`kernel`] | the loop over the contacts, sixteen at a time |
 //! | [`simd`], [`threads`] | instruction sets with the same bits, threads of a rank |
 //! | [`tuning`] | settings that are tried while a run goes on |
@@ -102,7 +103,8 @@
 //! | [`state`], [`system`] | grains, contacts and the cell; their upkeep between two steps |
 //! | [`neighbour`] | cells and the half list of candidate pairs |
 //! | [`domain`] | exchange between ranks, slabs, exact sums |
-//! | [`drive`], [`protocol`], [`wave`] | walls, and what is imposed on them |
+//! | [`boundary`] | what bounds a sample, and what follows from it |
+//! | [`drive`], [`protocol`], [`wave`] | its motion, and what is imposed on it |
 //! | [`observe`], [`columns`](mod@columns) | rows, frames and the digest; columns of tables |
 //! | [`budget`], [`clock`] | energy budget; time per phase |
 //! | [`failure`] | failures and exit codes |
@@ -143,6 +145,8 @@
 //! global sum in f64 ([`domain::FixedPoint`]); no order that comes from the extent of a list or
 //! from a hash map.
 
+pub mod adhesions;
+pub mod boundary;
 pub mod budget;
 pub mod clock;
 pub mod columns;

@@ -8,7 +8,7 @@ use crate::simd::{Isa, LANES, Lanes, Lanes16, Mask, Work};
 use crate::state::{CandidatePair, Cell, GrainState, Grains, body};
 use crate::workers::{self, Workers};
 
-/// The interval along x, by [`Cell::slab_coordinate`], that holds the owned grains and ghosts of a
+/// The interval along x, by `Cell::slab_coordinate`, that holds the owned grains and ghosts of a
 /// rank.
 #[derive(Debug, Clone, Copy)]
 pub struct LocalExtent {
@@ -234,7 +234,7 @@ impl<D: Dimension> Bins<D> {
 
 /// Sorts grains by their cells, so that what lies near is near in memory; in a cell they keep their
 /// order. `by_bodies`: those of a wall come together, because every step reads them alone.
-pub fn sort_by_cells<D: Dimension>(
+pub(crate) fn sort_by_cells<D: Dimension>(
     grains: &mut Vec<GrainState>,
     cell: Cell,
     extent: LocalExtent,
@@ -287,9 +287,11 @@ impl Placed {
 
     /// Sixteen positions or radii from member k on.
     #[inline(always)]
-    fn lanes<L: Lanes>(&self, token: L::Token, of: usize, k: usize) -> L {
+    fn lanes<L: Lanes>(&self, token: L::Token, quantity: usize, k: usize) -> L {
         let mut lanes = Lanes16::ZERO;
-        lanes.0.copy_from_slice(&self.numbers[of][k..k + LANES]);
+        lanes
+            .0
+            .copy_from_slice(&self.numbers[quantity][k..k + LANES]);
         L::load(token, &lanes)
     }
 }
@@ -304,7 +306,9 @@ pub fn pairs<D: Dimension>(
     isa: Isa,
     workers: Option<&Workers>,
     grains: &Grains<D>,
-    (cell, extent, cutoff): (Cell, LocalExtent, Cutoff),
+    cell: Cell,
+    extent: LocalExtent,
+    cutoff: Cutoff,
 ) -> Vec<CandidatePair> {
     let local = grains.local();
     let position: Vec<[f64; 3]> = (0..local).map(|g| grains.position(g)).collect();
@@ -464,11 +468,12 @@ mod tests {
             for ghost in &states[owned..] {
                 grains.push(ghost);
             }
-            let of = (cell, LocalExtent::whole(length), CUTOFF);
-            let found = pairs(Isa::detect(), None, &grains, of);
+            let extent = LocalExtent::whole(length);
+            let found = pairs(Isa::detect(), None, &grains, cell, extent, CUTOFF);
             let pool = ThreadPool::<D>::new(3).unwrap();
             for isa in [Isa::detect(), Isa::Portable] {
-                assert_eq!(pairs(isa, pool.workers(), &grains, of), found);
+                let threaded = pairs(isa, pool.workers(), &grains, cell, extent, CUTOFF);
+                assert_eq!(threaded, found);
             }
             let mut expected = Vec::new();
             for a in 0..states.len() {
@@ -509,7 +514,7 @@ mod tests {
         let furthest = |states: &[GrainState]| {
             let mut grains = Grains::<Two>::default();
             grains.replace(states, &Masses::Equal(1.0), 1.0);
-            let pairs = pairs(Isa::detect(), None, &grains, (cell, extent, CUTOFF));
+            let pairs = pairs(Isa::detect(), None, &grains, cell, extent, CUTOFF);
             assert_eq!(pairs.len(), 1000 + 19 * 50);
             let across = |p: &CandidatePair| p.grains[0].abs_diff(p.grains[1]);
             let mut apart: Vec<u32> = pairs.iter().map(across).collect();

@@ -3,12 +3,13 @@
 
 use xxhash_rust::xxh3::xxh3_128;
 
+use crate::boundary::Boundary;
 use crate::budget::{self, EnergyBalance, EnergyBudget};
 use crate::contact::model::PairModel;
 use crate::contact::{TORQUES, dissipation};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
-use crate::drive::{Piston, Top, WallForces};
+use crate::drive::{MovingBoundary, Top};
 use crate::failure::{Failure, Result};
 use crate::kernel::ContactForces;
 use crate::state::{
@@ -100,8 +101,8 @@ pub fn remove_beyond<D: Dimension>(
     let said = beyond(exchange, system, planes)?;
     let grains = system.grains_mut();
     for g in 0..grains.owned {
-        if let Some(is_above) = passed(grains, g, planes) {
-            grains.remove(g, is_above);
+        if passed(grains, g, planes).is_some() {
+            grains.remove(g);
         }
     }
     system.list.due = true;
@@ -109,10 +110,14 @@ pub fn remove_beyond<D: Dimension>(
 }
 
 /// Whether the wall that a free grain has passed is the upper one; `None` if it has passed none.
-fn passed<D: Dimension>(grains: &Grains<D>, g: usize, [bottom, top]: [f64; 2]) -> Option<bool> {
+fn passed<D: Dimension>(grains: &Grains<D>, g: usize, planes: [f64; 2]) -> Option<bool> {
+    let [bottom, top] = planes;
     let height = grains.fields(g)[D::UP];
-    let is_beyond = grains.body[g] == body::FREE && (height < bottom || height > top);
-    is_beyond.then_some(height > top)
+    if grains.body[g] == body::FREE && (height < bottom || height > top) {
+        Some(height > top)
+    } else {
+        None
+    }
 }
 
 /// The free grains beyond these planes: the step, that of the lowest id and its place, and how many
@@ -123,28 +128,34 @@ fn beyond<D: Dimension>(
     planes: [f64; 2],
 ) -> Option<String> {
     let grains = &system.grains;
-    let wall = |g: usize| passed(grains, g, planes);
-    let beyond = || (0..grains.owned).filter(|g| wall(*g).is_some());
-    let count = crate::domain::total(exchange, beyond().count() as u64);
+    let owned = 0..grains.owned;
+    let beyond: Vec<usize> = owned
+        .filter(|g| passed(grains, *g, planes).is_some())
+        .collect();
+    let count = crate::domain::total(exchange, beyond.len() as u64);
     if count == 0 {
         return None;
     }
-    let first = beyond().min_by_key(|g| grains.id[*g]);
+    let first = beyond.into_iter().min_by_key(|g| grains.id[*g]);
     let id = first.map_or(f64::INFINITY, |g| grains.id[g].into());
     let lowest = -exchange.maximum(-id);
-    let message = first.filter(|_| id == lowest).map_or(String::new(), |g| {
-        let wall = if wall(g) == Some(true) { "top" } else { "bottom" };
+    let mut message = String::new();
+    if let Some(g) = first
+        && id == lowest
+    {
+        let is_above = passed(grains, g, planes) == Some(true);
+        let wall = if is_above { "top" } else { "bottom" };
         let others = match count - 1 {
             0 => String::new(),
             n => format!(", and {n} more have"),
         };
-        format!(
+        message = format!(
             "grain {} of radius {:.4e} m at {} has left the space between the walls through the {wall} wall{others}",
             system.id(g),
             grains.radius[g],
             system.place(g),
-        )
-    });
+        );
+    }
     let said = exchange.gather(message.as_bytes());
     let said = said.concat();
     let said = String::from_utf8_lossy(&said);
@@ -199,18 +210,6 @@ fn owned_potential_energy<D: Dimension>(system: &System<D>, energy: &FixedPoint)
     sum
 }
 
-/// What is above the sample, for a row of the time series.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum UpperEnd {
-    /// A wall.
-    Wall,
-    /// The images of the sample, and the stress of the cell times its base, which stands for the
-    /// forces on a wall.
-    Images(WallForces),
-    /// Nothing: rows have the forces on the bottom wall.
-    Free(Flow),
-}
-
 /// The mean motion of the free grains, weighed by mass.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Flow {
@@ -220,15 +219,17 @@ pub struct Flow {
     pub velocity: f64,
 }
 
-/// The mean motion of the free grains. `bottom`: height of the upper plane of the bottom wall (m);
-/// `mass`: of the free grains (kg; kg/m in 2D). Collective.
+/// The mean motion of the free grains below a free surface, whose mass is `mass` (kg; kg/m in 2D).
+/// Collective.
 pub fn flow<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
     constants: &SampleConstants,
-    (mass, bottom): (f64, f64),
+    mass: f64,
+    boundary: &MovingBoundary,
 ) -> Flow {
     system.finish_step();
+    let bottom = boundary.bottom(constants.walls);
     let grains = &system.grains;
     let mut sums = [Accumulator::default(); 3];
     for g in (0..grains.owned).filter(|g| grains.body[*g] == body::FREE) {
@@ -269,17 +270,13 @@ struct Sums {
 impl Sums {
     /// What the energy budget takes for kinetic energy, with that of a wall that moves, and for
     /// potential energy (J; J/m in 2D).
-    fn energies(
-        &self,
-        budget: Option<&EnergyBudget>,
-        piston: &Piston,
-        above: UpperEnd,
-    ) -> [f64; 2] {
+    fn energies(&self, budget: Option<&EnergyBudget>, boundary: &MovingBoundary) -> [f64; 2] {
         let [mut kinetic, mut potential] = [self.kinetic_energy, self.potential_energy];
-        if !matches!(above, UpperEnd::Free(_)) {
+        if boundary.kind().has_top() {
             (kinetic, potential) = (kinetic + potential, 0.0);
         }
         if budget.is_none_or(EnergyBudget::has_wall) {
+            let piston = &boundary.top().piston;
             kinetic += 0.5 * piston.mass * piston.velocity * piston.velocity;
         }
         [kinetic, potential]
@@ -291,16 +288,14 @@ fn sums<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
     constants: &SampleConstants,
-    above: UpperEnd,
+    boundary: &Boundary,
 ) -> Sums {
     let kinetic = owned_kinetic_energy(system, &constants.energy);
     let potential = owned_potential_energy(system, &constants.energy);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
-    let (wall, sign) = match above {
-        UpperEnd::Free(_) => (body::BOTTOM, -1.0),
-        _ => (body::TOP, 1.0),
-    };
+    let wall = boundary.measured_body();
+    let sign = if wall == body::BOTTOM { -1.0 } else { 1.0 };
     for g in grains.of_body(wall) {
         let force = &grains.force[g as usize];
         system.fixed.add(&mut shear, -sign * force[0]);
@@ -331,30 +326,43 @@ fn sums<D: Dimension>(
     }
 }
 
+/// What a row of the time series is of, besides the grains and their contacts.
+pub struct RowInput<'a> {
+    /// The boundary.
+    pub boundary: &'a MovingBoundary,
+    /// The flow below a free surface.
+    pub flow: Option<Flow>,
+    /// H (m), by which displacements are strains.
+    pub height: f64,
+}
+
 /// A row of the time series, from the forces of the last step; collective.
 pub fn series<D: Dimension>(
     exchange: &dyn Exchange,
     law: &dyn PairModel,
     system: &mut System<D>,
     samples: &ContactForces,
-    (top, above): (&Top, UpperEnd),
     constants: &SampleConstants,
-    height: f64,
+    input: &RowInput<'_>,
 ) -> SeriesRow {
+    let RowInput {
+        boundary, height, ..
+    } = *input;
+    let top = boundary.top();
     let (piston, slider) = (&top.piston, &top.slider.state);
-    let mut sums = sums(exchange, system, constants, above);
+    let mut sums = sums(exchange, system, constants, boundary.kind());
     let [contacts, sliding, ends] = sums.counts;
-    if let UpperEnd::Images(felt) = above {
-        (sums.shear_force, sums.normal_force) = (-felt.along, felt.up);
+    if let Some(stress) = boundary.stress() {
+        (sums.shear_force, sums.normal_force) = (-stress.along, stress.up);
     }
-    let [wall_height, wall_velocity] = match above {
-        UpperEnd::Free(flow) => flow.height.map(|x| 2.0 * x),
-        _ => [
+    let [wall_height, wall_velocity] = match &input.flow {
+        Some(flow) => flow.height.map(|x| 2.0 * x),
+        None => [
             piston.height - constants.walls - top.bottom_displacement(),
             piston.velocity,
         ],
     };
-    let [kinetic, potential] = sums.energies(system.budget.as_ref(), piston, above);
+    let [kinetic, potential] = sums.energies(system.budget.as_ref(), boundary);
     let sample = budget::SampleState {
         contacts: &system.contacts,
         overlap: &samples.overlap,
@@ -423,7 +431,7 @@ pub fn stress<D: Dimension>(
     let (contacts, velocities) = sums.split_at_mut(3);
     for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
         let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));
-        let force = samples.vector::<D>((at.block, at.lane), &r);
+        let force = samples.vector::<D>(at.block, at.lane, &r);
         for axis in 0..D::AXES {
             fixed.add(&mut contacts[axis], r[axis] * force[axis] * per_length);
         }
@@ -469,7 +477,7 @@ pub fn frame<D: Dimension>(
         let state = system.contacts.state(law, at, &system.grains.id);
         let force = samples.tangential[at.block].map(|lanes| lanes.0[at.lane]);
         let limits = system.contacts.limits[at.block];
-        let at_limit = |of: usize| u64::from(limits[of] >> at.lane & 1);
+        let at_limit = |limit: usize| u64::from(limits[limit] >> at.lane & 1);
         let planar = D::SPINS == 1;
         let tangential = |v: [f64; 3]| if planar { [v[0], 0.0, 0.0] } else { v };
         ContactSample {

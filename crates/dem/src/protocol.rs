@@ -46,14 +46,14 @@ impl Part {
     /// What it imposes on a layer of this height (m) between walls of this length (m; in 3D area,
     /// m²), in steps of Δt = `step` (s).
     pub fn on_layer(&self, height: f64, base: f64, step: f64) -> Imposed {
-        let wave = |of: Wave, unit: f64| Wave {
-            amplitude: of.amplitude * unit,
-            frequency: of.frequency * step,
+        let wave = |wave: Wave, unit: f64| Wave {
+            amplitude: wave.amplitude * unit,
+            frequency: wave.frequency * step,
         };
-        let course = |of: Course| Course {
-            from: of.from * base,
-            to: of.to * base,
-            wave: of.wave.map(|of| wave(of, base)),
+        let course = |course: Course| Course {
+            from: course.from * base,
+            to: course.to * base,
+            wave: course.wave.map(|of_course| wave(of_course, base)),
         };
         Imposed {
             along: match self.imposed.along {
@@ -62,14 +62,14 @@ impl Part {
                     time: ramp.time / step,
                     ..ramp
                 }),
-                Along::Oscillation(of) => Along::Oscillation(wave(of, height)),
+                Along::Oscillation(strain) => Along::Oscillation(wave(strain, height)),
                 Along::Force(stress) => Along::Force(course(stress)),
             },
             normal: self.imposed.normal.map(|normal| match normal {
                 Normal::Load(pressure) => Normal::Load(course(pressure)),
                 Normal::Velocity(velocity) => Normal::Velocity(velocity),
             }),
-            bottom: self.imposed.bottom.map(|of| wave(of, 1.0)),
+            bottom: self.imposed.bottom.map(|height| wave(height, 1.0)),
         }
     }
 
@@ -337,7 +337,7 @@ impl Protocol {
     }
 
     /// Whether it imposes more than velocities along x.
-    pub fn is_more_than_velocities(&self) -> bool {
+    pub(crate) fn is_more_than_velocities(&self) -> bool {
         let velocities = self.segments.iter().all(|s| s.velocity().is_some());
         !velocities || self.has_normal || self.has_bottom
     }
@@ -427,12 +427,12 @@ impl Protocol {
     }
 
     /// Velocity of the bottom along its normal (m/s) in the step after `step` steps.
-    pub fn bottom_velocity(&self, step: u64) -> f64 {
+    pub(crate) fn bottom_velocity(&self, step: u64) -> f64 {
         (self.bottom(step + 1) - self.bottom(step)) / self.step
     }
 
     /// Velocity of the bottom along its normal (m/s) at the end of the last of `step` steps.
-    pub fn full_bottom_velocity(&self, step: u64) -> f64 {
+    pub(crate) fn full_bottom_velocity(&self, step: u64) -> f64 {
         let segment = self.segment_before(step);
         let done = step - segment.first;
         let rate = |wave: Wave| wave.rate(done, self.step);
@@ -442,10 +442,10 @@ impl Protocol {
     /// Whether both impose the same in the first `steps` steps, up to the rounding of positions.
     pub fn agrees(&self, other: &Self, steps: u64) -> bool {
         let both = [self, other];
-        let turns = both.iter().flat_map(|of| of.segments.iter());
+        let turns = both.iter().flat_map(|schedule| schedule.segments.iter());
         let turns = turns.map(|s| s.first).filter(|first| *first < steps);
         turns.into_iter().all(|at| {
-            let [one, two] = both.map(|of| of.segment(at));
+            let [one, two] = both.map(|schedule| schedule.segment(at));
             let same_start = one.first == two.first;
             let course = |one: &Course, two: &Course| {
                 one == two && same_start && (one.from == one.to || one_length(self, other, at))

@@ -10,7 +10,9 @@ use crate::budget::EnergyBudget;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{Drive, Felt, FlowSum, MomentumFlow, Streaming, WallForces, WallSteps};
+use crate::drive::{
+    Drive, Felt, FlowSum, MomentumFlow, Streaming, WallForces, WallSteps, WallSums,
+};
 use crate::failure::Result;
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::simd::{Lanes, Work};
@@ -96,16 +98,17 @@ pub fn advance<D: Dimension>(
     if let Some(planes) = planes {
         system.grains.put_feet(planes);
     }
-    let rebuild = (system.list).moved(fastest, step, &system.grains, (&cell, planes));
+    let rebuild = (system.list).moved(fastest, step, &system.grains, &cell, planes);
     system.clock.end(StepPhase::Motion);
 
-    let way = (step, Some(system.list.travelled));
-    let outside = add_forces(exchange, system, law, drive, way, request.samples);
+    let travelled = Some(system.list.travelled);
+    let samples = request.samples;
+    let outside = add_forces(exchange, system, law, drive, step, travelled, samples);
     system.add_flow(flow);
 
     let rebuild = rebuild || system.list.forced(system.steps);
-    let asked = (outside, [rebuild, request.stop]);
-    let (load, [due, stop]) = sum_over_ranks(exchange, system, drive, asked, |grains| {
+    let flags = [rebuild, request.stop];
+    let (load, [due, stop]) = sum_over_ranks(exchange, system, drive, outside, flags, |grains| {
         if let Some(drag) = drive.drag() {
             slow_down(grains, drag);
         }
@@ -141,7 +144,7 @@ pub fn initial_forces<D: Dimension>(
     system.clock.end(StepPhase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     system.add_flow(MomentumFlow::over(&system.cell, &system.grains));
-    let (load, []) = sum_over_ranks(exchange, system, drive, (outside, []), |_| ())?;
+    let (load, []) = sum_over_ranks(exchange, system, drive, outside, [], |_| ())?;
     if let Some(budget) = &mut system.budget {
         let at_rest = WallSteps {
             along: 0.0,
@@ -167,10 +170,11 @@ fn sum_over_ranks<D: Dimension, const K: usize>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
     drive: &dyn Drive<D>,
-    (outside, flags): (Option<Outside>, [bool; K]),
+    outside: Option<Outside>,
+    flags: [bool; K],
     meanwhile: impl Fn(&mut Grains<D>),
 ) -> Result<(WallForces, [bool; K])> {
-    let mut load = [Accumulator::default(); 3];
+    let mut load = WallSums::default();
     let felt = Felt {
         grains: &system.grains,
         stress: system.stress,
@@ -182,8 +186,9 @@ fn sum_over_ranks<D: Dimension, const K: usize>(
     for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
         *to = i64::from(flag);
     }
-    for (load, limbs) in load.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
-        load.write(limbs);
+    let sums = [load.up, load.along, load.bottom];
+    for (sum, limbs) in sums.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
+        sum.write(limbs);
     }
     let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
     let sent = &mut message[..MESSAGE - left_out];
@@ -215,7 +220,7 @@ pub fn forces<D: Dimension>(
     system.grains.force[..owned].fill(Zeroable::zeroed());
     // The grains may have been put elsewhere.
     system.contacts.wake();
-    add_forces(exchange, system, law, drive, (step, None), samples)
+    add_forces(exchange, system, law, drive, step, None, samples)
 }
 
 /// [`forces`] without clearing those on the owned grains. `travelled`: [`PassInput::travelled`].
@@ -224,7 +229,8 @@ fn add_forces<D: Dimension>(
     system: &mut System<D>,
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
-    (step, travelled): (f64, Option<f64>),
+    step: f64,
+    travelled: Option<f64>,
     mut samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
     let System {
@@ -261,23 +267,25 @@ fn add_forces<D: Dimension>(
         cell: *cell,
         step,
         travelled,
-        attraction: None,
         counting: (is_stressed || budget.is_some()).then(|| Counting {
             unit: budget.as_ref().map(EnergyBudget::unit),
             step: *full_step,
-            height: cell.sheared.map(|of| of.height).filter(|_| is_stressed),
+            height: match cell.sheared {
+                Some(sheared) if is_stressed => Some(sheared.height),
+                _ => None,
+            },
         }),
     };
-    let input = (law, input);
     let (record, force) = (&mut grains.record, &mut grains.force);
     let mut outcome = PassOutcome::default();
     slabs.exchange(exchange, record, grains.owned, |owned| {
         clock.end(StepPhase::Exchange);
-        outcome = pool.forces_within_shares(input, owned, force, contacts, samples.as_deref_mut());
+        let samples = samples.as_deref_mut();
+        outcome = pool.forces_within_shares(law, input, owned, force, contacts, samples);
         clock.end(StepPhase::Contacts);
     });
     clock.end(StepPhase::Exchange);
-    outcome = outcome.merge(pool.other_forces(input, record, force, contacts, samples));
+    outcome = outcome.merge(pool.other_forces(law, input, record, force, contacts, samples));
     pool.gather(&mut grains.force);
     clock.end(StepPhase::Contacts);
 
@@ -311,7 +319,7 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) -> (f64, FlowSum) {
         let (part, (step, cell, streaming, is_stressed)) = (self.part, self.motion);
-        let streaming = streaming.filter(|_| STREAMS);
+        let streaming = if STREAMS { streaming } else { None };
         let mut flow = FlowSum::default();
         // The bits of the squared speed, which are greatest for NaN: integers are compared in one
         // cycle, a chain of floating-point maxima would wait for each result.
@@ -320,7 +328,7 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
         for ((((record, force), kick), image), mass) in grains.zip(part.image).zip(part.mass) {
             let r = D::fields_mut(record);
             let [linear, angular] = *kick;
-            let speed = translate::<D, SECOND_KICK_DEFERRED>(r, force, (linear, step), streaming)
+            let speed = translate::<D, SECOND_KICK_DEFERRED>(r, force, linear, step, streaming)
                 + turn::<D, SECOND_KICK_DEFERRED>(r, force, angular);
             let along = r[..D::UP].iter_mut().zip(cell.periods).zip(&mut *image);
             for ((x, period), image) in along {
@@ -329,15 +337,15 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
                 }
             }
             cell.wrap_last_axis::<D>(r, image);
-            if let Some(of) = streaming {
-                let change = of.changes[1];
+            if let Some(streaming) = streaming {
+                let change = streaming.changes[1];
                 if change != 0.0 {
                     let more = change * r[D::UP];
                     r[D::VELOCITY] += more;
                     r[D::HALF_VELOCITY] += more;
                 }
-                if is_stressed && let Some(of) = &of.flow {
-                    flow.add(of.of::<D>(*mass, r));
+                if is_stressed && let Some(momentum) = &streaming.flow {
+                    flow.add(momentum.of::<D>(*mass, r));
                 }
             }
             *force = Zeroable::zeroed();
@@ -353,7 +361,8 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
 fn translate<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
     r: &mut [f64],
     force: &[f64],
-    (half_kick, step): (f64, f64),
+    half_kick: f64,
+    step: f64,
     streaming: Option<Streaming>,
 ) -> f64 {
     let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
@@ -365,10 +374,10 @@ fn translate<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
             r[D::VELOCITY + axis]
         };
     }
-    if let Some(of) = streaming
-        && of.changes[0] != 0.0
+    if let Some(streaming) = streaming
+        && streaming.changes[0] != 0.0
     {
-        v[0] += of.changes[0] * r[D::UP];
+        v[0] += streaming.changes[0] * r[D::UP];
     }
     for axis in 0..D::AXES {
         v[axis] += dv[axis];
@@ -377,15 +386,15 @@ fn translate<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
     for axis in 0..D::AXES {
         r[D::VELOCITY + axis] = v[axis] + dv[axis];
     }
-    if let Some(of) = streaming {
-        r[D::UP] *= of.stretches[0];
+    if let Some(streaming) = streaming {
+        r[D::UP] *= streaming.stretches[0];
     }
     for axis in 0..D::AXES {
         r[axis] += step * v[axis];
     }
-    if let Some(of) = streaming {
-        r[D::VELOCITY + D::UP] *= of.stretches[1];
-        r[D::HALF_VELOCITY + D::UP] *= of.stretches[1];
+    if let Some(streaming) = streaming {
+        r[D::VELOCITY + D::UP] *= streaming.stretches[1];
+        r[D::HALF_VELOCITY + D::UP] *= streaming.stretches[1];
     }
     v[..D::AXES].iter().map(|v| v * v).sum()
 }
@@ -418,7 +427,8 @@ fn greater_or_nan(a: f64, b: f64) -> f64 {
 }
 
 /// Adds the weights to free grains, rounded like the contact forces.
-fn weigh<D: Dimension>(grains: &mut Grains<D>, [along, down]: [f64; 2]) {
+fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: [f64; 2]) {
+    let [along, down] = gravity;
     let shift = Units::shift(grains.units.force);
     for g in 0..grains.owned {
         if grains.body[g] == body::FREE {
@@ -430,7 +440,8 @@ fn weigh<D: Dimension>(grains: &mut Grains<D>, [along, down]: [f64; 2]) {
 }
 
 /// Adds the drag (1/s) on translations and on rotations.
-fn slow_down<D: Dimension>(grains: &mut Grains<D>, [linear, angular]: [f64; 2]) {
+fn slow_down<D: Dimension>(grains: &mut Grains<D>, drag: [f64; 2]) {
+    let [linear, angular] = drag;
     for g in 0..grains.owned {
         let r = D::fields(&grains.record[g]);
         let (mass, radius) = (grains.mass[g], grains.radius[g]);

@@ -116,20 +116,20 @@ pub struct List {
 impl List {
     /// Fails unless each of `exchange.size()` slabs, and the cell along the other axes, is wider
     /// than the cutoff.
-    fn new(exchange: &dyn Exchange, of: &Setup) -> Result<Self> {
-        let diameter = 2.0 * of.largest_radius;
-        let wished = match of.list.skin {
+    fn new(exchange: &dyn Exchange, setup: &Setup) -> Result<Self> {
+        let diameter = 2.0 * setup.largest_radius;
+        let wished = match setup.list.skin {
             Some(skin) => [skin; 2],
             None => [THINNEST_SKIN, THICKEST_SKIN],
         };
-        let wished = wished.map(|skin| skin * of.mean_diameter);
-        let range = Self::range(exchange.size(), of.cell, diameter, wished)?;
+        let wished = wished.map(|skin| skin * setup.mean_diameter);
+        let range = Self::range(exchange.size(), setup.cell, diameter, wished)?;
         Ok(Self {
             diameter,
-            skin: (FIRST_SKIN * of.mean_diameter).clamp(range[0], range[1]),
+            skin: (FIRST_SKIN * setup.mean_diameter).clamp(range[0], range[1]),
             wished,
             range,
-            every: of.list.rebuild_every,
+            every: setup.list.rebuild_every,
             height: f64::INFINITY,
             ..Self::default()
         })
@@ -171,7 +171,8 @@ impl List {
         fastest: f64,
         step: f64,
         grains: &Grains<D>,
-        (cell, planes): (&Cell, Option<[f64; 2]>),
+        cell: &Cell,
+        planes: Option<[f64; 2]>,
     ) -> bool {
         let images_step = step * cell.sheared.map_or(0.0, |s| s.half_velocity);
         self.images_moved += images_step;
@@ -382,23 +383,23 @@ impl<D: Dimension> System<D> {
     ///
     /// # Errors
     /// If the slabs would be too narrow, or the threads cannot be started.
-    pub fn new(exchange: &dyn Exchange, of: Setup) -> Result<Self> {
+    pub fn new(exchange: &dyn Exchange, setup: Setup) -> Result<Self> {
         Ok(Self {
-            list: List::new(exchange, &of)?,
-            isa: of.isa,
-            cell: of.cell,
-            masses: of.masses,
-            step: of.step,
-            gravity: of.gravity,
+            list: List::new(exchange, &setup)?,
+            isa: setup.isa,
+            cell: setup.cell,
+            masses: setup.masses,
+            step: setup.step,
+            gravity: setup.gravity,
             steps: 0,
-            fixed: FixedPoint::new(of.typical_force),
+            fixed: FixedPoint::new(setup.typical_force),
             grains: Grains::default(),
             contacts: Contacts::default(),
-            slabs: Slabs::new(exchange, of.cell.periods[0]),
+            slabs: Slabs::new(exchange, setup.cell.periods[0]),
             second_kick_deferred: false,
             clock: Clock::default(),
-            pool: ThreadPool::new(of.threads)?,
-            tuning: Tuning::new(of.tuning, of.isa),
+            pool: ThreadPool::new(setup.threads)?,
+            tuning: Tuning::new(setup.tuning, setup.isa),
             budget: None,
             stress: None,
             ids: Ids::default(),
@@ -555,9 +556,9 @@ impl<D: Dimension> System<D> {
         }
         let cutoff = self.list.cutoff();
         let worked = self.clock.worked() - self.list.worked;
-        let (mut owned, contacts) =
-            self.slabs
-                .redistribute(exchange, self.cell, grains, contacts, (cutoff, worked))?;
+        let (mut owned, contacts) = self
+            .slabs
+            .redistribute(exchange, self.cell, grains, contacts, cutoff, worked)?;
         self.list.worked = self.clock.worked();
         self.second_kick_deferred = false;
         let extent = self.extent(exchange);
@@ -596,8 +597,14 @@ impl<D: Dimension> System<D> {
         };
         let extent = self.extent(exchange);
         self.grains.lift_feet();
-        let of = (self.cell, extent, cutoff);
-        let mut candidates = neighbour::pairs(self.isa, self.pool.workers(), &self.grains, of);
+        let mut candidates = neighbour::pairs(
+            self.isa,
+            self.pool.workers(),
+            &self.grains,
+            self.cell,
+            extent,
+            cutoff,
+        );
         self.list.reach = reach(&candidates, &self.grains.body);
         self.slabs
             .drop_unpaired_ghosts(exchange, &mut self.grains, &mut candidates);
@@ -669,10 +676,10 @@ impl<D: Dimension> System<D> {
     /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
         let place = |g: usize| self.place(g);
-        let velocity = |of: &[f64]| -> [f64; 3] {
+        let velocity = |fields: &[f64]| -> [f64; 3] {
             std::array::from_fn(|axis| {
                 if axis < D::AXES {
-                    of[D::VELOCITY + axis]
+                    fields[D::VELOCITY + axis]
                 } else {
                     0.0
                 }

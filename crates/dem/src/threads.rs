@@ -66,7 +66,7 @@ impl<D: Dimension> ThreadPool<D> {
     }
 
     /// The threads beside the first.
-    pub fn workers(&self) -> Option<&Workers> {
+    pub(crate) fn workers(&self) -> Option<&Workers> {
         self.workers.as_ref()
     }
 
@@ -104,7 +104,7 @@ impl<D: Dimension> ThreadPool<D> {
 
     /// Divides the pairs of a new list that are within no share, and finds the pages that each part
     /// uses. Must be called for every new list.
-    pub fn assign(&mut self, contacts: &Contacts, local: usize) {
+    pub(crate) fn assign(&mut self, contacts: &Contacts, local: usize) {
         let threads = self.threads();
         let others = contacts.shared_blocks()..contacts.blocks();
         for (k, partial) in self.partial.iter_mut().enumerate() {
@@ -135,9 +135,10 @@ impl<D: Dimension> ThreadPool<D> {
     }
 
     /// Adds the forces of the pairs within the shares.
-    pub fn forces_within_shares(
+    pub(crate) fn forces_within_shares(
         &mut self,
-        (law, input): (&dyn PairForce<D>, PassInput),
+        law: &dyn PairForce<D>,
+        input: PassInput,
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
@@ -154,14 +155,13 @@ impl<D: Dimension> ThreadPool<D> {
         for (share, scratch) in shares.iter().zip(scratches).rev() {
             let begin = share.blocks.start;
             let force = tail_mut(&mut rest, share.grains.start);
-            let pass = Pass {
-                input,
-                record: &record[share.grains.clone()],
-                force: &mut force[..share.grains.len()],
-                part: part.split_off(begin),
-                samples: samples.as_mut().map(|s| s.split_off(begin)),
-            };
-            passes.push((pass, &mut **scratch));
+            let (record, force) = (
+                &record[share.grains.clone()],
+                &mut force[..share.grains.len()],
+            );
+            let pass = Pass::new(input, record, force, part.split_off(begin));
+            let samples = samples.as_mut().map(|s| s.split_off(begin));
+            passes.push((pass.sampled(samples), &mut **scratch));
         }
         let outcome = compute(self.workers.as_ref(), law, passes);
         contacts.shares = shares;
@@ -170,9 +170,10 @@ impl<D: Dimension> ThreadPool<D> {
 
     /// Computes the forces of the pairs that are within no share. The first thread adds its part to
     /// `force`, each other thread to its partial forces.
-    pub fn other_forces(
+    pub(crate) fn other_forces(
         &mut self,
-        (law, input): (&dyn PairForce<D>, PassInput),
+        law: &dyn PairForce<D>,
+        input: PassInput,
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
@@ -192,14 +193,9 @@ impl<D: Dimension> ThreadPool<D> {
         let mut passes = Vec::with_capacity(threads);
         for (k, (force, scratch)) in sums.into_iter().enumerate().rev() {
             let begin = group.len() * k / threads;
-            let pass = Pass {
-                input,
-                record,
-                force,
-                part: part.split_off(group.start + begin),
-                samples: samples.as_mut().map(|s| s.split_off(begin)),
-            };
-            passes.push((pass, &mut **scratch));
+            let pass = Pass::new(input, record, force, part.split_off(group.start + begin));
+            let samples = samples.as_mut().map(|s| s.split_off(begin));
+            passes.push((pass.sampled(samples), &mut **scratch));
         }
         compute(self.workers.as_ref(), law, passes)
     }
@@ -243,7 +239,7 @@ impl<D: Dimension> ThreadPool<D> {
     }
 
     /// Runs `work` on the share of each thread, and calls `each` with every result.
-    pub fn over_owned<R: Send + Default>(
+    pub(crate) fn over_owned<R: Send + Default>(
         &self,
         grains: &mut Grains<D>,
         work: impl Fn(OwnedPart<'_, D>) -> R + Sync,

@@ -266,11 +266,14 @@ pub struct Tuned {
 impl Tuning {
     /// Begins with the settings of the plan; `isa`: the instruction set of this rank.
     pub fn new(plan: Plan, isa: Isa) -> Self {
-        let known = plan.tuned.filter(|_| plan.tune != Tune::Never);
-        let mut choice = known.map_or_else(PassChoice::default, |of| of.passes);
+        let known = match plan.tune {
+            Tune::Never => None,
+            _ => plan.tuned,
+        };
+        let mut choice = known.map_or_else(PassChoice::default, |tuned| tuned.passes);
         choice.blocks = choice.blocks.clamp(1, CHUNK);
         choice.narrow &= !plan.isa_is_given;
-        let life = Life::new(known.map_or(LIFE, |of| of.list_steps));
+        let life = Life::new(known.map_or(LIFE, |tuned| tuned.list_steps));
         Self {
             tune: plan.tune,
             isas: [isa, isa.narrower()],
@@ -297,7 +300,7 @@ impl Tuning {
     }
 
     /// Steps for which the next list is to last.
-    pub fn life(&self) -> f64 {
+    pub(crate) fn life(&self) -> f64 {
         self.lists.now.0
     }
 
@@ -325,7 +328,7 @@ impl Tuning {
 
     /// Ends the life of a list. `seconds`: those of its making and of the computing with it, per
     /// step. Collective.
-    pub fn end_list(&mut self, exchange: &dyn Exchange, seconds: f64) {
+    pub(crate) fn end_list(&mut self, exchange: &dyn Exchange, seconds: f64) {
         match self.tune {
             Tune::Never => {}
             Tune::InTurns => self.lists.turn(exchange.maximum(seconds)),
@@ -374,7 +377,10 @@ mod tests {
     /// Seconds per step of a setting, on a machine that slows down and is disturbed now and then.
     fn seconds(blocks: usize, turn: u32) -> f64 {
         let of_setting = [(2, 1.1), (3, 1.0), (4, 1.0), (6, 0.9), (8, 0.97)];
-        let (_, seconds) = of_setting[of_setting.iter().position(|of| of.0 == blocks).unwrap()];
+        let (_, seconds) = of_setting[of_setting
+            .iter()
+            .position(|setting| setting.0 == blocks)
+            .unwrap()];
         let disturbed = if turn % 11 == 3 { 3.0 } else { 1.0 };
         seconds * disturbed * (1.0 + 1e-3 * f64::from(turn))
     }
@@ -425,7 +431,7 @@ mod tests {
             prefetch: Some(true),
             narrow,
         };
-        let of = |isa_is_given, tune| {
+        let begun = |isa_is_given, tune| {
             let passes = PassChoice {
                 blocks: 100,
                 ..known(true)
@@ -445,11 +451,11 @@ mod tests {
         let best = Isa::detect();
         let narrower = settings(best.narrower(), known(true));
         let fixed = settings(best, PassChoice::default());
-        assert_eq!(of(false, Tune::InTurns), (narrower, 900.0));
+        assert_eq!(begun(false, Tune::InTurns), (narrower, 900.0));
         assert_eq!(
-            of(true, Tune::InTurns),
+            begun(true, Tune::InTurns),
             (settings(best, known(false)), 900.0)
         );
-        assert_eq!(of(true, Tune::Never), (fixed, LIFE));
+        assert_eq!(begun(true, Tune::Never), (fixed, LIFE));
     }
 }

@@ -79,16 +79,16 @@ pub fn each<T: Send>(
 }
 
 /// Splits off the elements of a slice from `at` on.
-pub fn tail<'a, T>(of: &mut &'a [T], at: usize) -> &'a [T] {
-    let (before, after) = of.split_at(at);
-    *of = before;
+pub fn tail<'a, T>(slice: &mut &'a [T], at: usize) -> &'a [T] {
+    let (before, after) = slice.split_at(at);
+    *slice = before;
     after
 }
 
 /// [`tail`] of elements that may be changed.
 #[expect(clippy::mut_mut, reason = "the slice itself is changed")]
-pub fn tail_mut<'a, T>(of: &mut &'a mut [T], at: usize) -> &'a mut [T] {
-    let (before, after) = std::mem::take(of).split_at_mut(at);
-    *of = before;
+pub(crate) fn tail_mut<'a, T>(slice: &mut &'a mut [T], at: usize) -> &'a mut [T] {
+    let (before, after) = std::mem::take(slice).split_at_mut(at);
+    *slice = before;
     after
 }

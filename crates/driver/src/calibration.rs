@@ -12,7 +12,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Boundary, Deformation, Dimensions, Method, Sample, Scene};
+use gshear_scene::{Deformation, Dimensions, Method, Sample, Scene, Stages};
 
 use crate::estimate::{StrainStepTime, index};
 use crate::launch::Task;
@@ -27,9 +27,20 @@ use crate::stages::relax;
 ///
 /// # Errors
 /// More ranks than the sample has room for.
-pub fn speed(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<Option<f64>> {
-    let of: [Measurement<f64>; 2] = [speed_on_a_lattice::<Two>, speed_on_a_lattice::<Three>];
-    measured(exchange, task, options, of)
+pub(crate) fn speed(
+    exchange: &dyn Parallel,
+    task: &Task,
+    options: &Options,
+) -> Result<Option<f64>> {
+    measured(
+        exchange,
+        task,
+        options,
+        Measurement {
+            disks: speed_on_a_lattice::<Two>,
+            spheres: speed_on_a_lattice::<Three>,
+        },
+    )
 }
 
 /// Times of the strain steps of a box, roughly, measured within seconds; `None` for other
@@ -37,18 +48,18 @@ pub fn speed(exchange: &dyn Parallel, task: &Task, options: &Options) -> Result<
 ///
 /// # Errors
 /// More ranks than the sample has room for.
-pub fn strain_step(
+pub(crate) fn strain_step(
     exchange: &dyn Parallel,
     task: &Task,
     options: &Options,
 ) -> Result<Option<StrainStepTime>> {
-    match &task.scene.boundary {
-        Boundary::Periodic(periodic) if periodic.relax.method == Method::Newton => {
-            let of: [Measurement<StrainStepTime>; 2] = [
-                strain_step_on_lattices::<Two>,
-                strain_step_on_lattices::<Three>,
-            ];
-            measured(exchange, task, options, of)
+    match &task.scene.stages {
+        Stages::Strain(periodic) if periodic.relax.method == Method::Newton => {
+            let measurement = Measurement {
+                disks: strain_step_on_lattices::<Two>,
+                spheres: strain_step_on_lattices::<Three>,
+            };
+            measured(exchange, task, options, measurement)
         }
         _ => Ok(None),
     }
@@ -59,16 +70,20 @@ const MOST_GRAINS: u32 = 100_000;
 /// Time of the measurement (s), about.
 const MEASURED: f64 = 0.4;
 
-type Measurement<T> = fn(&Run<'_>) -> Result<T>;
+/// What is measured of a scene.
+struct Measurement<T> {
+    disks: fn(&Run<'_>) -> Result<T>,
+    spheres: fn(&Run<'_>) -> Result<T>,
+}
 
-/// What a measurement of disks or spheres finds, in a run that says nothing and writes nothing, on
+/// What a measurement finds, in a run that says nothing and writes nothing, on
 /// all ranks; `None` if it failed on one, as where the law does not hold on the lattice. Refuses
 /// more ranks than the sample has room for. Collective.
 fn measured<T>(
     exchange: &dyn Parallel,
     task: &Task,
     options: &Options,
-    [of_disks, of_spheres]: [Measurement<T>; 2],
+    measurement: Measurement<T>,
 ) -> Result<Option<T>> {
     let scene = &task.scene;
     let options = Options {
@@ -77,12 +92,18 @@ fn measured<T>(
     };
     let run = Run::new(exchange, scene, task.record.clone(), &options)?;
     let cell = scene.cell();
-    let found = match scene.dimension {
-        Dimensions::Two => system::<Two>(&run, scene, cell).map(|_| of_disks(&run))?,
-        Dimensions::Three => system::<Three>(&run, scene, cell).map(|_| of_spheres(&run))?,
+    let result = match scene.dimension {
+        Dimensions::Two => {
+            system::<Two>(&run, scene, cell)?;
+            (measurement.disks)(&run)
+        }
+        Dimensions::Three => {
+            system::<Three>(&run, scene, cell)?;
+            (measurement.spheres)(&run)
+        }
     };
-    let failed = exchange.maximum(f64::from(u8::from(found.is_err()))) > 0.0;
-    Ok(found.ok().filter(|_| !failed))
+    let failed = exchange.maximum(f64::from(u8::from(result.is_err()))) > 0.0;
+    Ok(if failed { None } else { result.ok() })
 }
 
 /// A lattice of equal grains at rest.
@@ -95,6 +116,23 @@ struct Lattice {
 }
 
 impl Lattice {
+    /// A lattice of about so many grains, each of which touches its neighbours along all axes.
+    fn dense<D: LawSpace>(run: &Run<'_>, grains: u32) -> Self {
+        let (exchange, scene) = (run.exchange, run.scene);
+        let side = f64::from(grains).powf(1.0 / D::AXES as f64).round() as u32;
+        // A grain must not meet its own images, nor a slab be narrower than the cutoff.
+        let side = side.max(4);
+        let along = side.max(3 * exchange.size() as u32);
+        let touching = scene.sample.mean_diameter * (1.0 - overlap(scene));
+        Self {
+            grains: match D::AXES {
+                2 => [along, 1, side],
+                _ => [along, side, side],
+            },
+            spacing: [touching; 3],
+        }
+    }
+
     fn count(&self) -> u32 {
         self.grains.iter().product()
     }
@@ -123,7 +161,8 @@ impl Lattice {
             },
             ..scene.clone()
         };
-        let grain = |id: u32| {
+        let mut grains = Vec::new();
+        for id in share_of(self.count(), exchange.rank(), exchange.size()) {
             let at = [id / (across * up), id / up % across, id % up].map(|k| f64::from(k) + 0.5);
             let mut position = [0.0; 3];
             position[0] = at[0] * self.spacing[0];
@@ -131,15 +170,13 @@ impl Lattice {
             if !planar {
                 position[1] = at[1] * self.spacing[1];
             }
-            GrainState {
+            grains.push(GrainState {
                 id,
                 position,
                 radius: 0.5 * diameter,
                 ..GrainState::zeroed()
-            }
-        };
-        let owned = share_of(self.count(), exchange.rank(), exchange.size());
-        let grains = owned.map(grain).collect();
+            });
+        }
         let mut assembly = Assembly::new(run, &equal, cell, law)?;
         // Nothing holds a periodic lattice: it would fall.
         assembly.system.gravity = [0.0; 2];
@@ -151,9 +188,9 @@ impl Lattice {
 
 /// Overlap over d̄ of the grains of a lattice.
 fn overlap(scene: &Scene) -> f64 {
-    match &scene.boundary {
-        Boundary::Walls(walls) => (1.0 / walls.load.stiffness_number).min(0.01),
-        Boundary::Periodic(_) => 0.01,
+    match &scene.stages {
+        Stages::Shear(walls) => (1.0 / walls.load.stiffness_number).min(0.01),
+        Stages::Strain(_) => 0.01,
     }
 }
 
@@ -187,16 +224,22 @@ fn speed_on_a_lattice<D: LawSpace>(run: &Run<'_>) -> Result<f64> {
     };
     let law = scene.force::<D>();
     let mut assembly = lattice.assembly(run, law.as_ref())?;
-    let mut steps = |steps: u64| {
-        let mut step = |_| assembly.advance(&mut NoWalls, false, false).map(drop);
-        timed(exchange, || (0..steps).try_for_each(&mut step))
-    };
     // The first steps fill the caches.
-    steps(3)?;
-    let one = steps(3)? / 3.0;
+    timed_steps(&mut assembly, 3)?;
+    let one = timed_steps(&mut assembly, 3)? / 3.0;
     let many = ((MEASURED / one) as u64).clamp(3, 1_000_000);
-    let seconds = steps(many)?;
+    let seconds = timed_steps(&mut assembly, many)?;
     Ok(f64::from(lattice.count()) * many as f64 / seconds)
+}
+
+/// Time of so many steps (s). Collective.
+fn timed_steps<D: LawSpace>(assembly: &mut Assembly<'_, D>, steps: u64) -> Result<f64> {
+    timed(assembly.exchange, || {
+        for _ in 0..steps {
+            assembly.advance(&mut NoWalls, false, false)?;
+        }
+        Ok(())
+    })
 }
 
 /// Factorisations of K, each with its solves, in a relaxation by Newton's method.
@@ -216,29 +259,15 @@ const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
 /// as in a packing. Collective.
 fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<StrainStepTime> {
     let (exchange, scene) = (run.exchange, run.scene);
-    let Boundary::Periodic(periodic) = &scene.boundary else {
+    let Stages::Strain(periodic) = &scene.stages else {
         unreachable!("strain steps are those of a box")
     };
     let all = scene.sample.grains;
     let law = scene.force::<D>();
     let law = law.as_ref();
-    let lattice = |grains: u32| {
-        let side = f64::from(grains).powf(1.0 / D::AXES as f64).round() as u32;
-        // A grain must not meet its own images, nor a slab be narrower than the cutoff.
-        let side = side.max(4);
-        let along = side.max(3 * exchange.size() as u32);
-        let touching = scene.sample.mean_diameter * (1.0 - overlap(scene));
-        Lattice {
-            grains: match D::AXES {
-                2 => [along, 1, side],
-                _ => [along, side, side],
-            },
-            spacing: [touching; 3],
-        }
-    };
     let mut grains = all.min(FEW);
     let relaxation = loop {
-        let lattice = lattice(grains);
+        let lattice = Lattice::dense::<D>(run, grains);
         let mut assembly = lattice.assembly(run, law)?;
         let seconds = timed(exchange, || relax::factor_once(&mut assembly))?;
         let larger = f64::from(all) / f64::from(lattice.count());
@@ -256,7 +285,7 @@ fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<StrainStepTime>
     let relaxation = FACTORISATIONS * relaxation;
     let mut step = relaxations * relaxation;
     if periodic.aqs.spectrum {
-        let lattice = lattice(all.min(FEW));
+        let lattice = Lattice::dense::<D>(run, all.min(FEW));
         let mut assembly = lattice.assembly(run, law)?;
         let one = timed(exchange, || assembly.eigenvalues().map(drop))?;
         let larger = f64::from(all) / f64::from(lattice.count());

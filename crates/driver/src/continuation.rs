@@ -5,7 +5,7 @@
 //! the very time and place of the checkpoint.
 
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Boundary, Motion, PlaneShear, Scene, WallSpeed};
+use gshear_scene::{Motion, PlaneShear, Scene, Stages, WallSpeed};
 
 use crate::header::{Header, ShearHeader, TimeOrigin};
 
@@ -13,34 +13,70 @@ use crate::header::{Header, ShearHeader, TimeOrigin};
 /// not the one of the scene `before`.
 pub(crate) fn count_anew(header: &mut Header, before: &Scene, now: &Scene) {
     let [old, new] = [before, now].map(|scene| scene.time_step.step);
-    match (header, &before.boundary, &now.boundary) {
-        (Header::Shear(shear), Boundary::Walls(former), Boundary::Walls(walls)) => {
-            count_shear_anew(shear, (before, former), (now, walls));
+    match (header, &before.stages, &now.stages) {
+        (Header::Shear(shear), Stages::Shear(former), Stages::Shear(walls)) => {
+            let former = WallScene {
+                scene: before,
+                walls: former,
+            };
+            count_shear_anew(shear, former, WallScene { scene: now, walls });
         }
-        (Header::Newtonian { step, origin, .. }, ..) if old != new => {
-            let time = origin.time(*step, old);
-            *step = (*step as f64 * (old / new)).round() as u64;
-            *origin = TimeOrigin { step: *step, time };
+        (Header::Newtonian(newtonian), ..) if old != new => {
+            let time = newtonian.origin.time(newtonian.step, old);
+            let step = (newtonian.step as f64 * (old / new)).round() as u64;
+            newtonian.step = step;
+            newtonian.origin = TimeOrigin { step, time };
         }
         _ => {}
     }
 }
 
-fn count_shear_anew(
-    shear: &mut ShearHeader,
-    (before, former): (&Scene, &PlaneShear),
-    (now, walls): (&Scene, &PlaneShear),
-) {
+/// A scene between walls.
+#[derive(Clone, Copy)]
+pub(crate) struct WallScene<'a> {
+    pub scene: &'a Scene,
+    pub walls: &'a PlaneShear,
+}
+
+impl WallScene<'_> {
+    /// The schedule of a sheared layer of this height (m).
+    pub(crate) fn schedule(self, height: f64) -> Schedule {
+        Schedule::new(self.scene, self.walls, height)
+    }
+
+    /// The same with the time step of another scene.
+    pub(crate) fn schedule_by_step_of(self, other: &Scene, height: f64) -> Schedule {
+        let scene = Scene {
+            time_step: other.time_step,
+            ..self.scene.clone()
+        };
+        Schedule::new(&scene, self.walls, height)
+    }
+
+    /// The inertial number that gives the speed of the drive, if one does.
+    fn inertial_number(self) -> Option<f64> {
+        match self.walls.shear.motion {
+            Motion::Strain {
+                drive: WallSpeed::InertialNumber(number),
+                ..
+            } => Some(number),
+            _ => None,
+        }
+    }
+}
+
+fn count_shear_anew(shear: &mut ShearHeader, former: WallScene<'_>, now: WallScene<'_>) {
     let Some(slider) = &mut shear.slider else {
         return;
     };
-    let earlier = Schedule::new(before, former, shear.height);
-    let schedule = Schedule::new(now, walls, shear.height);
+    let earlier = former.schedule(shear.height);
+    let schedule = now.schedule(shear.height);
     let position = earlier.protocol.position(shear.step);
-    let step = if has_another_speed([&earlier, &schedule], [former, walls]) {
+    let step = if has_another_speed(former, now, shear.height) {
         schedule.step_at(position)
     } else if earlier.step != schedule.step {
-        by_time_step(before, now, former, shear.height).step_of(&earlier, shear.step)
+        let rescaled = former.schedule_by_step_of(now.scene, shear.height);
+        rescaled.step_of(&earlier, shear.step)
     } else {
         return;
     };
@@ -53,28 +89,11 @@ fn count_shear_anew(
 
 /// Whether a drive of one inertial number has another speed, because its time √(m̄/P) or its height
 /// has changed. The speed is no key, and may change in a branch.
-pub(crate) fn has_another_speed(schedules: [&Schedule; 2], walls: [&PlaneShear; 2]) -> bool {
-    let numbers = walls.map(|walls| match walls.shear.motion {
-        Motion::Strain {
-            drive: WallSpeed::InertialNumber(number),
-            ..
-        } => Some(number),
-        _ => None,
-    });
-    let [one, other] = schedules.map(|of| of.protocol.fastest());
-    numbers[0].is_some() && numbers[0] == numbers[1] && (one - other).abs() > 1e-12 * one
-}
-
-/// The schedule of the scene `before` with the time step of `now`.
-pub(crate) fn by_time_step(
-    before: &Scene,
-    now: &Scene,
-    walls: &PlaneShear,
-    height: f64,
-) -> Schedule {
-    let scene = Scene {
-        time_step: now.time_step,
-        ..before.clone()
-    };
-    Schedule::new(&scene, walls, height)
+pub(crate) fn has_another_speed(former: WallScene<'_>, now: WallScene<'_>, height: f64) -> bool {
+    let number = former.inertial_number();
+    if number.is_none() || number != now.inertial_number() {
+        return false;
+    }
+    let [one, other] = [former, now].map(|scene| scene.schedule(height).protocol.fastest());
+    (one - other).abs() > 1e-12 * one
 }

@@ -8,7 +8,7 @@ use std::time::Instant;
 /// For how long the ranks of this node were ready to compute and had no core.
 ///
 /// A step takes as long as its slowest rank, so that one rank without a core holds up all of them.
-pub struct Cores {
+pub(crate) struct Cores {
     /// The ranks whose processes this one sees.
     processes: Vec<u32>,
     ranks: usize,
@@ -23,12 +23,12 @@ impl Cores {
         let ranks = processes.len();
         // In a container of its own, a rank does not see those of others by their numbers.
         let program = fs::read_link("/proc/self/exe").ok();
-        let is_rank = |process: &u32| fs::read_link(format!("/proc/{process}/exe")).ok() == program;
-        let processes: Vec<u32> = processes.into_iter().filter(is_rank).collect();
-        let before = processes.iter().flat_map(|&process| waits(process));
+        let mut seen = processes;
+        seen.retain(|process| fs::read_link(format!("/proc/{process}/exe")).ok() == program);
+        let before = seen.iter().flat_map(|&process| waits(process));
         Self {
             before: before.collect(),
-            processes,
+            processes: seen,
             ranks,
             begun: Instant::now(),
         }
@@ -37,26 +37,29 @@ impl Cores {
     /// The part of the time, 0 to 1, that the rank waited which waited longest; `None` if Linux
     /// does not count it.
     pub fn waited(&self) -> Option<f64> {
-        let of_thread = |(thread, wait): (PathBuf, u64)| {
-            wait.saturating_sub(self.before.get(&thread).copied().unwrap_or(0))
-        };
-        let threads = self.processes.iter().flat_map(|&process| waits(process));
-        let longest = threads.map(of_thread).max()?;
+        let mut longest = None;
+        for (thread, wait) in self.processes.iter().flat_map(|&process| waits(process)) {
+            let before = self.before.get(&thread).copied().unwrap_or(0);
+            longest = longest.max(Some(wait.saturating_sub(before)));
+        }
+        let longest = longest?;
         let elapsed = self.begun.elapsed().as_nanos().max(1) as f64;
         Some((longest as f64 / elapsed).min(1.0))
     }
 
     /// What to say of ranks that waited for this part of the time, and what helps.
     pub fn advice(&self, waited: f64) -> String {
-        let of = |mask: &str| fs::read_to_string(mask).ok().as_deref().and_then(allowed);
         let masks: Option<Vec<Vec<u32>>> = self
             .processes
             .iter()
-            .map(|process| of(&format!("/proc/{process}/status")))
+            .map(|process| {
+                let status = fs::read_to_string(format!("/proc/{process}/status"));
+                allowed(&status.ok()?)
+            })
             .collect();
         let online = fs::read_to_string("/sys/devices/system/cpu/online");
         let online = online.ok().and_then(|list| cpus(list.trim()));
-        let place = Place {
+        let place = RankCores {
             ranks: self.ranks,
             allowed: masks.unwrap_or_default(),
             online: online.map_or(0, |list| list.len()),
@@ -66,7 +69,7 @@ impl Cores {
 }
 
 /// Where ranks may run.
-struct Place {
+struct RankCores {
     ranks: usize,
     /// The cores that each rank may use.
     allowed: Vec<Vec<u32>>,
@@ -74,7 +77,7 @@ struct Place {
     online: usize,
 }
 
-impl Place {
+impl RankCores {
     fn advice(&self, waited: f64) -> String {
         let mut all = self.allowed.concat();
         all.sort_unstable();
@@ -140,7 +143,7 @@ mod tests {
 
     #[test]
     fn advice_follows_from_where_ranks_may_run() {
-        let place = |allowed: &[&str], online| Place {
+        let place = |allowed: &[&str], online| RankCores {
             ranks: allowed.len(),
             allowed: allowed
                 .iter()

@@ -3,11 +3,11 @@
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Boundary, PeriodicBox, PlaneShear, Scene};
+use gshear_scene::{PeriodicBox, Stages};
 
-use crate::continuation::{by_time_step, has_another_speed};
+use crate::continuation::{WallScene, has_another_speed};
 use crate::header::Header;
-use crate::stages::newtonian;
+use crate::output_schedule::steps_of_newtonian;
 use crate::task::{Start, Task};
 
 /// Refuses ends that lie before the step reached, and another drive up to there.
@@ -26,11 +26,15 @@ pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<()> {
     let (Some(header), Some(before)) = (header, before) else {
         return Ok(());
     };
-    match (&scene.boundary, &before.boundary) {
-        (Boundary::Walls(walls), Boundary::Walls(former)) => {
-            between_walls(header, (scene, walls), (before, former))
+    match (&scene.stages, &before.stages) {
+        (Stages::Shear(walls), Stages::Shear(former)) => {
+            let former = WallScene {
+                scene: before,
+                walls: former,
+            };
+            between_walls(header, WallScene { scene, walls }, former)
         }
-        (Boundary::Periodic(periodic), Boundary::Periodic(former)) => {
+        (Stages::Strain(periodic), Stages::Strain(former)) => {
             in_a_box(header, scene.time_step.step, periodic, former)
         }
         // A scene of the other kind is refused where its stages begin.
@@ -39,12 +43,7 @@ pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<()> {
 }
 
 fn check_stop(header: Option<&Header>, stop: u64) -> Result<()> {
-    let counted = match header {
-        None | Some(Header::Pack(_) | Header::Prepare { .. }) => 0,
-        Some(Header::Shear(shear)) => shear.step,
-        Some(Header::Aqs { progress, .. }) => progress.steps,
-        Some(Header::Newtonian { step, progress, .. }) => progress.steps + step,
-    };
+    let counted = header.map_or(0, Header::counted_steps);
     match counted {
         _ if stop > counted => Ok(()),
         0 => Err(Failure::input(format!(
@@ -59,35 +58,30 @@ fn check_stop(header: Option<&Header>, stop: u64) -> Result<()> {
 /// The failure of an end before the checkpoint.
 fn past(header: &Header, key: &str, end: impl std::fmt::Display) -> Result<()> {
     Err(Failure::input(format!(
-        "{key}: the run would end at {end}, but the checkpoint is at {} step {}; give a later end, or resume from an earlier checkpoint",
-        header.stage(),
-        header.step()
+        "{key}: the run would end at {end}, but the checkpoint is at {}; give a later end, or resume from an earlier checkpoint",
+        header.position()
     )))
 }
 
-fn between_walls(
-    header: &Header,
-    (scene, walls): (&Scene, &PlaneShear),
-    (before, former): (&Scene, &PlaneShear),
-) -> Result<()> {
+fn between_walls(header: &Header, now: WallScene<'_>, former: WallScene<'_>) -> Result<()> {
+    let most_steps = now.walls.pack.max_steps;
     match header {
-        Header::Pack(pack) if walls.pack.max_steps < pack.step => {
-            let end = format!("step {}", walls.pack.max_steps);
-            past(header, "pack.max_steps", end)
+        Header::Pack(pack) if most_steps < pack.step => {
+            past(header, "pack.max_steps", format!("step {most_steps}"))
         }
         Header::Shear(shear) => {
-            let schedule = Schedule::new(scene, walls, shear.height);
-            let earlier = by_time_step(before, scene, former, shear.height);
+            let schedule = now.schedule(shear.height);
+            let earlier = former.schedule_by_step_of(now.scene, shear.height);
             if schedule.total < shear.step {
                 let strain = schedule.strain(schedule.total);
                 let end = format!("step {}, strain {strain:.6}", schedule.total);
                 return past(header, "shear", end);
             }
-            if has_another_speed([&earlier, &schedule], [former, walls]) {
+            if has_another_speed(former, now, shear.height) {
                 return Ok(());
             }
             same_drive(&schedule, &earlier, shear.step).map_err(|failure| {
-                let [then, now] = [before, scene].map(|scene| scene.time_step.step);
+                let [then, now] = [former, now].map(|walls| walls.scene.time_step.step);
                 if then == now {
                     return failure;
                 }
@@ -108,10 +102,14 @@ fn same_drive(schedule: &Schedule, earlier: &Schedule, step: u64) -> Result<()> 
              parts as they were, and change only what comes after them"
         )));
     }
-    let parts = [schedule, earlier].map(|of| of.protocol.segments().iter());
-    let turns = parts.into_iter().flatten().map(|part| part.first);
-    for at in turns.chain([step]).filter(|at| *at <= step) {
-        let [now, then] = [schedule, earlier].map(|of| of.protocol.position(at));
+    let segments = [schedule, earlier].map(|schedule| schedule.protocol.segments());
+    let turns = segments.concat().into_iter().map(|segment| segment.first);
+    for at in turns.chain([step]) {
+        if at > step {
+            continue;
+        }
+        let now = schedule.protocol.position(at);
+        let then = earlier.protocol.position(at);
         // Rounding of a velocity given in another way is no jump of the drive.
         if (now - then).abs() > 1e-12 * then.abs() {
             return Err(Failure::input(format!(
@@ -129,31 +127,29 @@ fn in_a_box(
     former: &PeriodicBox,
 ) -> Result<()> {
     match header {
-        Header::Aqs {
-            progress,
-            unfinished,
-            ..
-        } => {
+        Header::Strain(strain) => {
             let steps = periodic.aqs.steps;
-            let begun = unfinished.as_ref().is_some_and(|of| of.work.is_step());
-            if steps < progress.steps + u64::from(begun) {
+            let unfinished = strain.unfinished.as_ref();
+            let is_begun = unfinished.is_some_and(|unfinished| unfinished.work.is_step());
+            if steps < strain.progress.steps + u64::from(is_begun) {
                 return past(header, "aqs.steps", format!("strain step {steps}"));
             }
         }
-        Header::Newtonian { step, progress, .. } => {
-            let ends = |of: &PeriodicBox| (of.aqs.steps, of.aqs.until_imaginary);
-            if ends(periodic) != ends(former) {
+        Header::Newtonian(checkpoint) => {
+            let (aqs, aqs_before) = (&periodic.aqs, &former.aqs);
+            if aqs.steps != aqs_before.steps || aqs.until_imaginary != aqs_before.until_imaginary {
                 return past(header, "aqs", "another strain step");
             }
-            let Some(of) = &periodic.newtonian else {
+            let Some(newtonian) = &periodic.newtonian else {
                 return past(header, "newtonian", "the last strain step");
             };
-            let steps = newtonian::steps(of, progress.pair.as_ref(), time_step);
-            if steps < *step {
+            let pair = checkpoint.progress.pair.as_ref();
+            let steps = steps_of_newtonian(newtonian, pair, time_step);
+            if steps < checkpoint.step {
                 return past(header, "newtonian.growth_times", format!("step {steps}"));
             }
         }
-        Header::Pack(_) | Header::Shear(_) | Header::Prepare { .. } => {}
+        Header::Pack(_) | Header::Shear(_) | Header::Prepare(_) => {}
     }
     Ok(())
 }

@@ -1,26 +1,24 @@
 //! What a run will take, before it begins: steps, time, memory, disk, and whether its folder can be
 //! written. Times are measured by `calibration`.
 
-use std::fmt::Write;
-
 use gshear_dem::contact::TORQUES;
-use gshear_dem::state::{Confinement, ContactState, GrainState};
+use gshear_dem::state::{ContactState, GrainState};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::derived;
 use gshear_scene::schedule::{Schedule, packing_steps};
 use gshear_scene::{
-    Boundary, Deformation, Method, Motion, PackingFile, PeriodicBox, PlaneShear, Sample, Scene,
-    WallSpeed,
+    Deformation, Method, Motion, PeriodicBox, PlaneShear, Sample, Scene, Stages, WallSpeed,
 };
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
 use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, RUN_FILE};
 use gshear_store::run_reader::RunStage;
-use gshear_store::trajectory::{self, Form, file_bytes, waiting_bytes};
+use gshear_store::trajectory::{self, FileContent, FrameFormat, waiting_bytes};
 
 use crate::header::Header;
 use crate::launch::Task;
 use crate::memory;
-use crate::stages::{PACK, PREPARE, newtonian, prepare};
+use crate::output_schedule::{StrainSchedule, steps_of_newtonian};
+use crate::stages::{PACK, PREPARE, prepare};
 use crate::terminal::progress::duration;
 use crate::terminal::ranks;
 
@@ -32,7 +30,7 @@ const DENSE: [f64; 2] = [0.84, 0.6];
 
 /// What a run will take.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Estimate {
+pub(crate) struct Estimate {
     /// The stages that are left, in order.
     pub stages: Vec<StageEstimate>,
     /// Ranks.
@@ -55,7 +53,7 @@ pub struct Estimate {
 
 /// Times of strain steps (s).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StrainStepTime {
+pub(crate) struct StrainStepTime {
     /// Of a strain step.
     pub step: f64,
     /// Of a relaxation, of which a strain step may have several.
@@ -64,7 +62,7 @@ pub struct StrainStepTime {
 
 /// The steps of a stage that are left.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StageEstimate {
+pub(crate) struct StageEstimate {
     /// Name.
     pub name: &'static str,
     /// Steps, at least as a guess.
@@ -95,7 +93,7 @@ impl StageEstimate {
 
 /// The size of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FileEstimate {
+pub(crate) struct FileEstimate {
     /// Name.
     pub name: &'static str,
     /// Bytes.
@@ -110,9 +108,9 @@ impl Estimate {
         let (scene, ranks) = (&task.scene, exchange.size());
         let header = task.saved().map(|saved| &saved.header);
         let last = stop_at.unwrap_or(u64::MAX);
-        let (stages, files) = match &scene.boundary {
-            Boundary::Walls(walls) => of_walls(scene, walls, header, last),
-            Boundary::Periodic(periodic) => of_box(scene, periodic, header, last),
+        let (stages, files) = match &scene.stages {
+            Stages::Shear(walls) => of_walls(scene, walls, header, last),
+            Stages::Strain(periodic) => of_box(scene, periodic, header, last),
         };
         let writes = stages.iter().any(|stage| stage.output.0 > 0.0);
         let frame = if writes { frame_bytes(scene) } else { 0.0 };
@@ -125,9 +123,9 @@ impl Estimate {
             files,
             speed: None,
             strain_step: None,
-            slower: match &scene.boundary {
-                Boundary::Walls(walls) if walls.confinement == Confinement::Images => WITHOUT_WALLS,
-                Boundary::Walls(walls) if walls.output.energy => BUDGET,
+            slower: match &scene.stages {
+                Stages::Shear(walls) if walls.boundary.is_periodic() => WITHOUT_WALLS,
+                Stages::Shear(walls) if walls.output.energy => BUDGET,
                 _ => 1.0,
             },
         }
@@ -177,9 +175,6 @@ impl Estimate {
     /// A line for each quantity.
     pub fn text(&self) -> String {
         let mut text = String::new();
-        let mut line = |name: &str, content: String| {
-            writeln!(text, "{name:<12}{content}").expect("a string grows");
-        };
         let steps = self.stages.iter().map(|stage| {
             let (name, steps) = (stage.name, stage.steps);
             match (stage.exact, stage.moves) {
@@ -188,28 +183,34 @@ impl Estimate {
                 (false, true) => format!("{name} about {} (a guess)", rounded(steps as f64)),
             }
         });
-        line("steps", steps.collect::<Vec<_>>().join(", "));
+        text += &line("steps", &steps.collect::<Vec<_>>().join(", "));
         if self.grain_steps() > 0.0 {
-            line("work", format!("{:.2e} grain-steps", self.grain_steps()));
+            let work = format!("{:.2e} grain-steps", self.grain_steps());
+            text += &line("work", &work);
         }
         if let Some(speed) = self.speed {
             let (ranks, millions) = (ranks(self.ranks), 1e-6 * speed);
             let speed = format!("{millions:.3} million grain-steps/s of {ranks}");
-            line("speed", speed + ", measured here on a lattice");
+            text += &line("speed", &(speed + ", measured here on a lattice"));
         }
         let times = self.stages.iter().map(|stage| match self.seconds(stage) {
             Some(seconds) => format!("{} {}", stage.name, about(seconds, stage.moves)),
             None => format!("{} unknown", stage.name),
         });
-        line("time", times.collect::<Vec<_>>().join(", "));
-        line("memory", format!("about {} per rank", bytes(self.memory)));
-        line("disk", format!("about {}", bytes(self.disk())));
+        text += &line("time", &times.collect::<Vec<_>>().join(", "));
+        text += &line("memory", &format!("about {} per rank", bytes(self.memory)));
+        text += &line("disk", &format!("about {}", bytes(self.disk())));
         for file in &self.files {
-            let (name, content) = (file.name, &file.content);
-            line("", format!("{name} {} ({content})", bytes(file.bytes)));
+            let size = bytes(file.bytes);
+            text += &line("", &format!("{} {size} ({})", file.name, file.content));
         }
         text
     }
+}
+
+/// A line of a quantity.
+fn line(name: &str, content: &str) -> String {
+    format!("{name:<12}{content}\n")
 }
 
 /// Time of a step with the energy budget over that without (docs/speed.md).
@@ -224,16 +225,18 @@ const ROW: f64 = 1e-7;
 const WRITERS: usize = 2;
 
 /// Processors of this machine.
-pub fn cores() -> usize {
+pub(crate) fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 
 /// A time (s) in words; that of strain steps is less sure than that of moves.
 fn about(seconds: f64, moves: bool) -> String {
-    match moves {
-        _ if seconds < 1.0 => "less than 1s".into(),
-        true => format!("about {}", duration(seconds)),
-        false => format!("very roughly {}", duration(seconds)),
+    if seconds < 1.0 {
+        "less than 1s".into()
+    } else if moves {
+        format!("about {}", duration(seconds))
+    } else {
+        format!("very roughly {}", duration(seconds))
     }
 }
 
@@ -247,8 +250,8 @@ fn rounded(value: f64) -> u64 {
 pub fn bytes(size: f64) -> String {
     let names = ["PB", "TB", "GB", "MB", "KB"].into_iter();
     let mut units = names.zip([1e15, 1e12, 1e9, 1e6, 1e3]);
-    let found = units.find(|(_, unit)| size >= *unit);
-    let (name, unit) = found.unwrap_or(("B", 1.0));
+    let largest = units.find(|(_, unit)| size >= *unit);
+    let (name, unit) = largest.unwrap_or(("B", 1.0));
     match size / unit {
         size if size < 10.0 && unit > 1.0 => format!("{size:.1} {name}"),
         size => format!("{size:.0} {name}"),
@@ -264,9 +267,12 @@ fn contacts(scene: &Scene) -> f64 {
     CONTACTS[index(scene)] * f64::from(scene.sample.grains)
 }
 
-fn form(scene: &Scene) -> Form {
+fn form(scene: &Scene) -> FrameFormat {
     let torques = index(scene) == 1 && scene.contact.resists_rotation();
-    Form::new(scene.dimension.axes(), torques)
+    FrameFormat {
+        removed: scene.removes(),
+        ..FrameFormat::new(scene.dimension.axes(), torques)
+    }
 }
 
 fn frame_bytes(scene: &Scene) -> f64 {
@@ -290,9 +296,9 @@ fn memory_of(scene: &Scene, ranks: usize, frame: f64) -> f64 {
     memory::PROCESS_BYTES
         + memory::GRAIN_BYTES[index(scene)] * grains
         + memory::FRAME_COPIES * waiting_bytes(frame) * part
-        + match &scene.boundary {
-            Boundary::Walls(_) => 0.0,
-            Boundary::Periodic(periodic) => memory_of_k(scene, periodic),
+        + match &scene.stages {
+            Stages::Shear(_) => 0.0,
+            Stages::Strain(periodic) => memory_of_k(scene, periodic),
         }
 }
 
@@ -303,7 +309,7 @@ fn memory_of_k(scene: &Scene, periodic: &PeriodicBox) -> f64 {
         Method::Newton => memory::FACTOR_BYTES[k] * grains.powf(memory::FACTOR_POWER[k]),
         Method::Overdamped => 0.0,
     };
-    let moving = periodic.newtonian.is_some_and(|of| of.spectra > 0);
+    let moving = (periodic.newtonian).is_some_and(|newtonian| newtonian.spectra > 0);
     let dense = if periodic.aqs.spectrum || moving {
         memory::DENSE_COPIES * 8.0 * ([3.0, 6.0][k] * grains).powi(2)
     } else {
@@ -317,12 +323,20 @@ fn file_of(
     scene: &Scene,
     name: &'static str,
     frames: u64,
-    (rows, columns): (u64, usize),
+    rows: u64,
+    columns: usize,
 ) -> FileEstimate {
-    let of = (form(scene), scene.sample.grains as usize);
+    let content = FileContent {
+        form: form(scene),
+        grains: scene.sample.grains as usize,
+        frames,
+        contacts: contacts(scene),
+        rows,
+        columns,
+    };
     FileEstimate {
         name,
-        bytes: file_bytes(of, (frames, contacts(scene)), (rows, columns)),
+        bytes: content.bytes(),
         content: format!("{frames} frames, {rows} rows"),
     }
 }
@@ -337,13 +351,18 @@ type Parts = (Vec<StageEstimate>, Vec<FileEstimate>);
 fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u64) -> Parts {
     let mut stages = Vec::new();
     let sample = &scene.sample;
-    let packs = header.map_or(!walls.pack.skip, |of| matches!(of, Header::Pack(_)));
+    let packs = match header {
+        Some(header) => matches!(header, Header::Pack(_)),
+        None => !walls.pack.skip,
+    };
     let known = match header {
         Some(Header::Shear(shear)) => Some(shear.height),
         _ => None,
     };
-    let file = walls.origin.file().filter(|_| walls.pack.skip);
-    let packed = file.map_or_else(|| dense_height(scene), PackingFile::height);
+    let packed = match walls.origin.file() {
+        Some(file) if walls.pack.skip => file.height(),
+        _ => dense_height(scene),
+    };
     let height = known.unwrap_or_else(|| height_between(walls, sample, packed));
     let schedule = Schedule::new(scene, walls, height);
     let done = match header {
@@ -374,7 +393,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u6
         ..StageEstimate::moving(RunStage::Shear.name(), left, exact)
     });
     let columns = schedule.columns.len();
-    let run = file_of(scene, RUN_FILE, counts.frames, (counts.rows, columns));
+    let run = file_of(scene, RUN_FILE, counts.frames, counts.rows, columns);
     let log = FileEstimate {
         name: LOG_FILE,
         bytes: NUMBER * (columns + 1) as f64 * counts.rows as f64,
@@ -431,12 +450,12 @@ fn checkpoints(scene: &Scene, count: u64) -> FileEstimate {
 }
 
 /// H of a sample of this height with its walls (m).
-pub fn height_between(walls: &PlaneShear, sample: &Sample, height: f64) -> f64 {
+pub(crate) fn height_between(walls: &PlaneShear, sample: &Sample, height: f64) -> f64 {
     (height - walls.thickness_of_walls(sample)).max(sample.mean_diameter)
 }
 
 /// Height of a dense sample with its walls (m).
-pub fn dense_height(scene: &Scene) -> f64 {
+pub(crate) fn dense_height(scene: &Scene) -> f64 {
     let sample = &scene.sample;
     f64::from(sample.grains) * sample.mean_volume / sample.base() / DENSE[index(scene)]
 }
@@ -445,9 +464,10 @@ pub fn dense_height(scene: &Scene) -> f64 {
 fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: u64) -> Parts {
     let (mut stages, mut files) = (Vec::new(), Vec::new());
     let (strained, moved, pair) = match header {
-        Some(Header::Aqs { progress, .. }) => (Some(progress.steps), 0, progress.pair),
-        Some(Header::Newtonian { step, progress, .. }) => {
-            (Some(periodic.aqs.steps), *step, progress.pair)
+        Some(Header::Strain(strain)) => (Some(strain.progress.steps), 0, strain.progress.pair),
+        Some(Header::Newtonian(newtonian)) => {
+            let pair = newtonian.progress.pair;
+            (Some(periodic.aqs.steps), newtonian.step, pair)
         }
         _ => (None, 0, None),
     };
@@ -457,12 +477,7 @@ fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: 
     }
     let aqs = &periodic.aqs;
     let steps = aqs.steps.min(last);
-    let frames = match aqs.frame_every {
-        0 => 0,
-        // Also of the last state.
-        every if steps == aqs.steps => steps.div_ceil(every) + 1,
-        every => steps / every + 1,
-    };
+    let frames = StrainSchedule::new(aqs).frames_up_to(steps);
     let strains = steps.saturating_sub(strained.unwrap_or(0));
     let searches = searches(scene, periodic, strained);
     if strains > 0 || searches > 0.0 {
@@ -476,23 +491,31 @@ fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: 
             output: (frames as f64 * frame_bytes(scene), steps),
         });
     }
-    let rows = (steps + 1, AqsRow::COLUMNS.len());
-    files.push(file_of(scene, RUN_FILE, frames, rows));
-    let moves = periodic.newtonian.as_ref().filter(|_| last > aqs.steps);
-    if let Some(of) = moves {
+    let columns = AqsRow::COLUMNS.len();
+    files.push(file_of(scene, RUN_FILE, frames, steps + 1, columns));
+    if let Some(newtonian) = &periodic.newtonian
+        && last > aqs.steps
+    {
         // A complex pair, which the strain steps may find, decides how many.
-        let may_differ = aqs.spectrum && header.is_none_or(|h| matches!(h, Header::Aqs { .. }));
-        let all = newtonian::steps(of, pair.as_ref(), scene.time_step.step);
+        let may_differ = aqs.spectrum && header.is_none_or(|h| matches!(h, Header::Strain(_)));
+        let all = steps_of_newtonian(newtonian, pair.as_ref(), scene.time_step.step);
         let steps = all.min(last - aqs.steps);
         let share = steps as f64 / all.max(1) as f64;
-        let [frames, rows] = [of.frames, of.rows].map(|count| (count as f64 * share) as u64);
+        let [frames, rows] =
+            [newtonian.frames, newtonian.rows].map(|count| (count as f64 * share) as u64);
         let left = steps.saturating_sub(moved);
         stages.push(StageEstimate {
             output: (frames as f64 * frame_bytes(scene), rows),
             ..StageEstimate::moving(RunStage::Newtonian.name(), left, !may_differ)
         });
-        let rows = (rows + 1, NewtonianRow::COLUMNS.len());
-        files.push(file_of(scene, NEWTONIAN_PART, frames + 1, rows));
+        let columns = NewtonianRow::COLUMNS.len();
+        files.push(file_of(
+            scene,
+            NEWTONIAN_PART,
+            frames + 1,
+            rows + 1,
+            columns,
+        ));
     }
     files.push(checkpoints(scene, 2));
     (stages, files)

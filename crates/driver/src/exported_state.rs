@@ -6,7 +6,7 @@ use std::path::Path;
 use gshear_analysis::moments::extent;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{Cell, GrainSample, GrainState, body};
+use gshear_dem::state::{Cell, body};
 use gshear_scene::lammps_data::{Atom, DataFile};
 use gshear_scene::packing::{GrainLimit, Packing, split_frame};
 use gshear_scene::{Arrangement, Dimensions, atom_type};
@@ -29,8 +29,15 @@ pub struct ExportedState {
     stream: Option<f64>,
     /// Disks or spheres.
     pub dimension: Dimensions,
-    /// The grains, but for their density, and their masses (kg; kg/m in 2D).
-    grains: Vec<(Atom, f64)>,
+    grains: Vec<ExportedGrain>,
+}
+
+/// A grain of the state.
+struct ExportedGrain {
+    /// All of it but its density.
+    atom: Atom,
+    /// Its mass (kg; kg/m in 2D).
+    mass: f64,
 }
 
 impl ExportedState {
@@ -41,18 +48,25 @@ impl ExportedState {
     pub fn of_run(run: &RunFile, t: usize) -> Result<Self> {
         let grains = run.grains();
         let frame = run.records(t..t + 1)?.swap_remove(0);
-        let grain = |(g, of): (usize, &GrainSample)| {
+        let mut exported = Vec::new();
+        for (g, sample) in frame.grains.iter().enumerate() {
+            if sample.removed != 0 {
+                continue;
+            }
             let atom = Atom {
                 id: u64::from(run.ids()[g]) + 1,
                 kind: atom_type(grains.body[g].into(), run.material()[g].into()),
                 diameter: 2.0 * grains.radius[g],
-                position: of.position,
-                velocity: of.velocity,
-                angular_velocity: of.angular_velocity,
+                position: sample.position,
+                velocity: sample.velocity,
+                angular_velocity: sample.angular_velocity,
                 ..Atom::default()
             };
-            (atom, grains.mass[g])
-        };
+            exported.push(ExportedGrain {
+                atom,
+                mass: grains.mass[g],
+            });
+        }
         Ok(Self {
             title: format!(
                 "frame {t} (step {}, strain {:.8}) of {}",
@@ -65,10 +79,7 @@ impl ExportedState {
             planes: None,
             stream: stream_of(run, frame.step),
             dimension: run.dimension(),
-            grains: (frame.grains.iter().enumerate())
-                .filter(|(_, of)| !run.is_removed(&of.image))
-                .map(grain)
-                .collect(),
+            grains: exported,
         })
     }
 
@@ -80,7 +91,12 @@ impl ExportedState {
         let saved = Saved::read(&Solo, path)?;
         let (header, scene) = (&saved.header, saved.scene(&[])?);
         let ids = scene.packing().map(|file| &file.ids);
-        let grain = |g: &GrainState| {
+        let mut grains = Vec::new();
+        for g in &saved.state.grains {
+            if g.body == body::REMOVED {
+                continue;
+            }
+            let volume = scene.dimension.volume(g.radius);
             let atom = Atom {
                 id: u64::from(ids.map_or(g.id, |ids| ids.of(g.id))) + 1,
                 kind: atom_type(g.body, g.material),
@@ -90,9 +106,11 @@ impl ExportedState {
                 angular_velocity: g.angular_velocity,
                 ..Atom::default()
             };
-            let volume = scene.dimension.volume(g.radius);
-            (atom, scene.materials.masses.of(g.material, volume))
-        };
+            grains.push(ExportedGrain {
+                atom,
+                mass: scene.materials.masses.of(g.material, volume),
+            });
+        }
         Ok(Self {
             title: format!(
                 "step {} of the {} in {}",
@@ -108,12 +126,9 @@ impl ExportedState {
                 Header::Shear(shear) => shear.planes(&scene),
                 _ => None,
             },
-            stream: header.cell_in(&scene).sheared.map(|of| of.velocity),
+            stream: (header.cell_in(&scene).sheared).map(|sheared| sheared.velocity),
             dimension: scene.dimension,
-            grains: (saved.state.grains.iter())
-                .filter(|g| g.body != body::REMOVED)
-                .map(grain)
-                .collect(),
+            grains,
         })
     }
 
@@ -121,9 +136,11 @@ impl ExportedState {
     /// radius (m).
     pub fn data(&self, volume: impl Fn(f64) -> f64) -> DataFile {
         let up = self.dimension.axes() - 1;
-        let atoms = || self.grains.iter().map(|(atom, _)| atom);
-        let ends = atoms().map(|a| (a.position[up], 0.5 * a.diameter));
-        let mut edges = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
+        let ends = self.grains.iter().flat_map(|ExportedGrain { atom, .. }| {
+            let (at, radius) = (atom.position[up], 0.5 * atom.diameter);
+            [at - radius, at + radius]
+        });
+        let mut edges = extent(ends);
         for (edge, plane) in edges.iter_mut().zip(self.planes.into_iter().flatten()) {
             if plane.is_finite() {
                 *edge = plane;
@@ -131,13 +148,20 @@ impl ExportedState {
         }
         let sheared = self.cell.sheared;
         let edges = sheared.map_or(edges, |sheared| [0.0, sheared.height]);
-        let largest = atoms().fold(0.0, |r: f64, a| r.max(0.5 * a.diameter));
+        let mut largest = 0.0f64;
+        let mut types = 3;
+        let mut atoms = Vec::with_capacity(self.grains.len());
+        for ExportedGrain { atom, mass } in &self.grains {
+            let radius = 0.5 * atom.diameter;
+            largest = largest.max(radius);
+            types = types.max(atom.kind);
+            atoms.push(Atom {
+                density: mass / volume(radius),
+                ..*atom
+            });
+        }
         let mut tilt = [0.0; 3];
         tilt[up - 1] = sheared.map_or(0.0, |sheared| sheared.offset);
-        let atom = |(atom, mass): &(Atom, f64)| Atom {
-            density: mass / volume(0.5 * atom.diameter),
-            ..*atom
-        };
         DataFile {
             bounds: match (self.dimension, self.cell.periods) {
                 (Dimensions::Two, [length, _]) => [[0.0, length], edges, [-largest, largest]],
@@ -146,8 +170,8 @@ impl ExportedState {
             tilt,
             bounded: Default::default(),
             stream: self.stream,
-            types: atoms().fold(3, |n, a| n.max(a.kind)),
-            atoms: self.grains.iter().map(atom).collect(),
+            types,
+            atoms,
         }
     }
 }
@@ -155,7 +179,7 @@ impl ExportedState {
 /// Velocity along x of the images above a cell without walls (m/s) in this step of its shear, if
 /// the time series has a row of it; those of a box rest.
 fn stream_of(run: &RunFile, step: u64) -> Option<f64> {
-    if run.has_walls() {
+    if run.boundary().has_walls() {
         return None;
     }
     if run.stage() != RunStage::Shear {
@@ -174,15 +198,21 @@ fn stream_of(run: &RunFile, step: u64) -> Option<f64> {
 ///
 /// # Errors
 /// Those of [`Packing::read`]; a run without the frame, or a damaged file.
-pub fn read_packing(path: &Path, arrangement: Arrangement, limit: &GrainLimit) -> Result<Packing> {
+pub(crate) fn read_packing(
+    path: &Path,
+    arrangement: Arrangement,
+    limit: &GrainLimit,
+) -> Result<Packing> {
     let (file, frame) = split_frame(path);
     if !(file.is_dir() || is_hdf5(&file)) {
         return Packing::read_at_most(path, arrangement, limit);
     }
-    let refuse = |what: String| Err(Failure::input(format!("{}: {what}", file.display())));
+    let shown = file.display();
     let state = if checkpoint::is_checkpoint(&file) {
         if let Some(frame) = frame {
-            return refuse(format!("is a checkpoint of one state; leave out @{frame}"));
+            return Err(Failure::input(format!(
+                "{shown}: is a checkpoint of one state; leave out @{frame}"
+            )));
         }
         ExportedState::of_checkpoint(&file)?
     } else {
@@ -190,9 +220,9 @@ pub fn read_packing(path: &Path, arrangement: Arrangement, limit: &GrainLimit) -
         let frames = run.frames();
         let t = frame.unwrap_or(frames.saturating_sub(1));
         if t >= frames {
-            return refuse(format!(
-                "has {frames} frames, counted from 0; there is no frame {t}"
-            ));
+            return Err(Failure::input(format!(
+                "{shown}: has {frames} frames, counted from 0; there is no frame {t}"
+            )));
         }
         ExportedState::of_run(&run, t)?
     };

@@ -3,40 +3,47 @@
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::Confinement;
+use gshear_dem::state::FramePart;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::ReplayWindow;
 use gshear_store::collective::{agree, exists, on_root, told_by_root};
 use gshear_store::disk::unwritten;
-use gshear_store::file_names::{LOG_FILE, RUN_FILE, SCENE_FILE};
+use gshear_store::file_names::{LOG_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE};
 use gshear_store::h5::Attribute;
 use gshear_store::log::Log;
 use gshear_store::text_writer;
-use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
+use gshear_store::trajectory::{FrameFormat, GrainShape, RunHeader, TrajectoryWriter};
 use gshear_store::{dictionary, existing, part, provenance};
 
 use crate::folder::Watched;
+use crate::frame_analysis::FrameAnalysis;
 use crate::header::{UpToCheckpoint, Written};
+use crate::options::Outcome;
+use crate::output_schedule::DueOutput;
 use crate::run::Run;
 use crate::stages::assembly::Assembly;
+use crate::stages::eigenvalues::Eigenvalues;
+use crate::stages::spectra_file::SpectraFile;
 
 /// The files of a stage. Every call is collective.
-pub struct Files {
+pub(crate) struct Files {
     /// Frames, time series and scalars.
-    pub trajectory: TrajectoryWriter,
+    trajectory: TrajectoryWriter,
     log: Option<Log>,
+    /// The file of eigenvalues, if the stage writes one.
+    spectra: Option<SpectraFile>,
+    /// Frames that wait for their scalars, if scalars are computed.
+    analysis: Option<FrameAnalysis>,
     /// The first failure of the log since the last flush.
     log_state: Result<()>,
     /// Rows of scalars that an earlier part of the run wrote, if none are computed now.
     scalars_before: u64,
-    /// Whether the files of a resumed run were opened.
-    pub resumed: bool,
     /// The open files of rank 0.
     watched: Vec<Watched>,
 }
 
 /// The content of the files of a stage.
-pub struct Format<'a> {
+pub(crate) struct Format<'a> {
     /// The part of the file of frames and time series.
     pub name: &'a str,
     /// Columns of the time series.
@@ -46,6 +53,19 @@ pub struct Format<'a> {
     /// Height between the walls, or of the cell (m), of a shear, which has a `log.csv`; `None` of
     /// strain steps and Newton's equations of a box.
     pub height: Option<f64>,
+    /// The last analysed frame of the checkpoint, after which scalars go on.
+    pub analysed: Option<FramePart>,
+    /// Of a stage that writes eigenvalues: the time (s) up to which those of a resumed run stay.
+    pub spectra: Option<f64>,
+}
+
+/// A step, and its time (s), or strain of strain steps.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TimePoint {
+    /// Completed steps.
+    pub step: u64,
+    /// Its time.
+    pub time: f64,
 }
 
 /// The attributes that a resume writes again: what is really run, and by whom.
@@ -89,89 +109,224 @@ impl Format<'_> {
         };
         Ok(Some(log))
     }
+
+    /// Creates the file of eigenvalues of a stage that writes them, or truncates the one of a
+    /// resumed run; collective.
+    fn open_spectra(&self, run: &Run<'_>, before: UpToCheckpoint) -> Result<Option<SpectraFile>> {
+        let Some(time) = self.spectra else {
+            return Ok(None);
+        };
+        let path = run.options.out.join(SPECTRA_FILE);
+        // In another folder than the checkpoint's the file begins anew.
+        let goes_on = exists(run.exchange, &path)? && before.last.is_some();
+        let last = goes_on.then_some(time);
+        Ok(Some(SpectraFile::open(run.exchange, &path, last)?))
+    }
+
+    /// The open files that must stay where they are; none on other ranks than 0.
+    fn watched(&self, run: &Run<'_>) -> Vec<Watched> {
+        let mut names = Vec::new();
+        if run.exchange.rank() == 0 {
+            names.push(RUN_FILE);
+            if self.height.is_some() {
+                names.push(LOG_FILE);
+            }
+        }
+        let paths = names.iter().map(|name| run.options.out.join(name));
+        paths.map(Watched::new).collect()
+    }
+}
+
+/// Removes the files of an earlier run from the folder, or makes that of a replay; collective.
+fn prepare_folder(run: &Run<'_>) -> Result<()> {
+    let (exchange, out) = (run.exchange, &run.options.out);
+    match &run.folder {
+        Some(owned) => owned.clear(exchange),
+        // That of a replay.
+        None => on_root(exchange, || {
+            std::fs::create_dir_all(out)
+                .map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
+        }),
+    }
 }
 
 impl Files {
     /// Opens the files of a resumed run and truncates them to its checkpoint. Creates new files if
     /// there are none, or nothing was written; the log is kept up to the checkpoint all the same.
+    /// A replay always creates its files.
     ///
     /// # Errors
     /// Files that cannot be created, or belong to another run.
     pub(crate) fn open<D: Dimension>(
         run: &Run<'_>,
         assembly: &mut Assembly<'_, D>,
-        format: &Format<'_>,
-        before: Option<UpToCheckpoint>,
+        format: Format<'_>,
+        checkpoint: UpToCheckpoint,
     ) -> Result<Self> {
-        let (exchange, out) = (run.exchange, &run.options.out);
-        match &run.folder {
-            Some(owned) => owned.clear(exchange)?,
-            // That of a replay.
-            None => on_root(exchange, || {
-                let made = std::fs::create_dir_all(out);
-                made.map_err(|e| Failure::other(format!("{}: cannot be made: {e}", out.display())))
-            })?,
-        }
-        let path = out.join(format.name);
-        let is_there = told_by_root(exchange, || Ok(part::exists(&path)))?;
-        let resumed = before.and_then(|before| before.last).filter(|_| is_there);
-        let (mut trajectory, log, mut scalars_before) = match resumed {
-            Some(last) => {
-                // Counted by steps: a file that was begun anew at a later step holds fewer frames
-                // and rows than the checkpoint says.
-                let counts = || existing::up_to(&path, format.columns, last);
-                let [frames, rows, scalars] = told_by_root(exchange, counts)?;
-                // The log first: if it does not fit, the other file is left as it is.
-                let log = format.open_log(run, Some(last), rows)?;
-                let (series, path) = (format.columns, &path);
-                let mut trajectory =
-                    TrajectoryWriter::open_to_append(exchange, path, series, frames, rows)?;
-                trajectory.attributes(exchange, &resumed_attributes(run))?;
-                write_scene(run)?;
-                (trajectory, log, scalars)
-            }
-            None => {
-                let log_there = exists(exchange, &out.join(LOG_FILE))?;
-                let trajectory = create(run, assembly, format, before)?;
-                // Rows of before a lost run.h5 stay.
-                let last = before.filter(|_| log_there).and_then(|before| before.last);
-                let log = format.open_log(run, last, 0)?;
-                (trajectory, log, 0)
-            }
+        let exchange = run.exchange;
+        let before = match run.options.replay {
+            Some(_) => UpToCheckpoint::new(0),
+            None => checkpoint,
         };
-        let open = [Some(RUN_FILE), format.height.map(|_| LOG_FILE)];
-        let open = open.into_iter().flatten().filter(|_| exchange.rank() == 0);
-        let open = open.map(|name| out.join(name));
-        if (run.scene.boundary.walls()).is_some_and(|of| of.analysis.scalars) {
-            trajectory.begin_scalars(exchange, std::mem::take(&mut scalars_before))?;
+        prepare_folder(run)?;
+        let path = run.options.out.join(format.name);
+        let is_there = told_by_root(exchange, || Ok(part::exists(&path)))?;
+        let resumed = if is_there { before.last } else { None };
+        let mut scalars_before = 0;
+        let (mut trajectory, log);
+        if let Some(last) = resumed {
+            // Counted by steps: a file that was begun anew at a later step holds fewer frames and
+            // rows than the checkpoint says.
+            let [frames, rows, scalars] =
+                told_by_root(exchange, || existing::up_to(&path, format.columns, last))?;
+            scalars_before = scalars;
+            // The log first: if it does not fit, the other file is left as it is.
+            log = format.open_log(run, Some(last), rows)?;
+            trajectory =
+                TrajectoryWriter::open_to_append(exchange, &path, format.columns, frames, rows)?;
+            trajectory.attributes(exchange, &resumed_attributes(run))?;
+            write_scene(run)?;
+        } else {
+            let has_log = exists(exchange, &run.options.out.join(LOG_FILE))?;
+            trajectory = create(run, assembly, &format, before)?;
+            // Rows of before a lost run.h5 stay.
+            log = format.open_log(run, if has_log { before.last } else { None }, 0)?;
+        }
+        let watched = format.watched(run);
+        let spectra = format.open_spectra(run, before)?;
+        let computes_scalars = run
+            .scene
+            .shear()
+            .is_some_and(|shear| shear.analysis.scalars);
+        let mut analysis = None;
+        if computes_scalars {
+            trajectory.begin_scalars(exchange, scalars_before)?;
+            scalars_before = 0;
+            // The first row of new scalars is of a frame without a frame before it.
+            let analysed = if resumed.is_some() {
+                format.analysed
+            } else {
+                None
+            };
+            analysis = Some(FrameAnalysis::new(exchange, &mut assembly.system, analysed));
         }
         Ok(Self {
             trajectory,
             log,
+            spectra,
+            analysis,
             log_state: Ok(()),
             scalars_before,
-            resumed: resumed.is_some(),
-            watched: open.map(Watched::new).collect(),
+            watched,
         })
     }
 
-    /// Writes a row to the log.
-    pub fn log(&mut self, step: u64, time: f64, row: &[f64]) {
+    /// Writes a row to the time series and to the log.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub(crate) fn row(
+        &mut self,
+        exchange: &dyn Parallel,
+        at: TimePoint,
+        row: &impl AsRef<[f64]>,
+    ) -> Result<()> {
+        self.trajectory.series(exchange, at.step, at.time, row)?;
         // Only rank 0 knows of a failure of the log; the next flush tells all ranks.
         if let (Some(log), Ok(())) = (&mut self.log, &self.log_state) {
-            self.log_state = log.row(step, time, row);
+            self.log_state = log.row(at.step, at.time, row.as_ref());
+        }
+        Ok(())
+    }
+
+    /// Writes a frame of the last measurement and computes its scalars, as far as these are due.
+    /// `height` (m): between the walls; 0 of a cell without walls.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub(crate) fn frame<D: Dimension>(
+        &mut self,
+        assembly: &mut Assembly<'_, D>,
+        due: DueOutput,
+        at: TimePoint,
+        height: f64,
+    ) -> Result<()> {
+        if !due.takes_frame() {
+            return Ok(());
+        }
+        let exchange = assembly.exchange;
+        let (grains, contacts) = assembly.frame();
+        if due.frame {
+            let edges = assembly.system.cell.edges::<D>(height);
+            let clock = (at.step, at.time);
+            self.trajectory
+                .frame(exchange, clock, &edges, &grains, &contacts)?;
+        }
+        if due.scalars
+            && let Some(analysis) = &mut self.analysis
+        {
+            let rows = analysis.frame(exchange, at.step, &grains, &contacts);
+            self.trajectory.scalars(exchange, &rows)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the eigenvalues of a state at this time.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub(crate) fn spectrum(
+        &mut self,
+        exchange: &dyn Parallel,
+        time: f64,
+        eigenvalues: &Eigenvalues,
+    ) -> Result<()> {
+        match &mut self.spectra {
+            Some(spectra) => spectra.write(exchange, time, eigenvalues),
+            None => Ok(()),
         }
     }
 
+    /// Passes the rows of the time series to those who watch a run whose rows come slowly.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub(crate) fn publish_rows(&mut self, exchange: &dyn Parallel) -> Result<()> {
+        self.trajectory.publish_rows(exchange)
+    }
+
     /// Passes the rows of the log to the file system, for those who watch the run. Not collective.
-    pub fn publish(&mut self) {
+    pub(crate) fn publish(&mut self) {
         if let (Some(log), Ok(())) = (&mut self.log, &self.log_state) {
             self.log_state = log.flush();
         }
     }
 
+    /// Passes the scalars of the frames that wait to the file.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub(crate) fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<()> {
+        let Some(analysis) = &mut self.analysis else {
+            return Ok(());
+        };
+        let rows = analysis.flush(exchange);
+        self.trajectory.scalars(exchange, &rows)
+    }
+
+    /// The last analysed frame.
+    ///
+    /// # Panics
+    /// If frames wait for their scalars.
+    pub(crate) fn last_analysed(&self) -> Option<FramePart> {
+        self.analysis
+            .as_ref()
+            .and_then(FrameAnalysis::last)
+            .cloned()
+    }
+
     /// The number of frames and rows so far, buffered ones included.
-    pub fn written(&self) -> Written {
+    pub(crate) fn written(&self) -> Written {
         Written {
             frames: self.trajectory.frames(),
             rows: self.trajectory.rows(),
@@ -179,43 +334,69 @@ impl Files {
         }
     }
 
+    /// The number of lines in the file of eigenvalues.
+    pub(crate) fn spectra_lines(&self) -> u64 {
+        self.spectra.as_ref().map_or(0, SpectraFile::rows)
+    }
+
     /// Writes everything to disk.
     ///
     /// # Errors
     /// A file that cannot be written, or was removed during the run.
-    pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<()> {
+    pub(crate) fn flush(&mut self, exchange: &dyn Parallel) -> Result<()> {
+        self.write_scalars(exchange)?;
         let there = self.watched.iter().try_for_each(Watched::verify);
         agree(exchange, there)?;
         self.trajectory.flush(exchange)?;
         let log = self.log.as_mut();
         let logged = std::mem::replace(&mut self.log_state, Ok(()))
             .and_then(|()| log.map_or(Ok(()), Log::sync));
-        agree(exchange, logged)
+        agree(exchange, logged)?;
+        match &mut self.spectra {
+            Some(spectra) => spectra.flush(exchange),
+            None => Ok(()),
+        }
     }
 
     /// Closes the files; `attributes` are those of a stage that is done.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn finish(
+    pub(crate) fn finish(
         mut self,
         exchange: &dyn Parallel,
+        outcome: Outcome,
         attributes: &[(&str, Attribute)],
     ) -> Result<()> {
         self.flush(exchange)?;
-        self.trajectory.finish(exchange, attributes)
+        let known = match outcome {
+            Outcome::Done => attributes,
+            Outcome::Stopped => &[],
+        };
+        self.trajectory.finish(exchange, known)
     }
 
-    /// Closes the files of a stage that has failed, with what led to numbers that failed. After any
-    /// other failure they are left as they are. Returns the failure.
-    pub fn fail(self, exchange: &dyn Parallel, failure: Failure) -> Failure {
-        let Failure::Numbers(what) = failure else {
-            return failure;
-        };
-        Failure::Numbers(match self.finish(exchange, &[]) {
-            Ok(()) => what,
-            Err(lost) => format!("{what}; and what led to it is lost: {lost}"),
-        })
+    /// The files and the outcome of a stage that has not failed. Closes those of a stage that has,
+    /// with what led to numbers that failed; after any other failure they are left as they are.
+    ///
+    /// # Errors
+    /// The failure of the stage.
+    pub(crate) fn unless_failed(
+        self,
+        exchange: &dyn Parallel,
+        outcome: Result<Outcome>,
+    ) -> Result<(Self, Outcome)> {
+        match outcome {
+            Ok(outcome) => Ok((self, outcome)),
+            Err(Failure::Numbers(what)) => {
+                let closed = self.finish(exchange, Outcome::Stopped, &[]);
+                Err(Failure::Numbers(match closed {
+                    Ok(()) => what,
+                    Err(lost) => format!("{what}; and what led to it is lost: {lost}"),
+                }))
+            }
+            Err(failure) => Err(failure),
+        }
     }
 }
 
@@ -224,14 +405,14 @@ fn create<D: Dimension>(
     run: &Run<'_>,
     assembly: &mut Assembly<'_, D>,
     format: &Format<'_>,
-    before: Option<UpToCheckpoint>,
+    before: UpToCheckpoint,
 ) -> Result<TrajectoryWriter> {
     let (exchange, scene) = (run.exchange, run.scene);
     let (system, layout) = (&mut assembly.system, assembly.law.layout());
     write_scene(run)?;
     let mut attributes = resumed_attributes(run);
-    if let Some(UpToCheckpoint { step, .. }) = before.filter(|before| before.step > 0) {
-        attributes.push(("begun_at_step", Attribute::Count(step)));
+    if before.step > 0 {
+        attributes.push(("begun_at_step", Attribute::Count(before.step)));
     }
     attributes.extend([
         ("version", provenance::VERSION.into()),
@@ -253,20 +434,24 @@ fn create<D: Dimension>(
         system.cell
     };
     edges[..D::UP].copy_from_slice(&cell.periods[..D::UP]);
-    let of_box = || cell.sheared.map_or(0.0, |sheared| sheared.height);
-    edges[D::UP] = format.height.unwrap_or_else(of_box);
+    edges[D::UP] = match format.height {
+        Some(height) => height,
+        None => cell.sheared.map_or(0.0, |sheared| sheared.height),
+    };
     let author = scene.author.as_deref();
     let user = match (exchange.rank(), author) {
         (0, None) => provenance::user(),
         _ => String::new(),
     };
-    let plane_shear = scene.boundary.walls();
     let header = RunHeader {
         author: author.unwrap_or(&user),
         history_unit: layout.history_unit,
-        form: Form::new(D::AXES, layout.has_torques),
-        walls: plane_shear.is_some_and(|of| of.confinement != Confinement::Images),
-        units: plane_shear.is_some(),
+        form: FrameFormat {
+            removed: scene.removes(),
+            ..FrameFormat::new(D::AXES, layout.has_torques)
+        },
+        boundary: scene.boundary(),
+        units: scene.shear().is_some(),
         series: format.columns,
         edges,
         grains: &GrainShape::owned(system),

@@ -6,9 +6,9 @@
 
 use bytemuck::Zeroable;
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
-use gshear_dem::dimension::Dimension;
+use gshear_dem::dimension::{Dimension, Dimensions};
 use gshear_dem::state::{
-    ContactForce, ContactSample, Disks, Frame, FramePart, GrainPosition, GrainSample,
+    Cell, ContactForce, ContactSample, Frame, FramePart, GrainConstants, GrainPosition, GrainSample,
 };
 use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
@@ -21,11 +21,12 @@ const BATCH_BYTES: usize = 1 << 20;
 const MOST_INTERVALS: usize = 16;
 
 /// A row of the scalars: the step of a frame, and the scalars of the interval that ends there.
-pub type ScalarsRow = (u64, FrameScalars);
+pub(crate) type ScalarsRow = (u64, FrameScalars);
 
 /// Frames that wait for their scalars to be computed.
-pub struct FrameAnalysis {
-    grains: Disks,
+pub(crate) struct FrameAnalysis {
+    grains: GrainConstants,
+    cell: Cell,
     /// This rank's part of the frames: the last analysed one, then those that wait.
     frames: Vec<FramePart>,
     /// Steps of the frames that wait.
@@ -47,12 +48,12 @@ impl FrameAnalysis {
         let frame = shapes.len() * (size_of::<GrainPosition>() + 2 * size_of::<ContactForce>());
         let each = (BATCH_BYTES / frame.max(1)).clamp(1, MOST_INTERVALS);
         Self {
-            grains: Disks {
+            grains: GrainConstants {
                 radius: shapes.iter().map(|g| g.radius).collect(),
                 body: shapes.iter().map(|g| g.body as u8).collect(),
                 mass: shapes.iter().map(|g| g.mass).collect(),
-                length: system.cell.periods[0],
             },
+            cell: Cell::between_walls(system.cell.periods),
             frames: before.into_iter().collect(),
             steps: Vec::new(),
             batch: each * exchange.size(),
@@ -91,7 +92,8 @@ impl FrameAnalysis {
             return Vec::new();
         }
         let shares = IdBlocks::of(exchange, intervals as u64);
-        let message = |rank: usize| {
+        let mut messages = Vec::new();
+        for rank in 0..exchange.size() {
             let share = shares.range(rank);
             let frames = if share.is_empty() {
                 0..0
@@ -102,16 +104,17 @@ impl FrameAnalysis {
             for FramePart { grains, contacts } in &self.frames[frames] {
                 put_lists(&mut message, grains, contacts);
             }
-            message
-        };
-        let received = exchange.all_to_all((0..exchange.size()).map(message).collect());
-        let frames = assemble(&received, self.grains.count()).into_iter();
+            messages.push(message);
+        }
+        let received = exchange.all_to_all(messages);
+        let frames = assemble(&received, self.cell, self.grains.count()).into_iter();
         let frames = frames.map(|frame| Stressed::new(&self.grains, frame));
         let frames: Vec<Stressed> = frames.collect();
-        let row = |pair: &[Stressed]| {
-            frame_scalars(&self.grains, &pair[0], &pair[1], &mut self.scratch).columns()
-        };
-        let rows: Vec<[f64; FrameScalars::COLUMNS.len()]> = frames.windows(2).map(row).collect();
+        let mut rows: Vec<[f64; FrameScalars::COLUMNS.len()]> = Vec::new();
+        for pair in frames.windows(2) {
+            let scalars = frame_scalars(&self.grains, &pair[0], &pair[1], &mut self.scratch);
+            rows.push(scalars.columns());
+        }
         let all = exchange.gather(bytemuck::cast_slice(&rows));
         let rows = all.iter().flat_map(|bytes| records_of(bytes));
         let rows = rows.map(FrameScalars::from_columns);
@@ -133,31 +136,38 @@ impl FrameAnalysis {
 
 /// Assembles frames from one message of each rank. Panics if a grain is missing or occurs twice,
 /// which is a bug.
-fn assemble(messages: &[Vec<u8>], grains: usize) -> Vec<Frame> {
+fn assemble(messages: &[Vec<u8>], cell: Cell, grains: usize) -> Vec<Frame> {
     let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
     let mut frames = Vec::new();
     while rest.iter().any(|bytes| !bytes.is_empty()) {
         let mut frame = Frame {
-            position: vec![[f64::NAN; 2]; grains],
-            image: vec![0; grains],
-            ..Frame::default()
+            dimension: Dimensions::Two,
+            cell,
+            step: 0,
+            time: 0.0,
+            grains: vec![GrainSample::zeroed(); grains],
+            contacts: Vec::new(),
         };
         let mut seen = 0;
         for rest in &mut rest {
             let (places, forces) = take_lists::<GrainPosition, ContactForce>(rest);
             for place in places {
-                frame.position[place.id as usize] = place.position;
-                frame.image[place.id as usize] = place.image;
+                let [x, y] = place.position;
+                frame.grains[place.id as usize] = GrainSample {
+                    id: place.id,
+                    position: [x, y, 0.0],
+                    image: [place.image, 0, 0],
+                    ..GrainSample::zeroed()
+                };
                 seen += 1;
             }
-            let contact = |c: ContactForce| ContactSample {
+            frame.contacts.extend(forces.map(|c| ContactSample {
                 i: c.i,
                 j: c.j,
                 normal_force: c.normal_force,
                 tangential_force: [c.tangential_force, 0.0, 0.0],
                 ..ContactSample::zeroed()
-            };
-            frame.contacts.extend(forces.map(contact));
+            }));
         }
         assert_eq!(seen, grains, "every grain comes once");
         frame.contacts.sort_by_key(|c| (c.i, c.j));

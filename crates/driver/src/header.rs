@@ -6,14 +6,16 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
 use gshear_dem::budget::SavedBudget;
+use gshear_dem::columns::Column;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::drive::{Piston, SliderState};
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{Cell, Confinement, Sheared, Snapshot};
+use gshear_dem::state::{Cell, Sheared, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Boundary, PackingFile, PeriodicBox, Sample, Scene, Source};
+use gshear_scene::{PackingFile, PeriodicBox, Sample, Scene, Source, Stages};
 use gshear_store::checkpoint;
+use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
 use gshear_store::run_reader::RunStage;
 
 use crate::run_record::RunRecord;
@@ -31,38 +33,81 @@ pub enum Header {
     Pack(PackHeader),
     /// Shear between walls.
     Shear(ShearHeader),
-    /// The preparation of a box that has failed, from which no run goes on: the last box in which
-    /// the grains came to rest.
-    Prepare {
-        /// Boxes so far.
-        step: u64,
-        /// The length of the box.
-        length: f64,
-    },
+    /// The preparation of a box that has failed, from which no run goes on.
+    Prepare(PrepareHeader),
     /// Strain steps of a periodic box.
-    Aqs {
-        /// The progress of the strain steps.
-        progress: Progress,
-        /// Number of frames and rows in the files.
-        written: Written,
-        /// What goes on after the last strain step.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        unfinished: Option<Unfinished>,
-    },
+    #[serde(rename = "aqs")]
+    Strain(StrainHeader),
     /// Newton's equations in a periodic box.
-    Newtonian {
-        /// Steps done.
-        step: u64,
-        /// From where their time counts.
-        #[serde(default, skip_serializing_if = "TimeOrigin::is_start")]
-        origin: TimeOrigin,
-        /// The progress of the strain steps before.
-        progress: Progress,
-        /// Number of frames and rows in the files.
-        written: Written,
-        /// Number of lines in the file of eigenvalues.
-        lines: u64,
-    },
+    Newtonian(NewtonianHeader),
+}
+
+/// A stage, and its completed steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Position {
+    /// Name of the stage.
+    pub stage: &'static str,
+    /// Completed steps.
+    pub step: u64,
+}
+
+impl std::fmt::Display for Position {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} step {}", self.stage, self.step)
+    }
+}
+
+/// The last box of a failed preparation in which the grains came to rest.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PrepareHeader {
+    /// Boxes so far.
+    pub step: u64,
+    /// The length of the box.
+    pub length: f64,
+}
+
+/// How strain steps go on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StrainHeader {
+    /// The progress of the strain steps.
+    pub progress: StrainProgress,
+    /// Number of frames and rows in the files.
+    pub written: Written,
+    /// What goes on after the last strain step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unfinished: Option<Unfinished>,
+}
+
+/// How Newton's equations go on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NewtonianHeader {
+    /// Steps done.
+    pub step: u64,
+    /// From where their time counts.
+    #[serde(default, skip_serializing_if = "TimeOrigin::is_start")]
+    pub origin: TimeOrigin,
+    /// The progress of the strain steps before.
+    pub progress: StrainProgress,
+    /// Number of frames and rows in the files.
+    pub written: Written,
+    /// Number of lines in the file of eigenvalues.
+    pub lines: u64,
+}
+
+impl NewtonianHeader {
+    /// The start after the strain steps.
+    pub(crate) fn after(progress: StrainProgress) -> Self {
+        Self {
+            step: 0,
+            origin: TimeOrigin::default(),
+            progress,
+            written: Written::default(),
+            lines: 0,
+        }
+    }
 }
 
 /// How a packing goes on.
@@ -123,15 +168,13 @@ impl ShearHeader {
 
     /// The heights (m) of the flat walls of this shear; infinite for a top that is not there.
     pub fn planes(&self, scene: &Scene) -> Option<[f64; 2]> {
-        let of = scene.boundary.walls().filter(|of| of.has_planes())?;
+        let walls = scene.shear()?;
         let step = self.slider.map_or(0, |slider| slider.step);
-        let rose = Schedule::new(scene, of, self.height).protocol.bottom(step);
-        let floor = of.floor();
-        let top = match of.confinement {
-            Confinement::FreeSurface => f64::INFINITY,
-            _ => floor + self.piston.height,
-        };
-        Some([floor + rose, top])
+        let schedule = Schedule::new(scene, walls, self.height);
+        let rise = schedule.protocol.bottom(step);
+        let floor = walls.floor();
+        let heights = [floor + rise, floor + self.piston.height];
+        walls.boundary.planes(heights)
     }
 }
 
@@ -147,20 +190,21 @@ impl Header {
     /// # Errors
     /// A header of another version of this program.
     pub fn parse(checkpoint: &Path, text: &str) -> Result<(Self, RunRecord, Option<PackingFile>)> {
-        let parse = || -> serde_json::Result<_> {
-            let mut fields: Map<String, Value> = serde_json::from_str(text)?;
-            let [record, packing] =
-                [RECORD, PACKING].map(|name| fields.remove(name).unwrap_or_default());
-            let header = serde_json::from_value(Value::Object(fields))?;
-            let record = serde_json::from_value(record)?;
-            Ok((header, record, serde_json::from_value(packing)?))
-        };
-        parse().map_err(|e| {
+        Self::parse_fields(text).map_err(|e| {
             Failure::input(format!(
                 "{}: the header of the checkpoint cannot be read: {e}; resume with the version that wrote it",
                 checkpoint.display()
             ))
         })
+    }
+
+    fn parse_fields(text: &str) -> serde_json::Result<(Self, RunRecord, Option<PackingFile>)> {
+        let mut fields: Map<String, Value> = serde_json::from_str(text)?;
+        let record = fields.remove(RECORD).unwrap_or_default();
+        let packing = fields.remove(PACKING).unwrap_or_default();
+        let header = serde_json::from_value(Value::Object(fields))?;
+        let record = serde_json::from_value(record)?;
+        Ok((header, record, serde_json::from_value(packing)?))
     }
 
     /// The text of the header, with the record of its run, and the file that the grains came from.
@@ -179,29 +223,71 @@ impl Header {
     /// The stage, if it writes frames.
     pub fn run_stage(&self) -> Option<RunStage> {
         match self {
-            Header::Pack(_) | Header::Prepare { .. } => None,
+            Header::Pack(_) | Header::Prepare(_) => None,
             Header::Shear(_) => Some(RunStage::Shear),
-            Header::Aqs { .. } => Some(RunStage::Strain),
-            Header::Newtonian { .. } => Some(RunStage::Newtonian),
+            Header::Strain(_) => Some(RunStage::Strain),
+            Header::Newtonian(_) => Some(RunStage::Newtonian),
         }
+    }
+
+    /// The stage and its completed steps.
+    pub fn position(&self) -> Position {
+        let (stage, step) = match self {
+            Header::Pack(pack) => (PACK, pack.step),
+            Header::Prepare(prepare) => (PREPARE, prepare.step),
+            Header::Shear(shear) => (RunStage::Shear.name(), shear.step),
+            Header::Strain(strain) => (RunStage::Strain.name(), strain.progress.steps),
+            Header::Newtonian(newtonian) => (RunStage::Newtonian.name(), newtonian.step),
+        };
+        Position { stage, step }
     }
 
     /// The name of the stage.
     pub fn stage(&self) -> &'static str {
-        match self {
-            Header::Prepare { .. } => PREPARE,
-            _ => self.run_stage().map_or(PACK, RunStage::name),
-        }
+        self.position().stage
     }
 
     /// Completed steps of the stage.
     pub fn step(&self) -> u64 {
+        self.position().step
+    }
+
+    /// Number by which `--stop-at` counts the last step: of a box, strain steps and then steps of
+    /// Newton's equations.
+    pub(crate) fn counted_steps(&self) -> u64 {
         match self {
-            Header::Pack(pack) => pack.step,
-            Header::Shear(shear) => shear.step,
-            Header::Newtonian { step, .. } | Header::Prepare { step, .. } => *step,
-            Header::Aqs { progress, .. } => progress.steps,
+            Header::Pack(_) | Header::Prepare(_) => 0,
+            Header::Shear(_) | Header::Strain(_) => self.step(),
+            Header::Newtonian(newtonian) => newtonian.progress.steps + newtonian.step,
         }
+    }
+
+    /// The progress of the strain steps of a box.
+    pub(crate) fn strain_progress(&self) -> Option<&StrainProgress> {
+        match self {
+            Header::Pack(_) | Header::Shear(_) | Header::Prepare(_) => None,
+            Header::Strain(strain) => Some(&strain.progress),
+            Header::Newtonian(newtonian) => Some(&newtonian.progress),
+        }
+    }
+
+    /// The file of frames that the stage continues; `None` before there is one, and of a checkpoint
+    /// with which a stage begins, which makes its files anew.
+    pub(crate) fn continued_file(&self) -> Option<ContinuedFile<'_>> {
+        if self.step() == 0 {
+            return None;
+        }
+        let (name, written) = match self {
+            Header::Pack(_) | Header::Prepare(_) => return None,
+            Header::Shear(shear) => (RUN_FILE, &shear.written),
+            Header::Strain(strain) => (RUN_FILE, &strain.written),
+            Header::Newtonian(newtonian) => (NEWTONIAN_PART, &newtonian.written),
+        };
+        Some(ContinuedFile {
+            name,
+            columns: self.run_stage()?.columns(),
+            written,
+        })
     }
 
     /// The cell of its state.
@@ -209,14 +295,13 @@ impl Header {
         match self {
             Header::Pack(_) => sample.cell(),
             Header::Shear(shear) => shear.cell(sample),
-            Header::Prepare { length, .. } => sample.box_cell(*length),
-            Header::Aqs {
-                unfinished: Some(of),
+            Header::Prepare(prepare) => sample.box_cell(prepare.length),
+            Header::Strain(StrainHeader {
+                unfinished: Some(unfinished),
                 ..
-            } => of.shape.cell::<D>(sample),
-            Header::Aqs { progress, .. } | Header::Newtonian { progress, .. } => {
-                progress.cell::<D>(sample)
-            }
+            }) => unfinished.shape.cell::<D>(sample),
+            Header::Strain(strain) => strain.progress.cell::<D>(sample),
+            Header::Newtonian(newtonian) => newtonian.progress.cell::<D>(sample),
         }
     }
 
@@ -271,18 +356,17 @@ impl Saved {
     pub fn scene(&self, set: &[String]) -> Result<Scene> {
         let name = format!("{} (its scene)", self.path.display());
         let source = Source::new(name, self.toml.clone());
-        let mut scene = gshear_scene::load_with(&source, set, &mut |path, how| {
-            let same =
-                |file: &&PackingFile| file.path == path && how.copies.starts_with(&file.replicate);
-            let known = self.packing.as_ref().filter(same);
-            known.cloned().ok_or_else(|| {
-                Failure::input("the grains are those of the checkpoint; leave it as it was")
-            })
-        })?;
-        if let (
-            Header::Aqs { progress, .. } | Header::Newtonian { progress, .. },
-            Boundary::Periodic(PeriodicBox { packing: None, .. }),
-        ) = (&self.header, &scene.boundary)
+        let mut scene =
+            gshear_scene::load_with(&source, set, &mut |path, how| match &self.packing {
+                Some(file) if file.path == path && how.copies.starts_with(&file.replicate) => {
+                    Ok(file.clone())
+                }
+                _ => Err(Failure::input(
+                    "the grains are those of the checkpoint; leave it as it was",
+                )),
+            })?;
+        if let (Some(progress), Stages::Strain(PeriodicBox { packing: None, .. })) =
+            (self.header.strain_progress(), &scene.stages)
         {
             let length = progress.length.unwrap_or(scene.sample.length);
             scene.sample = scene.sample.in_box(scene.dimension, length);
@@ -327,10 +411,27 @@ pub struct Written {
     pub scalars: u64,
 }
 
+impl Written {
+    /// Frames, rows and rows of scalars.
+    pub(crate) fn counts(&self) -> [u64; 3] {
+        [self.frames, self.rows, self.scalars]
+    }
+}
+
+/// The file of frames and time series, or its part, that a resumed stage continues.
+pub(crate) struct ContinuedFile<'a> {
+    /// Its name in the folder of the run.
+    pub name: &'static str,
+    /// The columns of its time series.
+    pub columns: &'static [Column],
+    /// What it holds up to the checkpoint.
+    pub written: &'a Written,
+}
+
 /// What the files of a resumed stage hold up to its checkpoint.
 #[derive(Debug, Clone, Copy)]
-pub struct UpToCheckpoint {
-    /// Steps at the checkpoint.
+pub(crate) struct UpToCheckpoint {
+    /// Steps at the checkpoint; 0 of a stage that begins.
     pub step: u64,
     /// The last step whose frame and row stay; `None`: none stays.
     pub last: Option<u64>,
@@ -348,7 +449,7 @@ impl UpToCheckpoint {
 
 /// The progress of the strain steps.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Progress {
+pub struct StrainProgress {
     /// Number of completed strain steps.
     pub steps: u64,
     /// Lees–Edwards offset: displacement of the image above along x.
@@ -369,10 +470,10 @@ pub struct Progress {
     pub fell_back: u64,
 }
 
-impl Progress {
+impl StrainProgress {
     /// The box of this sample.
     pub fn cell<D: Dimension>(&self, sample: &Sample) -> Cell {
-        let stretched = self.stretched.map(|of| of.lengths);
+        let stretched = self.stretched.map(|stretched| stretched.lengths);
         let shape = Shape {
             lengths: stretched.unwrap_or([sample.length; 3]),
             offset: self.offset,
@@ -381,8 +482,11 @@ impl Progress {
     }
 
     /// What a digest contains of the box.
-    pub fn box_bytes(&self) -> Vec<u8> {
-        let lengths = self.stretched.iter().flat_map(|of| of.lengths);
+    pub(crate) fn box_bytes(&self) -> Vec<u8> {
+        let lengths = self
+            .stretched
+            .iter()
+            .flat_map(|stretched| stretched.lengths);
         let numbers = std::iter::once(self.offset).chain(lengths);
         numbers.flat_map(f64::to_le_bytes).collect()
     }
@@ -436,8 +540,9 @@ pub struct Unfinished {
 pub struct Work {
     /// Whether it comes before the first strain step.
     pub prepares: bool,
-    /// The relaxations that are done.
-    pub found: Equilibrium,
+    /// Of the relaxations that are done.
+    #[serde(rename = "found")]
+    pub statistics: RelaxationStatistics,
     /// The one that goes on.
     pub relaxing: Relaxing,
     /// What follows it.
@@ -446,7 +551,7 @@ pub struct Work {
 
 impl Work {
     /// Whether it is a strain step.
-    pub fn is_step(&self) -> bool {
+    pub(crate) fn is_step(&self) -> bool {
         !self.prepares && !matches!(self.search, Search::Birth { .. })
     }
 }
@@ -455,8 +560,9 @@ impl Work {
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Relaxing {
-    /// What was done so far.
-    pub found: Equilibrium,
+    /// Of what was done so far.
+    #[serde(rename = "found")]
+    pub statistics: RelaxationStatistics,
     /// Contacts that Newton's method has opened so far; `None`: overdamped dynamics. The state
     /// before Newton's method is the last one held.
     pub opened: Option<Vec<[u32; 2]>>,
@@ -464,7 +570,7 @@ pub struct Relaxing {
 
 /// Statistics of a relaxation, or of several.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Equilibrium {
+pub struct RelaxationStatistics {
     /// Factorisations of K.
     pub factorisations: u64,
     /// Steps of overdamped dynamics.
@@ -473,7 +579,7 @@ pub struct Equilibrium {
     pub fell_back: bool,
 }
 
-impl std::ops::AddAssign for Equilibrium {
+impl std::ops::AddAssign for RelaxationStatistics {
     fn add_assign(&mut self, other: Self) {
         self.factorisations += other.factorisations;
         self.steps += other.steps;
@@ -561,6 +667,12 @@ pub struct Stretched {
 }
 
 impl Stretched {
+    /// The part by which the volume has decreased.
+    pub(crate) fn volume_strain<D: Dimension>(&self) -> f64 {
+        let parts = self.lengths.iter().zip(self.initial).take(D::AXES);
+        1.0 - parts.map(|(now, then)| now / then).product::<f64>()
+    }
+
     /// Before the first strain step.
     pub fn new(lengths: [f64; 3]) -> Self {
         Self {

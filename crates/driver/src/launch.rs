@@ -1,20 +1,20 @@
 //! The start of a run: from a scene and its grains, or from a checkpoint.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::LawSpace;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
-use gshear_scene::{Boundary, Change, Dimensions, Scene, Source};
+use gshear_scene::{Change, Dimensions, Scene, Source, Stages};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
 
 use crate::continuation::count_anew;
 use crate::exported_state::read_packing;
-use crate::folder::{Contents, RunFolder, same_folder};
+use crate::folder::{RunFolder, same_folder};
 use crate::header::{Header, Saved};
 use crate::lock::Lock;
 use crate::options::{Options, Outcome};
@@ -22,6 +22,7 @@ use crate::run::Run;
 use crate::run_record::{Continuation, RunRecord};
 use crate::say::say_error;
 use crate::stages::{between_walls, in_a_box};
+use crate::stored_run::{Ends, StoredRun};
 pub use crate::task::Task;
 use crate::task::{Entry, Start};
 use crate::{ends, memory};
@@ -58,9 +59,9 @@ impl Task {
         }
         if let Some(saved) = self.saved()
             && self.entry == Entry::Resume
-            && (saved.path.parent()).is_some_and(|of| same_folder(of, &options.out))
+            && (saved.path.parent()).is_some_and(|folder| same_folder(folder, &options.out))
         {
-            run.saved_at = Some((saved.header.stage(), saved.header.step()));
+            run.saved_at = Some(saved.header.position());
         }
         run.terminal.header(exchange, scene, run.isa);
         if let Some(note) = self.counts_anew() {
@@ -81,9 +82,9 @@ impl Task {
 
 fn stages<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcome> {
     let scene = run.scene;
-    match &scene.boundary {
-        Boundary::Walls(plane_shear) => between_walls::run::<D>(run, plane_shear, start),
-        Boundary::Periodic(periodic) => in_a_box::run::<D>(run, periodic, start),
+    match &scene.stages {
+        Stages::Shear(plane_shear) => between_walls::run::<D>(run, plane_shear, start),
+        Stages::Strain(periodic) => in_a_box::run::<D>(run, periodic, start),
     }
 }
 
@@ -93,13 +94,14 @@ fn stages<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcome> {
 /// An invalid configuration or packing.
 ///
 /// # Panics
-/// If the packing holds a number that is not finite, which [`read_packing`] refuses.
+/// If the packing holds a number that is not finite, which `read_packing` refuses.
 pub fn from_the_start(exchange: &dyn Parallel, source: &Source, set: &[String]) -> Result<Task> {
     let mut packing = None;
     let limit = memory::limit(exchange);
     let scene = gshear_scene::load_within(source, set, &limit, &mut |path, arrangement| {
-        let read = || read_packing(path, arrangement, &limit).map(Some);
-        packing = on_root(exchange, read)?;
+        packing = on_root(exchange, || {
+            read_packing(path, arrangement, &limit).map(Some)
+        })?;
         let file = packing.as_ref().map(|packing| packing.file.clone());
         Ok(of_root(exchange, &file).expect("rank 0 has read it"))
     })?;
@@ -163,8 +165,7 @@ pub fn await_lock(exchange: &dyn Parallel, options: &mut Options) {
     }
     // The other ranks wait for rank 0.
     exchange.broadcast(vec![0]);
-    let left = |time: Duration| time.saturating_sub(begun.elapsed());
-    options.wall_time = options.wall_time.map(left);
+    options.wall_time = options.wall_time_after(begun.elapsed());
 }
 
 /// Continues the run of a task in its folder, if the folder holds it, from its newest good
@@ -173,20 +174,21 @@ pub fn await_lock(exchange: &dyn Parallel, options: &mut Options) {
 /// # Errors
 /// A folder that holds another run, or only damaged checkpoints.
 pub fn resume_if_begun(exchange: &dyn Parallel, folder: &Path, task: Task) -> Result<Option<Task>> {
-    let empty = told_by_root(exchange, || {
-        let found = Contents::of(folder)?;
-        found.is_of(folder, &task, true)?;
-        Ok(found.is_empty())
+    let [is_empty, is_finished] = told_by_root(exchange, || {
+        let stored = StoredRun::read(folder)?;
+        stored.require(&task, Ends::Movable)?;
+        Ok([stored.is_empty(), stored.is_finished(&task)])
     })?;
-    if empty {
+    if is_empty {
         return Ok(Some(task));
     }
-    if is_finished(exchange, folder, &task)? {
+    if is_finished {
         return Ok(None);
     }
-    let saved = newest(exchange, folder)?;
-    let goes_on = |saved: &Saved| !matches!(saved.header, Header::Prepare { .. });
-    let task = match saved.filter(goes_on) {
+    let mut saved = newest(exchange, folder)?;
+    // No run goes on from a preparation.
+    saved = saved.filter(|saved| !matches!(saved.header, Header::Prepare(_)));
+    let task = match saved {
         None => {
             let note = "holds this run without a checkpoint; it starts again";
             note_once(exchange, &format!("{}: {note}", folder.display()));
@@ -202,7 +204,7 @@ pub fn resume_if_begun(exchange: &dyn Parallel, folder: &Path, task: Task) -> Re
 
 /// Whether the run in the folder has come to the end that the task asks for. Collective.
 fn is_finished(exchange: &dyn Parallel, folder: &Path, task: &Task) -> Result<bool> {
-    told_by_root(exchange, || Ok(Contents::of(folder)?.is_finished(task)))
+    told_by_root(exchange, || Ok(StoredRun::read(folder)?.is_finished(task)))
 }
 
 /// The newest good checkpoint of a folder; `None` if there is none. Collective.
@@ -239,7 +241,7 @@ fn note_once(exchange: &dyn Parallel, note: &str) {
 
 /// The task of a checkpoint: its scene with the changes, and its state.
 fn from_checkpoint(mut saved: Saved, wanted: Changes<'_>) -> Result<Task> {
-    if let Header::Prepare { .. } = saved.header {
+    if let Header::Prepare(_) = saved.header {
         let path = saved.path.display();
         return Err(Failure::input(format!(
             "{path}: is of a preparation that has failed, from which no run goes on; begin the scene again with other keys, or take the grains as sample.packing = \"{path}\""

@@ -2,8 +2,8 @@
 //!
 //! A scene between walls is packed and sheared; a periodic box is prepared, strained
 //! quasi-statically and, with a table `[newtonian]`, moved by Newton's equations. Each of these is
-//! a [`run::Stage`]; stops, signals, wall time, checkpoints and the terminal are in [`run`], once
-//! for all of them.
+//! a `stage::Stage`; stops, signals, wall time, checkpoints and the terminal are in `stage` and
+//! `run`, once for all of them.
 //!
 //! A run of the default scene with a short shear, on one rank:
 //!
@@ -32,7 +32,7 @@ mod cores;
 mod ends;
 pub mod estimate;
 pub mod exported_state;
-pub mod files;
+mod files;
 pub mod folder;
 mod frame_analysis;
 pub mod header;
@@ -40,12 +40,15 @@ pub mod launch;
 mod lock;
 mod memory;
 pub mod options;
+mod output_schedule;
 pub mod preview;
-pub mod run;
-pub mod run_record;
+mod run;
+mod run_record;
 pub mod say;
 pub mod signals;
-pub mod stages;
+mod stage;
+mod stages;
+pub mod stored_run;
 pub mod sweep;
 mod task;
 mod terminal;

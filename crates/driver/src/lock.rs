@@ -17,7 +17,7 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_store::{provenance, sound};
 
 /// Name of the lock in the folder of a run.
-pub const LOCK_FILE: &str = "run.lock";
+pub(crate) const LOCK_FILE: &str = "run.lock";
 /// Interval at which the owner renews the time of the file.
 const HEARTBEAT: Duration = Duration::from_secs(30);
 /// A lock of which the kernel knows nothing is stale if it is older.
@@ -87,7 +87,7 @@ fn is_gone(holder: Option<&Holder>, tried: &Result<(), TryLockError>, age: Durat
 
 /// Whether the run that writes into a folder is known to have died: its lock is there, and its
 /// process is gone.
-pub fn is_abandoned(folder: &Path) -> bool {
+pub(crate) fn is_abandoned(folder: &Path) -> bool {
     let Ok(mut file) = open(&folder.join(LOCK_FILE), false) else {
         return false;
     };
@@ -97,7 +97,7 @@ pub fn is_abandoned(folder: &Path) -> bool {
 }
 
 /// Whether no run writes into a folder: it has no lock, or that of a process that is gone.
-pub fn is_left(folder: &Path) -> bool {
+pub(crate) fn is_left(folder: &Path) -> bool {
     !folder.join(LOCK_FILE).exists() || is_abandoned(folder)
 }
 
@@ -124,8 +124,30 @@ fn text_at(path: &Path) -> std::io::Result<String> {
     Ok(read(&mut open(path, false)?).0)
 }
 
+/// What a lock says at a time.
+#[derive(PartialEq)]
+struct LockState {
+    text: String,
+    modified: SystemTime,
+    holder: Holder,
+}
+
+impl LockState {
+    /// Reads the lock at a path; `None` if there is none that names its holder.
+    fn read(path: &Path) -> Option<Self> {
+        let mut file = open(path, false).ok()?;
+        let modified = file.metadata().ok()?.modified().ok()?;
+        let (text, holder) = read(&mut file);
+        Some(Self {
+            text,
+            modified,
+            holder: holder?,
+        })
+    }
+}
+
 /// A lock that this process holds. Dropping it removes the file.
-pub struct Lock {
+pub(crate) struct Lock {
     path: PathBuf,
     text: String,
     /// The kernel holds its lock until this is closed.
@@ -176,16 +198,12 @@ impl Lock {
     /// Waits until it is known whether the process that holds the lock lives: the process renews
     /// the lock or removes it, or the lock becomes stale. Returns at once if the kernel tells.
     /// `note`: is told that this waits.
-    pub fn await_verdict(folder: &Path, note: impl Fn(&str)) {
+    pub(crate) fn await_verdict(folder: &Path, note: impl Fn(&str)) {
         let path = folder.join(LOCK_FILE);
-        let look = || {
-            let mut file = open(&path, false).ok()?;
-            let modified = file.metadata().and_then(|of| of.modified()).ok()?;
-            let (text, holder) = read(&mut file);
-            Some((text, modified, holder?))
+        let Some(first) = LockState::read(&path) else {
+            return;
         };
-        let Some(first) = look() else { return };
-        let holder = &first.2;
+        let holder = &first.holder;
         let tried = open(&path, false).map(|file| file.try_lock_shared());
         let tells = !matches!(tried, Ok(Err(TryLockError::Error(_))));
         if holder.is_known_here() && tells {
@@ -195,7 +213,10 @@ impl Lock {
         // The second bound holds if the clocks of the hosts differ.
         for looks in 0.. {
             let age = age(fs::metadata(&path));
-            if age > STALE || begun.elapsed() > STALE || look().as_ref() != Some(&first) {
+            if age > STALE
+                || begun.elapsed() > STALE
+                || LockState::read(&path).as_ref() != Some(&first)
+            {
                 return;
             }
             if looks == 1 {
@@ -229,7 +250,7 @@ impl Lock {
         };
         // Kept until the lock is removed: of several programs only one removes it.
         let tried = file.try_lock();
-        let (found, holder) = read(&mut file);
+        let (seen, holder) = read(&mut file);
         let gone = is_gone(holder.as_ref(), &tried, age(file.metadata()));
         let whose = match &holder {
             Some(Holder {
@@ -248,7 +269,7 @@ impl Lock {
         // seen is removed.
         let aside = folder.join(format!("{LOCK_FILE}.{:x}", Holder::this(false).token));
         if fs::rename(path, &aside).is_ok() {
-            let same = text_at(&aside).is_ok_and(|text| text == found);
+            let same = text_at(&aside).is_ok_and(|text| text == seen);
             if !same {
                 let _ = fs::hard_link(&aside, path);
             }
@@ -282,17 +303,16 @@ impl Lock {
         let file = Arc::new(file);
         let (stop, stopped) = mpsc::channel();
         let renewed = file.clone();
-        let beat = move || {
+        let heartbeat = std::thread::Builder::new().spawn(move || {
             while let Err(RecvTimeoutError::Timeout) = stopped.recv_timeout(HEARTBEAT) {
                 let _ = renewed.set_modified(SystemTime::now());
             }
-        };
-        let heartbeat = std::thread::Builder::new().spawn(beat).ok();
+        });
         Ok(Some(Self {
             path: path.into(),
             text,
             _file: file,
-            heartbeat: heartbeat.map(|thread| (stop, thread)),
+            heartbeat: heartbeat.ok().map(|thread| (stop, thread)),
         }))
     }
 
@@ -333,7 +353,7 @@ impl Drop for Lock {
 }
 
 /// The failure of a folder that cannot be written.
-pub fn unwritable(folder: &Path, why: &std::io::Error) -> Failure {
+pub(crate) fn unwritable(folder: &Path, why: &std::io::Error) -> Failure {
     Failure::input(format!(
         "{}: the folder of the results cannot be written: {why}; give another one with --out",
         folder.display()
@@ -341,8 +361,8 @@ pub fn unwritable(folder: &Path, why: &std::io::Error) -> Failure {
 }
 
 /// Time since the last heartbeat.
-fn age(of: std::io::Result<Metadata>) -> Duration {
-    let modified = of.and_then(|file| file.modified());
+fn age(metadata: std::io::Result<Metadata>) -> Duration {
+    let modified = metadata.and_then(|file| file.modified());
     modified.map_or(Duration::ZERO, |at| at.elapsed().unwrap_or_default())
 }
 

@@ -22,7 +22,7 @@ pub enum Verbosity {
 pub struct Options {
     /// Folder of the results.
     pub out: PathBuf,
-    /// Stop with a checkpoint after this step, as [`crate::run::Stage::count`] counts it.
+    /// Stop with a checkpoint after this step, as `Stage::count` counts it.
     pub stop_at: Option<u64>,
     /// Stop with a checkpoint after this time.
     pub wall_time: Option<Duration>,
@@ -37,6 +37,13 @@ pub struct Options {
     /// Compute only the steps from the checkpoint to the end of this window, without terminal
     /// output and into new files.
     pub replay: Option<ReplayWindow>,
+}
+
+impl Options {
+    /// The wall time that is left after this time, if it is limited.
+    pub(crate) fn wall_time_after(&self, elapsed: Duration) -> Option<Duration> {
+        self.wall_time.map(|time| time.saturating_sub(elapsed))
+    }
 }
 
 /// The outcome of a run that did not fail.

@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Boundary, Dimensions, Scene, unlikely};
+use gshear_scene::{Dimensions, Scene, Stages, unlikely};
 
 use crate::estimate::{Estimate, bytes, cores, dense_height, height_between};
 use crate::folder::{self, free};
@@ -98,11 +98,11 @@ fn prospects(
 }
 
 /// What is allowed and unlikely about the scene of a task and its grains, on rank 0.
-pub fn doubts(task: &Task) -> Vec<String> {
+pub(crate) fn doubts(task: &Task) -> Vec<String> {
     let scene = &task.scene;
-    let height = match &scene.boundary {
-        Boundary::Walls(walls) => height_between(walls, &scene.sample, dense_height(scene)),
-        Boundary::Periodic(_) => dense_height(scene),
+    let height = match &scene.stages {
+        Stages::Shear(walls) => height_between(walls, &scene.sample, dense_height(scene)),
+        Stages::Strain(_) => dense_height(scene),
     };
     let mut doubts = unlikely::unlikely(scene, height);
     doubts.extend(task.not_at_load());
@@ -171,12 +171,12 @@ const BORDER: f64 = 1.2;
 const STEP: f64 = 20.0;
 
 /// The most ranks of which each spends no more time on its borders than on its grains.
-pub fn sensible_ranks(scene: &Scene) -> usize {
+pub(crate) fn sensible_ranks(scene: &Scene) -> usize {
     let sample = &scene.sample;
     let diameter = sample.mean_diameter;
-    let height = match &scene.boundary {
-        Boundary::Walls(_) => dense_height(scene),
-        Boundary::Periodic(periodic) => periodic.lengths(sample)[2],
+    let height = match &scene.stages {
+        Stages::Shear(_) => dense_height(scene),
+        Stages::Strain(periodic) => periodic.lengths(sample)[2],
     };
     let across = match scene.dimension {
         Dimensions::Two => 1.0,

@@ -1,125 +1,28 @@
-//! A run: its ranks, and the loop over the steps of a stage.
+//! A run: its ranks, its checkpoints, and when it is to stop.
 
 use std::time::{Duration, Instant};
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{GrainState, Snapshot};
-use gshear_dem::tuning::Tuned;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_store::checkpoint;
 use gshear_store::collective::on_root;
 
 use crate::folder::RunFolder;
-use crate::header::Header;
-use crate::options::{Options, Outcome};
+use crate::header::{Header, Position, PrepareHeader};
+use crate::options::Options;
 use crate::run_record::RunRecord;
 use crate::signals::Signals;
 use crate::stages::PREPARE;
 use crate::terminal::Terminal;
-use gshear_store::status::Standing;
-
-/// Steps of Newton's equations after which a stage looks whether the last checkpoint is old.
-pub(crate) const LOOK: u64 = 100;
-
-/// Steps of Newton's equations between two states that are kept in memory: a copy takes as long as
-/// some tens of steps.
-const KEPT_STEPS: u64 = 50_000;
 
 /// The most grains whose state is kept in memory. Larger samples have their checkpoints alone.
 const MOST_KEPT: u32 = 1_000_000;
 
-/// Whether a checkpoint is due after a step. A stop always writes one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Save {
-    /// No checkpoint.
-    No,
-    /// If the last checkpoint is as old as `output.checkpoint_time`.
-    IfOld,
-    /// By the schedule of the stage.
-    Now,
-}
-
-/// A stage of a run, which takes one step at a time. Calls are collective.
-pub trait Stage {
-    /// The name in messages, and the number of completed steps.
-    fn at(&self) -> (&'static str, u64);
-
-    /// The number by which `--stop-at` counts the next step; `None` if it does not count it.
-    fn count(&self) -> Option<u64> {
-        Some(self.at().1 + 1)
-    }
-
-    /// Whether all steps are done.
-    fn is_done(&self) -> bool;
-
-    /// Computes the forces of the initial state, before the first step. Not called when a stage
-    /// resumes.
-    ///
-    /// # Errors
-    /// Numbers that fail.
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<()>;
-
-    /// Whether the last call of [`Stage::step`] took a part of a step only.
-    fn goes_on(&self) -> bool {
-        false
-    }
-
-    /// Takes one step. `stop`: whether a stop was requested on this rank. Returns whether the run
-    /// stops after this step, the same on every rank.
-    ///
-    /// # Errors
-    /// Numbers that fail.
-    fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool>;
-
-    /// Writes the output that is due after the last step.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    fn record(&mut self, run: &mut Run<'_>) -> Result<()>;
-
-    /// Whether a checkpoint is due after the last step.
-    fn save_due(&self) -> Save;
-
-    /// Writes what the files hold so far to disk, before a checkpoint.
-    ///
-    /// # Errors
-    /// A file that cannot be written, or a state that no run can go on from.
-    fn flush(&mut self, run: &mut Run<'_>) -> Result<()>;
-
-    /// The state after the last step, and what was written up to it.
-    ///
-    /// # Errors
-    /// A file that cannot be written.
-    fn state(&mut self, run: &mut Run<'_>) -> Result<Checkpoint>;
-
-    /// Whether the state after the last step is kept in memory, to be written if numbers fail
-    /// before the next checkpoint.
-    fn is_kept(&self) -> bool {
-        self.at().1.is_multiple_of(KEPT_STEPS)
-    }
-
-    /// Whether the state is sound although the last step has failed, because steps ran out.
-    fn is_sound(&self) -> bool {
-        false
-    }
-
-    /// The fastest settings so far, if they are not those of the start.
-    fn tuned(&self) -> Option<Tuned>;
-
-    /// How far the stage has come.
-    fn standing(&self) -> Standing;
-
-    /// Prints the lines of a log that are due after the last step.
-    fn log(&mut self, _: &Run<'_>) {}
-
-    /// Passes the rows of the log to the file system, for those who watch the run.
-    fn publish(&mut self) {}
-}
-
 /// A run.
-pub struct Run<'a> {
+pub(crate) struct Run<'a> {
     /// The ranks.
     pub exchange: &'a dyn Parallel,
     /// Options of the command line.
@@ -137,9 +40,9 @@ pub struct Run<'a> {
     started: Instant,
     saved: Instant,
     /// The last state kept in memory; `None` if a checkpoint was written since.
-    sound: Option<Checkpoint>,
-    /// Stage and step of the newest checkpoint of this run in its folder.
-    pub(crate) saved_at: Option<(&'static str, u64)>,
+    pub(crate) sound: Option<Checkpoint>,
+    /// The newest checkpoint of this run in its folder.
+    pub(crate) saved_at: Option<Position>,
     /// Time between checkpoints (s), if there is one.
     checkpoint_time: Option<f64>,
 }
@@ -178,93 +81,29 @@ impl<'a> Run<'a> {
             saved: now,
             sound: None,
             saved_at: None,
-            checkpoint_time: Some(scene.checkpoint_time).filter(|time| *time > 0.0),
+            checkpoint_time: (scene.checkpoint_time > 0.0).then_some(scene.checkpoint_time),
         })
     }
 
-    /// Takes the steps of a stage until it is done or the run stops. `begins`: whether this is the
-    /// start of the stage. Collective.
-    ///
-    /// # Errors
-    /// Numbers that fail, with the stage's name before the message, or a file that cannot be
-    /// written.
-    pub(crate) fn drive(&mut self, stage: &mut dyn Stage, begins: bool) -> Result<Outcome> {
-        let (name, _) = stage.at();
-        self.clear()?;
-        self.terminal.begin(&stage.standing());
-        self.keep(stage)?;
-        if begins {
-            stage.begin(self).map_err(|e| in_stage(e, name))?;
-            stage.record(self)?;
-        }
-        while !stage.is_done() {
-            let last = self.options.stop_at;
-            let last = last.is_some() && stage.count() == last;
-            let moved = stage.step(self, last);
-            let recorded = moved.and_then(|stop| stage.record(self).map(|()| stop));
-            let stop = match recorded {
-                Ok(stop) => stop,
-                Err(failure) => {
-                    if stage.is_sound() {
-                        self.keep(stage)?;
-                    }
-                    return Err(in_stage(failure, name));
-                }
-            };
-            let stopped = stop && !stage.is_done();
-            let due = match stage.save_due() {
-                Save::No => stopped,
-                Save::Now => true,
-                Save::IfOld => stopped || self.last_checkpoint_is_old(),
-            };
-            if due {
-                self.record.tuned = stage.tuned();
-                let flushed = stage.flush(self).and_then(|()| stage.state(self));
-                let saved = flushed.and_then(|of| self.save(&of));
-                saved.map_err(|e| in_stage(e, name))?;
-            } else if stage.is_kept() {
-                self.keep(stage)?;
-            }
-            stage.log(self);
-            let (_, step) = stage.at();
-            let due = stage.goes_on() || self.terminal.is_due(step);
-            if due && self.terminal.progress(&stage.standing()) {
-                stage.publish();
-            }
-            if stopped {
-                self.terminal.set(&stage.standing());
-                self.terminal.stopped(&self.options.out, name, step);
-                return Ok(Outcome::Stopped);
-            }
-        }
-        // The next stage begins with them.
-        self.record.tuned = stage.tuned();
-        self.terminal.clear();
-        self.terminal.set(&stage.standing());
-        Ok(Outcome::Done)
-    }
-
     /// Removes the files of an earlier run, if that is still to be done; collective.
-    fn clear(&self) -> Result<()> {
+    pub(crate) fn clear(&self) -> Result<()> {
         let folder = self.folder.as_ref();
         folder.map_or(Ok(()), |folder| folder.clear(self.exchange))
     }
 
-    /// Keeps the state of a stage in memory, unless the sample is too large for that or the run is
-    /// a replay; collective.
-    fn keep(&mut self, stage: &mut dyn Stage) -> Result<()> {
-        // Room for the new one.
-        self.sound = None;
-        if self.folder.is_some() && self.scene.sample.grains <= MOST_KEPT {
-            self.sound = Some(stage.state(self)?);
-        }
-        Ok(())
+    /// Whether states are kept in memory: not of a large sample, nor of a replay.
+    pub(crate) fn keeps_states(&self) -> bool {
+        self.folder.is_some() && self.scene.sample.grains <= MOST_KEPT
     }
 
     /// Keeps the last sound state of a preparation that fails.
-    pub(crate) fn keep_prepared(&mut self, header: Header, grains: Vec<GrainState>) {
-        self.sound = self.folder.is_some().then(|| Checkpoint {
-            header,
+    pub(crate) fn keep_prepared(&mut self, header: PrepareHeader, grains: Vec<GrainState>) {
+        if self.folder.is_none() {
+            self.sound = None;
+            return;
+        }
+        self.sound = Some(Checkpoint {
+            header: Header::Prepare(header),
             state: Snapshot {
                 grains,
                 ..Snapshot::default()
@@ -280,23 +119,23 @@ impl<'a> Run<'a> {
             return failure;
         };
         if let Some(sound) = self.sound.take()
-            && self.saved_at != Some((sound.header.stage(), sound.header.step()))
+            && self.saved_at != Some(sound.header.position())
             && let Err(lost) = self.clear().and_then(|()| self.save(&sound))
         {
             return Failure::Numbers(format!("{what}; and its last sound state is lost: {lost}"));
         }
-        let Some((stage, step)) = self.saved_at else {
+        let Some(position) = self.saved_at else {
             return Failure::Numbers(what);
         };
         let path = self.options.out.join(checkpoint::NAME);
         let path = path.display();
-        let how = if stage == PREPARE {
+        let how = if position.stage == PREPARE {
             "take it as sample.packing".to_string()
         } else {
             format!("go on from it with --resume {path}, and --branch NEW_FOLDER for other physics")
         };
         Failure::Numbers(format!(
-            "{what}; the last sound state, {stage} step {step}, is in {path}: look at it with gshear-reduce export --format lammps-data {path}, or {how}"
+            "{what}; the last sound state, {position}, is in {path}: look at it with gshear-reduce export --format lammps-data {path}, or {how}"
         ))
     }
 
@@ -315,7 +154,7 @@ impl<'a> Run<'a> {
     }
 
     /// Decides by the greatest age over the ranks, because their clocks differ; collective.
-    fn last_checkpoint_is_old(&self) -> bool {
+    pub(crate) fn last_checkpoint_is_old(&self) -> bool {
         let Some(time) = self.checkpoint_time else {
             return false;
         };
@@ -333,13 +172,13 @@ impl<'a> Run<'a> {
         let header_text = header.text(&self.record, self.scene.packing());
         let texts = [&*header_text, &self.scene.toml];
         checkpoint::write(exchange, out, texts, &checkpoint.state)?;
-        self.saved_at = Some((header.stage(), header.step()));
+        let position = header.position();
+        self.saved_at = Some(position);
         self.sound = None;
-        self.terminal
-            .saved(header.stage(), header.step(), self.saved.elapsed());
+        self.terminal.saved(position, self.saved.elapsed());
         on_root(exchange, || {
             if checkpoint.keep {
-                checkpoint::keep(out, header.stage(), header.step())
+                checkpoint::keep(out, position.stage, position.step)
             } else {
                 Ok(())
             }
@@ -348,18 +187,11 @@ impl<'a> Run<'a> {
 }
 
 /// The data of a stage for a checkpoint. Each contact is on the rank that has its first grain.
-pub struct Checkpoint {
+pub(crate) struct Checkpoint {
     /// The header of the checkpoint.
     pub header: Header,
     /// This rank's part of the state.
     pub state: Snapshot,
     /// Whether to keep the checkpoint under the name of its step as well.
     pub keep: bool,
-}
-
-fn in_stage(failure: Failure, stage: &str) -> Failure {
-    match failure {
-        Failure::Numbers(m) => Failure::Numbers(format!("{stage}, {m}")),
-        other => other,
-    }
 }

@@ -105,7 +105,7 @@ impl RunRecord {
     pub fn comments(&self) -> String {
         let mut text = format!("{ID_COMMENT}{}\n", self.id);
         if let Some(Parent { id, at }) = &self.parent {
-            text += &format!("# branch of {id}, from {at}\n");
+            text += &format!("{BRANCH_COMMENT}{id}, from {at}\n");
         }
         for at in &self.resumed {
             text += &format!("# resumed at {at}\n");
@@ -117,7 +117,15 @@ impl RunRecord {
 /// Begins the line of `scene.toml` with the identity of the run.
 const ID_COMMENT: &str = "# run_id ";
 
+/// Begins the line of the `scene.toml` of a branch.
+const BRANCH_COMMENT: &str = "# branch of ";
+
 /// Returns the identity in a `scene.toml`, if it has one.
-pub fn id_in_scene(toml: &str) -> Option<&str> {
+pub(crate) fn id_in_scene(toml: &str) -> Option<&str> {
     toml.lines().find_map(|line| line.strip_prefix(ID_COMMENT))
+}
+
+/// Whether a `scene.toml` is that of a branch.
+pub(crate) fn is_branch_in_scene(toml: &str) -> bool {
+    toml.lines().any(|line| line.starts_with(BRANCH_COMMENT))
 }

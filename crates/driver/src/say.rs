@@ -27,7 +27,7 @@ pub fn say_error(line: &str) {
 ///
 /// # Errors
 /// Standard output that cannot be written, such as a file on a full disk, on every rank.
-pub fn print(exchange: &dyn Parallel, text: &str) -> Result<()> {
+pub(crate) fn print(exchange: &dyn Parallel, text: &str) -> Result<()> {
     on_root(exchange, || {
         let mut output = std::io::stdout().lock();
         match writeln!(output, "{}", printable(text)).and_then(|()| output.flush()) {
@@ -39,7 +39,7 @@ pub fn print(exchange: &dyn Parallel, text: &str) -> Result<()> {
     })
 }
 
-/// [`fold`] to the width of a terminal; files and pipes get the text as it is.
+/// Folds a text to the width of a terminal; files and pipes get the text as it is.
 pub fn fold_for(term: &Term, text: &str) -> String {
     match width(term) {
         Some(width) => fold(text, width),
@@ -48,8 +48,11 @@ pub fn fold_for(term: &Term, text: &str) -> String {
 }
 
 /// Characters of a line of a terminal; `None` of files and pipes.
-pub fn width(term: &Term) -> Option<usize> {
-    let (_, own) = term.size_checked().filter(|_| term.is_term())?;
+pub(crate) fn width(term: &Term) -> Option<usize> {
+    if !term.is_term() {
+        return None;
+    }
+    let (_, own) = term.size_checked()?;
     let width = launcher_width().unwrap_or(own);
     // A character in the last column would break the line on some terminals.
     Some(usize::from(width).saturating_sub(1))
@@ -73,7 +76,7 @@ fn launcher_width() -> Option<u16> {
 /// Breaks lines of more than `width` characters between words. What follows stands under the second
 /// column of a line such as `steps       about 380000` or `shear: I = 2e-4`, and is indented by two
 /// characters in others. Longer words stay whole.
-pub fn fold(text: &str, width: usize) -> String {
+pub(crate) fn fold(text: &str, width: usize) -> String {
     let lines = text.split('\n').map(|line| fold_line(line, width));
     lines.collect::<Vec<_>>().join("\n")
 }
@@ -81,18 +84,27 @@ pub fn fold(text: &str, width: usize) -> String {
 /// Heads of the lines of a run that have one blank before the second column.
 const HEADS: [&str; 3] = ["shear: ", "drive: ", "birth: "];
 
+/// The place of the first character from `start` on that is not blank.
+fn after_blanks(characters: &[char], start: usize) -> Option<usize> {
+    let place = characters[start..].iter().position(|c| *c != ' ')?;
+    Some(start + place)
+}
+
 fn fold_line(line: &str, width: usize) -> String {
     if line.chars().count() <= width {
         return line.into();
     }
     let characters: Vec<char> = line.chars().collect();
-    let blank = |at: usize| characters.get(at) == Some(&' ');
-    let first = (0..characters.len()).find(|at| !blank(*at)).unwrap_or(0);
-    let gap = (first..characters.len()).find(|at| blank(*at) && blank(at + 1));
+    let first = after_blanks(&characters, 0).unwrap_or(0);
     let headed = HEADS.iter().find(|head| line.starts_with(**head));
     let second = match headed {
         Some(head) => Some(head.len()),
-        None => gap.and_then(|gap| (gap..characters.len()).find(|at| !blank(*at))),
+        None => {
+            let gap = characters[first..]
+                .windows(2)
+                .position(|two| *two == [' '; 2]);
+            gap.and_then(|gap| after_blanks(&characters, first + gap))
+        }
     };
     let (start, indent) = match second.filter(|second| *second <= width / 2) {
         Some(second) => (second, second),

@@ -3,6 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
+use nix::sys::signal::{SigSet, SigmaskHow, Signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGUSR1, SIGUSR2, SIGXCPU, SIGXFSZ};
 
 use gshear_dem::failure::{Failure, Result};
@@ -24,11 +25,16 @@ impl Signals {
         if let Some(caught) = CAUGHT.get() {
             return Ok(caught.clone());
         }
+        let caught = while_held(Self::install)?;
+        Ok(CAUGHT.get_or_init(|| caught).clone())
+    }
+
+    fn install() -> Result<Self> {
         let flag = Arc::new(AtomicBool::new(false));
-        let failed = |e| Failure::other(format!("signals cannot be caught: {e}"));
         for signal in [SIGTERM, SIGINT] {
-            signal_hook::flag::register_conditional_shutdown(signal, 1, flag.clone())
-                .map_err(failed)?;
+            let registered =
+                signal_hook::flag::register_conditional_shutdown(signal, 1, flag.clone());
+            registered.map_err(|e| uncaught(&e))?;
         }
         outlive_full_files();
         // A run under nohup goes on when its terminal closes.
@@ -37,15 +43,40 @@ impl Signals {
             .into_iter()
             .chain(hangup)
         {
-            signal_hook::flag::register(signal, flag.clone()).map_err(failed)?;
+            let registered = signal_hook::flag::register(signal, flag.clone());
+            registered.map_err(|e| uncaught(&e))?;
         }
-        Ok(CAUGHT.get_or_init(|| Self(flag)).clone())
+        Ok(Self(flag))
     }
 
     /// Whether a signal came.
     pub fn received(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
+}
+
+/// The result of `install`, which installs handlers. Signals that come meanwhile wait until it
+/// ends: between the parts of a handler they would be lost.
+fn while_held<T>(install: impl FnOnce() -> Result<T>) -> Result<T> {
+    let held: SigSet = [
+        Signal::SIGTERM,
+        Signal::SIGINT,
+        Signal::SIGHUP,
+        Signal::SIGUSR1,
+        Signal::SIGUSR2,
+        Signal::SIGXCPU,
+    ]
+    .into_iter()
+    .collect();
+    let before = held.thread_swap_mask(SigmaskHow::SIG_BLOCK);
+    let before = before.map_err(|e| uncaught(&e.into()))?;
+    let installed = install();
+    before.thread_set_mask().map_err(|e| uncaught(&e.into()))?;
+    installed
+}
+
+fn uncaught(why: &std::io::Error) -> Failure {
+    Failure::other(format!("signals cannot be caught: {why}"))
 }
 
 /// Makes a write beyond the limit of the size of files fail with a reason; its signal would end the

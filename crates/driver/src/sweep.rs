@@ -1,7 +1,7 @@
 //! The runs of a sweep.
 
 use std::path::PathBuf;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::Parallel;
@@ -48,8 +48,7 @@ impl<'a> Sweep<'a> {
                 "--set {set}: takes away the sweep whose runs --sweep asks for; leave one of them out"
             )));
         }
-        let key = |set: &str| set.split('=').next().unwrap_or_default().trim().to_string();
-        let swept: Vec<String> = members[0].set.iter().map(|set| key(set)).collect();
+        let swept: Vec<&str> = members[0].set.iter().map(|set| key(set)).collect();
         if let Some(set) = set.iter().find(|set| swept.contains(&key(set))) {
             return Err(Failure::input(format!(
                 "--set {set}: {} is a key of the sweep; leave it out of one of the two",
@@ -80,14 +79,14 @@ impl<'a> Sweep<'a> {
             let folder = self.folder(member);
             let failed =
                 || Status::read(&folder).is_some_and(|status| status.state == RunState::Failed);
-            let found = resume_if_begun(exchange, &folder, task)?;
-            let state = match &found {
+            let resumed = resume_if_begun(exchange, &folder, task)?;
+            let state = match &resumed {
                 None => "done",
                 Some(_) if failed() => "failed",
                 Some(task) if task.saved().is_some() => "stopped",
                 Some(_) => "new",
             };
-            if let (Some(task), false) = (&found, quiet) {
+            if let (Some(task), false) = (&resumed, quiet) {
                 let mut estimate = Estimate::of(exchange, task, None);
                 if speed.is_none() {
                     speed = Some(calibration::speed(exchange, task, options)?);
@@ -172,9 +171,8 @@ impl<'a> Sweep<'a> {
         }
         let mut failed = Vec::new();
         for (k, member) in self.members.iter().enumerate() {
-            let left = |time: Duration| time.saturating_sub(begun.elapsed());
             let options = Options {
-                wall_time: options.wall_time.map(left),
+                wall_time: options.wall_time_after(begun.elapsed()),
                 ..options.clone()
             };
             match self.one(exchange, k + 1, &options) {
@@ -231,6 +229,11 @@ impl<'a> Sweep<'a> {
     fn folder(&self, member: &Member) -> PathBuf {
         self.out.join(&member.name)
     }
+}
+
+/// The key of an override.
+fn key(set: &str) -> &str {
+    set.split('=').next().unwrap_or_default().trim()
 }
 
 fn say(exchange: &dyn Parallel, line: &str) {

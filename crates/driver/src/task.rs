@@ -1,7 +1,7 @@
 //! What a run is to do: its scene, and where it starts.
 
 use gshear_dem::state::GrainState;
-use gshear_scene::{Boundary, Scene, unlikely};
+use gshear_scene::{Scene, Stages, unlikely};
 use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
 
 use crate::header::Saved;
@@ -75,8 +75,8 @@ impl Task {
 
     /// The file, or its part, of the last stage, whose attribute `digest` marks a finished run.
     pub(crate) fn last_file(&self) -> &'static str {
-        match &self.scene.boundary {
-            Boundary::Periodic(periodic) if periodic.newtonian.is_some() => NEWTONIAN_PART,
+        match &self.scene.stages {
+            Stages::Strain(periodic) if periodic.newtonian.is_some() => NEWTONIAN_PART,
             _ => RUN_FILE,
         }
     }

@@ -36,7 +36,7 @@ impl Hints {
     }
 
     /// For a library; valid as long as `self`.
-    pub fn as_raw(&self) -> ffi::MPI_Info {
+    pub(crate) fn as_raw(&self) -> ffi::MPI_Info {
         self.0
     }
 }

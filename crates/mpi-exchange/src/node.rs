@@ -13,12 +13,12 @@ use crate::watchdog::{Progress, Ranks};
 use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives};
-use rustix::thread::futex;
+use rustix::thread::{CpuSet, futex, sched_setaffinity};
 
 /// Greatest number of values in a sum.
-pub const MOST_TERMS: usize = 31;
+pub(crate) const MOST_TERMS: usize = 31;
 /// Room for a message (f64): about 4,000 records. Longer messages go through the library.
-pub const MOST_NUMBERS: usize = 1 << 15;
+pub(crate) const MOST_NUMBERS: usize = 1 << 15;
 
 /// A number that one rank raises and others wait for, modulo 2³²: none is further behind than a
 /// few.
@@ -44,9 +44,7 @@ impl Counter {
     /// asleep if others want it or it takes long.
     fn wait_for(&self, number: u64, patience: &Patience) {
         let is_raised = |to: u32| to.wrapping_sub(number as u32) as i32 >= 0;
-        let left = patience.at_once.get();
-        let sleeps = left > 0;
-        patience.at_once.set(left.saturating_sub(1));
+        let sleeps = patience.sleeps_next();
         let polls = if sleeps {
             POLLS_CROWDED
         } else {
@@ -65,7 +63,7 @@ impl Counter {
                 std::thread::yield_now();
                 let now = Instant::now();
                 if now - last >= LONG_YIELD {
-                    patience.at_once.set(SLEEPS);
+                    patience.sleep_from_now();
                 }
                 last = now;
                 if is_raised(self.number.load(Ordering::Acquire)) {
@@ -96,6 +94,59 @@ struct Patience {
     polls: u32,
     /// Number of waits that are to come without yields.
     at_once: Cell<u32>,
+    /// Where this rank runs; `None` if that may not be changed.
+    binding: Option<Binding>,
+}
+
+impl Patience {
+    /// Begins a wait. Returns whether it is to sleep without yields.
+    fn sleeps_next(&self) -> bool {
+        let left = self.at_once.get();
+        self.at_once.set(left.saturating_sub(1));
+        if left == 1
+            && let Some(binding) = &self.binding
+        {
+            binding.restore();
+        }
+        left > 0
+    }
+
+    /// Lets the next waits sleep: other processes want this core.
+    fn sleep_from_now(&self) {
+        if self.at_once.replace(SLEEPS) == 0
+            && let Some(binding) = &self.binding
+        {
+            binding.lift();
+        }
+    }
+}
+
+/// The processor to which a launcher has bound this rank, and those that it has given to all ranks
+/// of the node. A rank that is woken while another process has its own processor waits there for
+/// milliseconds, though a fellow's may be free.
+struct Binding {
+    own: CpuSet,
+    node: CpuSet,
+}
+
+impl Binding {
+    /// `allowed`: the processors of each rank of the node, [`CPU_WORDS`] words a rank; `rank`: this
+    /// one among them. `None` if it has all of them already, or the system does not say.
+    fn new(allowed: &[u64], rank: usize) -> Option<Self> {
+        let own = cpu_set(&allowed[rank * CPU_WORDS..][..CPU_WORDS]);
+        let node = cpu_set(&cpus_of_ranks(allowed));
+        (own.count() > 0 && own != node).then_some(Self { own, node })
+    }
+
+    /// Lets this thread run on all processors of the node's ranks.
+    fn lift(&self) {
+        let _ = sched_setaffinity(None, &self.node);
+    }
+
+    /// Binds this thread again.
+    fn restore(&self) {
+        let _ = sched_setaffinity(None, &self.own);
+    }
 }
 
 /// A yield that takes so long has given the core to another process, or to a rank with as much to
@@ -215,6 +266,7 @@ impl Node {
             patience: Patience {
                 polls,
                 at_once: Cell::new(0),
+                binding: Binding::new(&allowed, communicator.rank() as usize),
             },
             processes,
             window,
@@ -251,7 +303,7 @@ impl Node {
     }
 
     /// Whether all ranks of the job are on this node.
-    pub fn holds_all(&self) -> bool {
+    pub(crate) fn holds_all(&self) -> bool {
         self.slots.iter().all(|d| !d.is_null())
     }
 
@@ -272,7 +324,7 @@ impl Node {
 
     /// Whether messages of at most this many numbers from and to this rank use shared memory. Both
     /// ranks get the same answer.
-    pub fn connects(&self, rank: usize, numbers: usize) -> bool {
+    pub(crate) fn connects(&self, rank: usize, numbers: usize) -> bool {
         numbers <= MOST_NUMBERS && self.direction(self.rank, rank).is_some()
     }
 
@@ -398,20 +450,39 @@ fn parse_cpus(status: &str) -> Option<[u64; CPU_WORDS]> {
     Some(cpus)
 }
 
+/// The processors that some of the ranks may use.
+fn cpus_of_ranks(allowed: &[u64]) -> [u64; CPU_WORDS] {
+    let mut all = [0; CPU_WORDS];
+    for cpus in allowed.chunks_exact(CPU_WORDS) {
+        for (all, cpus) in all.iter_mut().zip(cpus) {
+            *all |= cpus;
+        }
+    }
+    all
+}
+
 /// The number of processors that some of the ranks may use.
 fn number_of_cpus(allowed: &[u64]) -> usize {
-    let of_word = |word: usize| {
-        let ranks = allowed.iter().skip(word).step_by(CPU_WORDS);
-        ranks.fold(0, |all, cpus| all | cpus).count_ones() as usize
-    };
-    (0..CPU_WORDS).map(of_word).sum()
+    let count = |word: u64| word.count_ones() as usize;
+    cpus_of_ranks(allowed).into_iter().map(count).sum()
+}
+
+/// The processors, as the system takes them; those beyond the most that it can name are left out.
+fn cpu_set(cpus: &[u64]) -> CpuSet {
+    let mut set = CpuSet::new();
+    for cpu in 0..CpuSet::MAX_CPU.min(64 * cpus.len()) {
+        if cpus[cpu / 64] >> (cpu % 64) & 1 == 1 {
+            set.set(cpu);
+        }
+    }
+    set
 }
 
 /// Copies the chosen records, of `width` numbers each, one after the other.
 ///
 /// # Panics
 /// If a chosen record does not exist, or `to` is too small.
-pub fn copy_chosen(records: &[f64], width: usize, chosen: &[u32], to: &mut [f64]) {
+pub(crate) fn copy_chosen(records: &[f64], width: usize, chosen: &[u32], to: &mut [f64]) {
     // The records of disks and of spheres: a copy of known length takes a few instructions.
     match width {
         8 => copy_records::<8>(records, chosen, to),
@@ -447,5 +518,45 @@ mod tests {
         assert_eq!(wide[..3], [3, 0xffff_ffff, 0]);
         assert_eq!(number_of_cpus(&[wide, second].concat()), 34);
         assert_eq!((cpus("what"), parse_cpus("Name:\tx")), (None, None));
+    }
+
+    /// Two ranks, each bound to one of the processors of this test: one whose yield took long runs
+    /// on both for the waits that sleep, then on its own again.
+    #[test]
+    fn a_rank_whose_core_others_want_runs_where_its_fellows_do() {
+        let all = allowed_cpus();
+        let numbers = (0..64 * CPU_WORDS).filter(|cpu| all[cpu / 64] >> (cpu % 64) & 1 == 1);
+        let numbers: Vec<usize> = numbers.take(2).collect();
+        let [first, second] = numbers[..] else {
+            return;
+        };
+        let one = |cpu: usize| {
+            let mut cpus = [0; CPU_WORDS];
+            cpus[cpu / 64] = 1 << (cpu % 64);
+            cpus
+        };
+        let ranks = [one(first), one(second)].concat();
+        sched_setaffinity(None, &cpu_set(&one(second))).expect("its own processor");
+        let patience = Patience {
+            polls: 1,
+            at_once: Cell::new(0),
+            binding: Binding::new(&ranks, 1),
+        };
+        assert!(!patience.sleeps_next());
+        assert_eq!(thread_cpus(), cpu_set(&one(second)));
+        patience.sleep_from_now();
+        for _ in 1..SLEEPS {
+            assert!(patience.sleeps_next());
+            assert_eq!(thread_cpus(), cpu_set(&cpus_of_ranks(&ranks)));
+        }
+        assert!(patience.sleeps_next());
+        assert!(!patience.sleeps_next());
+        assert_eq!(thread_cpus(), cpu_set(&one(second)));
+        // Ranks that a launcher has not bound stay so.
+        assert!(Binding::new(&[all, all].concat(), 0).is_none());
+    }
+
+    fn thread_cpus() -> CpuSet {
+        rustix::thread::sched_getaffinity(None).expect("affinity")
     }
 }

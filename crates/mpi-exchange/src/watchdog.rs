@@ -46,7 +46,7 @@ pub struct Waiting<'a>(Option<&'a Progress>);
 
 impl Waiting<'_> {
     /// The operation of a rank without a watchdog.
-    pub const UNWATCHED: Waiting<'static> = Waiting(None);
+    pub(crate) const UNWATCHED: Waiting<'static> = Waiting(None);
 }
 
 impl Drop for Waiting<'_> {

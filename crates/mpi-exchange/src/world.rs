@@ -180,7 +180,11 @@ fn launched(
     let found = [
         named("OMPI_COMM_WORLD_SIZE"),
         named("PMI_SIZE"),
-        named("SLURM_STEP_NUM_TASKS").filter(|_| is_task),
+        if is_task {
+            named("SLURM_STEP_NUM_TASKS")
+        } else {
+            None
+        },
         // The number of its ranks is not in the environment.
         number("PMIX_RANK").map(|rank| ("PMIX_RANK", rank + 1)),
     ];
@@ -291,7 +295,10 @@ impl Exchange for World {
             .enumerate()
             .all(|(k, a)| links[k + 1..].iter().all(|b| a.rank != b.rank));
         let shared_memory = |link: &Link<'_>| {
-            let node = self.node.as_ref().filter(|_| single)?;
+            if !single {
+                return None;
+            }
+            let node = self.node.as_ref()?;
             let numbers = (link.chosen.len() * link.width).max(link.receive.len());
             node.connects(link.rank, numbers).then_some(node)
         };

@@ -11,11 +11,14 @@ pub fn plot(
     points: &[[f64; 2]],
     name: &str,
     over: &str,
-    [width, height]: [usize; 2],
+    size: [usize; 2],
     unicode: bool,
 ) -> Vec<String> {
-    let finite = |p: &&[f64; 2]| p.iter().all(|x| x.is_finite());
-    let points: Vec<[f64; 2]> = points.iter().filter(finite).copied().collect();
+    let [width, height] = size;
+    let points = points.iter().copied();
+    let points: Vec<[f64; 2]> = points
+        .filter(|point| point.iter().all(|x| x.is_finite()))
+        .collect();
     // The last line has the values of x.
     let (columns, rows) = (width.saturating_sub(GUTTER + 1), height.saturating_sub(1));
     if points.is_empty() || columns == 0 || rows < 2 {
@@ -28,16 +31,8 @@ pub fn plot(
         let margin = if most > least { 0.0 } else { around };
         [least - margin, most + margin]
     });
-    let (wide, high) = (2 * columns, 4 * rows);
-    let dots = dots(&points, [x, y], [wide, high]);
-    let cell = |column: usize, row: usize| {
-        let dot = |down: usize, right: usize| dots[(4 * row + down) * wide + 2 * column + right];
-        match (pattern(dot), unicode) {
-            (0, _) => ' ',
-            (_, false) => '*',
-            (pattern, true) => char::from_u32(0x2800 + pattern).unwrap_or('*'),
-        }
-    };
+    let mut dots = Dots::new([2 * columns, 4 * rows]);
+    dots.draw(&points, x, y);
     let bar = if unicode { '│' } else { '|' };
     let mut lines: Vec<String> = (0..rows)
         .map(|row| {
@@ -47,7 +42,12 @@ pub fn plot(
                 row if row == rows - 1 => number(y[0]),
                 _ => String::new(),
             };
-            let picture: String = (0..columns).map(|column| cell(column, row)).collect();
+            let cells = (0..columns).map(|column| match (dots.pattern(column, row), unicode) {
+                (0, _) => ' ',
+                (_, false) => '*',
+                (pattern, true) => char::from_u32(0x2800 + pattern).unwrap_or('*'),
+            });
+            let picture: String = cells.collect();
             format!("{label:>GUTTER$}{bar}{}", picture.trim_end())
         })
         .collect();
@@ -57,39 +57,63 @@ pub fn plot(
     lines
 }
 
-/// The dots of a line through the points, `[high][wide]`; the axes run over `x` and `y`.
-fn dots(points: &[[f64; 2]], [x, y]: [[f64; 2]; 2], [wide, high]: [usize; 2]) -> Vec<bool> {
-    let place = |value: f64, [from, to]: [f64; 2], size: usize| {
-        let part = (value - from) / (to - from);
-        ((part * (size - 1) as f64).round() as usize).min(size - 1)
-    };
-    let mut dots = vec![false; wide * high];
-    let mut before: Option<[usize; 2]> = None;
-    for [at_x, at_y] in points {
-        let now = [place(*at_x, x, wide), high - 1 - place(*at_y, y, high)];
-        let from = before.unwrap_or(now);
-        let steps = from[0]
-            .abs_diff(now[0])
-            .max(from[1].abs_diff(now[1]))
-            .max(1);
-        for k in 0..=steps {
-            let [column, row] = [0, 1].map(|axis| {
-                let (a, b) = (from[axis] as f64, now[axis] as f64);
-                (a + (b - a) * k as f64 / steps as f64).round() as usize
-            });
-            dots[row * wide + column] = true;
-        }
-        before = Some(now);
-    }
-    dots
+/// Dots of a picture.
+struct Dots {
+    /// Number of dots across and upwards.
+    size: [usize; 2],
+    /// `[high][wide]`, from above.
+    set: Vec<bool>,
 }
 
-/// The number of a pattern; `dot(down, right)` of its four rows and two columns.
-fn pattern(dot: impl Fn(usize, usize) -> bool) -> u32 {
-    // The bits: three rows of the left and of the right column, then the fourth row.
-    let bits: [[u32; 2]; 4] = [[0, 3], [1, 4], [2, 5], [6, 7]];
-    let value = |down: usize, right: usize| u32::from(dot(down, right)) << bits[down][right];
-    (0..4).map(|down| value(down, 0) | value(down, 1)).sum()
+impl Dots {
+    fn new(size: [usize; 2]) -> Self {
+        Self {
+            size,
+            set: vec![false; size[0] * size[1]],
+        }
+    }
+
+    /// Draws a line through the points; the axes run over `x` and `y`.
+    fn draw(&mut self, points: &[[f64; 2]], x: [f64; 2], y: [f64; 2]) {
+        let [wide, high] = self.size;
+        let mut before: Option<[usize; 2]> = None;
+        for [at_x, at_y] in points {
+            let now = [place(*at_x, x, wide), high - 1 - place(*at_y, y, high)];
+            let from = before.unwrap_or(now);
+            let steps = from[0]
+                .abs_diff(now[0])
+                .max(from[1].abs_diff(now[1]))
+                .max(1);
+            for k in 0..=steps {
+                let [column, row] = [0, 1].map(|axis| {
+                    let (a, b) = (from[axis] as f64, now[axis] as f64);
+                    (a + (b - a) * k as f64 / steps as f64).round() as usize
+                });
+                self.set[row * wide + column] = true;
+            }
+            before = Some(now);
+        }
+    }
+
+    /// The number of the pattern of a character, of four rows and two columns of dots.
+    fn pattern(&self, column: usize, row: usize) -> u32 {
+        // The bits: three rows of the left and of the right column, then the fourth row.
+        let bits: [[u32; 2]; 4] = [[0, 3], [1, 4], [2, 5], [6, 7]];
+        let mut pattern = 0;
+        for (down, bits) in bits.iter().enumerate() {
+            for (right, bit) in bits.iter().enumerate() {
+                let dot = self.set[(4 * row + down) * self.size[0] + 2 * column + right];
+                pattern |= u32::from(dot) << bit;
+            }
+        }
+        pattern
+    }
+}
+
+/// The number of the dot at a value on an axis.
+fn place(value: f64, ends: [f64; 2], size: usize) -> usize {
+    let part = (value - ends[0]) / (ends[1] - ends[0]);
+    ((part * (size - 1) as f64).round() as usize).min(size - 1)
 }
 
 fn number(value: f64) -> String {

@@ -19,7 +19,7 @@ mod stages;
 mod watch;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::{Parser, Subcommand};
@@ -87,19 +87,20 @@ pub fn run(arguments: &Arguments, output: &mut impl Write) -> Result<i32> {
         pool.build_global()
             .map_err(|e| Failure::other(format!("threads: {e}")))?;
     }
-    let is_under_way = |run: &&PathBuf| {
-        Status::read(folder_of(run)).is_some_and(|status| status.state == RunState::Running)
-    };
     let mut printer = Printer::new(output);
     for _ in 1..ATTEMPTS {
         match once(arguments, &mut printer) {
-            (runs, Err(Failure::Input(_))) if runs.iter().any(is_under_way) => {
+            (runs, Err(Failure::Input(_))) if runs.iter().any(|run| is_under_way(run)) => {
                 std::thread::sleep(PAUSE);
             }
             (_, outcome) => return outcome,
         }
     }
     once(arguments, &mut printer).1
+}
+
+fn is_under_way(run: &Path) -> bool {
+    Status::read(folder_of(run)).is_some_and(|status| status.state == RunState::Running)
 }
 
 /// Parses a number greater than 0.
@@ -123,23 +124,23 @@ fn once<'a>(arguments: &'a Arguments, printer: &mut Printer) -> (Vec<&'a PathBuf
     // Threads of a replay.
     let threads = arguments.threads.map_or(1, usize::from);
     let (runs, done) = match &arguments.command {
-        Command::Compare(of) => return (vec![&of.a, &of.b], of.run(printer)),
-        Command::Watch(of) => (Vec::new(), of.run(printer)),
-        Command::Columns(of) => (Vec::new(), of.run(printer)),
-        Command::Info(of) => (vec![&of.run], of.run(printer)),
-        Command::Dmin(of) => (vec![&of.run], of.run(printer)),
-        Command::Phases(of) => (vec![&of.run], of.run(printer)),
-        Command::Regions(of) => (vec![&of.run], of.run(printer)),
-        Command::Correlate(of) => (vec![&of.run], of.run(printer)),
-        Command::Stages(of) => (vec![&of.run], of.run(threads, printer)),
-        Command::Growth(of) => (vec![&of.run], of.run(printer)),
-        Command::Export(of) => (vec![&of.run], of.run(printer)),
-        Command::Movie(of) => (vec![&of.run], of.run(printer)),
-        Command::RateState(of) => (of.runs.iter().collect(), of.run(printer)),
-        Command::Spectrum(of) => (of.run.iter().collect(), of.run(printer)),
-        Command::Stability(of) => (vec![&of.run], of.run(printer)),
-        Command::Replay(of) => (vec![&of.run], of.run(threads, printer)),
-        Command::Report(of) => (of.runs.iter().collect(), of.run(threads, printer)),
+        Command::Compare(command) => return (vec![&command.a, &command.b], command.run(printer)),
+        Command::Watch(command) => (Vec::new(), command.run(printer)),
+        Command::Columns(command) => (Vec::new(), command.run(printer)),
+        Command::Info(command) => (vec![&command.run], command.run(printer)),
+        Command::Dmin(command) => (vec![&command.run], command.run(printer)),
+        Command::Phases(command) => (vec![&command.run], command.run(printer)),
+        Command::Regions(command) => (vec![&command.run], command.run(printer)),
+        Command::Correlate(command) => (vec![&command.run], command.run(printer)),
+        Command::Stages(command) => (vec![&command.run], command.run(threads, printer)),
+        Command::Growth(command) => (vec![&command.run], command.run(printer)),
+        Command::Export(command) => (vec![&command.run], command.run(printer)),
+        Command::Movie(command) => (vec![&command.run], command.run(printer)),
+        Command::RateState(command) => (command.runs.iter().collect(), command.run(printer)),
+        Command::Spectrum(command) => (command.run.iter().collect(), command.run(printer)),
+        Command::Stability(command) => (vec![&command.run], command.run(threads, printer)),
+        Command::Replay(command) => (vec![&command.run], command.run(threads, printer)),
+        Command::Report(command) => (command.runs.iter().collect(), command.run(threads, printer)),
     };
     (runs, done.and_then(|()| printer.flush()).map(|()| 0))
 }

@@ -54,7 +54,7 @@ fn lacks(run: &RunFile, option: String) -> Failure {
 
 /// A range of frames, both ends included, and the stride through it: `A..B:N`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FrameRange {
+pub(crate) struct FrameRange {
     first: usize,
     /// `None`: the last frame of the run.
     last: Option<usize>,
@@ -78,6 +78,27 @@ impl FrameRange {
         }
     }
 
+    fn parsed(text: &str) -> Option<Self> {
+        let (range, stride) = match text.split_once(':') {
+            Some((range, stride)) => (range, stride.parse().ok()?),
+            None => (text, 1),
+        };
+        let (first, last) = match range.split_once("..")? {
+            ("", "") => (0, None),
+            ("", last) => (0, Some(last.parse().ok()?)),
+            (first, "") => (first.parse().ok()?, None),
+            (first, last) => (first.parse().ok()?, Some(last.parse().ok()?)),
+        };
+        if stride == 0 || last.is_some_and(|last| last < first) {
+            return None;
+        }
+        Some(Self {
+            first,
+            last,
+            stride,
+        })
+    }
+
     /// Returns the numbers of the frames.
     ///
     /// # Errors
@@ -96,23 +117,9 @@ impl FromStr for FrameRange {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong =
-            || "write A..B or A..B:N: frames A to B, both included, every Nth of them".to_string();
-        let number = |text: &str| text.parse::<usize>().map_err(|_| wrong());
-        let (range, stride) = match text.split_once(':') {
-            Some((range, stride)) => (range, number(stride)?),
-            None => (text, 1),
-        };
-        let (first, last) = range.split_once("..").ok_or_else(wrong)?;
-        let end = |text: &str| (!text.is_empty()).then(|| number(text)).transpose();
-        let (first, last) = (end(first)?.unwrap_or(0), end(last)?);
-        if stride == 0 || last.is_some_and(|last| last < first) {
-            return Err(wrong());
-        }
-        Ok(Self {
-            first,
-            last,
-            stride,
+        let range = Self::parsed(text);
+        range.ok_or_else(|| {
+            "write A..B or A..B:N: frames A to B, both included, every Nth of them".to_string()
         })
     }
 }

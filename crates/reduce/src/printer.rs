@@ -19,7 +19,7 @@ impl<'a> Printer<'a> {
     ///
     /// # Errors
     /// [`Failure::Other`] if the terminal or the pipe cannot be written.
-    pub fn write_fmt(&mut self, text: fmt::Arguments) -> Result<()> {
+    pub(crate) fn write_fmt(&mut self, text: fmt::Arguments) -> Result<()> {
         self.0.write_fmt(text).map_err(unwritten)
     }
 

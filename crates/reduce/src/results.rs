@@ -60,7 +60,7 @@ impl Results {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn table_in(
+    pub(crate) fn table_in(
         &self,
         axes: usize,
         name: &str,

@@ -1,14 +1,13 @@
 //! The scalars of all frames of a run, with γ and τ: the input of statistics over phases.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
-use crate::commands::dmin::{between, is_planar};
-use crate::frame_pairs::{self, consecutive};
-use gshear_analysis::dmin::{NonAffine, RADIUS};
+use crate::frame_pairs::{self, DminOfPairs, FramePair, PairWork, consecutive};
 use gshear_analysis::frame_scalars::{FrameScalars, ScalarScratch, Stressed, frame_scalars};
 use gshear_analysis::stress::ratio_on_top;
 use gshear_dem::failure::Result;
-use gshear_dem::state::{Frame, FrameRecords};
 use gshear_store::run_reader::{FrameFields, RunFile, StoredScalars};
 
 /// Scalars of frames: one row per frame, or per interval for which the run has computed them.
@@ -67,7 +66,7 @@ impl FrameSeries {
             None => run.frame_strains()?,
         };
         let recorded = column_at(run, "stress_ratio", run.frame_steps());
-        if recorded.is_none() && run.has_flat_walls() {
+        if recorded.is_none() && run.boundary().has_planes() {
             return Err(run.wrong(
                 "a frame has no row in the time series, which τ is taken from between flat walls, whose contacts no frame holds; run it with frames at rows (output.frame_strain a whole number of output.series_strain)",
             ));
@@ -86,28 +85,17 @@ impl FrameSeries {
 ///
 /// # Errors
 /// A damaged run.
-pub fn of_any(run: &RunFile) -> Result<Vec<FrameScalars>> {
-    if is_planar(run) {
+pub(crate) fn of_any(run: &RunFile) -> Result<Vec<FrameScalars>> {
+    if run.has_disks_between_walls() {
         return Ok(FrameSeries::of(run)?.scalars);
     }
-    let radius = RADIUS * run.grains().mean_radius();
-    let value = |(): &mut (), numbers: [usize; 2], frames: [&FrameRecords; 2]| {
-        FrameScalars::of_dmin(&between(run, numbers, frames, radius))
-    };
     let mut scalars = vec![FrameScalars::UNDEFINED; run.frames().min(1)];
-    let write = |_, values| {
-        scalars.extend::<Vec<_>>(values);
+    let work = DminOfPairs::of_paper(run);
+    frame_pairs::each(run, &consecutive(run), &work, |_, rows| {
+        let rows = rows.iter();
+        scalars.extend(rows.map(|(dmin, _)| FrameScalars::of_dmin(dmin)));
         Ok(())
-    };
-    if run.frames() > 0 {
-        frame_pairs::each(
-            run,
-            &consecutive(run),
-            |range| run.records(range),
-            value,
-            write,
-        )?;
-    }
+    })?;
     Ok(scalars)
 }
 
@@ -120,64 +108,77 @@ const MOST_GRAINS: usize = 30_000_000;
 ///
 /// # Errors
 /// A damaged run.
-pub fn interval_of_greatest_dmin(run: &RunFile) -> Result<Option<[u64; 2]>> {
+pub(crate) fn interval_of_greatest_dmin(run: &RunFile) -> Result<Option<[u64; 2]>> {
     let (steps, greatest): (&[u64], Vec<f64>) = match run.stored_scalars() {
         Some(stored) => {
-            let of_rows = stored.scalars.iter().map(|row| row.dmin_greatest);
-            (&stored.step, of_rows.collect())
+            let greatest = stored.scalars.iter().map(|row| row.dmin_greatest);
+            (&stored.step, greatest.collect())
         }
         None if run.frames() * run.grains().count() > MOST_GRAINS => return Ok(None),
         None => (run.frame_steps(), greatest_of_frames(run)?),
     };
     let defined = (1..steps.len()).filter(|t| greatest[*t].is_finite());
-    let found = defined.max_by(|a, b| greatest[*a].total_cmp(&greatest[*b]));
-    Ok(found.map(|t| [steps[t - 1], steps[t]]))
+    let greatest = defined.max_by(|a, b| greatest[*a].total_cmp(&greatest[*b]));
+    Ok(greatest.map(|t| [steps[t - 1], steps[t]]))
 }
 
 /// Returns gD²min of every frame of disks between walls, `[T]` (m²); NaN of frame 0.
 fn greatest_of_frames(run: &RunFile) -> Result<Vec<f64>> {
-    let grains = run.grains();
-    let radius = RADIUS * grains.mean_radius();
-    let read = |range| run.block_of(range, FrameFields::Pairs);
-    let value = |of: &mut NonAffine, _: [usize; 2], [earlier, later]: [&Frame; 2]| {
-        let mut dmin = vec![f64::NAN; grains.count()];
-        of.between(grains, radius, earlier, later, &mut dmin);
-        dmin.into_iter().fold(f64::NAN, f64::max)
-    };
     let mut greatest = vec![f64::NAN; run.frames().min(1)];
-    if run.frames() > 0 {
-        frame_pairs::each(run, &consecutive(run), read, value, |_, values| {
-            greatest.extend(values);
-            Ok(())
-        })?;
-    }
+    let work = DminOfPairs::of_paper(run);
+    frame_pairs::each(run, &consecutive(run), &work, |_, rows| {
+        let rows = rows.into_iter();
+        greatest.extend(rows.map(|(dmin, _)| dmin.into_iter().fold(f64::NAN, f64::max)));
+        Ok(())
+    })?;
     Ok(greatest)
 }
 
 /// Returns a column of the time series at the given steps; `None` if one of them has no row.
 fn column_at(run: &RunFile, name: &str, steps: &[u64]) -> Option<Vec<f64>> {
     let (rows, values) = (&run.series().step, run.series().column(name));
-    let value = |step: &u64| rows.binary_search(step).ok().map(|row| values[row]);
-    steps.iter().map(value).collect()
+    let values = steps.iter().map(|step| {
+        let row = rows.binary_search(step).ok()?;
+        Some(values[row])
+    });
+    values.collect()
+}
+
+/// τ and the scalars of a frame.
+type FrameRow = (f64, FrameScalars);
+
+/// The scalars of Lee & Hurley between two frames, and τ of the later one.
+struct ScalarsOfPairs<'a>(&'a RunFile);
+
+impl PairWork for ScalarsOfPairs<'_> {
+    type Frame = Stressed;
+    type Buffer = ScalarScratch;
+    type Value = FrameRow;
+
+    fn read(&self, range: Range<usize>) -> Result<Vec<Stressed>> {
+        let frames = self.0.records_with(range, FrameFields::Forces)?;
+        let frames = frames.into_par_iter();
+        let stressed = frames.map(|frame| Stressed::new(self.0.grains(), frame));
+        Ok(stressed.collect())
+    }
+
+    fn value(&self, scratch: &mut ScalarScratch, pair: FramePair<'_, Stressed>) -> FrameRow {
+        let (grains, [earlier, later]) = (self.0.grains(), pair.frames);
+        let scalars = frame_scalars(grains, earlier, later, scratch);
+        (ratio_on_top(grains, &later.frame), scalars)
+    }
 }
 
 /// Returns τ and the scalars of every frame, `[T]`.
-fn compute(run: &RunFile) -> Result<Vec<(f64, FrameScalars)>> {
-    let grains = run.grains();
-    let read = |range| -> Result<Vec<Stressed>> {
-        let frames = run.block_of(range, FrameFields::Forces)?.into_par_iter();
-        Ok(frames.map(|frame| Stressed::new(grains, frame)).collect())
-    };
-    let value = |scratch: &mut ScalarScratch, _: [usize; 2], [earlier, later]: [&Stressed; 2]| {
-        let scalars = frame_scalars(grains, earlier, later, scratch);
-        (ratio_on_top(grains, &later.frame), scalars)
-    };
+fn compute(run: &RunFile) -> Result<Vec<FrameRow>> {
     let mut rows = Vec::with_capacity(run.frames());
     if run.frames() > 0 {
-        let first = run.block_of(0..1, FrameFields::Forces)?.swap_remove(0);
-        rows.push((ratio_on_top(grains, &first), FrameScalars::UNDEFINED));
+        run.need_disks()?;
+        let first = run.records_with(0..1, FrameFields::Forces)?.swap_remove(0);
+        let tau = ratio_on_top(run.grains(), &first);
+        rows.push((tau, FrameScalars::UNDEFINED));
     }
-    frame_pairs::each(run, &consecutive(run), read, value, |_, values| {
+    frame_pairs::each(run, &consecutive(run), &ScalarsOfPairs(run), |_, values| {
         rows.extend(values);
         Ok(())
     })?;

@@ -6,13 +6,12 @@ use crate::frame_selection::Which;
 use gshear_analysis::jacobian::{History, Jacobian, NetworkState, assemble};
 use gshear_analysis::moments::extent;
 use gshear_analysis::stability::Stability;
-use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, ContactState, FlatWalls, GrainState, Ids};
 use gshear_driver::header::{Header, Saved};
-use gshear_scene::{Arrangement, Boundary, Dimensions, PackingFile, Scene, Source, identity};
+use gshear_scene::{Arrangement, Dimensions, PackingFile, Scene, Source, Stages, identity};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_writer::StateOrigin;
@@ -28,7 +27,7 @@ pub fn history(paper_form: bool) -> History {
 
 /// The frame to take.
 #[derive(Debug, Clone, Copy)]
-pub enum StateSelection {
+pub(crate) enum StateSelection {
     /// The last frame, or one by number.
     Frame(Which),
     /// The frame nearest to this shear strain.
@@ -36,7 +35,7 @@ pub enum StateSelection {
 }
 
 /// A state with its law and cell, from which K is assembled.
-pub struct StoredState {
+pub(crate) struct StoredState {
     scene: Scene,
     cell: Cell,
     flat: Option<(FlatWalls, [f64; 2])>,
@@ -72,8 +71,9 @@ impl StoredState {
             StateSelection::Frame(which) => which.of(run)?,
             StateSelection::Strain(strain) => {
                 let strains = run.frame_strains()?;
-                let apart = |&t: &usize| (strains[t] - strain).abs();
-                let nearest = (0..strains.len()).min_by(|a, b| apart(a).total_cmp(&apart(b)));
+                let distances = strains.iter().map(|known| (known - strain).abs());
+                let nearest = distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+                let nearest = nearest.map(|(t, _)| t);
                 nearest.ok_or_else(|| {
                     Failure::input(format!("--strain: {} has no frames", run.path().display()))
                 })?
@@ -92,7 +92,7 @@ impl StoredState {
             step,
         };
         let mut laws = scene.materials.laws.iter();
-        let attracts = laws.any(|(_, contact)| contact.attraction != Attraction::NONE);
+        let attracts = laws.any(|(_, contact)| contact.adhesion.is_some());
         if attracts && !run.form().idle && run.stage() != RunStage::Strain {
             return Err(Failure::input(format!(
                 "{what}: K of grains that attract each other depends on which contacts a damper holds back, which the version that wrote this file did not store; give a checkpoint, or run the scene again"
@@ -138,8 +138,10 @@ impl StoredState {
     /// # Errors
     /// If K is not finite.
     pub fn stability(&self, jacobian: &Jacobian) -> Result<Stability> {
-        let unfit = |why| Failure::numbers(format!("{}: K: {why}", self.what));
-        Ok(Stability::of(&jacobian.problem().map_err(unfit)?))
+        let problem = jacobian
+            .problem()
+            .map_err(|why| Failure::numbers(format!("{}: K: {why}", self.what)))?;
+        Ok(Stability::of(&problem))
     }
 }
 
@@ -147,7 +149,11 @@ impl StoredState {
 /// changed or gone.
 fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
     let values = identity::values(run.scene());
-    let number = |key: &str| values.get(key).and_then(|text| text.parse::<f64>().ok());
+    let [thickness, length, width] = ["sample.wall_thickness", "sample.length", "sample.width"]
+        .map(|key| {
+            let text = values.get(key);
+            text.and_then(|text| text.parse::<f64>().ok())
+        });
     let radii = &run.grains().radius;
     let (count, dimension) = (radii.len() as f64, run.dimension());
     let mean_diameter = 2.0 * run.grains().mean_radius();
@@ -155,7 +161,7 @@ fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
     let [radius_min, radius_max] = extent(radii.iter().copied());
     let height = run.height();
     // H is that between the walls.
-    let walls = 2.0 * number("sample.wall_thickness").unwrap_or(1.0) * mean_diameter;
+    let walls = 2.0 * thickness.unwrap_or(1.0) * mean_diameter;
     PackingFile {
         path: run.path().to_path_buf(),
         replicate: arrangement.copies.to_vec(),
@@ -164,10 +170,9 @@ fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
         radius_max,
         mean_diameter,
         mean_volume: volumes.sum::<f64>() / count,
-        length: number("sample.length").unwrap_or(run.periods()[0]),
-        width: (dimension == Dimensions::Three)
-            .then(|| number("sample.width").unwrap_or(run.periods()[1])),
-        boxed: arrangement.boxed.then_some([height, 0.0]),
+        length: length.unwrap_or(run.periods()[0]),
+        width: (dimension == Dimensions::Three).then(|| width.unwrap_or(run.periods()[1])),
+        boxed: arrangement.boundary.is_periodic().then_some([height, 0.0]),
         stream: 0.0,
         edges: [0.0, height + walls],
         farthest: 0.0,
@@ -180,7 +185,6 @@ fn packing_of(run: &RunFile, arrangement: Arrangement) -> PackingFile {
 
 fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<StoredState> {
     let shown = path.display();
-    let unfit = |what: &str| Err(Failure::input(format!("{shown}: {what}")));
     if selection.is_some() {
         return Err(Failure::input(format!(
             "--frame, --strain: {shown} is a checkpoint, which holds one state; leave it out"
@@ -190,30 +194,34 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
     let scene = saved.scene(&[])?;
     let Saved { header, state, .. } = saved;
     if let Header::Prepare { .. } = header {
-        return unfit("a checkpoint of a preparation, which has no contacts; use one of a run");
+        let what = "a checkpoint of a preparation, which has no contacts; use one of a run";
+        return Err(unfit(path, what));
     }
     let Some(stage) = header.run_stage() else {
-        return unfit(
-            "a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear",
-        );
+        let what = "a checkpoint of the packing stage, in which the contacts with the planes are not stored; use a checkpoint of the shear";
+        return Err(unfit(path, what));
     };
     let step = header.step();
-    let (cell, what) = match (&header, &scene.boundary) {
-        (Header::Aqs { unfinished, .. }, _) if unfinished.is_some() => {
-            return unfit(&format!(
+    let (cell, what) = match (&header, &scene.stages) {
+        (Header::Strain(strain), _) if strain.unfinished.is_some() => {
+            let what = format!(
                 "the run was stopped within strain step {}, so the checkpoint's state is not at rest; continue the run, or give run.h5 and a frame of it",
                 step + 1
-            ));
+            );
+            return Err(unfit(path, &what));
         }
-        (Header::Aqs { .. } | Header::Newtonian { .. }, Boundary::Periodic(_)) => {
+        (Header::Strain(_) | Header::Newtonian(_), Stages::Strain(_)) => {
             let what = format!("{} step {step} in {shown}", header.stage());
             (header.cell_in(&scene), what)
         }
-        (Header::Shear(shear), Boundary::Walls(_)) => (
+        (Header::Shear(shear), Stages::Shear(_)) => (
             shear.cell(&scene.sample),
             format!("step {step} of the shear in {shown}"),
         ),
-        _ => return unfit("the checkpoint is of a stage that its scene does not have"),
+        _ => {
+            let what = "the checkpoint is of a stage that its scene does not have";
+            return Err(unfit(path, what));
+        }
     };
     let flat = match &header {
         Header::Shear(shear) => scene.flat_walls().zip(shear.planes(&scene)),
@@ -232,4 +240,9 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
             step,
         },
     })
+}
+
+/// The failure that refuses a checkpoint.
+fn unfit(checkpoint: &Path, what: &str) -> Failure {
+    Failure::input(format!("{}: {what}", checkpoint.display()))
 }

@@ -15,14 +15,14 @@ use super::curves::lines;
 use super::eigenvalue_figures::{self, SpectrumRow};
 use super::history::{Axis, LAYOUT, drawn};
 use super::page::Facts;
-use super::panels::{Deformation, PANELS, Panel};
+use super::panels::{Deformation, PANELS};
 
 /// Name of the column of the mobilised friction.
-pub const MOBILISED_FRICTION: &str = "mobilised_friction";
+pub(crate) const MOBILISED_FRICTION: &str = "mobilised_friction";
 
 /// What the strain steps of a run measure.
 pub struct Measured {
-    of: &'static Deformation,
+    deformation: &'static Deformation,
     /// `[L]` The stress that works on the strain.
     stress: Vec<f64>,
     /// `[L]` Sine of the mobilised friction angle; of simple shear the shear stress over the
@@ -36,44 +36,46 @@ pub struct Measured {
 
 impl Measured {
     pub fn of(run: &RunFile) -> Self {
-        let of = Deformation::of(run);
-        let column = |name: &str| run.series().column(name);
-        let combined = |a: &[f64], b: &[f64], f: fn(f64, f64) -> f64| -> Vec<f64> {
-            a.iter().zip(b).map(|(a, b)| f(*a, *b)).collect()
-        };
-        let (x, y) = (column("stress_xx"), column("stress_yy"));
-        let (lateral, axial) = match (run.dimension().axes(), &*of.key) {
+        let (series, deformation) = (run.series(), Deformation::of(run));
+        let (x, y) = (series.column("stress_xx"), series.column("stress_yy"));
+        let (lateral, axial) = match (run.dimension().axes(), &*deformation.key) {
             (2, _) => (x.to_vec(), y),
-            (_, "biaxial") => (combined(x, y, |x, y| 0.5 * (x + y)), column("stress_zz")),
-            _ => (x.to_vec(), column("stress_zz")),
+            (_, "biaxial") => (
+                combined(x, y, |x, y| 0.5 * (x + y)),
+                series.column("stress_zz"),
+            ),
+            _ => (x.to_vec(), series.column("stress_zz")),
         };
-        let difference = || combined(axial, &lateral, |a, l| a - l);
-        let sine = || [difference(), combined(axial, &lateral, |a, l| a + l)];
-        let pressure = column("pressure");
-        let (stress, friction_of) = match &*of.key {
-            "pure-shear" => (combined(axial, &lateral, |a, l| 0.5 * (a - l)), sine()),
-            "biaxial" => (difference(), sine()),
+        let difference = combined(axial, &lateral, |a, l| a - l);
+        let sum = combined(axial, &lateral, |a, l| a + l);
+        let pressure = series.column("pressure");
+        let (stress, friction_of) = match &*deformation.key {
+            "pure-shear" => (
+                combined(axial, &lateral, |a, l| 0.5 * (a - l)),
+                [difference, sum],
+            ),
+            "biaxial" => (difference.clone(), [difference, sum]),
             "compression" => {
                 let none = vec![f64::NAN; pressure.len()];
                 (pressure.to_vec(), [none.clone(), none])
             }
             _ => {
-                let shear = column("shear_stress");
+                let shear = series.column("shear_stress");
                 (shear.to_vec(), [shear.to_vec(), pressure.to_vec()])
             }
         };
-        let solid = column("solid_fraction").iter();
-        let strain: Vec<f64> = match &*of.key {
+        let solid = series.column("solid_fraction").iter();
+        let strain: Vec<f64> = match &*deformation.key {
             "compression" => solid.map(|phi| phi.ln()).collect(),
-            _ => column("strain").to_vec(),
+            _ => series.column("strain").to_vec(),
         };
-        let slope = |k: usize| match k {
+        let slopes = (0..strain.len()).map(|k| match k {
             0 => f64::NAN,
             k => (stress[k] - stress[k - 1]) / (strain[k] - strain[k - 1]),
-        };
+        });
         Self {
-            of,
-            modulus: (0..strain.len()).map(slope).collect(),
+            deformation,
+            modulus: slopes.collect(),
             stress,
             friction: combined(&friction_of[0], &friction_of[1], |s, p| s / p),
             friction_of,
@@ -83,7 +85,7 @@ impl Measured {
     /// Returns the mean of the mobilised friction over the rows from `first` on, the ratio of the
     /// mean stresses. `weights`: of these rows.
     pub fn mean_friction(&self, first: usize, weights: &[f64]) -> TimeMean {
-        let [numerator, denominator] = self.friction_of.each_ref().map(|of| &of[first..]);
+        let [numerator, denominator] = self.friction_of.each_ref().map(|stress| &stress[first..]);
         TimeMean::of_ratio(numerator, denominator, weights)
     }
 
@@ -97,41 +99,87 @@ impl Measured {
     }
 
     fn figures(&self, axis: &Axis, series: &Series) -> Vec<ReportFigure> {
-        let of = self.of;
+        let deformation = self.deformation;
         let mut friction = "Sine of the mobilised friction angle: difference of the stresses along the height and across it, over their sum.";
-        if of.key == "simple-shear" {
+        if deformation.key == "simple-shear" {
             friction = "Shear stress over pressure.";
         }
-        let drawn = |name, caption: String, label, column, values: &[f64]| {
-            let svg = lines(LAYOUT, (axis.label, &axis.values), label, &[("", values)])?;
-            let data = axis.table_of(series, &[(column, values)]);
-            Some(ReportFigure::new(name, caption, svg, data))
-        };
-        let stress = format!("{}: {}.", of.name, of.stress[0]);
-        let modulus = format!("{}, from one strain step to the next.", of.modulus);
-        let (column, label) = (MOBILISED_FRICTION, "mobilised friction");
-        let (conjugate, axis_label) = ("conjugate_stress", &of.stress[1]);
-        let figures = [
-            drawn("stress-strain", stress, axis_label, conjugate, &self.stress),
-            drawn("modulus", modulus, &of.modulus, "modulus", &self.modulus),
-            drawn("friction", friction.into(), label, column, &self.friction),
+        let curves = [
+            MeasuredCurve {
+                name: "stress-strain",
+                caption: format!("{}: {}.", deformation.name, deformation.stress[0]),
+                label: &deformation.stress[1],
+                column: "conjugate_stress",
+                values: &self.stress,
+            },
+            MeasuredCurve {
+                name: "modulus",
+                caption: format!("{}, from one strain step to the next.", deformation.modulus),
+                label: &deformation.modulus,
+                column: "modulus",
+                values: &self.modulus,
+            },
+            MeasuredCurve {
+                name: "friction",
+                caption: friction.into(),
+                label: "mobilised friction",
+                column: MOBILISED_FRICTION,
+                values: &self.friction,
+            },
         ];
-        figures.into_iter().flatten().collect()
+        let figures = curves
+            .into_iter()
+            .filter_map(|curve| curve.drawn(axis, series));
+        figures.collect()
     }
+}
+
+/// A figure of one quantity.
+struct MeasuredCurve<'a> {
+    name: &'static str,
+    caption: String,
+    /// At the axis.
+    label: &'a str,
+    /// In the data.
+    column: &'static str,
+    values: &'a [f64],
+}
+
+impl MeasuredCurve<'_> {
+    /// `None` without two values.
+    fn drawn(self, axis: &Axis, series: &Series) -> Option<ReportFigure> {
+        let svg = lines(LAYOUT, axis.abscissa(), self.label, &[("", self.values)])?;
+        let data = axis.table_of(series, &[(self.column, self.values)]);
+        Some(ReportFigure::new(self.name, self.caption, svg, data))
+    }
+}
+
+/// A function of two columns, row by row.
+fn combined(a: &[f64], b: &[f64], function: fn(f64, f64) -> f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| function(*a, *b)).collect()
 }
 
 /// First and last finite value, if the last is another.
 fn ends(values: &[f64]) -> String {
-    let text = |x: &f64| match x.abs() {
-        0.0 | 1e-3..1e6 => format!("{x:.6}"),
-        _ => format!("{x:.6e}"),
-    };
-    let mut finite = values.iter().filter(|x| x.is_finite());
+    let mut finite = values.iter().copied().filter(|x| x.is_finite());
     match (finite.next(), finite.next_back()) {
-        (Some(first), Some(last)) if first != last => format!("{} … {}", text(first), text(last)),
-        (Some(first), _) => text(first),
+        (Some(first), Some(last)) if first != last => {
+            format!("{} … {}", digits(first), digits(last))
+        }
+        (Some(first), _) => digits(first),
         (None, _) => "none".into(),
     }
+}
+
+fn digits(x: f64) -> String {
+    match x.abs() {
+        0.0 | 1e-3..1e6 => format!("{x:.6}"),
+        _ => format!("{x:.6e}"),
+    }
+}
+
+fn percent(strain: f64) -> String {
+    format!("{:.6} %", 100.0 * strain)
 }
 
 /// Adds the facts of the strain steps or of Newton's equations; returns their name and figures.
@@ -187,7 +235,6 @@ fn eigenvalues(run: &RunFile) -> Result<Option<ReportFigure>> {
 fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFigure>) {
     let (series, measured) = (run.series(), Measured::of(run));
     let strain = series.column("strain");
-    let percent = |strain: f64| format!("{:.6} %", 100.0 * strain);
     let [least, most] = extent(strain.iter().copied().chain([0.0]));
     let range = format!("{} … {}", percent(least), percent(most));
     facts.push(("Strain, least and greatest", range));
@@ -199,11 +246,11 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
     ] {
         facts.push((name, ends(series.column(column))));
     }
-    facts.push((&measured.of.modulus, ends(&measured.modulus)));
+    facts.push((&measured.deformation.modulus, ends(&measured.modulus)));
     let friction = &measured.friction;
     let known = (0..strain.len()).filter(|k| friction[*k].is_finite());
     if let Some(k) = known.max_by(|a, b| friction[*a].total_cmp(&friction[*b])) {
-        let angle = match &*measured.of.key {
+        let angle = match &*measured.deformation.key {
             "simple-shear" => friction[k].atan(),
             _ => friction[k].asin(),
         };
@@ -223,28 +270,30 @@ fn over_strain(run: &RunFile, facts: &mut Facts) -> (&'static str, Vec<ReportFig
     }));
     let axis = Axis::of(run);
     let mut figures = measured.figures(&axis, series);
-    let is_axis = |panel: &&Panel| panel.lines[0][0] == measured.of.axis.0;
-    let panels = PANELS.strain.iter().filter(|panel| !is_axis(panel));
+    let panels = PANELS.strain.iter();
+    let panels = panels.filter(|panel| panel.lines[0][0] != measured.deformation.axis.0);
     figures.extend(panels.filter_map(|panel| drawn(run, &axis, panel)));
-    (&measured.of.name, figures)
+    (&measured.deformation.name, figures)
 }
 
 /// Returns the content of `summary.json`: of each file the last row and the parameters.
 pub fn json(files: &[&RunFile]) -> Value {
-    let of = |run: &&RunFile| {
-        let series = run.series();
-        let last = series.declared.iter().zip(&series.columns);
-        let last = last.map(|(column, of)| (column.name.to_string(), json!(of.last())));
-        json!({
-            "run": run.path().display().to_string(),
-            "digest": run.digest(),
-            "grains": run.grains().count(),
-            "frames": run.frames(),
-            "series_rows": series.rows(),
-            "last_row": last.collect::<serde_json::Map<_, _>>(),
-            "parameters": run.parameters(),
-        })
-    };
-    let stages = (files.iter()).map(|run| (run.stage().name().to_string(), of(run)));
+    let stages = files.iter();
+    let stages = stages.map(|run| (run.stage().name().to_string(), stage_json(run)));
     stages.collect::<serde_json::Map<_, _>>().into()
+}
+
+fn stage_json(run: &RunFile) -> Value {
+    let series = run.series();
+    let last = series.declared.iter().zip(&series.columns);
+    let last = last.map(|(column, values)| (column.name.to_string(), json!(values.last())));
+    json!({
+        "run": run.path().display().to_string(),
+        "digest": run.digest(),
+        "grains": run.grains().count(),
+        "frames": run.frames(),
+        "series_rows": series.rows(),
+        "last_row": last.collect::<serde_json::Map<_, _>>(),
+        "parameters": run.parameters(),
+    })
 }

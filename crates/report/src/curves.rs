@@ -14,21 +14,34 @@ const MARKED: usize = 100;
 /// Least range of an axis over its greatest value, so that labels stay short.
 const LEAST_RANGE: f64 = 1e-4;
 
+/// The places that curves have in common.
+#[derive(Clone, Copy)]
+pub(crate) struct Abscissa<'a> {
+    pub label: &'a str,
+    pub values: &'a [f64],
+}
+
 /// Draws curves, values `y` by name, over common places `x`; `None` if none has two points.
 pub fn lines(
     layout: Layout,
-    (x_label, x): (&str, &[f64]),
+    x: Abscissa<'_>,
     y_label: &str,
     curves: &[(&str, &[f64])],
 ) -> Option<String> {
-    let finite = |values: &[f64]| values.iter().filter(|v| v.is_finite()).count();
-    if !curves.iter().any(|(_, values)| finite(values) > 1) {
+    let mut finite = curves
+        .iter()
+        .map(|(_, values)| values.iter().filter(|v| v.is_finite()));
+    if finite.all(|values| values.count() < 2) {
         return None;
     }
+    let Abscissa {
+        label: x_label,
+        values: x,
+    } = x;
     let layout = layout.with_legend(curves.iter().map(|curve| curve.0));
     let [width, height] = layout.size;
     let on_x = padded(x.iter().copied(), 0.02);
-    let on_y = padded(curves.iter().flat_map(|(_, of)| of.iter().copied()), 0.08);
+    let on_y = padded(curves.iter().flat_map(|(_, y)| y.iter().copied()), 0.08);
     let more = LEAST_RANGE * on_y[0].abs().max(on_y[1].abs()) - (on_y[1] - on_y[0]);
     let on_y = [on_y[0] - 0.5 * more.max(0.0), on_y[1] + 0.5 * more.max(0.0)];
     Some(figure(layout, on_x, on_y, |plot| {
@@ -38,8 +51,10 @@ pub fn lines(
         let rows: Vec<usize> = (0..x.len()).collect();
         for ((_, y), colour) in curves.iter().zip(CURVES) {
             draw(plot, x, y, &rows, colour, 1.2);
-            let is_marked = |row: &&usize| x.len() <= MARKED && y[**row].is_finite();
-            for &row in rows.iter().filter(is_marked) {
+            if x.len() > MARKED {
+                continue;
+            }
+            for &row in rows.iter().filter(|row| y[**row].is_finite()) {
                 plot.disk([x[row], y[row]], 2.0, colour, None);
             }
         }
@@ -53,7 +68,7 @@ pub fn lines(
 }
 
 /// Returns strains in percent.
-pub fn percent_of(strain: &[f64]) -> Vec<f64> {
+pub(crate) fn percent_of(strain: &[f64]) -> Vec<f64> {
     strain.iter().map(|strain| 100.0 * strain).collect()
 }
 
@@ -89,13 +104,15 @@ pub fn thinned(plot: &mut Plot, points: &[[f64; 2]], colour: RGBColor, width: f6
 }
 
 /// Keeps the first, least, greatest and last point of each interval of width `column` in x.
-pub fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
-    let place = |point: &[f64; 2]| (point[0] / column).floor();
+pub(crate) fn decimate(points: &[[f64; 2]], column: f64) -> Vec<[f64; 2]> {
+    let columns = points.chunk_by(|a, b| (a[0] / column).floor() == (b[0] / column).floor());
     let mut kept = Vec::new();
-    for group in points.chunk_by(|a, b| place(a) == place(b)) {
-        let by_height = |a: &usize, b: &usize| group[*a][1].total_cmp(&group[*b][1]);
+    for group in columns {
         let indices = 0..group.len();
-        let (least, most) = (indices.clone().min_by(by_height), indices.max_by(by_height));
+        let least = indices
+            .clone()
+            .min_by(|a, b| group[*a][1].total_cmp(&group[*b][1]));
+        let most = indices.max_by(|a, b| group[*a][1].total_cmp(&group[*b][1]));
         let ends = [0, group.len() - 1].into_iter();
         let chosen: BTreeSet<usize> = ends.chain(least).chain(most).collect();
         kept.extend(chosen.into_iter().map(|k| group[k]));

@@ -41,20 +41,31 @@ pub fn write_all(figures: &[(PathBuf, &str)]) -> Result<usize> {
 /// # Errors
 /// If a file cannot be written.
 pub fn write(path: &Path, svg: &str) -> Result<usize> {
-    let drawn = || -> Result<_, Box<dyn Error>> {
+    let drawn = Drawn::new(svg)
+        .map_err(|why| Failure::other(format!("{}: cannot be drawn: {why}", path.display())))?;
+    text_writer::write(path, svg)?;
+    text_writer::write(&path.with_extension("pdf"), drawn.pdf)?;
+    text_writer::write(&path.with_extension("png"), drawn.png)?;
+    Ok(3)
+}
+
+/// A figure in the other formats.
+struct Drawn {
+    pdf: Vec<u8>,
+    png: Vec<u8>,
+}
+
+impl Drawn {
+    fn new(svg: &str) -> Result<Self, Box<dyn Error>> {
         let tree = tree(svg)?;
         let pdf = svg2pdf::to_pdf(&tree, ConversionOptions::default(), PageOptions::default());
         let area = tree.size().width() * tree.size().height();
         let scale = SCALE.min((MOST_PIXELS / area).sqrt()).max(1.0);
-        let pdf = in_order(&pdf.map_err(|e| e.to_string())?);
-        Ok((pdf, rendered(&tree, scale)?.encode_png()?))
-    };
-    let undrawn = |why| Failure::other(format!("{}: cannot be drawn: {why}", path.display()));
-    let (pdf, png) = drawn().map_err(undrawn)?;
-    text_writer::write(path, svg)?;
-    text_writer::write(&path.with_extension("pdf"), pdf)?;
-    text_writer::write(&path.with_extension("png"), png)?;
-    Ok(3)
+        Ok(Self {
+            pdf: in_order(&pdf.map_err(|e| e.to_string())?),
+            png: rendered(&tree, scale)?.encode_png()?,
+        })
+    }
 }
 
 fn tree(svg: &str) -> Result<Tree, svg2pdf::usvg::Error> {
@@ -68,8 +79,9 @@ fn tree(svg: &str) -> Result<Tree, svg2pdf::usvg::Error> {
 
 fn rendered(tree: &Tree, scale: f32) -> Result<Pixmap, &'static str> {
     let size = tree.size().to_int_size();
-    let side = |length: u32| (length as f32 * scale) as u32;
-    let pixels = Pixmap::new(side(size.width()), side(size.height()));
+    let [width, height] =
+        [size.width(), size.height()].map(|length| (length as f32 * scale) as u32);
+    let pixels = Pixmap::new(width, height);
     let mut pixels = pixels.ok_or("it has no size")?;
     let enlarged = Transform::from_scale(scale, scale);
     resvg::render(tree, enlarged, &mut pixels.as_mut());
@@ -81,19 +93,26 @@ fn rendered(tree: &Tree, scale: f32) -> Result<Pixmap, &'static str> {
 /// # Errors
 /// A drawing without a size.
 pub fn pixels(svg: &str, scale: f32) -> Result<Pixmap> {
-    let drawn = || -> Result<_, Box<dyn Error>> { Ok(rendered(&tree(svg)?, scale)?) };
-    drawn().map_err(|why| Failure::other(format!("cannot be drawn: {why}")))
+    let pixels = match tree(svg) {
+        Ok(tree) => rendered(&tree, scale).map_err(str::to_string),
+        Err(why) => Err(why.to_string()),
+    };
+    pixels.map_err(|why| Failure::other(format!("cannot be drawn: {why}")))
 }
 
 /// The PDF with the lines of a dictionary that lead to other objects in order: svg2pdf writes those
 /// of the resources in the order of a hash map, which differs from run to run. No object moves.
 fn in_order(pdf: &[u8]) -> Vec<u8> {
     let mut lines: Vec<&[u8]> = pdf.split_inclusive(|&byte| byte == b'\n').collect();
-    let leads = |line: &[u8]| line.starts_with(b"  ") && line.ends_with(b" 0 R\n");
-    for entries in lines.chunk_by_mut(|a, b| leads(a) && leads(b)) {
+    for entries in lines.chunk_by_mut(|a, b| is_reference(a) && is_reference(b)) {
         entries.sort_unstable();
     }
     lines.concat()
+}
+
+/// Whether a line of a dictionary leads to another object.
+fn is_reference(line: &[u8]) -> bool {
+    line.starts_with(b"  ") && line.ends_with(b" 0 R\n")
 }
 
 /// Combined with the letter before it, and by itself.
@@ -136,12 +155,12 @@ fn with_macrons_apart(svg: &str) -> Cow<'_, str> {
 fn macron_over(letter: char) -> String {
     let face = Face::parse(dejavu::sans::regular(), 0).expect("the font is sound");
     let em = f64::from(face.units_per_em());
-    let glyph = |of: char| face.glyph_index(of).unwrap_or_default();
-    let [wide, bar] = [letter, MACRON]
-        .map(|of| f64::from(face.glyph_hor_advance(glyph(of)).unwrap_or_default()) / em);
+    let glyphs = [letter, MACRON].map(|letter| face.glyph_index(letter).unwrap_or_default());
+    let [wide, bar] =
+        glyphs.map(|glyph| f64::from(face.glyph_hor_advance(glyph).unwrap_or_default()) / em);
     let [back, on] = [-f64::midpoint(wide, bar), (wide - bar) / 2.0];
-    let bounds = face.glyph_bounding_box(glyph(letter));
-    let top = bounds.map_or(0, |of| of.y_max);
+    let bounds = face.glyph_bounding_box(glyphs[0]);
+    let top = bounds.map_or(0, |bounds| bounds.y_max);
     let higher = (top - face.x_height().unwrap_or(top)).max(0);
     let lift = f64::from(higher) / em;
     // The second shift needs a character, here one of no width.

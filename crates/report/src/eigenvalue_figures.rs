@@ -16,20 +16,17 @@ const LAYOUT: Layout = Layout::new([900.0, 480.0], 84.0);
 
 /// Draws eigenvalues coloured by verdict, pairs on top.
 pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
-    let range = |of: fn(&Eigenvalue) -> f64| extent(eigenvalues.iter().map(of));
-    let (re, im) = (range(|e| e.value.re), range(|e| e.value.im));
+    let re = extent(eigenvalues.iter().map(|e| e.value.re));
+    let im = extent(eigenvalues.iter().map(|e| e.value.im));
     if re[0] > re[1] || im[0] > im[1] {
         return figure(LAYOUT, [0.0, 1.0], [0.0, 1.0], |plot| {
             plot.empty_note("no eigenvalues");
             plot.axes(&[], &[], "Re λ", "Im λ");
         });
     }
-    let wide = |[low, high]: [f64; 2], least: f64| {
-        let margin = (0.05 * (high - low)).max(least);
-        [low - margin, high + margin]
-    };
     let least = 1e-12 * re[0].abs().max(re[1].abs()).max(1e-300);
-    let (x, y) = (wide(re, least), wide(im, 0.01 * (re[1] - re[0]).max(least)));
+    let x = with_margin(re, least);
+    let y = with_margin(im, 0.01 * (re[1] - re[0]).max(least));
     figure(LAYOUT, x, y, |plot| {
         let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 8), ticks::round(y[0], y[1], 6));
         plot.grid(&x_ticks, &y_ticks);
@@ -49,6 +46,13 @@ pub fn in_the_plane(eigenvalues: &[Eigenvalue]) -> String {
     })
 }
 
+/// A range extended by a twentieth of it at both ends, and at least by `least`.
+fn with_margin(range: [f64; 2], least: f64) -> [f64; 2] {
+    let [low, high] = range;
+    let margin = (0.05 * (high - low)).max(least);
+    [low - margin, high + margin]
+}
+
 /// A row of `spectra.csv`.
 #[derive(serde::Deserialize)]
 pub(crate) struct SpectrumRow {
@@ -66,15 +70,16 @@ pub(crate) fn over_time(rows: &[SpectrumRow]) -> [String; 2] {
         let (x_ticks, y_ticks) = (ticks::scientific(x, 8), ticks::scientific(y, 6));
         plot.grid(&x_ticks, &y_ticks);
         // One mark per pixel is enough.
-        let pixel = |point: &[f64; 2]| {
-            [(0, x), (1, y)].map(|(axis, [low, high])| {
+        let mut marks: Vec<([i64; 2], [f64; 2])> = Vec::new();
+        for point in &points {
+            let pixel = [(0, x), (1, y)].map(|(axis, [low, high])| {
                 (WIDE.size[axis] * (point[axis] - low) / (high - low)) as i64
-            })
-        };
-        let mut marks = points.clone();
-        marks.sort_by_key(pixel);
-        marks.dedup_by_key(|point| pixel(point));
-        for point in marks {
+            });
+            marks.push((pixel, *point));
+        }
+        marks.sort_by_key(|(pixel, _)| *pixel);
+        marks.dedup_by_key(|(pixel, _)| *pixel);
+        for (_, point) in marks {
             plot.disk(point, 1.6, STICK, None);
         }
         plot.clip();

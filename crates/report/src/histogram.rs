@@ -19,9 +19,13 @@ pub fn data(phases: &[Phase]) -> String {
         .csv()
 }
 
+/// The number of the bin of a phase.
+fn bin(phase: &Phase) -> i64 {
+    (phase.change.abs().log10() * BINS).floor() as i64
+}
+
 /// Draws the number of stick and slip phases by |Δτ_p|, on logarithmic axes.
-pub fn of_changes(phases: &[Phase]) -> String {
-    let bin = |phase: &Phase| (phase.change.abs().log10() * BINS).floor() as i64;
+pub(crate) fn of_changes(phases: &[Phase]) -> String {
     let bins = phases.iter().map(bin);
     let (Some(first), Some(last)) = (bins.clone().min(), bins.max()) else {
         return figure(LAYOUT, [0.0, 1.0], [0.0, 1.0], |plot| {
@@ -29,15 +33,13 @@ pub fn of_changes(phases: &[Phase]) -> String {
             plot.axes(&[], &[], "|Δτ_{p}|", "number of phases");
         });
     };
-    let counts = |kind: PhaseKind| {
+    let kinds = [(PhaseKind::Stick, STICK), (PhaseKind::Slip, SLIP)].map(|(kind, colour)| {
         let mut counts = vec![0u64; (last - first + 1) as usize];
         for phase in phases.iter().filter(|phase| phase.kind == kind) {
             counts[(bin(phase) - first) as usize] += 1;
         }
-        counts
-    };
-    let kinds = [(PhaseKind::Stick, STICK), (PhaseKind::Slip, SLIP)]
-        .map(|(kind, colour)| (counts(kind), colour));
+        (counts, colour)
+    });
     let most = kinds.iter().flat_map(|(counts, _)| counts).max();
     // Below log10(1) = 0, so that a bin with one phase is visible above an empty bin.
     let floor = -0.3;

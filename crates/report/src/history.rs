@@ -4,13 +4,13 @@ use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage, Series};
 
 use super::ReportFigure;
-use super::curves::lines;
+use super::curves::{Abscissa, lines};
 use super::panels::{Deformation, PANELS, Panel, Shown};
 use super::plot::Layout;
 use super::summary::{is_driven, is_imposed};
 use super::ticks;
 
-pub const LAYOUT: Layout = Layout::new([900.0, 320.0], 84.0);
+pub(crate) const LAYOUT: Layout = Layout::new([900.0, 320.0], 84.0);
 
 /// What the time series is drawn over.
 pub struct Axis {
@@ -34,7 +34,7 @@ impl Axis {
                 let (name, label, factor) = &Deformation::of(run).axis;
                 (&**name, &**label, *factor)
             }
-            RunStage::Shear if is_imposed(run) || run.has_free_surface() => {
+            RunStage::Shear if is_imposed(run) || !run.boundary().has_top() => {
                 ("time", "time (s)", 1.0)
             }
             RunStage::Shear if is_driven(run) => ("slip", "slip (mm)", 1e3),
@@ -48,6 +48,14 @@ impl Axis {
             values: column.iter().map(|x| factor * x).collect(),
             label,
             column: (name, column),
+        }
+    }
+
+    /// The places of curves.
+    pub(crate) fn abscissa(&self) -> Abscissa<'_> {
+        Abscissa {
+            label: self.label,
+            values: &self.values,
         }
     }
 
@@ -72,57 +80,38 @@ impl Axis {
 /// Draws the quantities that the run has recorded.
 pub fn figures(run: &RunFile, axis: &Axis) -> Vec<ReportFigure> {
     let driven = is_driven(run);
-    let has = |name: &str| run.series().has(name);
-    let panels = PANELS.walls.iter().filter(|of| {
-        (driven || of.name != "slip-rate") && of.lines.iter().all(|[name, _]| has(name))
+    let panels = PANELS.walls.iter().filter(|panel| {
+        let mut columns = panel.lines.iter().map(|[column, _]| column);
+        (driven || panel.name != "slip-rate") && columns.all(|column| run.series().has(column))
     });
     panels.filter_map(|panel| drawn(run, axis, panel)).collect()
-}
-
-/// What the drive moves.
-pub fn top(run: &RunFile) -> &'static str {
-    if run.has_walls() {
-        "top wall"
-    } else {
-        "image above the cell"
-    }
 }
 
 /// `None` if nothing has been recorded.
 pub fn drawn(run: &RunFile, axis: &Axis, panel: &'static Panel) -> Option<ReportFigure> {
     let series = run.series();
-    let of_panel = panel.lines.iter().flat_map(|[name, _]| series.column(name));
-    let greatest = of_panel.map(|x| x.abs()).filter(|x| x.is_finite());
+    let values = panel.lines.iter().flat_map(|[name, _]| series.column(name));
+    let greatest = values.map(|x| x.abs()).filter(|x| x.is_finite());
     let (factor, prefix) = match panel.shown {
         Shown::Prefixed => ticks::prefix(greatest.fold(0.0, f64::max)),
         _ => (1.0, ""),
     };
     let unit = ["J/m", "J"][run.dimension().axes() - 2];
     let label = panel.label.replace("(J)", &format!("({prefix}{unit})"));
-    let shown = |name: &str| -> Vec<f64> {
-        let column = series.column(name);
-        let first = column.first().copied().unwrap_or(f64::NAN);
-        let value = |x: &f64| match panel.shown {
-            Shown::AsTheyAre | Shown::Prefixed => factor * x,
-            Shown::Growth => 100.0 * (x / first - 1.0),
-            // -∞ of 0 breaks the line, as NaN does.
-            Shown::Logarithm => x.abs().log10(),
-        };
-        column.iter().map(value).collect()
-    };
-    let is_known = |values: &[f64]| {
+    let mut curves: Vec<(String, Vec<f64>)> = Vec::new();
+    for [column, name] in &panel.lines {
+        let values = panel.shown.values(series.column(column), factor);
         let finite = values.iter().filter(|x| x.is_finite());
-        finite.clone().count() > 1 && (finite.clone().any(|x| *x != 0.0))
-    };
-    let named = |text: &str| text.replace("{top}", top(run));
-    let known: Vec<(String, Vec<f64>)> = (panel.lines.iter())
-        .map(|[column, name]| (named(name), shown(column)))
-        .filter(|(_, values)| is_known(values))
+        if finite.clone().count() > 1 && finite.clone().any(|x| *x != 0.0) {
+            curves.push((name.replace("{top}", run.boundary().driven), values));
+        }
+    }
+    let curves: Vec<_> = (curves.iter())
+        .map(|(name, values)| (&**name, &values[..]))
         .collect();
-    let known: Vec<_> = known.iter().map(|(name, of)| (&**name, &of[..])).collect();
-    let svg = lines(LAYOUT, (axis.label, &axis.values), &label, &known)?;
+    let svg = lines(LAYOUT, axis.abscissa(), &label, &curves)?;
     let columns: Vec<&str> = panel.lines.iter().map(|[column, _]| &**column).collect();
     let data = axis.table(series, &columns);
-    let caption = named(&panel.caption);
+    let caption = panel.caption.replace("{top}", run.boundary().driven);
     Some(ReportFigure::new(&panel.name, caption, svg, data))
 }

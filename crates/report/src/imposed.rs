@@ -5,7 +5,7 @@ use gshear_store::csv_table::Table;
 use gshear_store::run_reader::RunFile;
 
 use super::ReportFigure;
-use super::curves::{lines, percent_of};
+use super::curves::{Abscissa, lines, percent_of};
 use super::plot::Layout;
 use super::ticks;
 
@@ -48,16 +48,23 @@ pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
     let shear_label = format!("shear stress ({unit})");
     let values = [&normal, &imposed_normal, &shear, &imposed_shear];
     let named = STRESSES.iter().zip(values);
-    let stresses: Vec<_> = named.map(|((_, name), of)| (*name, &of[..])).collect();
-    let times = ("time (s)", &series.time[..]);
-    let strains = ("shear strain γ (%)", &percent_of(strain)[..]);
-    let normals = (&*format!("normal stress ({unit})"), &normal[..]);
-    let shear = [("", &shear[..])];
-    let place = if run.has_walls() {
-        "on the top wall"
-    } else {
-        "of the cell"
+    let stresses: Vec<_> = named
+        .map(|((_, name), values)| (*name, &values[..]))
+        .collect();
+    let times = Abscissa {
+        label: "time (s)",
+        values: &series.time,
     };
+    let strains = Abscissa {
+        label: "shear strain γ (%)",
+        values: &percent_of(strain),
+    };
+    let normals = Abscissa {
+        label: &format!("normal stress ({unit})"),
+        values: &normal,
+    };
+    let shear = [("", &shear[..])];
+    let place = run.boundary().place;
     let figures = [
         (
             "stresses",
@@ -72,11 +79,15 @@ pub fn figures(run: &RunFile) -> Vec<ReportFigure> {
         (
             "stress-path",
             format!("Path of the stresses {place}, whose normal motion a part imposes."),
-            lines(SQUARE, normals, &shear_label, &shear).filter(|_| holds_volume),
+            if holds_volume {
+                lines(SQUARE, normals, &shear_label, &shear)
+            } else {
+                None
+            },
         ),
     ];
-    let drawn = |(name, caption, svg): (&'static str, String, Option<String>)| {
+    let figures = figures.into_iter().filter_map(|(name, caption, svg)| {
         Some(ReportFigure::new(name, caption, svg?, data.clone()))
-    };
-    figures.into_iter().filter_map(drawn).collect()
+    });
+    figures.collect()
 }

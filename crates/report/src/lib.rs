@@ -25,15 +25,17 @@ pub mod colour;
 mod curves;
 pub mod drawing;
 pub mod eigenvalue_figures;
+mod frame_picture;
 mod histogram;
 mod history;
 mod imposed;
+mod last_frame;
 mod map;
 pub mod movie;
 pub mod movie_file;
+mod packing;
 mod page;
 mod panels;
-mod picture;
 pub mod plot;
 pub mod rate_state;
 mod stress_ratio;
@@ -51,7 +53,7 @@ use self::page::Page;
 use self::summary::{DropFrames, EventFrames, Summary};
 pub use self::summary::{drop_without_frames, shows_drops};
 use gshear_dem::failure::Result;
-use gshear_dem::state::Disks;
+use gshear_dem::state::GrainConstants;
 use gshear_store::run_reader::RunFile;
 use gshear_store::status::RunCondition;
 use gshear_store::{dictionary, text_writer};
@@ -122,16 +124,9 @@ pub fn write(run: &RunFile, sources: &Sources<'_>, folder: &Path) -> Result<Path
     }));
     let mut figures = figures(run, &summary);
     figures.extend(structure::figures(run, &mut facts)?);
-    figures.extend(picture::figures(run)?);
-    let what = if run.has_free_surface() {
-        "Flow below a free surface"
-    } else if run.has_walls() {
-        "Shear between walls"
-    } else {
-        "Shear without walls"
-    };
+    figures.extend(last_frame::figures(run)?);
     let page = Page {
-        what,
+        what: run.boundary().title,
         condition: sources.condition,
         facts,
         figures: &figures,
@@ -164,8 +159,10 @@ pub fn write_box(
         figures.extend(drawn);
     }
     figures.extend(structure::figures(run, &mut facts)?);
-    figures.extend(picture::figures(run)?);
-    let unfinished = conditions.iter().find(|of| **of != RunCondition::Finished);
+    figures.extend(last_frame::figures(run)?);
+    let unfinished = conditions
+        .iter()
+        .find(|condition| **condition != RunCondition::Finished);
     let page = Page {
         what: &names.join(", then "),
         condition: unfinished.unwrap_or(&RunCondition::Finished),
@@ -190,12 +187,14 @@ fn write_files(
     page: &str,
     folder: &Path,
 ) -> Result<PathBuf> {
-    let place = |figure: &ReportFigure| folder.join(&figure.name).with_extension("svg");
-    let drawn = figures.iter().map(|figure| (place(figure), &*figure.svg));
-    drawing::write_all(&drawn.collect::<Vec<_>>())?;
-    for figure in figures {
-        let path = place(figure).with_extension("csv");
-        dictionary::write_figure_data(&path, &figure.data, axes)?;
+    let drawn = figures.iter().map(|figure| {
+        let path = folder.join(&figure.name).with_extension("svg");
+        (path, &*figure.svg)
+    });
+    let drawn: Vec<_> = drawn.collect();
+    drawing::write_all(&drawn)?;
+    for ((path, _), figure) in drawn.iter().zip(figures) {
+        dictionary::write_figure_data(&path.with_extension("csv"), &figure.data, axes)?;
     }
     let path = folder.join("index.html");
     text_writer::write(&path, page)?;
@@ -206,7 +205,7 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
     let (axis, tau) = (Axis::of(run), summary::stress_ratio(run));
     let tau = &tau[..];
     let phases = &summary.phases;
-    let of_tau = axis.table(run.series(), &["stress_ratio"]);
+    let data = axis.table(run.series(), &["stress_ratio"]);
     let caption = if phases.is_empty() {
         "Shear stress ratio over the whole run.".into()
     } else {
@@ -217,14 +216,17 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
         )
     };
     let svg = stress_ratio::whole(&axis, tau, phases, summary.drop.as_ref());
-    let whole = ReportFigure::new("stress-strain", caption, svg, of_tau.clone());
+    let whole = ReportFigure::new("stress-strain", caption, svg, data.clone());
     let mut figures = vec![whole];
     let event = summary.event.as_ref();
     let shown = event.map(|event| event.drop).or(summary.drop);
     if let Some(drop) = &shown {
-        let on_axis = |event: &DropFrames| event.frames.strain.map(|strain| 100.0 * strain);
-        let driven = summary::is_driven(run);
-        let frames = event.filter(|_| !driven).map(on_axis);
+        let frames = match event {
+            Some(event) if !summary::is_driven(run) => {
+                Some(event.frames.strain.map(|strain| 100.0 * strain))
+            }
+            _ => None,
+        };
         let caption = format!(
             "The largest drop{}: Δτ<sub>p</sub> = {:.4} over {} intervals of the time series, from τ = {:.4} to {:.4}. \
              Shaded: the phases.",
@@ -239,7 +241,7 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
             tau[drop.end]
         );
         let svg = stress_ratio::around(&axis, tau, phases, drop, frames);
-        figures.push(ReportFigure::new("largest-drop", caption, svg, of_tau));
+        figures.push(ReportFigure::new("largest-drop", caption, svg, data));
     }
     if summary::has_phases(run, phases) {
         let caption = "Number of stick and slip phases by the magnitude of their change of τ.";
@@ -259,7 +261,7 @@ fn figures(run: &RunFile, summary: &Summary) -> Vec<ReportFigure> {
     figures
 }
 
-fn maps(grains: &Disks, event: &DropFrames) -> [ReportFigure; 4] {
+fn maps(grains: &GrainConstants, event: &DropFrames) -> [ReportFigure; 4] {
     let frames = &event.frames;
     let EventFrames { earlier, later, .. } = frames;
     let view = map::view_of(grains, later, frames.centre());
@@ -328,7 +330,7 @@ fn without_dmin(frames: &EventFrames) -> String {
 }
 
 /// What a map says that shows only a part of the sample.
-fn part_of(grains: &Disks) -> &'static str {
+fn part_of(grains: &GrainConstants) -> &'static str {
     if grains.count() > map::MOST_GRAINS {
         " The sample is large: only the part around the greatest D²<sub>min</sub> is shown."
     } else {
@@ -337,7 +339,7 @@ fn part_of(grains: &Disks) -> &'static str {
 }
 
 /// The map of the greatest D²min of the run.
-fn map_of_greatest(grains: &Disks, frames: &EventFrames) -> ReportFigure {
+fn map_of_greatest(grains: &GrainConstants, frames: &EventFrames) -> ReportFigure {
     let later = &frames.later;
     let map = Map::new(grains, later, map::view_of(grains, later, frames.centre()));
     let between = format!("{} to {}", frames.title(0), frames.title(1));

@@ -1,13 +1,14 @@
-//! Maps of a 2D sample: force network, change of forces, and D²min.
+//! Maps of disks between walls: force network, change of forces, and D²min.
 
 use plotters::style::RGBColor;
 
 use super::colour::{CHANGE, FORCE, GRAIN, GREY, VIRIDIS, WALL, WHITE};
+use super::frame_picture::{DECADES, Field, FramePicture, levels, range_of, velocities};
 use super::plot::{Layout, Plot, figure};
 use super::ticks::{self, Tick};
 use gshear_analysis::forces;
 use gshear_analysis::moments::extent;
-use gshear_dem::state::{ContactSample, Disks, Frame};
+use gshear_dem::state::{ContactSample, Frame, GrainConstants};
 use gshear_store::csv_table::Table;
 
 const WIDTH: f64 = 900.0;
@@ -17,36 +18,53 @@ const TALLEST: f64 = 900.0;
 /// Greatest number of grains in a map; of larger samples only a part is shown, since browsers fail
 /// on larger files.
 pub const MOST_GRAINS: usize = 20_000;
-/// Greatest number of decades of D²min on the colour bar.
-pub const DECADES: f64 = 8.0;
 
 /// Returns the ranges of x and y (m) of the whole sample, or of the part around `centre` with about
 /// [`MOST_GRAINS`] grains if it has more.
-pub fn view_of(grains: &Disks, frame: &Frame, centre: [f64; 2]) -> [[f64; 2]; 2] {
+pub(crate) fn view_of(grains: &GrainConstants, frame: &Frame, centre: [f64; 2]) -> [[f64; 2]; 2] {
     let reach = grains.radius.iter().copied().fold(0.0, f64::max);
-    let [low, high] = extent(frame.position.iter().map(|r| r[1]));
+    let heights = present(frame).map(|n| frame.grains[n].position[1]);
+    let [low, high] = extent(heights);
     let [low, high] = [low - reach, high + reach];
+    let length = frame.cell.periods[0];
     let share = (MOST_GRAINS as f64 / grains.count() as f64).sqrt();
     if share >= 1.0 {
-        return [[0.0, grains.length], [low, high]];
+        return [[0.0, length], [low, high]];
     }
-    let part = |centre: f64, low: f64, high: f64| {
-        let half = 0.5 * share * (high - low);
-        let centre = centre.clamp(low + half, high - half);
-        [centre - half, centre + half]
-    };
     let [x, y] = centre;
-    [part(x, 0.0, grains.length), part(y, low, high)]
+    [
+        part_of(share, x, [0.0, length]),
+        part_of(share, y, [low, high]),
+    ]
+}
+
+/// The share of a range around a centre.
+fn part_of(share: f64, centre: f64, whole: [f64; 2]) -> [f64; 2] {
+    let [low, high] = whole;
+    let half = 0.5 * share * (high - low);
+    let centre = centre.clamp(low + half, high - half);
+    [centre - half, centre + half]
+}
+
+/// The grains that are not removed.
+fn present(frame: &Frame) -> impl Iterator<Item = usize> {
+    (0..frame.grains.len()).filter(|n| !frame.is_removed(*n))
+}
+
+/// The centre of a grain (m).
+fn centre(frame: &Frame, grain: u32) -> [f64; 2] {
+    let [x, y, _] = frame.grains[grain as usize].position;
+    [x, y]
 }
 
 /// A table of the contacts of a frame, with the centres of both grains (m) and F_n (N/m).
-pub fn data_of_contacts(frame: &Frame) -> String {
+pub(crate) fn data_of_contacts(frame: &Frame) -> String {
     let forces: Vec<f64> = frame.contacts.iter().map(|c| c.normal_force).collect();
     data_of("contact_force", frame, &forces)
 }
 
 /// A table of the contacts of the later frame with the change of their force (N/m).
-pub fn data_of_changes(earlier: &Frame, later: &Frame) -> String {
+pub(crate) fn data_of_changes(earlier: &Frame, later: &Frame) -> String {
     let mut changes = Vec::new();
     forces::changes(earlier, later, &mut changes);
     data_of("change", later, &changes)
@@ -54,21 +72,19 @@ pub fn data_of_changes(earlier: &Frame, later: &Frame) -> String {
 
 /// A table of the contacts of a frame with a value of each, `[contacts]`.
 fn data_of(name: &str, frame: &Frame, values: &[f64]) -> String {
-    let at = |grain: u32| frame.position[grain as usize];
     Table::of(frame.contacts.iter().zip(values))
         .columns(["i", "j"], |(contact, _)| [contact.i, contact.j])
-        .columns(["x_i", "y_i"], |(contact, _)| at(contact.i))
-        .columns(["x_j", "y_j"], |(contact, _)| at(contact.j))
+        .columns(["x_i", "y_i"], |(contact, _)| centre(frame, contact.i))
+        .columns(["x_j", "y_j"], |(contact, _)| centre(frame, contact.j))
         .column(name, |(_, value)| **value)
         .csv()
 }
 
 /// A table of the grains that are not removed: centre and radius (m), and D²min (m²).
-pub fn data_of_grains(grains: &Disks, frame: &Frame, dmin: &[f64]) -> String {
-    let present = |n: &usize| frame.position[*n][0].is_finite();
-    Table::of((0..grains.count()).filter(present))
+pub(crate) fn data_of_grains(grains: &GrainConstants, frame: &Frame, dmin: &[f64]) -> String {
+    Table::of(present(frame))
         .column("id", |n| *n)
-        .columns(["x", "y"], |n| frame.position[*n])
+        .columns(["x", "y"], |n| centre(frame, *n as u32))
         .column("radius", |n| grains.radius[*n])
         .column("dmin", |n| dmin[*n])
         .csv()
@@ -76,7 +92,7 @@ pub fn data_of_grains(grains: &Disks, frame: &Frame, dmin: &[f64]) -> String {
 
 /// Returns the F_n (N/m) that 99.9 % of the contacts stay below. With the maximum as the end of the
 /// scale, most contacts would look alike.
-pub fn scale_of_forces(frames: &[&Frame]) -> f64 {
+pub(crate) fn scale_of_forces(frames: &[&Frame]) -> f64 {
     let contacts = frames.iter().flat_map(|frame| &frame.contacts);
     let mut forces: Vec<f64> = contacts.map(|c| c.normal_force).collect();
     forces.sort_by(f64::total_cmp);
@@ -87,7 +103,7 @@ pub fn scale_of_forces(frames: &[&Frame]) -> f64 {
 /// A frame and the part of it that is shown.
 #[derive(Clone, Copy)]
 pub struct Map<'a> {
-    grains: &'a Disks,
+    grains: &'a GrainConstants,
     frame: &'a Frame,
     /// Ranges of x and y (m).
     view: [[f64; 2]; 2],
@@ -95,7 +111,7 @@ pub struct Map<'a> {
 
 impl<'a> Map<'a> {
     /// The part `view` of a frame of these grains.
-    pub fn new(grains: &'a Disks, frame: &'a Frame, view: [[f64; 2]; 2]) -> Self {
+    pub fn new(grains: &'a GrainConstants, frame: &'a Frame, view: [[f64; 2]; 2]) -> Self {
         Self {
             grains,
             frame,
@@ -106,9 +122,9 @@ impl<'a> Map<'a> {
     /// The shifts by periods of the cell that bring something at x with half-width `reach` into
     /// view.
     fn shifts(&self, x: f64, reach: f64) -> impl Iterator<Item = f64> + use<> {
-        let ([low, high], length) = (self.view[0], self.grains.length);
-        let seen = move |shift: &f64| x + shift + reach >= low && x + shift - reach <= high;
-        [-length, 0.0, length].into_iter().filter(seen)
+        let ([low, high], length) = (self.view[0], self.frame.cell.periods[0]);
+        let shifts = [-length, 0.0, length].into_iter();
+        shifts.filter(move |shift| x + shift + reach >= low && x + shift - reach <= high)
     }
 
     /// Whether something at height y with half-height `reach` is in view.
@@ -133,7 +149,7 @@ impl<'a> Map<'a> {
     }
 
     /// Draws the differential force network from an earlier frame to this one.
-    pub fn force_changes(&self, earlier: &Frame, title: &str) -> String {
+    pub(crate) fn force_changes(&self, earlier: &Frame, title: &str) -> String {
         let mut changes = Vec::new();
         forces::changes(earlier, self.frame, &mut changes);
         let greatest = changes.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
@@ -149,8 +165,8 @@ impl<'a> Map<'a> {
     }
 
     /// Range of log₁₀ D²min/r̄² that a scale covers; `dmin` is `[N]` (m²).
-    pub fn range_of_dmin(&self, dmin: &[f64]) -> [f64; 2] {
-        let mut levels: Vec<f64> = dmin.iter().map(|value| self.level(*value)).collect();
+    pub(crate) fn range_of_dmin(&self, dmin: &[f64]) -> [f64; 2] {
+        let mut levels = levels(self.grains, dmin);
         levels.retain(|level| level.is_finite());
         levels.sort_by(f64::total_cmp);
         let high = levels.last().copied().unwrap_or(0.0);
@@ -158,34 +174,29 @@ impl<'a> Map<'a> {
         [low.clamp(high - DECADES, high - 1.0), high]
     }
 
-    /// log₁₀ D²min/r̄².
-    fn level(&self, dmin: f64) -> f64 {
-        (dmin / self.grains.mean_radius().powi(2)).log10()
-    }
-
     /// Draws D²min/r̄² of the grains on a logarithmic scale; `dmin` is `[N]` (m²). Grains without a
     /// defined value are white.
-    pub fn dmin(&self, dmin: &[f64], [low, high]: [f64; 2], title: &str) -> String {
+    pub fn dmin(&self, dmin: &[f64], range: [f64; 2], title: &str) -> String {
         self.drawn(title, |plot| {
-            let levels = dmin.iter().map(|value| self.level(*value));
-            self.coloured(plot, levels, [low, high]);
+            self.coloured(plot, &levels(self.grains, dmin), range);
+            let [low, high] = range;
             let ticks = ticks::on_bar(ticks::decades(low, high, 8), low, high);
             plot.colour_bar(&VIRIDIS, &ticks, "D²_{min}/r̄²");
         })
     }
 
     /// Draws the velocity of the grains along x (m/s).
-    pub fn velocity(&self, range: [f64; 2], title: &str) -> String {
+    fn velocity(&self, range: [f64; 2], title: &str) -> String {
         self.drawn(title, |plot| {
-            let velocity = self.frame.velocity.iter().map(|v| v[0]);
-            self.coloured(plot, velocity, range);
+            self.coloured(plot, &velocities(self.frame), range);
             plot.colour_bar_of(&VIRIDIS, range, "velocity along x ({}m/s)");
         })
     }
 
     /// Draws the grains by their values; those without one are white, those of the walls outlined.
-    fn coloured(&self, plot: &mut Plot, values: impl Iterator<Item = f64>, [low, high]: [f64; 2]) {
-        for (n, value) in values.enumerate() {
+    fn coloured(&self, plot: &mut Plot, values: &[f64], range: [f64; 2]) {
+        let [low, high] = range;
+        for (n, value) in values.iter().enumerate() {
             let fill = if value.is_nan() {
                 WHITE
             } else {
@@ -212,21 +223,17 @@ impl<'a> Map<'a> {
         figure(layout, x, y, |plot| {
             draw(plot);
             plot.title(title);
-            let scaled = |[low, high]: [f64; 2], wanted: usize| -> Vec<Tick> {
-                let ticks = ticks::round(low * factor, high * factor, wanted);
-                let unscaled = ticks.into_iter().map(|(at, label)| (at / factor, label));
-                unscaled.collect()
-            };
             let wanted = (8.0 * ratio).clamp(2.0, 12.0) as usize;
+            let (x_ticks, y_ticks) = (scaled_ticks(x, factor, 8), scaled_ticks(y, factor, wanted));
             let labels = ["x", "y"].map(|axis| format!("{axis} ({unit}m)"));
-            plot.axes(&scaled(x, 8), &scaled(y, wanted), &labels[0], &labels[1]);
+            plot.axes(&x_ticks, &y_ticks, &labels[0], &labels[1]);
         })
     }
 
     /// Draws a grain and its periodic images in view.
     fn disk(&self, plot: &mut Plot, n: usize, fill: RGBColor, outline: RGBColor) {
-        let ([x, y], radius) = (self.frame.position[n], self.grains.radius[n]);
-        if self.sees_height(y, radius) {
+        let ([x, y], radius) = (centre(self.frame, n as u32), self.grains.radius[n]);
+        if !self.frame.is_removed(n) && self.sees_height(y, radius) {
             let pixels = radius * plot.scale();
             for shift in self.shifts(x, radius) {
                 plot.disk([x + shift, y], pixels, fill, Some(outline));
@@ -246,9 +253,9 @@ impl<'a> Map<'a> {
         let mut sorted: Vec<(f64, &ContactSample)> = shares.zip(&frame.contacts).collect();
         sorted.sort_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
         for (share, contact) in sorted {
-            let from = frame.position[contact.i as usize];
+            let from = centre(frame, contact.i);
             // The nearest image keeps a contact across the periodic boundary short.
-            let [x, y] = grains.separation(from, frame.position[contact.j as usize]);
+            let [x, y, _] = frame.separation(contact.i, contact.j);
             let width = (widest * share.abs()).max(0.3);
             if !self.sees_height(from[1] + 0.5 * y, 0.5 * y.abs()) {
                 continue;
@@ -261,26 +268,75 @@ impl<'a> Map<'a> {
     }
 }
 
+impl FramePicture for Map<'_> {
+    fn view(&self) -> [[f64; 2]; 2] {
+        self.view
+    }
+
+    fn set_view(&mut self, view: [[f64; 2]; 2]) {
+        self.view = view;
+    }
+
+    fn range(&self, field: Field, dmin: &[f64]) -> [f64; 2] {
+        match field {
+            Field::Force => [0.0, scale_of_forces(&[self.frame])],
+            Field::Dmin if dmin.iter().all(|d| d.is_nan()) => [f64::NAN; 2],
+            Field::Dmin => self.range_of_dmin(dmin),
+            Field::Velocity => range_of(velocities(self.frame).into_iter()),
+        }
+    }
+
+    fn draw(&self, field: Field, range: [f64; 2], dmin: &[f64], title: &str) -> String {
+        match field {
+            Field::Force => self.forces(range[1], title),
+            Field::Dmin => self.dmin(dmin, range, title),
+            Field::Velocity => self.velocity(range, title),
+        }
+    }
+}
+
+/// Ticks of a range at which the places times `factor` are round numbers.
+fn scaled_ticks(range: [f64; 2], factor: f64, wanted: usize) -> Vec<Tick> {
+    let [low, high] = range;
+    let ticks = ticks::round(low * factor, high * factor, wanted).into_iter();
+    ticks.map(|(at, label)| (at / factor, label)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bytemuck::Zeroable;
+    use gshear_dem::dimension::Dimensions;
+    use gshear_dem::state::{Cell, GrainSample};
 
-    fn disks(count: usize, radius: f64, length: f64) -> Disks {
-        Disks {
+    fn disks(count: usize, radius: f64) -> GrainConstants {
+        GrainConstants {
             radius: vec![radius; count],
             body: vec![0; count],
             mass: vec![1.0; count],
-            length,
+        }
+    }
+
+    fn frame(length: f64, places: &[[f64; 2]], contacts: Vec<ContactSample>) -> Frame {
+        let grain = |[x, y]: &[f64; 2]| GrainSample {
+            position: [*x, *y, 0.0],
+            ..GrainSample::zeroed()
+        };
+        Frame {
+            dimension: Dimensions::Two,
+            cell: Cell::between_walls([length, f64::INFINITY]),
+            step: 0,
+            time: 0.0,
+            grains: places.iter().map(grain).collect(),
+            contacts,
         }
     }
 
     #[test]
     fn removed_grains_are_not_shown() {
-        let grains = disks(3, 1.0, 20.0);
-        let frame = Frame {
-            position: vec![[4.0, 5.0], [f64::NAN; 2], [8.0, 6.0]],
-            ..Frame::default()
-        };
+        let grains = disks(3, 1.0);
+        let mut frame = frame(20.0, &[[4.0, 5.0], [5.0, 99.0], [8.0, 6.0]], Vec::new());
+        frame.grains[1].removed = 1;
         let view = view_of(&grains, &frame, [10.0, 5.0]);
         assert_eq!(view[1], [4.0, 7.0]);
         let map = Map::new(&grains, &frame, view);
@@ -300,17 +356,13 @@ mod tests {
 
     #[test]
     fn a_contact_across_the_seam_is_drawn_at_both_ends_and_is_short() {
-        let grains = disks(2, 1.0, 20.0);
+        let grains = disks(2, 1.0);
         let contact = ContactSample {
             j: 1,
             normal_force: 1.0,
-            ..bytemuck::Zeroable::zeroed()
+            ..ContactSample::zeroed()
         };
-        let frame = Frame {
-            position: vec![[0.5, 5.0], [18.6, 5.0]],
-            contacts: vec![contact],
-            ..Frame::default()
-        };
+        let frame = frame(20.0, &[[0.5, 5.0], [18.6, 5.0]], vec![contact]);
         let svg = Map::new(&grains, &frame, [[0.0, 20.0], [0.0, 10.0]]).forces(1.0, "");
         let lines = svg.lines().filter(|line| line.starts_with("<polyline"));
         let points = lines.filter_map(|line| line.split("points=\"").nth(1));
@@ -331,11 +383,9 @@ mod tests {
     fn great_samples_are_shown_in_part() {
         let n = 4 * MOST_GRAINS;
         let height = |k: usize| [0.0, 40.0 * k as f64 / (n - 1) as f64];
-        let grains = disks(n, 0.1, 100.0);
-        let frame = Frame {
-            position: (0..n).map(height).collect(),
-            ..Frame::default()
-        };
+        let grains = disks(n, 0.1);
+        let places: Vec<[f64; 2]> = (0..n).map(height).collect();
+        let frame = frame(100.0, &places, Vec::new());
         let view = view_of(&grains, &frame, [99.0, 20.0]);
         let ends = view.as_flattened();
         let mut pairs = ends.iter().zip([50.0, 100.0, 9.95, 30.05]);

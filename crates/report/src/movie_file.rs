@@ -7,7 +7,10 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use png::{AdaptiveFilterType, BitDepth, ColorType, Compression, Encoder, FilterType, Writer};
+use png::{
+    AdaptiveFilterType, BitDepth, ColorType, Compression, Encoder, EncodingError, FilterType,
+    Writer,
+};
 
 use super::movie::Picture;
 use gshear_dem::failure::Result;
@@ -65,11 +68,13 @@ impl MovieFile {
     /// A file that cannot be written, a failure of ffmpeg.
     pub fn frame(&mut self, picture: &Picture) -> Result<()> {
         if self.sink.is_none() {
-            self.sink = Some(if self.path.extension().is_some_and(|of| of == "mp4") {
-                self.encoder(picture.size)?
-            } else {
-                self.animation(picture)?
-            });
+            self.sink = Some(
+                if self.path.extension().is_some_and(|ending| ending == "mp4") {
+                    self.encoder(picture.size)?
+                } else {
+                    self.animation(picture)?
+                },
+            );
         }
         match self.sink.as_mut() {
             Some(Sink::Mp4(child, _)) => {
@@ -101,7 +106,8 @@ impl MovieFile {
     }
 
     /// Starts ffmpeg, which reads the pixels of frames.
-    fn encoder(&self, [width, height]: [u32; 2]) -> Result<Sink> {
+    fn encoder(&self, size: [u32; 2]) -> Result<Sink> {
+        let [width, height] = size;
         let part = PartFile::create(&self.path)?;
         let mut command = Command::new(FFMPEG);
         command
@@ -124,15 +130,17 @@ impl MovieFile {
         let palette = self.is_flat.then(|| Palette::of(&first.rgb));
         let part = PartFile::create(&self.path)?;
         let file = OpenOptions::new().write(true).open(part.part());
-        let file = part.checked(file)?;
-        let writer = || {
-            let mut encoder = encoder_of(file, first.size, palette.as_ref());
-            encoder.set_animated(self.frames, 0)?;
-            encoder.set_frame_delay(1, self.rate)?;
-            encoder.write_header()
-        };
-        let writer = writer().map_err(|e| unwritten(&self.path, &e))?;
+        let encoder = encoder_of(part.checked(file)?, first.size, palette.as_ref());
+        let writer = self.animated(encoder);
+        let writer = writer.map_err(|e| unwritten(&self.path, &e))?;
         Ok(Sink::Png(Box::new(writer), palette, part))
+    }
+
+    /// The writer of all frames.
+    fn animated(&self, mut encoder: Encoder<'_, File>) -> Result<Writer<File>, EncodingError> {
+        encoder.set_animated(self.frames, 0)?;
+        encoder.set_frame_delay(1, self.rate)?;
+        encoder.write_header()
     }
 
     /// Ends the movie and gives it its name. Returns its path, and the folder of the series.
@@ -194,25 +202,23 @@ impl Palette {
 
     fn indices(&mut self, rgb: &[u8]) -> Vec<u8> {
         let Self { colours, nearest } = self;
-        let apart = |a: &[u8; 3], b: &[u8; 3]| -> u32 {
-            (0..3).map(|k| u32::from(a[k].abs_diff(b[k])).pow(2)).sum()
-        };
-        let find = |pixel: &[u8; 3]| {
-            let near = (0..colours.len()).min_by_key(|k| apart(&colours[*k], pixel));
-            near.unwrap_or(0) as u8
-        };
-        let pixels = rgb.as_chunks().0.iter();
-        let index = |pixel: &[u8; 3]| *nearest.entry(*pixel).or_insert_with(|| find(pixel));
-        pixels.map(index).collect()
+        let pixels = rgb.as_chunks().0.iter().map(|pixel| {
+            *nearest.entry(*pixel).or_insert_with(|| {
+                let near = (0..colours.len()).min_by_key(|k| squared_distance(colours[*k], *pixel));
+                near.unwrap_or(0) as u8
+            })
+        });
+        pixels.collect()
     }
 }
 
-fn encoder_of<'a, W: Write>(
-    to: W,
-    [width, height]: [u32; 2],
-    palette: Option<&Palette>,
-) -> Encoder<'a, W> {
-    let mut encoder = Encoder::new(to, width, height);
+/// The square of the distance of two colours.
+fn squared_distance(a: [u8; 3], b: [u8; 3]) -> u32 {
+    (0..3).map(|k| u32::from(a[k].abs_diff(b[k])).pow(2)).sum()
+}
+
+fn encoder_of<'a, W: Write>(to: W, size: [u32; 2], palette: Option<&Palette>) -> Encoder<'a, W> {
+    let mut encoder = Encoder::new(to, size[0], size[1]);
     encoder.set_depth(BitDepth::Eight);
     encoder.set_compression(Compression::Best);
     match palette {
@@ -234,7 +240,7 @@ fn still(
     size: [u32; 2],
     palette: Option<&Palette>,
     pixels: &[u8],
-) -> Result<Vec<u8>, png::EncodingError> {
+) -> Result<Vec<u8>, EncodingError> {
     let mut bytes = Vec::new();
     let mut writer = encoder_of(&mut bytes, size, palette).write_header()?;
     writer.write_image_data(pixels)?;

@@ -10,10 +10,10 @@ use gshear_store::run_reader::RunFile;
 use gshear_store::status::RunCondition;
 
 /// Names and values of the table at the top, in HTML.
-pub type Facts = Vec<(&'static str, String)>;
+pub(crate) type Facts = Vec<(&'static str, String)>;
 
 /// What a page says.
-pub struct Page<'a> {
+pub(crate) struct Page<'a> {
     /// What was run.
     pub what: &'a str,
     /// What has become of the run.
@@ -57,7 +57,7 @@ pub fn html(run: &RunFile, page: Page<'_>) -> String {
 }
 
 /// Says why there are no maps, or not of the largest drop.
-pub fn note_on_maps(run: &RunFile, summary: &Summary) -> &'static str {
+pub(crate) fn note_on_maps(run: &RunFile, summary: &Summary) -> &'static str {
     let expected = summary::has_phases(run, &summary.phases);
     match &summary.event {
         _ if run.dimension().axes() != 2 => "",
@@ -80,7 +80,7 @@ pub fn note_on_maps(run: &RunFile, summary: &Summary) -> &'static str {
 }
 
 /// Returns a page that stands alone; title, lead and body are HTML.
-pub fn document(title: &str, lead: &str, body: &str) -> String {
+pub(crate) fn document(title: &str, lead: &str, body: &str) -> String {
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n<title>{title}</title>\n\
@@ -105,21 +105,23 @@ pub fn figure(name: &str, caption: &str, data: &str, svg: &str) -> String {
 
 /// Returns the figures of a report, each with the file of its numbers.
 pub fn figures(figures: &[ReportFigure]) -> String {
-    let of =
-        |of: &ReportFigure| figure(&of.name, &of.caption, &format!("{}.csv", of.name), &of.svg);
-    figures.iter().map(of).collect()
+    let figures = figures.iter().map(|shown| {
+        let data = format!("{}.csv", shown.name);
+        figure(&shown.name, &shown.caption, &data, &shown.svg)
+    });
+    figures.collect()
 }
 
 /// The scene's title, or the path of the run.
 fn title(run: &RunFile) -> String {
     let scene = run.scene().parse::<toml::Table>().ok();
-    let title = scene.as_ref().and_then(|of| of.get("title")?.as_str());
+    let title = (scene.as_ref()).and_then(|scene| scene.get("title")?.as_str());
     title.map_or_else(|| run.path().display().to_string(), str::to_string)
 }
 
 /// Returns what is said of any run.
 pub fn identity(run: &RunFile, condition: &RunCondition) -> Facts {
-    let of_grains = ["Disks", "Spheres"][run.dimension().axes() - 2];
+    let shape = ["Disks", "Spheres"][run.dimension().axes() - 2];
     let all = run.grains().count();
     let walls = run.grains().body.iter().filter(|body| **body != 0).count();
     let grains = match walls {
@@ -132,16 +134,16 @@ pub fn identity(run: &RunFile, condition: &RunCondition) -> Facts {
     vec![
         ("Run", escape(&run.path().display().to_string())),
         ("State", escape(&condition.to_string())),
-        (of_grains, grains),
+        (shape, grains),
         ("Frames, rows of the time series", rows),
         ("Digest", digest),
     ]
 }
 
 /// How far a run has come, or how fast it flows.
-fn way(run: &RunFile) -> (&'static str, String) {
+fn progress(run: &RunFile) -> (&'static str, String) {
     let strain = run.series().column("strain");
-    if run.has_free_surface() {
+    if !run.boundary().has_top() {
         let TimeMean { mean, error, .. } = run.series().mean("mean_velocity", latter_half(run));
         (
             "Mean velocity in the latter half, standard error",
@@ -152,8 +154,10 @@ fn way(run: &RunFile) -> (&'static str, String) {
         let range = format!("{least:.4} … {most:.4} %");
         ("Shear strain, least and greatest", range)
     } else {
-        let percent = |strain: &f64| format!("{:.4} %", 100.0 * strain);
-        let last = strain.last().map_or("none".into(), percent);
+        let last = match strain.last() {
+            Some(strain) => format!("{:.4} %", 100.0 * strain),
+            None => "none".into(),
+        };
         ("Shear strain reached", last)
     }
 }
@@ -161,19 +165,21 @@ fn way(run: &RunFile) -> (&'static str, String) {
 /// Returns the numbers of a run between walls.
 pub fn facts(run: &RunFile, summary: &Summary, condition: &RunCondition) -> Facts {
     let mut facts = identity(run, condition);
-    facts.push(way(run));
+    facts.push(progress(run));
     let stress = summary.stress;
     let [mean, error, deviation] = [stress.mean, stress.error, stress.deviation].map(number);
     let name = "τ in the latter half: ⟨S⟩/⟨N⟩ ± standard error, standard deviation";
     facts.push((name, format!("{mean} ± {error}, {deviation}")));
-    let none = !summary::has_phases(run, &summary.phases);
-    let names = ["Stick phases", "Slip phases"].into_iter();
-    let kinds = [PhaseKind::Stick, PhaseKind::Slip].into_iter().zip(names);
-    for (kind, name) in kinds.filter(|_| !none) {
-        let [long, short] = summary.count(kind);
-        let all = long + short;
-        let text = format!("{all}: {long} long (more than 3 Δγ), {short} short");
-        facts.push((name, text));
+    if summary::has_phases(run, &summary.phases) {
+        for (kind, name) in [
+            (PhaseKind::Stick, "Stick phases"),
+            (PhaseKind::Slip, "Slip phases"),
+        ] {
+            let [long, short] = summary.count(kind);
+            let all = long + short;
+            let text = format!("{all}: {long} long (more than 3 Δγ), {short} short");
+            facts.push((name, text));
+        }
     }
     if let Some(drop) = &summary.drop {
         let [from, to] = drop.strain.map(|strain| format!("{:.5}", 100.0 * strain));
@@ -191,23 +197,29 @@ pub fn facts(run: &RunFile, summary: &Summary, condition: &RunCondition) -> Fact
         ("stiffness_number", "Stiffness number κ"),
     ] {
         // That of the first part of a protocol is not that of the run.
-        let of_first = parameter == "inertial_number" && run.has_protocol();
-        if let Some(value) = run.number(parameter).filter(|_| !of_first) {
-            let definition = run.text(&format!("{parameter}_definition"));
-            let definition = definition.map_or(String::new(), |of| format!(" ({})", escape(of)));
+        let is_of_first_part = parameter == "inertial_number" && run.has_protocol();
+        if let Some(value) = run.number(parameter)
+            && !is_of_first_part
+        {
+            let definition = match run.text(&format!("{parameter}_definition")) {
+                Some(definition) => format!(" ({})", escape(definition)),
+                None => String::new(),
+            };
             facts.push((name, format!("{value:.4e}{definition}")));
         }
     }
-    let speed = run.number("speed").map(|speed| speed / 1e6);
-    let speed = speed.map(|of| format!("{of:.2} million grain-steps per second and rank"));
-    facts.extend(speed.map(|text| ("Speed", text)));
+    if let Some(speed) = run.number("speed") {
+        let millions = speed / 1e6;
+        let text = format!("{millions:.2} million grain-steps per second and rank");
+        facts.push(("Speed", text));
+    }
     facts
 }
 
 /// A caption without marks, as the text of a picture that is not seen.
 fn alternative(caption: &str) -> String {
     let parts = caption.split('<');
-    let texts = parts.map(|part| part.split_once('>').map_or(part, |of| of.1));
+    let texts = parts.map(|part| part.split_once('>').map_or(part, |(_, text)| text));
     texts.collect::<String>().replace('"', "")
 }
 
@@ -221,7 +233,9 @@ fn number(value: f64) -> String {
 
 /// Returns a table of names and values, both HTML.
 pub fn table(rows: impl IntoIterator<Item = (String, String)>) -> String {
-    let row = |(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n");
-    let rows: String = rows.into_iter().map(row).collect();
+    let rows = rows.into_iter();
+    let rows: String = rows
+        .map(|(name, value)| format!("<tr><th>{name}</th><td>{value}</td></tr>\n"))
+        .collect();
     format!("<table>\n{rows}</table>\n")
 }

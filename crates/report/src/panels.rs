@@ -7,13 +7,13 @@ use serde::Deserialize;
 
 /// # Panics
 /// If `panels.toml` is wrong, which is a bug.
-pub static PANELS: LazyLock<Panels> =
+pub(crate) static PANELS: LazyLock<Panels> =
     LazyLock::new(|| toml::from_str(include_str!("panels.toml")).expect("panels.toml"));
 
 /// All figures, and what decides on those of a box.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Panels {
+pub(crate) struct Panels {
     /// Of a run between walls.
     pub walls: Vec<Panel>,
     /// Over the strain of a box.
@@ -28,7 +28,7 @@ pub struct Panels {
 /// How the values of a figure are drawn.
 #[derive(Deserialize, Default)]
 #[serde(rename_all = "kebab-case")]
-pub enum Shown {
+pub(crate) enum Shown {
     #[default]
     AsTheyAre,
     /// In percent above the first value.
@@ -37,6 +37,20 @@ pub enum Shown {
     Logarithm,
     /// With an SI prefix before the unit.
     Prefixed,
+}
+
+impl Shown {
+    /// The values of a column as they are drawn; `factor`: of the SI prefix.
+    pub fn values(&self, column: &[f64], factor: f64) -> Vec<f64> {
+        let first = column.first().copied().unwrap_or(f64::NAN);
+        let values = column.iter().map(|x| match self {
+            Self::AsTheyAre | Self::Prefixed => factor * x,
+            Self::Growth => 100.0 * (x / first - 1.0),
+            // -∞ of 0 breaks the line, as NaN does.
+            Self::Logarithm => x.abs().log10(),
+        });
+        values.collect()
+    }
 }
 
 /// Quantities on one pair of axes.
@@ -56,7 +70,7 @@ pub struct Panel {
 /// A column that is compared between runs.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Compared {
+pub(crate) struct Compared {
     /// Of the time series, or of statistics of a run.
     pub column: String,
     /// At its axis.
@@ -83,9 +97,9 @@ impl Deformation {
         let scene = run.scene().parse::<toml::Table>().unwrap_or_default();
         let key = scene
             .get("box")
-            .and_then(|of| of.get("deformation")?.as_str());
+            .and_then(|table| table.get("deformation")?.as_str());
         let known = &PANELS.deformations;
-        let found = known.iter().find(|of| Some(&*of.key) == key);
-        found.unwrap_or(&known[0])
+        let deformation = known.iter().find(|known| Some(&*known.key) == key);
+        deformation.unwrap_or(&known[0])
     }
 }

@@ -41,8 +41,8 @@ impl Layout {
     }
 
     /// The layout with more room above the axes if a legend needs several rows.
-    pub fn with_legend<'n>(self, names: impl Iterator<Item = &'n str>) -> Self {
-        let rows = self.legend_rows(names).last().map_or(0, |of| of.0);
+    pub(crate) fn with_legend<'n>(self, names: impl Iterator<Item = &'n str>) -> Self {
+        let rows = self.legend_rows(names).last().map_or(0, |(row, _)| *row);
         let more = LEGEND_ROW * rows as f64;
         let ([width, height], [left, top, right, bottom]) = (self.size, self.margin);
         Self {
@@ -61,8 +61,8 @@ impl Layout {
         }
         let widest = widths.iter().copied().fold(0.0, f64::max);
         let in_a_row = ((room / widest) as usize).max(1);
-        let place = |k: usize| (k / in_a_row, widest);
-        (0..widths.len()).map(place).collect()
+        let entries = 0..widths.len();
+        entries.map(|k| (k / in_a_row, widest)).collect()
     }
 }
 
@@ -117,12 +117,12 @@ fn certain<E: std::fmt::Debug>(drawn: Result<(), E>) {
 
 impl Plot<'_> {
     /// Pixel of a data point.
-    fn pixel(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+    fn pixel(&self, point: [f64; 2]) -> [f64; 2] {
+        let [x, y] = point;
         let [[left, top], [right, bottom]] = self.frame();
-        let part = |value: f64, [low, high]: [f64; 2]| (value - low) / (high - low);
         [
-            left + (right - left) * part(x, self.x),
-            bottom - (bottom - top) * part(y, self.y),
+            left + (right - left) * ((x - self.x[0]) / (self.x[1] - self.x[0])),
+            bottom - (bottom - top) * ((y - self.y[0]) / (self.y[1] - self.y[0])),
         ]
     }
 
@@ -142,8 +142,8 @@ impl Plot<'_> {
     }
 
     fn path(&self, points: &[[f64; 2]]) -> Vec<(i32, i32)> {
-        let place = |point: &[f64; 2]| to_canvas(self.pixel(*point));
-        points.iter().map(place).collect()
+        let points = points.iter();
+        points.map(|point| to_canvas(self.pixel(*point))).collect()
     }
 
     /// Draws a line through data points.
@@ -206,7 +206,7 @@ impl Plot<'_> {
     }
 
     /// Paints over everything drawn outside the axes. To be called before [`Self::axes`].
-    pub fn clip(&mut self) {
+    pub(crate) fn clip(&mut self) {
         let [[left, top], [right, bottom]] = self.frame();
         let [width, height] = self.layout.size;
         for edge in [
@@ -233,7 +233,8 @@ impl Plot<'_> {
     }
 
     /// Draws the edges of a box of pixels.
-    fn outline(&mut self, [[left, top], [right, bottom]]: [[f64; 2]; 2], width: f64) {
+    fn outline(&mut self, corners: [[f64; 2]; 2], width: f64) {
+        let [[left, top], [right, bottom]] = corners;
         let [a, b, c, d] = [[left, top], [right, top], [right, bottom], [left, bottom]];
         for side in [[a, b], [b, c], [c, d], [d, a]] {
             self.pixel_line(side, INK, width);
@@ -268,11 +269,13 @@ impl Plot<'_> {
     }
 
     /// Draws colour samples and their names above the axes, from the left; in several rows if
-    /// [`Layout::with_legend`] has made room for them.
+    /// `Layout::with_legend` has made room for them.
     pub fn legend(&mut self, entries: &[(RGBColor, &str)]) {
         let [[left, top], _] = self.frame();
-        let rows = self.layout.legend_rows(entries.iter().map(|of| of.1));
-        let above = rows.last().map_or(0, |of| of.0);
+        let rows = self
+            .layout
+            .legend_rows(entries.iter().map(|(_, name)| *name));
+        let above = rows.last().map_or(0, |(row, _)| *row);
         let has_room = top >= 2.0 * 14.0 + LEGEND_ROW * above as f64;
         let above = if has_room { above } else { 0 };
         let (mut x, mut last) = (left, 0);
@@ -292,7 +295,7 @@ impl Plot<'_> {
     }
 
     /// Draws a colour bar to the right of the axes; `ticks` lie on 0 … 1.
-    pub fn colour_bar(&mut self, scale: &Scale, ticks: &[Tick], label: &str) {
+    pub(crate) fn colour_bar(&mut self, scale: &Scale, ticks: &[Tick], label: &str) {
         const PIECES: usize = 128;
         let [[_, top], [right, bottom]] = self.frame();
         let (left, right) = (right + 18.0, right + 36.0);
@@ -316,7 +319,8 @@ impl Plot<'_> {
 
     /// [`Self::colour_bar`] of values from `low` to `high`. `{}` in the label is the place of an SI
     /// prefix.
-    pub fn colour_bar_of(&mut self, scale: &Scale, [low, high]: [f64; 2], label: &str) {
+    pub(crate) fn colour_bar_of(&mut self, scale: &Scale, range: [f64; 2], label: &str) {
+        let [low, high] = range;
         let (factor, prefix) = if label.contains("{}") {
             ticks::prefix(high.abs().max(low.abs()))
         } else {
@@ -340,20 +344,20 @@ impl Plot<'_> {
     }
 
     /// Writes text in the middle of axes without data.
-    pub fn empty_note(&mut self, text: &str) {
+    pub(crate) fn empty_note(&mut self, text: &str) {
         let [[left, top], [right, bottom]] = self.frame();
         let middle = [f64::midpoint(left, right), f64::midpoint(top, bottom)];
         let place = (HPos::Center, VPos::Center);
         self.text_in(font(LARGE_FONT, &GREY), middle, text, place);
     }
 
-    fn pixel_line(&mut self, [from, to]: [[f64; 2]; 2], colour: RGBColor, width: f64) {
-        let (from, to) = (to_canvas(from), to_canvas(to));
+    fn pixel_line(&mut self, ends: [[f64; 2]; 2], colour: RGBColor, width: f64) {
+        let [from, to] = ends.map(to_canvas);
         certain(self.backend.draw_line(from, to, &stroke(colour, width)));
     }
 
-    fn pixel_box(&mut self, [a, b]: [[f64; 2]; 2], colour: RGBColor, opacity: f64) {
-        let (a, b) = (to_canvas(a), to_canvas(b));
+    fn pixel_box(&mut self, corners: [[f64; 2]; 2], colour: RGBColor, opacity: f64) {
+        let [a, b] = corners.map(to_canvas);
         certain(self.backend.draw_rect(a, b, &colour.mix(opacity), true));
     }
 
@@ -375,26 +379,50 @@ impl Plot<'_> {
 /// Returns how a page reads an axis: whether its scale is logarithmic, the numbers at its ends in
 /// the unit of the label, and the label. `None` if two ticks do not say.
 fn reading(ticks: &[Tick], ends: [f64; 2], label: &str) -> Option<String> {
-    let number = |(_, text): &Tick| {
-        let text = text.replace('−', "-");
-        match text.strip_prefix("10^{") {
-            Some(exponent) => Some((true, exponent.strip_suffix('}')?.parse::<f64>().ok()?)),
-            // As 5·10^{-4}.
-            None => {
-                let text = text.replace("·10^{", "e");
-                Some((false, text.trim_end_matches('}').parse::<f64>().ok()?))
-            }
-        }
-    };
-    let place = |tick: &Tick| Some((tick.0, number(tick)?));
-    let mut numbers = ticks.iter().filter_map(place);
-    let (x0, (kind, a)) = numbers.next()?;
-    let (x1, (_, b)) = numbers.next_back()?;
+    let mut numbers = ticks.iter().filter_map(TickNumber::new);
+    let (first, last) = (numbers.next()?, numbers.next_back()?);
+    let (x0, x1) = (first.place, last.place);
+    let (a, b) = (first.value, last.value);
     let [low, high] = ends.map(|x| a + (b - a) * (x - x0) / (x1 - x0));
-    let kind = if kind { "log" } else { "linear" };
+    let kind = if first.is_logarithmic {
+        "log"
+    } else {
+        "linear"
+    };
     let plain: String = label.chars().filter(|c| !"^_{}".contains(*c)).collect();
     let label = escape(&plain);
     Some(format!("{kind} {low} {high} {label}"))
+}
+
+/// The number that a tick shows.
+struct TickNumber {
+    /// On the axis.
+    place: f64,
+    /// Whether the label is a power of ten, of which `value` is the exponent.
+    is_logarithmic: bool,
+    value: f64,
+}
+
+impl TickNumber {
+    /// `None` of words.
+    fn new(tick: &Tick) -> Option<Self> {
+        let (place, text) = tick;
+        let text = text.replace('−', "-");
+        let exponent = text.strip_prefix("10^{");
+        let value = match exponent {
+            Some(exponent) => exponent.strip_suffix('}')?.parse().ok()?,
+            // As 5·10^{-4}.
+            None => {
+                let text = text.replace("·10^{", "e");
+                text.trim_end_matches('}').parse().ok()?
+            }
+        };
+        Some(Self {
+            place: *place,
+            is_logarithmic: exponent.is_some(),
+            value,
+        })
+    }
 }
 
 /// plotters divides font sizes by 1.24 for SVG; this undoes it.
@@ -441,11 +469,11 @@ fn typeset(svg: &str) -> String {
                 out.push_str(&format!("<tspan dy=\"{up}\">"));
             }
             // Renderers drop a space at the beginning of a tspan; a no-break space stays.
-            let spaced = after.strip_prefix(' ').filter(|_| shifted);
-            if spaced.is_some() {
+            rest = after;
+            if shifted && let Some(spaced) = after.strip_prefix(' ') {
                 out.push('\u{a0}');
+                rest = spaced;
             }
-            rest = spaced.unwrap_or(after);
         }
         out.push_str(if shifted {
             rest.trim_end_matches('\n')

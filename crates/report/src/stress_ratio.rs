@@ -12,7 +12,7 @@ use gshear_analysis::phases::{Phase, PhaseKind};
 const LAYOUT: Layout = Layout::new([900.0, 400.0], 72.0);
 /// Phases with a change below this share of the range of τ have no colour in the figure of the
 /// whole run, where colours would blur.
-pub const VISIBLE: f64 = 0.02;
+pub(crate) const VISIBLE: f64 = 0.02;
 
 /// Draws τ over the whole run, with large phases in colour. `tau` is `[L]`.
 pub fn whole(axis: &Axis, tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -> String {
@@ -29,8 +29,9 @@ pub fn whole(axis: &Axis, tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -
         let rows: Vec<usize> = (0..tau.len()).collect();
         draw(plot, percent, tau, &rows, INK, 0.9);
         let [low, high] = padded(tau.iter().copied(), 0.0);
-        let is_visible = |phase: &&Phase| phase.change.abs() > VISIBLE * (high - low);
-        let large: Vec<&Phase> = phases.iter().filter(is_visible).collect();
+        let large: Vec<&Phase> = (phases.iter())
+            .filter(|phase| phase.change.abs() > VISIBLE * (high - low))
+            .collect();
         for phase in &large {
             let rows = &rows[phase.start..=phase.end];
             draw(plot, percent, tau, rows, colour(phase.kind), 1.1);
@@ -45,12 +46,14 @@ pub fn whole(axis: &Axis, tau: &[f64], phases: &[Phase], drop: Option<&Phase>) -
 
 /// The kinds of these phases, and the curve.
 fn legend(phases: &[&Phase]) -> Vec<(RGBColor, &'static str)> {
-    let is_drawn = |kind: &PhaseKind| phases.iter().any(|phase| phase.kind == *kind);
-    let kinds = [PhaseKind::Stick, PhaseKind::Slip].into_iter();
-    let named = kinds
-        .filter(is_drawn)
-        .map(|kind| (colour(kind), kind.name()));
-    named.chain([(INK, "τ")]).collect()
+    let mut entries = Vec::new();
+    for kind in [PhaseKind::Stick, PhaseKind::Slip] {
+        if phases.iter().any(|phase| phase.kind == kind) {
+            entries.push((colour(kind), kind.name()));
+        }
+    }
+    entries.push((INK, "τ"));
+    entries
 }
 
 /// Draws τ around a drop with its phases shaded. `frames`: places of the
@@ -68,8 +71,9 @@ pub fn around(
     let y = padded(tau[rows.clone()].iter().copied(), 0.08);
     figure(LAYOUT, x, y, |plot| {
         let (x_ticks, y_ticks) = (ticks::round(x[0], x[1], 6), ticks::round(y[0], y[1], 6));
-        let is_within = |phase: &&Phase| phase.end > rows.start && phase.start < rows.end;
-        let within: Vec<&Phase> = phases.iter().filter(is_within).collect();
+        let within: Vec<&Phase> = (phases.iter())
+            .filter(|phase| phase.end > rows.start && phase.start < rows.end)
+            .collect();
         for phase in &within {
             let [from, to] = [phase.start, phase.end].map(|row| percent[row]);
             plot.band(from, to, colour(phase.kind), 0.16);

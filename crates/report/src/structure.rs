@@ -4,14 +4,13 @@
 use std::f64::consts::PI;
 
 use gshear_analysis::moments::extent;
-use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::Result;
-use gshear_dem::state::{Cell, ContactSample, FrameRecords, GrainSample, body};
+use gshear_dem::state::{Frame, body, length};
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{RunFile, RunStage};
 
 use super::ReportFigure;
-use super::curves;
+use super::curves::{self, Abscissa};
 use super::plot::Layout;
 
 const LAYOUT: Layout = Layout::new([900.0, 360.0], 84.0);
@@ -74,13 +73,15 @@ pub fn figures(
     };
     let axes = run.dimension().axes();
     let radius = &run.grains().radius;
-    let start = run.records(first..first + 1)?.swap_remove(0);
+    let start = run.frame(first)?;
     let grains = start.grains.iter().zip(radius);
-    let present = grains.filter(|(grain, _)| !run.is_removed(&grain.image));
-    let ends = present.map(|(grain, r)| (grain.position[axes - 1], r));
-    let ends = extent(ends.flat_map(|(z, r)| [z - r, z + r]));
+    let present = grains.filter(|(grain, _)| grain.removed == 0);
+    let ends = extent(present.flat_map(|(grain, r)| {
+        let z = grain.position[axes - 1];
+        [z - r, z + r]
+    }));
     let mean_diameter = 2.0 * run.grains().mean_radius();
-    let (walls, shears) = (run.has_walls(), run.stage() == RunStage::Shear);
+    let (walls, shears) = (run.boundary().has_walls(), run.stage() == RunStage::Shear);
     let heights = frames.iter().map(|&t| run.box_edges(t)[axes - 1][axes - 1]);
     let mean_height = heights.sum::<f64>() / frames.len() as f64;
     let ends = if walls { ends } else { [0.0, mean_height] };
@@ -102,14 +103,14 @@ pub fn figures(
         farthest,
     };
     for &t in &frames {
-        let frame = run.records(t..t + 1)?.swap_remove(0);
+        let frame = run.frame(t)?;
         if shears {
             sums.profile(t, &frame);
         }
-        sums.contacts(run.cell(t), &frame);
+        sums.contacts(&frame);
         sums.pairs_of(t, &frame);
     }
-    let of = match frames.len() {
+    let frames = match frames.len() {
         1 => "One of the frames of the latter half".into(),
         many => format!("Mean of {many} frames of the latter half"),
     };
@@ -121,10 +122,16 @@ pub fn figures(
         let name = "Fabric in the plane of x and the height: difference of the principal values of ⟨n⊗n⟩, direction of the greater";
         facts.push((name, format!("{difference:.4}, {angle:.1}° from x")));
     }
-    let profiles = shears.then(|| sums.profiles(&of)).into_iter().flatten();
-    let others = [sums.distribution(&of), sums.fabric(&of)];
-    let figures = profiles.chain(others).chain([sums.correlation(&of)]);
-    Ok(figures.flatten().collect())
+    let mut figures = Vec::new();
+    if shears {
+        figures.extend(sums.profiles(&frames));
+    }
+    figures.extend([
+        sums.distribution(&frames),
+        sums.fabric(&frames),
+        sums.correlation(&frames),
+    ]);
+    Ok(figures.into_iter().flatten().collect())
 }
 
 /// Evenly spread frames of the latter half.
@@ -133,15 +140,9 @@ fn chosen(run: &RunFile) -> Vec<usize> {
     let all = frames - frames / 2;
     let most = (MOST_GRAINS / run.grains().count().max(1)).clamp(1, MOST_FRAMES);
     let many = all.min(most);
-    let number = |k: usize| frames / 2 + k * all / many - 1;
-    (1..=many).map(number).collect()
-}
-
-fn separation(axes: usize, cell: Cell, a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
-    match axes {
-        2 => cell.separation::<Two>(a, b),
-        _ => cell.separation::<Three>(a, b),
-    }
+    (1..=many)
+        .map(|k| frames / 2 + k * all / many - 1)
+        .collect()
 }
 
 impl Sums<'_> {
@@ -156,7 +157,7 @@ impl Sums<'_> {
 
     /// Adds a frame to the layers, those of a cell without walls by the height that it has. What of
     /// a grain is beyond an edge of this is that of its image, whose velocity differs.
-    fn profile(&mut self, t: usize, frame: &FrameRecords) {
+    fn profile(&mut self, t: usize, frame: &Frame) {
         let (bottom, axes, base) = (self.ends[0], self.axes, self.base());
         let height = if self.walls {
             self.layer_height()
@@ -164,10 +165,11 @@ impl Sums<'_> {
             self.run.box_edges(t)[axes - 1][axes - 1] / LAYERS as f64
         };
         let grains = frame.grains.iter().zip(&self.run.grains().radius);
-        for (grain, &r) in grains.filter(|(grain, _)| !self.run.is_removed(&grain.image)) {
+        for (grain, &r) in grains.filter(|(grain, _)| grain.removed == 0) {
             let z = grain.position[axes - 1] - bottom;
-            let layer = |z: f64| ((z / height).floor().max(0.0) as usize).min(LAYERS - 1);
-            for k in layer(z - r)..=layer(z + r) {
+            let [first, last] =
+                [z - r, z + r].map(|z| ((z / height).floor().max(0.0) as usize).min(LAYERS - 1));
+            for k in first..=last {
                 let [low, high] = [k as f64 * height - z, (k + 1) as f64 * height - z];
                 let volume = below(high, r, axes) - below(low, r, axes);
                 let share = volume / (base * height);
@@ -177,16 +179,20 @@ impl Sums<'_> {
         }
     }
 
-    fn contacts(&mut self, cell: Cell, frame: &FrameRecords) {
-        let bodies = &self.run.grains().body;
-        let is_free = |id: u32| u32::from(bodies[id as usize]) == body::FREE;
-        let between_free = |contact: &&ContactSample| is_free(contact.i) && is_free(contact.j);
-        for contact in frame.contacts.iter().filter(between_free) {
+    fn is_free(&self, id: u32) -> bool {
+        u32::from(self.run.grains().body[id as usize]) == body::FREE
+    }
+
+    /// Adds the contacts between free grains.
+    fn contacts(&mut self, frame: &Frame) {
+        for contact in &frame.contacts {
+            if !(self.is_free(contact.i) && self.is_free(contact.j)) {
+                continue;
+            }
             let tangential = contact.tangential_force.iter().map(|f| f * f).sum::<f64>();
-            let [a, b] = [contact.i, contact.j].map(|id| &frame.grains[id as usize].position);
-            let r = separation(self.axes, cell, a, b);
-            let length = r.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let [x, z] = [r[0] / length, r[self.axes - 1] / length];
+            let r = frame.separation(contact.j, contact.i);
+            let distance = length(r);
+            let [x, z] = [r[0] / distance, r[self.axes - 1] / distance];
             let turned = z.atan2(x).rem_euclid(PI) / PI * ANGLES as f64;
             self.contacts.push(FreeContact {
                 forces: [contact.normal_force, tangential.sqrt()],
@@ -198,22 +204,22 @@ impl Sums<'_> {
         }
     }
 
-    fn pairs_of(&mut self, t: usize, frame: &FrameRecords) {
-        let (axes, cell) = (self.axes, self.run.cell(t));
-        let bodies = &self.run.grains().body;
-        let present = |grain: &GrainSample| !self.run.is_removed(&grain.image);
-        let free: Vec<[f64; 3]> = (frame.grains.iter().zip(bodies))
-            .filter(|(grain, of)| u32::from(**of) == body::FREE && present(grain))
-            .map(|(grain, _)| grain.position)
+    fn pairs_of(&mut self, t: usize, frame: &Frame) {
+        let axes = self.axes;
+        let ids = 0..frame.grains.len() as u32;
+        let free: Vec<u32> = ids
+            .filter(|id| self.is_free(*id) && !frame.is_removed(*id as usize))
             .collect();
-        let up = |place: &[f64; 3]| place[axes - 1];
-        let [low, high] = extent(free.iter().map(up));
-        let inner = |place: &&[f64; 3]| {
-            !self.walls || up(place) > low + self.farthest && up(place) < high - self.farthest
-        };
-        let centres: Vec<&[f64; 3]> = free.iter().filter(inner).collect();
+        let heights = free
+            .iter()
+            .map(|id| frame.grains[*id as usize].position[axes - 1]);
+        let [low, high] = extent(heights.clone());
+        let inner = (low + self.farthest, high - self.farthest);
+        let centres: Vec<u32> = (free.iter().copied().zip(heights))
+            .filter(|(_, z)| !self.walls || *z > inner.0 && *z < inner.1)
+            .map(|(id, _)| id)
+            .collect();
         let every = centres.len().div_ceil(MOST_CENTRES).max(1);
-        let centres: Vec<&[f64; 3]> = centres.into_iter().step_by(every).collect();
         let volume = if self.walls {
             self.base() * (high - low)
         } else {
@@ -222,11 +228,11 @@ impl Sums<'_> {
         };
         let density = free.len() as f64 / volume;
         let width = self.mean_diameter / BINS_PER_DIAMETER as f64;
+        let centres: Vec<u32> = centres.into_iter().step_by(every).collect();
         let scale = 1.0 / (centres.len() as f64 * density * self.frames as f64);
         for a in &centres {
             for b in &free {
-                let r = separation(axes, cell, a, b);
-                let distance = r.iter().map(|x| x * x).sum::<f64>().sqrt();
+                let distance = length(frame.separation(*b, *a));
                 let bin = (distance / width) as usize;
                 if bin < self.pairs.len() && distance > 0.0 {
                     let [inside, outside] = [bin, bin + 1].map(|k| match axes {
@@ -240,27 +246,34 @@ impl Sums<'_> {
     }
 
     /// Velocity and solid fraction over the height.
-    fn profiles(&self, of: &str) -> [Option<ReportFigure>; 2] {
+    fn profiles(&self, frames: &str) -> [Option<ReportFigure>; 2] {
         let outermost = if self.walls {
             "belong to the walls"
         } else {
             "lack what crosses an edge of the cell"
         };
         let across = "across the height, in layers";
-        let moving = format!("{of}: velocity along the direction of shear {across}.");
-        let filled = format!("{of}: solid fraction {across}; the outermost {outermost}.");
-        let middle = |k: usize| (k as f64 + 0.5) * self.layer_height() / self.mean_diameter;
-        let heights: Vec<f64> = (0..LAYERS).map(middle).collect();
-        let heights = ("height_over_mean_diameter", "height over d̄", &heights[..]);
+        let moving = format!("{frames}: velocity along the direction of shear {across}.");
+        let filled = format!("{frames}: solid fraction {across}; the outermost {outermost}.");
+        let heights = (0..LAYERS)
+            .map(|k| (k as f64 + 0.5) * self.layer_height() / self.mean_diameter)
+            .collect();
+        let heights = Places {
+            column: "height_over_mean_diameter",
+            label: "height over d̄",
+            values: heights,
+        };
         let layers = self.layers.iter();
         let velocities: Vec<f64> = layers.clone().map(|[share, moved]| moved / share).collect();
-        let fractions: Vec<f64> = layers.map(|of| of[0] / self.frames as f64).collect();
+        let fractions: Vec<f64> = layers
+            .map(|[share, _]| share / self.frames as f64)
+            .collect();
         let (velocity, fraction) = ("velocity (m/s)", "solid fraction");
         let velocities = [("velocity_x", "velocity", &velocities[..])];
         let fractions = [("solid_fraction", fraction, &fractions[..])];
         [
-            drawn(("velocity-profile", moving), heights, velocity, &velocities),
-            drawn(("fraction-profile", filled), heights, fraction, &fractions),
+            heights.drawn("velocity-profile", moving, velocity, &velocities),
+            heights.drawn("fraction-profile", filled, fraction, &fractions),
         ]
     }
 
@@ -271,7 +284,7 @@ impl Sums<'_> {
         normal.sum::<f64>() / self.contacts.len() as f64
     }
 
-    fn distribution(&self, of: &str) -> Option<ReportFigure> {
+    fn distribution(&self, frames: &str) -> Option<ReportFigure> {
         let (all, mean) = (self.contacts.len() as f64, self.mean_force());
         let [normal, tangential] = [0, 1].map(|part| -> Vec<f64> {
             let mut counts = [0_u32; FORCE_BINS];
@@ -285,14 +298,19 @@ impl Sums<'_> {
             let density = counts.iter().map(|n| f64::from(*n) / (all * FORCE_BIN));
             density.map(f64::log10).collect()
         });
-        let middle = |k: usize| (k as f64 + 0.5) * FORCE_BIN;
-        let forces: Vec<f64> = (0..FORCE_BINS).map(middle).collect();
+        let forces = Places {
+            column: "force_over_mean",
+            label: "F/⟨F_{n}⟩",
+            values: (0..FORCE_BINS)
+                .map(|k| (k as f64 + 0.5) * FORCE_BIN)
+                .collect(),
+        };
         let caption = format!(
-            "{of}: probability density of the forces between free grains, over the mean normal force."
+            "{frames}: probability density of the forces between free grains, over the mean normal force."
         );
-        drawn(
-            ("force-distribution", caption),
-            ("force_over_mean", "F/⟨F_{n}⟩", &forces),
+        forces.drawn(
+            "force-distribution",
+            caption,
             "log_{10} probability density",
             &[
                 ("log10_density_normal", "F_{n}", &normal),
@@ -301,7 +319,7 @@ impl Sums<'_> {
         )
     }
 
-    fn fabric(&self, of: &str) -> Option<ReportFigure> {
+    fn fabric(&self, frames: &str) -> Option<ReportFigure> {
         let (all, mean) = (self.contacts.len() as f64, self.mean_force());
         // Number of contacts and sum of F_n over its mean, by the angle.
         let mut angles = vec![[0.0; 2]; ANGLES];
@@ -310,37 +328,48 @@ impl Sums<'_> {
             *count += 1.0;
             *sum += contact.forces[0] / mean;
         }
-        let density = |[count, _]: &[f64; 2]| count / all * ANGLES as f64;
-        let density: Vec<f64> = angles.iter().map(density).collect();
+        let density: Vec<f64> = (angles.iter())
+            .map(|[count, _]| count / all * ANGLES as f64)
+            .collect();
         let force: Vec<f64> = angles.iter().map(|[n, sum]| sum / n).collect();
-        let angle = |k: usize| (k as f64 + 0.5) * 180.0 / ANGLES as f64;
-        let angles: Vec<f64> = (0..ANGLES).map(angle).collect();
+        let angles = Places {
+            column: "angle",
+            label: "angle of the contact (°)",
+            values: (0..ANGLES)
+                .map(|k| (k as f64 + 0.5) * 180.0 / ANGLES as f64)
+                .collect(),
+        };
         let caption = format!(
-            "{of}: contacts between free grains by the angle of their normal in the plane of x (0°, the direction of shear) and the height (90°)."
+            "{frames}: contacts between free grains by the angle of their normal in the plane of x (0°, the direction of shear) and the height (90°)."
         );
         let number = "number of contacts over that of an isotropic fabric";
         let mean = "their mean F_{n} over the mean of all";
-        drawn(
-            ("fabric", caption),
-            ("angle", "angle of the contact (°)", &angles),
+        angles.drawn(
+            "fabric",
+            caption,
             "relative to the mean",
             &[("density", number, &density), ("mean_force", mean, &force)],
         )
     }
 
-    fn correlation(&self, of: &str) -> Option<ReportFigure> {
+    fn correlation(&self, frames: &str) -> Option<ReportFigure> {
         // No grain is far enough from the walls.
         if self.pairs.iter().all(|g| *g == 0.0) {
             return None;
         }
-        let place = |k: usize| (k as f64 + 0.5) / BINS_PER_DIAMETER as f64;
-        let places: Vec<f64> = (0..self.pairs.len()).map(place).collect();
+        let distances = Places {
+            column: "distance_over_mean_diameter",
+            label: "r/d̄",
+            values: (0..self.pairs.len())
+                .map(|k| (k as f64 + 0.5) / BINS_PER_DIAMETER as f64)
+                .collect(),
+        };
         let caption = format!(
-            "{of}: pair correlation g(r) of the free grains; between walls around those far from them."
+            "{frames}: pair correlation g(r) of the free grains; between walls around those far from them."
         );
-        drawn(
-            ("pair-correlation", caption),
-            ("distance_over_mean_diameter", "r/d̄", &places),
+        distances.drawn(
+            "pair-correlation",
+            caption,
             "g(r)",
             &[("g", "g(r)", &self.pairs)],
         )
@@ -356,22 +385,42 @@ fn below(z: f64, r: f64, axes: usize) -> f64 {
     }
 }
 
-/// Draws curves over common places; `None` if no curve has two points.
-fn drawn(
-    (name, caption): (&'static str, String),
-    (x_name, x_label, places): (&'static str, &str, &[f64]),
-    y_label: &str,
-    lines: &[(&'static str, &str, &[f64])],
-) -> Option<ReportFigure> {
-    let curves: Vec<_> = lines.iter().map(|(_, name, of)| (*name, *of)).collect();
-    let svg = curves::lines(LAYOUT, (x_label, places), y_label, &curves)?;
-    let data = Table::of(0..places.len())
-        .column(x_name, |k| places[*k])
-        .columns(lines.iter().map(|line| line.0), |&k| {
-            lines.iter().map(move |line| line.2[k])
-        })
-        .csv();
-    Some(ReportFigure::new(name, caption, svg, data))
+/// Places that curves have in common.
+struct Places {
+    /// Name of the column of the data.
+    column: &'static str,
+    /// At the axis.
+    label: &'static str,
+    values: Vec<f64>,
+}
+
+impl Places {
+    /// Draws curves over the places, each with its column, its name and its values; `None` if no
+    /// curve has two points.
+    fn drawn(
+        &self,
+        name: &'static str,
+        caption: String,
+        y_label: &str,
+        lines: &[(&'static str, &str, &[f64])],
+    ) -> Option<ReportFigure> {
+        let places = &self.values;
+        let curves: Vec<_> = (lines.iter())
+            .map(|(_, name, values)| (*name, *values))
+            .collect();
+        let x = Abscissa {
+            label: self.label,
+            values: places,
+        };
+        let svg = curves::lines(LAYOUT, x, y_label, &curves)?;
+        let data = Table::of(0..places.len())
+            .column(self.column, |k| places[*k])
+            .columns(lines.iter().map(|line| line.0), |&k| {
+                lines.iter().map(move |line| line.2[k])
+            })
+            .csv();
+        Some(ReportFigure::new(name, caption, svg, data))
+    }
 }
 
 #[cfg(test)]

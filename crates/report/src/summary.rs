@@ -3,18 +3,19 @@
 use serde_json::{Value, json};
 
 use gshear_analysis::dmin::{DefinedCounts, NonAffine, RADIUS};
+use gshear_analysis::interval::Interval;
 use gshear_analysis::moments::{Moments, extent};
 use gshear_analysis::phases::{self, Phase, PhaseKind};
 use gshear_analysis::stress::ratio_on_top;
 use gshear_analysis::time_mean::TimeMean;
 use gshear_dem::failure::Result;
-use gshear_dem::state::{Disks, Frame};
+use gshear_dem::state::{Frame, GrainConstants};
 use gshear_store::run_reader::RunFile;
 
 use crate::{Rearranging, Sources};
 
 /// Moments of the finite values.
-pub fn finite_moments(values: &[f64]) -> Moments {
+pub(crate) fn finite_moments(values: &[f64]) -> Moments {
     let finite = values.iter().copied().filter(|value| value.is_finite());
     Moments::of(&finite.collect::<Vec<_>>())
 }
@@ -27,13 +28,13 @@ pub fn is_driven(run: &RunFile) -> bool {
 }
 
 /// Whether a protocol imposes more than velocities along x, as the columns of the time series say.
-pub fn is_imposed(run: &RunFile) -> bool {
+pub(crate) fn is_imposed(run: &RunFile) -> bool {
     run.series().has("imposed_normal_force")
 }
 
 /// Whether a run can have phases of stick and slip, or has some.
-pub fn has_phases(run: &RunFile, phases: &[Phase]) -> bool {
-    !(is_imposed(run) || run.has_free_surface()) || !phases.is_empty()
+pub(crate) fn has_phases(run: &RunFile, phases: &[Phase]) -> bool {
+    !is_imposed(run) && run.boundary().has_top() || !phases.is_empty()
 }
 
 /// Least normal force with which τ is shown, over the greatest one of the run. Under less, as in a
@@ -45,15 +46,16 @@ pub fn stress_ratio(run: &RunFile) -> Vec<f64> {
     let series = run.series();
     let (tau, normal) = (series.column("stress_ratio"), series.column("normal_force"));
     let least = LEAST_LOAD * normal.iter().copied().fold(0.0, f64::max);
-    let shown = |(tau, normal): (&f64, &f64)| if *normal < least { f64::NAN } else { *tau };
-    tau.iter().zip(normal).map(shown).collect()
+    let rows = tau.iter().zip(normal);
+    let shown = rows.map(|(tau, normal)| if *normal < least { f64::NAN } else { *tau });
+    shown.collect()
 }
 
 /// Stick and slip phases of a run. Where a protocol imposes more than velocities, only those at a
 /// constant velocity of the drive are any: else τ rises and falls with what is imposed. A free
 /// surface has no drive.
 fn phases_of(run: &RunFile, tau: &[f64]) -> Vec<Phase> {
-    if run.has_free_surface() {
+    if !run.boundary().has_top() {
         return Vec::new();
     }
     let mut phases = phases::find(run.series().column("strain"), tau);
@@ -72,7 +74,7 @@ fn is_free(run: &RunFile, phase: &Phase) -> bool {
 
 /// First row of the latter half of the strain; of the time, if a protocol imposes more than
 /// velocities.
-pub fn latter_half(run: &RunFile) -> usize {
+pub(crate) fn latter_half(run: &RunFile) -> usize {
     // A strain that returns does not tell the halves of a run.
     let clock = if is_imposed(run) {
         &run.series().time[..]
@@ -87,16 +89,19 @@ pub fn latter_half(run: &RunFile) -> usize {
 /// overshoots its mean of the latter half, and is back where that slip ends.
 fn largest_drop(run: &RunFile, tau: &[f64], phases: &[Phase]) -> Option<Phase> {
     let mean = run.series().mean("stress_ratio", latter_half(run)).mean;
-    let is_over = |row: &usize| tau[*row] > mean;
-    let mut rows = (0..tau.len()).skip_while(|row| !is_over(row));
-    let start = rows.find(|row| !is_over(row)).unwrap_or(0);
-    let after = |phase: &&Phase| phase.start >= start && is_free(run, phase);
-    phases::largest_drop(&phases.iter().filter(after).copied().collect::<Vec<_>>()).copied()
+    let over: Vec<bool> = tau.iter().map(|tau| *tau > mean).collect();
+    let mut rows = (0..tau.len()).skip_while(|row| !over[*row]);
+    let start = rows.find(|row| !over[*row]).unwrap_or(0);
+    let phases = phases.iter().copied();
+    let after: Vec<Phase> = phases
+        .filter(|phase| phase.start >= start && is_free(run, phase))
+        .collect();
+    phases::largest_drop(&after).copied()
 }
 
 /// Whether frames are drawn around the largest drop: of disks between walls.
 pub fn shows_drops(run: &RunFile) -> bool {
-    run.dimension().axes() == 2 && run.has_walls() && !run.has_free_surface()
+    run.has_disks_between_walls() && run.boundary().has_top()
 }
 
 /// Steps of the first and the last row of the largest drop, if it is one of disks between walls and
@@ -108,15 +113,17 @@ pub fn drop_without_frames(run: &RunFile) -> Option<[u64; 2]> {
     let tau = stress_ratio(run);
     let drop = largest_drop(run, &tau, &phases_of(run, &tau))?;
     let steps = [drop.start, drop.end].map(|row| run.series().step[row]);
-    let is_shown = |step: &u64| run.frame_steps().binary_search(step).is_ok();
-    if steps.iter().all(is_shown) {
+    let mut frames = steps
+        .iter()
+        .map(|step| run.frame_steps().binary_search(step));
+    if frames.all(|frame| frame.is_ok()) {
         return None;
     }
     Some(steps)
 }
 
 /// Two frames of a run, and D²min between them.
-pub struct EventFrames {
+pub(crate) struct EventFrames {
     /// The earlier frame.
     pub earlier: Frame,
     /// The later frame.
@@ -140,18 +147,17 @@ impl EventFrames {
         let (grains, series) = (run.grains(), run.series());
         let [earlier, later] = [shown.frame(frames[0])?, shown.frame(frames[1])?];
         let strain = shown.frame_strains()?;
-        let tau = |frame: &Frame| match series.step.binary_search(&frame.step) {
+        let tau = [&earlier, &later].map(|frame| match series.step.binary_search(&frame.step) {
             Ok(row) => series.column("stress_ratio")[row],
             Err(_) => ratio_on_top(grains, frame),
-        };
-        let (mut of, mut dmin) = (NonAffine::default(), vec![f64::NAN; grains.count()]);
-        let radius = RADIUS * grains.mean_radius();
-        of.between(grains, radius, &earlier, &later, &mut dmin);
-        let removed = |n: usize| later.position[n][0].is_nan();
+        });
+        let (mut non_affine, mut dmin) = (NonAffine::default(), vec![f64::NAN; grains.count()]);
+        let interval = Interval::between_walls([&earlier, &later]);
+        non_affine.between(grains, &interval, RADIUS * grains.mean_radius(), &mut dmin);
         Ok(Self {
             strain: frames.map(|t| strain[t]),
-            tau: [tau(&earlier), tau(&later)],
-            defined: DefinedCounts::of(grains, &dmin, of.rattlers(), removed),
+            tau,
+            defined: non_affine.defined(grains, &later, &dmin),
             dmin,
             earlier,
             later,
@@ -163,7 +169,7 @@ impl EventFrames {
     }
 
     /// Sum of the normal forces of all contacts of a frame (N/m).
-    pub fn normal_forces(&self, k: usize) -> f64 {
+    pub(crate) fn normal_forces(&self, k: usize) -> f64 {
         let contacts = self.frame(k).contacts.iter();
         contacts.map(|contact| contact.normal_force).sum()
     }
@@ -194,18 +200,19 @@ impl EventFrames {
     pub fn centre(&self) -> [f64; 2] {
         let defined = (0..self.dmin.len()).filter(|n| self.dmin[*n].is_finite());
         let greatest = defined.max_by(|a, b| self.dmin[*a].total_cmp(&self.dmin[*b]));
-        let place = self.later.position.get(greatest.unwrap_or(0));
-        place.copied().unwrap_or_default()
+        let [x, y, _] = self.later.position(greatest.unwrap_or(0));
+        [x, y]
     }
 
     /// Returns the greatest D²min over r̄²; `None` if no grain has one.
-    pub fn greatest_dmin(&self, grains: &Disks) -> Option<f64> {
+    pub fn greatest_dmin(&self, grains: &GrainConstants) -> Option<f64> {
         let greatest = extent(self.dmin.iter().copied().filter(|d| d.is_finite()))[1];
-        (greatest.is_finite()).then(|| greatest / grains.mean_radius().powi(2))
+        let square = grains.mean_radius().powi(2);
+        greatest.is_finite().then_some(greatest / square)
     }
 
     /// What `summary.json` says of them.
-    fn json(&self, grains: &Disks) -> Value {
+    fn json(&self, grains: &GrainConstants) -> Value {
         json!({
             "steps": [self.earlier.step, self.later.step],
             "strain": self.strain,
@@ -217,7 +224,7 @@ impl EventFrames {
 }
 
 /// The two frames around a drop.
-pub struct DropFrames {
+pub(crate) struct DropFrames {
     /// The slip.
     pub drop: Phase,
     /// Whether they are those at its start and at its end.
@@ -242,24 +249,31 @@ impl DropFrames {
             return Ok(None);
         }
         let (steps, rows) = (shown.frame_steps(), &run.series().step);
-        let frames = |phase: &Phase| {
-            let after = steps.partition_point(|step| *step <= rows[phase.start]);
-            let earlier = after.checked_sub(1)?;
-            let later = steps.partition_point(|step| *step < rows[phase.end]);
-            (later < steps.len()).then_some([earlier, later])
-        };
         let mut covered = phases.to_vec();
-        covered.retain(|phase| frames(phase).is_some());
-        let drop = largest_drop(run, tau, &covered);
-        let Some((drop, frames)) = drop.and_then(|drop| Some((drop, frames(&drop)?))) else {
+        covered
+            .retain(|phase| frames_around(steps, [rows[phase.start], rows[phase.end]]).is_some());
+        let Some(drop) = largest_drop(run, tau, &covered) else {
+            return Ok(None);
+        };
+        let ends = [rows[drop.start], rows[drop.end]];
+        let Some(frames) = frames_around(steps, ends) else {
             return Ok(None);
         };
         Ok(Some(DropFrames {
-            is_exact: frames.map(|t| steps[t]) == [rows[drop.start], rows[drop.end]],
+            is_exact: frames.map(|t| steps[t]) == ends,
             drop,
             frames: EventFrames::read(run, shown, frames)?,
         }))
     }
+}
+
+/// The last of the frames of these steps at or before the first step, and the first one at or after
+/// the second step; `None` if one of them is missing.
+fn frames_around(steps: &[u64], ends: [u64; 2]) -> Option<[usize; 2]> {
+    let after = steps.partition_point(|step| *step <= ends[0]);
+    let earlier = after.checked_sub(1)?;
+    let later = steps.partition_point(|step| *step < ends[1]);
+    (later < steps.len()).then_some([earlier, later])
 }
 
 /// Returns the two consecutive frames with the greatest D²min between the steps where it was found;
@@ -267,17 +281,18 @@ impl DropFrames {
 ///
 /// # Errors
 /// If a frame cannot be read.
-fn rearrangement(run: &RunFile, found: Rearranging<'_>) -> Result<Option<EventFrames>> {
-    let Rearranging { steps, shown } = found;
-    let of_frames = shown.frame_steps();
-    let first = of_frames.partition_point(|step| *step < steps[0]);
-    let end = of_frames.partition_point(|step| *step <= steps[1]);
+fn rearrangement(run: &RunFile, place: Rearranging<'_>) -> Result<Option<EventFrames>> {
+    let Rearranging { steps, shown } = place;
+    let frame_steps = shown.frame_steps();
+    let first = frame_steps.partition_point(|step| *step < steps[0]);
+    let end = frame_steps.partition_point(|step| *step <= steps[1]);
     let mut greatest: Option<(f64, EventFrames)> = None;
     for t in first + 1..end.max(first + 1) {
         let frames = EventFrames::read(run, shown, [t - 1, t])?;
         let value = frames.greatest_dmin(run.grains());
-        let is_greater = |value: &f64| greatest.as_ref().is_none_or(|(most, _)| value > most);
-        if let Some(value) = value.filter(is_greater) {
+        if let Some(value) = value
+            && greatest.as_ref().is_none_or(|(most, _)| value > *most)
+        {
             greatest = Some((value, frames));
         }
     }
@@ -308,9 +323,9 @@ impl Summary {
         let tau = stress_ratio(run);
         let phases = phases_of(run, &tau);
         let event = DropFrames::largest(run, sources.drop.unwrap_or(run), &tau, &phases)?;
-        let found = sources.rearranging.map(|found| rearrangement(run, found));
+        let rearrangement = sources.rearranging.map(|place| rearrangement(run, place));
         Ok(Summary {
-            rearrangement: found.transpose()?.flatten(),
+            rearrangement: rearrangement.transpose()?.flatten(),
             drop: largest_drop(run, &tau, &phases),
             stress: run.series().mean("stress_ratio", latter_half(run)),
             event,
@@ -320,28 +335,20 @@ impl Summary {
 
     /// Returns the number of long and of short phases of a kind.
     pub fn count(&self, kind: PhaseKind) -> [usize; 2] {
-        let of_kind = self.phases.iter().filter(|phase| phase.kind == kind);
-        let long = of_kind.clone().filter(|phase| phase.is_long()).count();
-        [long, of_kind.count() - long]
+        let phases = self.phases.iter().filter(|phase| phase.kind == kind);
+        let long = phases.clone().filter(|phase| phase.is_long()).count();
+        [long, phases.count() - long]
     }
 
     /// Returns the content of `summary.json`.
     pub fn json(&self, run: &RunFile) -> Value {
-        let phase = |phase: &Phase| {
-            json!({
-                "delta_tau": phase.change,
-                "strain": phase.strain,
-                "rows": [phase.start, phase.end],
-                "intervals": phase.duration(),
-            })
-        };
-        let count = |kind: PhaseKind| {
+        let [stick, slip] = [PhaseKind::Stick, PhaseKind::Slip].map(|kind| {
             let [long, short] = self.count(kind);
             json!({ "long": long, "short": short })
-        };
+        });
         let event = self.event.as_ref().map(|event| {
             let mut maps = event.frames.json(run.grains());
-            maps["drop"] = phase(&event.drop);
+            maps["drop"] = phase_json(&event.drop);
             maps
         });
         let rearrangement = self.rearrangement.as_ref();
@@ -358,13 +365,23 @@ impl Summary {
                 "standard_error": self.stress.error,
                 "standard_deviation": self.stress.deviation,
             },
-            "phases": { "stick": count(PhaseKind::Stick), "slip": count(PhaseKind::Slip) },
-            "largest_drop": self.drop.as_ref().map(phase),
+            "phases": { "stick": stick, "slip": slip },
+            "largest_drop": self.drop.as_ref().map(phase_json),
             "maps": event,
             "greatest_dmin": rearrangement.map(|frames| frames.json(run.grains())),
             "parameters": run.parameters(),
         })
     }
+}
+
+/// What `summary.json` says of a phase.
+fn phase_json(phase: &Phase) -> Value {
+    json!({
+        "delta_tau": phase.change,
+        "strain": phase.strain,
+        "rows": [phase.start, phase.end],
+        "intervals": phase.duration(),
+    })
 }
 
 #[cfg(test)]

@@ -23,11 +23,11 @@ pub fn round(low: f64, high: f64, wanted: usize) -> Vec<Tick> {
     let decimals = if factor == 10.0 { -power - 1.0 } else { -power }.max(0.0) as usize;
     let first = (low / step - 1e-9).ceil() as i64;
     let last = (high / step + 1e-9).floor() as i64;
-    let tick = |k: i64| {
+    let ticks = (first..=last).map(|k| {
         let value = k as f64 * step;
         (value, format!("{value:.decimals$}").replace('-', "−"))
-    };
-    (first..=last).map(tick).collect()
+    });
+    ticks.collect()
 }
 
 /// Returns ticks of [`round`], with a power of ten if the numbers are small or large.
@@ -38,17 +38,17 @@ pub fn scientific(range: [f64; 2], wanted: usize) -> Vec<Tick> {
     }
     let power = greatest.log10().floor();
     let unit = 10f64.powf(power);
-    let of = |(value, text): Tick| {
-        let power = format!("{power}").replace('-', "−");
+    let power = format!("{power}").replace('-', "−");
+    let ticks = round(range[0] / unit, range[1] / unit, wanted);
+    let ticks = ticks.into_iter().map(|(value, text)| {
         let text = if value == 0.0 {
             "0".into()
         } else {
             format!("{text}·10^{{{power}}}")
         };
         (value * unit, text)
-    };
-    let ticks = round(range[0] / unit, range[1] / unit, wanted);
-    ticks.into_iter().map(of).collect()
+    });
+    ticks.collect()
 }
 
 /// Returns ticks at the powers of ten within 10^low … 10^high, on an axis of log10; every second,
@@ -56,18 +56,19 @@ pub fn scientific(range: [f64; 2], wanted: usize) -> Vec<Tick> {
 pub fn decades(low: f64, high: f64, most: usize) -> Vec<Tick> {
     let (first, last) = ((low - 1e-9).ceil() as i64, (high + 1e-9).floor() as i64);
     let step = ((last - first).max(0) as usize / most.max(1) + 1) as i64;
-    let tick = |k: i64| {
+    let shown = (first..=last).filter(|k| k.rem_euclid(step) == 0);
+    let ticks = shown.map(|k| {
         let power = k.to_string().replace('-', "−");
         (k as f64, format!("10^{{{power}}}"))
-    };
-    let shown = (first..=last).filter(|k| k.rem_euclid(step) == 0);
-    shown.map(tick).collect()
+    });
+    ticks.collect()
 }
 
 /// Returns ticks of `low` … `high` as parts of that range, as they lie on a colour bar.
-pub fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
-    let on_bar = |(value, label)| ((value - low) / (high - low), label);
-    ticks.into_iter().map(on_bar).collect()
+pub(crate) fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
+    let ticks = ticks.into_iter();
+    let ticks = ticks.map(|(value, label)| ((value - low) / (high - low), label));
+    ticks.collect()
 }
 
 /// Returns the factor and the SI prefix that give a value one to three digits before the decimal
@@ -75,8 +76,12 @@ pub fn on_bar(ticks: Vec<Tick>, low: f64, high: f64) -> Vec<Tick> {
 pub fn prefix(value: f64) -> (f64, &'static str) {
     // From 10⁻¹² to 10¹².
     const PREFIXES: [&str; 9] = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
-    let thousands = Some((value.abs().log10() / 3.0).floor()).filter(|of| of.is_finite());
-    let thousands = thousands.map_or(0, |of| (of as i32).clamp(-4, 4));
+    let thousands = (value.abs().log10() / 3.0).floor();
+    let thousands = if thousands.is_finite() {
+        (thousands as i32).clamp(-4, 4)
+    } else {
+        0
+    };
     let name = PREFIXES[(thousands + 4) as usize];
     (10f64.powi(-3 * thousands), name)
 }

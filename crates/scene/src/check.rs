@@ -6,14 +6,15 @@ use gshear_dem::laws::keys::KeyReader;
 
 use crate::checker::Checker;
 use crate::general::{SCENE, check_bookkeeping};
+use crate::load::TopWall;
 use crate::output::OUTPUT;
 use crate::packing::GrainLimit;
 use crate::sample::{ReadPacking, SAMPLE};
-use crate::scene::{Boundary, Scene};
+use crate::scene::{Scene, Stages};
 use crate::schedule::packing_steps;
 use crate::value::Value;
 use crate::walls::{PACK, PlaneShear};
-use crate::{extent, law, load, materials, periodic, time, walls, write};
+use crate::{extent, law, materials, periodic, time, walls, write};
 
 /// Checks every value by itself, then those that must agree, and derives what follows. `boxed`: the
 /// scene has a `[box]`; `limit`: of inserted grains; `packing` is called for the file of a packing,
@@ -36,26 +37,31 @@ pub(crate) fn scene(
     let checkpoint_time = c.number_or_default(&OUTPUT.checkpoint_time);
     let keep_checkpoints = c.flag_or_default(&OUTPUT.keep_checkpoints);
     let bookkeeping = check_bookkeeping(c);
-    let (default_title, sample, mut boundary) = if boxed {
+    let (default_title, sample, mut stages) = if boxed {
         let (sample, periodic) = periodic::check(c, seed, packing)?;
-        ("Periodic box", sample, Boundary::Periodic(periodic))
+        ("Periodic box", sample, Stages::Strain(periodic))
     } else {
-        let (sample, walls) = walls::check(c, (&law, &materials.masses), packing)?;
-        ("Plane shear", sample, Boundary::Walls(walls))
+        let (sample, walls) = walls::check(c, &law, &materials.masses, packing)?;
+        ("Plane shear", sample, Stages::Shear(walls))
     };
     if !c.is_given(&SCENE.title) {
         c.fill(&SCENE.title, default_title);
     }
     for (law, contact) in &materials.laws {
-        law::check_attraction(c, (law, contact), &sample);
+        law::check_attraction(c, law, contact, &sample);
     }
-    let time_step = time::derive(c, &materials, &sample, boundary.walls())?;
-    if let Boundary::Walls(walls) = &mut boundary {
-        let overlap = walls.greatest_overlap(&law, &contact, &sample);
-        let load = (&walls.load, walls.layers(&sample));
-        let at = (overlap, time_step.step);
-        let control = load::derive_servo(c, (&law, &sample), load, at);
-        load::check_wall_mass(c, (&law, &sample), load, at);
+    let time_step = time::derive(c, &materials, &sample, stages.shear())?;
+    if let Stages::Shear(walls) = &mut stages {
+        let top = TopWall {
+            law: &law,
+            sample: &sample,
+            load: &walls.load,
+            layers: walls.layers(&sample),
+            greatest_overlap: walls.greatest_overlap(&law, &contact, &sample),
+            step: time_step.step,
+        };
+        let control = top.control(c);
+        top.check_mass(c);
         walls.load.control = control;
         c.settle()?;
     }
@@ -69,7 +75,7 @@ pub(crate) fn scene(
         materials,
         sample,
         time_step,
-        boundary,
+        stages,
         checkpoint_time,
         keep_checkpoints,
         bookkeeping,
@@ -98,11 +104,11 @@ const PATIENCE: f64 = 10.0;
 
 /// Stiff samples come to rest in as many more steps as their time step is shorter.
 fn allow_steps(c: &mut Checker<'_>, scene: &mut Scene) {
-    let Some(PlaneShear { load, .. }) = scene.boundary.walls() else {
+    let Some(PlaneShear { load, .. }) = scene.shear() else {
         return;
     };
     let allowed = PATIENCE * packing_steps(scene, load);
-    if let Boundary::Walls(walls) = &mut scene.boundary
+    if let Stages::Shear(walls) = &mut scene.stages
         && !c.is_given(&PACK.max_steps)
     {
         walls.pack.max_steps = walls.pack.max_steps.max(allowed as u64);

@@ -27,14 +27,21 @@ pub(crate) struct Checker<'a> {
     /// Keys that do not apply.
     omitted: BTreeSet<&'static str>,
     problems: Vec<(usize, String)>,
-    /// Places and paths of the keys that do not apply, which are reported together.
-    useless: Vec<(usize, &'static str)>,
+    /// Keys that were given and do not apply, which are reported together.
+    useless: Vec<UselessKey>,
     /// Disks, until it is known that the scene has spheres.
-    pub dimension: Dimensions,
+    pub(crate) dimension: Dimensions,
+}
+
+/// A key that was given and does not apply.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct UselessKey {
+    at: usize,
+    path: &'static str,
 }
 
 impl<'a> Checker<'a> {
-    pub fn new(input: Input<'a>, tables: BTreeMap<String, usize>, given: Given) -> Self {
+    pub(crate) fn new(input: Input<'a>, tables: BTreeMap<String, usize>, given: Given) -> Self {
         Checker {
             input,
             tables,
@@ -48,43 +55,47 @@ impl<'a> Checker<'a> {
     }
 
     /// The value, if given.
-    pub fn value(&self, key: &Key) -> Option<&Value> {
+    pub(crate) fn value(&self, key: &Key) -> Option<&Value> {
         self.given.get(key.path).map(|(_, value)| value)
     }
 
-    pub fn is_given(&self, key: &Key) -> bool {
+    pub(crate) fn is_given(&self, key: &Key) -> bool {
         self.given.contains_key(key.path)
     }
 
-    pub fn offset(&self, key: &Key) -> Option<usize> {
+    pub(crate) fn offset(&self, key: &Key) -> Option<usize> {
         self.given.get(key.path).map(|(offset, _)| *offset)
     }
 
     /// Gives a key the value that `scene.toml` is to have.
-    pub fn fill(&mut self, key: &Key, value: impl Into<Value>) {
+    pub(crate) fn fill(&mut self, key: &Key, value: impl Into<Value>) {
         self.filled.insert(key.path, value.into());
     }
 
     /// Keeps keys that do not apply out of `scene.toml`.
-    pub fn omit(&mut self, keys: &[&Key]) {
+    pub(crate) fn omit(&mut self, keys: &[&Key]) {
         self.omitted.extend(keys.iter().map(|key| key.path));
     }
 
     /// The value that `scene.toml` has.
-    pub fn written(&self, key: &Key) -> Option<&Value> {
-        let value = self.filled.get(key.path).or_else(|| self.value(key));
-        value.filter(|_| !self.omitted.contains(key.path))
+    pub(crate) fn written(&self, key: &Key) -> Option<&Value> {
+        if self.omitted.contains(key.path) {
+            return None;
+        }
+        self.filled.get(key.path).or_else(|| self.value(key))
     }
 
     /// `line 12` or `--set a.b=c`, where a key is given.
-    pub fn mention(&self, key: &Key, otherwise: &str) -> String {
-        let mention = |at| self.input.mention(at);
-        self.offset(key).map_or(otherwise.into(), mention)
+    pub(crate) fn mention(&self, key: &Key, otherwise: &str) -> String {
+        match self.offset(key) {
+            Some(at) => self.input.mention(at),
+            None => otherwise.into(),
+        }
     }
 
     /// The path that a key's value names, relative to the folder of the file that gives it; one
     /// given by `--set` is relative to the working directory.
-    pub fn resolve(&self, key: &Key, path: &str) -> PathBuf {
+    pub(crate) fn resolve(&self, key: &Key, path: &str) -> PathBuf {
         let offset = self.offset(key).unwrap_or(0);
         match self.input.override_at(offset) {
             Some(_) => path.into(),
@@ -93,27 +104,27 @@ impl<'a> Checker<'a> {
     }
 
     /// A problem of what a key's value names, such as a file.
-    pub fn failure(&self, key: &Key, what: &str) -> Failure {
+    pub(crate) fn failure(&self, key: &Key, what: &str) -> Failure {
         let offset = self.offset(key).unwrap_or(0);
         self.input.failure(offset, key.path, what)
     }
 
     /// Notes a problem that several keys cause: at the one given by `--set`, otherwise at the first
     /// that was given.
-    pub fn refuse_among(&mut self, keys: &[&Key], what: &str) {
-        let given = || {
-            keys.iter()
-                .filter_map(|key| Some((key.path, self.offset(key)?)))
-        };
-        let place = given()
-            .find(|(_, at)| self.input.override_at(*at).is_some())
-            .or_else(|| given().next());
-        let (path, at) = place.unwrap_or(("", 0));
+    pub(crate) fn refuse_among(&mut self, keys: &[&Key], what: &str) {
+        let given: Vec<(&str, usize)> = keys
+            .iter()
+            .filter_map(|key| Some((key.path, self.offset(key)?)))
+            .collect();
+        let by_set = given
+            .iter()
+            .find(|(_, at)| self.input.override_at(*at).is_some());
+        let (path, at) = *by_set.or(given.first()).unwrap_or(&("", 0));
         self.problems.push((at, self.input.message(at, path, what)));
     }
 
     /// Notes that a table lacks what it must have.
-    pub fn lacks(&mut self, table: &str, what: &str) {
+    pub(crate) fn lacks(&mut self, table: &str, what: &str) {
         let problem = match self.tables.get(table) {
             Some(&at) => {
                 let place = self.input.place(at);
@@ -137,29 +148,34 @@ impl<'a> Checker<'a> {
         value
     }
 
-    /// A number that is given and was checked; NaN if it is not.
-    pub fn known(&self, key: &Key) -> f64 {
+    /// A number that is given, without a check.
+    pub(crate) fn given_number(&self, key: &Key) -> Option<f64> {
         match self.value(key) {
-            Some(Value::Number(x)) => *x,
-            _ => f64::NAN,
+            Some(Value::Number(x)) if !x.is_nan() => Some(*x),
+            _ => None,
         }
     }
 
+    /// A number that is given and was checked; NaN if it is not.
+    pub(crate) fn known(&self, key: &Key) -> f64 {
+        self.given_number(key).unwrap_or(f64::NAN)
+    }
+
     /// A number, or the default that its key declares.
-    pub fn number_or_default(&mut self, key: &Key) -> f64 {
+    pub(crate) fn number_or_default(&mut self, key: &Key) -> f64 {
         self.number(key).unwrap_or_else(|| self.default(key))
     }
 
     /// Numbers that must be given, one or more; `what`: each of them.
-    pub fn required_list(&mut self, key: &Key, what: &str) -> Vec<f64> {
+    pub(crate) fn required_list(&mut self, key: &Key, what: &str) -> Vec<f64> {
         let (Some(Value::Numbers(given)), Values::Numbers(bounds)) = (self.value(key), key.values)
         else {
             self.lacks(key.table(), &key.lacking());
             return Vec::new();
         };
         let given = given.clone();
-        let is_refused = |x: &f64| refusal(bounds, *x).is_some();
-        if given.is_empty() || given.iter().any(is_refused) {
+        let is_refused = given.iter().any(|x| refusal(bounds, *x).is_some());
+        if given.is_empty() || is_refused {
             let each = bounds.words();
             let what = format!("must hold one {what} or more, each of which {each}");
             self.refuse(key, &what);
@@ -168,7 +184,7 @@ impl<'a> Checker<'a> {
     }
 
     /// An integer, if given.
-    pub fn whole(&mut self, key: &Key) -> Option<i64> {
+    pub(crate) fn whole(&mut self, key: &Key) -> Option<i64> {
         let given = self.value(key)?;
         let &Value::Whole(n) = given else { return None };
         if let Some(what) = given.out_of_bounds(key) {
@@ -178,13 +194,13 @@ impl<'a> Checker<'a> {
     }
 
     /// A number of things, or the default that its key declares.
-    pub fn count(&mut self, key: &Key) -> u64 {
+    pub(crate) fn count(&mut self, key: &Key) -> u64 {
         let given = self.whole(key).map(i64::unsigned_abs);
         given.unwrap_or_else(|| self.default(key))
     }
 
     /// A number of things that must be given; 0 if it is not.
-    pub fn required_count(&mut self, key: &Key) -> u64 {
+    pub(crate) fn required_count(&mut self, key: &Key) -> u64 {
         let n = self.whole(key).unwrap_or_else(|| {
             self.lacks(key.table(), &key.lacking());
             0
@@ -193,7 +209,7 @@ impl<'a> Checker<'a> {
     }
 
     /// True or false, if given.
-    pub fn flag(&self, key: &Key) -> Option<bool> {
+    pub(crate) fn flag(&self, key: &Key) -> Option<bool> {
         match self.value(key)? {
             Value::Flag(b) => Some(*b),
             _ => unreachable!("{} is true or false", key.path),
@@ -201,12 +217,12 @@ impl<'a> Checker<'a> {
     }
 
     /// True or false, or the default that its key declares.
-    pub fn flag_or_default(&mut self, key: &Key) -> bool {
+    pub(crate) fn flag_or_default(&mut self, key: &Key) -> bool {
         self.flag(key).unwrap_or_else(|| self.default(key))
     }
 
     /// A string, if given.
-    pub fn text(&self, key: &Key) -> Option<&str> {
+    pub(crate) fn text(&self, key: &Key) -> Option<&str> {
         match self.value(key)? {
             Value::Text(s) => Some(s),
             _ => unreachable!("{} is a string", key.path),
@@ -215,11 +231,13 @@ impl<'a> Checker<'a> {
 
     /// One of the names that a key declares, or its default; `None` if it is not given and has no
     /// default, or has another value.
-    pub fn choice(&mut self, key: &Key) -> Option<&'static str> {
+    pub(crate) fn choice(&mut self, key: &Key) -> Option<&'static str> {
         let Some(given) = self.text(key) else {
-            let default = Some(key.default).filter(|name| !name.is_empty())?;
-            self.fill(key, default);
-            return Some(default);
+            if key.default.is_empty() {
+                return None;
+            }
+            self.fill(key, key.default);
+            return Some(key.default);
         };
         let names = match key.values {
             Values::Text(names) => names.to_vec(),
@@ -235,21 +253,21 @@ impl<'a> Checker<'a> {
     }
 
     /// What the [`choice`](Self::choice) names.
-    pub fn named<T: Copy>(&mut self, key: &Key, names: &[(&str, T)]) -> Option<T> {
+    pub(crate) fn named<T: Copy>(&mut self, key: &Key, names: &[(&str, T)]) -> Option<T> {
         let chosen = self.choice(key)?;
         let known = names.iter().find(|(name, _)| *name == chosen);
         known.map(|(_, value)| *value)
     }
 
     /// Ways to give one quantity, of which none may be there.
-    pub fn at_most_one(&mut self, keys: &[&Key]) {
+    pub(crate) fn at_most_one(&mut self, keys: &[&Key]) {
         if keys.iter().any(|key| self.is_given(key)) {
             self.exactly_one(keys, "");
         }
     }
 
     /// Refuses keys that do not apply, and omits their defaults; `why` says when they do.
-    pub fn all_useless(&mut self, keys: &[&Key], why: &str) {
+    pub(crate) fn all_useless(&mut self, keys: &[&Key], why: &str) {
         for key in keys {
             self.useless(key, why);
         }
@@ -257,7 +275,7 @@ impl<'a> Checker<'a> {
 
     /// Refuses a key that does not apply; `what` says why and what to do. Adds how to take it away
     /// where leaving it out is not enough.
-    pub fn refuse_useless(&mut self, key: &Key, what: &str) {
+    pub(crate) fn refuse_useless(&mut self, key: &Key, what: &str) {
         self.omit(&[key]);
         let Some(at) = self.offset(key) else { return };
         let path = key.path;
@@ -270,23 +288,23 @@ impl<'a> Checker<'a> {
         } else {
             String::new()
         };
-        self.useless.push((at, path));
+        self.useless.push(UselessKey { at, path });
         self.refuse(key, &format!("{what}{more}"));
     }
 
     /// A problem of the whole configuration.
-    pub fn out_of_range(&self, what: &str) -> Failure {
+    pub(crate) fn out_of_range(&self, what: &str) -> Failure {
         Failure::input(format!("{}: {what}", self.input.source.name()))
     }
 
     /// Notes a problem of a key, and returns the first problem.
-    pub fn refused(&mut self, key: &Key, what: &str) -> Failure {
+    pub(crate) fn refused(&mut self, key: &Key, what: &str) -> Failure {
         self.refuse(key, what);
         self.first_problem().expect("at least that one")
     }
 
     /// Fails with the first problem, if there is any.
-    pub fn settle(&mut self) -> Result<()> {
+    pub(crate) fn settle(&mut self) -> Result<()> {
         self.first_problem().map_or(Ok(()), Err)
     }
 
@@ -296,25 +314,37 @@ impl<'a> Checker<'a> {
         self.useless.sort_unstable();
         let (at, text) = self.problems.first()?;
         let mut text = text.clone();
-        if self.useless.iter().any(|(of, _)| of == at) {
-            let others = self.useless.iter().filter(|(of, _)| of != at);
-            let place = |(at, path): &(usize, &str)| match self.input.override_at(*at) {
-                Some(_) => self.input.place(*at),
-                None => format!("{path} ({})", self.input.place(*at)),
-            };
-            let others: Vec<String> = others.map(place).collect();
+        if self.useless.iter().any(|key| key.at == *at) {
+            let others: Vec<String> = self
+                .useless
+                .iter()
+                .filter(|key| key.at != *at)
+                .map(|key| self.mention_useless(key))
+                .collect();
             if !others.is_empty() {
                 text += &format!("; likewise {}", list(&others, "and"));
             }
-            let of_base = |(at, _): &&(usize, &str)| self.input.is_extended(*at);
-            if let Some((_, path)) = self.useless.iter().find(of_base)
+            let in_base = self
+                .useless
+                .iter()
+                .find(|key| self.input.is_extended(key.at));
+            if let Some(key) = in_base
                 && !self.input.is_extended(*at)
             {
-                let name = self.input.source.name();
+                let (path, name) = (key.path, self.input.source.name());
                 text += &format!("; {path} = \"none\" in {name} takes such a key of a base away");
             }
         }
         Some(Failure::input(text))
+    }
+
+    /// Key and place of a key that does not apply; of a `--set` the place has the key.
+    fn mention_useless(&self, key: &UselessKey) -> String {
+        let place = self.input.place(key.at);
+        match self.input.override_at(key.at) {
+            Some(_) => place,
+            None => format!("{} ({place})", key.path),
+        }
     }
 }
 
@@ -347,9 +377,8 @@ impl KeyReader for Checker<'_> {
             .filter_map(|k| self.offset(keys[k]).map(|at| (at, k)))
             .collect();
         given.sort_unstable();
-        if let [(first_at, first), (_, second), ..] = given[..] {
+        if let [(first_at, first), (second_at, second), ..] = given[..] {
             let names: Vec<&str> = keys.iter().map(|k| k.name()).collect();
-            let second_at = self.offset(keys[second]).unwrap_or(0);
             let mut text = format!(
                 "contradicts {} ({}); give exactly one of {}",
                 keys[first].path,
@@ -366,8 +395,8 @@ impl KeyReader for Checker<'_> {
             }
             self.refuse(keys[second], &text);
         }
-        if let Some((_, k)) = given.first() {
-            *k
+        if let Some((_, first)) = given.first() {
+            *first
         } else {
             self.lacks(keys[0].table(), what);
             0

@@ -10,14 +10,14 @@ use gshear_dem::laws::{Contact, Law};
 /// The greatest mean overlap over d̄ under a load, and the last overlap over the diameter for which
 /// Δt is planned: the last δ/(R1+R2) of LH for two equal disks, at a/R = 0.3, beyond which its
 /// tangential stiffness (A9) is outside its range.
-pub const OVERLAP_LIMIT: f64 = 0.094;
+pub(crate) const OVERLAP_LIMIT: f64 = 0.094;
 
 /// κ for which the mean overlap is the greatest, [`OVERLAP_LIMIT`].
-pub const STIFFNESS_NUMBER_MIN: f64 = 1.0 / OVERLAP_LIMIT;
+pub(crate) const STIFFNESS_NUMBER_MIN: f64 = 1.0 / OVERLAP_LIMIT;
 
 /// κ beyond which the mean overlap is so small a part of the coordinates that f64 does not resolve
 /// it well.
-pub const STIFFNESS_NUMBER_MAX: f64 = 1e10;
+pub(crate) const STIFFNESS_NUMBER_MAX: f64 = 1e10;
 
 /// Solid fraction by which the height of a packing is estimated: random close packing of disks, and
 /// of spheres.
@@ -33,7 +33,7 @@ const NARROW_SIZES: f64 = 2.0;
 /// one of R_max on two disks of R_max with just room for R_min between them: its centre is h =
 /// R_max √(4 - (1+q)²), q = R_min/R_max, above theirs, at R_max. Pores between spheres bend: those
 /// take half of h more (docs/scheme.md has what was measured).
-pub fn wall_layers(sample: &Sample) -> f64 {
+pub(crate) fn wall_layers(sample: &Sample) -> f64 {
     let (least, greatest) = (sample.radius_min, sample.radius_max);
     if greatest <= NARROW_SIZES * least {
         return 1.0;
@@ -45,12 +45,12 @@ pub fn wall_layers(sample: &Sample) -> f64 {
 
 /// Height of the walls and of the least sample between them, five d̄, over d̄; `layers`: thickness
 /// of all walls over d̄.
-pub fn least_height(layers: f64) -> f64 {
+pub(crate) fn least_height(layers: f64) -> f64 {
     layers + 5.0
 }
 
 /// x^(1/3) of a positive number: Newton's steps from a start that is right to some ulps.
-pub fn cube_root(x: f64) -> f64 {
+pub(crate) fn cube_root(x: f64) -> f64 {
     let third = portable_ln(x) / 3.0;
     let start = if third > 0.0 {
         1.0 / portable_exp(-third)
@@ -61,7 +61,7 @@ pub fn cube_root(x: f64) -> f64 {
 }
 
 /// The length (m) of a cubic box (square in 2D) of this volume (m³; m²).
-pub fn box_length(dimension: Dimensions, volume: f64) -> f64 {
+pub(crate) fn box_length(dimension: Dimensions, volume: f64) -> f64 {
     match dimension {
         Dimensions::Two => volume.sqrt(),
         Dimensions::Three => cube_root(volume),
@@ -70,7 +70,7 @@ pub fn box_length(dimension: Dimensions, volume: f64) -> f64 {
 
 /// P (Pa) at which the mean overlap is d̄/κ: F = k_n(δ̄) δ̄ = P d̄, in 3D P d̄², for two grains of
 /// the mean radius.
-pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
+pub(crate) fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
     let diameter = sample.mean_diameter;
     let radius = 0.5 * diameter;
     let overlap = diameter / stiffness_number;
@@ -80,18 +80,21 @@ pub fn pressure(law: &Law, sample: &Sample, stiffness_number: f64) -> f64 {
 
 /// F_c (N; N/m in 2D) of two mean grains: the force that separates them.
 pub fn mean_attraction(contact: &Contact, sample: &Sample) -> f64 {
-    contact.attraction.pull_off([0.5 * sample.mean_diameter; 2])
+    let radii = [0.5 * sample.mean_diameter; 2];
+    let adhesion = contact.adhesion.as_ref();
+    adhesion.map_or(0.0, |adhesion| adhesion.pull_off(radii))
 }
 
 /// The attraction (N; N/m in 2D) of two mean grains under a load (N; N/m in 2D).
-pub fn attraction_under(load: f64, contact: &Contact, sample: &Sample) -> f64 {
+pub(crate) fn attraction_under(load: f64, contact: &Contact, sample: &Sample) -> f64 {
     let radii = [0.5 * sample.mean_diameter; 2];
-    contact.attraction.under(load, radii)
+    let adhesion = contact.adhesion.as_ref();
+    adhesion.map_or(0.0, |adhesion| adhesion.under_load(load, radii))
 }
 
-/// κ at which [`pressure`] is the given P (Pa): bisection of a function that falls as κ grows, down
-/// to neighbouring floats. `None` if κ would lie outside [`STIFFNESS_NUMBER_MIN`] …
-/// [`STIFFNESS_NUMBER_MAX`].
+/// κ at which the mean overlap under the given P (Pa) is d̄/κ: bisection of a function that falls
+/// as κ grows, down to neighbouring floats. `None` if κ would lie outside of the range that
+/// `load.stiffness_number` may have.
 pub fn stiffness_number(law: &Law, sample: &Sample, given: f64) -> Option<f64> {
     let (mut low, mut high) = (STIFFNESS_NUMBER_MIN, STIFFNESS_NUMBER_MAX);
     if pressure(law, sample, low) < given || pressure(law, sample, high) > given {
@@ -129,7 +132,7 @@ pub fn contact_time(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
 }
 
 /// Default Δt (s): a tenth of [`contact_time`], but no more than [`step_limit`].
-pub fn default_step(contact_time: f64, step_limit: f64) -> f64 {
+pub(crate) fn default_step(contact_time: f64, step_limit: f64) -> f64 {
     (0.1 * contact_time).min(step_limit)
 }
 
@@ -144,7 +147,7 @@ pub fn default_step(contact_time: f64, step_limit: f64) -> f64 {
 /// and, with their inertia, 84 k_t/m and 60 k_r/(mR²), of twisting, too. Of a stiffness k of the
 /// configuration k_r is kR²/4 between equal grains; of a grain and a much larger one it is kR², but
 /// only one of the two turns, which counts as kR²/2.
-pub fn step_limit(
+pub(crate) fn step_limit(
     law: &Law,
     contact: &Contact,
     sample: &Sample,
@@ -154,39 +157,65 @@ pub fn step_limit(
     let [mass, secant] = lightest_and_stiffest(law, sample, mean_overlap);
     let rigid = law.rigidity(secant, mass, friction);
     // Of two equal grains 2 I_r/(mR²); ¾m of disks is that of A22.
-    let [along, across, turning, of_rolling] =
+    let [along, across, turning, inertia_of_rolling] =
         sample.by_dimension([12.0, 36.0, 24.0, 0.75], [24.0, 84.0, 60.0, 0.7]);
+    let mut modes = vec![
+        Mode {
+            share: along,
+            stiffness: rigid.normal,
+            damping: rigid.damping[0],
+        },
+        Mode {
+            share: across,
+            stiffness: rigid.tangential,
+            damping: rigid.damping[1],
+        },
+    ];
     let rolls = contact.rolling_stiffness.map(|k| 0.5 * k);
     let twists = contact.twisting_stiffness.map(|k| 0.5 * k).or(rolls);
-    let turns = |friction: f64, stiffness: Option<f64>, eta: f64, inertia: f64| {
-        let stiffness = if friction > 0.0 {
-            stiffness.unwrap_or(rigid.rolling)
-        } else {
-            0.0
-        };
-        let damping = 2.0 * eta * (inertia * stiffness * mass).sqrt();
-        (turning, stiffness, damping)
-    };
-    let eta_r = contact.rolling_damping_ratio;
-    let eta_w = contact.twisting_damping_ratio;
-    // Share, stiffness and damping constant.
-    let modes = [
-        (along, rigid.normal, rigid.damping[0]),
-        (across, rigid.tangential, rigid.damping[1]),
-        turns(contact.rolling_friction, rolls, eta_r, of_rolling),
-        turns(contact.twisting_friction, twists, eta_w, 0.2),
-    ];
-    let limits = modes.map(|(share, stiffness, damping)| {
-        let (square, damping) = (share * stiffness / mass, share * damping / mass);
+    if contact.rolling_friction > 0.0 {
+        let stiffness = rolls.unwrap_or(rigid.rolling);
+        let eta = contact.rolling_damping_ratio;
+        modes.push(Mode {
+            share: turning,
+            stiffness,
+            damping: 2.0 * eta * (inertia_of_rolling * stiffness * mass).sqrt(),
+        });
+    }
+    if contact.twisting_friction > 0.0 {
+        let stiffness = twists.unwrap_or(rigid.rolling);
+        let eta = contact.twisting_damping_ratio;
+        modes.push(Mode {
+            share: turning,
+            stiffness,
+            damping: 2.0 * eta * (0.2 * stiffness * mass).sqrt(),
+        });
+    }
+    let limits = modes.iter().map(|mode| mode.step_limit(mass));
+    limits.fold(f64::INFINITY, f64::min)
+}
+
+/// A mode of the motion of a grain on its contacts.
+struct Mode {
+    /// Its stiffness and damping constant, over those of one contact.
+    share: f64,
+    stiffness: f64,
+    damping: f64,
+}
+
+impl Mode {
+    /// The greatest Δt (s) at which it is stable, with this mass (kg; kg/m in 2D).
+    fn step_limit(&self, mass: f64) -> f64 {
+        let square = self.share * self.stiffness / mass;
+        let damping = self.share * self.damping / mass;
         2.0 / (damping + (damping * damping + square).sqrt())
-    });
-    limits.into_iter().fold(f64::INFINITY, f64::min)
+    }
 }
 
 /// The default gain of a servo (m/(s Pa)): with it the wall yields to a wave as a sample of the
 /// same grains would, 1/Z of the impedance Z = √(m̄ k)/d̄, in 3D over d̄², with k at the mean
 /// overlap (m).
-pub fn servo_gain(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
+pub(crate) fn servo_gain(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
     let mass = law.masses().of(0, sample.mean_volume);
     sample.mean_section() / (mass * mean_stiffness(law, sample, mean_overlap)).sqrt()
 }
@@ -194,17 +223,17 @@ pub fn servo_gain(law: &Law, sample: &Sample, mean_overlap: f64) -> f64 {
 /// The greatest gain of a servo (m/(s Pa)) for Δt (s). A wall on contacts that have together the
 /// stiffness K (Pa/m) and the damping constant C (Pa s/m) is stable while gain (K Δt + 3 C) < 1;
 /// they are taken as four contacts of mean grains at this overlap (m) on every d̄, in 3D d̄².
-pub fn servo_gain_limit(law: &Law, sample: &Sample, overlap: f64, step: f64) -> f64 {
+pub(crate) fn servo_gain_limit(law: &Law, sample: &Sample, overlap: f64, step: f64) -> f64 {
     let mass = law.masses().of(0, sample.mean_volume);
     let rigid = law.rigidity(mean_stiffness(law, sample, overlap), mass, false);
-    let of_contact = rigid.normal * step + 3.0 * rigid.damping[0];
-    sample.mean_section() / (4.0 * of_contact)
+    let per_contact = rigid.normal * step + 3.0 * rigid.damping[0];
+    sample.mean_section() / (4.0 * per_contact)
 }
 
 /// The least mass (kg; kg/m in 2D) of the top wall for Δt (s): on contacts that have together the
 /// stiffness K and the damping constant C, K Δt² + C Δt/2. They are taken as four contacts of mean
 /// grains at this overlap (m) on every d̄, in 3D d̄².
-pub fn least_wall_mass(law: &Law, sample: &Sample, overlap: f64, step: f64) -> f64 {
+pub(crate) fn least_wall_mass(law: &Law, sample: &Sample, overlap: f64, step: f64) -> f64 {
     let mass = law.masses().of(0, sample.mean_volume);
     let rigid = law.rigidity(mean_stiffness(law, sample, overlap), mass, false);
     let contacts = 4.0 * sample.base() / sample.mean_section();
@@ -219,12 +248,12 @@ fn mean_stiffness(law: &Law, sample: &Sample, overlap: f64) -> f64 {
 
 /// H (m) of the packed sample, walls included: N π⟨R²⟩/(0.84 L_x), in 3D N (4/3)π⟨R³⟩/(0.64 L_x
 /// L_y).
-pub fn packed_height(sample: &Sample) -> f64 {
+pub(crate) fn packed_height(sample: &Sample) -> f64 {
     f64::from(sample.grains) * sample.mean_volume / (packed_fraction(sample) * sample.base())
 }
 
 /// The fewest grains whose packing is so high (m).
-pub fn least_grains(sample: &Sample, height: f64) -> f64 {
+pub(crate) fn least_grains(sample: &Sample, height: f64) -> f64 {
     let volume = packed_fraction(sample) * sample.base() * height;
     (volume / sample.mean_volume).ceil()
 }

@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{Key, KeyReader};
-use gshear_dem::protocol::{Normal, Part};
+use gshear_dem::protocol::Normal;
 use gshear_dem::system::THICKEST_SKIN;
 
 use crate::checker::Checker;
@@ -12,21 +12,46 @@ use crate::output::OUTPUT;
 use crate::periodic::{AQS, BOX, NEWTONIAN, PeriodicBox};
 use crate::protocol::{Motion, SHEAR};
 use crate::sample::SAMPLE;
-use crate::scene::{Boundary, Scene};
+use crate::scene::{Scene, Stages};
 use crate::schedule::{MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
 use crate::time::TIME;
 use crate::walls::PlaneShear;
 use crate::words::show;
 
-/// What is written, with the bytes of each, at least.
-type Written = (&'static str, f64);
+/// A kind of record that is written during a run.
+struct Record {
+    /// In the plural.
+    name: &'static str,
+    /// Bytes of one, at least.
+    bytes: f64,
+}
 
-/// Rows of the time series.
-const ROWS: Written = ("rows of the time series", 100.0);
+/// A row of the time series.
+const ROW: Record = Record {
+    name: "rows of the time series",
+    bytes: 100.0,
+};
 
-/// Frames of the scene.
-fn frames_of(scene: &Scene) -> Written {
-    ("frames", 50.0 * f64::from(scene.sample.grains))
+impl Record {
+    /// A frame of the scene.
+    fn frame(scene: &Scene) -> Self {
+        Record {
+            name: "frames",
+            bytes: 50.0 * f64::from(scene.sample.grains),
+        }
+    }
+
+    /// Refuses more of them than any disk holds; `keys` set how many.
+    fn check(&self, c: &mut Checker<'_>, keys: &[&Key], count: f64) {
+        let name = self.name;
+        let bytes = count * self.bytes;
+        if bytes > MOST_BYTES {
+            let what = format!(
+                "asks for {count:.1e} {name}, at least {bytes:.1e} bytes, more than the {MOST_BYTES:.0e} bytes that a run may write; give fewer"
+            );
+            c.refuse_among(keys, &what);
+        }
+    }
 }
 
 /// Time steps of a cycle, at least.
@@ -39,9 +64,9 @@ const MOST_BYTES: f64 = 1e15;
 /// Refuses a scene whose run could not end, or whose coordinates do not resolve its overlaps.
 pub(crate) fn check(c: &mut Checker<'_>, scene: &Scene) -> Result<()> {
     resolution(c, scene);
-    match &scene.boundary {
-        Boundary::Walls(walls) => of_walls(c, scene, walls),
-        Boundary::Periodic(periodic) => of_a_box(c, scene, periodic),
+    match &scene.stages {
+        Stages::Shear(walls) => check_shear(c, scene, walls),
+        Stages::Strain(periodic) => check_box(c, scene, periodic),
     }
     c.settle()
 }
@@ -52,14 +77,14 @@ pub(crate) fn check(c: &mut Checker<'_>, scene: &Scene) -> Result<()> {
 /// before.
 fn resolution(c: &mut Checker<'_>, scene: &Scene) {
     let sample = &scene.sample;
-    let (height, kappa, keys) = match &scene.boundary {
-        Boundary::Walls(walls) => {
+    let (height, kappa, keys) = match &scene.stages {
+        Stages::Shear(walls) => {
             let farthest = walls.origin.file().map_or(0.0, |file| file.farthest);
             let height = farthest.max(walls.height(sample));
             let keys = [&[&SAMPLE.packing][..], &WAYS].concat();
             (height, walls.load.stiffness_number, keys)
         }
-        Boundary::Periodic(periodic) => {
+        Stages::Strain(periodic) => {
             let Some(least) = periodic.least_pressure() else {
                 return;
             };
@@ -103,7 +128,7 @@ struct DrivePart {
 /// The keys that set the rate of the shear.
 static RATE: [&Key; 3] = [&SHEAR.protocol, &SHEAR.velocity, &SHEAR.inertial_number];
 
-fn of_walls(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
+fn check_shear(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
     let height = walls.height(&scene.sample) - walls.thickness_of_walls(&scene.sample);
     let schedule = Schedule::new(scene, walls, height);
     let step = scene.time_step.step;
@@ -118,12 +143,14 @@ fn of_walls(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
             }]
         }
         Motion::Protocol(parts) => {
-            let part = |(n, part): (usize, &Part)| DrivePart {
-                name: format!("part {}: ", n + 1),
-                speed: part.speed(height),
-                steps: part.time / step,
-            };
-            parts.iter().enumerate().map(part).collect()
+            let parts = parts.iter().enumerate();
+            parts
+                .map(|(n, part)| DrivePart {
+                    name: format!("part {}: ", n + 1),
+                    speed: part.speed(height),
+                    steps: part.time / step,
+                })
+                .collect()
         }
     };
     let refused = check_speeds(scene, walls, &parts)
@@ -142,25 +169,33 @@ fn of_walls(c: &mut Checker<'_>, scene: &Scene, walls: &PlaneShear) {
 fn check_speeds(scene: &Scene, walls: &PlaneShear, parts: &[DrivePart]) -> Result<(), String> {
     let (sample, step) = (&scene.sample, scene.time_step.step);
     for DrivePart { name, speed, .. } in parts {
-        let way = speed * step;
+        let distance = speed * step;
         // NaN is too long.
-        let is_short = way <= sample.length;
+        let is_short = distance <= sample.length;
         if !is_short {
             return Err(format!(
-                "{name}moves the drive by {way:.1e} m in a time step of {step:.1e} s, further than the cell is long, {:.1e} m; give a lower rate",
+                "{name}moves the drive by {distance:.1e} m in a time step of {step:.1e} s, further than the cell is long, {:.1e} m; give a lower rate",
                 sample.length
             ));
         }
     }
-    // The greatest step of a wall that the list of pairs allows. A spring moves it as it likes.
+    // How far a spring moves the wall is not known before.
+    if walls.shear.spring.is_some() {
+        return Ok(());
+    }
+    // The greatest step of a wall that the list of pairs allows.
     let given = scene.bookkeeping.list.skin;
     let half = 0.5 * given.unwrap_or(THICKEST_SKIN) * sample.mean_diameter;
     let too_fast = parts.iter().find(|part| part.speed * step > half);
-    match too_fast.filter(|_| walls.shear.spring.is_none()) {
+    match too_fast {
         Some(DrivePart { name, speed, .. }) => Err(format!(
             "{name}moves the wall by {:.1e} m in a time step of {step:.1e} s, further than {half:.1e} m, half the skin of the neighbour list; give a lower rate, or a smaller time.step{}",
             speed * step,
-            given.map_or("", |_| ", or a greater bookkeeping.skin")
+            if given.is_some() {
+                ", or a greater bookkeeping.skin"
+            } else {
+                ""
+            }
         )),
         None => Ok(()),
     }
@@ -187,11 +222,11 @@ fn check_waves(scene: &Scene, walls: &PlaneShear) -> Result<(), String> {
             Some(Normal::Velocity(velocity)) => velocity.abs() * step,
             _ => 0.0,
         };
-        let vibration = part.imposed.bottom.map_or(0.0, |of| of.amplitude);
-        for (name, way) in [("wall_velocity", vertical), ("bottom_amplitude", vibration)] {
-            if way > sample.mean_diameter {
+        let vibration = part.imposed.bottom.map_or(0.0, |wave| wave.amplitude);
+        for (name, distance) in [("wall_velocity", vertical), ("bottom_amplitude", vibration)] {
+            if distance > sample.mean_diameter {
                 return Err(format!(
-                    "part {n}: {name} moves a wall by {way:.1e} m, more than a mean diameter of {:.1e} m, in a step or a cycle; give less",
+                    "part {n}: {name} moves a wall by {distance:.1e} m, more than a mean diameter of {:.1e} m, in a step or a cycle; give less",
                     sample.mean_diameter
                 ));
             }
@@ -225,12 +260,12 @@ fn check_steps(parts: &[DrivePart], step: f64) -> Result<(), String> {
 fn check_output(c: &mut Checker<'_>, scene: &Scene, schedule: &Schedule) {
     let counts = schedule.counts(schedule.total);
     let keys = [&OUTPUT.frame_strain, &OUTPUT.frame_rows];
-    written(c, &keys, counts.frames as f64, frames_of(scene));
+    Record::frame(scene).check(c, &keys, counts.frames as f64);
     let keys = [&OUTPUT.series_strain, &OUTPUT.series_rows];
-    written(c, &keys, counts.rows as f64, ROWS);
+    ROW.check(c, &keys, counts.rows as f64);
 }
 
-fn of_a_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
+fn check_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
     let aqs = &periodic.aqs;
     if aqs.steps > MOST_STEPS {
         let what = format!(
@@ -249,9 +284,10 @@ fn of_a_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
         );
         c.refuse(&AQS.birth_precision, &what);
     }
-    written(c, &[&AQS.steps], aqs.steps as f64, ROWS);
+    let frame = Record::frame(scene);
+    ROW.check(c, &[&AQS.steps], aqs.steps as f64);
     let frames = aqs.steps.checked_div(aqs.frame_every).unwrap_or(0) as f64;
-    written(c, &[&AQS.frame_every], frames, frames_of(scene));
+    frame.check(c, &[&AQS.frame_every], frames);
     let Some(newtonian) = &periodic.newtonian else {
         return;
     };
@@ -266,19 +302,8 @@ fn of_a_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
     }
     // No more than one in each step.
     let most = newtonian.growth_times * STEPS_WITHOUT_A_PAIR;
-    let at_most = |count: u64| (count as f64).min(most);
-    written(c, &[&NEWTONIAN.rows], at_most(newtonian.rows), ROWS);
-    let frames = at_most(newtonian.frames);
-    written(c, &[&NEWTONIAN.frames], frames, frames_of(scene));
-}
-
-/// Refuses more output than any disk holds.
-fn written(c: &mut Checker<'_>, keys: &[&Key], count: f64, (name, bytes): Written) {
-    let bytes = count * bytes;
-    if bytes > MOST_BYTES {
-        let what = format!(
-            "asks for {count:.1e} {name}, at least {bytes:.1e} bytes, more than the {MOST_BYTES:.0e} bytes that a run may write; give fewer"
-        );
-        c.refuse_among(keys, &what);
-    }
+    let rows = (newtonian.rows as f64).min(most);
+    ROW.check(c, &[&NEWTONIAN.rows], rows);
+    let frames = (newtonian.frames as f64).min(most);
+    frame.check(c, &[&NEWTONIAN.frames], frames);
 }

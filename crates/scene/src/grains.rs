@@ -78,10 +78,10 @@ impl Sample {
     }
 
     /// One of two values.
-    pub(crate) fn by_dimension<T>(&self, of_disks: T, of_spheres: T) -> T {
+    pub(crate) fn by_dimension<T>(&self, disks: T, spheres: T) -> T {
         match self.dimension() {
-            Dimensions::Two => of_disks,
-            Dimensions::Three => of_spheres,
+            Dimensions::Two => disks,
+            Dimensions::Three => spheres,
         }
     }
 
@@ -143,7 +143,7 @@ impl SizeClass {
     /// ```text
     /// R = b (t + u (1-t))^(1/p),  t = (a/b)^p,  or b (a/b)^(1-u) if p = 0
     /// ```
-    pub fn quantile(&self, u: f64) -> f64 {
+    pub(crate) fn quantile(&self, u: f64) -> f64 {
         let [a, b] = self.between;
         let (p, wide) = (1.0 - self.exponent, portable_ln(a / b));
         if (p * wide).abs() < 1e-9 {
@@ -165,32 +165,22 @@ impl SizeClass {
         let p = 1.0 - self.exponent;
         // Of R^p, one of whose ends is 1.
         let end = if p > 0.0 { b } else { a };
-        weighted_by_logarithm([a, b], f, |x| portable_exp(p * (x - portable_ln(end))))
+        weighted_by_logarithm(a, b, f, |x| portable_exp(p * (x - portable_ln(end))))
     }
 }
 
 impl Sizes {
-    /// The names, as `sample.sizes` has them.
-    pub const NAMES: [&str; 7] = [
-        "uniform",
-        "normal",
-        "lognormal",
-        "power",
-        "table",
-        "binary",
-        "list",
-    ];
-
-    /// ⟨f(R)⟩, between `a` and `b` (m). Polynomials of third order are exact but for rounding where
+    /// ⟨f(R)⟩ between these limits (m). Polynomials of third order are exact but for rounding where
     /// R is uniform, binary or a list.
-    pub fn mean(&self, [a, b]: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
+    pub fn mean(&self, limits: [f64; 2], f: impl Fn(f64) -> f64) -> f64 {
+        let [a, b] = limits;
         match self {
             Sizes::Uniform => weighted(a, b, 2, f, |_| 1.0),
             Sizes::Normal { mean, deviation } => weighted(a, b, 2000, f, |r| {
                 let z = (r - mean) / deviation;
                 portable_exp(-0.5 * z * z)
             }),
-            Sizes::Lognormal { mean, deviation } => weighted_by_logarithm([a, b], f, |x| {
+            Sizes::Lognormal { mean, deviation } => weighted_by_logarithm(a, b, f, |x| {
                 let z = (x - mean) / deviation;
                 portable_exp(-0.5 * z * z)
             }),
@@ -228,11 +218,17 @@ fn weighted(
 
 /// Mean of f(R) over R ∈ [a, b] (m), with these weights of x = ln R per dx.
 fn weighted_by_logarithm(
-    [a, b]: [f64; 2],
+    a: f64,
+    b: f64,
     f: impl Fn(f64) -> f64,
     weight: impl Fn(f64) -> f64,
 ) -> f64 {
-    let [from, to] = [a, b].map(portable_ln);
-    let of_logarithm = |x: f64| f(b * portable_exp((x - to).min(0.0)));
-    weighted(from, to, 2000, of_logarithm, weight)
+    let (from, to) = (portable_ln(a), portable_ln(b));
+    weighted(
+        from,
+        to,
+        2000,
+        |x| f(b * portable_exp((x - to).min(0.0))),
+        weight,
+    )
 }

@@ -6,7 +6,7 @@
 //! it stays closed: the grain is wedged between grains of the wall. One that is wider than what
 //! rests over it is bridged by an arch, which shear breaks.
 
-use gshear_dem::state::{Confinement, GrainState, body, length};
+use gshear_dem::state::{GrainState, body, length};
 
 use crate::derived::wall_layers;
 use crate::grains::Sample;
@@ -60,34 +60,10 @@ pub fn plugs(
     if !closes_holes(plane_shear, sample) {
         return Vec::new();
     }
-    let up = scene.dimension.axes() - 1;
     let mut plugs = Vec::new();
-    for wall in bodies(plane_shear.confinement) {
-        let height = |g: &GrainState| match *wall {
-            body::BOTTOM => g.position[up] - edges[0],
-            _ => edges[1] - g.position[up],
-        };
-        let far = reach(plane_shear, sample);
-        let mut spheres = Vec::new();
-        for g in grains
-            .iter()
-            .filter(|g| g.body == *wall || g.body == body::FREE && height(g) < far)
-        {
-            let across = if up == 1 { 0.0 } else { g.position[1] };
-            spheres.push(Sphere {
-                id: g.id,
-                place: [g.position[0], across, height(g)],
-                radius: g.radius,
-                is_wall: g.body == *wall,
-            });
-        }
-        spheres.sort_by_key(|sphere| sphere.id);
-        let wall_of = Wall {
-            spheres,
-            periods: [sample.length, sample.width],
-            margin: SQUEEZED * plane_shear.load.mean_overlap(sample),
-        };
-        plugs.extend(wall_of.plugs().into_iter().map(|id| (id, *wall)));
+    for body in plane_shear.boundary.bodies() {
+        let wall = Wall::new(scene, plane_shear, body, edges, grains);
+        plugs.extend(wall.plugs().into_iter().map(|id| (id, body)));
     }
     plugs.sort_unstable();
     plugs
@@ -111,21 +87,47 @@ pub fn close(grains: &mut [GrainState], plugs: &[(u32, u32)], material: Option<u
 /// Whether the holes of the walls are closed: those of layers of grains at least as thick as by
 /// default.
 fn closes_holes(plane_shear: &PlaneShear, sample: &Sample) -> bool {
-    plane_shear.walls == Walls::Layers
-        && plane_shear.confinement != Confinement::Images
-        && plane_shear.wall_layers >= wall_layers(sample)
-}
-
-/// The walls that a sample has.
-fn bodies(confinement: Confinement) -> &'static [u32] {
-    match confinement {
-        Confinement::Walls => &[body::BOTTOM, body::TOP],
-        Confinement::FreeSurface => &[body::BOTTOM],
-        Confinement::Images => &[],
-    }
+    plane_shear.walls == Walls::Layers && plane_shear.wall_layers >= wall_layers(sample)
 }
 
 impl Wall {
+    /// The wall of this body of a sample between these edges (m), and the free grains near it.
+    fn new(
+        scene: &Scene,
+        plane_shear: &PlaneShear,
+        body: u32,
+        edges: [f64; 2],
+        grains: &[GrainState],
+    ) -> Self {
+        let sample = &scene.sample;
+        let up = scene.dimension.axes() - 1;
+        let far = reach(plane_shear, sample);
+        let mut spheres = Vec::new();
+        for g in grains {
+            let height = match body {
+                body::BOTTOM => g.position[up] - edges[0],
+                _ => edges[1] - g.position[up],
+            };
+            let is_near = g.body == body::FREE && height < far;
+            if g.body != body && !is_near {
+                continue;
+            }
+            let y = if up == 1 { 0.0 } else { g.position[1] };
+            spheres.push(Sphere {
+                id: g.id,
+                place: [g.position[0], y, height],
+                radius: g.radius,
+                is_wall: g.body == body,
+            });
+        }
+        spheres.sort_by_key(|sphere| sphere.id);
+        Self {
+            spheres,
+            periods: [sample.length, sample.width],
+            margin: SQUEEZED * plane_shear.load.mean_overlap(sample),
+        }
+    }
+
     /// The ids of the free grains that close the holes that leak. A sample so loose that it takes
     /// as many as the wall has keeps its holes.
     fn plugs(mut self) -> Vec<u32> {
@@ -149,16 +151,11 @@ impl Wall {
     /// such hole.
     fn leak(&self, paths: &Paths) -> Option<usize> {
         let walls: Vec<bool> = self.spheres.iter().map(|sphere| sphere.is_wall).collect();
-        let radii = || {
-            self.spheres
-                .iter()
-                .filter(|of| !of.is_wall)
-                .map(|of| of.radius)
-        };
-        let limits = [
-            radii().fold(f64::INFINITY, f64::min),
-            radii().fold(0.0, f64::max),
-        ];
+        let mut limits = [f64::INFINITY, 0.0];
+        for sphere in self.spheres.iter().filter(|sphere| !sphere.is_wall) {
+            limits[0] = limits[0].min(sphere.radius);
+            limits[1] = limits[1].max(sphere.radius);
+        }
         // Most walls have no hole for any grain.
         paths.through(&walls, limits[0] - self.margin)?;
         let over = self.resting();
@@ -176,27 +173,27 @@ impl Wall {
 
     fn paths(&self) -> Paths {
         if self.periods[1].is_finite() {
-            Paths::OfSpheres(pores::Pores::new(self))
+            Paths::Spheres(pores::Pores::new(self))
         } else {
-            Paths::OfDisks(rings::Rings::new(self))
+            Paths::Disks(rings::Rings::new(self))
         }
     }
 
     /// Which free grains touch the wall.
     fn resting(&self) -> Vec<bool> {
-        let mut wall: Vec<&Sphere> = self.spheres.iter().filter(|of| of.is_wall).collect();
+        let mut wall: Vec<&Sphere> = self.spheres.iter().filter(|s| s.is_wall).collect();
         wall.sort_by(|a, b| a.place[0].total_cmp(&b.place[0]));
-        let widest = self.spheres.iter().map(|of| of.radius).fold(0.0, f64::max);
+        let widest = greatest_radius(&self.spheres);
         let mut resting = Vec::with_capacity(self.spheres.len());
         for g in &self.spheres {
             let far = g.radius + widest + self.margin;
             let touches = [-1.0, 0.0, 1.0].into_iter().any(|image| {
                 let x = g.place[0] + image * self.periods[0];
                 let [first, end] =
-                    [x - far, x + far].map(|edge| wall.partition_point(|of| of.place[0] < edge));
-                wall[first..end].iter().any(|of| {
-                    self.distance(&g.place, &of.place) < g.radius + of.radius + self.margin
-                })
+                    [x - far, x + far].map(|edge| wall.partition_point(|s| s.place[0] < edge));
+                wall[first..end]
+                    .iter()
+                    .any(|s| self.distance(&g.place, &s.place) < g.radius + s.radius + self.margin)
             });
             resting.push(touches && !g.is_wall);
         }
@@ -221,12 +218,10 @@ impl Wall {
     fn nearest_free(&self, place: [f64; 3]) -> Option<usize> {
         let mut nearest = None;
         let mut least = f64::INFINITY;
-        for (k, sphere) in self
-            .spheres
-            .iter()
-            .enumerate()
-            .filter(|(_, of)| !of.is_wall)
-        {
+        for (k, sphere) in self.spheres.iter().enumerate() {
+            if sphere.is_wall {
+                continue;
+            }
             let gap = self.distance(&sphere.place, &place) - sphere.radius;
             if gap < least {
                 (least, nearest) = (gap, Some(k));
@@ -237,13 +232,13 @@ impl Wall {
 
     /// The vector between two places, that of the nearest images.
     fn separation(&self, from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
-        let mut apart: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
-        for (x, period) in apart.iter_mut().zip(self.periods) {
+        let mut separation: [f64; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
+        for (x, period) in separation.iter_mut().zip(self.periods) {
             if period.is_finite() {
                 *x -= period * (*x / period).round();
             }
         }
-        apart
+        separation
     }
 
     fn distance(&self, from: &[f64; 3], to: &[f64; 3]) -> f64 {
@@ -251,18 +246,24 @@ impl Wall {
     }
 }
 
+/// The greatest radius (m), 0 of none.
+fn greatest_radius(spheres: &[Sphere]) -> f64 {
+    let radii = spheres.iter().map(|sphere| sphere.radius);
+    radii.fold(0.0, f64::max)
+}
+
 /// Paths through a wall.
 enum Paths {
-    OfDisks(rings::Rings),
-    OfSpheres(pores::Pores),
+    Disks(rings::Rings),
+    Spheres(pores::Pores),
 }
 
 impl Paths {
     /// Where a grain of this radius (m) passes a wall of these spheres; `None` if it does not.
     fn through(&self, walls: &[bool], radius: f64) -> Option<[f64; 3]> {
         match self {
-            Self::OfDisks(rings) => rings.through(walls, radius),
-            Self::OfSpheres(pores) => pores.through(walls, radius),
+            Self::Disks(rings) => rings.through(walls, radius),
+            Self::Spheres(pores) => pores.through(walls, radius),
         }
     }
 }
@@ -366,7 +367,7 @@ mod tests {
         };
         for (missing, pore) in [(false, 2f64.sqrt() - 1.0), (true, 1.0)] {
             let wall = layer(missing);
-            let walls: Vec<bool> = wall.spheres.iter().map(|of| of.is_wall).collect();
+            let walls: Vec<bool> = wall.spheres.iter().map(|s| s.is_wall).collect();
             let paths = wall.paths();
             assert!(paths.through(&walls, 0.999 * pore).is_some());
             assert!(paths.through(&walls, pore + 0.11 * 0.4 + 1e-3).is_none());

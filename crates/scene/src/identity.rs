@@ -11,7 +11,7 @@ use crate::keys::key;
 use crate::periodic::AQS;
 use crate::protocol::SHEAR;
 use crate::sample::SAMPLE;
-use crate::scene::{Boundary, Scene};
+use crate::scene::{Scene, Stages};
 use crate::value::Value as KeyValue;
 use gshear_dem::laws::keys::Change;
 
@@ -61,11 +61,11 @@ pub fn identity(scene: &Scene) -> String {
 
 /// Whether a key belongs to the identity of the scene.
 fn counts(path: &str, scene: &Scene) -> bool {
-    let before_the_last_stage = match &scene.boundary {
+    let before_the_last_stage = match &scene.stages {
         // Its parts are the drive; a protocol is only ever continued.
-        Boundary::Walls(_) => path == SHEAR.protocol.path,
+        Stages::Shear(_) => path == SHEAR.protocol.path,
         // Newton's equations begin where the strain steps end.
-        Boundary::Periodic(periodic) => {
+        Stages::Strain(periodic) => {
             periodic.newtonian.is_some()
                 && [AQS.steps.path, AQS.until_imaginary.path].contains(&path)
         }
@@ -103,37 +103,40 @@ pub fn changes(before: &str, after: &str) -> Vec<KeyChange> {
     let differing = paths
         .into_iter()
         .filter(|path| before.get(*path) != after.get(*path));
-    // A key without a value has its default, if that is a constant.
-    let value = |found: Option<&String>, path: &str| found.cloned().or_else(|| default(path));
-    let change = |path: &String| KeyChange {
-        path: path.clone(),
-        before: value(before.get(path), path),
-        after: value(after.get(path), path),
-        change: change_of(path),
-    };
-    differing.map(change).collect()
+    differing
+        .map(|path| KeyChange {
+            path: path.clone(),
+            before: value_or_default(&before, path),
+            after: value_or_default(&after, path),
+            change: change_of(path),
+        })
+        .collect()
+}
+
+/// The value of a key; of one without a value its default, if that is a constant.
+fn value_or_default(values: &BTreeMap<String, String>, path: &str) -> Option<String> {
+    values.get(path).cloned().or_else(|| default(path))
 }
 
 /// Returns the values of a scene as TOML by their paths, without those that are the constant
 /// default of their key, so that a key of a later version does not tell two scenes apart.
 pub fn values(toml: &str) -> BTreeMap<String, String> {
     let table: Table = toml::from_str(toml).unwrap_or_default();
-    let mut found = BTreeMap::new();
-    let mut add = |path: String, value: &Value| {
-        let text = value.to_string();
-        if default(&path).as_ref() != Some(&text) {
-            found.insert(path, text);
-        }
-    };
+    let mut values = BTreeMap::new();
     for (name, value) in &table {
         match value {
-            Value::Table(inner) => inner
-                .iter()
-                .for_each(|(key, value)| add(format!("{name}.{key}"), value)),
-            value => add(name.clone(), value),
+            Value::Table(inner) => {
+                for (key, value) in inner {
+                    values.insert(format!("{name}.{key}"), value.to_string());
+                }
+            }
+            value => {
+                values.insert(name.clone(), value.to_string());
+            }
         }
     }
-    found
+    values.retain(|path, text| default(path).as_ref() != Some(text));
+    values
 }
 
 /// The constant default of a key, written as [`values`] writes it.

@@ -15,7 +15,7 @@ use gshear_dem::state::{GrainState, body};
 const ROOM: f64 = 1.05;
 
 /// Columns of grains up to the given radius (m) that have room in a cell of this length (m).
-pub fn columns(length: f64, radius_max: f64) -> u32 {
+fn columns(length: f64, radius_max: f64) -> u32 {
     ((length / (2.0 * radius_max * ROOM)) as u32).max(1)
 }
 
@@ -37,33 +37,33 @@ impl<'a> Lattice<'a> {
     pub fn new(sample: &'a Sample, sizes: &'a Sizes) -> Self {
         let along = columns(sample.length, sample.radius_max);
         let across = sample.by_dimension(1, columns(sample.width, sample.radius_max));
-        let width = |length: f64, columns: u32| length / f64::from(columns);
+        let width = sample.length / f64::from(along);
+        let depth = sample.width / f64::from(across);
         Self {
             sample,
             sizes,
             columns: [along, across],
-            width: [
-                width(sample.length, along),
-                sample.by_dimension(0.0, width(sample.width, across)),
-            ],
+            width: [width, sample.by_dimension(0.0, depth)],
         }
     }
 
     /// The ids of a column: the first ones hold one more where the grains do not fill the last row.
     fn ids(&self, column: u32) -> Range<u32> {
+        self.first_id(column)..self.first_id(column + 1)
+    }
+
+    fn first_id(&self, column: u32) -> u32 {
         let all = self.columns[0] * self.columns[1];
         let (rows, longer) = (self.sample.grains / all, self.sample.grains % all);
-        let first = |c: u32| c * rows + c.min(longer);
-        first(column)..first(column + 1)
+        column * rows + column.min(longer)
     }
 
     /// The grains at rest of this rank's share of the columns. Every grain has its own random
     /// stream, so any rank may make it.
     pub fn insert(&self, seed: u64, rank: usize, ranks: usize) -> Vec<GrainState> {
         let all = u64::from(self.columns[0] * self.columns[1]);
-        let part = |r: usize| (all * r as u64 / ranks as u64) as u32;
-        let columns = part(rank)..part(rank + 1);
-        columns.flat_map(|c| self.column(seed, c)).collect()
+        let [first, end] = [rank, rank + 1].map(|r| (all * r as u64 / ranks as u64) as u32);
+        (first..end).flat_map(|c| self.column(seed, c)).collect()
     }
 
     fn column(&self, seed: u64, column: u32) -> Vec<GrainState> {
@@ -71,7 +71,8 @@ impl<'a> Lattice<'a> {
         let periods = [self.sample.length, self.sample.width];
         let up = self.sample.dimension().axes() - 1;
         let mut bottom = 0.0;
-        let grain = |id| {
+        let mut grains = Vec::new();
+        for id in self.ids(column) {
             let mut uniform = stream(seed, id);
             let radius = radius(self.sample, self.sizes, &mut uniform);
             let mut position = [0.0; 3];
@@ -84,14 +85,14 @@ impl<'a> Lattice<'a> {
             let gap = 2.0 * radius * (ROOM - 1.0);
             position[up] = bottom + radius + gap * uniform();
             bottom += 2.0 * radius + gap;
-            GrainState {
+            grains.push(GrainState {
                 id,
                 position,
                 radius,
                 ..GrainState::zeroed()
-            }
-        };
-        self.ids(column).map(grain).collect()
+            });
+        }
+        grains
     }
 }
 
@@ -146,18 +147,18 @@ pub fn radius(sample: &Sample, sizes: &Sizes, uniform: &mut impl FnMut() -> f64)
 
 /// Random numbers in [0, 1) for one grain: first those of its radius, then those of its position.
 pub fn stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
-    stream_of(seed, u64::from(id))
+    numbered_stream(seed, u64::from(id))
 }
 
-fn stream_of(seed: u64, number: u64) -> impl FnMut() -> f64 {
+fn numbered_stream(seed: u64, number: u64) -> impl FnMut() -> f64 {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     random.set_stream(number);
     move || random.random::<f64>()
 }
 
 /// Random numbers in [0, 1) for the material of one grain.
-pub fn material_stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
-    stream_of(seed, u64::from(id) + (1 << 32))
+pub(crate) fn material_stream(seed: u64, id: u32) -> impl FnMut() -> f64 {
+    numbered_stream(seed, u64::from(id) + (1 << 32))
 }
 
 /// Number of large grains of a binary mixture of `grains`.
@@ -167,7 +168,7 @@ pub fn large(grains: u32, large_fraction: f64) -> usize {
 
 /// The volume (m³; m² in 2D) of all grains of a box: of a binary mixture there are exactly as many
 /// large ones as its fraction says, other radii are those that are drawn. `volume`: of a radius.
-pub fn volume_in_box(
+pub(crate) fn volume_in_box(
     seed: u64,
     sample: &Sample,
     sizes: &Sizes,
@@ -181,8 +182,9 @@ pub fn volume_in_box(
         }
         return large * volume(sample.radius_max) + (count - large) * volume(sample.radius_min);
     }
-    let of_grain = |id| volume(radius(sample, sizes, &mut stream(seed, id)));
-    (0..sample.grains).map(of_grain).sum()
+    (0..sample.grains)
+        .map(|id| volume(radius(sample, sizes, &mut stream(seed, id))))
+        .sum()
 }
 
 /// Makes walls of the grains whose centre is within `thickness` (m) of the `planes` (m) across the
@@ -296,7 +298,7 @@ mod tests {
             list,
         ] {
             let grains = Lattice::new(&SAMPLE, &sizes).insert(5, 0, 1);
-            let of = |f: fn(f64) -> f64| {
+            let check_mean = |f: fn(f64) -> f64| {
                 let n = grains.len() as f64;
                 let values = grains.iter().map(|g| f(g.radius / 1e-6));
                 let mean = values.clone().sum::<f64>() / n;
@@ -308,9 +310,9 @@ mod tests {
                     "{sizes:?}: {mean} {expected}"
                 );
             };
-            of(|r| r);
-            of(|r| r * r);
-            of(|r| r * r * r);
+            check_mean(|r| r);
+            check_mean(|r| r * r);
+            check_mean(|r| r * r * r);
         }
     }
 

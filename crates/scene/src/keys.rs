@@ -54,11 +54,10 @@ pub(crate) fn table(name: &str) -> Option<&'static Table> {
 
 /// The declaration of the key of a path, such as `seed` or `sample.grains`.
 pub fn key(path: &str) -> Option<&'static Key> {
-    let (name, of) = match path.split_once('.') {
-        Some((name, of)) => (of, table(name)?),
-        None => (path, &TOP),
-    };
-    of.key(name)
+    match path.split_once('.') {
+        Some((above, name)) => table(above)?.key(name),
+        None => TOP.key(path),
+    }
 }
 
 /// The values of a tree in which all keys are known.
@@ -67,38 +66,49 @@ pub fn key(path: &str) -> Option<&'static Key> {
 /// `Failure::Input` with the first value of another kind than its key has.
 pub(crate) fn read(tree: DeTable<'_>, input: &Input<'_>) -> Result<Given> {
     let mut given = Given::new();
-    let mut take = |key: Option<&'static Key>, value: Spanned<DeValue<'_>>| {
-        let Some(key) = key else { return Ok(()) };
-        let at = value.span().start;
-        let value = Value::read(key.values, value);
-        let value = value.map_err(|what| input.failure(at, key.path, &what))?;
-        given.insert(key.path, (at, value));
-        Ok(())
-    };
     for (name, value) in tree {
         let (span, table) = (value.span(), table(name.get_ref()));
         match (table, value.into_inner()) {
             (Some(table), DeValue::Table(inner)) => {
                 for (name, value) in inner {
-                    take(table.key(name.get_ref()), value)?;
+                    read_value(table.key(name.get_ref()), value, input, &mut given)?;
                 }
             }
             (Some(table), DeValue::Array(all)) => {
                 let mut all = all.into_iter();
                 if let Some(DeValue::Table(first)) = all.next().map(Spanned::into_inner) {
                     for (name, value) in first {
-                        take(table.key(name.get_ref()), value)?;
+                        read_value(table.key(name.get_ref()), value, input, &mut given)?;
                     }
                 }
                 let others: DeArray<'_> = all.collect();
                 if !others.is_empty() {
-                    take(Some(&OTHERS), Spanned::new(span, DeValue::Array(others)))?;
+                    let others = Spanned::new(span, DeValue::Array(others));
+                    read_value(Some(&OTHERS), others, input, &mut given)?;
                 }
             }
-            (_, value) => take(TOP.key(name.get_ref()), Spanned::new(span, value))?,
+            (_, value) => {
+                let key = TOP.key(name.get_ref());
+                read_value(key, Spanned::new(span, value), input, &mut given)?;
+            }
         }
     }
     Ok(given)
+}
+
+/// Adds the value of a key; unknown keys have been refused.
+fn read_value(
+    key: Option<&'static Key>,
+    value: Spanned<DeValue<'_>>,
+    input: &Input<'_>,
+    given: &mut Given,
+) -> Result<()> {
+    let Some(key) = key else { return Ok(()) };
+    let at = value.span().start;
+    let value = Value::read(key.values, value);
+    let value = value.map_err(|what| input.failure(at, key.path, &what))?;
+    given.insert(key.path, (at, value));
+    Ok(())
 }
 
 /// Refuses the tables of scenes with walls in a scene with a box, and the other way round.
@@ -110,10 +120,10 @@ pub(crate) fn refuse_others(tree: &DeTable<'_>, input: &Input<'_>, boxed: bool) 
         let why = "is for scenes with a [box], but this one has none";
         (Scenes::Box, why)
     };
-    let found = tree
+    let refused = tree
         .iter()
         .filter(|(key, _)| table(key.get_ref()).is_some_and(|table| table.scenes == others));
-    match found.min_by_key(|(key, _)| key.span().start) {
+    match refused.min_by_key(|(key, _)| key.span().start) {
         Some((key, _)) => {
             let table = format!("[{}]", key.get_ref());
             Err(input.failure(key.span().start, &table, &format!("{why}; leave it out")))
@@ -128,85 +138,112 @@ pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<()> {
     let mut problems = Vec::new();
     for (key, value) in tree {
         let name: &str = key.get_ref();
-        let offset = key.span().start;
-        match (table(name), value.get_ref()) {
-            (Some(known), DeValue::Table(table)) => unknown_of(known, table, &mut problems),
+        let at = key.span().start;
+        let problem = match (table(name), value.get_ref()) {
+            (Some(known), DeValue::Table(table)) => {
+                unknown_in_table(known, table, &mut problems);
+                continue;
+            }
             (Some(known), DeValue::Array(tables))
                 if known.name == MaterialKeys::TABLE.name && !tables.is_empty() =>
             {
                 for table in tables {
                     match table.get_ref() {
-                        DeValue::Table(table) => unknown_of(known, table, &mut problems),
+                        DeValue::Table(table) => unknown_in_table(known, table, &mut problems),
                         other => {
                             let kind = other.type_str();
-                            let what = format!("must be a table, not a value of type {kind}");
-                            problems.push((offset, name.to_string(), what));
+                            problems.push(KeyProblem {
+                                at,
+                                path: name.to_string(),
+                                what: format!("must be a table, not a value of type {kind}"),
+                            });
                         }
                     }
                 }
+                continue;
             }
-            (Some(_), DeValue::String(text)) if text == TAKE_AWAY => {}
-            (Some(known), other) => {
-                let what = format!(
+            (Some(_), DeValue::String(text)) if text == TAKE_AWAY => continue,
+            (None, _) if TOP.key(name).is_some() => continue,
+            (Some(known), other) => KeyProblem {
+                at,
+                path: name.to_string(),
+                what: format!(
                     "is a table, not a value of type {}; write [{name}] and under it {}",
                     other.type_str(),
                     names(known).join(", ")
-                );
-                problems.push((offset, name.to_string(), what));
-            }
-            (None, _) if TOP.key(name).is_some() => {}
-            (None, DeValue::Table(_)) => {
-                problems.push((offset, format!("[{name}]"), unknown_table(name)));
-            }
-            (None, _) => problems.push((offset, name.to_string(), unknown_top(name))),
-        }
+                ),
+            },
+            (None, DeValue::Table(_)) => KeyProblem {
+                at,
+                path: format!("[{name}]"),
+                what: unknown_table(name),
+            },
+            (None, _) => KeyProblem {
+                at,
+                path: name.to_string(),
+                what: unknown_top(name),
+            },
+        };
+        problems.push(problem);
     }
-    match problems.into_iter().min_by_key(|(offset, _, _)| *offset) {
-        Some((offset, path, what)) => Err(input.failure(offset, &path, &what)),
+    match problems.into_iter().min_by_key(|problem| problem.at) {
+        Some(problem) => Err(input.failure(problem.at, &problem.path, &problem.what)),
         None => Ok(()),
     }
 }
 
+/// A key that is not known, or a value where a table belongs.
+pub(crate) struct KeyProblem {
+    at: usize,
+    path: String,
+    /// What to say of it.
+    pub(crate) what: String,
+}
+
 /// Notes the keys that a table does not know, and those of its lists of tables.
-fn unknown_of(known: &Table, table: &DeTable<'_>, problems: &mut Vec<(usize, String, String)>) {
+fn unknown_in_table(known: &Table, table: &DeTable<'_>, problems: &mut Vec<KeyProblem>) {
     for (key, value) in table {
         let name: &str = key.get_ref();
         let Some(declared) = known.key(name) else {
-            let what = unknown_key(known.name, name);
-            problems.push((key.span().start, format!("{}.{name}", known.name), what));
+            problems.push(KeyProblem {
+                at: key.span().start,
+                path: format!("{}.{name}", known.name),
+                what: unknown_key(known.name, name),
+            });
             continue;
         };
         unknown_in_list(declared, value.get_ref(), problems);
     }
 }
 
-/// Notes the keys that the tables of a list do not know: places, paths and what to say of them.
-pub(crate) fn unknown_in_list(
-    declared: &Key,
-    value: &DeValue<'_>,
-    problems: &mut Vec<(usize, String, String)>,
-) {
+/// Notes the keys that the tables of a list do not know.
+pub(crate) fn unknown_in_list(declared: &Key, value: &DeValue<'_>, problems: &mut Vec<KeyProblem>) {
     let known = match declared.values {
         Values::Tables(keys) => keys(),
         Values::Parts(keys) => keys.to_vec(),
         _ => return,
     };
-    let tables = value
-        .as_array()
-        .into_iter()
-        .flat_map(|tables| tables.iter());
+    let tables = value.as_array().into_iter().flatten();
     for (n, table) in tables.enumerate() {
-        let keys = table.get_ref().as_table().into_iter().flatten();
-        for (key, _) in keys.filter(|(key, _)| known.iter().all(|of| of.name() != key.get_ref())) {
-            let name = key.get_ref();
-            let (path, what) = if let Values::Parts(_) = declared.values {
-                let what = format!("part {}: {}", n + 1, unknown_key_of_a_part(name, &known));
-                (declared.path.to_string(), what)
+        for (key, _) in table.get_ref().as_table().into_iter().flatten() {
+            let name: &str = key.get_ref();
+            if known.iter().any(|known| known.name() == name) {
+                continue;
+            }
+            let at = key.span().start;
+            problems.push(if let Values::Parts(_) = declared.values {
+                KeyProblem {
+                    at,
+                    path: declared.path.to_string(),
+                    what: format!("part {}: {}", n + 1, unknown_key_of_a_part(name, &known)),
+                }
             } else {
-                let path = format!("{}.{name}", declared.path);
-                (path, unknown_key(declared.table(), name))
-            };
-            problems.push((key.span().start, path, what));
+                KeyProblem {
+                    at,
+                    path: format!("{}.{name}", declared.path),
+                    what: unknown_key(declared.table(), name),
+                }
+            });
         }
     }
 }
@@ -263,7 +300,7 @@ fn unknown_key(table: &str, key: &str) -> String {
 }
 
 fn unknown_key_of_a_part(key: &str, known: &[&'static Key]) -> String {
-    let names: Vec<&str> = known.iter().map(|of| of.name()).collect();
+    let names: Vec<&str> = known.iter().map(|known| known.name()).collect();
     let unknown = format!("unknown key {key}{}", meant(key, &names));
     known_names(unknown, "a part knows", &names)
 }

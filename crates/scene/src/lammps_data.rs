@@ -76,24 +76,26 @@ pub fn write(title: &str, comments: &[&str], file: &DataFile) -> String {
     }
     // LAMMPS compares the whole comment with its atom_style.
     text.push_str("\nAtoms # sphere\n\n");
-    let row = |text: &mut String, numbers: &[f64]| {
-        for x in numbers {
-            // Writing to a string cannot fail.
-            let _ = write!(text, " {x:?}");
-        }
-        text.push('\n');
-    };
     for a in &file.atoms {
         let [x, y, z] = a.position;
         let _ = write!(text, "{} {}", a.id, a.kind);
-        row(&mut text, &[a.diameter, a.density, x, y, z]);
+        end_row(&mut text, &[a.diameter, a.density, x, y, z]);
     }
     text.push_str("\nVelocities\n\n");
     for a in &file.atoms {
         let _ = write!(text, "{}", a.id);
-        row(&mut text, [a.velocity, a.angular_velocity].as_flattened());
+        end_row(&mut text, [a.velocity, a.angular_velocity].as_flattened());
     }
     text
+}
+
+/// Writes the numbers at the end of a row.
+fn end_row(text: &mut String, numbers: &[f64]) {
+    for x in numbers {
+        // Writing to a string cannot fail.
+        let _ = write!(text, " {x:?}");
+    }
+    text.push('\n');
 }
 
 /// Reads a file's text; `name` is what messages call it.
@@ -119,7 +121,12 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile> {
                 if atoms.is_some() {
                     return Err(lines.wrong(at, "a second section Atoms"));
                 }
-                atoms = Some(lines.atoms(at, style, (file.types, count), &mut place)?);
+                let rows = AtomRows {
+                    style: AtomStyle::read(&lines, at, style)?,
+                    types: file.types,
+                    count,
+                };
+                atoms = Some(lines.atoms(&rows, &mut place)?);
                 lines.heading(&format!("the header says {count} atoms, here is one more"))?
             }
             "Velocities" => {
@@ -132,9 +139,9 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile> {
                 ))?
             }
             passed if PASSED_OVER.iter().any(|word| passed.ends_with(word)) => lines.pass_over(),
-            empty if WITHOUT_ROWS.split(' ').any(|of| of == empty) => lines.heading(&format!(
-                "{empty} are not taken: grains have none; delete the section"
-            ))?,
+            empty if WITHOUT_ROWS.split(' ').any(|section| section == empty) => lines.heading(
+                &format!("{empty} are not taken: grains have none; delete the section"),
+            )?,
             other => {
                 return Err(lines.wrong(
                     at,
@@ -146,9 +153,59 @@ pub fn parse(name: &str, text: &str) -> Result<DataFile> {
             }
         };
     }
-    let missing = || Failure::input(format!("{name}: the section Atoms is missing"));
-    file.atoms = atoms.ok_or_else(missing)?;
+    file.atoms =
+        atoms.ok_or_else(|| Failure::input(format!("{name}: the section Atoms is missing")))?;
     Ok(file)
+}
+
+/// The style of the rows of the section Atoms.
+#[derive(Clone, Copy, PartialEq)]
+enum AtomStyle {
+    Sphere,
+    /// A hybrid that begins with sphere.
+    Hybrid {
+        /// Whether it has other styles, and their columns.
+        has_more: bool,
+    },
+}
+
+impl AtomStyle {
+    /// Reads the comment of the heading on line `at`.
+    fn read(lines: &Lines<'_>, at: usize, style: &str) -> Result<Self> {
+        let words: Vec<&str> = style.split_whitespace().collect();
+        match words[..] {
+            [] | ["sphere" | "granular", ..] => Ok(Self::Sphere),
+            ["hybrid", "sphere", ref others @ ..] => Ok(Self::Hybrid {
+                has_more: !others.is_empty(),
+            }),
+            _ => {
+                let what = format!(
+                    "Atoms are of the style {}; write them with atom_style sphere: {}; or with a hybrid that begins with sphere",
+                    shortened(style),
+                    COLUMNS[0]
+                );
+                Err(lines.wrong(at, &what))
+            }
+        }
+    }
+
+    /// How a row is written, for messages.
+    fn form(self) -> String {
+        let (style, columns) = match self {
+            Self::Sphere => ("sphere", COLUMNS[0]),
+            Self::Hybrid { .. } => ("hybrid sphere", COLUMNS[1]),
+        };
+        format!("a row of Atoms is {columns}, as atom_style {style} writes it")
+    }
+}
+
+/// The rows of the section Atoms.
+struct AtomRows {
+    style: AtomStyle,
+    /// Number of types.
+    types: u32,
+    /// Number of atoms, as the header says.
+    count: u64,
 }
 
 /// The lines of a file that are not read yet.
@@ -185,32 +242,12 @@ impl<'a> Lines<'a> {
         Ok([lo, hi])
     }
 
-    /// The rows of the section Atoms, whose heading on line `at` has this style; their places by
-    /// ids are added to `place`.
-    fn atoms(
-        &mut self,
-        at: usize,
-        style: &str,
-        (types, count): (u32, u64),
-        place: &mut HashMap<u64, usize>,
-    ) -> Result<Vec<Atom>> {
-        let words: Vec<&str> = style.split_whitespace().collect();
-        let hybrid = match words[..] {
-            [] | ["sphere" | "granular", ..] => None,
-            ["hybrid", "sphere", ref others @ ..] => Some(!others.is_empty()),
-            _ => {
-                let what = format!(
-                    "Atoms are of the style {}; write them with atom_style sphere: {}; or with a hybrid that begins with sphere",
-                    shortened(style),
-                    COLUMNS[0]
-                );
-                return Err(self.wrong(at, &what));
-            }
-        };
+    /// The rows of the section Atoms; their places by ids are added to `place`.
+    fn atoms(&mut self, rows: &AtomRows, place: &mut HashMap<u64, usize>) -> Result<Vec<Atom>> {
         // The header may say more than the file has.
-        let mut read = Vec::with_capacity((count as usize).min(self.end));
-        for _ in 0..count {
-            let atom = self.atom(hybrid, types, count)?;
+        let mut read = Vec::with_capacity((rows.count as usize).min(self.end));
+        for _ in 0..rows.count {
+            let atom = self.atom(rows)?;
             if let Some(first) = place.insert(atom.id, read.len()) {
                 let first: &Atom = &read[first];
                 let what = format!("atom {} was on line {} already", atom.id, first.line);
@@ -311,39 +348,50 @@ impl<'a> Lines<'a> {
         first: usize,
         form: &str,
     ) -> Result<[f64; K]> {
-        let mut out = [0.0; K];
-        for (k, to) in out.iter_mut().enumerate() {
-            let Some(word) = words.get(first + k) else {
-                let what = format!("{} columns are too few; {form}", words.len());
-                return Err(self.wrong(line, &what));
-            };
-            *to = match word.parse::<f64>() {
-                Ok(x) if x.is_finite() => x,
-                _ => {
-                    return Err(self.wrong(line, &format!("{} is no number; {form}", quoted(word))));
-                }
-            };
+        let mut numbers = [0.0; K];
+        for (k, number) in numbers.iter_mut().enumerate() {
+            *number = self.number(line, words, first + k, form)?;
         }
-        Ok(out)
+        Ok(numbers)
     }
 
-    /// `hybrid`: whether the style is a hybrid, and of more than spheres.
-    fn atom(&mut self, hybrid: Option<bool>, types: u32, count: u64) -> Result<Atom> {
-        let (line, words) = self.row(count, "Atoms")?;
-        let (style, columns) = match hybrid {
-            None => ("sphere", COLUMNS[0]),
-            Some(_) => ("hybrid sphere", COLUMNS[1]),
+    /// The number that this word is.
+    pub(crate) fn number(
+        &self,
+        line: usize,
+        words: &[&str],
+        place: usize,
+        form: &str,
+    ) -> Result<f64> {
+        let Some(word) = words.get(place) else {
+            let what = format!("{} columns are too few; {form}", words.len());
+            return Err(self.wrong(line, &what));
         };
-        let form = format!("a row of Atoms is {columns}, as atom_style {style} writes it");
+        match word.parse::<f64>() {
+            Ok(x) if x.is_finite() => Ok(x),
+            _ => Err(self.wrong(line, &format!("{} is no number; {form}", quoted(word)))),
+        }
+    }
+
+    fn atom(&mut self, rows: &AtomRows) -> Result<Atom> {
+        let AtomRows {
+            style,
+            types,
+            count,
+        } = *rows;
+        let (line, words) = self.row(count, "Atoms")?;
+        let form = style.form();
         let id = self.id(line, &words, &form)?;
-        let has_more = hybrid == Some(true);
+        let has_more = style == AtomStyle::Hybrid { has_more: true };
         if words.len() < 7 || !has_more && ![7, 10].contains(&words.len()) {
             let what = format!("{} columns; {form}", words.len());
             return Err(self.wrong(line, &what));
         }
         // Images are not needed: positions are wrapped in any case.
         let image = words[7..].iter().find(|word| word.parse::<i64>().is_err());
-        if let Some(image) = image.filter(|_| !has_more) {
+        if let Some(image) = image
+            && !has_more
+        {
             let what = format!(
                 "the images of atom {id} must be three whole numbers, such as 0 0 0, found {}",
                 quoted(image)
@@ -359,11 +407,11 @@ impl<'a> Lines<'a> {
             }
         };
         let mut numbers = self.numbers(line, &words, 2, &form)?;
-        if hybrid.is_some() {
+        if style != AtomStyle::Sphere {
             numbers.rotate_left(3);
         }
         let [diameter, density, x, y, z] = numbers;
-        self.check_sphere(line, id, [diameter, density])?;
+        self.check_sphere(line, id, diameter, density)?;
         Ok(Atom {
             id,
             kind,
@@ -380,7 +428,8 @@ impl<'a> Lines<'a> {
         &self,
         line: usize,
         id: u64,
-        [diameter, density]: [f64; 2],
+        diameter: f64,
+        density: f64,
     ) -> Result<()> {
         for (what, value) in [("diameter", diameter), ("density", density)] {
             // Half of the least float is 0, the square of 1e-200 too.
@@ -405,6 +454,83 @@ fn is_heading(line: &str) -> bool {
     line.starts_with(|c: char| c.is_ascii_alphabetic())
 }
 
+/// A line of the header: numbers, and what they are.
+struct HeaderLine<'a> {
+    at: usize,
+    text: &'a str,
+    words: Vec<&'a str>,
+    /// How many of the words are numbers.
+    numbers: usize,
+    /// The others.
+    keyword: String,
+}
+
+impl<'a> HeaderLine<'a> {
+    fn new(at: usize, line: &'a str) -> Self {
+        let text = split_comment(line).0;
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let numbers = words
+            .iter()
+            .take_while(|word| word.parse::<f64>().is_ok())
+            .count();
+        Self {
+            at,
+            text,
+            numbers,
+            keyword: words[numbers..].join(" "),
+            words,
+        }
+    }
+
+    /// The axis whose bounds it has.
+    fn axis(&self) -> Option<usize> {
+        AXES.iter()
+            .position(|axis| self.keyword == format!("{axis}lo {axis}hi"))
+    }
+
+    /// Refuses another number of numbers.
+    fn check_numbers(&self, lines: &Lines<'_>, wanted: usize, form: &str) -> Result<()> {
+        if self.numbers == wanted {
+            return Ok(());
+        }
+        let what = format!("{} numbers; write: {form}", self.numbers);
+        Err(lines.wrong(self.at, &what))
+    }
+
+    /// Refuses a second line of the same keyword.
+    fn check_first(&self, lines: &Lines<'_>, is_given: bool) -> Result<()> {
+        if !is_given {
+            return Ok(());
+        }
+        let what = format!("a second line {}; leave it out", self.keyword);
+        Err(lines.wrong(self.at, &what))
+    }
+
+    /// Its only number, a number of things.
+    fn count(&self, lines: &Lines<'_>) -> Result<u32> {
+        let keyword = &self.keyword;
+        self.check_numbers(lines, 1, &format!("N {keyword}"))?;
+        match self.words[0].parse::<u32>() {
+            Ok(count) if count > 0 => Ok(count),
+            _ => {
+                let (most, found) = (u32::MAX, shortened(self.words[0]));
+                let what = format!(
+                    "the number of {keyword} must be a whole number in 1 … {most}, found {found}"
+                );
+                Err(lines.wrong(self.at, &what))
+            }
+        }
+    }
+
+    /// Whether it is of something that packings do without, such as `0 bonds` or `2 extra bond per
+    /// atom`.
+    fn is_skipped(&self) -> bool {
+        let keyword = &self.keyword;
+        let is_none = self.words[0] == "0" && !keyword.is_empty();
+        self.numbers == 1 && (is_none || keyword.starts_with("extra "))
+    }
+}
+
 /// What the header has said so far.
 #[derive(Default)]
 struct DataHeader {
@@ -425,89 +551,66 @@ impl DataHeader {
             if is_heading(line) {
                 return Ok((header, Some((at, line))));
             }
-            let text = split_comment(line).0;
-            let words: Vec<&str> = text.split_whitespace().collect();
-            let is_number = |word: &&&str| word.parse::<f64>().is_ok();
-            let numbers = words.iter().take_while(is_number).count();
-            let keyword = words[numbers..].join(" ");
-            let check = |holds: bool, what: String| {
-                let holds = holds.then_some(());
-                holds.ok_or_else(|| lines.wrong(at, &what))
-            };
-            let expect = |wanted: usize, form: &str| {
-                check(
-                    numbers == wanted,
-                    format!("{numbers} numbers; write: {form}"),
-                )
-            };
-            let count = || {
-                expect(1, &format!("N {keyword}"))?;
-                let count = words[0].parse::<u32>();
-                count.ok().filter(|&count| count > 0).ok_or_else(|| {
-                    let (most, found) = (u32::MAX, shortened(words[0]));
-                    let what = format!(
-                        "the number of {keyword} must be a whole number in 1 … {most}, found {found}"
-                    );
-                    lines.wrong(at, &what)
-                })
-            };
-            let once =
-                |given: bool| check(!given, format!("a second line {keyword}; leave it out"));
-            let names_it = |axis: &&str| keyword == format!("{axis}lo {axis}hi");
-            let axis = AXES.iter().position(names_it);
-            match (keyword.as_str(), axis) {
-                (_, Some(axis)) => {
-                    once(header.bounds[axis].is_some())?;
-                    let form = format!("lo hi {keyword}");
-                    expect(2, &form)?;
-                    header.bounds[axis] = Some(lines.bounds(at, &words[..numbers], &form)?);
-                }
-                ("atoms", _) => {
-                    once(header.atoms.is_some())?;
-                    header.atoms = Some(count()?.into());
-                }
-                ("atom types", _) => {
-                    once(header.types.is_some())?;
-                    header.types = Some(count()?);
-                }
-                ("xy xz yz", _) => {
-                    let form = "0 0 0 xy xz yz";
-                    expect(3, form)?;
-                    header.tilt = lines.numbers(at, &words, 0, &format!("write: {form}"))?;
-                }
-                // Such as `0 bonds`, `2 extra bond per atom`.
-                _ if numbers == 1
-                    && (words[0] == "0" && !keyword.is_empty()
-                        || keyword.starts_with("extra ")) => {}
-                _ => {
-                    let what = format!(
-                        "{} is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi",
-                        quoted(text)
-                    );
-                    return Err(lines.wrong(at, &what));
-                }
+            header.add(lines, &HeaderLine::new(at, line))?;
+        }
+    }
+
+    fn add(&mut self, lines: &Lines<'_>, line: &HeaderLine<'_>) -> Result<()> {
+        match (line.keyword.as_str(), line.axis()) {
+            (keyword, Some(axis)) => {
+                line.check_first(lines, self.bounds[axis].is_some())?;
+                let form = format!("lo hi {keyword}");
+                line.check_numbers(lines, 2, &form)?;
+                let numbers = &line.words[..line.numbers];
+                self.bounds[axis] = Some(lines.bounds(line.at, numbers, &form)?);
+            }
+            ("atoms", _) => {
+                line.check_first(lines, self.atoms.is_some())?;
+                self.atoms = Some(line.count(lines)?.into());
+            }
+            ("atom types", _) => {
+                line.check_first(lines, self.types.is_some())?;
+                self.types = Some(line.count(lines)?);
+            }
+            ("xy xz yz", _) => {
+                let form = "0 0 0 xy xz yz";
+                line.check_numbers(lines, 3, form)?;
+                let form = format!("write: {form}");
+                self.tilt = lines.numbers(line.at, &line.words, 0, &form)?;
+            }
+            _ if line.is_skipped() => {}
+            _ => {
+                let what = format!(
+                    "{} is no header line of a packing of disks; they are atoms, atom types, xlo xhi, ylo yhi, zlo zhi",
+                    quoted(line.text)
+                );
+                return Err(lines.wrong(line.at, &what));
             }
         }
+        Ok(())
     }
 
     /// A file without its atoms, and their number, if nothing is missing.
     fn complete(self, name: &str) -> Result<(DataFile, u64)> {
-        let missing =
-            |line: &str| Failure::input(format!("{name}: the header lacks the line `{line}`"));
-        let bounds = |axis: usize, line| self.bounds[axis].ok_or_else(|| missing(line));
-        let count = self.atoms.ok_or_else(|| missing("N atoms"))?;
+        let [x, y, z] = self.bounds;
+        let count = present(name, self.atoms, "N atoms")?;
         let file = DataFile {
             tilt: self.tilt,
-            types: self.types.ok_or_else(|| missing("n atom types"))?,
+            types: present(name, self.types, "n atom types")?,
             bounds: [
-                bounds(0, "lo hi xlo xhi")?,
-                bounds(1, "lo hi ylo yhi")?,
-                bounds(2, "lo hi zlo zhi")?,
+                present(name, x, "lo hi xlo xhi")?,
+                present(name, y, "lo hi ylo yhi")?,
+                present(name, z, "lo hi zlo zhi")?,
             ],
             ..DataFile::default()
         };
         Ok((file, count))
     }
+}
+
+/// What a line of the header says; refuses a file without the line.
+fn present<T>(name: &str, value: Option<T>, line: &str) -> Result<T> {
+    value.ok_or_else(|| Failure::input(format!("{name}: the header lacks the line `{line}`")))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::lammps_data::{Atom, DataFile, Lines, split_comment};
+use crate::lammps_data::{AXES, Atom, DataFile, Lines, split_comment};
 use crate::words::{quoted, shortened};
 use gshear_dem::failure::{Failure, Result};
 
@@ -14,19 +14,19 @@ const CUSTOM: &str =
 const PERIODIC: &str = "##PERIODIC::";
 
 /// Whether a text is a dump.
-pub fn is_dump(text: &str) -> bool {
+pub(crate) fn is_dump(text: &str) -> bool {
     text.trim_start().starts_with("ITEM:")
 }
 
 /// Whether a text is a list of spheres: it says its periods as one, or its first row has four
 /// numbers, or YADE's five.
-pub fn is_list(text: &str) -> bool {
+pub(crate) fn is_list(text: &str) -> bool {
     let mut rows = text.lines().map(str::trim);
     let first =
         rows.find(|row| row.starts_with(PERIODIC) || !row.is_empty() && !row.starts_with('#'));
     let first = first.unwrap_or("");
-    let words = || first.split_whitespace();
-    let has_numbers = (4..=5).contains(&words().count()) && words().all(is_number);
+    let words: Vec<&str> = first.split_whitespace().collect();
+    let has_numbers = (4..=5).contains(&words.len()) && words.into_iter().all(is_number);
     has_numbers || first.starts_with(PERIODIC)
 }
 
@@ -71,7 +71,7 @@ impl Clumps {
 ///
 /// # Errors
 /// `Failure::Input` with the line, what is wrong with it and what would be right.
-pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile> {
+pub(crate) fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile> {
     let numbered = text.lines().enumerate();
     let starts: Vec<usize> = numbered
         .filter(|(_, line)| line.trim_end() == "ITEM: TIMESTEP")
@@ -87,13 +87,15 @@ pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile> {
     if let Some(before) = start.checked_sub(1) {
         lines.rest.nth(before);
     }
-    let found = parse_frame(name, &mut lines);
+    let data = parse_frame(name, &mut lines);
     // A run that was killed leaves a part of its last frame.
-    let is_cut_off = found.is_err() && lines.rest.next().is_none();
-    found.map_err(|failure| match starts.len().checked_sub(2) {
+    let is_cut_off = data.is_err() && lines.rest.next().is_none();
+    data.map_err(|failure| match starts.len().checked_sub(2) {
         Some(before) if is_cut_off && starts.last() == Some(start) => {
-            let file = name.rsplit_once('@').filter(|_| frame.is_some());
-            let file = file.map_or(name, |(file, _)| file);
+            let file = match name.rsplit_once('@') {
+                Some((file, _)) if frame.is_some() => file,
+                _ => name,
+            };
             Failure::input(format!(
                 "{failure}; the last frame may be cut off: {file}@{before} is the one before it"
             ))
@@ -104,7 +106,7 @@ pub fn parse(name: &str, text: &str, frame: Option<usize>) -> Result<DataFile> {
 
 /// Reads the frame that begins here.
 fn parse_frame(name: &str, lines: &mut Lines<'_>) -> Result<DataFile> {
-    let (mut count, mut cell, mut bounded) = (None, None, [const { None }; 3]);
+    let (mut count, mut dump_box, mut bounded) = (None, None, [const { None }; 3]);
     loop {
         let Some((at, line)) = lines.next() else {
             return Err(Failure::input(format!(
@@ -121,17 +123,17 @@ fn parse_frame(name: &str, lines: &mut Lines<'_>) -> Result<DataFile> {
             count = Some(number);
         } else if item.starts_with("BOX BOUNDS") {
             bounded = not_periodic(item);
-            cell = Some(bounds(lines, at)?);
-        } else if let (Some(names), Some(count), Some((bounds, tilt))) =
-            (item.strip_prefix("ATOMS "), count, cell)
+            dump_box = Some(DumpBox::read(lines, at)?);
+        } else if let (Some(names), Some(count), Some(dump_box)) =
+            (item.strip_prefix("ATOMS "), count, &dump_box)
         {
             let columns = Columns::find(lines, at, names)?;
             let mut clumps = Clumps::default();
-            let rows = (0..count).map(|_| columns.atom(lines, count, (bounds, tilt), &mut clumps));
+            let rows = (0..count).map(|_| columns.atom(lines, count, dump_box, &mut clumps));
             let atoms = rows.collect::<Result<Vec<Atom>>>()?;
             return Ok(DataFile {
-                bounds,
-                tilt,
+                bounds: dump_box.bounds,
+                tilt: dump_box.tilt,
                 bounded,
                 stream: None,
                 types: atoms.iter().map(|a| a.kind).max().unwrap_or(1),
@@ -154,45 +156,71 @@ fn not_periodic(item: &str) -> [Option<String>; 3] {
     let mut words = item.split_whitespace().rev();
     let mut kinds = [words.next(), words.next(), words.next()];
     kinds.reverse();
-    let is_kind = |word: &&str| word.len() == 2 && word.bytes().all(|end| b"pfsm".contains(&end));
-    if !kinds.iter().all(|word| word.as_ref().is_some_and(is_kind)) {
+    let are_kinds = kinds.iter().all(|word| word.is_some_and(is_kind_of_bounds));
+    if !are_kinds {
         return [const { None }; 3];
     }
     kinds.map(|kind| kind.filter(|kind| *kind != "pp").map(String::from))
 }
 
-/// The lower and upper bounds of the box, and xy, xz, yz.
-type Bounds = ([[f64; 2]; 3], [f64; 3]);
+/// Whether a word says of both ends of an axis how they bound it, such as `ff`.
+fn is_kind_of_bounds(word: &str) -> bool {
+    word.len() == 2 && word.bytes().all(|end| b"pfsm".contains(&end))
+}
 
-/// Reads them, below the heading on this line. A dump says those of a box at right angles around
-/// the tilted one.
-fn bounds(lines: &mut Lines<'_>, heading: usize) -> Result<Bounds> {
-    let (mut bounds, mut tilt) = ([[0.0; 2]; 3], [0.0; 3]);
-    let form = "lo hi, in a tilted box with xy, xz or yz";
-    for axis in 0..3 {
-        let (at, row) = lines.next().unwrap_or((heading, ""));
-        let words: Vec<&str> = row.split_whitespace().collect();
-        if words.len() > 3 {
-            let what = "a general triclinic box is not taken; dump one whose first edge is along x";
-            return Err(lines.wrong(at, what));
+/// The box of a dump.
+struct DumpBox {
+    /// lo and hi along x, y, z.
+    bounds: [[f64; 2]; 3],
+    /// xy, xz, yz.
+    tilt: [f64; 3],
+}
+
+impl DumpBox {
+    /// Reads it, below the heading on this line. A dump says the bounds of a box at right angles
+    /// around the tilted one.
+    fn read(lines: &mut Lines<'_>, heading: usize) -> Result<Self> {
+        let (mut bounds, mut tilt) = ([[0.0; 2]; 3], [0.0; 3]);
+        let form = "lo hi, in a tilted box with xy, xz or yz";
+        for axis in 0..3 {
+            let (at, row) = lines.next().unwrap_or((heading, ""));
+            let words: Vec<&str> = row.split_whitespace().collect();
+            if words.len() > 3 {
+                let what =
+                    "a general triclinic box is not taken; dump one whose first edge is along x";
+                return Err(lines.wrong(at, what));
+            }
+            bounds[axis] = lines.bounds(at, &words, form)?;
+            if words.len() > 2 {
+                tilt[axis] = lines.number(at, &words, 2, form)?;
+            }
         }
-        bounds[axis] = lines.bounds(at, &words, form)?;
-        if words.len() > 2 {
-            [tilt[axis]] = lines.numbers(at, &words, 2, form)?;
+        let [xy, xz, yz] = tilt;
+        let along_x = [0.0, xy, xz, xy + xz];
+        for (axis, offsets) in [(0, &along_x[..]), (1, &[0.0, yz])] {
+            bounds[axis][0] -= offsets.iter().copied().fold(0.0, f64::min);
+            bounds[axis][1] -= offsets.iter().copied().fold(0.0, f64::max);
+            let [low, high] = bounds[axis];
+            if low >= high {
+                let what = "the box is tilted by more than its bounds are apart";
+                return Err(lines.wrong(heading, what));
+            }
         }
+        Ok(Self { bounds, tilt })
     }
-    let [xy, xz, yz] = tilt;
-    let along_x = [0.0, xy, xz, xy + xz];
-    for (axis, offsets) in [(0, &along_x[..]), (1, &[0.0, yz])] {
-        bounds[axis][0] -= offsets.iter().copied().fold(0.0, f64::min);
-        bounds[axis][1] -= offsets.iter().copied().fold(0.0, f64::max);
-        let [low, high] = bounds[axis];
-        if low >= high {
-            let what = "the box is tilted by more than its bounds are apart";
-            return Err(lines.wrong(heading, what));
-        }
+
+    /// The position that is these parts of its edges.
+    fn unscaled(&self, scaled: [f64; 3]) -> [f64; 3] {
+        let [x, y, z] = scaled;
+        let [xy, xz, yz] = self.tilt;
+        let low = self.bounds.map(|[low, _]| low);
+        let length = self.bounds.map(|[low, high]| high - low);
+        [
+            low[0] + x * length[0] + y * xy + z * xz,
+            low[1] + y * length[1] + z * yz,
+            low[2] + z * length[2],
+        ]
     }
-    Ok((bounds, tilt))
 }
 
 /// Places of the columns of the atoms.
@@ -214,34 +242,56 @@ struct Columns {
 /// Its name.
 const MULTISPHERE: &str = "id_multisphere";
 
+/// The names of the columns, in their order.
+struct ColumnNames<'n>(Vec<&'n str>);
+
+impl ColumnNames<'_> {
+    fn place(&self, name: &str) -> Option<usize> {
+        self.0.iter().position(|word| *word == name)
+    }
+
+    /// The columns of positions, and whether they are parts of the edges of the box.
+    fn positions(&self) -> Option<([usize; 3], bool)> {
+        for suffix in ["", "u", "s", "su"] {
+            let places = AXES.map(|axis| self.place(&format!("{axis}{suffix}")));
+            if let [Some(x), Some(y), Some(z)] = places {
+                return Some(([x, y, z], suffix.starts_with('s')));
+            }
+        }
+        None
+    }
+}
+
+/// A dump without a column.
+fn lacks(lines: &Lines<'_>, at: usize, name: &str) -> Failure {
+    let what = format!("there is no column {name}; write it by {CUSTOM}");
+    lines.wrong(at, &what)
+}
+
 impl Columns {
     /// `names`: after ITEM: ATOMS, on line `at`.
     fn find(lines: &Lines<'_>, at: usize, names: &str) -> Result<Self> {
-        let place = |name: &str| names.split_whitespace().position(|word| word == name);
-        let lacks = |name: &str| {
-            let what = format!("there is no column {name}; write it by {CUSTOM}");
-            lines.wrong(at, &what)
+        let names = ColumnNames(names.split_whitespace().collect());
+        let (position, scaled) = names
+            .positions()
+            .ok_or_else(|| lacks(lines, at, "x, y or z"))?;
+        let (size, times) = match (names.place("radius"), names.place("diameter")) {
+            (Some(radius), _) => (radius, 2.0),
+            (None, Some(diameter)) => (diameter, 1.0),
+            (None, None) => return Err(lacks(lines, at, "radius")),
         };
-        let axes = |suffix: &str| ["x", "y", "z"].map(|axis| place(&format!("{axis}{suffix}")));
-        let position = |suffix: &str| match axes(suffix) {
-            [Some(x), Some(y), Some(z)] => Some(([x, y, z], suffix.starts_with('s'))),
-            _ => None,
-        };
-        let found = ["", "u", "s", "su"].into_iter().find_map(position);
-        let (position, scaled) = found.ok_or_else(|| lacks("x, y or z"))?;
-        let mut sizes = [("radius", 2.0), ("diameter", 1.0)].into_iter();
-        let size = sizes.find_map(|(name, times)| Some((place(name)?, times)));
-        let (size, times) = size.ok_or_else(|| lacks("radius"))?;
+        let id = names.place("id").ok_or_else(|| lacks(lines, at, "id"))?;
+        let velocity = ["vx", "vy", "vz", "omegax", "omegay", "omegaz"];
         Ok(Self {
-            count: names.split_whitespace().count(),
-            id: place("id").ok_or_else(|| lacks("id"))?,
-            kind: place("type"),
+            count: names.0.len(),
+            id,
+            kind: names.place("type"),
             position,
             scaled,
             size,
             times,
-            velocity: ["vx", "vy", "vz", "omegax", "omegay", "omegaz"].map(place),
-            clump: place(MULTISPHERE),
+            velocity: velocity.map(|name| names.place(name)),
+            clump: names.place(MULTISPHERE),
         })
     }
 
@@ -249,7 +299,7 @@ impl Columns {
         &self,
         lines: &mut Lines<'_>,
         count: u64,
-        cell: Bounds,
+        dump_box: &DumpBox,
         clumps: &mut Clumps,
     ) -> Result<Atom> {
         let (line, words) = lines.row(count, "ITEM: ATOMS")?;
@@ -257,28 +307,25 @@ impl Columns {
         if words.len() != self.count {
             return Err(lines.wrong(line, &format!("{} columns; {form}", words.len())));
         }
-        let number = |at: usize| lines.numbers(line, &words, at, form).map(|[x]: [f64; 1]| x);
         let id = lines.id(line, &words[self.id..], form)?;
         let mut position = [0.0; 3];
         for (x, at) in position.iter_mut().zip(self.position) {
-            *x = number(at)?;
+            *x = lines.number(line, &words, at, form)?;
         }
         if self.scaled {
-            let (bounds, [xy, xz, yz]) = cell;
-            let [x, y, z] = position;
-            let [low, length] = [0, 1].map(|end| bounds.map(|[low, high]| [low, high - low][end]));
-            position = [
-                low[0] + x * length[0] + y * xy + z * xz,
-                low[1] + y * length[1] + z * yz,
-                low[2] + z * length[2],
-            ];
+            position = dump_box.unscaled(position);
         }
-        let diameter = self.times * number(self.size)?;
-        lines.check_sphere(line, id, [diameter, 1.0])?;
-        let kind = self.kind.map_or(Ok(1.0), number)?;
+        let diameter = self.times * lines.number(line, &words, self.size, form)?;
+        lines.check_sphere(line, id, diameter, 1.0)?;
+        let kind = match self.kind {
+            Some(at) => lines.number(line, &words, at, form)?,
+            None => 1.0,
+        };
         let mut velocity = [0.0; 6];
         for (v, at) in velocity.iter_mut().zip(self.velocity) {
-            *v = at.map_or(Ok(0.0), number)?;
+            if let Some(at) = at {
+                *v = lines.number(line, &words, at, form)?;
+            }
         }
         let [vx, vy, vz, wx, wy, wz] = velocity;
         let atom = Atom {
@@ -302,12 +349,12 @@ impl Columns {
 ///
 /// # Errors
 /// As [`parse`].
-pub fn parse_list(name: &str, text: &str) -> Result<DataFile> {
+pub(crate) fn parse_list(name: &str, text: &str) -> Result<DataFile> {
     let mut lines = Lines::new(name, text);
-    let said = (1..)
+    let header = (1..)
         .zip(text.lines())
         .find_map(|(at, line)| Some((at, line.trim().strip_prefix(PERIODIC)?)));
-    let Some((at, periods)) = said else {
+    let Some((at, periods)) = header else {
         return Err(Failure::input(format!(
             "{name}: a list of spheres x y z r lacks its box; begin it with the line {PERIODIC} L_x L_y L_z"
         )));
@@ -332,7 +379,7 @@ pub fn parse_list(name: &str, text: &str) -> Result<DataFile> {
         }
         let [x, y, z, radius] = lines.numbers(line, &words, 0, "a row is x y z r")?;
         let id = atoms.len() as u64 + 1;
-        lines.check_sphere(line, id, [2.0 * radius, 1.0])?;
+        lines.check_sphere(line, id, 2.0 * radius, 1.0)?;
         let atom = Atom {
             id,
             kind: 1,

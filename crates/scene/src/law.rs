@@ -1,9 +1,6 @@
 //! The contact law: `[material]` and `[contact]`.
 
-use std::f64::consts::PI;
-
-use gshear_dem::contact::attraction::Attraction;
-use gshear_dem::contact::jkr::Jkr;
+use gshear_dem::adhesions::{self, ADHESIONS, AdhesionKind};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{BELOW_ONE, Change, Key, KeyReader, NOT_NEGATIVE, POSITIVE, Values};
@@ -12,15 +9,17 @@ use gshear_dem::laws::{self, Contact, Law, LawKind, hertz, lee_hurley};
 use crate::checker::Checker;
 use crate::derived::{self, STIFFNESS_NUMBER_MIN};
 use crate::grains::Sample;
-use crate::table::{law_keys, laws_with, table};
-use crate::words::quoted_list;
-
-/// The values of `contact.adhesion`.
-const ADHESION_NAMES: [&str; 2] = ["dmt", "jkr"];
+use crate::table::{adhesion_keys, law_keys, laws_with, table};
+use crate::words::{list, quoted_list};
 
 /// The names of the contact laws.
 fn law_names() -> Vec<&'static str> {
     laws::all().map(|kind| kind.name).collect()
+}
+
+/// The names of the adhesions.
+fn adhesion_names() -> Vec<&'static str> {
+    adhesions::all().map(|kind| kind.name).collect()
 }
 
 table! {
@@ -48,12 +47,8 @@ table! {
         twisting_stiffness: Number(POSITIVE) { unit: "N/m", otherwise: "that of rolling" },
         /// twisting damping ratio η_w; 3D only
         twisting_damping_ratio: Number(BELOW_ONE) { default: "0.0" },
-        /// attraction F_c of two grains that touch; packing does without
-        attraction: Number(NOT_NEGATIVE) { unit: "N, in 2D N/m", default: "0.0" },
-        /// surface energy γ: an attraction of 4πγR* (DMT), or JKR; 3D only
-        surface_energy: Number(NOT_NEGATIVE) { unit: "J/m²", default: "0.0" },
-        /// adhesion by the surface energy; 3D only, JKR with `hertz` and `hertz-tsuji`
-        adhesion: Text(&ADHESION_NAMES) { default: ADHESION_NAMES[0] },
+        /// adhesion, in 2D by default a constant attraction; JKR with `hertz` and `hertz-tsuji`
+        adhesion: Word(adhesion_names) { default: ADHESIONS[0].name },
         /// pairs of materials with other values of these keys
         pair: Tables(pair_keys) { condition: "with several materials", otherwise: "none" },
     }
@@ -96,26 +91,21 @@ pub(crate) fn check(c: &mut Checker<'_>) -> Result<(Law, Contact)> {
             &CONTACT.twisting_damping_ratio,
         ];
         c.all_useless(&twisting, "disks do not twist");
-        let why = "gives the attraction of spheres; give disks contact.attraction (N/m)";
-        c.useless(&CONTACT.surface_energy, why);
-        c.useless(&CONTACT.adhesion, "is that of spheres");
     }
     let law = Law::read(kind, c);
     for (key, value) in law.given() {
         c.fill(key, *value);
     }
-    let adheres = dimension == Dimensions::Three && is_jkr(c);
-    if adheres && law.contact_modulus().is_none() {
-        let what = format!(
-            "\"jkr\" is between Hertzian spheres, and the law {:?} has none; choose the law \"hertz\" or \"hertz-tsuji\", or \"dmt\"",
-            kind.name
-        );
-        c.refuse(&CONTACT.adhesion, &what);
-    }
-    let contact = contact_of(&law, adheres, &mut |key| match key.default {
+    let mut contact = contact_of(&law, &mut |key| match key.default {
         "" => c.number(key),
         _ => Some(c.number_or_default(key)),
     });
+    if let Some(adhesion) = choose_adhesion(c, &law) {
+        contact.adhesion = (adhesion.read)(c, &law);
+        for key in adhesion.keys.iter().filter(|key| !key.default.is_empty()) {
+            c.number_or_default(key);
+        }
+    }
     c.required(&CONTACT.friction);
     if let Some((key, what)) = lacks_stiffness(&law, &contact) {
         c.refuse(key, &what);
@@ -123,9 +113,78 @@ pub(crate) fn check(c: &mut Checker<'_>) -> Result<(Law, Contact)> {
     Ok((law, contact))
 }
 
-/// Whether spheres of a surface energy adhere by JKR.
-pub(crate) fn is_jkr(c: &mut Checker<'_>) -> bool {
-    c.choice(&CONTACT.adhesion) == Some(ADHESION_NAMES[1])
+/// The adhesion that is named, by default the first of the dimension; `None` if there is no such
+/// one.
+pub(crate) fn adhesion_of(c: &mut Checker<'_>) -> Option<&'static AdhesionKind> {
+    let (key, dimension) = (&CONTACT.adhesion, c.dimension);
+    let first = adhesions::all().find(|kind| kind.dimensions.contains(&dimension))?;
+    if first.name == key.default || c.is_given(key) {
+        c.choice(key).and_then(adhesions::kind)
+    } else {
+        Some(first)
+    }
+}
+
+/// The adhesion of the scene; `None` if it does not fit the dimension or the law. Refuses what only
+/// other adhesions take.
+fn choose_adhesion(c: &mut Checker<'_>, law: &Law) -> Option<&'static AdhesionKind> {
+    let key = &CONTACT.adhesion;
+    let kind = adhesion_of(c)?;
+    if !kind.dimensions.contains(&c.dimension) {
+        let [_, others] = grains_of(c.dimension);
+        c.useless(key, &format!("is that of {others}"));
+        return None;
+    }
+    let mut seen = Vec::new();
+    for other in adhesion_keys() {
+        let is_own = kind.keys.iter().any(|own| own.path == other.path);
+        if !is_own && c.is_given(other) && !seen.contains(&other.path) {
+            seen.push(other.path);
+            refuse_key_of_another_adhesion(c, kind, other);
+        }
+    }
+    if let Some(what) = (kind.unfit)(law) {
+        c.refuse(key, &what);
+        return None;
+    }
+    Some(kind)
+}
+
+/// What the grains of a dimension are called, and those of the other.
+fn grains_of(dimension: Dimensions) -> [&'static str; 2] {
+    match dimension {
+        Dimensions::Two => ["disks", "spheres"],
+        Dimensions::Three => ["spheres", "disks"],
+    }
+}
+
+/// Refuses a key that the adhesion does not take.
+fn refuse_key_of_another_adhesion(c: &mut Checker<'_>, kind: &AdhesionKind, other: &Key) {
+    let (key, dimension) = (&CONTACT.adhesion, c.dimension);
+    let owners: Vec<&AdhesionKind> = adhesions::all()
+        .filter(|owner| owner.keys.iter().any(|own| own.path == other.path))
+        .collect();
+    let names: Vec<&str> = owners.iter().map(|owner| owner.name).collect();
+    let mut owners = owners.iter();
+    let what = if owners.any(|owner| owner.dimensions.contains(&dimension)) {
+        format!(
+            "does not apply to the adhesion {:?} ({}), only to {}; leave it out, or choose {} = {:?}",
+            kind.name,
+            c.mention(key, "the default"),
+            quoted_list(&names, "and"),
+            key.path,
+            names[0],
+        )
+    } else {
+        let [grains, others] = grains_of(dimension);
+        let own: Vec<&str> = kind.keys.iter().map(|own| own.path).collect();
+        format!(
+            "applies to {others} only (adhesion {}); leave it out, or give {grains} {}",
+            quoted_list(&names, "or"),
+            list(&own, "or"),
+        )
+    };
+    c.refuse_useless(other, &what);
 }
 
 /// k_r/R_r² and k_w/R_r² (N/m; Pa in 2D) of these contacts, if they have them.
@@ -134,32 +193,20 @@ pub(crate) fn turning_stiffnesses(law: &Law, contact: &Contact) -> [Option<f64>;
     [rolling, contact.twisting_stiffness.or(rolling)]
 }
 
-/// What contacts have beside their law, from the values of its keys; `adheres`: by JKR. A stiffness
-/// that is given as the one that applies without it is that one, so that writing a default down
-/// changes nothing, not even the limit of the time step.
-pub(crate) fn contact_of(
-    law: &Law,
-    adheres: bool,
-    number: &mut dyn FnMut(&Key) -> Option<f64>,
-) -> Contact {
+/// What contacts have beside their law but for the adhesion, from the values of its keys. A
+/// stiffness that is given as the one that applies without it is that one, so that writing a
+/// default down changes nothing, not even the limit of the time step.
+pub(crate) fn contact_of(law: &Law, number: &mut dyn FnMut(&Key) -> Option<f64>) -> Contact {
     let own = law.rolling_stiffness();
     let rolling_stiffness = number(&CONTACT.rolling_stiffness).filter(|k| Some(*k) != own);
     let rolling = rolling_stiffness.or(own);
     let twisting_stiffness = number(&CONTACT.twisting_stiffness).filter(|k| Some(*k) != rolling);
-    let mut coefficient = |key| number(key).unwrap_or(0.0);
-    let energy = coefficient(&CONTACT.surface_energy);
-    let modulus = law.contact_modulus().filter(|_| adheres && energy > 0.0);
     Contact {
-        friction: coefficient(&CONTACT.friction),
-        rolling_friction: coefficient(&CONTACT.rolling_friction),
-        rolling_damping_ratio: coefficient(&CONTACT.rolling_damping_ratio),
-        twisting_friction: coefficient(&CONTACT.twisting_friction),
-        twisting_damping_ratio: coefficient(&CONTACT.twisting_damping_ratio),
-        attraction: Attraction {
-            constant: coefficient(&CONTACT.attraction),
-            per_radius: if adheres { 0.0 } else { 4.0 * PI * energy },
-            jkr: modulus.map(|modulus| Jkr::new(energy, modulus)),
-        },
+        friction: number(&CONTACT.friction).unwrap_or(0.0),
+        rolling_friction: number(&CONTACT.rolling_friction).unwrap_or(0.0),
+        rolling_damping_ratio: number(&CONTACT.rolling_damping_ratio).unwrap_or(0.0),
+        twisting_friction: number(&CONTACT.twisting_friction).unwrap_or(0.0),
+        twisting_damping_ratio: number(&CONTACT.twisting_damping_ratio).unwrap_or(0.0),
         rolling_stiffness,
         twisting_stiffness,
         ..Contact::NONE
@@ -168,10 +215,10 @@ pub(crate) fn contact_of(
 
 /// The key of a friction that lacks the stiffness of its spring, and what to say of it.
 pub(crate) fn lacks_stiffness(law: &Law, contact: &Contact) -> Option<(&'static Key, String)> {
-    let [of_rolling, of_twisting] = turning_stiffnesses(law, contact);
-    let (key, given) = if contact.rolling_friction > 0.0 && of_rolling.is_none() {
+    let [rolling, twisting] = turning_stiffnesses(law, contact);
+    let (key, given) = if contact.rolling_friction > 0.0 && rolling.is_none() {
         (&CONTACT.rolling_friction, "rolling_stiffness")
-    } else if contact.twisting_friction > 0.0 && of_twisting.is_none() {
+    } else if contact.twisting_friction > 0.0 && twisting.is_none() {
         (&CONTACT.twisting_friction, "twisting_stiffness")
     } else {
         return None;
@@ -184,21 +231,17 @@ pub(crate) fn lacks_stiffness(law: &Law, contact: &Contact) -> Option<(&'static 
 }
 
 /// Refuses an attraction that presses mean grains further together than the law takes.
-pub(crate) fn check_attraction(
-    c: &mut Checker<'_>,
-    (law, contact): (&Law, &Contact),
-    sample: &Sample,
-) {
+pub(crate) fn check_attraction(c: &mut Checker<'_>, law: &Law, contact: &Contact, sample: &Sample) {
     let given = derived::attraction_under(0.0, contact, sample);
     let most = derived::pressure(law, sample, STIFFNESS_NUMBER_MIN) * sample.mean_section();
     if given > most {
-        let of_all = [&CONTACT.attraction, &CONTACT.surface_energy];
+        let keys: Vec<&Key> = adhesion_keys().collect();
         let unit = sample.by_dimension("N/m", "N");
         let what = format!(
             "mean grains attract each other by {given:.3e} {unit}, which presses them further together than the law {:?} takes; give less, for at most {most:.3e} {unit}, or a stiffer law",
             law.kind().name,
         );
-        c.refuse_among(&of_all, &what);
+        c.refuse_among(&keys, &what);
     }
 }
 
@@ -221,12 +264,12 @@ fn choose(c: &mut Checker<'_>) -> Result<&'static LawKind> {
     };
     if !kind.dimensions.contains(&dimension) {
         let others = laws::all().filter(|kind| kind.dimensions.contains(&dimension));
-        let (of, give) = match dimension {
+        let (grains, give) = match dimension {
             Dimensions::Three => ("disks", "with dimension = 3 give"),
             Dimensions::Two => ("spheres", "give dimension = 3, or"),
         };
         let others = quoted_list(others.map(|kind| kind.name), "or");
-        c.refuse(key, &format!("is a law of {of}; {give} {others}"));
+        c.refuse(key, &format!("is a law of {grains}; {give} {others}"));
     }
     let mut seen = Vec::new();
     for other in law_keys() {

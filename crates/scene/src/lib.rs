@@ -1,8 +1,8 @@
 //! Scenes of gshear-mpi: the configuration, checked and with every default filled in, and what
 //! follows from it: sweeps, packings, schedules, the time step.
 //!
-//! [`load`] reads a [`Scene`], between walls or in a periodic box ([`Boundary`]). Every message
-//! names file and line, or the `--set` it comes from.
+//! [`load`] reads a [`Scene`]: a sample, what bounds it, and what is done to it ([`Stages`]). Every
+//! message names file and line, or the `--set` it comes from.
 //!
 //! ```
 //! use gshear_scene::{Source, load};
@@ -59,7 +59,7 @@ pub mod lammps_data;
 mod lammps_dump;
 mod law;
 mod load;
-pub mod materials;
+mod materials;
 mod merge;
 mod output;
 mod overrides;
@@ -102,7 +102,7 @@ pub use output::{Analysis, Output};
 pub use periodic::{Aqs, Deformation, Method, Newtonian, PeriodicBox, Relax};
 pub use protocol::{Motion, Shear, WallSpeed};
 pub use sample::{Arrangement, Origin, PackingFile, Placement, ReadPacking, Walls};
-pub use scene::{Boundary, Scene};
+pub use scene::{Scene, Stages};
 pub use source::Source;
 pub use time::TimeStep;
 pub use walls::{Pack, PlaneShear};

@@ -2,10 +2,11 @@
 
 use std::ops::Bound;
 
+use gshear_dem::boundary::Boundary;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{Bounds, Change, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
-use gshear_dem::state::{Confinement, Masses};
+use gshear_dem::state::Masses;
 use gshear_dem::wave::sine_and_cosine;
 
 use crate::checker::Checker;
@@ -124,12 +125,13 @@ impl Load {
 }
 
 /// Checks each key by itself.
-pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
-    let is_free = confinement == Confinement::FreeSurface;
+pub(crate) fn check(c: &mut Checker<'_>, boundary: &Boundary) {
+    let key = boundary.key;
+    let is_free = !boundary.has_top();
     if is_free {
-        let why = "loads a top wall, but sample.boundary = \"free\" has none";
-        c.all_useless(&WAYS, why);
-        c.all_useless(&[&LOAD.control, &LOAD.wall_mass], why);
+        let why = format!("loads a top wall, but sample.boundary = {key:?} has none");
+        c.all_useless(&WAYS, &why);
+        c.all_useless(&[&LOAD.control, &LOAD.wall_mass], &why);
         c.required(&LOAD.gravity);
     } else {
         c.exactly_one(
@@ -144,12 +146,12 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
     let gravity = c.number_or_default(&LOAD.gravity);
     let incline = c.number_or_default(&LOAD.incline);
     if is_free && gravity <= 0.0 && c.is_given(&LOAD.gravity) {
-        let what = "must be positive where sample.boundary = \"free\"";
-        c.refuse(&LOAD.gravity, what);
+        let what = format!("must be positive where sample.boundary = {key:?}");
+        c.refuse(&LOAD.gravity, &what);
     }
     if is_free && incline >= 90.0 {
-        let what = "must be less than 90 degrees where sample.boundary = \"free\"";
-        c.refuse(&LOAD.incline, what);
+        let what = format!("must be less than 90 degrees where sample.boundary = {key:?}");
+        c.refuse(&LOAD.incline, &what);
     }
     if incline > 0.0 && gravity <= 0.0 {
         let what = "inclines gravity; give load.gravity, or leave it out";
@@ -166,10 +168,11 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
 }
 
 /// P, N and κ from one of them, or from the weight of a sample with a free surface; the numbers of
-/// a servo come later ([`derive_servo`]).
+/// a servo come later ([`TopWall::control`]).
 pub(crate) fn derive(
     c: &mut Checker<'_>,
-    (law, masses): (&Law, &Masses),
+    law: &Law,
+    masses: &Masses,
     sample: &Sample,
 ) -> Result<Load> {
     let base = sample.base();
@@ -208,7 +211,7 @@ pub(crate) fn derive(
     let range = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN];
     let [least, most] = range.map(|kappa| derived::pressure(law, sample, kappa));
     // What the key must be multiplied by for a pressure, and its value.
-    let (unit, factor, found) = match key.path {
+    let (unit, factor, given) = match key.path {
         path if path == LOAD.normal_force.path => {
             (sample.by_dimension("N/m", "N"), base, normal_force)
         }
@@ -221,7 +224,7 @@ pub(crate) fn derive(
         1.0 / STIFFNESS_NUMBER_MIN,
         least * factor,
         most * factor,
-        show(found),
+        show(given),
     );
     Err(c.refused(key, &what))
 }
@@ -259,54 +262,61 @@ pub(crate) fn check_packable(c: &mut Checker<'_>, law: &Law, sample: &Sample, lo
     c.refuse_among(&[&WAYS[..], &[&LOAD.gravity]].concat(), &what);
 }
 
-/// What moves the top wall: the numbers of a servo, if there is one, for the greatest mean overlap
-/// (m) and the time step (s). `layers`: of grains that give way to it together.
-pub(crate) fn derive_servo(
-    c: &mut Checker<'_>,
-    (law, sample): (&Law, &Sample),
-    (load, layers): (&Load, f64),
-    (greatest_overlap, step): (f64, f64),
-) -> Control {
-    if c.choice(&LOAD.control) != Some("servo") {
-        return load.control;
-    }
-    let limit = layers * derived::servo_gain_limit(law, sample, greatest_overlap, step);
-    let default = layers * derived::servo_gain(law, sample, load.mean_overlap(sample));
-    let default = default.min(limit);
-    let gain = c.number(&LOAD.servo_gain).unwrap_or(default);
-    if gain > limit {
-        let what = format!(
-            "{} m/(s Pa) is over the bound of {limit:.3e} m/(s Pa) at this time step, beyond which the wall may oscillate; give less, or leave it out for {default:.3e}",
-            show(gain)
-        );
-        c.refuse(&LOAD.servo_gain, &what);
-    }
-    c.fill(&LOAD.servo_gain, gain);
-    Control::Servo {
-        gain,
-        speed_max: c.number(&LOAD.servo_speed_max).unwrap_or(f64::INFINITY),
-    }
+/// A top wall under a load, with all that limits how it may move along its normal.
+pub(crate) struct TopWall<'a> {
+    pub(crate) law: &'a Law,
+    pub(crate) sample: &'a Sample,
+    pub(crate) load: &'a Load,
+    /// Layers of grains that give way to it together.
+    pub(crate) layers: f64,
+    /// The greatest mean overlap (m).
+    pub(crate) greatest_overlap: f64,
+    /// Δt (s).
+    pub(crate) step: f64,
 }
 
-/// Refuses a top wall that is too light for Δt (s) at the greatest mean overlap (m). `layers`: of
-/// grains that give way to it together.
-pub(crate) fn check_wall_mass(
-    c: &mut Checker<'_>,
-    (law, sample): (&Law, &Sample),
-    (load, layers): (&Load, f64),
-    (greatest_overlap, step): (f64, f64),
-) {
-    let Some(mass) = load.wall_mass else {
-        return;
-    };
-    let least = derived::least_wall_mass(law, sample, greatest_overlap, step) / layers;
-    if mass < least {
-        let what = format!(
-            "{} {unit} is too light for a time step of {step:.3e} s; give at least {:.3e} {unit}, or leave it out for the mass of the wall's grains",
-            show(mass),
-            1.001 * least,
-            unit = sample.by_dimension("kg/m", "kg"),
-        );
-        c.refuse(&LOAD.wall_mass, &what);
+impl TopWall<'_> {
+    /// What moves it: the numbers of a servo, if there is one.
+    pub(crate) fn control(&self, c: &mut Checker<'_>) -> Control {
+        if c.choice(&LOAD.control) != Some("servo") {
+            return self.load.control;
+        }
+        let (law, sample) = (self.law, self.sample);
+        let limit = derived::servo_gain_limit(law, sample, self.greatest_overlap, self.step);
+        let limit = self.layers * limit;
+        let overlap = self.load.mean_overlap(sample);
+        let default = self.layers * derived::servo_gain(law, sample, overlap);
+        let default = default.min(limit);
+        let gain = c.number(&LOAD.servo_gain).unwrap_or(default);
+        if gain > limit {
+            let what = format!(
+                "{} m/(s Pa) is over the bound of {limit:.3e} m/(s Pa) at this time step, beyond which the wall may oscillate; give less, or leave it out for {default:.3e}",
+                show(gain)
+            );
+            c.refuse(&LOAD.servo_gain, &what);
+        }
+        c.fill(&LOAD.servo_gain, gain);
+        Control::Servo {
+            gain,
+            speed_max: c.number(&LOAD.servo_speed_max).unwrap_or(f64::INFINITY),
+        }
+    }
+
+    /// Refuses a mass that is too small for Δt.
+    pub(crate) fn check_mass(&self, c: &mut Checker<'_>) {
+        let Some(mass) = self.load.wall_mass else {
+            return;
+        };
+        let (overlap, step) = (self.greatest_overlap, self.step);
+        let least = derived::least_wall_mass(self.law, self.sample, overlap, step) / self.layers;
+        if mass < least {
+            let what = format!(
+                "{} {unit} is too light for a time step of {step:.3e} s; give at least {:.3e} {unit}, or leave it out for the mass of the wall's grains",
+                show(mass),
+                1.001 * least,
+                unit = self.sample.by_dimension("kg/m", "kg"),
+            );
+            c.refuse(&LOAD.wall_mass, &what);
+        }
     }
 }

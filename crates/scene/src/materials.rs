@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use gshear_dem::adhesions::AdhesionKind;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{
     BELOW_ONE, DENSITY, FROM_ONE, Key, KeyReader, POISSON_RATIO, TANGENTIAL_HISTORY, Values,
@@ -13,10 +14,11 @@ use gshear_dem::state::{GrainState, Masses, body};
 use crate::checker::Checker;
 use crate::insertion::material_stream;
 use crate::law::{
-    CONTACT, ContactKeys, PAIR, contact_of, is_jkr, lacks_stiffness, pair_keys, turning_stiffnesses,
+    CONTACT, ContactKeys, PAIR, adhesion_of, contact_of, lacks_stiffness, pair_keys,
+    turning_stiffnesses,
 };
-use crate::sample::{SAMPLE, is_flat};
-use crate::table::{Table, laws_with, table};
+use crate::sample::{SAMPLE, boundary};
+use crate::table::{Table, adhesion_keys, laws_with, table};
 use crate::value::{Entries, Value};
 use crate::words::quoted_list;
 
@@ -55,7 +57,7 @@ pub struct Materials {
     /// Share of the inserted grains that have each but the first.
     fractions: Vec<f64>,
     /// Type of the atoms of each in a packing.
-    pub atom_types: Vec<i64>,
+    pub(crate) atom_types: Vec<i64>,
     /// That of the walls, if they have one of their own.
     pub wall: Option<u64>,
     /// That of the larger grains of a binary mixture, if it is given.
@@ -66,11 +68,12 @@ impl Materials {
     /// Gives inserted grains their materials. `largest`: the greatest radius (m).
     pub fn give(&self, seed: u64, largest: f64, grains: &mut [GrainState]) {
         for g in grains {
-            g.material = self.of_inserted(seed, g.id, g.radius == largest);
+            g.material = self.inserted(seed, g.id, g.radius == largest);
         }
     }
 
-    fn of_inserted(&self, seed: u64, id: u32, is_largest: bool) -> u64 {
+    /// The material of an inserted grain.
+    fn inserted(&self, seed: u64, id: u32, is_largest: bool) -> u64 {
         if let Some(large) = self.large {
             return if is_largest { large } else { 0 };
         }
@@ -88,9 +91,9 @@ impl Materials {
     }
 
     /// The material of the atoms of this type.
-    pub fn of_type(&self, atom_type: i64) -> Option<u64> {
-        let found = self.atom_types.iter().position(|of| *of == atom_type)?;
-        Some(found as u64)
+    pub(crate) fn of_type(&self, atom_type: i64) -> Option<u64> {
+        let material = self.atom_types.iter().position(|own| *own == atom_type)?;
+        Some(material as u64)
     }
 }
 
@@ -140,11 +143,14 @@ fn tables(c: &Checker<'_>, key: &Key, called: &str, first: usize) -> Vec<Listed>
 
 /// Refuses numbers out of their bounds, and keys that the law does not take or that differ from
 /// table to table.
-fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), given: &[Listed]) {
+fn check_entries(c: &mut Checker<'_>, law: &Law, list: &Key, declared: &Table, given: &[Listed]) {
+    let adhesion = adhesion_of(c);
     for listed in given {
         for (name, value) in &listed.entries {
-            let Some(key) = table.key(name) else { continue };
-            let of_law = law.kind().keys.iter().any(|own| own.path == key.path);
+            let Some(key) = declared.key(name) else {
+                continue;
+            };
+            let is_own = law.kind().keys.iter().any(|own| own.path == key.path);
             let what = if let Some(what) = value.out_of_bounds(key) {
                 what
             } else if [
@@ -156,14 +162,83 @@ fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), gi
             .contains(&key.path)
             {
                 "is the same for all pairs".into()
-            } else if of_law || laws_with(key).is_empty() {
+            } else if let Some(kind) = adhesion
+                && adhesion_keys().any(|other| other.path == key.path)
+                && kind.keys.iter().all(|own| own.path != key.path)
+            {
+                let name = kind.name;
+                format!("does not apply to the adhesion {name:?}; leave it out")
+            } else if is_own || laws_with(key).is_empty() {
                 continue;
             } else {
                 let name = law.kind().name;
                 format!("does not apply to the law {name:?}; leave it out")
             };
-            c.refuse(of, &format!("{}: {name} {what}", listed.place));
+            c.refuse(list, &format!("{}: {name} {what}", listed.place));
         }
+    }
+}
+
+/// An entry of `contact.pair`.
+struct PairEntry {
+    /// The numbers of its two materials.
+    materials: [usize; 2],
+    table: Listed,
+}
+
+impl PairEntry {
+    /// Whether it is that of two materials, in either order.
+    fn is_of(&self, pair: [usize; 2]) -> bool {
+        let [i, j] = pair;
+        self.materials == [i, j] || self.materials == [j, i]
+    }
+}
+
+/// The value that `contact.pair` gives for two materials, in either order.
+fn pair_number(entries: &[PairEntry], pair: [usize; 2], key: &Key) -> Option<f64> {
+    let entry = entries.iter().find(|entry| entry.is_of(pair))?;
+    entry.table.number(key)
+}
+
+/// What is given of several materials, and of pairs of them.
+struct MaterialTables<'r> {
+    /// All materials but the first.
+    others: &'r [Listed],
+    pairs: &'r [PairEntry],
+    names: &'r [String],
+    densities: &'r [f64],
+    /// The law of `[contact]`, with the elastic constants of the first material.
+    law: &'r Law,
+    /// What all grains adhere by.
+    adhesion: Option<&'static AdhesionKind>,
+}
+
+impl MaterialTables<'_> {
+    /// The law and the contacts of two materials. `like`: those of like grains of the two, `None`
+    /// while these are read.
+    fn read(
+        &self,
+        c: &mut Checker<'_>,
+        pair: [usize; 2],
+        like: Option<[&(Law, Contact); 2]>,
+    ) -> (Law, Contact) {
+        let mut reader = PairReader {
+            c,
+            tables: self,
+            pair,
+            like,
+        };
+        let law = Law::read(self.law.kind(), &mut reader);
+        let mut contact = contact_of(&law, &mut |key| reader.number(key));
+        if let Some(adhesion) = self.adhesion {
+            contact.adhesion = (adhesion.read)(&mut reader, &law);
+        }
+        let [i, j] = pair;
+        contact.relative_densities = [1.0, self.densities[j] / self.densities[i]];
+        if let Some((key, what)) = lacks_stiffness(&law, &contact) {
+            reader.refuse(key, &what);
+        }
+        (law, contact)
     }
 }
 
@@ -171,25 +246,31 @@ fn check_entries(c: &mut Checker<'_>, law: &Law, (of, table): (&Key, &Table), gi
 /// materials the mean of what their like pairs have.
 struct PairReader<'r, 'a> {
     c: &'r mut Checker<'a>,
-    materials: &'r [Listed],
-    pairs: &'r [([usize; 2], Listed)],
-    /// The names of the materials.
-    names: &'r [String],
-    of: [usize; 2],
+    tables: &'r MaterialTables<'r>,
+    pair: [usize; 2],
     /// The law and the contacts of like grains of the two materials; `None` while these are read.
     like: Option<[&'r (Law, Contact); 2]>,
 }
 
 impl PairReader<'_, '_> {
-    fn of_material(&self, k: usize, key: &Key) -> Option<f64> {
+    /// The value of a key of `[material]`.
+    fn material_number(&self, k: usize, key: &Key) -> Option<f64> {
         match k.checked_sub(1) {
-            None => Some(self.c.known(key)).filter(|x| !x.is_nan()),
-            Some(k) => self.materials[k].number(key),
+            None => self.c.given_number(key),
+            Some(k) => self.tables.others[k].number(key),
         }
     }
 
-    /// The value of a key of `[contact]` for like grains, given or not.
-    fn of_like(&self, (law, contact): &(Law, Contact), k: usize, key: &Key) -> Option<f64> {
+    fn elastic(&self, k: usize) -> Option<Elastic> {
+        Some(Elastic {
+            young_modulus: self.material_number(k, &YOUNG_MODULUS)?,
+            poisson_ratio: self.material_number(k, &POISSON_RATIO)?,
+        })
+    }
+
+    /// The value of a key of `[contact]` for like grains of a material, given or not.
+    fn like_number(&self, like: &(Law, Contact), k: usize, key: &Key) -> Option<f64> {
+        let (law, contact) = like;
         let [rolling, twisting] = turning_stiffnesses(law, contact);
         match key.path {
             path if path == CONTACT.rolling_stiffness.path => rolling,
@@ -200,42 +281,39 @@ impl PairReader<'_, '_> {
 
     /// The value that is given for two materials, or in `[contact]` for all.
     fn given(&self, pair: [usize; 2], key: &Key) -> Option<f64> {
-        let of_all = || Some(self.c.known(key)).filter(|x| !x.is_nan());
-        given_in(self.pairs, pair, key).or_else(of_all)
+        let given = pair_number(self.tables.pairs, pair, key);
+        given.or_else(|| self.c.given_number(key))
     }
-}
 
-/// The value that `contact.pair` gives for two materials, in either order.
-fn given_in(pairs: &[([usize; 2], Listed)], pair: [usize; 2], key: &Key) -> Option<f64> {
-    let (_, table) = pairs.iter().find(|(of, _)| is_pair(*of, pair))?;
-    table.number(key)
+    /// The value of a key of `[contact]` for the pair.
+    fn contact_number(&self, key: &Key) -> Option<f64> {
+        let Some([one, other]) = self.like else {
+            return self.given(self.pair, key);
+        };
+        if let Some(given) = pair_number(self.tables.pairs, self.pair, key) {
+            return Some(given);
+        }
+        let [i, j] = self.pair;
+        let one = self.like_number(one, i, key)?;
+        let other = self.like_number(other, j, key)?;
+        Some(geometric_mean(one, other))
+    }
 }
 
 impl KeyReader for PairReader<'_, '_> {
     fn number(&mut self, key: &Key) -> Option<f64> {
-        let [i, j] = self.of;
         if key.table() != MaterialKeys::TABLE.name {
-            let Some([one, other]) = self.like else {
-                return self.given([i, j], key);
-            };
-            let mean = || {
-                let [one, other] = [self.of_like(one, i, key)?, self.of_like(other, j, key)?];
-                Some(geometric_mean(one, other))
-            };
-            return given_in(self.pairs, [i, j], key).or_else(mean);
+            return self.contact_number(key);
         }
+        let [i, j] = self.pair;
         if i == j || ![YOUNG_MODULUS.path, POISSON_RATIO.path].contains(&key.path) {
-            return self.of_material(i, key);
+            return self.material_number(i, key);
         }
-        let elastic = |k| {
-            let modulus = self.of_material(k, &YOUNG_MODULUS)?;
-            Some([modulus, self.of_material(k, &POISSON_RATIO)?])
-        };
-        let [modulus, ratio] = effective(elastic(i)?, elastic(j)?);
+        let effective = effective(self.elastic(i)?, self.elastic(j)?);
         Some(if key.path == YOUNG_MODULUS.path {
-            modulus
+            effective.young_modulus
         } else {
-            ratio
+            effective.poisson_ratio
         })
     }
 
@@ -246,9 +324,9 @@ impl KeyReader for PairReader<'_, '_> {
 
     fn required(&mut self, key: &Key) -> f64 {
         self.number(key).unwrap_or_else(|| {
-            let place = match self.of {
+            let place = match self.pair {
                 [0, 0] => return self.c.required(key),
-                [0, k] | [k, _] => &self.materials[k - 1].place,
+                [0, k] | [k, _] => &self.tables.others[k - 1].place,
             };
             let what = format!("{place} lacks {}", key.lacking());
             self.c.refuse(&OTHERS, &what);
@@ -263,34 +341,57 @@ impl KeyReader for PairReader<'_, '_> {
     fn useless(&mut self, _: &Key, _: &str) {}
 
     fn refuse(&mut self, key: &Key, what: &str) {
-        let [i, j] = self.of.map(|k| &self.names[k]);
+        let [i, j] = self.pair.map(|k| &self.tables.names[k]);
         let what = format!("{i:?} and {j:?}: {} {what}", key.name());
         self.c.refuse_among(&[&CONTACT.pair, key], &what);
     }
-}
-
-/// Whether two pairs are the same, in either order.
-fn is_pair(of: [usize; 2], [i, j]: [usize; 2]) -> bool {
-    of == [i, j] || of == [j, i]
 }
 
 fn geometric_mean(a: f64, b: f64) -> f64 {
     if a == b { a } else { (a * b).sqrt() }
 }
 
-/// E and ν of the material whose like pairs have the stiffnesses of an unlike pair: 1/E* and 1/G*
-/// are the sums of (1-ν²)/E and of 2(1+ν)(2-ν)/E of both.
-fn effective(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+fn harmonic_mean(a: f64, b: f64) -> f64 {
+    2.0 / (1.0 / a + 1.0 / b)
+}
+
+/// The elastic constants of a material.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Elastic {
+    /// E (Pa).
+    young_modulus: f64,
+    /// ν.
+    poisson_ratio: f64,
+}
+
+impl Elastic {
+    /// E/(1-ν²).
+    fn normal(&self) -> f64 {
+        let nu = self.poisson_ratio;
+        self.young_modulus / (1.0 - nu * nu)
+    }
+
+    /// E/((1+ν)(2-ν)).
+    fn tangential(&self) -> f64 {
+        let nu = self.poisson_ratio;
+        self.young_modulus / ((1.0 + nu) * (2.0 - nu))
+    }
+}
+
+/// The material whose like pairs have the stiffnesses of an unlike pair: 1/E* and 1/G* are the sums
+/// of (1-ν²)/E and of 2(1+ν)(2-ν)/E of both.
+fn effective(a: Elastic, b: Elastic) -> Elastic {
     if a == b {
         return a;
     }
-    let normal = |[e, nu]: [f64; 2]| e / (1.0 - nu * nu);
-    let tangential = |[e, nu]: [f64; 2]| e / ((1.0 + nu) * (2.0 - nu));
-    let mean = |of: &dyn Fn([f64; 2]) -> f64| 2.0 / (1.0 / of(a) + 1.0 / of(b));
-    let (normal, ratio) = (mean(&normal), mean(&tangential) / mean(&normal));
+    let normal = harmonic_mean(a.normal(), b.normal());
+    let ratio = harmonic_mean(a.tangential(), b.tangential()) / normal;
     // Of one material (1-ν)/(2-ν).
     let nu = ((1.0 - 2.0 * ratio) / (1.0 - ratio)).clamp(0.0, 0.5);
-    [normal * (1.0 - nu * nu), nu]
+    Elastic {
+        young_modulus: normal * (1.0 - nu * nu),
+        poisson_ratio: nu,
+    }
 }
 
 /// The materials of a scene whose first has this law and whose contacts are these.
@@ -298,7 +399,7 @@ pub(crate) fn check(c: &mut Checker<'_>, law: &Law, contact: &Contact) -> Result
     let others = tables(c, &OTHERS, "material", 2);
     let mut all = Materials {
         names: vec![c.text(&MATERIAL.name).unwrap_or_default().into()],
-        laws: vec![(law.clone(), *contact)],
+        laws: vec![(law.clone(), contact.clone())],
         masses: law.masses(),
         fractions: Vec::new(),
         atom_types: vec![c.whole(&MATERIAL.atom_type).unwrap_or(1)],
@@ -315,63 +416,55 @@ pub(crate) fn check(c: &mut Checker<'_>, law: &Law, contact: &Contact) -> Result
         }
         return Ok(all);
     }
-    let of = (&OTHERS, &MaterialKeys::TABLE);
-    check_entries(c, law, of, &others);
+    check_entries(c, law, &OTHERS, &MaterialKeys::TABLE, &others);
     check_others(c, &others, &mut all);
     let pairs = check_pairs(c, law, &all.names);
     c.settle()?;
     all.wall = named(c, &SAMPLE.wall_material, &all.names);
     all.large = named(c, &SAMPLE.large_material, &all.names);
-    if all.wall.is_none() && is_flat(c) {
+    if all.wall.is_none()
+        && boundary(c).has_planes()
+        && let Some(walls) = c.choice(&SAMPLE.walls)
+    {
         let names = quoted_list(&all.names, "or");
         let what = format!(
-            "sample.walls = \"flat\" needs a material where there are several; give {names}"
+            "sample.walls = {walls:?} needs a material where there are several; give {names}"
         );
         c.refuse(&SAMPLE.wall_material, &what);
     }
-    let count = all.names.len();
-    let of_others = others
+    let densities_of_others = others
         .iter()
-        .map(|of| of.number(&DENSITY).unwrap_or(f64::NAN));
+        .map(|material| material.number(&DENSITY).unwrap_or(f64::NAN));
     let densities: Vec<f64> = std::iter::once(c.known(&DENSITY))
-        .chain(of_others)
+        .chain(densities_of_others)
         .collect();
     if densities.iter().any(|density| density.is_nan()) {
         c.refuse(&OTHERS, "each material must have a density (kg/m³)");
         c.settle()?;
     }
-    let adheres = law.contact_modulus().is_some() && is_jkr(c);
-    let mut read = |of: [usize; 2], like: Option<[&(Law, Contact); 2]>| {
-        let mut reader = PairReader {
-            c: &mut *c,
-            materials: &others,
-            pairs: &pairs,
-            names: &all.names,
-            of,
-            like,
-        };
-        let law = Law::read(law.kind(), &mut reader);
-        let mut contact = contact_of(&law, adheres, &mut |key| reader.number(key));
-        let [i, j] = of;
-        contact.relative_densities = [1.0, densities[j] / densities[i]];
-        if let Some((key, what)) = lacks_stiffness(&law, &contact) {
-            reader.refuse(key, &what);
-        }
-        (law, contact)
+    let tables = MaterialTables {
+        others: &others,
+        pairs: &pairs,
+        names: &all.names,
+        densities: &densities,
+        law,
+        adhesion: adhesion_of(c),
     };
-    let like: Vec<_> = (0..count).map(|k| read([k, k], None)).collect();
-    let pairs_of = (0..count).flat_map(|i| (0..count).map(move |j| [i, j]));
-    all.laws = pairs_of
-        .map(|[i, j]| {
-            if i == j {
+    let count = all.names.len();
+    let like: Vec<_> = (0..count).map(|k| tables.read(c, [k, k], None)).collect();
+    let mut laws = Vec::new();
+    for i in 0..count {
+        for j in 0..count {
+            laws.push(if i == j {
                 like[i].clone()
             } else {
-                read([i, j], Some([&like[i], &like[j]]))
-            }
-        })
-        .collect();
+                tables.read(c, [i, j], Some([&like[i], &like[j]]))
+            });
+        }
+    }
     c.settle()?;
-    fill_pairs(c, law, &like, (&all.names, pairs));
+    all.laws = laws;
+    fill_pairs(c, law, &like, &all.names, pairs);
     all.masses = Masses::Densities(Arc::from(densities));
     Ok(all)
 }
@@ -380,34 +473,40 @@ pub(crate) fn check(c: &mut Checker<'_>, law: &Law, contact: &Contact) -> Result
 /// says something else. What unlike pairs have follows from that.
 fn fill_pairs(
     c: &mut Checker<'_>,
-    of_all: &Law,
+    law_of_all: &Law,
     like: &[(Law, Contact)],
-    (names, mut pairs): (&[String], Vec<([usize; 2], Listed)>),
+    names: &[String],
+    mut pairs: Vec<PairEntry>,
 ) {
     let keys = pair_keys();
-    let place = |name: &str| keys.iter().position(|key| key.name() == name);
-    let is_of_contact = |key: &Key| key.table() == ContactKeys::TABLE.name;
     for (k, (law, _)) in like.iter().enumerate() {
-        for &(key, value) in law.given().iter().filter(|(key, _)| is_of_contact(key)) {
-            let is_given = c.is_given(key) || given_in(&pairs, [k, k], key).is_some();
-            if is_given || of_all.value(key) == Some(value) {
+        for &(key, value) in law.given() {
+            if key.table() != ContactKeys::TABLE.name {
                 continue;
             }
-            let at = pairs.iter().position(|(of, _)| *of == [k, k]);
-            let at = at.unwrap_or_else(|| {
-                let of = vec![names[k].clone(); 2];
-                let entries = vec![(PAIR.name().into(), Value::Names(of))];
-                let place = String::new();
-                pairs.push(([k, k], Listed { entries, place }));
+            let is_given = c.is_given(key) || pair_number(&pairs, [k, k], key).is_some();
+            if is_given || law_of_all.value(key) == Some(value) {
+                continue;
+            }
+            let known = pairs.iter().position(|entry| entry.is_of([k, k]));
+            let place = known.unwrap_or_else(|| {
+                let both = Value::Names(vec![names[k].clone(); 2]);
+                pairs.push(PairEntry {
+                    materials: [k, k],
+                    table: Listed {
+                        entries: vec![(PAIR.name().into(), both)],
+                        place: String::new(),
+                    },
+                });
                 pairs.len() - 1
             });
-            let entries = &mut pairs[at].1.entries;
+            let entries = &mut pairs[place].table.entries;
             entries.push((key.name().into(), Value::Number(value)));
-            entries.sort_by_key(|(name, _)| place(name));
+            entries.sort_by_key(|(name, _)| keys.iter().position(|key| key.name() == name));
         }
     }
     if !pairs.is_empty() {
-        let tables = pairs.into_iter().map(|(_, table)| table.entries);
+        let tables = pairs.into_iter().map(|entry| entry.table.entries);
         c.fill(&CONTACT.pair, Value::Tables(tables.collect()));
     }
 }
@@ -431,15 +530,15 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
         all.names.push(name);
         all.fractions
             .push(table.number(&MATERIAL.fraction).unwrap_or(0.0));
-        let of_type = match table.value(&MATERIAL.atom_type) {
+        let type_of_atoms = match table.value(&MATERIAL.atom_type) {
             Some(Value::Whole(n)) => *n,
             _ => atom_type(body::FREE, k as u64 + 1).into(),
         };
-        if all.atom_types.contains(&of_type) {
-            let what = format!("{}: another has the atom_type {of_type}", table.place);
+        if all.atom_types.contains(&type_of_atoms) {
+            let what = format!("{}: another has the atom_type {type_of_atoms}", table.place);
             c.refuse(&OTHERS, &what);
         }
-        all.atom_types.push(of_type);
+        all.atom_types.push(type_of_atoms);
     }
     let sum: f64 = all.fractions.iter().sum();
     if sum > 1.0 {
@@ -461,57 +560,59 @@ fn check_others(c: &mut Checker<'_>, others: &[Listed], all: &mut Materials) {
 }
 
 /// The entries of `contact.pair` with the numbers of their materials.
-fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<([usize; 2], Listed)> {
-    let pairs = tables(c, &CONTACT.pair, "pair", 1);
-    let of = (&CONTACT.pair, &ContactKeys::TABLE);
-    check_entries(c, law, of, &pairs);
-    let mut found: Vec<([usize; 2], Listed)> = Vec::new();
-    for table in pairs {
+fn check_pairs(c: &mut Checker<'_>, law: &Law, names: &[String]) -> Vec<PairEntry> {
+    let tables = tables(c, &CONTACT.pair, "pair", 1);
+    check_entries(c, law, &CONTACT.pair, &ContactKeys::TABLE, &tables);
+    let mut entries: Vec<PairEntry> = Vec::new();
+    for table in tables {
         for key in law.kind().keys {
-            let of_pair = table.number(key).filter(|_| key.table() == "contact");
+            let is_given = key.table() == ContactKeys::TABLE.name && table.number(key).is_some();
             let has_default = law.default_of(key).is_some() || !key.default.is_empty();
-            if of_pair.is_some() && !c.is_given(key) && !has_default {
+            if is_given && !c.is_given(key) && !has_default {
                 let name = key.name();
                 let what = "must be given in [contact] as well, for the other pairs";
                 c.refuse(&CONTACT.pair, &format!("{}: {name} {what}", table.place));
             }
         }
-        let of = match table.value(&PAIR) {
-            Some(Value::Names(of)) => of
-                .iter()
-                .map(|name| names.iter().position(|n| n == name))
-                .collect(),
-            _ => Vec::new(),
+        let Some(materials) = numbers_of_materials(&table, names) else {
+            let (place, names) = (&table.place, quoted_list(names, "and"));
+            let what = format!("{place}: materials must be a list of two names of {names}");
+            c.refuse(&CONTACT.pair, &what);
+            continue;
         };
-        match of[..] {
-            [Some(i), Some(j)] => {
-                if found.iter().any(|(of, _)| is_pair(*of, [i, j])) {
-                    let place = &table.place;
-                    let what =
-                        format!("{place}: these two materials have an entry already; give one");
-                    c.refuse(&CONTACT.pair, &what);
-                }
-                found.push(([i, j], table));
-            }
-            _ => {
-                let (place, names) = (&table.place, quoted_list(names, "and"));
-                let what = format!("{place}: materials must be a list of two names of {names}");
-                c.refuse(&CONTACT.pair, &what);
-            }
+        if entries.iter().any(|entry| entry.is_of(materials)) {
+            let place = &table.place;
+            let what = format!("{place}: these two materials have an entry already; give one");
+            c.refuse(&CONTACT.pair, &what);
         }
+        entries.push(PairEntry { materials, table });
     }
-    found
+    entries
+}
+
+/// The numbers of the two materials that an entry of `contact.pair` names.
+fn numbers_of_materials(table: &Listed, names: &[String]) -> Option<[usize; 2]> {
+    let Some(Value::Names(given)) = table.value(&PAIR) else {
+        return None;
+    };
+    let [one, other] = &given[..] else {
+        return None;
+    };
+    Some([
+        names.iter().position(|name| name == one)?,
+        names.iter().position(|name| name == other)?,
+    ])
 }
 
 /// The material that a key names.
 fn named(c: &mut Checker<'_>, key: &Key, names: &[String]) -> Option<u64> {
     let name = c.text(key)?.to_string();
-    let found = names.iter().position(|known| *known == name);
-    if found.is_none() {
+    let material = names.iter().position(|known| *known == name);
+    if material.is_none() {
         let what = format!("must be {}, found {name:?}", quoted_list(names, "or"));
         c.refuse(key, &what);
     }
-    found.map(|k| k as u64)
+    material.map(|k| k as u64)
 }
 
 #[cfg(test)]
@@ -613,8 +714,8 @@ mod tests {
         let mut materials = grains.iter().map(|g| (g.material == 1, is_large(g.radius)));
         assert!(materials.all(|(is_steel, is_large)| is_steel == is_large));
         let volume = |large: bool| -> f64 {
-            let of = grains.iter().filter(|g| is_large(g.radius) == large);
-            of.map(|g| g.radius.powi(3)).sum()
+            let alike = grains.iter().filter(|g| is_large(g.radius) == large);
+            alike.map(|g| g.radius.powi(3)).sum()
         };
         let share = volume(true) / (volume(true) + volume(false));
         assert!((share - 0.5).abs() < 0.03, "{share}");
@@ -683,7 +784,10 @@ mod tests {
                 "twisting_stiffness" => turning_stiffnesses(law, contact)[1].expect("has one"),
                 _ => {
                     let mut given = law.given().iter();
-                    given.find(|(of, _)| of.name() == key).expect("a value").1
+                    given
+                        .find(|(known, _)| known.name() == key)
+                        .expect("a value")
+                        .1
                 }
             }
         })
@@ -802,14 +906,18 @@ mod tests {
     /// eqs 4.20 and 7.36).
     #[test]
     fn the_equivalent_material_has_the_moduli_of_the_pair() {
-        let (glass, rubber) = ([65e9, 0.22], [1e7, 0.49]);
-        let per_normal = |[e, nu]: [f64; 2]| (1.0 - nu * nu) / e;
-        let per_tangential = |[e, nu]: [f64; 2]| 2.0 * (1.0 + nu) * (2.0 - nu) / e;
-        for pair in [[glass, rubber], [rubber, glass], [glass, [66e9, 0.1]]] {
+        let [glass, rubber, other] =
+            [[65e9, 0.22], [1e7, 0.49], [66e9, 0.1]].map(|[young_modulus, poisson_ratio]| {
+                Elastic {
+                    young_modulus,
+                    poisson_ratio,
+                }
+            });
+        for pair in [[glass, rubber], [rubber, glass], [glass, other]] {
             let same = effective(pair[0], pair[1]);
-            for of in [per_normal, per_tangential] {
-                let sum = of(pair[0]) + of(pair[1]);
-                assert!((2.0 * of(same) / sum - 1.0).abs() < 1e-12, "{pair:?}");
+            for modulus in [Elastic::normal, Elastic::tangential] {
+                let sum = 1.0 / modulus(&pair[0]) + 1.0 / modulus(&pair[1]);
+                assert!((2.0 / modulus(&same) / sum - 1.0).abs() < 1e-12, "{pair:?}");
             }
         }
         assert_eq!(effective(glass, glass), glass);

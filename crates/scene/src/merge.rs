@@ -13,6 +13,7 @@ use gshear_dem::failure::{Failure, Result};
 pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>> {
     let source = input.source;
     let mut merged = DeTable::new();
+    // Whether a sweep was found or taken away; those of bases do not count then.
     let mut sweeps = input
         .overrides
         .iter()
@@ -21,7 +22,10 @@ pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>> {
         let tree = DeTable::parse(&part.padded).map_err(|e| not_toml(input, &e))?;
         let mut tree = tree.into_inner();
         let sweep = tree.remove_entry(SWEEP);
-        if let Some((key, value)) = sweep.filter(|_| !sweeps && !source.member) {
+        if let Some((key, value)) = sweep
+            && !sweeps
+            && !source.member
+        {
             sweeps = true;
             if value.get_ref().as_str() != Some(TAKE_AWAY) {
                 let what = sweep::not_one_run(source)?;
@@ -29,7 +33,9 @@ pub(super) fn tree<'a>(input: &Input<'a>) -> Result<DeTable<'a>> {
             }
         }
         let base = tree.remove_entry(EXTENDS);
-        if let Some((key, _)) = base.filter(|_| n + 1 == source.parts.len()) {
+        if let Some((key, _)) = base
+            && n + 1 == source.parts.len()
+        {
             let what = "only a file can extend another one; leave it out";
             return Err(input.failure(key.span().start, EXTENDS, what));
         }

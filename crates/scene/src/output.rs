@@ -74,7 +74,7 @@ pub struct Output {
 
 impl Output {
     /// How many rows of the time series an interval has, if it has a whole number of them.
-    pub fn rows_in(&self, strain: f64) -> Option<u64> {
+    pub(crate) fn rows_in(&self, strain: f64) -> Option<u64> {
         let rows = strain / self.series_strain;
         // Decimal fractions divide no better.
         let whole = rows.round();
@@ -128,8 +128,8 @@ pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
 pub(crate) fn check_box(c: &mut Checker<'_>) {
     let why = "applies to scenes with walls only; a [box] has aqs.frame_every, newtonian.frames and newtonian.rows";
     let keys = OutputKeys::TABLE.own.iter();
-    let of_all = [OUTPUT.keep_checkpoints.path, OUTPUT.checkpoint_time.path];
-    for key in keys.filter(|key| !of_all.contains(&key.path)) {
+    let common = [OUTPUT.keep_checkpoints.path, OUTPUT.checkpoint_time.path];
+    for key in keys.filter(|key| !common.contains(&key.path)) {
         c.useless(key, why);
     }
 }
@@ -138,7 +138,7 @@ pub(crate) fn check_box(c: &mut Checker<'_>) {
 pub(crate) fn check_analysis(c: &mut Checker<'_>, protocol: bool, output: &Output) -> Analysis {
     let keys = &ANALYSIS;
     let scalars = c.flag_or_default(&keys.scalars);
-    let found = Analysis {
+    let analysis = Analysis {
         scalars,
         strain: c.number(&keys.strain).unwrap_or(output.frame_strain),
         start: c.number(&keys.start).unwrap_or(output.frame_start),
@@ -148,10 +148,10 @@ pub(crate) fn check_analysis(c: &mut Checker<'_>, protocol: bool, output: &Outpu
         c.refuse(&keys.scalars, what);
     }
     // 0 is no interval of its own.
-    if found.strain > 0.0 {
-        c.fill(&keys.strain, found.strain);
+    if analysis.strain > 0.0 {
+        c.fill(&keys.strain, analysis.strain);
     }
-    c.fill(&keys.start, found.start);
+    c.fill(&keys.start, analysis.start);
     if protocol {
         let why = "does not apply to the parts of shear.protocol";
         c.all_useless(&[&keys.strain, &keys.start], why);
@@ -159,14 +159,14 @@ pub(crate) fn check_analysis(c: &mut Checker<'_>, protocol: bool, output: &Outpu
             c.useless(&keys.scalars, why);
         }
     }
-    if scalars && output.rows_in(found.strain).is_none() {
+    if scalars && output.rows_in(analysis.strain).is_none() {
         let what = format!(
             "every frame that is analysed needs a row of the time series: analysis.strain (default output.frame_strain) must be \
              a whole number of output.series_strain = {}, found {}",
             show(output.series_strain),
-            show(found.strain)
+            show(analysis.strain)
         );
         c.refuse_among(&[&keys.strain, &keys.scalars], &what);
     }
-    found
+    analysis
 }

@@ -19,15 +19,12 @@ pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<()>
         }
         let start = input.override_offset(k);
         let span = start..start + set.len();
-        let refuse = |what: &str| Err(input.failure(start, "", what));
         let Some((path, value)) = set.split_once('=') else {
-            return refuse("expected key.path=value, such as --set sample.grains=2000");
+            let what = "expected key.path=value, such as --set sample.grains=2000";
+            return Err(input.failure(start, "", what));
         };
         let (path, value) = (path.trim(), value.trim());
-        let key = match resolve(path) {
-            Ok(found) => found,
-            Err(what) => return refuse(&what),
-        };
+        let key = resolve(path).map_err(|what| input.failure(start, "", &what))?;
         let target = match key.table() {
             "" => &mut *tree,
             name => {
@@ -36,13 +33,14 @@ pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<()>
                     .or_insert(Spanned::new(span.clone(), DeValue::Table(DeTable::new())));
                 match entry.get_mut() {
                     DeValue::Table(inner) => inner,
-                    found => {
-                        let what = match found {
+                    other => {
+                        let what = match other {
                             DeValue::Array(_) => "several tables, which no --set reaches, in",
                             _ => "not a table in",
                         };
                         let file = input.source.name();
-                        return refuse(&format!("{name} is {what} {file}; change it there"));
+                        let what = format!("{name} is {what} {file}; change it there");
+                        return Err(input.failure(start, "", &what));
                     }
                 }
             }
@@ -51,20 +49,16 @@ pub(super) fn apply<'a>(tree: &mut DeTable<'a>, input: &Input<'a>) -> Result<()>
             target.remove(key.name());
             continue;
         }
-        match parse(value) {
-            Ok(value) => {
-                let mut problems = Vec::new();
-                unknown_in_list(key, &value, &mut problems);
-                if let Some((_, _, what)) = problems.first() {
-                    return refuse(what);
-                }
-                target.insert(
-                    Spanned::new(span.clone(), Cow::Borrowed(key.name())),
-                    Spanned::new(span, value),
-                );
-            }
-            Err(what) => return refuse(&what),
+        let value = parse(value).map_err(|what| input.failure(start, "", &what))?;
+        let mut problems = Vec::new();
+        unknown_in_list(key, &value, &mut problems);
+        if let Some(problem) = problems.first() {
+            return Err(input.failure(start, "", &problem.what));
         }
+        target.insert(
+            Spanned::new(span.clone(), Cow::Borrowed(key.name())),
+            Spanned::new(span, value),
+        );
     }
     Ok(())
 }

@@ -172,7 +172,7 @@ impl PeriodicBox {
     }
 
     /// The least pressure to which the packing is brought, if it is brought to any.
-    pub fn least_pressure(&self) -> Option<f64> {
+    pub(crate) fn least_pressure(&self) -> Option<f64> {
         let steps = match &self.deformation {
             Deformation::Compression(pressures) => &pressures[..],
             _ => &[],

@@ -1,10 +1,10 @@
 //! How the sample is sheared: `[shear]` and the parts of its protocol.
 
+use gshear_dem::boundary::Boundary;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::Law;
 use gshear_dem::laws::keys::{ANY, Change, Key, KeyReader, POSITIVE, Values};
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Part, Ramp};
-use gshear_dem::state::Confinement;
 use gshear_dem::wave::Wave;
 
 use crate::checker::Checker;
@@ -119,7 +119,7 @@ pub enum Motion {
 /// How fast the top wall moves along x.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum WallSpeed {
-    /// I (`schedule::inertial_time`); V = γ̇ H with H the height after packing.
+    /// I (`schedule::definition_of_inertial_number`); V = γ̇ H with H the height after packing.
     InertialNumber(f64),
     /// V (m/s).
     Velocity(f64),
@@ -141,20 +141,23 @@ impl Shear {
 
     /// The greatest pressure (Pa), if the load has this one.
     pub(crate) fn greatest_pressure(&self, load: f64) -> f64 {
-        self.pressures().fold(load, |most, (_, of)| {
-            most.max(of.from.max(of.to) + of.amplitude())
+        self.pressures().fold(load, |most, (_, pressure)| {
+            most.max(pressure.from.max(pressure.to) + pressure.amplitude())
         })
     }
 }
 
 /// Checks each key by itself.
-pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
+pub(crate) fn check(c: &mut Checker<'_>, boundary: &Boundary) {
     let keys = &SHEAR;
     let springs = [&keys.spring_stiffness, &keys.spring_number];
-    if confinement == Confinement::FreeSurface {
-        let why = "moves a top wall, but sample.boundary = \"free\" has none";
-        c.all_useless(&springs, why);
-        c.useless(&keys.ramp, why);
+    if !boundary.has_top() {
+        let why = format!(
+            "moves a top wall, but sample.boundary = {:?} has none",
+            boundary.key
+        );
+        c.all_useless(&springs, &why);
+        c.useless(&keys.ramp, &why);
         if !c.is_given(&keys.protocol) {
             let what = "how long the grains flow, such as protocol = [{ time = 1.0 }] (s)";
             c.lacks("shear", what);
@@ -186,25 +189,31 @@ pub(crate) fn check(c: &mut Checker<'_>, confinement: Confinement) {
 /// The shear of this sample under this load.
 pub(crate) fn derive(
     c: &mut Checker<'_>,
-    (law, sample): (&Law, &Sample),
-    (load, confinement): (&Load, Confinement),
+    law: &Law,
+    sample: &Sample,
+    load: &Load,
+    boundary: &Boundary,
 ) -> Result<Shear> {
     let keys = &SHEAR;
     let number = c.number(&keys.spring_number);
-    let of_number = number.map(|number| number * load.normal_force / sample.mean_diameter);
-    let spring = c.number(&keys.spring_stiffness).or(of_number);
+    let from_number = number.map(|number| number * load.normal_force / sample.mean_diameter);
+    let spring = c.number(&keys.spring_stiffness).or(from_number);
     if spring.is_some_and(|k| !k.is_normal()) {
-        let key = of_number.map_or(&keys.spring_stiffness, |_| &keys.spring_number);
+        let key = match number {
+            Some(_) => &keys.spring_number,
+            None => &keys.spring_stiffness,
+        };
         let what = "makes a spring stiffness outside the range of numbers; give one within it";
         return Err(c.refused(key, what));
     }
     let motion = if let Some(Value::Parts(given)) = c.value(&keys.protocol) {
-        let given = match confinement {
-            Confinement::FreeSurface => without_top(given),
-            _ => Ok(given.clone()),
+        let given = if boundary.has_top() {
+            Ok(given.clone())
+        } else {
+            without_top(given, boundary)
         };
         let spring = spring.is_some();
-        let parts = given.and_then(|given| parts(&given, load.pressure, spring, confinement));
+        let parts = given.and_then(|given| parts(&given, load.pressure, spring, boundary));
         Motion::Protocol(parts.map_err(|what| c.refused(&keys.protocol, &what))?)
     } else {
         let drive = match c.number(&keys.inertial_number) {
@@ -218,7 +227,7 @@ pub(crate) fn derive(
         }
     };
     let shear = Shear { motion, spring };
-    check_pressures(&shear, (law, sample), load.pressure)
+    check_pressures(&shear, law, sample, load.pressure)
         .map_err(|what| c.refused(&keys.protocol, &what))?;
     Ok(shear)
 }
@@ -228,18 +237,22 @@ pub(crate) static WITHOUT_TOP: [&Key; 3] =
     [&PART.time, &PART.bottom_amplitude, &PART.bottom_frequency];
 
 /// The parts of a sample with a free surface, as those of a top that rests: nothing touches it.
-fn without_top(given: &[Vec<(String, f64)>]) -> Result<Vec<Vec<(String, f64)>>, String> {
+fn without_top(
+    given: &[Vec<(String, f64)>],
+    boundary: &Boundary,
+) -> Result<Vec<Vec<(String, f64)>>, String> {
     let at_rest = [&PART.velocity, &PART.wall_velocity].map(|key| (key.path.to_owned(), 0.0));
     let mut parts = given.to_vec();
     for (n, part) in parts.iter_mut().enumerate() {
-        let is_other = |(name, _): &&(String, f64)| {
-            let of_top = PartKeys::TABLE.key(name).is_some();
-            of_top && WITHOUT_TOP.iter().all(|key| key.path != name)
-        };
-        if let Some((name, _)) = part.iter().find(is_other) {
+        let refused = part.iter().find(|(name, _)| {
+            let is_known = PartKeys::TABLE.key(name).is_some();
+            is_known && WITHOUT_TOP.iter().all(|key| key.path != name)
+        });
+        if let Some((name, _)) = refused {
             return Err(format!(
-                "part {}: {name} is of a top wall, but sample.boundary = \"free\" has none; leave it out",
-                n + 1
+                "part {}: {name} is of a top wall, but sample.boundary = {:?} has none; leave it out",
+                n + 1,
+                boundary.key
             ));
         }
         part.extend(at_rest.clone());
@@ -252,7 +265,7 @@ fn parts(
     given: &[Vec<(String, f64)>],
     mut pressure: f64,
     spring: bool,
-    confinement: Confinement,
+    boundary: &Boundary,
 ) -> Result<Vec<Part>, String> {
     if given.is_empty() {
         return Err("has no parts; give one or more, such as [[shear.protocol]] with velocity and distance or time".into());
@@ -267,8 +280,12 @@ fn parts(
         has_normal |= values.has_normal();
         parts.push(part);
     }
-    let is_stress = |part: &Part| matches!(part.imposed.along, Along::Force(_));
-    if let (Some(n), true) = (parts.iter().position(is_stress), spring) {
+    let stress = parts
+        .iter()
+        .position(|part| matches!(part.imposed.along, Along::Force(_)));
+    if let Some(n) = stress
+        && spring
+    {
         return Err(format!(
             "part {}: shear_stress pulls the top wall itself, but shear.spring_stiffness or \
              shear.spring_number gives a spring; leave the spring out",
@@ -281,11 +298,11 @@ fn parts(
         }
     }
     let vibrates = parts.iter().any(|part| part.imposed.bottom.is_some());
-    if vibrates && confinement == Confinement::Images {
-        return Err(
-            "bottom_amplitude moves a wall, but sample.boundary = \"periodic\"; leave it out"
-                .into(),
-        );
+    if vibrates && !boundary.has_walls() {
+        return Err(format!(
+            "bottom_amplitude moves a wall, but sample.boundary = {:?}; leave it out",
+            boundary.key
+        ));
     }
     Ok(parts)
 }
@@ -322,15 +339,15 @@ static EXCLUSIVE: [&[&Key]; 5] = [
 ];
 
 impl PartValues<'_> {
-    fn of(&self, key: &Key) -> Option<f64> {
+    fn value(&self, key: &Key) -> Option<f64> {
         let known = self.0.iter().find(|(name, _)| name == key.path);
         known.map(|(_, x)| *x)
     }
 
     fn wave(&self, amplitude: &Key, frequency: &Key) -> Option<Wave> {
         Some(Wave {
-            amplitude: self.of(amplitude)?,
-            frequency: self.of(frequency)?,
+            amplitude: self.value(amplitude)?,
+            frequency: self.value(frequency)?,
         })
     }
 
@@ -341,7 +358,7 @@ impl PartValues<'_> {
             &PART.pressure_end,
             &PART.pressure_amplitude,
         ];
-        keys.iter().any(|key| self.of(key).is_some())
+        keys.iter().any(|key| self.value(key).is_some())
     }
 
     /// The part after `before`. `pressure` (Pa): at the end of the part before, then at the end of
@@ -349,11 +366,11 @@ impl PartValues<'_> {
     fn part(&self, pressure: &mut f64, before: Option<&Part>) -> Result<Part, String> {
         self.check()?;
         let along = self.along(before)?;
-        let normal = if let Some(velocity) = self.of(&PART.wall_velocity) {
+        let normal = if let Some(velocity) = self.value(&PART.wall_velocity) {
             Normal::Velocity(velocity)
         } else {
-            let from = self.of(&PART.pressure).unwrap_or(*pressure);
-            *pressure = self.of(&PART.pressure_end).unwrap_or(from);
+            let from = self.value(&PART.pressure).unwrap_or(*pressure);
+            *pressure = self.value(&PART.pressure_end).unwrap_or(from);
             Normal::Load(Course {
                 from,
                 to: *pressure,
@@ -382,14 +399,14 @@ impl PartValues<'_> {
             }
         }
         for (key, others) in NEEDS {
-            if self.of(key).is_some() && others.iter().all(|other| self.of(other).is_none()) {
+            if self.value(key).is_some() && others.iter().all(|other| self.value(other).is_none()) {
                 let others: Vec<&str> = others.iter().map(|other| other.path).collect();
                 let others = others.join(" or ");
                 return Err(format!("{} needs {others}; give it as well", key.path));
             }
         }
         for keys in EXCLUSIVE {
-            let given = keys.iter().filter(|key| self.of(key).is_some());
+            let given = keys.iter().filter(|key| self.value(key).is_some());
             if let [one, other, ..] = given.map(|key| key.path).collect::<Vec<_>>()[..] {
                 return Err(format!("has both {one} and {other}; give one of them"));
             }
@@ -399,7 +416,7 @@ impl PartValues<'_> {
 
     /// What moves the top wall along x: a velocity (m/s), γ, or a stress (Pa).
     fn along(&self, before: Option<&Part>) -> Result<Along, String> {
-        match (self.of(&PART.velocity), self.of(&PART.ramp)) {
+        match (self.value(&PART.velocity), self.value(&PART.ramp)) {
             (Some(velocity), None) => return Ok(Along::Velocity(velocity)),
             (Some(to), Some(time)) => {
                 let from = velocity_after(before)?;
@@ -410,20 +427,20 @@ impl PartValues<'_> {
         if let Some(strain) = self.wave(&PART.strain_amplitude, &PART.frequency) {
             return Ok(Along::Oscillation(strain));
         }
-        let from = self.of(&PART.shear_stress).ok_or(
+        let from = self.value(&PART.shear_stress).ok_or(
             "lacks velocity (m/s), such as velocity = 1e-3; 0 is a hold; or \
              strain_amplitude, or shear_stress (Pa)",
         )?;
         Ok(Along::Force(Course {
             from,
-            to: self.of(&PART.shear_stress_end).unwrap_or(from),
+            to: self.value(&PART.shear_stress_end).unwrap_or(from),
             wave: self.wave(&PART.shear_stress_amplitude, &PART.frequency),
         }))
     }
 
     /// The duration (s).
     fn time(&self, along: Along) -> Result<f64, String> {
-        if let Some(distance) = self.of(&PART.distance) {
+        if let Some(distance) = self.value(&PART.distance) {
             return match along {
                 Along::Velocity(0.0) | Along::Ramp(Ramp { to: 0.0, .. }) => {
                     Err("a hold (velocity = 0) covers no distance; give its time (s)".into())
@@ -433,8 +450,7 @@ impl PartValues<'_> {
                 Along::Oscillation(_) | Along::Force(_) => unreachable!("needs a velocity"),
             };
         }
-        let of_cycles = || Some(self.of(&PART.cycles)? / self.of(&PART.frequency)?);
-        let time = self.of(&PART.time).or_else(of_cycles);
+        let time = self.value(&PART.time).or_else(|| self.time_of_cycles());
         let time =
             time.ok_or("lacks how long it lasts: distance of the drive (m), time (s) or cycles")?;
         match along {
@@ -445,6 +461,11 @@ impl PartValues<'_> {
             )),
             _ => Ok(time),
         }
+    }
+
+    /// The duration (s), where it is given in cycles.
+    fn time_of_cycles(&self) -> Option<f64> {
+        Some(self.value(&PART.cycles)? / self.value(&PART.frequency)?)
     }
 }
 
@@ -474,20 +495,23 @@ fn time_of_distance(ramp: &Ramp, distance: f64) -> Result<f64, String> {
 }
 
 /// Checks the pressures of the parts beside the one (Pa) of the load, which was checked.
-fn check_pressures(shear: &Shear, (law, sample): (&Law, &Sample), load: f64) -> Result<(), String> {
-    for (n, of) in shear.pressures() {
-        let (least, most) = (of.from.min(of.to), of.from.max(of.to));
-        if of.amplitude() >= least {
+fn check_pressures(shear: &Shear, law: &Law, sample: &Sample, load: f64) -> Result<(), String> {
+    for (n, pressure) in shear.pressures() {
+        let amplitude = pressure.amplitude();
+        let least = pressure.from.min(pressure.to);
+        let most = pressure.from.max(pressure.to);
+        if amplitude >= least {
             return Err(format!(
                 "part {}: pressure_amplitude must be less than the pressure of {} Pa, found {}",
                 n + 1,
                 show(least),
-                show(of.amplitude())
+                show(amplitude)
             ));
         }
-        let extremes = [most + of.amplitude(), least];
-        let is_out = |p: &f64| *p != load && derived::stiffness_number(law, sample, *p).is_none();
-        if let Some(pressure) = extremes.into_iter().find(is_out) {
+        for pressure in [most + amplitude, least] {
+            if pressure == load || derived::stiffness_number(law, sample, pressure).is_some() {
+                continue;
+            }
             let [least, most] = [STIFFNESS_NUMBER_MAX, STIFFNESS_NUMBER_MIN]
                 .map(|kappa| derived::pressure(law, sample, kappa));
             return Err(format!(

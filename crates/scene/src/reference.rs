@@ -3,12 +3,14 @@
 
 use std::ops::Bound;
 
+use gshear_dem::adhesions::ADHESIONS;
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::laws::LAWS;
 use gshear_dem::laws::keys::{Bounds, Integers, Key, Values};
 use serde_json::{Map, Value, json};
 
 use crate::keys::{TABLES, TOP, tables};
+use crate::law::CONTACT;
 use crate::materials::MaterialKeys;
 use crate::protocol::{PartKeys, WITHOUT_TOP};
 use crate::table::{laws_with, unit};
@@ -17,9 +19,9 @@ use crate::value::{MAGNITUDES, Value as KeyValue};
 use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, list};
 
 /// Begins the generated part of docs/config.md.
-pub const BEGIN: &str = "<!-- keys: generated -->";
+const BEGIN: &str = "<!-- keys: generated -->";
 /// Ends it.
-pub const END: &str = "<!-- end of keys -->";
+const END: &str = "<!-- end of keys -->";
 
 /// The column that a footnote belongs to.
 #[derive(PartialEq)]
@@ -89,8 +91,8 @@ fn doc(key: &Key) -> String {
     }
 }
 
-/// The keys in Markdown, a section for each table, with their footnotes, between [`BEGIN`] and
-/// [`END`].
+/// The keys in Markdown, a section for each table, with their footnotes, between the markers of
+/// docs/config.md.
 pub fn key_tables() -> String {
     let mut page = format!("{BEGIN}\n");
     for table in tables() {
@@ -139,18 +141,20 @@ fn part_table() -> String {
 
 /// A row of a table.
 fn row(cells: &[String]) -> String {
-    let cell = |text: &String| match &text[..] {
-        "" => " |".into(),
-        text => format!(" {text} |"),
-    };
-    let cells: String = cells.iter().map(cell).collect();
-    format!("|{cells}\n")
+    let mut row = String::from("|");
+    for text in cells {
+        row += &match &text[..] {
+            "" => " |".into(),
+            text => format!(" {text} |"),
+        };
+    }
+    row + "\n"
 }
 
 /// A cell with the marks of its footnotes.
 fn marked(cell: String, key: &Key, column: TableColumn) -> String {
     let notes = FOOTNOTES.iter().filter(|note| {
-        note.column == column && note.paths.split_whitespace().any(|of| of == key.path)
+        note.column == column && note.paths.split_whitespace().any(|path| path == key.path)
     });
     let marks = notes.map(|note| note.mark.to_string());
     let words = (!cell.is_empty()).then_some(cell);
@@ -175,8 +179,9 @@ fn allowed(key: &Key) -> String {
         },
         Values::Flag => String::new(),
         Values::Word(_) => {
-            let of = |dimension| quoted(&laws(dimension));
-            format!("2D: {}; 3D: {}", of(Dimensions::Two), of(Dimensions::Three))
+            let [disks, spheres] = [Dimensions::Two, Dimensions::Three]
+                .map(|dimension| quoted(&named(key, dimension)));
+            format!("2D: {disks}; 3D: {spheres}")
         }
         Values::Text([]) if key.condition.is_empty() => "any string".into(),
         Values::Text(names) => quoted(names),
@@ -190,12 +195,19 @@ fn allowed(key: &Key) -> String {
     }
 }
 
-/// The names of the laws that exist in a dimension.
-fn laws(dimension: Dimensions) -> Vec<&'static str> {
-    let exist = LAWS
-        .iter()
-        .filter(|kind| kind.dimensions.contains(&dimension));
-    exist.map(|kind| kind.name).collect()
+/// The names of the laws or adhesions that a key takes in a dimension.
+fn named(key: &Key, dimension: Dimensions) -> Vec<&'static str> {
+    let laws = LAWS.iter().map(|kind| (kind.name, kind.dimensions));
+    let adhesions = ADHESIONS.iter().map(|kind| (kind.name, kind.dimensions));
+    let all: Vec<_> = if key.path == CONTACT.law.path {
+        laws.collect()
+    } else {
+        adhesions.collect()
+    };
+    all.into_iter()
+        .filter(|(_, dimensions)| dimensions.contains(&dimension))
+        .map(|(name, _)| name)
+        .collect()
 }
 
 /// Strings of TOML as code.
@@ -311,8 +323,11 @@ fn words(names: &[&str]) -> Value {
 
 /// The schema of the tables of a list with these keys.
 fn entries(keys: &[&Key]) -> Value {
-    let single = |key: &&&Key| !matches!(key.values, Values::Tables(_));
-    let keys: Vec<&Key> = keys.iter().filter(single).copied().collect();
+    let keys: Vec<&Key> = keys
+        .iter()
+        .filter(|key| !matches!(key.values, Values::Tables(_)))
+        .copied()
+        .collect();
     json!({ "type": "object", "properties": object(&keys), "additionalProperties": unknown() })
 }
 
@@ -365,30 +380,29 @@ fn part(keys: &[&Key]) -> Value {
         schema["description"] = description(key).into();
         properties.insert(key.path.into(), schema);
     }
-    let required = |name: &&str| json!({ "required": [name] });
-    let one_of = |names: &[&str], other: Option<Value>| {
-        let ways: Vec<Value> = names.iter().map(required).chain(other).collect();
-        json!({ "oneOf": ways })
-    };
     // A part below a free surface has no key of a top wall.
-    let of_top = |key: &&&Key| WITHOUT_TOP.iter().all(|other| other.path != key.path);
-    let none_of_top: Map<String, Value> = keys
+    let without_top: Map<String, Value> = keys
         .iter()
-        .filter(of_top)
+        .filter(|key| WITHOUT_TOP.iter().all(|other| other.path != key.path))
         .map(|key| (key.path.into(), json!(false)))
         .collect();
+    let mut drives = required(&["velocity", "strain_amplitude", "shear_stress"]);
+    drives.push(json!({ "properties": without_top }));
     json!({
         "type": "object",
         "properties": properties,
         "allOf": [
-            one_of(
-                &["velocity", "strain_amplitude", "shear_stress"],
-                Some(json!({ "properties": none_of_top })),
-            ),
-            one_of(&["distance", "time", "cycles"], None),
+            { "oneOf": drives },
+            { "oneOf": required(&["distance", "time", "cycles"]) },
         ],
         "additionalProperties": unknown(),
     })
+}
+
+/// For each of these keys a schema that requires it.
+fn required(names: &[&str]) -> Vec<Value> {
+    let schemas = names.iter().map(|name| json!({ "required": [name] }));
+    schemas.collect()
 }
 
 #[cfg(test)]

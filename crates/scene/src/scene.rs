@@ -1,6 +1,7 @@
 //! The checked scene: every default filled in, every contradiction refused. SI units throughout; in
 //! a periodic box any consistent units, such as BO's reduced ones.
 
+use gshear_dem::boundary::{Boundary, PERIODIC};
 use gshear_dem::dimension::Dimensions;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
@@ -38,8 +39,8 @@ pub struct Scene {
     pub sample: Sample,
     /// Δt and its limit.
     pub time_step: TimeStep,
-    /// What bounds the grains, and how they are sheared there.
-    pub boundary: Boundary,
+    /// What is done to the grains.
+    pub stages: Stages,
     /// Time between checkpoints besides those of a stage's schedule (s); 0 is never.
     pub checkpoint_time: f64,
     /// Whether every checkpoint is kept, so that stretches can be replayed.
@@ -57,7 +58,7 @@ impl Scene {
     /// # Panics
     /// In another dimension than the scene's.
     pub fn force<D: LawSpace>(&self) -> Box<dyn PairForce<D>> {
-        self.force_with(|law, contact| (law.clone(), *contact))
+        self.force_with(|law, contact| (law.clone(), contact.clone()))
     }
 
     /// [`Scene::force`] with the law and the contacts of each pair changed.
@@ -73,12 +74,27 @@ impl Scene {
         pair_force(&laws).expect("a law of this dimension, as the scene was checked")
     }
 
-    /// The part of a scene between walls; messages call the scene `name`.
+    /// What bounds the grains along the last axis.
+    pub fn boundary(&self) -> &'static Boundary {
+        self.shear().map_or(&PERIODIC, |shear| shear.boundary)
+    }
+
+    /// The shear, if the sample is sheared.
+    pub fn shear(&self) -> Option<&PlaneShear> {
+        self.stages.shear()
+    }
+
+    /// Whether a grain that passes a wall is removed.
+    pub fn removes(&self) -> bool {
+        self.shear().is_some_and(|shear| shear.removes)
+    }
+
+    /// The shear; messages call the scene `name`.
     ///
     /// # Errors
     /// `Failure::Input` for a scene in a periodic box.
     pub fn plane_shear(&self, name: &str) -> Result<&PlaneShear> {
-        self.boundary.walls().ok_or_else(|| {
+        self.shear().ok_or_else(|| {
             Failure::input(format!(
                 "{name}: is a scene in a periodic box; this needs one of plane shear, without [box]"
             ))
@@ -87,7 +103,9 @@ impl Scene {
 
     /// The flat walls of a shear between such.
     pub fn flat_walls(&self) -> Option<FlatWalls> {
-        self.boundary.walls().filter(|of| of.has_planes())?;
+        if !self.boundary().has_planes() {
+            return None;
+        }
         Some(FlatWalls {
             first_id: self.sample.grains,
             material: self.materials.wall.unwrap_or(0),
@@ -96,10 +114,12 @@ impl Scene {
 
     /// The cell in which the grains begin.
     pub fn cell(&self) -> Cell {
-        let boxed = self.packing().and_then(|file| file.boxed);
-        let is_box = matches!(self.boundary, Boundary::Periodic(_));
-        let boxed = boxed.or(is_box.then_some([self.sample.length, 0.0]));
-        let sheared = boxed.map(|[height, offset]| Sheared {
+        let file_box = self.packing().and_then(|file| file.boxed);
+        let height_and_offset = match self.stages {
+            Stages::Strain(_) => file_box.or(Some([self.sample.length, 0.0])),
+            Stages::Shear(_) => file_box,
+        };
+        let sheared = height_and_offset.map(|[height, offset]| Sheared {
             offset,
             ..Sheared::upright(height)
         });
@@ -111,28 +131,28 @@ impl Scene {
 
     /// The file that the grains come from, if they do.
     pub fn packing(&self) -> Option<&PackingFile> {
-        match &self.boundary {
-            Boundary::Walls(walls) => walls.origin.file(),
-            Boundary::Periodic(periodic) => periodic.packing.as_ref(),
+        match &self.stages {
+            Stages::Shear(shear) => shear.origin.file(),
+            Stages::Strain(periodic) => periodic.packing.as_ref(),
         }
     }
 }
 
-/// What bounds the grains, and how they are sheared there.
+/// What is done to the sample.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Boundary {
-    /// Walls at bottom and top.
-    Walls(PlaneShear),
-    /// A periodic box: with a table `[box]`.
-    Periodic(PeriodicBox),
+pub enum Stages {
+    /// It is packed, if it comes loose, and sheared.
+    Shear(PlaneShear),
+    /// It is strained in a periodic cell: with a table `[box]`.
+    Strain(PeriodicBox),
 }
 
-impl Boundary {
-    /// The walls, if they are the bounds.
-    pub fn walls(&self) -> Option<&PlaneShear> {
+impl Stages {
+    /// The shear, if there is one.
+    pub(crate) fn shear(&self) -> Option<&PlaneShear> {
         match self {
-            Boundary::Walls(walls) => Some(walls),
-            Boundary::Periodic(_) => None,
+            Stages::Shear(shear) => Some(shear),
+            Stages::Strain(_) => None,
         }
     }
 }

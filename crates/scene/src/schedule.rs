@@ -3,13 +3,13 @@
 
 use crate::derived::packed_height;
 use crate::load::{Control, Load};
+use crate::output::Output;
 use crate::protocol::{Motion, WallSpeed};
 use crate::scene::Scene;
 use crate::walls::PlaneShear;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimensions;
-use gshear_dem::protocol::{Along, Imposed, Normal, Part, Protocol, Ramp, Segment};
-use gshear_dem::state::{Confinement, series_columns};
+use gshear_dem::protocol::{Along, Imposed, Normal, Part, Protocol, Ramp};
 
 /// Steps of a stage that are counted: 2^53, up to which f64 has every whole number.
 pub const MOST_STEPS: u64 = 1 << 53;
@@ -133,10 +133,10 @@ pub fn definition_of_inertial_number(dimension: Dimensions) -> &'static str {
 }
 
 /// I/γ̇ (s): √(m̄/P), in three dimensions d̄ √(ρ/P) with ρ = m̄ over the mean volume.
-pub fn inertial_time(scene: &Scene, load: &Load) -> f64 {
+fn inertial_time(scene: &Scene, load: &Load) -> f64 {
     let sample = &scene.sample;
-    let of_spheres = sample.by_dimension(1.0, sample.mean_section() / sample.mean_volume);
-    (mean_mass(scene) / load.pressure * of_spheres).sqrt()
+    let per_volume = sample.by_dimension(1.0, sample.mean_section() / sample.mean_volume);
+    (mean_mass(scene) / load.pressure * per_volume).sqrt()
 }
 
 /// √(m̄/P) (s), in three dimensions √(m̄/(P d̄)): the time in which P moves a mean grain, by which
@@ -161,16 +161,115 @@ pub fn packing_steps(scene: &Scene, load: &Load) -> f64 {
     times * packing_time(scene, load) / scene.time_step.step
 }
 
+/// How strain grows at a constant speed of the drive.
+struct StrainRate {
+    /// The full speed (m/s).
+    speed: f64,
+    /// γ of a step at the full speed.
+    per_step: f64,
+    pace: Pace,
+}
+
+impl StrainRate {
+    /// Steps after which γ is reached. During a ramp strains take longer than at the full speed.
+    fn steps(&self, strain: f64) -> u64 {
+        whole(self.pace.steps(strain / self.per_step))
+    }
+
+    fn interval(&self, strain: f64) -> Interval {
+        Interval::of_steps(strain / self.per_step, self.pace)
+    }
+
+    /// Frames and rows of the time series meet wherever their intervals as strains do.
+    fn interval_of_frames(&self, strain: f64, output: &Output) -> Interval {
+        match output.rows_in(strain) {
+            Some(rows) if output.series_strain >= self.per_step => {
+                self.interval(output.series_strain).times(rows)
+            }
+            _ => self.interval(strain),
+        }
+    }
+}
+
+/// What the drive does and what is written.
+struct Plan {
+    protocol: Protocol,
+    intervals: Vec<Intervals>,
+    first_frame: u64,
+    first_analysis: u64,
+}
+
+impl Plan {
+    /// At one rate to this γ.
+    fn of_strain(scene: &Scene, walls: &PlaneShear, rate: &StrainRate, strain: f64) -> Self {
+        let output = &walls.output;
+        let along = if rate.pace.ramp > 0.0 {
+            Along::Ramp(Ramp {
+                from: 0.0,
+                to: rate.speed,
+                time: rate.pace.ramp,
+            })
+        } else {
+            Along::Velocity(rate.speed)
+        };
+        let is_constant_volume = walls.load.control == Control::Volume;
+        let imposed = Imposed {
+            normal: is_constant_volume.then_some(Normal::Velocity(0.0)),
+            ..along.into()
+        };
+        let mut intervals = Intervals {
+            frames: rate.interval_of_frames(output.frame_strain, output),
+            checkpoints: rate.interval(output.checkpoint_strain),
+            series: rate.interval(output.series_strain),
+            ..Intervals::default()
+        };
+        let first_frame = output.frame_start / rate.per_step;
+        let first_frame = intervals.frames.nearest(first_frame);
+        let mut first_analysis = 0;
+        if walls.analysis.scalars {
+            intervals.analysis = rate.interval_of_frames(walls.analysis.strain, output);
+            let first = walls.analysis.start / rate.per_step;
+            first_analysis = intervals.analysis.nearest(first);
+        }
+        Self {
+            protocol: Protocol::of(scene.time_step.step, [(imposed, rate.steps(strain))]),
+            intervals: vec![intervals],
+            first_frame,
+            first_analysis,
+        }
+    }
+
+    /// Through these parts. `height` (m): of the layer.
+    fn of_parts(scene: &Scene, output: &Output, height: f64, parts: &[Part]) -> Self {
+        let step = scene.time_step.step;
+        let base = scene.sample.base();
+        let segments = parts.iter().map(|part| {
+            let imposed = part.on_layer(height, base, step);
+            (imposed, whole(part.time / step))
+        });
+        let protocol = Protocol::of(step, segments);
+        let intervals = protocol.segments().iter().map(|segment| Intervals {
+            frames: Interval::dividing(segment.steps, output.frame_rows),
+            analysis: Interval::default(),
+            series: Interval::dividing(segment.steps, output.series_rows),
+            checkpoints: Interval::dividing(segment.steps, 1),
+        });
+        Self {
+            intervals: intervals.collect(),
+            protocol,
+            first_frame: 0,
+            first_analysis: 0,
+        }
+    }
+}
+
 impl Schedule {
     /// The schedule of a scene between walls whose sheared layer is `height` (m) high at the start.
     pub fn new(scene: &Scene, walls: &PlaneShear, height: f64) -> Self {
         let step = scene.time_step.step;
         let output = &walls.output;
         let inertial_time = inertial_time(scene, &walls.load);
-        let protocol;
-        let intervals;
-        let (mut first_frame, mut first_analysis) = (0, 0);
-        match &walls.shear.motion {
+        let plan = match &walls.shear.motion {
             Motion::Strain {
                 drive,
                 ramp,
@@ -180,64 +279,23 @@ impl Schedule {
                     WallSpeed::Velocity(speed) => *speed,
                     WallSpeed::InertialNumber(i) => i / inertial_time * height,
                 };
-                let per_step = speed / height * step;
-                // During a ramp strains take longer than at the full speed.
-                let pace = Pace { ramp: ramp / step };
-                let steps = |strain: f64| whole(pace.steps(strain / per_step));
-                let constant = walls.load.control == Control::Volume;
-                let along = if *ramp > 0.0 {
-                    Along::Ramp(Ramp {
-                        from: 0.0,
-                        to: speed,
-                        time: pace.ramp,
-                    })
-                } else {
-                    Along::Velocity(speed)
+                let rate = StrainRate {
+                    speed,
+                    per_step: speed / height * step,
+                    pace: Pace { ramp: ramp / step },
                 };
-                let imposed = Imposed {
-                    normal: constant.then_some(Normal::Velocity(0.0)),
-                    ..along.into()
-                };
-                protocol = Protocol::of(step, [(imposed, steps(*strain))]);
-                let every = |strain: f64| Interval::of_steps(strain / per_step, pace);
-                let series = every(output.series_strain);
-                // Frames and rows of the time series meet wherever their intervals as strains do.
-                let with_rows = |strain: f64| match output.rows_in(strain) {
-                    Some(rows) if output.series_strain >= per_step => series.times(rows),
-                    _ => every(strain),
-                };
-                let mut all = Intervals {
-                    frames: with_rows(output.frame_strain),
-                    checkpoints: every(output.checkpoint_strain),
-                    series,
-                    ..Intervals::default()
-                };
-                first_frame = all.frames.nearest(output.frame_start / per_step);
-                if walls.analysis.scalars {
-                    all.analysis = with_rows(walls.analysis.strain);
-                    first_analysis = all.analysis.nearest(walls.analysis.start / per_step);
-                }
-                intervals = vec![all];
+                Plan::of_strain(scene, walls, &rate, *strain)
             }
-            Motion::Protocol(parts) => {
-                let steps = |part: &Part| whole(part.time / step);
-                let base = scene.sample.base();
-                let segment = |part: &Part| (part.on_layer(height, base, step), steps(part));
-                protocol = Protocol::of(step, parts.iter().map(segment));
-                let of_segment = |segment: &Segment| Intervals {
-                    frames: Interval::dividing(segment.steps, output.frame_rows),
-                    analysis: Interval::default(),
-                    series: Interval::dividing(segment.steps, output.series_rows),
-                    checkpoints: Interval::dividing(segment.steps, 1),
-                };
-                intervals = protocol.segments().iter().map(of_segment).collect();
-            }
-        }
-        let total = protocol.steps();
-        let has_imposed = match walls.confinement {
-            Confinement::FreeSurface => protocol.has_bottom(),
-            _ => protocol.is_more_than_velocities(),
+            Motion::Protocol(parts) => Plan::of_parts(scene, output, height, parts),
         };
+        let Plan {
+            protocol,
+            intervals,
+            first_frame,
+            first_analysis,
+        } = plan;
+        let total = protocol.steps();
+        let has_imposed = walls.boundary.shows_imposed(&protocol);
         Self {
             step,
             height,
@@ -249,7 +307,7 @@ impl Schedule {
                 0 => 0,
                 lines => (total / lines).max(1),
             },
-            columns: series_columns(has_imposed, walls.confinement),
+            columns: walls.boundary.series_columns(has_imposed),
             has_imposed,
             protocol,
             intervals,
@@ -258,10 +316,10 @@ impl Schedule {
     }
 
     /// The same to the end of a window, with its frames, without checkpoints and scalars.
-    pub fn of_window(mut self, window: ReplayWindow) -> Self {
+    pub fn restricted_to(mut self, window: ReplayWindow) -> Self {
         for intervals in &mut self.intervals {
-            (intervals.analysis, intervals.checkpoints) =
-                (Interval::default(), Interval::default());
+            intervals.analysis = Interval::default();
+            intervals.checkpoints = Interval::default();
         }
         self.total = self.total.min(window.last);
         self.window = Some(window);
@@ -295,10 +353,15 @@ impl Schedule {
                 high = middle;
             }
         }
-        let away = |step: u64| (self.protocol.position(step) - position).abs();
-        match low.checked_sub(1) {
-            Some(before) if away(before) < away(low) => before,
-            _ => low,
+        let Some(before) = low.checked_sub(1) else {
+            return low;
+        };
+        let [distance_before, distance] =
+            [before, low].map(|step| (self.protocol.position(step) - position).abs());
+        if distance_before < distance {
+            before
+        } else {
+            low
         }
     }
 
@@ -306,9 +369,10 @@ impl Schedule {
     /// protocol in steps of another length.
     pub fn step_of(&self, other: &Self, step: u64) -> u64 {
         let part = other.protocol.segment_of(step);
-        let [of_other, own] = [other, self].map(|of| of.protocol.segments()[part]);
-        let done = step - of_other.first;
-        let steps = if done >= of_other.steps {
+        let theirs = other.protocol.segments()[part];
+        let own = self.protocol.segments()[part];
+        let done = step - theirs.first;
+        let steps = if done >= theirs.steps {
             own.steps
         } else {
             ((done as f64 * (other.step / self.step)).round() as u64).min(own.steps)

@@ -37,7 +37,7 @@ pub(super) struct Part {
     start: usize,
     /// What the parser reads: the text after as many spaces, so that it counts from the first part
     /// on.
-    pub padded: String,
+    pub(super) padded: String,
 }
 
 impl Source {
@@ -76,25 +76,24 @@ impl Source {
         source.add(path, read_text(path, FORMAT, MOST_BYTES)?);
         let mut seen = vec![path.to_path_buf()];
         while let Some((at, base)) = source.base()? {
-            let file = |path: &Path| path.canonicalize().ok();
-            let known = seen.iter().any(|path| file(path) == file(&base));
-            let refuse = |what: &str| Err(source.input().failure(at, EXTENDS, what));
             if seen.len() == MOST_FILES {
-                return refuse(&format!(
+                let what = format!(
                     "is one file too many: at most {MOST_FILES} may extend each other; put some of them together"
-                ));
+                );
+                return Err(source.input().failure(at, EXTENDS, &what));
             }
-            if known && base.exists() {
+            let file = base.canonicalize().ok();
+            let is_known = seen.iter().any(|path| path.canonicalize().ok() == file);
+            if is_known && base.exists() {
                 seen.push(base);
                 let names = seen.iter().map(|path| path.display().to_string());
                 let circle = names.collect::<Vec<_>>().join(" extends ");
-                return refuse(&format!("is a circle: {circle}; leave one of them out"));
+                let what = format!("is a circle: {circle}; leave one of them out");
+                return Err(source.input().failure(at, EXTENDS, &what));
             }
             let most = MOST_BYTES.saturating_sub(source.length() as u64);
-            let text = match read_text(&base, "a TOML file to extend", most) {
-                Ok(text) => text,
-                Err(failure) => return refuse(&failure.to_string()),
-            };
+            let text = read_text(&base, "a TOML file to extend", most)
+                .map_err(|failure| source.input().failure(at, EXTENDS, &failure.to_string()))?;
             source.add(&base, text);
             seen.push(base);
         }
@@ -125,8 +124,10 @@ impl Source {
         match value.get_ref().as_str() {
             Some(path) if !path.trim().is_empty() => Ok(Some((at, last.folder.join(path)))),
             text => {
-                let kind = format!("a value of type {}", value.get_ref().type_str());
-                let found = text.map_or(&kind[..], |_| "none");
+                let found = match text {
+                    Some(_) => "none".into(),
+                    None => format!("a value of type {}", value.get_ref().type_str()),
+                };
                 let what = format!(
                     "must be the path of a file in quotes, such as \"base.toml\", found {found}"
                 );
@@ -207,36 +208,55 @@ fn read_text(path: &Path, format: &str, most: u64) -> Result<String> {
 /// `Failure::Input` if there is no such file, it is a directory or a device, it is too large, or
 /// cannot be read.
 pub(super) fn read_bytes(path: &Path, format: &str, most: u64) -> Result<Vec<u8>> {
-    let name = path.display();
-    let refuse = |what: String| Failure::input(format!("{name}: {what}"));
-    let unreadable = |e: std::io::Error| {
-        refuse(match e.kind() {
-            ErrorKind::NotFound => format!("no such file; give {format}"),
-            ErrorKind::PermissionDenied => {
-                "cannot be read: permission denied; allow reading it".into()
-            }
-            _ => format!("cannot be read: {e}"),
+    read_up_to(path, most)
+        .map_err(|unread| match unread {
+            Unread::Directory => format!("is a directory; give {format}"),
+            Unread::Device => format!("is a device; give {format}"),
+            Unread::TooLarge => format!("has more than {most} bytes; give {format}"),
+            Unread::Failed(e) => match e.kind() {
+                ErrorKind::NotFound => format!("no such file; give {format}"),
+                ErrorKind::PermissionDenied => {
+                    "cannot be read: permission denied; allow reading it".into()
+                }
+                _ => format!("cannot be read: {e}"),
+            },
         })
-    };
-    let kind = std::fs::metadata(path).map_err(unreadable)?.file_type();
+        .map_err(|what| Failure::input(format!("{}: {what}", path.display())))
+}
+
+/// Why the bytes of a file were not read.
+enum Unread {
+    Directory,
+    /// Such as /dev/zero, which has no end.
+    Device,
+    TooLarge,
+    Failed(std::io::Error),
+}
+
+impl From<std::io::Error> for Unread {
+    fn from(e: std::io::Error) -> Self {
+        Unread::Failed(e)
+    }
+}
+
+/// The bytes of a file that has no more of them than `most`.
+fn read_up_to(path: &Path, most: u64) -> Result<Vec<u8>, Unread> {
+    let kind = std::fs::metadata(path)?.file_type();
     if kind.is_dir() {
-        return Err(refuse(format!("is a directory; give {format}")));
+        return Err(Unread::Directory);
     }
-    // Such as /dev/zero, which has no end.
     if kind.is_char_device() || kind.is_block_device() {
-        return Err(refuse(format!("is a device; give {format}")));
+        return Err(Unread::Device);
     }
-    let bytes = if kind.is_fifo() {
-        read_pipe(path, most)
+    let mut bytes = Vec::new();
+    if kind.is_fifo() {
+        bytes = read_pipe(path, most)?;
     } else {
-        let mut bytes = Vec::new();
-        let file = File::open(path).map_err(unreadable)?;
-        let read = file.take(most.saturating_add(1)).read_to_end(&mut bytes);
-        read.map(|_| bytes)
-    };
-    let bytes = bytes.map_err(unreadable)?;
+        let file = File::open(path)?;
+        file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
+    }
     if bytes.len() as u64 > most {
-        return Err(refuse(format!("has more than {most} bytes; give {format}")));
+        return Err(Unread::TooLarge);
     }
     Ok(bytes)
 }
@@ -275,19 +295,19 @@ fn read_pipe(path: &Path, most: u64) -> std::io::Result<Vec<u8>> {
 /// override, so that one number says of every value where it came from, and later offsets win.
 #[derive(Clone, Copy)]
 pub(super) struct Input<'a> {
-    pub source: &'a Source,
-    pub overrides: &'a [String],
+    pub(super) source: &'a Source,
+    pub(super) overrides: &'a [String],
 }
 
 impl<'a> Input<'a> {
     /// Offset of the k-th override.
-    pub fn override_offset(&self, k: usize) -> usize {
+    pub(super) fn override_offset(&self, k: usize) -> usize {
         let before: usize = self.overrides[..k].iter().map(|o| o.len() + 1).sum();
         self.source.length() + 1 + before
     }
 
     /// The override that holds the offset; `None` where it lies in the source.
-    pub fn override_at(&self, offset: usize) -> Option<&'a str> {
+    pub(super) fn override_at(&self, offset: usize) -> Option<&'a str> {
         (0..self.overrides.len())
             .rev()
             .find(|&k| self.override_offset(k) <= offset)
@@ -295,18 +315,18 @@ impl<'a> Input<'a> {
     }
 
     /// Whether the offset lies in a file that the first one extends.
-    pub fn is_extended(&self, offset: usize) -> bool {
+    pub(super) fn is_extended(&self, offset: usize) -> bool {
         self.override_at(offset).is_none() && self.source.part_at(offset).start > 0
     }
 
     /// Whether both offsets lie in the same file.
-    pub fn are_beside(&self, first: usize, second: usize) -> bool {
-        let of = |offset: usize| self.source.part_at(offset).start;
-        of(first) == of(second)
+    pub(super) fn are_beside(&self, first: usize, second: usize) -> bool {
+        let [first, second] = [first, second].map(|offset| self.source.part_at(offset).start);
+        first == second
     }
 
     /// The folder of the file that holds the offset.
-    pub fn folder(&self, offset: usize) -> &'a Path {
+    pub(super) fn folder(&self, offset: usize) -> &'a Path {
         &self.source.part_at(offset).folder
     }
 
@@ -319,14 +339,14 @@ impl<'a> Input<'a> {
     }
 
     /// The text of the line.
-    pub fn text_of_line(&self, offset: usize) -> Option<&'a str> {
+    pub(super) fn text_of_line(&self, offset: usize) -> Option<&'a str> {
         let part = self.source.part_at(offset);
         part.padded[part.start..].lines().nth(self.line(offset) - 1)
     }
 
     /// [`Self::mention`] in a message about the place `beside`: names the file if that is another
     /// one.
-    pub fn mention_beside(&self, offset: usize, beside: usize) -> String {
+    pub(super) fn mention_beside(&self, offset: usize, beside: usize) -> String {
         let in_files = self.override_at(offset).is_none() && self.override_at(beside).is_none();
         if in_files && !self.are_beside(offset, beside) {
             self.place(offset)
@@ -337,7 +357,7 @@ impl<'a> Input<'a> {
 
     /// `line 12` or `--set a.b=c`: the place as another place's message refers to it. In a file
     /// that is extended, `base.toml:12`.
-    pub fn mention(&self, offset: usize) -> String {
+    pub(super) fn mention(&self, offset: usize) -> String {
         match self.override_at(offset) {
             Some(set) => format!("--set {set}"),
             None if self.is_extended(offset) => self.place(offset),
@@ -346,7 +366,7 @@ impl<'a> Input<'a> {
     }
 
     /// `file.toml:12` or `--set a.b=c`.
-    pub fn place(&self, offset: usize) -> String {
+    pub(super) fn place(&self, offset: usize) -> String {
         match self.override_at(offset) {
             Some(set) => format!("--set {set}"),
             None => {
@@ -357,7 +377,7 @@ impl<'a> Input<'a> {
     }
 
     /// `file.toml:12: a.b: what`, or `--set a.b=c: what`.
-    pub fn message(&self, offset: usize, path: &str, what: &str) -> String {
+    pub(super) fn message(&self, offset: usize, path: &str, what: &str) -> String {
         let place = self.place(offset);
         if path.is_empty() || self.override_at(offset).is_some() {
             format!("{place}: {what}")
@@ -367,7 +387,7 @@ impl<'a> Input<'a> {
     }
 
     /// [`Input::message`] as a failure.
-    pub fn failure(&self, offset: usize, path: &str, what: &str) -> Failure {
+    pub(super) fn failure(&self, offset: usize, path: &str, what: &str) -> Failure {
         Failure::Input(self.message(offset, path, what))
     }
 }

@@ -14,7 +14,7 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::keys::Key;
 
 /// Runs of a sweep. All are listed, and checked before the first one runs.
-pub const MOST_RUNS: usize = 10_000;
+const MOST_RUNS: usize = 10_000;
 
 /// Longest name of a folder (bytes).
 const LONGEST_NAME: usize = 255;
@@ -43,6 +43,19 @@ impl Member {
         }
         Failure::Input(message)
     }
+
+    /// The run that has a value of one more axis; `name`: of the axis in folders.
+    fn with(&self, axis: &Axis, name: &str, value: &AxisValue) -> Self {
+        let own = format!("{name}-{}", in_a_path(&value.text));
+        let mut member = self.clone();
+        member.set.push(format!("{}={}", axis.path, value.set));
+        member.places.push(axis.place.clone());
+        member.name = match &self.name[..] {
+            "" => own,
+            before => format!("{before}_{own}"),
+        };
+        member
+    }
 }
 
 /// A key, the values it takes as TOML, and where the table has it.
@@ -50,43 +63,82 @@ struct Axis {
     offset: usize,
     place: String,
     path: String,
-    /// As the file has them, and as of `--set`.
-    values: Vec<[String; 2]>,
+    values: Vec<AxisValue>,
+}
+
+impl Axis {
+    /// The name of its key without the table.
+    fn key_name(&self) -> &str {
+        self.path.rsplit('.').next().unwrap_or_default()
+    }
+}
+
+/// A value of an axis.
+struct AxisValue {
+    /// As the file has it.
+    text: String,
+    /// As of `--set`.
+    set: String,
+}
+
+impl AxisValue {
+    /// A value in the list of a key, which is at this offset.
+    fn read(input: &Input<'_>, offset: usize, path: &str, value: &Spanned<DeValue<'_>>) -> Self {
+        let text = input.source.slice(value.span()).to_string();
+        let set = match value.get_ref().as_str() {
+            // A path of --set is from the working directory.
+            Some(file) if path == PACKING && file != TAKE_AWAY => {
+                let file = input.folder(offset).join(file);
+                Value::from(file.display().to_string()).to_string()
+            }
+            _ => text.clone(),
+        };
+        AxisValue { text, set }
+    }
+}
+
+/// A key in the table of a sweep.
+struct Leaf<'t, 'v> {
+    offset: usize,
+    path: String,
+    value: &'t Spanned<DeValue<'v>>,
 }
 
 /// The runs of a configuration with a sweep, `None` of one without: every value with every other,
 /// the last key changing fastest.
 ///
-/// # Errors `Failure::Input` where the table is none, has an unknown key, or something else than
+/// # Errors
+/// `Failure::Input` where the table is none, has an unknown key, or something else than
 /// lists of different values.
 pub fn members(source: &Source) -> Result<Option<Vec<Member>>> {
     let input = source.input();
-    let mut found = None;
+    let mut sweep = None;
     for part in &source.parts {
         // What is not TOML is said by whoever reads the rest of it.
         let Ok(mut tree) = DeTable::parse(&part.padded).map(Spanned::into_inner) else {
             return Ok(None);
         };
-        found = found.or(tree.remove_entry(SWEEP));
+        sweep = sweep.or(tree.remove_entry(SWEEP));
     }
-    let found = found.filter(|(_, value)| value.get_ref().as_str() != Some(TAKE_AWAY));
-    let Some((key, value)) = found else {
+    let Some((key, value)) = sweep else {
         return Ok(None);
     };
-    let refuse = |offset, path: &str, what: &str| refuse(&input, offset, path, what);
+    if value.get_ref().as_str() == Some(TAKE_AWAY) {
+        return Ok(None);
+    }
     let at = key.span().start;
     let DeValue::Table(table) = value.get_ref() else {
         let what =
             "is a table; write [sweep] and under it lists of values, such as seed = [1, 2, 3]";
-        return refuse(at, "", what);
+        return Err(failure(&input, at, "", what));
     };
-    let mut found = Vec::new();
-    leaves(table, "", &mut found);
-    found.sort_by_key(|(offset, ..)| *offset);
-    let axes = axes(&input, found)?;
+    let mut leaves = Vec::new();
+    collect_leaves(table, "", &mut leaves);
+    leaves.sort_by_key(|leaf| leaf.offset);
+    let axes = axes(&input, leaves)?;
     if axes.is_empty() {
         let what = "is empty; give lists of values, such as seed = [1, 2, 3]";
-        return refuse(at, "", what);
+        return Err(failure(&input, at, "", what));
     }
     let all = product(&axes);
     let mut seen = HashSet::new();
@@ -103,7 +155,7 @@ pub fn members(source: &Source) -> Result<Option<Vec<Member>>> {
         } else {
             continue;
         };
-        return refuse(last.offset, &last.path, &what);
+        return Err(failure(&input, last.offset, &last.path, &what));
     }
     Ok(Some(all))
 }
@@ -117,31 +169,29 @@ pub fn takes_sweep_away(set: &str) -> bool {
 }
 
 /// A failure at a key of the table; of the table itself if there is none.
-fn refuse<T>(input: &Input<'_>, offset: usize, path: &str, what: &str) -> Result<T> {
+fn failure(input: &Input<'_>, offset: usize, path: &str, what: &str) -> Failure {
     let path = match path {
         "" => SWEEP.to_string(),
         path => format!("{SWEEP}.{path}"),
     };
-    Err(input.failure(offset, &path, what))
+    input.failure(offset, &path, what)
 }
 
-/// The keys of a sweep with their values, from their places, paths and lists.
-fn axes(
-    input: &Input<'_>,
-    found: Vec<(usize, String, &Spanned<DeValue<'_>>)>,
-) -> Result<Vec<Axis>> {
-    let refuse = |offset, path: &str, what: &str| refuse(input, offset, path, what);
+/// The keys of a sweep with their lists of values.
+fn axes(input: &Input<'_>, leaves: Vec<Leaf<'_, '_>>) -> Result<Vec<Axis>> {
     let mut axes: Vec<Axis> = Vec::new();
     let mut runs = 1usize;
-    for (offset, path, value) in found {
-        let key = match resolve(&path) {
-            Ok(key) => key,
-            Err(what) => return refuse(offset, &path, &what),
-        };
+    for leaf in leaves {
+        let Leaf {
+            offset,
+            path,
+            value,
+        } = leaf;
+        let key = resolve(&path).map_err(|what| failure(input, offset, &path, &what))?;
         let list = value.get_ref().as_array().filter(|list| !list.is_empty());
         let Some(list) = list else {
             let what = "must be a list of one value or more, such as [0.1, 0.3]";
-            return refuse(offset, &path, what);
+            return Err(failure(input, offset, &path, what));
         };
         // Before anything is done for each of them.
         runs = runs.saturating_mul(list.len());
@@ -154,34 +204,14 @@ fn axes(
                 "has {} values,{so_far} more than the {MOST_RUNS} runs that a sweep may have; give shorter lists, or split the sweep into several files",
                 list.len()
             );
-            return refuse(offset, &path, &what);
+            return Err(failure(input, offset, &path, &what));
         }
-        let both = |v: &Spanned<DeValue<'_>>| {
-            let text = input.source.slice(v.span()).to_string();
-            let file = v.get_ref().as_str().filter(|_| path == PACKING);
-            let given = match file.filter(|file| *file != TAKE_AWAY) {
-                // A path of --set is from the working directory.
-                Some(file) => {
-                    let file = input.folder(offset).join(file);
-                    Value::from(file.display().to_string()).to_string()
-                }
-                None => text.clone(),
-            };
-            [text, given]
-        };
-        let values: Vec<[String; 2]> = list.iter().map(both).collect();
-        let mut seen = HashMap::new();
-        for [text, _] in &values {
-            let Some(first) = seen.insert(in_units_of(key, text), text) else {
-                continue;
-            };
-            let what = if first == text {
-                format!("has {} twice", shortened(text))
-            } else {
-                let (first, again) = (shortened(first), shortened(text));
-                format!("has {first} twice, as {again}, too; give each value once")
-            };
-            return refuse(offset, &path, &what);
+        let values: Vec<AxisValue> = list
+            .iter()
+            .map(|value| AxisValue::read(input, offset, &path, value))
+            .collect();
+        if let Some(what) = repetition(key, &values) {
+            return Err(failure(input, offset, &path, &what));
         }
         axes.push(Axis {
             offset,
@@ -193,29 +223,46 @@ fn axes(
     Ok(axes)
 }
 
+/// What to say of the first value of a key that is given twice, if one is.
+fn repetition(key: &Key, values: &[AxisValue]) -> Option<String> {
+    let mut seen = HashMap::new();
+    for AxisValue { text, .. } in values {
+        let Some(first) = seen.insert(in_units_of(key, text), text) else {
+            continue;
+        };
+        return Some(if first == text {
+            format!("has {} twice", shortened(text))
+        } else {
+            let (first, again) = (shortened(first), shortened(text));
+            format!("has {first} twice, as {again}, too; give each value once")
+        });
+    }
+    None
+}
+
 /// A value of a key in the units of the key, the same text for all its spellings: `1e3`, `1000.0`
 /// and `"1 kPa"`. What is no value of the key, which is refused later, stays as it is.
 fn in_units_of(key: &Key, text: &str) -> String {
+    match read_value(key, text) {
+        Some(value) => format!("{value:?}"),
+        None => text.to_string(),
+    }
+}
+
+/// The value of a key that a text of TOML gives, if it is one.
+fn read_value(key: &Key, text: &str) -> Option<KeyValue> {
     let line = Source::new("", format!("{} = {text}", key.path));
-    let value = || {
-        let mut tree = DeTable::parse(&line.parts[0].padded).ok()?.into_inner();
-        let numbers = units::numbers(&mut tree, &line.input()).ok()?;
-        units::put(&mut tree, &numbers);
-        let mut table = tree;
-        if !key.table().is_empty() {
-            let DeValue::Table(inner) = table.remove(key.table())?.into_inner() else {
-                return None;
-            };
-            table = inner;
-        }
-        Some(
-            match KeyValue::read(key.values, table.remove(key.name())?) {
-                Ok(value) => format!("{value:?}"),
-                Err(_) => return None,
-            },
-        )
-    };
-    value().unwrap_or_else(|| text.to_string())
+    let mut tree = DeTable::parse(&line.parts[0].padded).ok()?.into_inner();
+    let numbers = units::numbers(&mut tree, &line.input()).ok()?;
+    units::put(&mut tree, &numbers);
+    let mut table = tree;
+    if !key.table().is_empty() {
+        let DeValue::Table(inner) = table.remove(key.table())?.into_inner() else {
+            return None;
+        };
+        table = inner;
+    }
+    KeyValue::read(key.values, table.remove(key.name())?).ok()
 }
 
 /// What to say of a sweep that is run as if it were one scene.
@@ -227,56 +274,54 @@ pub(super) fn not_one_run(source: &Source) -> Result<String> {
 }
 
 /// Keys with dots may be written in quotes or, as TOML has it, as tables in tables.
-fn leaves<'a, 'b>(
-    table: &'b DeTable<'a>,
-    above: &str,
-    found: &mut Vec<(usize, String, &'b Spanned<DeValue<'a>>)>,
-) {
+fn collect_leaves<'t, 'v>(table: &'t DeTable<'v>, above: &str, leaves: &mut Vec<Leaf<'t, 'v>>) {
     for (key, value) in table {
         let path = match above {
             "" => key.get_ref().to_string(),
             above => format!("{above}.{}", key.get_ref()),
         };
         match value.get_ref() {
-            DeValue::Table(inner) => leaves(inner, &path, found),
-            _ => found.push((key.span().start, path, value)),
+            DeValue::Table(inner) => collect_leaves(inner, &path, leaves),
+            _ => leaves.push(Leaf {
+                offset: key.span().start,
+                path,
+                value,
+            }),
         }
     }
 }
 
+/// Every value of an axis with every value of the others.
 fn product(axes: &[Axis]) -> Vec<Member> {
-    let short = |axis: &Axis| axis.path.rsplit('.').next().unwrap_or_default().to_string();
-    let name = |axis: &Axis| match axes.iter().filter(|of| short(of) == short(axis)).count() {
-        1 => short(axis),
-        _ => axis.path.replace('.', "-"),
-    };
     let mut members = vec![Member::default()];
     for axis in axes {
-        let name = name(axis);
-        let longer = |member: &Member, [text, value]: &[String; 2]| {
-            let own = format!("{name}-{}", in_a_path(text));
-            let mut member = member.clone();
-            member.set.push(format!("{}={value}", axis.path));
-            member.places.push(axis.place.clone());
-            member.name = match &member.name[..] {
-                "" => own,
-                before => format!("{before}_{own}"),
-            };
-            member
+        let alike = axes
+            .iter()
+            .filter(|other| other.key_name() == axis.key_name());
+        let name = match alike.count() {
+            1 => axis.key_name().to_string(),
+            _ => axis.path.replace('.', "-"),
         };
-        let each = |member| axis.values.iter().map(move |value| longer(member, value));
-        members = members.iter().flat_map(each).collect();
+        members = members
+            .iter()
+            .flat_map(|member| {
+                let values = axis.values.iter();
+                values.map(|value| member.with(axis, &name, value))
+            })
+            .collect();
     }
     members
 }
 
 /// A value as part of the name of a folder.
 fn in_a_path(value: &str) -> String {
-    let plain = |c: char| match c {
-        c if c.is_alphanumeric() || "+-.".contains(c) => c,
-        _ => '-',
-    };
-    value.trim_matches(['"', '\'']).chars().map(plain).collect()
+    let characters = value.trim_matches(['"', '\'']).chars();
+    characters
+        .map(|c| match c {
+            c if c.is_alphanumeric() || "+-.".contains(c) => c,
+            _ => '-',
+        })
+        .collect()
 }
 
 #[cfg(test)]

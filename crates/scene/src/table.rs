@@ -3,7 +3,7 @@
 use std::ops::Bound;
 
 use gshear_dem::laws::keys::{Bounds, Key};
-use gshear_dem::laws::{self, LawKind};
+use gshear_dem::{adhesions, laws};
 
 /// A table of the configuration, or its top.
 pub(crate) struct Table {
@@ -11,7 +11,7 @@ pub(crate) struct Table {
     pub name: &'static str,
     pub about: &'static str,
     pub scenes: Scenes,
-    /// Its keys but for those of the contact laws.
+    /// Its keys but for those of the adhesions and the contact laws.
     pub own: &'static [&'static Key],
 }
 
@@ -24,11 +24,11 @@ pub(crate) enum Scenes {
 }
 
 impl Table {
-    /// Its keys; those of the contact laws come last.
-    pub fn keys(&self) -> Vec<&'static Key> {
+    /// Its keys; those of the adhesions and then of the contact laws come last.
+    pub(crate) fn keys(&self) -> Vec<&'static Key> {
         let mut keys = self.own.to_vec();
-        for key in law_keys().filter(|key| key.table() == self.name) {
-            if keys.iter().all(|known| known.path != key.path) {
+        for key in adhesion_keys().chain(law_keys()) {
+            if key.table() == self.name && keys.iter().all(|known| known.path != key.path) {
                 keys.push(key);
             }
         }
@@ -36,7 +36,7 @@ impl Table {
     }
 
     /// The key of this name.
-    pub fn key(&self, name: &str) -> Option<&'static Key> {
+    pub(crate) fn key(&self, name: &str) -> Option<&'static Key> {
         self.keys().into_iter().find(|key| key.name() == name)
     }
 }
@@ -46,13 +46,20 @@ pub(crate) fn law_keys() -> impl Iterator<Item = &'static Key> {
     laws::all().flat_map(|kind| kind.keys.iter().copied())
 }
 
+/// The keys of all adhesions, some more than once.
+pub(crate) fn adhesion_keys() -> impl Iterator<Item = &'static Key> {
+    adhesions::all().flat_map(|kind| kind.keys.iter().copied())
+}
+
 /// The contact laws that take a key, and the units that they give it.
 pub(crate) fn laws_with(key: &Key) -> Vec<(&'static str, &'static str)> {
-    let own = |kind: &LawKind| {
-        let own = kind.keys.iter().find(|own| own.path == key.path)?;
-        Some((kind.name, own.unit))
-    };
-    laws::all().filter_map(own).collect()
+    let mut laws = Vec::new();
+    for kind in laws::all() {
+        if let Some(own) = kind.keys.iter().find(|own| own.path == key.path) {
+            laws.push((kind.name, own.unit));
+        }
+    }
+    laws
 }
 
 /// The unit of a key. If the laws that take it have several: `hooke: N/m; mindlin: N/m^1.5`.
@@ -135,12 +142,12 @@ pub(crate) const fn from_to(from: f64, to: f64) -> Bounds {
 
 /// The names of a list of names and values.
 pub(crate) const fn names<T: Copy, const N: usize>(
-    of: &[(&'static str, T); N],
+    named: &[(&'static str, T); N],
 ) -> [&'static str; N] {
     let mut names = [""; N];
     let mut k = 0;
     while k < N {
-        names[k] = of[k].0;
+        names[k] = named[k].0;
         k += 1;
     }
     names

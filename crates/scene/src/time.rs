@@ -89,12 +89,24 @@ pub(crate) fn derive(
         };
         let friction =
             contact.friction > 0.0 || walls.is_some_and(|walls| walls.pack.friction > 0.0);
-        let limit_of =
-            |law: &Law| derived::step_limit(law, contact, sample, mean_overlap, friction);
-        limit = limit.min(limit_of(law));
-        if let Some(walls) = walls.filter(|walls| !walls.pack.skip) {
+        limit = limit.min(derived::step_limit(
+            law,
+            contact,
+            sample,
+            mean_overlap,
+            friction,
+        ));
+        if let Some(walls) = walls
+            && !walls.pack.skip
+        {
             let packing = law.while_packing(sample.mean_diameter, walls.load.pressure);
-            limit = limit.min(limit_of(&packing));
+            limit = limit.min(derived::step_limit(
+                &packing,
+                contact,
+                sample,
+                mean_overlap,
+                friction,
+            ));
         }
         contact_time = contact_time.min(derived::contact_time(law, sample, mean_overlap));
     }
@@ -104,9 +116,11 @@ pub(crate) fn derive(
         (Some(step), _) => (step, &keys.step),
         (None, Some(speed)) => {
             // A hundredth of how long two of the least grains collide.
-            let durations = materials.laws.iter();
-            let of = |(law, _): &(Law, _)| law.collision_time(sample.radius_min, speed);
-            let duration = durations.filter_map(of).fold(f64::INFINITY, f64::min);
+            let duration = materials
+                .laws
+                .iter()
+                .filter_map(|(law, _)| law.collision_time(sample.radius_min, speed))
+                .fold(f64::INFINITY, f64::min);
             (0.01 * duration, &keys.collision_speed)
         }
         (None, None) => (default, &keys.step),

@@ -97,7 +97,8 @@ const PREFIXES: [(&str, i32); 12] = [
 /// The digit or sign that a raised character stands for, as in `m⁻²`.
 fn raised(c: char) -> Option<char> {
     let mut characters = "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".chars().zip("0123456789-".chars());
-    characters.find_map(|(of, plain)| (of == c).then_some(plain))
+    let (_, plain) = characters.find(|(raised, _)| *raised == c)?;
+    Some(plain)
 }
 
 /// What dimensions are called.
@@ -117,7 +118,7 @@ const NAMES: [(Dimension, &str); 12] = [
 ];
 
 fn name_of(dimension: Dimension) -> &'static str {
-    let known = NAMES.iter().find(|(of, _)| *of == dimension);
+    let known = NAMES.iter().find(|(named, _)| *named == dimension);
     known.map_or("a quantity of another kind", |(_, name)| name)
 }
 
@@ -170,11 +171,10 @@ impl Unit {
 
     /// A symbol with a prefix, and twice its exponent.
     fn power(text: &str) -> Result<(Self, i32), String> {
-        let unknown = || text.to_string();
         let (name, exponent) = if let Some((name, exponent)) = text.split_once('^') {
-            let twice = 2.0 * exponent.parse::<f64>().map_err(|_| unknown())?;
+            let twice = 2.0 * exponent.parse::<f64>().map_err(|_| text)?;
             if twice != twice.round() || twice.abs() > 24.0 {
-                return Err(unknown());
+                return Err(text.into());
             }
             (name, twice as i32)
         } else {
@@ -185,7 +185,7 @@ impl Unit {
                 _ if exponent.is_empty() => (name, 2),
                 // Of few digits, as those behind `^` are.
                 Ok(exponent) if exponent.abs() <= 12 => (name, 2 * exponent),
-                _ => return Err(unknown()),
+                _ => return Err(text.into()),
             }
         };
         if name == "1" {
@@ -201,14 +201,14 @@ impl Unit {
             unit.ten += 2 * ten;
             Some(unit)
         });
-        Ok((prefixed.ok_or_else(unknown)?, exponent))
+        Ok((prefixed.ok_or(text)?, exponent))
     }
 
     /// With a factor of twice this exponent.
     fn times(self, other: Self, twice: i32) -> Self {
         let mut dimension = self.dimension;
-        for (of, more) in dimension.iter_mut().zip(other.dimension) {
-            *of += more * twice / 2;
+        for (exponent, more) in dimension.iter_mut().zip(other.dimension) {
+            *exponent += more * twice / 2;
         }
         Self {
             dimension,
@@ -240,21 +240,17 @@ fn quantity(text: &str) -> Option<(&str, &str)> {
     let text = text.trim();
     let bytes = text.as_bytes();
     let mut end = usize::from(text.starts_with(['+', '-']));
-    let digits = |from: usize| {
-        let of = |byte: &&u8| byte.is_ascii_digit() || **byte == b'_';
-        from + bytes[from..].iter().take_while(of).count()
-    };
     let first = end;
-    end = digits(end);
+    end = end_of_digits(bytes, end);
     if bytes.get(end) == Some(&b'.') {
-        end = digits(end + 1);
+        end = end_of_digits(bytes, end + 1);
     }
     if !bytes[first..end].iter().any(u8::is_ascii_digit) {
         return None;
     }
     if matches!(bytes.get(end), Some(b'e' | b'E')) {
         let sign = usize::from(matches!(bytes.get(end + 1), Some(b'+' | b'-')));
-        let last = digits(end + 1 + sign);
+        let last = end_of_digits(bytes, end + 1 + sign);
         if last > end + 1 + sign {
             end = last;
         }
@@ -263,41 +259,68 @@ fn quantity(text: &str) -> Option<(&str, &str)> {
     (!unit.trim().is_empty()).then_some((number, unit.trim()))
 }
 
-/// The units that a declaration has in a scene: those of its law and its dimension. Boxes, whose
-/// numbers may be in any consistent units, take values with units in SI.
-fn declared(unit: &str, spheres: bool, law: Option<&str>) -> Vec<String> {
-    let by_law = unit.split("; ").filter_map(|of| match of.split_once(": ") {
-        Some((name, unit)) => (law.is_none() || law == Some(name)).then_some(unit),
-        None => Some(unit),
-    });
-    let in_si = |unit| match unit {
+/// The end of the digits that begin here.
+fn end_of_digits(bytes: &[u8], from: usize) -> usize {
+    let digits = bytes[from..].iter();
+    let digits = digits.take_while(|byte| byte.is_ascii_digit() || **byte == b'_');
+    from + digits.count()
+}
+
+/// What the units of a scene depend on.
+struct UnitChoice<'l> {
+    /// Whether its grains are spheres.
+    spheres: bool,
+    /// The law; `None`: any.
+    law: Option<&'l str>,
+}
+
+impl UnitChoice<'_> {
+    /// The units that a declaration has in a scene: those of its law and its dimension. Boxes,
+    /// whose numbers may be in any consistent units, take values with units in SI.
+    fn units(&self, declared: &str) -> Vec<String> {
+        let mut units = Vec::new();
+        for part in declared.split("; ") {
+            let unit = match part.split_once(": ") {
+                Some((law, _)) if self.law.is_some_and(|chosen| chosen != law) => continue,
+                Some((_, unit)) => unit,
+                None => part,
+            };
+            let unit = in_si(unit);
+            units.push(match unit.split_once(", in 2D ") {
+                Some((unit, _)) if self.spheres => unit.to_string(),
+                Some((_, unit)) => unit.to_string(),
+                None => unit.to_string(),
+            });
+        }
+        units
+    }
+}
+
+fn in_si(unit: &str) -> &str {
+    match unit {
         "pressure" => "Pa",
         "force" => "N, in 2D N/m",
         "1/time" => "1/s",
         unit => unit,
-    };
-    let by_dimension = |unit| match in_si(unit).split_once(", in 2D ") {
-        Some((of, _)) if spheres => of.to_string(),
-        Some((_, of)) => of.to_string(),
-        None => in_si(unit).to_string(),
-    };
-    by_law.map(by_dimension).collect()
+    }
 }
 
 /// Whether values of a key may have units.
 pub(super) fn applies(unit: &str) -> bool {
-    let parsed = |unit: &String| Unit::parse(unit).is_ok();
-    declared(unit, true, None).iter().all(parsed)
+    let choice = UnitChoice {
+        spheres: true,
+        law: None,
+    };
+    let units = choice.units(unit);
+    units.iter().all(|unit| Unit::parse(unit).is_ok())
 }
 
 /// The number of a value with a unit, as TOML.
 fn converted(text: &str, units: &[String]) -> Result<String, String> {
-    let digit = |c: char| c.is_ascii_digit();
     let (number, unit) = quantity(text).expect("a number and more");
     let wanted: Vec<Unit> = units.iter().filter_map(|u| Unit::parse(u).ok()).collect();
-    if let Some(rest) = unit
-        .strip_prefix(',')
-        .filter(|rest| rest.starts_with(digit))
+    if let Some(rest) = unit.strip_prefix(',')
+        && rest.starts_with(|c: char| c.is_ascii_digit())
     {
         let point = format!("{number}.{rest}");
         let point = match quantity(&point) {
@@ -313,30 +336,25 @@ fn converted(text: &str, units: &[String]) -> Result<String, String> {
             ten: -4,
             ..Unit::ONE
         };
-        let plain = Some(percent).filter(|_| unit == "%");
-        let plain = plain.and_then(|percent| percent.convert(number));
-        let plain = plain.map_or(number.to_string(), |value| format!("{value:?}"));
+        let plain = match percent.convert(number) {
+            Some(value) if unit == "%" => format!("{value:?}"),
+            _ => number.to_string(),
+        };
         return Err(format!(
             "takes a number without a unit, found {text:?}; write {plain}"
         ));
     }
-    let of_key = units.join(" or ");
+    let expected = units.join(" or ");
     let given = Unit::parse(unit).map_err(|part| {
-        let near = SYMBOLS.iter().flat_map(|symbol| {
-            let prefixed = PREFIXES.iter().filter(|_| symbol.prefixed);
-            let prefixed = prefixed.map(|(prefix, _)| format!("{prefix}{}", symbol.name));
-            prefixed.chain([symbol.name.to_string()])
-        });
-        let near = near.filter(|name| name.to_lowercase() == part.to_lowercase());
-        let hint = match &near.collect::<Vec<_>>()[..] {
+        let hint = match &units_in_other_case(&part)[..] {
             [] => String::new(),
             near => format!(" (did you mean {}?)", near.join(" or ")),
         };
-        format!("{text:?} has the unknown unit {part}{hint}; give a number in {of_key}, such as \"5 {}\"", units[0])
+        format!("{text:?} has the unknown unit {part}{hint}; give a number in {expected}, such as \"5 {}\"", units[0])
     })?;
     if wanted.iter().all(|unit| unit.dimension != given.dimension) {
         return Err(format!(
-            "is in {of_key}, but {text:?} is {}; give {}, such as \"5 {}\"",
+            "is in {expected}, but {text:?} is {}; give {}, such as \"5 {}\"",
             name_of(given.dimension),
             name_of(wanted[0].dimension),
             units[0]
@@ -347,11 +365,32 @@ fn converted(text: &str, units: &[String]) -> Result<String, String> {
     Ok(format!("{value:?}"))
 }
 
-/// What is done with a value: the place of its key, its path, the units of the key, and the value.
-type Visit<'v, 'a> = &'v mut dyn FnMut(usize, &str, &[String], &mut DeValue<'a>) -> Result<()>;
+/// The units that are this text but for the case of its letters.
+fn units_in_other_case(text: &str) -> Vec<String> {
+    let mut units = Vec::new();
+    for symbol in &SYMBOLS {
+        if symbol.prefixed {
+            units.extend(PREFIXES.map(|(prefix, _)| format!("{prefix}{}", symbol.name)));
+        }
+        units.push(symbol.name.to_string());
+    }
+    units.retain(|name| name.to_lowercase() == text.to_lowercase());
+    units
+}
 
-/// Visits every value that stands for a number, is a string and begins with a number.
-fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<()> {
+/// A value that stands for a number and is a string that begins with one.
+struct Quantity<'t, 'a> {
+    /// The place of its key.
+    at: usize,
+    /// Its key, as messages name it.
+    path: String,
+    /// The units of the key.
+    units: Vec<String>,
+    value: &'t mut DeValue<'a>,
+}
+
+/// All of them in a tree, in its order.
+fn quantities<'t, 'a>(tree: &'t mut DeTable<'a>) -> Vec<Quantity<'t, 'a>> {
     let dimension = tree.get("dimension").map(Spanned::get_ref);
     let dimension = dimension.and_then(|value| value.as_integer());
     let spheres = dimension.is_some_and(|number| number.as_str() == "3");
@@ -361,50 +400,61 @@ fn each_quantity<'a>(tree: &mut DeTable<'a>, visit: Visit<'_, 'a>) -> Result<()>
     });
     // The name of an unknown law is refused later.
     let law = law.filter(|law| laws::kind(law).is_some());
-    let mut visit = |at: usize, path: &str, units: &[String], value: &mut DeValue<'a>| {
-        let text = value.as_str();
-        if text.is_some_and(|text| quantity(text).is_some()) {
-            visit(at, path, units, value)
-        } else {
-            Ok(())
-        }
+    let choice = UnitChoice {
+        spheres,
+        law: law.as_deref(),
     };
-    let of_law = (spheres, law.as_deref());
+    let mut quantities = Vec::new();
     for (name, value) in tree.iter_mut() {
         if let Some(known) = table(name.get_ref()) {
-            each_of(known, value.get_mut(), of_law, &mut visit)?;
+            collect_in_table(known, value.get_mut(), &choice, &mut quantities);
         }
     }
-    Ok(())
+    quantities.retain(|found| {
+        let text = found.value.as_str();
+        text.is_some_and(|text| quantity(text).is_some())
+    });
+    quantities
 }
 
-/// [`each_quantity`] of a table, or of the tables of a list. `of_law`: whether the grains are
-/// spheres, and the law.
-fn each_of<'a>(
+/// Collects the values that stand for numbers in a table, or in the tables of a list.
+fn collect_in_table<'t, 'a>(
     known: &Table,
-    value: &mut DeValue<'a>,
-    of_law: (bool, Option<&str>),
-    visit: Visit<'_, 'a>,
-) -> Result<()> {
+    value: &'t mut DeValue<'a>,
+    choice: &UnitChoice<'_>,
+    quantities: &mut Vec<Quantity<'t, 'a>>,
+) {
     let inner = match value {
         DeValue::Table(inner) => inner,
         DeValue::Array(tables) => {
-            let mut tables = tables.iter_mut();
-            return tables.try_for_each(|table| each_of(known, table.get_mut(), of_law, visit));
+            for table in tables.iter_mut() {
+                collect_in_table(known, table.get_mut(), choice, quantities);
+            }
+            return;
         }
-        _ => return Ok(()),
+        _ => return,
     };
     for (name, value) in inner.iter_mut() {
         let Some(key) = known.key(name.get_ref()) else {
             continue;
         };
         let at = value.span().start;
-        let units = declared(&unit(key), of_law.0, of_law.1);
         match (key.values, value.get_mut()) {
-            (Values::Number(_), value) => visit(at, key.path, &units, value)?,
+            (Values::Number(_), value) => quantities.push(Quantity {
+                at,
+                path: key.path.to_string(),
+                units: choice.units(&unit(key)),
+                value,
+            }),
             (Values::Numbers(_), DeValue::Array(list)) => {
+                let units = choice.units(&unit(key));
                 for value in list.iter_mut() {
-                    visit(at, key.path, &units, value.get_mut())?;
+                    quantities.push(Quantity {
+                        at,
+                        path: key.path.to_string(),
+                        units: units.clone(),
+                        value: value.get_mut(),
+                    });
                 }
             }
             (Values::Parts(keys), DeValue::Array(parts)) => {
@@ -414,18 +464,20 @@ fn each_of<'a>(
                     };
                     for (name, value) in part.iter_mut() {
                         let known = keys.iter().find(|key| name.get_ref() == key.path);
-                        let units = known.map(|key| key.unit.to_string());
-                        let path = format!("{}: part {}: {}", key.path, n + 1, name.get_ref());
-                        visit(at, &path, units.as_slice(), value.get_mut())?;
+                        quantities.push(Quantity {
+                            at,
+                            path: format!("{}: part {}: {}", key.path, n + 1, name.get_ref()),
+                            units: known.iter().map(|key| key.unit.to_string()).collect(),
+                            value: value.get_mut(),
+                        });
                     }
                 }
             }
             // Pairs have keys of the table itself.
-            (Values::Tables(_), value) => each_of(known, value, of_law, visit)?,
+            (Values::Tables(_), value) => collect_in_table(known, value, choice, quantities),
             _ => {}
         }
     }
-    Ok(())
 }
 
 /// The numbers of all values with units, as TOML, in the order of [`put`].
@@ -434,24 +486,20 @@ fn each_of<'a>(
 /// A unit that is unknown, or of another kind than that of the key.
 pub(super) fn numbers(tree: &mut DeTable<'_>, input: &Input<'_>) -> Result<Vec<String>> {
     let mut numbers = Vec::new();
-    each_quantity(tree, &mut |at, path, units, value| {
-        let text = value.as_str().expect("a string");
-        let number = converted(text, units).map_err(|what| input.failure(at, path, &what))?;
+    for quantity in quantities(tree) {
+        let text = quantity.value.as_str().expect("a string");
+        let number = converted(text, &quantity.units)
+            .map_err(|what| input.failure(quantity.at, &quantity.path, &what))?;
         numbers.push(number);
-        Ok(())
-    })?;
+    }
     Ok(numbers)
 }
 
 /// Puts the numbers in the place of the values with units.
 pub(super) fn put<'a>(tree: &mut DeTable<'a>, numbers: &'a [String]) {
-    let mut numbers = numbers.iter();
-    let put = each_quantity(tree, &mut |_, _, _, value| {
-        let text = numbers.next().expect("a number for each of them");
-        *value = DeValue::parse(text).expect("a number").into_inner();
-        Ok(())
-    });
-    put.expect("no failures");
+    for (quantity, number) in quantities(tree).into_iter().zip(numbers) {
+        *quantity.value = DeValue::parse(number).expect("a number").into_inner();
+    }
 }
 
 #[cfg(test)]
@@ -541,7 +589,10 @@ mod tests {
     fn declared_units_are_known() {
         let keys = crate::keys::TABLES.iter().flat_map(Table::keys);
         for key in keys.filter(|key| !key.unit.is_empty()) {
-            let all = [true, false].map(|spheres| declared(&unit(key), spheres, None));
+            let all = [true, false].map(|spheres| {
+                let choice = UnitChoice { spheres, law: None };
+                choice.units(&unit(key))
+            });
             for unit in all.iter().flatten() {
                 let parsed = Unit::parse(unit).unwrap_or_else(|_| panic!("{}", key.path));
                 assert!(parsed.ten % 2 == 0 && parsed.factor == 1.0, "{}", key.path);
@@ -554,14 +605,14 @@ mod tests {
     fn units_of_a_box_are_si() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/bonfanti.toml");
         let source = Source::read(path).expect("a scene");
-        let of = |sets: [&str; 3]| load(&source, &sets.map(Into::into)).expect("a scene").toml;
+        let toml = |sets: [&str; 3]| load(&source, &sets.map(Into::into)).expect("a scene").toml;
         let plain = ["box.pressure=1e7", "relax.tolerance=2e-3", "relax.drag=50"];
         let units = [
             "box.pressure=10 MPa",
             "relax.tolerance=2 mN",
             "relax.drag=50 Hz",
         ];
-        assert_eq!(of(units), of(plain));
+        assert_eq!(toml(units), toml(plain));
     }
 
     #[test]
@@ -588,19 +639,24 @@ mod tests {
             "shear.protocol=[{velocity='10 cm/s', distance='20 mm'}, {velocity=0, time='10 ms'}]",
             "bookkeeping.watchdog=10 min",
         ];
-        let of = |sets: [&str; 6]| load(&Source::new("x", text), &sets.map(Into::into)).unwrap();
-        let [plain, units] = [plain, units].map(of);
+        let scene = |sets: [&str; 6]| load(&Source::new("x", text), &sets.map(Into::into)).unwrap();
+        let [plain, units] = [plain, units].map(scene);
         assert_eq!(plain.toml, units.toml);
         assert_eq!(plain, units);
     }
 
     #[test]
     fn the_unit_of_the_dimension_and_the_law_counts() {
-        let of = |spheres, law| declared("hooke: N/m, in 2D Pa; mindlin: N/m^1.5", spheres, law);
-        assert_eq!(of(false, Some("hooke")), ["Pa"]);
-        assert_eq!(of(true, Some("hooke")), ["N/m"]);
-        assert_eq!(of(true, Some("mindlin")), ["N/m^1.5"]);
-        assert_eq!(of(true, None), ["N/m", "N/m^1.5"]);
+        for (spheres, law, expected) in [
+            (false, Some("hooke"), vec!["Pa"]),
+            (true, Some("hooke"), vec!["N/m"]),
+            (true, Some("mindlin"), vec!["N/m^1.5"]),
+            (true, None, vec!["N/m", "N/m^1.5"]),
+        ] {
+            let choice = UnitChoice { spheres, law };
+            let units = choice.units("hooke: N/m, in 2D Pa; mindlin: N/m^1.5");
+            assert_eq!(units, expected);
+        }
         let sets = ["load.stiffness_number=none", "load.normal_force=1 N"].map(Into::into);
         let expected = "--set load.normal_force=1 N: is in N/m, but \"1 N\" is a force; give a force per length, such as \"5 N/m\"";
         let refused = load(&Source::embedded(), &sets);

@@ -2,13 +2,13 @@
 
 use toml::{Table, Value};
 
-use gshear_dem::state::{Confinement, GrainState};
+use gshear_dem::state::GrainState;
 
 use crate::load::Control;
 use crate::packing::force_on_top;
 use crate::periodic::{Newtonian, PeriodicBox};
 use crate::protocol::{Motion, WallSpeed};
-use crate::scene::{Boundary, Scene};
+use crate::scene::{Scene, Stages};
 use crate::schedule::{STEPS_WITHOUT_A_PAIR, Schedule, mean_mass};
 use crate::walls::PlaneShear;
 use crate::words::show;
@@ -20,6 +20,20 @@ struct Likely {
     range: [f64; 2],
     unit: &'static str,
     doubt: &'static str,
+}
+
+impl Likely {
+    /// What to say of the value of the key, if it is out of the range. `scene`: with every default.
+    fn doubt_in(&self, scene: &Table) -> Option<String> {
+        let (table, name) = self.key.split_once('.')?;
+        let value = number(scene.get(table)?.get(name)?)?;
+        let [least, most] = self.range;
+        if (least..=most).contains(&value) {
+            return None;
+        }
+        let what = statement(self.key, value, self.unit);
+        Some(format!("{what} {}", self.doubt))
+    }
 }
 
 /// Of scenes in SI units.
@@ -98,24 +112,13 @@ pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
     let mut doubts = Vec::new();
     // Every value with its default.
     let table: Table = scene.toml.parse().unwrap_or_default();
-    let value = |key: &str| {
-        let (table_name, name) = key.split_once('.')?;
-        let value = table.get(table_name)?.get(name)?;
-        let whole = value.as_integer().map(|whole| whole as f64);
-        value.as_float().or(whole).or_else(|| first(value))
-    };
-    let has_walls = scene.boundary.walls().is_some();
-    let material = MATERIAL.iter().filter(|_| has_walls);
-    for likely in material.chain(&CONTACT) {
-        let [least, most] = likely.range;
-        if let Some(value) = value(likely.key).filter(|x| !(least..=most).contains(x)) {
-            let what = is(likely.key, value, likely.unit);
-            doubts.push(format!("{what} {}", likely.doubt));
-        }
+    if scene.shear().is_some() {
+        doubts.extend(MATERIAL.iter().filter_map(|likely| likely.doubt_in(&table)));
     }
-    match &scene.boundary {
-        Boundary::Walls(walls) => of_walls(scene, walls, height, &mut doubts),
-        Boundary::Periodic(periodic) => doubts.extend(intervals_of_box(periodic)),
+    doubts.extend(CONTACT.iter().filter_map(|likely| likely.doubt_in(&table)));
+    match &scene.stages {
+        Stages::Shear(walls) => add_doubts_of_walls(scene, walls, height, &mut doubts),
+        Stages::Strain(periodic) => doubts.extend(intervals_of_box(periodic)),
     }
     doubts
 }
@@ -126,8 +129,10 @@ const AT_LOAD: f64 = 2.0;
 /// A sentence if the grains of a packing that is sheared as it is press on the top wall with
 /// another force than it is loaded with at the start. `grains`: all of them.
 pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
-    let loaded = |of: &&PlaneShear| of.pack.skip && of.confinement == Confinement::Walls;
-    let walls = scene.boundary.walls().filter(loaded)?;
+    let walls = scene.shear()?;
+    if !walls.pack.skip || walls.boundary.walls() < 2 {
+        return None;
+    }
     let first = match &walls.shear.motion {
         Motion::Strain { .. } if walls.load.control == Control::Volume => return None,
         Motion::Strain { .. } => None,
@@ -139,15 +144,18 @@ pub fn not_at_load(scene: &Scene, grains: &[GrainState]) -> Option<String> {
         Some(Normal::Velocity(_)) => return None,
     };
     let own = force_on_top(scene, grains) / scene.sample.base();
-    let begins = match own / load {
+    let motion = match own / load {
         ratio if ratio > AT_LOAD => "flies upwards",
         ratio if ratio < 1.0 / AT_LOAD => "falls onto it",
         _ => return None,
     };
-    let or_pressure = (own > 0.0).then(|| format!(", or load.pressure = {own:.3e}"));
-    let or_pressure = or_pressure.unwrap_or_default();
+    let or_pressure = if own > 0.0 {
+        format!(", or load.pressure = {own:.3e}")
+    } else {
+        String::new()
+    };
     Some(format!(
-        "sample.packing is not at its load: its overlaps press on the top wall with {own:.3e} Pa, and the load is {load:.3e} Pa; the wall {begins}; give pack.skip = false to compress it under the load{or_pressure}"
+        "sample.packing is not at its load: its overlaps press on the top wall with {own:.3e} Pa, and the load is {load:.3e} Pa; the wall {motion}; give pack.skip = false to compress it under the load{or_pressure}"
     ))
 }
 
@@ -192,17 +200,20 @@ pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
 
 /// [`intervals`] of Newton's equations without a complex pair, which strain steps may find.
 fn intervals_of_box(periodic: &PeriodicBox) -> Option<String> {
-    let of = periodic.newtonian.filter(|_| !periodic.aqs.spectrum)?;
-    let steps = (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil() as u64;
-    intervals_of_newtonian(&of, steps)
+    if periodic.aqs.spectrum {
+        return None;
+    }
+    let newtonian = periodic.newtonian?;
+    let steps = (newtonian.growth_times * STEPS_WITHOUT_A_PAIR).ceil() as u64;
+    intervals_of_newtonian(&newtonian, steps)
 }
 
 /// A sentence if Newton's equations take fewer steps than are to be written.
-pub fn intervals_of_newtonian(of: &Newtonian, steps: u64) -> Option<String> {
+pub fn intervals_of_newtonian(newtonian: &Newtonian, steps: u64) -> Option<String> {
     let counts = [
-        ("newtonian.rows", of.rows),
-        ("newtonian.frames", of.frames),
-        ("newtonian.spectra", of.spectra),
+        ("newtonian.rows", newtonian.rows),
+        ("newtonian.frames", newtonian.frames),
+        ("newtonian.spectra", newtonian.spectra),
     ];
     more_than_steps("the stage of Newton's equations", steps, &counts)
 }
@@ -214,12 +225,17 @@ fn more_than_steps(what: &str, steps: u64, counts: &[(&str, u64)]) -> Option<Str
     ))
 }
 
-/// The first number of a list.
-fn first(value: &Value) -> Option<f64> {
-    value.as_array()?.first()?.as_float()
+/// A number, or the first one of a list.
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Float(x) => Some(*x),
+        Value::Integer(n) => Some(*n as f64),
+        Value::Array(list) => list.first()?.as_float(),
+        _ => None,
+    }
 }
 
-fn is(key: &str, value: f64, unit: &str) -> String {
+fn statement(key: &str, value: f64, unit: &str) -> String {
     let value = if (1e-3..1e5).contains(&value.abs()) || value == 0.0 {
         format!("{value}")
     } else {
@@ -229,7 +245,8 @@ fn is(key: &str, value: f64, unit: &str) -> String {
     format!("{key} is {value}{space}{unit}:")
 }
 
-fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<String>) {
+/// `height` (m): of the sheared layer.
+fn add_doubts_of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<String>) {
     let (load, sample) = (&walls.load, &scene.sample);
     let diameter = sample.mean_diameter;
     let greatest = walls.shear.greatest_pressure(load.pressure);
@@ -297,7 +314,7 @@ fn of_walls(scene: &Scene, walls: &PlaneShear, height: f64, doubts: &mut Vec<Str
     }
     let mass = mean_mass(scene) * f64::from(sample.grains);
     let weight = load.gravity * mass / load.normal_force;
-    if walls.confinement != Confinement::FreeSurface && weight > WEIGHT {
+    if walls.boundary.has_top() && weight > WEIGHT {
         doubts.push(format!(
             "the sample weighs {weight:.2} times its load (load.gravity): the pressure at the bottom is more than twice that at the top"
         ));

@@ -30,14 +30,14 @@ pub(crate) const MAGNITUDES: [f64; 2] = [1e-30, 1e30];
 /// What is wrong with a number that its key does not take.
 pub(crate) fn refusal(bounds: Bounds, x: f64) -> Option<String> {
     let [least, most] = MAGNITUDES;
-    let found = show(x);
+    let value = show(x);
     if !x.is_finite() {
-        Some(format!("must be a finite number, found {found}"))
+        Some(format!("must be a finite number, found {value}"))
     } else if !bounds.hold(x) {
-        Some(format!("{}, found {found}", bounds.words()))
+        Some(format!("{}, found {value}", bounds.words()))
     } else if x != 0.0 && !(least..=most).contains(&x.abs()) {
         Some(format!(
-            "must lie between {least:e} and {most:e} in magnitude, found {found}; check its unit"
+            "must lie between {least:e} and {most:e} in magnitude, found {value}; check its unit"
         ))
     } else {
         None
@@ -51,43 +51,46 @@ impl Value {
     /// The value that TOML gives.
     ///
     /// # Errors
-    /// What was expected, and what was found.
-    pub fn read(values: Values, found: Spanned<DeValue<'_>>) -> Result<Self, String> {
-        let found = toml::Value::deserialize(ValueDeserializer::from(found))
+    /// What was expected, and what was given.
+    pub(crate) fn read(values: Values, given: Spanned<DeValue<'_>>) -> Result<Self, String> {
+        let given = toml::Value::deserialize(ValueDeserializer::from(given))
             .map_err(|_| format!("expected {}, found a number out of range", expected(values)))?;
-        match (values, &found) {
+        match (values, &given) {
             (Values::Tables(keys), toml::Value::Array(tables)) => {
                 let tables = tables.iter().map(|table| entries(&keys(), table));
                 tables.collect::<Result<_, _>>().map(Self::Tables)
             }
-            _ => Self::of(values, &found)
-                .ok_or_else(|| format!("expected {}, found {}", expected(values), kind(&found))),
+            _ => Self::simple(values, &given)
+                .ok_or_else(|| format!("expected {}, found {}", expected(values), kind(&given))),
         }
     }
 
-    fn of(values: Values, found: &toml::Value) -> Option<Self> {
+    /// A value of any kind but a list of tables.
+    fn simple(values: Values, given: &toml::Value) -> Option<Self> {
         Some(match values {
-            Values::Number(_) => Self::Number(number(found)?),
+            Values::Number(_) => Self::Number(number(given)?),
             Values::Numbers(_) => {
-                let numbers = found.as_array()?.iter().map(number);
+                let numbers = given.as_array()?.iter().map(number);
                 Self::Numbers(numbers.collect::<Option<_>>()?)
             }
-            Values::Whole(_) => Self::Whole(found.as_integer()?),
-            Values::Flag => Self::Flag(found.as_bool()?),
-            Values::Text(_) | Values::Word(_) => Self::Text(found.as_str()?.into()),
+            Values::Whole(_) => Self::Whole(given.as_integer()?),
+            Values::Flag => Self::Flag(given.as_bool()?),
+            Values::Text(_) | Values::Word(_) => Self::Text(given.as_str()?.into()),
             Values::Parts(keys) => {
-                let parts = found.as_array()?.iter().map(|part| {
+                let parts = given.as_array()?.iter().map(|part| {
                     let entries = part.as_table()?.iter();
                     let entries = entries.map(|(name, x)| Some((name.clone(), number(x)?)));
                     let mut entries = entries.collect::<Option<Vec<_>>>()?;
-                    let place = |name: &str| keys.iter().position(|key| key.path == name);
-                    entries.sort_by_key(|(name, _)| place(name).unwrap_or(keys.len()));
+                    entries.sort_by_key(|(name, _)| {
+                        let place = keys.iter().position(|key| key.path == name);
+                        place.unwrap_or(keys.len())
+                    });
                     Some(entries)
                 });
                 Self::Parts(parts.collect::<Option<_>>()?)
             }
             Values::Names => {
-                let names = found.as_array()?.iter();
+                let names = given.as_array()?.iter();
                 let names = names.map(|name| name.as_str().map(Into::into));
                 Self::Names(names.collect::<Option<_>>()?)
             }
@@ -96,7 +99,7 @@ impl Value {
     }
 
     /// What is wrong with a number that its key does not take.
-    pub fn out_of_bounds(&self, key: &Key) -> Option<String> {
+    pub(crate) fn out_of_bounds(&self, key: &Key) -> Option<String> {
         match (self, key.values) {
             (&Self::Number(x), Values::Number(bounds)) => refusal(bounds, x),
             (&Self::Whole(n), Values::Whole(range)) if n < range.from || n > range.to => {
@@ -107,7 +110,7 @@ impl Value {
     }
 
     /// The constant default of a key, if it has one.
-    pub fn default_of(key: &Key) -> Option<Self> {
+    pub(crate) fn default_of(key: &Key) -> Option<Self> {
         if key.default.is_empty() {
             return None;
         }
@@ -121,7 +124,7 @@ impl Value {
     }
 
     /// The value as TOML.
-    pub fn toml(&self) -> String {
+    pub(crate) fn toml(&self) -> String {
         match self {
             Self::Number(x) => show(*x),
             Self::Numbers(list) => {
@@ -133,14 +136,8 @@ impl Value {
             Self::Flag(b) => b.to_string(),
             Self::Text(s) => toml::Value::String(s.clone()).to_string(),
             Self::Names(list) => format!("{list:?}"),
-            Self::Parts(parts) => {
-                let entry = |(name, x): &(String, f64)| format!("{name} = {}", show(*x));
-                lines(parts, entry)
-            }
-            Self::Tables(tables) => {
-                let entry = |(name, x): &(String, Self)| format!("{name} = {}", x.toml());
-                lines(tables, entry)
-            }
+            Self::Parts(parts) => lines(parts, |x| show(*x)),
+            Self::Tables(tables) => lines(tables, Self::toml),
         }
     }
 }
@@ -175,13 +172,16 @@ impl From<&str> for Value {
     }
 }
 
-/// Tables of these entries as a list of TOML, a line each.
-fn lines<T>(tables: &[Vec<T>], entry: impl Fn(&T) -> String) -> String {
-    let line = |table: &Vec<T>| {
-        let entries: Vec<String> = table.iter().map(&entry).collect();
-        format!("    {{ {} }},\n", entries.join(", "))
-    };
-    format!("[\n{}]", tables.iter().map(line).collect::<String>())
+/// Tables as a list of TOML, a line each.
+fn lines<T>(tables: &[Vec<(String, T)>], toml: impl Fn(&T) -> String) -> String {
+    let mut text = String::from("[\n");
+    for table in tables {
+        let entries = table.iter();
+        let entries = entries.map(|(name, value)| format!("{name} = {}", toml(value)));
+        let entries: Vec<String> = entries.collect();
+        text += &format!("    {{ {} }},\n", entries.join(", "));
+    }
+    text + "]"
 }
 
 /// What a key of this kind takes.
@@ -199,18 +199,18 @@ fn expected(values: Values) -> &'static str {
 }
 
 /// The entries of a table of a list, in the order of their declarations.
-fn entries(keys: &[&'static Key], found: &toml::Value) -> Result<Entries, String> {
-    let table = found.as_table();
-    let table = table.ok_or_else(|| format!("expected a table, found {}", kind(found)))?;
+fn entries(keys: &[&'static Key], given: &toml::Value) -> Result<Entries, String> {
+    let table = given.as_table();
+    let table = table.ok_or_else(|| format!("expected a table, found {}", kind(given)))?;
     let mut entries = Entries::new();
-    for (key, found) in table {
+    for (key, given) in table {
         // An unknown one has been refused.
         let Some(declared) = keys.iter().find(|declared| declared.name() == key) else {
             continue;
         };
-        let value = Value::of(declared.values, found).ok_or_else(|| {
+        let value = Value::simple(declared.values, given).ok_or_else(|| {
             let expected = expected(declared.values);
-            format!("{key}: expected {expected}, found {}", kind(found))
+            format!("{key}: expected {expected}, found {}", kind(given))
         })?;
         entries.push((key.clone(), value));
     }
@@ -219,12 +219,14 @@ fn entries(keys: &[&'static Key], found: &toml::Value) -> Result<Entries, String
 }
 
 fn number(value: &toml::Value) -> Option<f64> {
-    let whole = || value.as_integer().map(|n| n as f64);
-    value.as_float().or_else(whole)
+    match value {
+        toml::Value::Integer(n) => Some(*n as f64),
+        _ => value.as_float(),
+    }
 }
 
-fn kind(found: &toml::Value) -> String {
-    match found {
+fn kind(given: &toml::Value) -> String {
+    match given {
         toml::Value::String(s) => format!("the string {s:?}"),
         toml::Value::Integer(n) => format!("the integer {n}"),
         toml::Value::Float(x) => format!("the number {}", show(*x)),

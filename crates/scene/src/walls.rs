@@ -1,10 +1,11 @@
 //! Plane shear between walls: `[pack]`, and what follows from all of its tables.
 
+use gshear_dem::boundary::Boundary;
 use gshear_dem::drive::Servo;
 use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::{Change, FROM_ONE, Key, KeyReader, NOT_NEGATIVE, POSITIVE};
 use gshear_dem::laws::{Contact, Law};
-use gshear_dem::state::{Confinement, Masses};
+use gshear_dem::state::Masses;
 
 use crate::checker::Checker;
 use crate::derived;
@@ -12,7 +13,7 @@ use crate::grains::Sample;
 use crate::load::{self, Control, LOAD, Load};
 use crate::output::{self, ANALYSIS, Analysis, OUTPUT, Output};
 use crate::protocol::{self, SHEAR, Shear};
-use crate::sample::{self, Origin, ReadPacking, SAMPLE, Walls, walls_of};
+use crate::sample::{self, Origin, ReadPacking, SAMPLE, Walled, Walls};
 use crate::table::table;
 
 table! {
@@ -44,11 +45,11 @@ pub struct PlaneShear {
     /// Where the grains come from.
     pub origin: Origin,
     /// What bounds the sample.
-    pub confinement: Confinement,
-    /// What the walls are, where there are some.
+    pub boundary: &'static Boundary,
+    /// Which grains are the walls, where these are of grains.
     pub walls: Walls,
     /// Thickness of each wall over d̄; 0 without walls, and of flat ones.
-    pub wall_layers: f64,
+    pub(crate) wall_layers: f64,
     /// Whether a grain that passes a wall while the sample is sheared is removed.
     pub removes: bool,
     /// The load on the top wall, and gravity.
@@ -86,12 +87,7 @@ impl PlaneShear {
 
     /// Thickness of all walls of this sample (m).
     pub fn thickness_of_walls(&self, sample: &Sample) -> f64 {
-        walls_of(self.confinement) * self.wall_thickness(sample)
-    }
-
-    /// Whether the walls are planes.
-    pub fn has_planes(&self) -> bool {
-        self.walls == Walls::Flat && self.confinement != Confinement::Images
+        self.boundary.bodies().count() as f64 * self.wall_thickness(sample)
     }
 
     /// Where the height of the top counts from (m): the lower edge of the sample at the start.
@@ -104,33 +100,27 @@ impl PlaneShear {
 
     /// The heights (m) of the flat walls of a file's grains, infinite where there is none.
     pub(crate) fn planes_of_file(&self) -> Option<[f64; 2]> {
-        let file = self
-            .origin
-            .file()
-            .filter(|_| self.has_planes() && self.pack.skip)?;
-        let [low, high] = file.edges;
-        Some(match self.confinement {
-            Confinement::FreeSurface => [low, f64::INFINITY],
-            _ => [low, high],
-        })
+        if !self.pack.skip {
+            return None;
+        }
+        self.boundary.planes(self.origin.file()?.edges)
     }
 
     /// The planes at which the walls of a sample between these heights (m) are cut from it: centres
-    /// below the first are of the bottom, above the second of the top. A free surface has none.
-    pub fn planes(&self, sample: &Sample, [low, high]: [f64; 2]) -> [f64; 2] {
+    /// below the first are of the bottom, above the second of the top. What is no wall of grains
+    /// has none.
+    pub fn cuts(&self, sample: &Sample, edges: [f64; 2]) -> [f64; 2] {
+        let [low, high] = edges;
         let thickness = self.wall_thickness(sample);
-        let top = match self.confinement {
-            Confinement::FreeSurface => f64::INFINITY,
-            _ => high - thickness,
-        };
-        [low + thickness, top]
+        self.boundary.cuts([low + thickness, high - thickness])
     }
 
     /// Layers of grains that give way together where the top of this sample moves along its normal.
     pub(crate) fn layers(&self, sample: &Sample) -> f64 {
-        match self.confinement {
-            Confinement::Images => self.height(sample) / sample.mean_diameter,
-            _ => 1.0,
+        if self.boundary.is_periodic() {
+            self.height(sample) / sample.mean_diameter
+        } else {
+            1.0
         }
     }
 
@@ -169,36 +159,41 @@ impl PlaneShear {
 /// Checks every key by itself, then those that must agree, and derives the sample and its shear.
 pub(crate) fn check(
     c: &mut Checker<'_>,
-    (law, masses): (&Law, &Masses),
+    law: &Law,
+    masses: &Masses,
     packing: ReadPacking<'_>,
 ) -> Result<(Sample, PlaneShear)> {
-    let confinement = sample::confinement(c);
+    let boundary = sample::boundary(c);
     let grains = sample::check(c);
-    load::check(c, confinement);
+    load::check(c, boundary);
     let pack = check_pack(c);
-    protocol::check(c, confinement);
-    if confinement != Confinement::Images {
+    protocol::check(c, boundary);
+    if !boundary.is_periodic() {
         let why = "applies to sample.boundary = \"periodic\"";
         c.useless(&LOAD.solid_fraction, why);
     }
-    if sample::is_flat(c) && !law.has_flat_limit() {
+    if boundary.has_planes()
+        && !law.has_flat_limit()
+        && let Some(walls) = c.choice(&SAMPLE.walls)
+    {
         let what = format!(
-            "\"flat\" has no meaning with contact.law = {:?}: cylinders on a plane approach by the logarithm of its radius; give contact.law = \"hooke\", or walls of grains",
+            "{walls:?} has no meaning with contact.law = {:?}: cylinders on a plane approach by the logarithm of its radius; give contact.law = \"hooke\", or walls of grains",
             law.kind().name
         );
         c.refuse(&SAMPLE.walls, &what);
     }
-    match confinement {
-        Confinement::Walls => {}
-        Confinement::Images => check_images(c),
-        Confinement::FreeSurface => refuse_scalars(c, "free"),
+    if !boundary.has_walls() {
+        refuse_walls(c, boundary);
+    }
+    if boundary.walls() < 2 {
+        refuse_scalars(c, boundary);
     }
     let has_protocol = c.is_given(&SHEAR.protocol);
     if has_protocol && c.choice(&LOAD.control) == Some("volume") {
         let what = "says what the top wall does, and so do the parts of shear.protocol; leave it out, and give them wall_velocity = 0";
         c.refuse(&LOAD.control, what);
     }
-    let removes = confinement != Confinement::Images && sample::removes(c);
+    let removes = boundary.has_walls() && sample::removes(c);
     if removes {
         refuse_with_removal(c);
     }
@@ -210,12 +205,17 @@ pub(crate) fn check(
     let analysis = output::check_analysis(c, has_protocol, &output);
     c.settle()?;
 
-    let (sample, origin, (walls, wall_layers)) = sample::derive(c, grains, pack.skip, packing)?;
-    let load = load::derive(c, (law, masses), &sample)?;
+    let Walled {
+        sample,
+        origin,
+        walls,
+        wall_layers,
+    } = sample::derive(c, grains, pack.skip, packing)?;
+    let load = load::derive(c, law, masses, &sample)?;
     if !pack.skip {
         load::check_packable(c, law, &sample, &load);
     }
-    let shear = protocol::derive(c, (law, &sample), (&load, confinement))?;
+    let shear = protocol::derive(c, law, &sample, &load, boundary)?;
     c.settle()?;
     let contact_time = derived::contact_time(law, &sample, load.mean_overlap(&sample));
     // Values that are each within their bounds can still overflow together, such as a radius of
@@ -233,7 +233,7 @@ pub(crate) fn check(
     }
     let plane_shear = PlaneShear {
         origin,
-        confinement,
+        boundary,
         walls,
         wall_layers,
         removes,
@@ -247,9 +247,12 @@ pub(crate) fn check(
 }
 
 /// Refuses scalars of frames, which need two walls.
-fn refuse_scalars(c: &mut Checker<'_>, boundary: &str) {
+fn refuse_scalars(c: &mut Checker<'_>, boundary: &Boundary) {
     if c.flag(&ANALYSIS.scalars) == Some(true) {
-        let what = format!("needs walls, but sample.boundary = {boundary:?}; leave it out");
+        let what = format!(
+            "needs walls, but sample.boundary = {:?}; leave it out",
+            boundary.key
+        );
         c.refuse(&ANALYSIS.scalars, &what);
     }
 }
@@ -268,13 +271,15 @@ fn refuse_with_removal(c: &mut Checker<'_>) {
     }
 }
 
-/// Refuses what needs walls.
-fn check_images(c: &mut Checker<'_>) {
+/// Refuses what needs a wall.
+fn refuse_walls(c: &mut Checker<'_>, boundary: &Boundary) {
     if c.number(&LOAD.gravity).is_some_and(|g| g > 0.0) {
-        let what = "needs walls, but sample.boundary = \"periodic\"; leave it out";
-        c.refuse(&LOAD.gravity, what);
+        let what = format!(
+            "needs walls, but sample.boundary = {:?}; leave it out",
+            boundary.key
+        );
+        c.refuse(&LOAD.gravity, &what);
     }
-    refuse_scalars(c, "periodic");
     if c.is_given(&SAMPLE.packing) && c.flag(&PACK.skip) == Some(false) {
         let what = "a packing in a periodic cell is sheared as it is; leave it out";
         c.refuse(&PACK.skip, what);
@@ -292,14 +297,14 @@ fn check_pack(c: &mut Checker<'_>) -> Pack {
         c.refuse(&keys.skip, what);
     }
     if skip {
-        let how: [&Key; 4] = [&keys.friction, &keys.drag, &keys.tolerance, &keys.max_steps];
-        c.omit(&how);
+        let compression: [&Key; 4] = [&keys.friction, &keys.drag, &keys.tolerance, &keys.max_steps];
+        c.omit(&compression);
         let skipped = c.mention(&keys.skip, "the default with sample.packing");
         let what = format!(
             "says how to pack, but pack.skip = true ({skipped}); leave it out, or give pack.skip = false"
         );
-        for key in how.into_iter().filter(|_| packing) {
-            if c.is_given(key) {
+        for key in compression {
+            if packing && c.is_given(key) {
                 c.refuse(key, &what);
             }
         }

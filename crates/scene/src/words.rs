@@ -4,14 +4,14 @@ use strsim::levenshtein;
 
 /// Removes a key, so that the default or another key for the same quantity applies. In a file, it
 /// removes the key of the file that is extended.
-pub const TAKE_AWAY: &str = "none";
+pub(crate) const TAKE_AWAY: &str = "none";
 /// The key that names the file that a file extends.
-pub const EXTENDS: &str = "extends";
+pub(crate) const EXTENDS: &str = "extends";
 /// The table of lists of values, which make several runs.
-pub const SWEEP: &str = "sweep";
+pub(crate) const SWEEP: &str = "sweep";
 
 /// The shortest decimal that reads back to the same bits, without many zeros.
-pub fn show(x: f64) -> String {
+pub(crate) fn show(x: f64) -> String {
     if x.is_finite() && x.abs() >= 1e7 {
         format!("{x:e}")
     } else {
@@ -20,7 +20,7 @@ pub fn show(x: f64) -> String {
 }
 
 /// `a, b and c`.
-pub fn list(names: &[impl AsRef<str>], and: &str) -> String {
+pub(crate) fn list(names: &[impl AsRef<str>], and: &str) -> String {
     let names: Vec<&str> = names.iter().map(AsRef::as_ref).collect();
     match names.split_last() {
         Some((last, [])) => (*last).into(),
@@ -30,13 +30,13 @@ pub fn list(names: &[impl AsRef<str>], and: &str) -> String {
 }
 
 /// `"a", "b" and "c"`.
-pub fn quoted_list(names: impl IntoIterator<Item = impl AsRef<str>>, and: &str) -> String {
+pub(crate) fn quoted_list(names: impl IntoIterator<Item = impl AsRef<str>>, and: &str) -> String {
     let quoted = names.into_iter().map(|name| format!("{:?}", name.as_ref()));
     list(&quoted.collect::<Vec<_>>(), and)
 }
 
 /// A part of the input in a message, in quotes: its beginning, if it is long.
-pub fn quoted(text: &str) -> String {
+pub(crate) fn quoted(text: &str) -> String {
     match text.char_indices().nth(LONGEST_QUOTE) {
         None => format!("{text:?}"),
         Some((end, _)) => format!("{:?}…", &text[..end]),
@@ -44,7 +44,7 @@ pub fn quoted(text: &str) -> String {
 }
 
 /// The beginning of a line in a message.
-pub fn shortened(line: &str) -> String {
+pub(crate) fn shortened(line: &str) -> String {
     match line.char_indices().nth(LONGEST_QUOTE) {
         None => line.into(),
         Some((end, _)) => format!("{}…", &line[..end]),
@@ -55,7 +55,7 @@ pub fn shortened(line: &str) -> String {
 const LONGEST_QUOTE: usize = 120;
 
 /// `start; intro a, b, c`, with no semicolon after a question mark.
-pub fn known_names(start: String, intro: &str, names: &[&str]) -> String {
+pub(crate) fn known_names(start: String, intro: &str, names: &[&str]) -> String {
     let names = names.join(", ");
     if start.ends_with('?') {
         let mut intro = intro.to_string();
@@ -67,12 +67,12 @@ pub fn known_names(start: String, intro: &str, names: &[&str]) -> String {
 }
 
 /// What follows a message about a word that none of these names is: the one that is meant, perhaps.
-pub fn meant(word: &str, names: &[&str]) -> String {
+pub(crate) fn meant(word: &str, names: &[&str]) -> String {
     nearest(word, names).map_or(String::new(), |near| format!("; did you mean {near}?"))
 }
 
 /// The name nearest by Levenshtein's distance, if it is near enough to be a misspelling.
-pub fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, names: &[&'a str]) -> Option<&'a str> {
     let (distance, name) = names
         .iter()
         .map(|name| (levenshtein(word, name), *name))

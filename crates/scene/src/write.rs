@@ -45,31 +45,31 @@ pub(crate) fn toml(c: &Checker<'_>, scene: &Scene) -> String {
 /// What follows from the keys: symbol, value, unit.
 fn derived(scene: &Scene) -> Vec<(&'static str, f64, &'static str)> {
     let (step, limit) = (scene.time_step.step, scene.time_step.limit);
-    let Some(walls) = scene.boundary.walls() else {
+    let Some(walls) = scene.shear() else {
         return vec![
             ("time step", step, ""),
             ("its limit of stability", limit, ""),
         ];
     };
-    let units = scene.sample.by_dimension(["N/m", "Pa"], ["N", "N/m"]);
-    let [of_force, of_stiffness] = units;
+    let force_unit = scene.sample.by_dimension("N/m", "N");
+    let stiffness_unit = scene.sample.by_dimension("Pa", "N/m");
     let load = &walls.load;
-    let mut found = scene.law.derived();
+    let mut derived = scene.law.derived();
     let attraction = mean_attraction(&scene.contact, &scene.sample);
     if attraction > 0.0 {
         let number = attraction / (load.pressure * scene.sample.mean_section());
-        found.push(("attraction F_c of mean grains", attraction, of_force));
-        found.push(("cohesion number F_c/(P d)", number, ""));
+        derived.push(("attraction F_c of mean grains", attraction, force_unit));
+        derived.push(("cohesion number F_c/(P d)", number, ""));
     }
-    found.push(("pressure P", load.pressure, "Pa"));
-    found.push(("normal force N", load.normal_force, of_force));
+    derived.push(("pressure P", load.pressure, "Pa"));
+    derived.push(("normal force N", load.normal_force, force_unit));
     if let Some(spring) = walls.shear.spring {
         let number = spring * scene.sample.mean_diameter / load.normal_force;
-        found.push(("stiffness of the spring k", spring, of_stiffness));
-        found.push(("spring number k d/N", number, ""));
+        derived.push(("stiffness of the spring k", spring, stiffness_unit));
+        derived.push(("spring number k d/N", number, ""));
     }
-    found.push(("stiffness number kappa", load.stiffness_number, ""));
-    found.push(("time step", step, "s"));
-    found.push(("stability limit of the time step", limit, "s"));
-    found
+    derived.push(("stiffness number kappa", load.stiffness_number, ""));
+    derived.push(("time step", step, "s"));
+    derived.push(("stability limit of the time step", limit, "s"));
+    derived
 }

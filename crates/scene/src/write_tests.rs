@@ -197,11 +197,11 @@ fn a_default_that_is_written_down_changes_nothing() {
         let mut keys = 0;
         for table in tables() {
             for key in table.keys() {
-                let of_table = match table.name {
+                let written = match table.name {
                     "" => Some(&written),
                     name => written.get(name).and_then(toml::Value::as_table),
                 };
-                let value = of_table.and_then(|of| of.get(key.name()));
+                let value = written.and_then(|table| table.get(key.name()));
                 let is_list = |value: &&toml::Value| value.is_array();
                 let Some(value) = value.filter(|value| !is_list(value)) else {
                     continue;
@@ -286,7 +286,7 @@ fn what_follows_from_other_keys_is_written() {
                     "" => written.contains_key(key.name()),
                     name => written
                         .get(name)
-                        .is_some_and(|of| of.get(key.name()).is_some()),
+                        .is_some_and(|table| table.get(key.name()).is_some()),
                 }
             };
             assert!(scenes.iter().any(is_written), "{}", key.path);

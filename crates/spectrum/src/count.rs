@@ -29,8 +29,8 @@ pub struct Rectangle {
 impl Rectangle {
     /// Returns whether `z` lies inside the rectangle, its edges excluded.
     pub fn contains(&self, z: c64) -> bool {
-        let within = |x: f64, [low, high]: [f64; 2]| low < x && x < high;
-        within(z.re, self.re) && within(z.im, self.im)
+        let ([left, right], [lower, upper]) = (self.re, self.im);
+        left < z.re && z.re < right && lower < z.im && z.im < upper
     }
 
     fn corners(&self) -> [c64; 4] {
@@ -82,14 +82,18 @@ pub fn winding(
     };
     let corners = rectangle.corners();
     let mut turned = 0.0;
-    let first = contour.phase(corners[0])?;
-    let mut from = (corners[0], first);
+    let first = contour.point(corners[0])?;
+    let mut from = first;
     for side in 0..4 {
         let [start, end] = [corners[side], corners[(side + 1) % 4]];
         for piece in 1..=PIECES {
             let z = start + (end - start) * (piece as f64 / PIECES as f64);
             let closed = side == 3 && piece == PIECES;
-            let to = (z, if closed { first } else { contour.phase(z)? });
+            let to = if closed {
+                ContourPoint { z, ..first }
+            } else {
+                contour.point(z)?
+            };
             turned += contour.turn(from, to, HALVINGS)?;
             from = to;
         }
@@ -100,6 +104,21 @@ pub fn winding(
         eigenvalues: inside + missing,
         factorisations: contour.factorisations,
     })
+}
+
+/// A point of the contour.
+#[derive(Clone, Copy)]
+struct ContourPoint {
+    z: c64,
+    /// Of det(A - zI) / Π (λ - z), of length 1.
+    phase: c64,
+}
+
+impl ContourPoint {
+    /// Angle by which the phase turns to another one.
+    fn angle_to(&self, phase: c64) -> f64 {
+        (phase * self.phase.conj()).arg()
+    }
 }
 
 struct Contour<'a> {
@@ -127,34 +146,39 @@ impl Contour<'_> {
         Ok(phase / phase.norm())
     }
 
+    fn point(&mut self, z: c64) -> Result<ContourPoint, Uncounted> {
+        let phase = self.phase(z)?;
+        Ok(ContourPoint { z, phase })
+    }
+
     /// Angle by which the phase turns from one point to the next.
     fn turn(
         &mut self,
-        from: (c64, c64),
-        to: (c64, c64),
+        from: ContourPoint,
+        to: ContourPoint,
         halvings: usize,
     ) -> Result<f64, Uncounted> {
-        let step = |a: c64, b: c64| (b * a.conj()).arg();
-        let middle = 0.5 * (from.0 + to.0);
+        let z = 0.5 * (from.z + to.z);
         if halvings == 0 {
-            return Err(Uncounted { at: middle });
+            return Err(Uncounted { at: z });
         }
-        let middle = (middle, self.phase(middle)?);
-        let halves = [step(from.1, middle.1), step(middle.1, to.1)];
+        let middle = self.point(z)?;
+        let halves = [from.angle_to(middle.phase), middle.angle_to(to.phase)];
         if halves.iter().all(|half| half.abs() < 0.5 * STEP) {
-            let ahead = (to.0 - from.0) * SLOPE;
-            let mut even = true;
-            for (z, phase, ahead) in [
-                (from.0, from.1, ahead),
-                (middle.0, middle.1, ahead),
-                (to.0, to.1, -ahead),
-            ] {
-                even = even && step(phase, self.phase(z + ahead)?).abs() < STEP * SLOPE;
-            }
-            if even {
+            let ahead = (to.z - from.z) * SLOPE;
+            let is_even = self.is_even(from, ahead)?
+                && self.is_even(middle, ahead)?
+                && self.is_even(to, -ahead)?;
+            if is_even {
                 return Ok(halves[0] + halves[1]);
             }
         }
         Ok(self.turn(from, middle, halvings - 1)? + self.turn(middle, to, halvings - 1)?)
+    }
+
+    /// Whether the phase turns slowly at a point, by the difference over a short way.
+    fn is_even(&mut self, point: ContourPoint, ahead: c64) -> Result<bool, Uncounted> {
+        let phase = self.phase(point.z + ahead)?;
+        Ok(point.angle_to(phase).abs() < STEP * SLOPE)
     }
 }

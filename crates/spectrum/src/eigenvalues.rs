@@ -87,6 +87,11 @@ impl Eigenvalue {
             verdict,
         }
     }
+
+    /// |λ - σ|.
+    pub(crate) fn distance(&self, shift: c64) -> f64 {
+        (self.value - shift).norm()
+    }
 }
 
 /// Greatest residual accepted for an eigenvalue; see [`Spectrum::refine`].
@@ -112,7 +117,7 @@ impl Spectrum {
     ///
     /// # Panics
     /// If the QR algorithm does not converge.
-    pub fn of<T: Scalar>(problem: &Problem, right: &Mat<T>, left: Option<&Mat<T>>) -> Self {
+    pub(crate) fn of<T: Scalar>(problem: &Problem, right: &Mat<T>, left: Option<&Mat<T>>) -> Self {
         let mut image = Mat::zeros(right.nrows(), right.ncols());
         problem.apply(right.as_ref(), image.as_mut());
         let small = right.adjoint() * &image;
@@ -147,8 +152,7 @@ impl Spectrum {
             Spec::default(),
         )
         .expect("the QR algorithm converges");
-        let value = |k: usize| c64::new(re[k], im[k]);
-        (0..n).map(value).collect()
+        (0..n).map(|k| c64::new(re[k], im[k])).collect()
     }
 
     /// Returns all eigenvalues and vectors of a problem by the QR algorithm on A as a dense matrix,
@@ -170,14 +174,16 @@ impl Spectrum {
     }
 
     fn with_vectors(problem: &Problem, values: Vec<c64>, right: Mat<c64>, left: Mat<c64>) -> Self {
-        let eigenvalue = |(k, value): (usize, c64)| {
+        let mut eigenvalues = Vec::with_capacity(values.len());
+        for (k, value) in values.into_iter().enumerate() {
             let residual = residual(problem, right.subcols(k, 1), value);
+            let norm = left.col(k).norm_l2();
             // A left vector that is not a number is that of a defective eigenvalue.
-            let condition = Some(left.col(k).norm_l2()).filter(|norm| !norm.is_nan());
-            Eigenvalue::judged(problem, value, residual, condition.unwrap_or(f64::INFINITY))
-        };
+            let condition = if norm.is_nan() { f64::INFINITY } else { norm };
+            eigenvalues.push(Eigenvalue::judged(problem, value, residual, condition));
+        }
         Spectrum {
-            eigenvalues: values.into_iter().enumerate().map(eigenvalue).collect(),
+            eigenvalues,
             right,
             left,
         }
@@ -228,7 +234,7 @@ impl Spectrum {
         true
     }
 
-    /// Returns the k-th right eigenvector v of K v = λ M v; see [`Problem::eigenvector`].
+    /// Returns the k-th right eigenvector v of K v = λ M v over the unknowns of K, of length 1.
     pub fn eigenvector(&self, problem: &Problem, k: usize) -> Vec<c64> {
         let w: Vec<c64> = (0..problem.size()).map(|i| self.right[(i, k)]).collect();
         problem.eigenvector(&w)
@@ -247,17 +253,15 @@ impl Spectrum {
             let upper_first = b.value.im.total_cmp(&a.value.im);
             key(a).total_cmp(&key(b)).then(upper_first)
         });
-        let picked =
-            |from: &Mat<c64>| Mat::from_fn(from.nrows(), order.len(), |i, j| from[(i, order[j])]);
         Spectrum {
             eigenvalues: order.iter().map(|&k| self.eigenvalues[k]).collect(),
-            right: picked(&self.right),
-            left: picked(&self.left),
+            right: columns(&self.right, &order),
+            left: columns(&self.left, &order),
         }
     }
 
     /// Returns the complex conjugates of the eigenvalues for which `kept` is true.
-    pub fn mirrored(&self, kept: impl Fn(&Eigenvalue) -> bool) -> Spectrum {
+    pub(crate) fn mirrored(&self, kept: impl Fn(&Eigenvalue) -> bool) -> Spectrum {
         let mut out = self.arranged(kept, |e| e.value.re);
         out.eigenvalues
             .iter_mut()
@@ -269,11 +273,16 @@ impl Spectrum {
     }
 
     /// Appends other eigenvalues of the same problem.
-    pub fn append(&mut self, other: Spectrum) {
+    pub(crate) fn append(&mut self, other: Spectrum) {
         self.eigenvalues.extend(other.eigenvalues);
         self.right = concat![[self.right, other.right]];
         self.left = concat![[self.left, other.left]];
     }
+}
+
+/// These columns, in this order.
+fn columns(vectors: &Mat<c64>, order: &[usize]) -> Mat<c64> {
+    Mat::from_fn(vectors.nrows(), order.len(), |i, j| vectors[(i, order[j])])
 }
 
 /// ‖A w - λ w‖ / ‖A‖ of one column w.

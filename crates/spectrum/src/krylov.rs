@@ -9,39 +9,51 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::scalar::Scalar;
-use crate::schur::Schur;
+use crate::schur::{Block, Schur};
 
 /// Parameters of an iteration.
 #[derive(Debug, Clone, Copy)]
-pub struct Settings {
+pub(crate) struct Settings {
     /// Number of eigenvalues wanted.
-    pub count: usize,
+    pub(crate) count: usize,
     /// Number of vectors the operator is applied to at once. Eigenvalues up to this multiplicity
     /// are found in exact arithmetic.
-    pub block: usize,
+    pub(crate) block: usize,
     /// Number of basis vectors.
-    pub capacity: usize,
+    pub(crate) capacity: usize,
     /// Tolerance of the residual of an eigenvalue θ of the operator, over |θ|.
-    pub tolerance: f64,
+    pub(crate) tolerance: f64,
     /// Eigenvalues with |θ| below this are not wanted; the iteration ends when it meets one.
-    pub floor: f64,
+    pub(crate) floor: f64,
     /// Greatest number of restarts.
-    pub restarts: usize,
+    pub(crate) restarts: usize,
     /// Parallelism of the dense operations.
-    pub par: Par,
+    pub(crate) par: Par,
+}
+
+impl Settings {
+    /// Those for so many eigenvalues of a matrix of this size, whatever their magnitude.
+    fn for_count(self, count: usize, n: usize) -> Self {
+        Settings {
+            count,
+            capacity: self.capacity.max((2 * count + 20).min(n)),
+            floor: 0.0,
+            ..self
+        }
+    }
 }
 
 /// An invariant subspace.
-pub struct Subspace<T> {
+pub(crate) struct Subspace<T> {
     /// `[n][k]`, orthonormal. k is `count`; one more if a conjugate pair would be split; fewer if n
     /// is smaller or `floor` is met.
-    pub basis: Mat<T>,
+    pub(crate) basis: Mat<T>,
     /// Its eigenvalues θ, in the order of the iteration, k of them.
-    pub values: Vec<c64>,
+    pub(crate) values: Vec<c64>,
     /// Number of vectors the operator was applied to.
-    pub applied: usize,
+    pub(crate) applied: usize,
     /// Number of restarts.
-    pub restarts: usize,
+    pub(crate) restarts: usize,
 }
 
 /// The iteration did not converge within its restarts.
@@ -59,7 +71,7 @@ pub struct Stalled {
 ///
 /// # Errors
 /// [`Stalled`] if the restarts are used up.
-pub fn largest<T: Scalar>(
+pub(crate) fn largest<T: Scalar>(
     n: usize,
     operator: impl FnMut(MatMut<'_, T>),
     settings: Settings,
@@ -112,23 +124,17 @@ const SAME: f64 = 1e-6;
 ///
 /// # Errors
 /// [`Stalled`] if the restarts are used up, or no cut fits both sides.
-pub fn matched<T: Scalar>(
+pub(crate) fn matched<T: Scalar>(
     n: usize,
     mut right: Subspace<T>,
     mut operator: impl FnMut(bool, MatMut<'_, T>),
     settings: Settings,
 ) -> Result<[Subspace<T>; 2], Stalled> {
-    let of = |count: usize| Settings {
-        count,
-        capacity: settings.capacity.max((2 * count + 20).min(n)),
-        floor: 0.0,
-        ..settings
-    };
     let converged = right.basis.ncols();
     let mut unequal = Vec::new();
     for attempt in 0..MATCHES {
         let count = right.basis.ncols();
-        let left = largest(n, |x| operator(true, x), of(count))?;
+        let left = largest(n, |x| operator(true, x), settings.for_count(count, n))?;
         let cut = left.basis.ncols();
         if cut == count && have_same_values(&right, &left) {
             return Ok([right, left]);
@@ -140,7 +146,7 @@ pub fn matched<T: Scalar>(
                 break;
             }
         }
-        right = largest(n, |x| operator(false, x), of(wider))?;
+        right = largest(n, |x| operator(false, x), settings.for_count(wider, n))?;
     }
     // Eigenvalues that rounding moves by more than `SAME` still have both sides.
     unequal.into_iter().next().ok_or(Stalled { converged })
@@ -148,11 +154,16 @@ pub fn matched<T: Scalar>(
 
 fn have_same_values<T: Scalar>(right: &Subspace<T>, left: &Subspace<T>) -> bool {
     let mut rest: Vec<c64> = left.values.iter().map(c64::conj).collect();
-    right.values.iter().all(|value| {
-        let same = |other: &c64| (value - other).norm() <= SAME * value.norm();
-        let found = rest.iter().position(same);
-        found.map(|k| rest.swap_remove(k)).is_some()
-    })
+    for value in &right.values {
+        let same = rest
+            .iter()
+            .position(|other| (value - other).norm() <= SAME * value.norm());
+        let Some(k) = same else {
+            return false;
+        };
+        rest.swap_remove(k);
+    }
+    true
 }
 
 /// The decomposition OP V = (V, U) H, where V are the first `used` columns of the basis and U the
@@ -310,17 +321,17 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
                 break;
             }
             coupling.columns_mut(part.start, part.size).fill(T::of(0.0));
-            converged = part.start + part.size;
+            converged = part.end();
         }
         self.locked = converged;
-        let ends = || schur.blocks.iter().map(|part| part.start + part.size);
         if converged >= self.settings.count || at_floor || converged == used && used == self.n {
             let most = if at_floor { converged } else { used };
             let wanted = self.settings.count.min(most);
             if wanted == 0 {
                 return Some((Mat::zeros(self.n, 0), Vec::new()));
             }
-            let end = ends().find(|&end| end >= wanted);
+            let mut ends = schur.blocks.iter().map(Block::end);
+            let end = ends.find(|&end| end >= wanted);
             let end = end.expect("the last block ends at `used`");
             let blocks = schur.blocks.iter();
             let values = blocks.flat_map(|part| &part.values[..part.size]).take(end);
@@ -330,7 +341,8 @@ impl<T: Scalar, F: FnMut(MatMut<'_, T>)> Krylov<T, F> {
         let count = self.settings.count.min(used);
         let room = used.saturating_sub(2 * block).max(1);
         let target = (count + (used - count) / 2).max(converged).min(room);
-        let kept = ends().take_while(|&end| end <= target).last().unwrap_or(0);
+        let ends = schur.blocks.iter().map(Block::end);
+        let kept = ends.take_while(|&end| end <= target).last().unwrap_or(0);
         let basis = self.turned(&schur.q, kept);
         let residual = self.basis.subcols(used, block).to_owned();
         self.basis.subcols_mut(0, kept).copy_from(&basis);

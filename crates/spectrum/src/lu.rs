@@ -22,14 +22,14 @@ use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::{Accum, MatMut, MatRef, Par, Spec, c64};
 
 use crate::scalar::Scalar;
-use crate::symbolic::{Front, Symbolic};
+use crate::symbolic::{Front, MatrixEntry, Symbolic};
 
 /// Pivots below this times the largest entry of A - σI count as zero. The matrix is then singular
 /// in double precision, or needs a pivot from outside the front.
 const LEAST_PIVOT: f64 = 1e-13;
 
 /// The factors of A - σI, front by front.
-pub struct Lu<'a, T> {
+pub(crate) struct Lu<'a, T> {
     symbolic: &'a Symbolic,
     factors: Vec<Factor<T>>,
     par: Par,
@@ -56,7 +56,7 @@ impl<'a, T: Scalar> Lu<'a, T> {
     ///
     /// # Errors
     /// [`Singular`] if a pivot is smaller than `LEAST_PIVOT` allows.
-    pub fn new(
+    pub(crate) fn new(
         symbolic: &'a Symbolic,
         values: &[f64],
         shift: T,
@@ -68,27 +68,16 @@ impl<'a, T: Scalar> Lu<'a, T> {
         let mut updates: Vec<Vec<T>> = symbolic.fronts.iter().map(|_| Vec::new()).collect();
         let mut factors = Vec::with_capacity(symbolic.fronts.len());
         for (s, front) in symbolic.fronts.iter().enumerate() {
-            let (width, reach) = (front.width, front.reach.len());
-            let height = width + reach;
-            let mut panel = vec![T::of(0.0); height * width];
-            let mut rows = vec![T::of(0.0); width * reach];
-            let mut update = vec![T::of(0.0); reach * reach];
-            for entry in &symbolic.entries[s] {
-                let value = T::of(values[entry.value as usize]);
-                match (entry.place as usize).checked_sub(panel.len()) {
-                    Some(at) => rows[at] += value,
-                    None => panel[entry.place as usize] += value,
-                }
-            }
-            (0..width).for_each(|j| panel[j * height + j] -= shift);
+            let mut matrix = FrontMatrix::zeros(front);
+            matrix.add_entries(&symbolic.entries[s], values);
+            matrix.subtract_from_diagonal(shift);
             for &child in &front.children {
-                let from = &symbolic.fronts[child].reach;
-                let place: Vec<usize> = from.iter().map(|&pivot| front.place(pivot)).collect();
-                let added = std::mem::take(&mut updates[child]);
-                add(&added, &place, width, [&mut panel, &mut rows, &mut update]);
+                let reach = symbolic.fronts[child].reach.iter();
+                let place: Vec<usize> = reach.map(|&pivot| front.place(pivot)).collect();
+                matrix.add_update(&std::mem::take(&mut updates[child]), &place);
             }
-            let factor = Factor::eliminate(panel, rows, &mut update, [width, reach], par);
-            if !factor.regular(width, LEAST_PIVOT * largest) {
+            let (factor, update) = matrix.eliminate(par);
+            if !factor.regular(front.width, LEAST_PIVOT * largest) {
                 return Err(Singular);
             }
             factors.push(factor);
@@ -102,7 +91,7 @@ impl<'a, T: Scalar> Lu<'a, T> {
     }
 
     /// Solves for all columns: x ← (A - σI)⁻¹ x, or x ← (A - σI)⁻ᵀ x.
-    pub fn solve(&self, transposed: bool, mut x: MatMut<'_, T>) {
+    pub(crate) fn solve(&self, transposed: bool, mut x: MatMut<'_, T>) {
         let (n, columns) = (x.nrows(), x.ncols());
         let order = &self.symbolic.order;
         // The rows in the order of elimination.
@@ -115,11 +104,11 @@ impl<'a, T: Scalar> Lu<'a, T> {
         }
         let mut scratch = Vec::new();
         let mut permuted = MatMut::from_column_major_slice_mut(&mut inner, n, columns);
-        let fronts = || self.symbolic.fronts.iter().zip(&self.factors);
-        for (front, factor) in fronts() {
+        let fronts = self.symbolic.fronts.iter().zip(&self.factors);
+        for (front, factor) in fronts.clone() {
             factor.forward(front, transposed, permuted.rb_mut(), &mut scratch, self.par);
         }
-        for (front, factor) in fronts().rev() {
+        for (front, factor) in fronts.rev() {
             factor.backward(front, transposed, permuted.rb_mut(), &mut scratch, self.par);
         }
         for (j, column) in inner.chunks_exact(n.max(1)).enumerate() {
@@ -131,10 +120,10 @@ impl<'a, T: Scalar> Lu<'a, T> {
     }
 
     /// Returns det(A - σI) / |det(A - σI)|.
-    pub fn phase(&self) -> c64 {
+    pub(crate) fn phase(&self) -> c64 {
         let mut phase = c64::new(1.0, 0.0);
         for (front, factor) in self.symbolic.fronts.iter().zip(&self.factors) {
-            let height = front.width + front.reach.len();
+            let height = front.height();
             for j in 0..front.width {
                 let pivot = factor.panel[j * height + j].widened();
                 phase *= pivot / pivot.norm();
@@ -146,43 +135,82 @@ impl<'a, T: Scalar> Lu<'a, T> {
     }
 }
 
-/// Adds the update matrix `added` of a child to its parent front. `place`, ascending: the indices
-/// of its rows and columns within the parent.
-fn add<T: Scalar>(
-    added: &[T],
-    place: &[usize],
+/// The matrix of a front.
+struct FrontMatrix<T> {
     width: usize,
-    [panel, rows, update]: [&mut Vec<T>; 3],
-) {
-    let count = place.len();
-    let (height, reach) = (panel.len() / width, rows.len() / width);
-    let inside = place.partition_point(|&place| place < width);
-    for (column, &j) in added.chunks_exact(count.max(1)).zip(place) {
-        if j < width {
-            let to = &mut panel[j * height..(j + 1) * height];
-            for (&i, value) in place.iter().zip(column) {
-                to[i] += *value;
-            }
-            continue;
-        }
-        let to = &mut rows[(j - width) * width..(j - width + 1) * width];
-        let first = place[..inside].iter().zip(column);
-        first.for_each(|(&i, value)| to[i] += *value);
-        let to = &mut update[(j - width) * reach..(j - width + 1) * reach];
-        let rest = place[inside..].iter().zip(&column[inside..]);
-        rest.for_each(|(&i, value)| to[i - width] += *value);
-    }
+    reach: usize,
+    /// F₁₁ above F₂₁, `[width + reach][width]` by columns.
+    panel: Vec<T>,
+    /// F₁₂ `[width][reach]` by columns.
+    rows: Vec<T>,
+    /// F₂₂ `[reach][reach]` by columns.
+    update: Vec<T>,
 }
 
-impl<T: Scalar> Factor<T> {
-    /// Eliminates the pivots of an assembled front. `update`: F₂₂, which becomes F₂₂ - L₂₁ U₁₂.
-    fn eliminate(
-        mut panel: Vec<T>,
-        mut rows: Vec<T>,
-        update: &mut [T],
-        [width, reach]: [usize; 2],
-        par: Par,
-    ) -> Self {
+impl<T: Scalar> FrontMatrix<T> {
+    fn zeros(front: &Front) -> Self {
+        let (width, reach) = (front.width, front.reach.len());
+        Self {
+            width,
+            reach,
+            panel: vec![T::of(0.0); front.height() * width],
+            rows: vec![T::of(0.0); width * reach],
+            update: vec![T::of(0.0); reach * reach],
+        }
+    }
+
+    fn height(&self) -> usize {
+        self.width + self.reach
+    }
+
+    /// Adds entries of A; `values`: all of A.
+    fn add_entries(&mut self, entries: &[MatrixEntry], values: &[f64]) {
+        for entry in entries {
+            let value = T::of(values[entry.value as usize]);
+            match (entry.place as usize).checked_sub(self.panel.len()) {
+                Some(at) => self.rows[at] += value,
+                None => self.panel[entry.place as usize] += value,
+            }
+        }
+    }
+
+    fn subtract_from_diagonal(&mut self, shift: T) {
+        let height = self.height();
+        (0..self.width).for_each(|j| self.panel[j * height + j] -= shift);
+    }
+
+    /// Adds the update matrix of a child. `place`, ascending: the indices of its rows and columns
+    /// here.
+    fn add_update(&mut self, update: &[T], place: &[usize]) {
+        let count = place.len();
+        let (width, height, reach) = (self.width, self.height(), self.reach);
+        let inside = place.partition_point(|&place| place < width);
+        for (column, &j) in update.chunks_exact(count.max(1)).zip(place) {
+            if j < width {
+                let to = &mut self.panel[j * height..(j + 1) * height];
+                for (&i, value) in place.iter().zip(column) {
+                    to[i] += *value;
+                }
+                continue;
+            }
+            let to = &mut self.rows[(j - width) * width..(j - width + 1) * width];
+            let first = place[..inside].iter().zip(column);
+            first.for_each(|(&i, value)| to[i] += *value);
+            let to = &mut self.update[(j - width) * reach..(j - width + 1) * reach];
+            let rest = place[inside..].iter().zip(&column[inside..]);
+            rest.for_each(|(&i, value)| to[i - width] += *value);
+        }
+    }
+
+    /// Eliminates the pivots. Returns their factors, and F₂₂ - L₂₁ U₁₂.
+    fn eliminate(self, par: Par) -> (Factor<T>, Vec<T>) {
+        let FrontMatrix {
+            width,
+            reach,
+            mut panel,
+            mut rows,
+            mut update,
+        } = self;
         let (mut pivot, mut inverse) = (vec![0usize; width], vec![0usize; width]);
         let columns = MatMut::from_column_major_slice_mut(&mut panel, width + reach, width);
         let (mut square, mut below) = columns.split_at_row_mut(width);
@@ -208,17 +236,20 @@ impl<T: Scalar> Factor<T> {
             solve_unit_lower_triangular_in_place(square.rb(), right.rb_mut(), par);
             let upper = square.rb().transpose();
             solve_lower_triangular_in_place(upper, below.rb_mut().transpose_mut(), par);
-            let update = MatMut::from_column_major_slice_mut(update, reach, reach);
+            let update = MatMut::from_column_major_slice_mut(&mut update, reach, reach);
             matmul(update, Accum::Add, below.rb(), right.rb(), T::of(-1.0), par);
         }
-        Factor {
+        let factor = Factor {
             panel,
             rows,
             pivot,
             odd: info.transposition_count % 2 == 1,
-        }
+        };
+        (factor, update)
     }
+}
 
+impl<T: Scalar> Factor<T> {
     /// Whether all pivots are finite and greater than `least` in magnitude.
     fn regular(&self, width: usize, least: f64) -> bool {
         let height = self.panel.len() / width;

@@ -5,7 +5,9 @@ use std::collections::HashMap;
 use faer::sparse::{SymbolicSparseColMat, SymbolicSparseColMatRef};
 
 /// Returns the pattern of A + Aᵀ + I, its columns sorted.
-pub fn symmetric_pattern(a: SymbolicSparseColMatRef<'_, usize>) -> SymbolicSparseColMat<usize> {
+pub(crate) fn symmetric_pattern(
+    a: SymbolicSparseColMatRef<'_, usize>,
+) -> SymbolicSparseColMat<usize> {
     let n = a.ncols();
     let mut columns: Vec<Vec<usize>> = (0..n).map(|j| vec![j]).collect();
     for j in 0..n {
@@ -30,7 +32,7 @@ pub fn symmetric_pattern(a: SymbolicSparseColMatRef<'_, usize>) -> SymbolicSpars
 /// graph about 36 times smaller. METIS itself gives 5 % less fill than the port used here, but is C
 /// behind an unsafe interface. COLAMD, which the LU of faer requires, orders for AᵀA and gives
 /// several times the fill (docs/spectrum.md).
-pub fn nested_dissection(pattern: SymbolicSparseColMatRef<'_, usize>) -> Vec<usize> {
+pub(crate) fn nested_dissection(pattern: SymbolicSparseColMatRef<'_, usize>) -> Vec<usize> {
     let n = pattern.ncols();
     let mut node_of_column: HashMap<&[usize], usize> = HashMap::new();
     let mut members: Vec<Vec<usize>> = Vec::new();

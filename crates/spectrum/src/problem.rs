@@ -11,7 +11,7 @@ use crate::scalar::Scalar;
 
 /// Relative tolerance for zero: an eigenvalue over ‖A‖, and the residual of a null vector over the
 /// greatest column of A.
-pub const ZERO: f64 = 1e-12;
+pub(crate) const ZERO: f64 = 1e-12;
 
 const DEPENDENT: &str =
     "null vectors must be linearly independent: leave out those that depend on others";
@@ -71,8 +71,7 @@ impl Problem {
         let unknowns = k.ncols();
         check(k, mass, null)?;
         let mut touched = vec![false; unknowns];
-        let nonzero = || k.triplet_iter().filter(|entry| *entry.val != 0.0);
-        for entry in nonzero() {
+        for entry in k.triplet_iter().filter(|entry| *entry.val != 0.0) {
             touched[entry.row] = true;
             touched[entry.col] = true;
         }
@@ -80,7 +79,8 @@ impl Problem {
         let mut place = vec![usize::MAX; unknowns];
         active.iter().enumerate().for_each(|(at, &j)| place[j] = at);
         let root_mass: Vec<f64> = active.iter().map(|&j| mass[j].sqrt()).collect();
-        let entries = nonzero().map(|entry| {
+        let nonzero = k.triplet_iter().filter(|entry| *entry.val != 0.0);
+        let entries = nonzero.map(|entry| {
             let (i, j) = (place[entry.row], place[entry.col]);
             Triplet::new(i, j, entry.val / (root_mass[i] * root_mass[j]))
         });
@@ -133,13 +133,14 @@ impl Problem {
 
     /// Returns the greatest 2-norm of a column of A: a lower bound of ‖A‖₂ that costs one pass over
     /// the entries.
-    pub fn greatest_column(&self) -> f64 {
-        let column = |j| self.a.val_of_col(j).iter().map(|a| a * a).sum::<f64>();
-        (0..self.size()).map(column).fold(0.0, f64::max).sqrt()
+    pub(crate) fn greatest_column(&self) -> f64 {
+        let columns = (0..self.size()).map(|j| self.a.val_of_col(j));
+        let squares = columns.map(|column| column.iter().map(|a| a * a).sum::<f64>());
+        squares.fold(0.0, f64::max).sqrt()
     }
 
     /// Computes y ← A x for each column.
-    pub fn apply<T: Scalar>(&self, x: MatRef<'_, T>, mut y: MatMut<'_, T>) {
+    pub(crate) fn apply<T: Scalar>(&self, x: MatRef<'_, T>, mut y: MatMut<'_, T>) {
         for c in 0..x.ncols() {
             let (x, mut y) = (x.col(c), y.rb_mut().col_mut(c));
             y.fill(T::of(0.0));
@@ -153,7 +154,7 @@ impl Problem {
     }
 
     /// Computes y ← Aᵀ x for each column.
-    pub fn apply_transposed<T: Scalar>(&self, x: MatRef<'_, T>, mut y: MatMut<'_, T>) {
+    pub(crate) fn apply_transposed<T: Scalar>(&self, x: MatRef<'_, T>, mut y: MatMut<'_, T>) {
         for c in 0..x.ncols() {
             let (x, mut y) = (x.col(c), y.rb_mut().col_mut(c));
             for j in 0..self.size() {
@@ -165,7 +166,7 @@ impl Problem {
     }
 
     /// Projects the null vectors out of every column of x.
-    pub fn project<T: Scalar>(&self, mut x: MatMut<'_, T>) {
+    pub(crate) fn project<T: Scalar>(&self, mut x: MatMut<'_, T>) {
         for m in 0..self.null.ncols() {
             let null = self.null.col(m);
             for c in 0..x.ncols() {
@@ -179,13 +180,13 @@ impl Problem {
 
     /// Returns M^(-1/2) b `[size][1]` for b over the unknowns of K. Entries for unknowns without
     /// stiffness are dropped.
-    pub fn scaled(&self, b: &[f64]) -> Mat<f64> {
+    pub(crate) fn scaled(&self, b: &[f64]) -> Mat<f64> {
         Mat::from_fn(self.size(), 1, |i, _| b[self.active[i]] / self.root_mass[i])
     }
 
     /// Returns M^(-1/2) w over the unknowns of K, with 0 for those without stiffness; `w`
     /// `[size][1]`.
-    pub fn unscaled(&self, w: MatRef<'_, f64>) -> Vec<f64> {
+    pub(crate) fn unscaled(&self, w: MatRef<'_, f64>) -> Vec<f64> {
         let mut x = vec![0.0; self.unknowns];
         for (i, &at) in self.active.iter().enumerate() {
             x[at] = w[(i, 0)] / self.root_mass[i];
@@ -194,7 +195,7 @@ impl Problem {
     }
 
     /// Returns v = M^(-1/2) w over the unknowns of K, normalised to ‖v‖ = 1; `w` over those of A.
-    pub fn eigenvector(&self, w: &[c64]) -> Vec<c64> {
+    pub(crate) fn eigenvector(&self, w: &[c64]) -> Vec<c64> {
         let mut v = vec![c64::new(0.0, 0.0); self.unknowns];
         for ((&at, value), root) in self.active.iter().zip(w).zip(&self.root_mass) {
             v[at] = *value / *root;

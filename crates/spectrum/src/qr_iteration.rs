@@ -17,21 +17,58 @@ const PATIENT: usize = 24;
 /// Every iteration that is a multiple of this uses an exceptional shift.
 const EXCEPTIONAL: usize = 10;
 
+/// The steps of the iteration, real or complex.
+pub(crate) trait QrStep: ComplexField<RealField = f64> + Copy {
+    /// Size of an entry.
+    fn size(self) -> f64;
+    /// Rows of a block that is left as it is, at most: 2 where pairs of eigenvalues stay together.
+    const LARGEST_BLOCK: usize;
+    /// Makes the block of two rows of H that begins at `first` triangular, if it can be.
+    fn split(h: &mut DMatrix<Self>, v: &mut DMatrix<Self>, first: usize);
+    /// One step on rows and columns `first` to `last`. `exceptional`: with another shift, against
+    /// cycles.
+    fn step(
+        h: &mut DMatrix<Self>,
+        v: &mut DMatrix<Self>,
+        first: usize,
+        last: usize,
+        exceptional: bool,
+    );
+}
+
+/// Reduces a Hessenberg matrix to Schur form: H ← QᴴHQ, V ← VQ. Returns false if the iteration does
+/// not converge.
+pub(crate) fn triangularise<T: QrStep>(h: &mut DMatrix<T>, v: &mut DMatrix<T>) -> bool {
+    let norm = h.iter().map(|&z| z.size()).fold(0.0, f64::max);
+    let (mut end, mut iteration) = (h.nrows(), 0);
+    while end > 0 {
+        let last = end - 1;
+        let first = block_start(h, last, norm, iteration > PATIENT);
+        let rows = end - first;
+        if rows > T::LARGEST_BLOCK {
+            iteration += 1;
+            if iteration > MOST {
+                return false;
+            }
+            T::step(h, v, first, last, iteration % EXCEPTIONAL == 0);
+            continue;
+        }
+        if rows == 2 {
+            T::split(h, v, first);
+        }
+        (end, iteration) = (first, 0);
+    }
+    true
+}
+
 /// Returns the first row of the block that ends at `last`; the entry that separates it becomes 0.
-/// `size`: of an entry; `patient`: whether entries are compared with the whole matrix, of the size
-/// `norm`.
-fn block_start<T: ComplexField + Copy>(
-    h: &mut DMatrix<T>,
-    last: usize,
-    size: impl Fn(T) -> f64,
-    norm: f64,
-    patient: bool,
-) -> usize {
+/// `patient`: whether entries are compared with the whole matrix, of the size `norm`.
+fn block_start<T: QrStep>(h: &mut DMatrix<T>, last: usize, norm: f64, patient: bool) -> usize {
     let mut first = last;
     while first > 0 {
-        let near = size(h[(first, first)]) + size(h[(first - 1, first - 1)]);
+        let near = h[(first, first)].size() + h[(first - 1, first - 1)].size();
         let near = if near == 0.0 || patient { norm } else { near };
-        if size(h[(first, first - 1)]) <= f64::EPSILON * near {
+        if h[(first, first - 1)].size() <= f64::EPSILON * near {
             h[(first, first - 1)] = T::zero();
             break;
         }
@@ -40,53 +77,54 @@ fn block_start<T: ComplexField + Copy>(
     first
 }
 
-/// Splits the block of two of H that begins in this row.
-type Split<T> = fn(&mut DMatrix<T>, &mut DMatrix<T>, usize);
+/// To upper triangular form, with single Wilkinson shifts.
+impl QrStep for c64 {
+    const LARGEST_BLOCK: usize = 1;
 
-/// Steps on the last block, between rows `first` and `last` (the next two arguments) of H and V,
-/// until it falls apart; the last argument is whether the shift is exceptional. Blocks of two are
-/// left to `split`, if there is one. `size`: of an entry. Returns false without convergence.
-fn deflated<T: ComplexField + Copy>(
-    h: &mut DMatrix<T>,
-    v: &mut DMatrix<T>,
-    size: impl Fn(T) -> f64,
-    split: Option<Split<T>>,
-    step: impl Fn(&mut DMatrix<T>, &mut DMatrix<T>, usize, usize, bool),
-) -> bool {
-    let norm = h.iter().map(|&z| size(z)).fold(0.0, f64::max);
-    let (mut end, mut iteration) = (h.nrows(), 0);
-    while end > 0 {
-        let last = end - 1;
-        let first = block_start(h, last, &size, norm, iteration > PATIENT);
-        match split {
-            Some(split) if first + 1 == last => split(h, v, first),
-            _ if first == last => {}
-            _ => {
-                iteration += 1;
-                if iteration > MOST {
-                    return false;
-                }
-                step(h, v, first, last, iteration % EXCEPTIONAL == 0);
-                continue;
-            }
-        }
-        (end, iteration) = (first, 0);
+    fn size(self) -> f64 {
+        self.re.abs() + self.im.abs()
     }
-    true
-}
 
-/// Reduces H ← QᴴHQ to upper triangular form and V ← VQ, with single Wilkinson shifts. Returns
-/// false if it does not converge.
-pub fn complex(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>) -> bool {
-    let size = |z: c64| z.re.abs() + z.im.abs();
-    deflated(h, v, size, None, |h, v, first, last, exceptional| {
+    fn split(_: &mut DMatrix<c64>, _: &mut DMatrix<c64>, _: usize) {}
+
+    fn step(
+        h: &mut DMatrix<c64>,
+        v: &mut DMatrix<c64>,
+        first: usize,
+        last: usize,
+        exceptional: bool,
+    ) {
         let shift = if exceptional {
-            h[(last, last)] + c64::new(0.75 * size(h[(last, last - 1)]), 0.0)
+            h[(last, last)] + c64::new(0.75 * h[(last, last - 1)].size(), 0.0)
         } else {
             wilkinson(h, last)
         };
-        step(h, v, first, last, shift);
-    })
+        single_step(h, v, first, last, shift);
+    }
+}
+
+/// To upper triangular form except for 2 × 2 blocks of conjugate pairs, by Francis' double shift
+/// (Golub & Van Loan 2013, section 7.5).
+impl QrStep for f64 {
+    const LARGEST_BLOCK: usize = 2;
+
+    fn size(self) -> f64 {
+        self.abs()
+    }
+
+    fn split(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>, first: usize) {
+        split(h, v, first);
+    }
+
+    fn step(
+        h: &mut DMatrix<f64>,
+        v: &mut DMatrix<f64>,
+        first: usize,
+        last: usize,
+        exceptional: bool,
+    ) {
+        double_step(h, v, first, last, exceptional);
+    }
 }
 
 /// The eigenvalue of the last 2 × 2 block that is nearer to its last entry.
@@ -108,31 +146,37 @@ fn wilkinson(h: &DMatrix<c64>, last: usize) -> c64 {
     }
 }
 
-/// Rotates rows k and k + 1, in these columns, by the Givens rotation of (c, s).
-fn turn_rows<T: ComplexField + Copy>(
-    m: &mut DMatrix<T>,
-    k: usize,
-    columns: Range<usize>,
-    (c, s): (T, T),
-) {
-    for j in columns {
-        let (x, y) = (m[(k, j)], m[(k + 1, j)]);
-        m[(k, j)] = c.conjugate() * x + s.conjugate() * y;
-        m[(k + 1, j)] = c * y - s * x;
-    }
+/// A Givens rotation of two rows or columns.
+#[derive(Clone, Copy)]
+struct Givens<T> {
+    c: T,
+    s: T,
 }
 
-/// Rotates columns k and k + 1, in the first `rows` rows, by the inverse of that.
-fn turn_columns<T: ComplexField + Copy>(m: &mut DMatrix<T>, k: usize, rows: usize, (c, s): (T, T)) {
-    for i in 0..rows {
-        let (x, y) = (m[(i, k)], m[(i, k + 1)]);
-        m[(i, k)] = x * c + y * s;
-        m[(i, k + 1)] = y * c.conjugate() - x * s.conjugate();
+impl<T: ComplexField + Copy> Givens<T> {
+    /// Rotates rows k and k + 1, in these columns.
+    fn turn_rows(self, m: &mut DMatrix<T>, k: usize, columns: Range<usize>) {
+        let Givens { c, s } = self;
+        for j in columns {
+            let (x, y) = (m[(k, j)], m[(k + 1, j)]);
+            m[(k, j)] = c.conjugate() * x + s.conjugate() * y;
+            m[(k + 1, j)] = c * y - s * x;
+        }
+    }
+
+    /// Rotates columns k and k + 1, in the first `rows` rows, by the inverse.
+    fn turn_columns(self, m: &mut DMatrix<T>, k: usize, rows: usize) {
+        let Givens { c, s } = self;
+        for i in 0..rows {
+            let (x, y) = (m[(i, k)], m[(i, k + 1)]);
+            m[(i, k)] = x * c + y * s;
+            m[(i, k + 1)] = y * c.conjugate() - x * s.conjugate();
+        }
     }
 }
 
 /// One QR step with Givens rotations on rows and columns `first` to `last`.
-fn step(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>, first: usize, last: usize, shift: c64) {
+fn single_step(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>, first: usize, last: usize, shift: c64) {
     let n = h.nrows();
     (first..=last).for_each(|i| h[(i, i)] -= shift);
     let mut rotations = Vec::with_capacity(last - first);
@@ -144,21 +188,15 @@ fn step(h: &mut DMatrix<c64>, v: &mut DMatrix<c64>, first: usize, last: usize, s
         } else {
             (a / length, b / length)
         };
-        turn_rows(h, k, k..n, (c, s));
-        rotations.push((c, s));
+        let rotation = Givens { c, s };
+        rotation.turn_rows(h, k, k..n);
+        rotations.push(rotation);
     }
     for (k, rotation) in (first..last).zip(rotations) {
-        turn_columns(h, k, (k + 2).min(last) + 1, rotation);
-        turn_columns(v, k, n, rotation);
+        rotation.turn_columns(h, k, (k + 2).min(last) + 1);
+        rotation.turn_columns(v, k, n);
     }
     (first..=last).for_each(|i| h[(i, i)] += shift);
-}
-
-/// Reduces H ← QᵀHQ to upper triangular form except for 2 × 2 blocks of conjugate pairs, and V ←
-/// VQ, by Francis' double shift (Golub & Van Loan 2013, section 7.5). Returns false if it does not
-/// converge.
-pub fn real(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>) -> bool {
-    deflated(h, v, f64::abs, Some(split), double_step)
 }
 
 /// Makes the 2 × 2 block at `at` triangular if its eigenvalues are real.
@@ -177,10 +215,14 @@ fn split(h: &mut DMatrix<f64>, v: &mut DMatrix<f64>, at: usize) {
     if length == 0.0 {
         return;
     }
-    let (n, rotation) = (h.nrows(), (z / length, c / length));
-    turn_rows(h, at, at..n, rotation);
-    turn_columns(h, at, at + 2, rotation);
-    turn_columns(v, at, n, rotation);
+    let n = h.nrows();
+    let rotation = Givens {
+        c: z / length,
+        s: c / length,
+    };
+    rotation.turn_rows(h, at, at..n);
+    rotation.turn_columns(h, at, at + 2);
+    rotation.turn_columns(v, at, n);
     h[(at + 1, at)] = 0.0;
 }
 
@@ -215,38 +257,62 @@ fn double_step(
         if k > first {
             (0..3).for_each(|i| x[i] = if i < count { h[(k + i, k - 1)] } else { 0.0 });
         }
-        let Some((axis, scale)) = reflector(&x) else {
+        let Some(reflection) = Reflection::onto_first_axis(&x, count) else {
             continue;
         };
-        for j in k.saturating_sub(1).max(first)..n {
-            let along: f64 = (0..count).map(|i| axis[i] * h[(k + i, j)]).sum();
-            (0..count).for_each(|i| h[(k + i, j)] -= scale * axis[i] * along);
-        }
-        let turn = |m: &mut DMatrix<f64>, rows: usize| {
-            for row in 0..rows {
-                let along: f64 = (0..count).map(|i| axis[i] * m[(row, k + i)]).sum();
-                (0..count).for_each(|i| m[(row, k + i)] -= scale * axis[i] * along);
-            }
-        };
-        turn(h, (k + 3).min(last) + 1);
-        turn(v, n);
+        reflection.turn_rows(h, k, k.saturating_sub(1).max(first)..n);
+        reflection.turn_columns(h, k, (k + 3).min(last) + 1);
+        reflection.turn_columns(v, k, n);
         if k > first {
             (1..count).for_each(|i| h[(k + i, k - 1)] = 0.0);
         }
     }
 }
 
-/// u and 2/uᵀu of the reflection that maps x to the first axis; `None` if x is zero.
-fn reflector(x: &[f64; 3]) -> Option<([f64; 3], f64)> {
-    let largest = x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
-    if largest == 0.0 {
-        return None;
+/// The reflection 1 - scale u uᵀ of neighbouring rows or columns.
+struct Reflection {
+    u: [f64; 3],
+    /// 2/uᵀu.
+    scale: f64,
+    /// Rows or columns: only so many of u count.
+    count: usize,
+}
+
+impl Reflection {
+    /// The one that maps x to the first axis; `None` if x is zero.
+    fn onto_first_axis(x: &[f64; 3], count: usize) -> Option<Self> {
+        let largest = x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        if largest == 0.0 {
+            return None;
+        }
+        let mut u = x.map(|x| x / largest);
+        let length = u.iter().map(|x| x * x).sum::<f64>().sqrt();
+        u[0] += length.copysign(u[0]);
+        let square: f64 = u.iter().map(|x| x * x).sum();
+        Some(Self {
+            u,
+            scale: 2.0 / square,
+            count,
+        })
     }
-    let mut u = x.map(|x| x / largest);
-    let length = u.iter().map(|x| x * x).sum::<f64>().sqrt();
-    u[0] += length.copysign(u[0]);
-    let square: f64 = u.iter().map(|x| x * x).sum();
-    Some((u, 2.0 / square))
+
+    /// Reflects the rows from k on, in these columns.
+    fn turn_rows(&self, m: &mut DMatrix<f64>, k: usize, columns: Range<usize>) {
+        let Reflection { u, scale, count } = *self;
+        for j in columns {
+            let along: f64 = (0..count).map(|i| u[i] * m[(k + i, j)]).sum();
+            (0..count).for_each(|i| m[(k + i, j)] -= scale * u[i] * along);
+        }
+    }
+
+    /// Reflects the columns from k on, in the first `rows` rows.
+    fn turn_columns(&self, m: &mut DMatrix<f64>, k: usize, rows: usize) {
+        let Reflection { u, scale, count } = *self;
+        for row in 0..rows {
+            let along: f64 = (0..count).map(|i| u[i] * m[(row, k + i)]).sum();
+            (0..count).for_each(|i| m[(row, k + i)] -= scale * u[i] * along);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -276,7 +342,7 @@ mod tests {
         for b in matrices() {
             let n = b.nrows();
             let (mut q, mut t) = Hessenberg::new(b.clone()).unpack();
-            assert!(real(&mut t, &mut q));
+            assert!(triangularise(&mut t, &mut q));
             let error = (&q * &t * q.transpose() - &b).norm();
             assert!(error < 1e-13 * b.norm().max(1e-300), "{error:e}");
             assert!((q.transpose() * &q - DMatrix::identity(n, n)).norm() < 1e-13);
@@ -287,7 +353,7 @@ mod tests {
 
             let wide = b.map(|x| c64::new(x, 0.3 * x.abs()));
             let (mut q, mut t) = Hessenberg::new(wide.clone()).unpack();
-            assert!(complex(&mut t, &mut q));
+            assert!(triangularise(&mut t, &mut q));
             let error = (&q * &t * q.adjoint() - &wide).norm();
             assert!(error < 1e-13 * wide.norm().max(1e-300), "{error:e}");
             (1..n).for_each(|i| assert_eq!(t[(i, i - 1)].norm(), 0.0));

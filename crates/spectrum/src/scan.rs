@@ -94,13 +94,13 @@ pub fn scan(
         pitch: (re[1] - re[0]) / 50.0,
     };
     let nothing = Mat::<f64>::zeros(problem.size(), 0);
-    let mut found = Scan {
+    let mut scan = Scan {
         spectrum: Spectrum::of(problem, &nothing, None),
         disks: 0,
         solves: 0,
     };
     while let Some(shift) = cover.uncovered() {
-        if found.disks == DISKS {
+        if scan.disks == DISKS {
             return Err(Failed::Factors);
         }
         let request = Request {
@@ -124,16 +124,16 @@ pub fn scan(
             |e| e.value.re,
         );
         let mirrored = own.mirrored(|e| e.value.im > ZERO * norm);
-        found.spectrum.append(own);
-        found.spectrum.append(mirrored);
+        scan.spectrum.append(own);
+        scan.spectrum.append(mirrored);
         cover.add(near.shift, radius);
-        found.disks += 1;
-        found.solves += near.solves;
-        if found.spectrum.eigenvalues.len() + problem.null().ncols() == problem.size() {
+        scan.disks += 1;
+        scan.solves += near.solves;
+        if scan.spectrum.eigenvalues.len() + problem.null().ncols() == problem.size() {
             break;
         }
     }
-    Ok(found)
+    Ok(scan)
 }
 
 /// The eigenvalue, with the imaginary part removed if it counts as real.
@@ -149,8 +149,15 @@ fn upper(e: &Eigenvalue, norm: f64) -> c64 {
 struct Cover {
     re: [f64; 2],
     height: f64,
-    disks: Vec<(c64, f64)>,
+    disks: Vec<Disk>,
+    /// Distance of grid points.
     pitch: f64,
+}
+
+#[derive(Clone, Copy)]
+struct Disk {
+    centre: c64,
+    radius: f64,
 }
 
 impl Cover {
@@ -163,12 +170,12 @@ impl Cover {
         if radius.is_finite() {
             self.pitch = self.pitch.min(radius / GRID);
         }
-        self.disks.push((centre, radius));
+        self.disks.push(Disk { centre, radius });
     }
 
     fn holds(&self, z: c64) -> bool {
         let mut disks = self.disks.iter();
-        disks.any(|(centre, radius)| (z - centre).norm() < *radius)
+        disks.any(|disk| (z - disk.centre).norm() < disk.radius)
     }
 
     /// Distance from a grid point to the corner of its cell.
@@ -176,28 +183,32 @@ impl Cover {
         self.pitch * std::f64::consts::FRAC_1_SQRT_2
     }
 
+    /// The first disk that covers the cell of a grid point.
+    fn covering(&self, z: c64) -> Option<Disk> {
+        let half_diagonal = self.half_diagonal();
+        let mut disks = self.disks.iter();
+        let first = disks.find(|disk| (z - disk.centre).norm() + half_diagonal < disk.radius);
+        first.copied()
+    }
+
     /// The lowest grid point, leftmost among equals, whose cell is not wholly inside a disk.
     fn uncovered(&self) -> Option<c64> {
         let half_diagonal = self.half_diagonal();
-        let covered = |z: c64| {
-            let mut disks = self.disks.iter();
-            disks.find(|(centre, radius)| (z - centre).norm() + half_diagonal < *radius)
-        };
         let mut y = 0.0;
         while y <= self.height + self.pitch {
             let mut x = self.re[0];
             while x <= self.re[1] + self.pitch {
-                match covered(c64::new(x, y)) {
+                match self.covering(c64::new(x, y)) {
                     None if self.disks.is_empty() || y > 0.0 => return Some(c64::new(x, y)),
                     // On the real axis the shift may lie further on, since its disk reaches to both
                     // sides.
                     None => {
-                        let radii = self.disks.iter().map(|disk| disk.1);
+                        let radii = self.disks.iter().map(|disk| disk.radius);
                         let ahead = radii.rev().find(|r| r.is_finite()).unwrap_or(0.0);
                         return Some(c64::new((x + 0.7 * ahead).min(self.re[1].max(x)), 0.0));
                     }
                     // Continue where this disk ends at this height.
-                    Some((centre, radius)) => {
+                    Some(Disk { centre, radius }) => {
                         let half =
                             ((radius - half_diagonal).powi(2) - (y - centre.im).powi(2)).sqrt();
                         let cells = ((centre.re + half - x) / self.pitch).floor().max(1.0);

@@ -3,34 +3,47 @@
 use faer::c64;
 use nalgebra::{DMatrix, DVector};
 
+use crate::qr_iteration;
 use crate::scalar::Scalar;
 
 /// B = Q T Qᴴ with T upper triangular, except for 2 × 2 blocks of conjugate pairs if B is real.
-pub struct Schur<T: Scalar> {
+pub(crate) struct Schur<T: Scalar> {
     /// Schur vectors.
-    pub q: DMatrix<T>,
+    pub(crate) q: DMatrix<T>,
     /// Schur form.
-    pub t: DMatrix<T>,
+    pub(crate) t: DMatrix<T>,
     /// Diagonal blocks of T, from first to last.
-    pub blocks: Vec<Block>,
+    pub(crate) blocks: Vec<Block>,
 }
 
 /// A diagonal block of T.
 #[derive(Debug, Clone, Copy)]
-pub struct Block {
+pub(crate) struct Block {
     /// First row and column.
-    pub start: usize,
+    pub(crate) start: usize,
     /// 1 or 2.
-    pub size: usize,
+    pub(crate) size: usize,
     /// Eigenvalues of the block; equal if `size` is 1. In a block of 2 the second one is the
     /// conjugate of the first, or another real one if the pair is about to merge on the real axis.
-    pub values: [c64; 2],
+    pub(crate) values: [c64; 2],
+}
+
+impl Block {
+    /// The row after it.
+    pub(crate) fn end(&self) -> usize {
+        self.start + self.size
+    }
+
+    /// The greater one of its eigenvalues.
+    fn rank(&self, rank: impl Fn(c64) -> f64) -> f64 {
+        rank(self.values[0]).max(rank(self.values[1]))
+    }
 }
 
 impl<T: Scalar> Schur<T> {
     /// Computes the Schur form with eigenvalues of greater `rank` first. `None` if `b` is not
     /// finite or the QR iteration does not converge.
-    pub fn ordered(b: DMatrix<T>, rank: impl Fn(c64) -> f64) -> Option<Self> {
+    pub(crate) fn ordered(b: DMatrix<T>, rank: impl Fn(c64) -> f64) -> Option<Self> {
         if !b.iter().all(|value| value.widened().is_finite()) {
             return None;
         }
@@ -49,15 +62,14 @@ impl<T: Scalar> Schur<T> {
             t,
             blocks: Vec::new(),
         };
-        if !T::triangularise(&mut schur.t, &mut schur.q) {
+        if !qr_iteration::triangularise(&mut schur.t, &mut schur.q) {
             return None;
         }
         schur.find_blocks();
-        let key = |block: &Block| rank(block.values[0]).max(rank(block.values[1]));
         // Insertion by swaps of neighbours is stable: equal eigenvalues keep their order.
         for last in 1..schur.blocks.len() {
             let mut at = last;
-            while at > 0 && key(&schur.blocks[at]) > key(&schur.blocks[at - 1]) {
+            while at > 0 && schur.blocks[at].rank(&rank) > schur.blocks[at - 1].rank(&rank) {
                 if !schur.swap(at - 1) {
                     break;
                 }

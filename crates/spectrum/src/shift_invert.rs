@@ -3,7 +3,7 @@
 use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::{Mat, MatMut, MatRef, Par, c64};
 
-use crate::eigenvalues::{Eigenvalue, Spectrum};
+use crate::eigenvalues::Spectrum;
 use crate::krylov::{self, Settings, Stalled};
 use crate::lu::Lu;
 use crate::problem::Problem;
@@ -59,7 +59,7 @@ impl Nearest {
         if eigenvalues.len() + problem.null().ncols() >= problem.size() {
             return f64::INFINITY;
         }
-        let distances = eigenvalues.iter().map(|e| (e.value - self.shift).norm());
+        let distances = eigenvalues.iter().map(|e| e.distance(self.shift));
         let mut distances: Vec<f64> = distances.collect();
         distances.sort_by(f64::total_cmp);
         let outer = distances.len() - distances.len().div_ceil(4);
@@ -106,58 +106,62 @@ fn nearest_in<T: Scalar>(
     let n = problem.size();
     let settings = settings(request, n);
     let (mut shift, mut attempts) = (request.shift, 0);
-    let mut found = None;
+    // With a shift that is too near to an eigenvalue.
+    let mut imprecise = None;
     let (mut inverse, right) = loop {
         let factored = Inverse::<T>::near(problem, symbolic, shift, request.par);
-        let mut inverse = match (factored, found) {
+        let mut inverse = match (factored, imprecise) {
             (Ok(inverse), _) => inverse,
-            (Err(_), Some(found)) => break found,
+            (Err(_), Some(imprecise)) => break imprecise,
             (Err(failed), None) => return Err(failed),
         };
         inverse.attempts += attempts;
         attempts = inverse.attempts;
-        let solve = |x: MatMut<'_, T>| inverse.apply(false, x);
-        let right = krylov::largest(n, solve, settings).map_err(Failed::Stalled)?;
+        let right =
+            krylov::largest(n, |x| inverse.apply(false, x), settings).map_err(Failed::Stalled)?;
         // Rounding errors are those of the greatest θ = 1/(λ - σ): with a far greater one the
         // others are lost.
-        let sizes = || right.values.iter().map(|value| value.norm());
-        let nearest = sizes().fold(0.0, f64::max);
+        let sizes: Vec<f64> = right.values.iter().map(|value| value.norm()).collect();
+        let nearest = sizes.iter().copied().fold(0.0, f64::max);
         // Null vectors have none.
-        let all = sizes().filter(|size| *size > 1e-3 * f64::EPSILON * nearest);
-        let farthest = 1.0 / all.fold(f64::MAX, f64::min);
+        let nonzero = sizes
+            .into_iter()
+            .filter(|size| *size > 1e-3 * f64::EPSILON * nearest);
+        let farthest = 1.0 / nonzero.fold(f64::MAX, f64::min);
         let reach = farthest.min(problem.norm() + shift.norm());
         let error = 2.0 * f64::EPSILON * nearest * reach * reach;
         if error <= LOST * problem.norm() || attempts >= ATTEMPTS as usize {
             break (inverse, right);
         }
-        let apart = 1e-3 * (reach * reach / problem.norm()).min(reach);
-        shift = request.shift + apart * f64::from(attempts as u32);
-        found = Some((inverse, right));
+        let displacement = 1e-3 * (reach * reach / problem.norm()).min(reach);
+        shift = request.shift + displacement * f64::from(attempts as u32);
+        imprecise = Some((inverse, right));
     };
-    let solve = |adjoint: bool, x: MatMut<'_, T>| inverse.apply(adjoint, x);
     let wanted = right.basis.ncols();
     let (right, left) = if request.left {
-        let both = krylov::matched(n, right, solve, settings);
-        let [right, left] = both.map_err(Failed::Stalled)?;
+        let [right, left] =
+            krylov::matched(n, right, |adjoint, x| inverse.apply(adjoint, x), settings)
+                .map_err(Failed::Stalled)?;
         (right, Some(left))
     } else {
         (right, None)
     };
     let mut spectrum = Spectrum::of(problem, &right.basis, left.as_ref().map(|left| &left.basis));
     if right.basis.ncols() > wanted {
-        let distance = |e: &Eigenvalue| (e.value - inverse.shift).norm();
-        let mut distances: Vec<f64> = spectrum.eigenvalues.iter().map(distance).collect();
+        let shift = inverse.shift;
+        let distances = spectrum.eigenvalues.iter().map(|e| e.distance(shift));
+        let mut distances: Vec<f64> = distances.collect();
         distances.sort_by(f64::total_cmp);
         // The two of a pair are equally far, but for rounding.
         let farthest = distances[wanted - 1] * (1.0 + 1e-12);
-        spectrum = spectrum.arranged(|e| distance(e) <= farthest, distance);
+        spectrum = spectrum.arranged(|e| e.distance(shift) <= farthest, |e| e.distance(shift));
     }
-    let both = || std::iter::once(&right).chain(&left);
+    let subspaces = std::iter::once(&right).chain(&left);
     Ok(Nearest {
         spectrum,
         shift: inverse.shift,
-        solves: both().map(|one| one.applied).sum(),
-        restarts: both().map(|one| one.restarts).sum(),
+        solves: subspaces.clone().map(|subspace| subspace.applied).sum(),
+        restarts: subspaces.map(|subspace| subspace.restarts).sum(),
         factorisations: inverse.attempts,
     })
 }
@@ -178,13 +182,13 @@ fn settings(request: Request, n: usize) -> Settings {
 }
 
 /// The operator (A - σI)⁻¹ on vectors without components along the null vectors.
-pub struct Inverse<'a, T> {
+struct Inverse<'a, T> {
     problem: &'a Problem,
     lu: Lu<'a, T>,
     /// The shift used.
-    pub shift: c64,
+    shift: c64,
     /// Number of factorisations tried.
-    pub attempts: usize,
+    attempts: usize,
     /// Whether each solve is followed by one step of iterative refinement.
     refine: bool,
 }
@@ -195,7 +199,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
     ///
     /// # Errors
     /// [`Failed::Factors`] if no attempt gives usable factors.
-    pub fn near(
+    fn near(
         problem: &'a Problem,
         symbolic: &'a Symbolic,
         wished: c64,
@@ -227,7 +231,7 @@ impl<'a, T: Scalar> Inverse<'a, T> {
     }
 
     /// Computes x ← (A - σI)⁻¹ x, or x ← (A - σI)⁻ᴴ x.
-    pub fn apply(&mut self, adjoint: bool, mut x: MatMut<'_, T>) {
+    fn apply(&mut self, adjoint: bool, mut x: MatMut<'_, T>) {
         self.problem.project(x.rb_mut());
         if adjoint {
             conjugate(x.rb_mut());

@@ -25,22 +25,22 @@ pub struct Symbolic {
 /// Pivots that are eliminated together, and the later pivots that they update.
 pub(crate) struct Front {
     /// First pivot.
-    pub begin: usize,
+    pub(crate) begin: usize,
     /// Number of pivots.
-    pub width: usize,
+    pub(crate) width: usize,
     /// Later pivots in the pattern of the front, ascending.
-    pub reach: Vec<usize>,
+    pub(crate) reach: Vec<usize>,
     /// Fronts whose updates are assembled into this one.
-    pub children: Vec<usize>,
+    pub(crate) children: Vec<usize>,
 }
 
 /// A value of A and where it goes in a front.
 pub(crate) struct MatrixEntry {
     /// Index in the panel `[width + reach][width]`, by columns; from its end on, index in the rows
     /// `[width][reach]`.
-    pub place: u32,
+    pub(crate) place: u32,
     /// Index of the value in A.
-    pub value: u32,
+    pub(crate) value: u32,
 }
 
 impl Symbolic {
@@ -67,17 +67,12 @@ impl Symbolic {
 
     /// Returns the number of entries of L and U together.
     pub fn fill(&self) -> usize {
-        let of = |front: &Front| front.width * (front.width + 2 * front.reach.len());
-        self.fronts.iter().map(of).sum()
+        self.fronts.iter().map(Front::fill).sum()
     }
 
     /// Returns the number of multiplications and additions of one factorisation.
     pub fn operations(&self) -> f64 {
-        let of = |front: &Front| {
-            let (w, r) = (front.width as f64, front.reach.len() as f64);
-            2.0 / 3.0 * w * w * w + 2.0 * w * w * r + 2.0 * w * r * r
-        };
-        self.fronts.iter().map(of).sum()
+        self.fronts.iter().map(Front::operations).sum()
     }
 }
 
@@ -98,18 +93,19 @@ fn fronts(
     let SymbolicCholeskyRaw::Supernodal(factor) = factor.raw() else {
         unreachable!("FORCE_SUPERNODAL gives a supernodal factor");
     };
-    let front = |s: usize| {
+    let mut fronts = Vec::with_capacity(factor.n_supernodes());
+    for s in 0..factor.n_supernodes() {
         let begin = factor.supernode_begin()[s];
         let mut reach = factor.supernode(s).pattern().to_vec();
         reach.sort_unstable();
-        Front {
+        fronts.push(Front {
             begin,
             width: factor.supernode_end()[s] - begin,
             reach,
             children: Vec::new(),
-        }
-    };
-    (0..factor.n_supernodes()).map(front).collect()
+        });
+    }
+    fronts
 }
 
 fn entries(
@@ -129,7 +125,7 @@ fn entries(
             let s = front_of[row.min(column)];
             let front = &fronts[s];
             let (i, j) = (front.place(row), front.place(column));
-            let height = front.width + front.reach.len();
+            let height = front.height();
             let place = if j < front.width {
                 j * height + i
             } else {
@@ -146,8 +142,24 @@ fn entries(
 }
 
 impl Front {
+    /// Entries of L and U.
+    fn fill(&self) -> usize {
+        self.width * (self.width + 2 * self.reach.len())
+    }
+
+    /// Multiplications and additions of its elimination.
+    fn operations(&self) -> f64 {
+        let (w, r) = (self.width as f64, self.reach.len() as f64);
+        2.0 / 3.0 * w * w * w + 2.0 * w * w * r + 2.0 * w * r * r
+    }
+
+    /// Number of rows.
+    pub(crate) fn height(&self) -> usize {
+        self.width + self.reach.len()
+    }
+
     /// Index of a pivot among those of the front.
-    pub fn place(&self, pivot: usize) -> usize {
+    pub(crate) fn place(&self, pivot: usize) -> usize {
         if pivot < self.begin + self.width {
             return pivot - self.begin;
         }

@@ -7,9 +7,9 @@
 //! stable step. Krylov–Schur on it finds the modes in the order of their growth.
 
 use faer::linalg::solvers::DenseSolveCore;
-use faer::reborrow::ReborrowMut;
+use faer::reborrow::{Reborrow, ReborrowMut};
 use faer::sparse::SparseColMat;
-use faer::{Mat, MatMut, Par, concat};
+use faer::{Mat, MatMut, MatRef, Par, c64, concat};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
@@ -98,10 +98,12 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
         if found.degrees.last() != Some(&degree) {
             found.degrees.push(degree);
         }
-        let every = projection_interval(&found.spectrum, end, degree);
-        let mut filter = |of: &Rows, known: &Known, x: MatMut<'_, f64>| {
-            found.products += degree * x.ncols();
-            of.filter(problem, known, degree, every, sought.par, x);
+        let mut polynomial = Polynomial {
+            problem,
+            degree,
+            interval: projection_interval(&found.spectrum, end, degree),
+            par: sought.par,
+            products: 0,
         };
         let batch = BATCH.min(sought.most - known.right.ncols());
         let wanted = Settings {
@@ -118,25 +120,33 @@ pub fn unstable(problem: &Problem, sought: Sought) -> Result<Unstable, Stalled> 
             restarts: 0,
             ..wanted
         };
-        let right = krylov::largest(n, |x| filter(&rows, &known, x), probe)
-            .or_else(|_| krylov::largest(n, |x| filter(&rows, &known, x), wanted))?;
+        let probed = krylov::largest(n, |x| polynomial.apply(&rows, &known, x), probe);
+        let right = match probed {
+            Ok(right) => right,
+            Err(_) => krylov::largest(n, |x| polynomial.apply(&rows, &known, x), wanted)?,
+        };
         if right.basis.ncols() == 0 {
             found.complete = resolution <= sought.resolution;
             resolution = (resolution / FINER).max(sought.resolution);
         } else {
-            let turned = known.turned();
-            let filter = |adjoint: bool, x: MatMut<'_, f64>| {
-                if adjoint {
-                    filter(&columns, &turned, x);
-                } else {
-                    filter(&rows, &known, x);
-                }
-            };
-            let [right, left] = krylov::matched(n, right, filter, wanted)?;
+            let adjoint_known = known.adjoint();
+            let [right, left] = krylov::matched(
+                n,
+                right,
+                |adjoint, x| {
+                    if adjoint {
+                        polynomial.apply(&columns, &adjoint_known, x);
+                    } else {
+                        polynomial.apply(&rows, &known, x);
+                    }
+                },
+                wanted,
+            )?;
             known.right = orthonormal(&known.right, &right.basis);
             known.left = orthonormal(&known.left, &left.basis);
             found.spectrum = Spectrum::of(problem, &known.right, Some(&known.left));
         }
+        found.products += polynomial.products;
     }
     Ok(found)
 }
@@ -149,7 +159,7 @@ struct Known {
 
 impl Known {
     /// The subspaces of the transpose.
-    fn turned(&self) -> Known {
+    fn adjoint(&self) -> Known {
         Known {
             right: self.left.clone(),
             left: self.right.clone(),
@@ -183,15 +193,16 @@ struct Rows {
 type Panel = [f64; BLOCK];
 
 impl Rows {
-    /// `of`: the transpose of A.
-    fn new(of: &SparseColMat<usize, f64>, end: f64) -> Self {
+    /// Those of the matrix with this transpose.
+    fn new(transpose: &SparseColMat<usize, f64>, end: f64) -> Self {
         let mut rows = Rows {
             start: vec![0],
-            column: Vec::with_capacity(of.compute_nnz() + of.ncols()),
-            value: Vec::with_capacity(of.compute_nnz() + of.ncols()),
+            column: Vec::with_capacity(transpose.compute_nnz() + transpose.ncols()),
+            value: Vec::with_capacity(transpose.compute_nnz() + transpose.ncols()),
         };
-        for i in 0..of.ncols() {
-            let entries = of.row_idx_of_col_raw(i).iter().zip(of.val_of_col(i));
+        for i in 0..transpose.ncols() {
+            let entries = transpose.row_idx_of_col_raw(i).iter();
+            let entries = entries.zip(transpose.val_of_col(i));
             for (&j, value) in entries {
                 rows.column.push(j as u32);
                 rows.value.push(4.0 / end * value);
@@ -203,63 +214,97 @@ impl Rows {
         rows
     }
 
-    /// x ← T_degree x, with the known modes and the null vectors projected out.
-    fn filter(
-        &self,
-        problem: &Problem,
-        known: &Known,
-        degree: usize,
-        every: usize,
-        par: Par,
-        mut x: MatMut<'_, f64>,
-    ) {
-        let (n, columns) = (x.nrows(), x.ncols());
-        let overlap = known.inverse_overlap();
-        let project = |x: &mut MatMut<'_, f64>| {
-            problem.project(x.rb_mut());
-            if overlap.ncols() > 0 {
-                let along = &overlap * (known.left.transpose() * x.as_ref());
-                *x -= &known.right * along;
+    /// before ← (4A/b - 2) now - before.
+    fn step(&self, now: &[Panel], before: &mut [Panel], par: Par) {
+        let arch = Arch::new();
+        match par {
+            Par::Seq => arch.dispatch(RecurrenceStep {
+                rows: self,
+                first: 0,
+                now,
+                before,
+            }),
+            Par::Rayon(_) => {
+                let chunks = before.par_chunks_mut(ROWS).enumerate();
+                chunks.for_each(|(chunk, before)| {
+                    arch.dispatch(RecurrenceStep {
+                        rows: self,
+                        first: chunk * ROWS,
+                        now,
+                        before,
+                    });
+                });
             }
+        }
+    }
+}
+
+/// A Chebyshev polynomial of A, with the known modes and the null vectors projected out.
+struct Polynomial<'a> {
+    problem: &'a Problem,
+    degree: usize,
+    /// Steps of the recurrence between two projections.
+    interval: usize,
+    par: Par,
+    /// Number of products of A with a vector so far.
+    products: usize,
+}
+
+impl Polynomial<'_> {
+    /// x ← T_degree x. `rows`: those of A or of Aᵀ, of which the modes are known.
+    fn apply(&mut self, rows: &Rows, known: &Known, mut x: MatMut<'_, f64>) {
+        let (n, columns) = (x.nrows(), x.ncols());
+        self.products += self.degree * columns;
+        let projection = Projection {
+            problem: self.problem,
+            known,
+            overlap: known.inverse_overlap(),
         };
-        project(&mut x);
-        let row = |x: &MatMut<'_, f64>, i: usize| {
-            std::array::from_fn(|c| if c < columns { x[(i, c)] } else { 0.0 })
-        };
-        let mut before: Vec<Panel> = (0..n).map(|i| row(&x, i)).collect();
+        projection.apply(x.rb_mut());
+        let mut before: Vec<Panel> = (0..n).map(|i| panel(x.rb(), i)).collect();
         let mut now = vec![[0.0; BLOCK]; n];
-        self.step(&before, &mut now, par);
+        rows.step(&before, &mut now, self.par);
         now.iter_mut().flatten().for_each(|t| *t *= 0.5);
-        for done in 1..degree {
-            self.step(&now, &mut before, par);
+        for done in 1..self.degree {
+            rows.step(&now, &mut before, self.par);
             std::mem::swap(&mut now, &mut before);
-            if done % every == 0 && overlap.ncols() > 0 {
+            if done % self.interval == 0 && projection.has_modes() {
                 for t in [&mut now, &mut before] {
                     (0..n).for_each(|i| (0..columns).for_each(|c| x[(i, c)] = t[i][c]));
-                    project(&mut x);
-                    (0..n).for_each(|i| t[i] = row(&x, i));
+                    projection.apply(x.rb_mut());
+                    (0..n).for_each(|i| t[i] = panel(x.rb(), i));
                 }
             }
         }
         (0..n).for_each(|i| (0..columns).for_each(|c| x[(i, c)] = now[i][c]));
-        project(&mut x);
+        projection.apply(x);
+    }
+}
+
+/// A row of up to `BLOCK` vectors.
+fn panel(x: MatRef<'_, f64>, i: usize) -> Panel {
+    std::array::from_fn(|c| if c < x.ncols() { x[(i, c)] } else { 0.0 })
+}
+
+/// Projects out the null vectors and the known modes.
+struct Projection<'a> {
+    problem: &'a Problem,
+    known: &'a Known,
+    /// (LᵀR)⁻¹.
+    overlap: Mat<f64>,
+}
+
+impl Projection<'_> {
+    /// Whether there are known modes.
+    fn has_modes(&self) -> bool {
+        self.overlap.ncols() > 0
     }
 
-    /// before ← (4A/b - 2) now - before.
-    fn step(&self, now: &[Panel], before: &mut [Panel], par: Par) {
-        let arch = Arch::new();
-        let work = |(chunk, before): (usize, &mut [Panel])| {
-            let first = chunk * ROWS;
-            arch.dispatch(RecurrenceStep {
-                rows: self,
-                first,
-                now,
-                before,
-            });
-        };
-        match par {
-            Par::Seq => work((0, before)),
-            Par::Rayon(_) => before.par_chunks_mut(ROWS).enumerate().for_each(work),
+    fn apply(&self, mut x: MatMut<'_, f64>) {
+        self.problem.project(x.rb_mut());
+        if self.has_modes() {
+            let along = &self.overlap * (self.known.left.transpose() * x.as_ref());
+            x -= &self.known.right * along;
         }
     }
 }
@@ -267,15 +312,18 @@ impl Rows {
 /// Number of steps of the recurrence after which the rounding error in the known modes must be
 /// projected out again.
 fn projection_interval(spectrum: &Spectrum, end: f64, degree: usize) -> usize {
-    let growth = |value: faer::c64| {
-        let x = 2.0 * value / end - 1.0;
-        // |x + √(x² - 1)|, the greater of two reciprocal numbers.
-        let grown = (x + (x * x - 1.0).sqrt()).norm();
-        grown.max(1.0 / grown).ln()
-    };
-    let values = spectrum.eigenvalues.iter().map(|e| growth(e.value));
-    let fastest = values.fold(0.0, f64::max);
+    let growths = spectrum.eigenvalues.iter().map(|e| growth(e.value, end));
+    let fastest = growths.fold(0.0, f64::max);
     ((REGROWTH.ln() / fastest) as usize).clamp(1, degree)
+}
+
+/// Growth of a mode in a step of the recurrence, as the exponent; `end`: of the interval of the
+/// stable modes.
+fn growth(value: c64, end: f64) -> f64 {
+    let x = 2.0 * value / end - 1.0;
+    // |x + √(x² - 1)|, the greater of two reciprocal numbers.
+    let grown = (x + (x * x - 1.0).sqrt()).norm();
+    grown.max(1.0 / grown).ln()
 }
 
 /// One step of the recurrence over some rows.

@@ -3,15 +3,15 @@
 use super::checksums::{self, ContactWeights};
 use super::collective::{IdBlocks, put_lists, take_lists};
 use super::contact_quantities::{flags, numbers};
-use super::layout::{Form, elements};
+use super::layout::{FrameFormat, Quantity, elements};
 use gshear_dem::state::{BoxEdges, ContactSample, GrainSample};
 use std::ops::Range;
 
-/// Assigns the parts of a batch to the ranks. Each rank writes one contiguous stretch in the order
+/// Assigns the parts of a batch to the ranks. Each rank writes one contiguous part in the order
 /// of the file (by frame, then by id), which is also one box of a dataset of grains: whole frames
 /// if there are at least as many frames as ranks, otherwise a block of ids of one frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Shares {
+pub(crate) struct BatchShares {
     pub frames: u64,
     pub grains: u64,
     pub ranks: u64,
@@ -19,24 +19,24 @@ pub struct Shares {
 
 /// What one rank writes of a batch.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Share {
+pub(crate) struct BatchShare {
     pub frames: Range<u64>,
     pub ids: Range<u64>,
 }
 
-impl Shares {
+impl BatchShares {
     fn by_frame(&self) -> Option<IdBlocks> {
         (self.frames >= self.ranks).then(|| IdBlocks::new(self.frames, self.ranks))
     }
 
     /// With more ranks than frames: the first rank of a frame, and the blocks of ids of its ranks.
     fn of_frame(&self, frame: u64) -> (u64, IdBlocks) {
-        let first = |f: u64| (f * self.ranks).div_ceil(self.frames);
-        let ranks = first(frame + 1) - first(frame);
-        (first(frame), IdBlocks::new(self.grains, ranks))
+        let [first, end] =
+            [frame, frame + 1].map(|frame| (frame * self.ranks).div_ceil(self.frames));
+        (first, IdBlocks::new(self.grains, end - first))
     }
 
-    pub fn of(&self, rank: usize) -> Share {
+    pub fn of(&self, rank: usize) -> BatchShare {
         let (frames, ids) = if let Some(blocks) = self.by_frame() {
             (blocks.range(rank), 0..self.grains)
         } else {
@@ -44,13 +44,13 @@ impl Shares {
             let (first, blocks) = self.of_frame(frame);
             (frame..frame + 1, blocks.range(rank - first as usize))
         };
-        Share { frames, ids }
+        BatchShare { frames, ids }
     }
 }
 
 /// This rank's part of the buffered frames.
 #[derive(Default)]
-pub struct Frames {
+pub(crate) struct Frames {
     pub step: Vec<u64>,
     pub time: Vec<f64>,
     /// Edge vectors of the box.
@@ -83,7 +83,7 @@ impl Frames {
     }
 
     /// The edges of the boxes as the file has them: `of_box` numbers each, 3 at right angles or 9.
-    pub fn edges_as_stored(&self, of_box: usize) -> Vec<f64> {
+    pub(crate) fn edges_as_stored(&self, of_box: usize) -> Vec<f64> {
         match of_box {
             3 => (self.edges.iter())
                 .flat_map(|edges| std::array::from_fn::<_, 3, _>(|axis| edges[axis][axis]))
@@ -104,28 +104,34 @@ impl Frames {
         self.bytes.reserve(bytes);
     }
 
-    /// Returns a message to each rank, with what `bytes` has of the frames in the rank's share. The
-    /// frames themselves are gone then.
-    pub fn messages(&mut self, shares: &Shares) -> Vec<Vec<u8>> {
-        let begin = |frame: u64| match frame {
+    /// Where a frame, or what follows the last one, begins in the bytes.
+    fn start(&self, frame: u64) -> usize {
+        match frame {
             0 => 0,
             _ => self.ends[frame as usize - 1],
-        };
+        }
+    }
+
+    /// Returns a message to each rank, with what `bytes` has of the frames in the rank's share. The
+    /// frames themselves are gone then.
+    pub fn messages(&mut self, shares: &BatchShares) -> Vec<Vec<u8>> {
         match shares.by_frame() {
             Some(IdBlocks { ranks: 1, .. }) => vec![std::mem::take(&mut self.bytes)],
             Some(blocks) => (0..shares.ranks as usize)
-                .map(|rank| blocks.range(rank))
-                .map(|frames| self.bytes[begin(frames.start)..begin(frames.end)].to_vec())
+                .map(|rank| {
+                    let frames = blocks.range(rank);
+                    self.bytes[self.start(frames.start)..self.start(frames.end)].to_vec()
+                })
                 .collect(),
             None => {
                 let mut messages = vec![Vec::new(); shares.ranks as usize];
                 for frame in 0..self.len() as u64 {
                     let (first, blocks) = shares.of_frame(frame);
                     let mut parts = vec![(Vec::new(), Vec::new()); blocks.ranks as usize];
-                    let mut bytes = &self.bytes[begin(frame)..begin(frame + 1)];
+                    let mut bytes = &self.bytes[self.start(frame)..self.start(frame + 1)];
                     let (grains, contacts) = take_lists::<GrainSample, ContactSample>(&mut bytes);
                     for grain in grains {
-                        parts[blocks.holder(grain.id as u32)].0.push(grain);
+                        parts[blocks.holder(grain.id)].0.push(grain);
                     }
                     for contact in contacts {
                         parts[blocks.holder(contact.i)].1.push(contact);
@@ -142,11 +148,13 @@ impl Frames {
 }
 
 /// One rank's share of a batch, as columns.
-pub struct ShareColumns {
+pub(crate) struct ShareColumns {
     /// One array per entry of [`elements`], `[frame][id][width]` over the share.
     pub values: [Vec<f64>; 3],
     /// `[frame][id][3]` over the share.
     pub image: Vec<i32>,
+    /// `[frame][id]` over the share, if frames say which grains are removed.
+    pub removed: Vec<u8>,
     /// Number of contacts of each frame of the share.
     pub counts: Vec<i64>,
     pub i: Vec<u32>,
@@ -160,33 +168,34 @@ pub struct ShareColumns {
 impl ShareColumns {
     /// Assembles the share from one message of each rank. Panics if a grain is missing or anything
     /// occurs twice, which is a bug.
-    pub fn assemble(messages: &[Vec<u8>], share: &Share, form: Form) -> ShareColumns {
+    pub fn assemble(messages: &[Vec<u8>], share: &BatchShare, form: FrameFormat) -> ShareColumns {
         let (frames, block) = (length(&share.frames) as usize, length(&share.ids) as usize);
         let bytes: usize = messages.iter().map(Vec::len).sum();
         let of_grains = frames * (16 * messages.len() + block * size_of::<GrainSample>());
         let contacts = bytes.saturating_sub(of_grains) / size_of::<ContactSample>();
         let mut part = ShareColumns {
-            values: elements(form.axes).map(|(_, width)| vec![0.0; frames * block * width]),
+            values: elements(form.axes).map(|quantity| vec![0.0; frames * block * quantity.width]),
             image: vec![0; frames * block * 3],
+            removed: vec![0; if form.removed { frames * block } else { 0 }],
             counts: Vec::with_capacity(frames),
             i: Vec::with_capacity(contacts),
             j: Vec::with_capacity(contacts),
             forces: numbers(form)
-                .map(|of| Vec::with_capacity(contacts * of.width(form)))
+                .map(|quantity| Vec::with_capacity(contacts * quantity.width(form)))
                 .collect(),
             flags: vec![Vec::with_capacity(contacts); flags(form).count()],
         };
         let mut rest: Vec<&[u8]> = messages.iter().map(|m| &m[..]).collect();
         let mut seen = vec![false; block];
-        let mut found: Vec<ContactSample> = Vec::new();
+        let mut samples: Vec<ContactSample> = Vec::new();
         let mut order: Vec<(u64, u32)> = Vec::new();
         for f in 0..frames {
             seen.fill(false);
-            found.clear();
+            samples.clear();
             for rest in &mut rest {
                 let (grains, contacts) = take_lists::<GrainSample, ContactSample>(rest);
                 for grain in grains {
-                    let n = (grain.id - share.ids.start) as usize;
+                    let n = (u64::from(grain.id) - share.ids.start) as usize;
                     assert!(!seen[n], "grain {} twice in a frame", grain.id);
                     seen[n] = true;
                     let at = f * block + n;
@@ -194,86 +203,105 @@ impl ShareColumns {
                     part.values[1][3 * at..][..3].copy_from_slice(&grain.velocity);
                     let image = &mut part.image[3 * at..][..3];
                     image.copy_from_slice(&grain.image.map(|of_axis| of_axis as i32));
+                    if form.removed {
+                        part.removed[at] = grain.removed as u8;
+                    } else if grain.removed != 0 {
+                        // As files of earlier versions say it, which are continued.
+                        image[form.axes - 1] = 1;
+                    }
                     let spin = &grain.angular_velocity;
                     match form.axes {
                         2 => part.values[2][at] = spin[2],
                         _ => part.values[2][3 * at..][..3].copy_from_slice(spin),
                     }
                 }
-                found.extend(contacts);
+                samples.extend(contacts);
             }
             if let Some(n) = seen.iter().position(|s| !s) {
                 panic!("grain {} is not in a frame", share.ids.start + n as u64);
             }
             order.clear();
-            let key = |c: &ContactSample| u64::from(c.i) << 32 | u64::from(c.j);
-            order.extend(found.iter().map(key).zip(0..));
+            let keys = samples
+                .iter()
+                .map(|c| u64::from(c.i) << 32 | u64::from(c.j));
+            order.extend(keys.zip(0..));
             // The stable sort merges the sorted runs that the ranks send.
             order.sort_by_key(|&(key, _)| key);
             if let Some(twice) = order.windows(2).find(|w| w[0].0 == w[1].0) {
                 let (i, j) = (twice[0].0 >> 32, twice[0].0 as u32);
                 panic!("contact {i} {j} twice in a frame");
             }
-            part.push(order.iter().map(|&(_, n)| &found[n as usize]), form);
+            part.push(order.iter().map(|&(_, n)| &samples[n as usize]), form);
         }
         part
     }
 
     /// Returns the share's part of the checksums of each of its frames, in the order of
     /// [`crate::layout::frame_columns`], without those of the clock.
-    pub fn checksums(&self, share: &Share, form: Form) -> Vec<Vec<u64>> {
+    pub fn checksums(&self, share: &BatchShare, form: FrameFormat) -> Vec<Vec<u64>> {
         let block = length(&share.ids) as usize;
         let of_width = [1, 3].map(|width| {
             let first = share.ids.start * width as u64;
             checksums::weights(first, block * width)
         });
         let weights = ContactWeights::new(&self.i, &self.j, form.axes);
+        let mut all = Vec::new();
         let mut begin = 0;
-        let of_frame = |(f, &count): (usize, &i64)| {
+        for (f, &count) in self.counts.iter().enumerate() {
             let contacts = begin..begin + count as usize;
             begin = contacts.end;
             let mut sums = Vec::new();
-            for ((_, width), values) in elements(form.axes).iter().zip(&self.values) {
+            for (Quantity { width, .. }, values) in elements(form.axes).iter().zip(&self.values) {
                 let of_block = &values[f * block * width..][..block * width];
                 let weights = &of_width[usize::from(*width == 3)];
                 sums.push(checksums::of_numbers(weights, of_block));
             }
             sums.push(weights.pairs(contacts.clone()));
-            for (of, values) in numbers(form).zip(&self.forces) {
-                let width = of.width(form);
+            for (quantity, values) in numbers(form).zip(&self.forces) {
+                let width = quantity.width(form);
                 let values = &values[contacts.start * width..contacts.end * width];
                 sums.push(weights.numbers(contacts.clone(), values, width));
             }
-            let of_flags =
-                |flags: &Vec<u8>| weights.flags(contacts.clone(), &flags[contacts.clone()]);
-            sums.push(of_flags(&self.flags[0]));
+            let flags = self.flags.iter();
+            let flags: Vec<u64> = flags
+                .map(|flags| weights.flags(contacts.clone(), &flags[contacts.clone()]))
+                .collect();
+            sums.push(flags[0]);
             let of_block = &self.image[f * block * 3..][..block * 3];
             sums.push(checksums::of_images(&of_width[1], of_block));
-            sums.extend(self.flags[1..].iter().map(of_flags));
-            sums
-        };
-        self.counts.iter().enumerate().map(of_frame).collect()
+            sums.extend(&flags[1..]);
+            if form.removed {
+                let of_block = &self.removed[f * block..][..block];
+                sums.push(checksums::of_flags(&of_width[0], of_block));
+            }
+            all.push(sums);
+        }
+        all
     }
 
     /// Appends the contacts of one frame, in order.
-    fn push<'a>(&mut self, contacts: impl ExactSizeIterator<Item = &'a ContactSample>, form: Form) {
+    fn push<'a>(
+        &mut self,
+        contacts: impl ExactSizeIterator<Item = &'a ContactSample>,
+        form: FrameFormat,
+    ) {
         self.counts.push(contacts.len() as i64);
         let numbers: Vec<_> = numbers(form).collect();
         let flags: Vec<_> = flags(form).collect();
         for c in contacts {
             self.i.push(c.i);
             self.j.push(c.j);
-            for (column, of) in self.forces.iter_mut().zip(&numbers) {
-                column.extend_from_slice(of.numbers(form, c));
+            for (column, quantity) in self.forces.iter_mut().zip(&numbers) {
+                column.extend_from_slice(quantity.numbers(form, c));
             }
-            for (column, of) in self.flags.iter_mut().zip(&flags) {
-                column.push(of.flag(c));
+            for (column, quantity) in self.flags.iter_mut().zip(&flags) {
+                column.push(quantity.flag(c));
             }
         }
     }
 }
 
-pub fn length(range: &Range<u64>) -> u64 {
+pub(crate) fn length(range: &Range<u64>) -> u64 {
     range.end - range.start
 }
 
@@ -281,10 +309,10 @@ pub fn length(range: &Range<u64>) -> u64 {
 mod tests {
     use super::*;
 
-    const DISKS: Form = Form::new(2, false);
+    const DISKS: FrameFormat = FrameFormat::new(2, false);
 
-    fn shares(frames: u64, grains: u64, ranks: u64) -> Shares {
-        Shares {
+    fn shares(frames: u64, grains: u64, ranks: u64) -> BatchShares {
+        BatchShares {
             frames,
             grains,
             ranks,
@@ -297,7 +325,7 @@ mod tests {
             for ranks in 1..=9 {
                 let shares = shares(frames, grains, ranks);
                 let mut places = Vec::new();
-                for Share { frames, ids } in (0..ranks as usize).map(|r| shares.of(r)) {
+                for BatchShare { frames, ids } in (0..ranks as usize).map(|r| shares.of(r)) {
                     places.extend(frames.flat_map(|f| ids.clone().map(move |id| (f, id))));
                 }
                 let all = (0..frames).flat_map(|f| (0..grains).map(move |id| (f, id)));
@@ -308,12 +336,13 @@ mod tests {
 
     #[test]
     fn everything_reaches_its_share() {
-        let grain = |id| GrainSample {
+        let grain = |id: u32| GrainSample {
             id,
-            position: [id as f64, 1.0, 0.0],
+            removed: id % 2,
+            position: [id.into(), 1.0, 0.0],
             velocity: [2.0, 3.0, 0.0],
             angular_velocity: [0.0, 0.0, 4.0],
-            image: [id as i64, -1, 0],
+            image: [id.into(), -1, 0],
         };
         let contact = |i, j| ContactSample {
             i,
@@ -328,10 +357,16 @@ mod tests {
         for ranks in (1..=9).rev() {
             let shares = shares(2, 7, ranks);
             let (mut x, mut images) = (Vec::new(), Vec::new());
+            let mut removed: Vec<u8> = Vec::new();
             let (mut pairs, mut counts) = (Vec::new(), [0; 2]);
             for (rank, message) in frames.messages(&shares).into_iter().enumerate() {
                 let share = shares.of(rank);
-                let part = ShareColumns::assemble(&[message], &share, DISKS);
+                let form = FrameFormat {
+                    removed: true,
+                    ..DISKS
+                };
+                let part = ShareColumns::assemble(&[message], &share, form);
+                removed.extend(&part.removed);
                 x.extend(part.values[0].chunks(3).map(|p| p[0]));
                 images.extend(part.image.chunks(3).map(|p| [p[0], p[1]]));
                 pairs.extend(part.i.iter().copied().zip(part.j));
@@ -341,6 +376,7 @@ mod tests {
             }
             assert!(x.into_iter().eq((0..14).map(|n| f64::from(n % 7))));
             assert!(images.into_iter().eq((0..14).map(|n| [n % 7, -1])));
+            assert!(removed.into_iter().eq((0..14).map(|n| n % 7 % 2)));
             assert_eq!((pairs, counts), (vec![(0, 1), (0, 3), (5, 6)], [3, 0]));
         }
     }

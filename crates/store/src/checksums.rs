@@ -11,21 +11,21 @@ use gshear_dem::simd::{Isa, Lanes, Work};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Group of the checksums.
-pub const GROUP: &str = "checksums";
+pub(crate) const GROUP: &str = "checksums";
 /// `[T][columns]`: of step and time, then of each dataset of every frame.
 pub const FRAMES: &str = "checksums/frames";
 /// `[R]`: of step, time and all columns of every row of the time series.
 pub const ROWS: &str = "checksums/rows";
 /// `[L']`: of step and all columns of every row of the scalars of frames.
-pub const SCALARS: &str = "checksums/scalars";
+pub(crate) const SCALARS: &str = "checksums/scalars";
 /// Attribute of `parameters`: of all other attributes.
 pub const OF_PARAMETERS: &str = "checksum";
 /// Of what never changes: id, body, radius, mass, edges of the box.
-pub const CONSTANTS: &str = "checksums/constants";
+pub(crate) const CONSTANTS: &str = "checksums/constants";
 
 /// The weight of a place (SplitMix64, odd).
 #[inline(always)]
-pub fn weight(place: u64) -> u64 {
+pub(crate) fn weight(place: u64) -> u64 {
     let mut z = place.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -87,13 +87,18 @@ pub fn of_numbers(weights: &[u64], values: &[f64]) -> u64 {
 }
 
 /// Of numbers that follow each other from the place `first` on.
-pub fn of_sequence(first: u64, values: &[f64]) -> u64 {
+pub(crate) fn of_sequence(first: u64, values: &[f64]) -> u64 {
     of_numbers(&weights(first, values.len()), values)
 }
 
 /// Of images with these weights.
-pub fn of_images(weights: &[u64], images: &[i32]) -> u64 {
+pub(crate) fn of_images(weights: &[u64], images: &[i32]) -> u64 {
     weighted(weights, images.iter().map(|&image| u64::from(image as u32)))
+}
+
+/// Of flags with these weights.
+pub(crate) fn of_flags(weights: &[u64], flags: &[u8]) -> u64 {
+    weighted(weights, flags.iter().map(|&flag| flag.into()))
 }
 
 /// Σ w b.
@@ -104,32 +109,44 @@ fn weighted(weights: &[u64], bits: impl Iterator<Item = u64>) -> u64 {
     })
 }
 
-/// Of what never changes of the grains `first`, `first` + 1, …, and of the edges of the box. Bodies
-/// and materials have one checksum together.
-pub fn of_constants(
-    first: u64,
-    id: &[u32],
-    [body, material]: [&[u8]; 2],
-    [radius, mass]: [&[f64]; 2],
-    edges: &[f64],
-) -> [u64; 5] {
-    let id: Vec<f64> = id.iter().map(|&id| id.into()).collect();
-    let kinds = body.iter().zip(material);
-    let body: Vec<f64> = kinds
-        .map(|(&body, &material)| f64::from(body) + 256.0 * f64::from(material))
-        .collect();
-    let of = |values: &[f64]| of_sequence(first, values);
-    [
-        of(&id),
-        of(&body),
-        of(radius),
-        of(mass),
-        of_sequence(0, edges),
-    ]
+/// What never changes of some grains that follow each other, and of the box.
+pub(crate) struct Constants<'a> {
+    /// The first of the grains.
+    pub first: u64,
+    /// Their ids.
+    pub id: &'a [u32],
+    /// Their bodies.
+    pub body: &'a [u8],
+    /// Numbers of their materials.
+    pub material: &'a [u8],
+    /// Their radii (m).
+    pub radius: &'a [f64],
+    /// Their masses (kg; kg/m in 2D).
+    pub mass: &'a [f64],
+    /// Edges of the box (m).
+    pub edges: &'a [f64],
+}
+
+impl Constants<'_> {
+    /// Their checksums. Bodies and materials have one together.
+    pub fn checksums(&self) -> [u64; 5] {
+        let id: Vec<f64> = self.id.iter().map(|&id| id.into()).collect();
+        let kinds = self.body.iter().zip(self.material);
+        let kinds: Vec<f64> = kinds
+            .map(|(&body, &material)| f64::from(body) + 256.0 * f64::from(material))
+            .collect();
+        [
+            of_sequence(self.first, &id),
+            of_sequence(self.first, &kinds),
+            of_sequence(self.first, self.radius),
+            of_sequence(self.first, self.mass),
+            of_sequence(0, self.edges),
+        ]
+    }
 }
 
 /// The weights of contacts, wherever their rows are.
-pub struct ContactWeights {
+pub(crate) struct ContactWeights {
     of_pairs: Vec<u64>,
     /// Of the components of their vectors, if they have any.
     of_vectors: Vec<u64>,
@@ -141,10 +158,12 @@ impl ContactWeights {
         let pairs = i.iter().zip(j);
         let places = pairs.map(|(&i, &j)| u64::from(i) << 32 | u64::from(j));
         let of_pairs = weights_of(places.collect());
-        let components = |weight: &u64| [0, 2, 4].map(|more| weight.wrapping_add(more));
         let of_vectors = match axes {
             2 => Vec::new(),
-            _ => of_pairs.iter().flat_map(components).collect(),
+            _ => of_pairs
+                .iter()
+                .flat_map(|weight| [0, 2, 4].map(|more| weight.wrapping_add(more)))
+                .collect(),
         };
         Self {
             of_pairs,
@@ -172,18 +191,25 @@ impl ContactWeights {
     }
 }
 
+/// Of bits in the column of this name.
+fn of_name(name: &str, bits: u64) -> u64 {
+    weight(xxh3_64(name.as_bytes())).wrapping_mul(bits)
+}
+
 /// Of a row of a table, whose columns have these names in the file; scalars of frames have no time
 /// of their own, and so 0.
 pub fn of_row<'a>(step: u64, time: f64, columns: impl Iterator<Item = (&'a str, f64)>) -> u64 {
-    let named = |name: &str, bits: u64| weight(xxh3_64(name.as_bytes())).wrapping_mul(bits);
-    let numbers = columns.map(|(name, x)| named(name, mixed(x.to_bits())));
-    let clock = [named("step", step), named("time", mixed(time.to_bits()))];
+    let numbers = columns.map(|(name, x)| of_name(name, mixed(x.to_bits())));
+    let clock = [
+        of_name("step", step),
+        of_name("time", mixed(time.to_bits())),
+    ];
     let all = clock.into_iter().chain(numbers);
     all.fold(0, u64::wrapping_add)
 }
 
 /// Of the step, the time and the edges of the box of a frame.
-pub fn of_clock(step: u64, time: f64, edges: &[f64]) -> u64 {
+pub(crate) fn of_clock(step: u64, time: f64, edges: &[f64]) -> u64 {
     let of_edges = weight(xxh3_64(b"edges")).wrapping_mul(of_sequence(0, edges));
     of_row(step, time, std::iter::empty()).wrapping_add(of_edges)
 }
@@ -239,15 +265,15 @@ mod tests {
 
     #[test]
     fn contacts_count_by_their_ids() {
-        let of = |pairs: [[u32; 2]; 3]| {
+        let weights = |pairs: [[u32; 2]; 3]| {
             ContactWeights::new(&pairs.map(|p| p[0]), &pairs.map(|p| p[1]), 3)
         };
-        let there = of([[1, 2], [1, 3], [4, 5]]);
-        let back = of([[4, 5], [1, 2], [1, 3]]);
+        let there = weights([[1, 2], [1, 3], [4, 5]]);
+        let back = weights([[4, 5], [1, 2], [1, 3]]);
         assert_eq!(there.pairs(0..3), back.pairs(0..3));
         let values = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0];
         let moved = [7.0, 8.0, 9.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-        let all = |of: &ContactWeights, values: &[f64]| of.numbers(0..3, values, 3);
+        let all = |weights: &ContactWeights, values: &[f64]| weights.numbers(0..3, values, 3);
         assert_eq!(all(&there, &values), all(&back, &moved));
         assert_ne!(all(&there, &values), all(&there, &moved));
         // Parts and components count, too.
@@ -258,10 +284,10 @@ mod tests {
         assert_ne!(all(&there, &turned), all(&there, &values));
         let one = |values: [f64; 3]| there.numbers(0..3, &values, 1);
         assert_ne!(one([1.0, 2.0, 3.0]), one([2.0, 1.0, 3.0]));
-        let flags = |of: &ContactWeights, flags: [u8; 3]| of.flags(0..3, &flags);
+        let flags = |weights: &ContactWeights, flags: [u8; 3]| weights.flags(0..3, &flags);
         assert_eq!(flags(&there, [0, 1, 0]), flags(&back, [0, 0, 1]));
         assert_ne!(flags(&there, [0, 1, 0]), flags(&there, [1, 0, 0]));
-        let other = of([[1, 2], [1, 3], [4, 6]]);
+        let other = weights([[1, 2], [1, 3], [4, 6]]);
         assert_ne!(there.pairs(0..3), other.pairs(0..3));
     }
 

@@ -15,15 +15,15 @@ use std::path::Path;
 /// The failure of the lowest rank that has failed, on every rank.
 pub fn agree<T>(exchange: &dyn Exchange, result: Result<T>) -> Result<T> {
     let kinds = [Failure::Input, Failure::Numbers, Failure::Other];
-    let kind_of = |failure: &Failure| match failure {
-        Failure::Input(_) => 0,
-        Failure::Numbers(_) => 1,
-        Failure::Other(_) => 2,
-    };
-    let local = match &result {
-        Ok(_) => Vec::new(),
-        Err(failure) => [&[kind_of(failure)], failure.to_string().as_bytes()].concat(),
-    };
+    let mut local = Vec::new();
+    if let Err(failure) = &result {
+        local.push(match failure {
+            Failure::Input(_) => 0,
+            Failure::Numbers(_) => 1,
+            Failure::Other(_) => 2,
+        });
+        local.extend_from_slice(failure.to_string().as_bytes());
+    }
     match exchange.gather(&local).iter().find(|m| !m.is_empty()) {
         None => result,
         Some(message) => {
@@ -53,11 +53,11 @@ pub fn on_root<T: Default>(
     exchange: &dyn Exchange,
     compute: impl FnOnce() -> Result<T>,
 ) -> Result<T> {
-    let found = match exchange.rank() {
+    let computed = match exchange.rank() {
         0 => compute(),
         _ => Ok(T::default()),
     };
-    agree(exchange, found)
+    agree(exchange, computed)
 }
 
 /// [`on_root`], and the value on every rank. Collective.
@@ -68,8 +68,8 @@ pub fn told_by_root<T: Default + Serialize + DeserializeOwned>(
     exchange: &dyn Exchange,
     compute: impl FnOnce() -> Result<T>,
 ) -> Result<T> {
-    let found = on_root(exchange, compute)?;
-    Ok(of_root(exchange, &found))
+    let value = on_root(exchange, compute)?;
+    Ok(of_root(exchange, &value))
 }
 
 /// Returns the value of rank 0. Collective.
@@ -85,7 +85,7 @@ pub fn of_root<T: Serialize + DeserializeOwned>(exchange: &dyn Exchange, value: 
 /// The first failure in a sequence of collective calls. The other ranks would wait for a rank that
 /// leaves the sequence early, so every rank notes its failures and continues.
 #[derive(Default)]
-pub struct CollectiveOutcome(Option<Failure>);
+pub(crate) struct CollectiveOutcome(Option<Failure>);
 
 impl CollectiveOutcome {
     /// A sequence of one call.
@@ -131,9 +131,10 @@ impl IdBlocks {
 
     /// Returns the ids of a rank.
     pub fn range(&self, rank: usize) -> Range<u64> {
-        let start =
-            |r: u64| (u128::from(r) * u128::from(self.grains) / u128::from(self.ranks)) as u64;
-        start(rank as u64)..start(rank as u64 + 1)
+        let rank = rank as u128;
+        let (grains, ranks) = (u128::from(self.grains), u128::from(self.ranks));
+        let [start, end] = [rank, rank + 1].map(|r| (r * grains / ranks) as u64);
+        start..end
     }
 
     /// Returns the rank that holds `id`; those of flat walls, from `grains` on, the last one.
@@ -189,15 +190,17 @@ pub fn take_lists<'m, A: Pod, B: Pod>(
     impl Iterator<Item = A> + use<'m, A, B>,
     impl Iterator<Item = B> + use<'m, A, B>,
 ) {
-    let mut take = |length: usize| {
-        let (now, later) = rest.split_at(length);
-        *rest = later;
-        now
-    };
-    let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(16));
-    let a = take(counts[0] as usize * size_of::<A>());
-    let b = take(counts[1] as usize * size_of::<B>());
+    let counts: [u64; 2] = bytemuck::pod_read_unaligned(take(rest, 16));
+    let a = take(rest, counts[0] as usize * size_of::<A>());
+    let b = take(rest, counts[1] as usize * size_of::<B>());
     (records_of(a), records_of(b))
+}
+
+/// Splits off so many bytes.
+fn take<'m>(rest: &mut &'m [u8], length: usize) -> &'m [u8] {
+    let (bytes, later) = rest.split_at(length);
+    *rest = later;
+    bytes
 }
 
 #[cfg(test)]

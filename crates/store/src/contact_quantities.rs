@@ -38,24 +38,27 @@ impl Kind {
     }
 }
 
-/// What the contacts of a file are.
+/// What the frames of a file hold of grains and contacts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-pub struct Form {
+pub struct FrameFormat {
     /// Dimensions.
     pub axes: usize,
-    /// Whether they have the torques of spheres that resist rolling or twisting.
+    /// Whether contacts have the torques of spheres that resist rolling or twisting.
     pub torques: bool,
-    /// Whether they say which are idle: files of earlier versions do not.
+    /// Whether contacts say which are idle: files of earlier versions do not.
     pub idle: bool,
+    /// Whether grains say which are removed: in scenes that remove grains.
+    pub removed: bool,
 }
 
-impl Form {
-    /// That of contacts in so many dimensions, as this version writes them.
+impl FrameFormat {
+    /// That of frames in so many dimensions, as this version writes them, without removal.
     pub const fn new(axes: usize, torques: bool) -> Self {
         Self {
             axes,
             torques,
             idle: true,
+            removed: false,
         }
     }
 }
@@ -113,23 +116,23 @@ static ALL: [ContactQuantity; 11] = quantities! {
 };
 
 /// All quantities of a contact apart from its grains.
-pub fn of_contacts(form: Form) -> impl Iterator<Item = &'static ContactQuantity> {
-    ALL.iter().filter(move |of| of.width(form) > 0)
+pub fn of_contacts(form: FrameFormat) -> impl Iterator<Item = &'static ContactQuantity> {
+    ALL.iter().filter(move |quantity| quantity.width(form) > 0)
 }
 
 /// Its numbers.
-pub(crate) fn numbers(form: Form) -> impl Iterator<Item = &'static ContactQuantity> {
-    of_contacts(form).filter(|of| of.kind == Kind::Number)
+pub(crate) fn numbers(form: FrameFormat) -> impl Iterator<Item = &'static ContactQuantity> {
+    of_contacts(form).filter(|quantity| quantity.kind == Kind::Number)
 }
 
 /// Its flags.
-pub(crate) fn flags(form: Form) -> impl Iterator<Item = &'static ContactQuantity> {
-    of_contacts(form).filter(|of| of.kind == Kind::Flag)
+pub(crate) fn flags(form: FrameFormat) -> impl Iterator<Item = &'static ContactQuantity> {
+    of_contacts(form).filter(|quantity| quantity.kind == Kind::Flag)
 }
 
 impl ContactQuantity {
     /// Number of its values.
-    pub fn width(&self, form: Form) -> usize {
+    pub fn width(&self, form: FrameFormat) -> usize {
         if self.column.name == IDLE.name && !form.idle {
             return 0;
         }
@@ -141,15 +144,18 @@ impl ContactQuantity {
     }
 
     /// Its values; a flag is 0 or 1.
-    pub fn values(&self, form: Form, contact: &ContactSample) -> impl Iterator<Item = f64> {
-        let (numbers, is_flag) = (self.numbers(form, contact), self.kind == Kind::Flag);
-        let flag = is_flag.then(|| self.flag(contact).into());
-        let numbers = numbers.iter().copied().filter(move |_| !is_flag);
-        numbers.chain(flag)
+    pub fn values(&self, form: FrameFormat, contact: &ContactSample) -> impl Iterator<Item = f64> {
+        let (mut numbers, mut flag) = (&[][..], None);
+        if self.kind == Kind::Flag {
+            flag = Some(self.flag(contact).into());
+        } else {
+            numbers = self.numbers(form, contact);
+        }
+        numbers.iter().copied().chain(flag)
     }
 
     /// The values of numbers.
-    pub(crate) fn numbers<'c>(&self, form: Form, contact: &'c ContactSample) -> &'c [f64] {
+    pub(crate) fn numbers<'c>(&self, form: FrameFormat, contact: &'c ContactSample) -> &'c [f64] {
         &cast_slice(from_ref(contact))[self.at..][..self.width(form)]
     }
 

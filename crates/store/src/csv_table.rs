@@ -136,15 +136,10 @@ impl TableFile {
     /// # Errors
     /// [`Failure::Other`] if the file cannot be written.
     pub fn create(path: &Path, names: &[&str]) -> Result<Self> {
-        // The names are there as soon as the file is.
-        let create = || -> std::io::Result<File> {
-            let mut part = disk::beside(path)?;
-            part.write_all(&line(&StringRecord::from(names)))?;
-            text_writer::give_name(part, path)
-        };
+        let file = create_with_names(path, names).map_err(|e| unwritten(path, &e))?;
         Ok(Self {
             path: path.into(),
-            writer: Writer::from_writer(create().map_err(|e| unwritten(path, &e))?),
+            writer: Writer::from_writer(file),
         })
     }
 
@@ -153,33 +148,29 @@ impl TableFile {
     /// # Errors
     /// [`Failure::Input`] if the file has other columns or fewer rows.
     pub fn open_to_append(path: &Path, names: &[&str], rows: u64) -> Result<Self> {
-        let unfit = |why: String| {
-            let path = path.display();
-            Failure::input(format!("{path}: cannot continue this file: {why}"))
-        };
-        if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
-            return Err(unfit(NO_FILE.into()));
+        if path.symlink_metadata().is_ok_and(|place| !place.is_file()) {
+            return Err(unfit(path, NO_FILE));
         }
         let mut options = OpenOptions::new();
         options.custom_flags(OFlags::NOFOLLOW.bits() as i32);
         let file = options.read(true).append(true).open(path);
-        let file = file.map_err(|e| unfit(e.to_string()))?;
+        let file = file.map_err(|e| unfit(path, e))?;
         let names = line(&StringRecord::from(names));
         let mut reader = BufReader::new(&file);
         let (mut text, mut end) = (Vec::new(), 0);
         for row in 0..=rows {
             text.clear();
             let length = reader.read_until(b'\n', &mut text);
-            end += length.map_err(|e| unfit(e.to_string()))? as u64;
+            end += length.map_err(|e| unfit(path, e))? as u64;
             if row == 0 && text != names {
                 let names = String::from_utf8_lossy(&names);
                 let names = names.trim_end();
-                return Err(unfit(format!("its first line must be {names}")));
+                return Err(unfit(path, format!("its first line must be {names}")));
             }
             if text.last() != Some(&b'\n') {
                 let has = row - 1;
                 let why = format!("it has {has} rows, the checkpoint counts {rows}");
-                return Err(unfit(why));
+                return Err(unfit(path, why));
             }
         }
         file.set_len(end).map_err(|e| unwritten(path, &e))?;
@@ -218,28 +209,41 @@ impl TableFile {
     }
 }
 
+/// Creates a table of these names, which are there as soon as the file is.
+fn create_with_names(path: &Path, names: &[&str]) -> std::io::Result<File> {
+    let mut part = disk::beside(path)?;
+    part.write_all(&line(&StringRecord::from(names)))?;
+    text_writer::give_name(part, path)
+}
+
+fn unfit(path: &Path, why: impl std::fmt::Display) -> Failure {
+    let path = path.display();
+    Failure::input(format!("{path}: cannot continue this file: {why}"))
+}
+
+fn unread(path: &Path, why: impl std::fmt::Display) -> Failure {
+    let path = path.display();
+    disk::unread(format!("{path}: cannot continue this file: {why}"))
+}
+
 /// The number of whole rows up to the first one whose first cell is greater than `last`; `None` if
 /// a killed program left not even the first line. Writes nothing.
 ///
 /// # Errors
 /// A file that cannot be read.
 pub fn rows_up_to(path: &Path, last: f64) -> Result<Option<u64>> {
-    let unread = |why: &dyn std::fmt::Display| {
-        let path = path.display();
-        disk::unread(format!("{path}: cannot continue this file: {why}"))
-    };
-    if path.symlink_metadata().is_ok_and(|of| !of.is_file()) {
-        return Err(unread(&NO_FILE));
+    if path.symlink_metadata().is_ok_and(|place| !place.is_file()) {
+        return Err(unread(path, NO_FILE));
     }
-    let mut reader = BufReader::new(sound::regular(path).map_err(|e| unread(&e))?);
+    let mut reader = BufReader::new(sound::regular(path).map_err(|e| unread(path, e))?);
     let (mut line, mut lines) = (Vec::new(), 0u64);
     loop {
         line.clear();
         let read = reader.read_until(b'\n', &mut line);
-        read.map_err(|e| unread(&e))?;
-        let counts = || first_cell(&line).is_some_and(|first: f64| first <= last);
+        read.map_err(|e| unread(path, e))?;
+        let counts = lines == 0 || first_cell(&line).is_some_and(|first: f64| first <= last);
         // A killed program may leave part of a line.
-        if !line.ends_with(b"\n") || lines > 0 && !counts() {
+        if !line.ends_with(b"\n") || !counts {
             return Ok(lines.checked_sub(1));
         }
         lines += 1;
@@ -257,10 +261,12 @@ pub(crate) fn first_cell<T: FromStr>(line: &[u8]) -> Option<T> {
 /// # Errors
 /// [`Failure::Input`] that names the line, if the file cannot be read or a row does not fit `R`.
 pub fn read<R: DeserializeOwned>(path: &Path) -> Result<Vec<R>> {
-    let unfit = |e: csv::Error| Failure::input(format!("{}: {e}", path.display()));
-    let file = sound::regular(path).map_err(|e| unfit(e.into()))?;
-    let mut reader = csv::Reader::from_reader(file);
-    reader.deserialize().map(|row| row.map_err(unfit)).collect()
+    rows(path).map_err(|e| Failure::input(format!("{}: {e}", path.display())))
+}
+
+fn rows<R: DeserializeOwned>(path: &Path) -> csv::Result<Vec<R>> {
+    let mut reader = csv::Reader::from_reader(sound::regular(path)?);
+    reader.deserialize().collect()
 }
 
 #[cfg(test)]

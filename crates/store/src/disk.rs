@@ -47,12 +47,14 @@ pub(crate) fn sync(path: &Path) -> io::Result<()> {
 /// says of it, as "No space left on device (os error 28)".
 pub fn reason(error: &dyn std::fmt::Display) -> String {
     let text = error.to_string();
-    let of_system = || {
-        let number = text.split_once("errno = ")?.1.split_once(',')?.0;
-        let message = text.split_once("error message = '")?.1.split_once('\'')?.0;
-        Some(format!("{message} (os error {number})"))
-    };
-    of_system().unwrap_or_else(|| text.replace('\n', " "))
+    said_by_system(&text).unwrap_or_else(|| text.replace('\n', " "))
+}
+
+/// What the system says in a message of HDF5, if it says something.
+fn said_by_system(text: &str) -> Option<String> {
+    let number = text.split_once("errno = ")?.1.split_once(',')?.0;
+    let message = text.split_once("error message = '")?.1.split_once('\'')?.0;
+    Some(format!("{message} (os error {number})"))
 }
 
 /// Whether a message tells that the system refused a call, as where the file is locked, too many

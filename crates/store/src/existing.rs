@@ -1,10 +1,12 @@
 //! A `run.h5` that a resumed run finds: what it holds, whether it can be continued, and its repair.
 
-use super::contact_quantities::{Form, IDLE, TWISTING_HISTORY};
+use super::contact_quantities::{FrameFormat, IDLE, TWISTING_HISTORY};
 use super::disk;
 use super::h5::{self, Attribute};
 use super::journal::{self, Journal};
-use super::layout::{OBSERVABLES, PARAMETERS, PARTICLES, SCALARS, contact_dataset};
+use super::layout::{
+    OBSERVABLES, PARAMETERS, PARTICLES, REMOVED, SCALARS, contact_dataset, grain_dataset,
+};
 use super::part::Part;
 use super::run_reader::owner;
 use super::sound;
@@ -22,10 +24,10 @@ use std::path::Path;
 /// # Errors
 /// If a file can be neither written nor renamed, or the system does not let it be opened.
 pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<()> {
-    let Ok(found) = std::fs::metadata(path) else {
+    let Ok(metadata) = std::fs::metadata(path) else {
         return Ok(());
     };
-    sound::is_regular(found.file_type())
+    sound::is_regular(metadata.file_type())
         .map_err(|e| Failure::input(format!("{}: cannot be continued: {e}", path.display())))?;
     if let Some(journal) = Journal::read(path) {
         if journal.is_of_nothing() {
@@ -41,9 +43,12 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<()> {
     if disk::is_refused(&message) {
         return Err(Failure::other(message));
     }
-    let free = |k: &u64| !path.with_extension(format!("unreadable-{k}.h5")).exists();
-    let number = (1..u64::MAX).find(free).unwrap_or(0);
-    let aside = path.with_extension(format!("unreadable-{number}.h5"));
+    let mut number = 1;
+    let mut aside = path.with_extension("unreadable-1.h5");
+    while aside.exists() {
+        number += 1;
+        aside = path.with_extension(format!("unreadable-{number}.h5"));
+    }
     std::fs::rename(path, &aside)
         .map_err(|e| Failure::other(format!("{}: cannot be renamed: {e}", path.display())))?;
     journal::remove(path)?;
@@ -62,16 +67,18 @@ pub fn recover(path: &Path, notes: &mut Vec<String>) -> Result<()> {
 /// # Errors
 /// If the link cannot be removed.
 pub(crate) fn unlink_foreign(path: &Path, run_id: Option<&Attribute>) -> Result<()> {
-    let target = journal::target(path);
-    let is_own = || match std::fs::metadata(&target) {
-        Ok(found) if found.len() > 0 => is_of(&target, run_id),
-        _ => true,
-    };
-    if !path.is_symlink() || target.extension().is_some_and(|of| of == "h5") && is_own() {
+    if !path.is_symlink() || is_own(&journal::target(path), run_id) {
         return Ok(());
     }
     std::fs::remove_file(path)
         .map_err(|e| Failure::other(format!("{}: cannot be removed: {e}", path.display())))
+}
+
+/// Whether a file may be replaced by that of the run with this id.
+fn is_own(target: &Path, run_id: Option<&Attribute>) -> bool {
+    let is_named = target.extension().is_some_and(|ending| ending == "h5");
+    let has_content = std::fs::metadata(target).is_ok_and(|file| file.len() > 0);
+    is_named && (!has_content || is_of(target, run_id))
 }
 
 /// Whether a file is of the run with this id.
@@ -94,21 +101,28 @@ fn remove(path: &Path) -> Result<()> {
 /// [`Failure::Input`] if the file is not a `run.h5`, or damaged.
 pub fn up_to(path: &Path, series: &[Column], last: u64) -> Result<[u64; 3]> {
     inspect(path, series, 0, 0)?;
-    let read = || -> hdf5::Result<[u64; 3]> {
-        let part = Part::of(path).open()?;
-        let counts = counts_up_to(&part, series, last)?;
-        part.close()?;
-        Ok(counts)
-    };
-    read().map_err(|error| unfit(path, &format!("{NO_RUN} ({error})")))
+    let counts = within(path, |part| counts_up_to(part, series, last));
+    counts.map_err(|error| unfit(path, &format!("{NO_RUN} ({error})")))
+}
+
+/// Reads from a part of a file, and closes it.
+fn within<T>(path: &Path, read: impl FnOnce(&Group) -> hdf5::Result<T>) -> hdf5::Result<T> {
+    let part = Part::of(path).open()?;
+    let content = read(&part)?;
+    part.close()?;
+    Ok(content)
+}
+
+/// The steps of a group of datasets.
+fn steps(part: &Group, name: &str) -> hdf5::Result<Vec<u64>> {
+    part.dataset(&format!("{name}/step"))?.read_raw()
 }
 
 fn counts_up_to(part: &Group, series: &[Column], last: u64) -> hdf5::Result<[u64; 3]> {
-    let steps = |name: &str| part.dataset(&format!("{name}/step"))?.read_raw();
-    let frames = steps(&format!("{PARTICLES}/position"))?;
-    let rows = steps(&format!("{OBSERVABLES}/{}", series[0]))?;
+    let frames = steps(part, &format!("{PARTICLES}/position"))?;
+    let rows = steps(part, &format!("{OBSERVABLES}/{}", series[0]))?;
     let scalars = if part.link_exists(SCALARS) {
-        steps(&format!("{SCALARS}/{}", FrameScalars::COLUMNS[0]))?
+        steps(part, &format!("{SCALARS}/{}", FrameScalars::COLUMNS[0]))?
     } else {
         Vec::new()
     };
@@ -117,9 +131,16 @@ fn counts_up_to(part: &Group, series: &[Column], last: u64) -> hdf5::Result<[u64
 
 /// Number of ascending steps up to `last`: a killed program may have left anything after them.
 fn ascending_up_to(steps: &[u64], last: u64) -> u64 {
-    let ascends = |k: &usize| *k == 0 || steps[*k] > steps[*k - 1];
-    let before = (0..steps.len()).take_while(|k| steps[*k] <= last && ascends(k));
-    before.count() as u64
+    let mut before = None;
+    let mut count = 0;
+    for &step in steps {
+        if step > last || before.is_some_and(|before| step <= before) {
+            break;
+        }
+        before = Some(step);
+        count += 1;
+    }
+    count
 }
 
 fn unfit(path: &Path, why: &str) -> Failure {
@@ -140,7 +161,7 @@ pub struct Continued {
     /// The number of contacts in the frames that are kept.
     pub contacts: u64,
     /// What its contacts are.
-    pub form: Form,
+    pub form: FrameFormat,
 }
 
 /// Checks that a file has these columns of the time series and can be continued after these numbers
@@ -159,17 +180,16 @@ pub fn inspect(path: &Path, series: &[Column], frames: u64, rows: u64) -> Result
             "{name}: there is no such file to continue"
         )));
     }
-    let unfit = |why: &dyn std::fmt::Display| unfit(path, &why.to_string());
-    let read = || -> hdf5::Result<Result<Continued, String>> {
-        let part = Part::of(path).open()?;
-        let found = continued(&part, series, frames, rows)?;
-        part.close()?;
-        Ok(found)
-    };
-    match read() {
-        Ok(found) => found.map_err(|why| unfit(&why)),
-        Err(error) => Err(unfit(&format_args!("{NO_RUN} ({error})"))),
+    match within(path, |part| continued(part, series, frames, rows)) {
+        Ok(content) => content.map_err(|why| unfit(path, &why)),
+        Err(error) => Err(unfit(path, &format!("{NO_RUN} ({error})"))),
     }
+}
+
+/// Number of rows of a dataset.
+fn length(file: &Group, name: &str) -> hdf5::Result<u64> {
+    let shape = file.dataset(name)?.shape();
+    Ok(shape.first().copied().unwrap_or(0) as u64)
 }
 
 /// [`inspect`] of an open file: what it holds, or why it cannot be continued.
@@ -180,10 +200,6 @@ fn continued(
     rows: u64,
 ) -> hdf5::Result<Result<Continued, String>> {
     file.group(PARAMETERS)?.attr("scene")?;
-    let length = |name: &str| -> hdf5::Result<u64> {
-        let shape = file.dataset(name)?.shape();
-        Ok(shape.first().copied().unwrap_or(0) as u64)
-    };
     let position = file.dataset(&format!("{PARTICLES}/position/value"))?;
     let [_, grains, 3] = position.shape()[..] else {
         return Ok(Err("position/value is not [T][N][3]".into()));
@@ -203,8 +219,8 @@ fn continued(
         return Ok(Err(why));
     }
     let first = first.expect("the time series has a column");
-    let has_frames = length("connectivity/contacts/offset")?;
-    let has_rows = length(&format!("{OBSERVABLES}/{first}/step"))?;
+    let has_frames = length(file, "connectivity/contacts/offset")?;
+    let has_rows = length(file, &format!("{OBSERVABLES}/{first}/step"))?;
     if has_frames < frames + 1 || position.shape()[0] < frames as usize || has_rows < rows {
         return Ok(Err(format!(
             "it holds {} frames and {has_rows} rows, the checkpoint counts {frames} and {rows}",
@@ -213,7 +229,7 @@ fn continued(
     }
     let offset = file.dataset("connectivity/contacts/offset")?;
     let contacts = offset.read_slice_1d::<u64, _>(frames as usize..=frames as usize)?[0];
-    if length("connectivity/contacts/i")? < contacts {
+    if length(file, "connectivity/contacts/i")? < contacts {
         return Ok(Err("contacts are missing".into()));
     }
     let spin = file.dataset(&format!("{PARTICLES}/angular_velocity/value"))?;
@@ -221,10 +237,11 @@ fn continued(
     Ok(Ok(Continued {
         grains: grains as u64,
         contacts,
-        form: Form {
+        form: FrameFormat {
             axes: spin.ndim(),
             torques,
             idle: file.link_exists(&contact_dataset(IDLE)),
+            removed: file.link_exists(&grain_dataset(&REMOVED.column)),
         },
     }))
 }

@@ -19,7 +19,7 @@ pub const STATUS_FILE: &str = "status.json";
 
 /// What `gshear-reduce` writes into the folder of a run unless told otherwise, apart from metadata
 /// of tables and from exports.
-const REDUCED: [&str; 23] = [
+const REDUCED: [&str; 24] = [
     "report",
     "sweep-report",
     "rate-state",
@@ -39,6 +39,7 @@ const REDUCED: [&str; 23] = [
     "growth.csv",
     "growth-grains.csv",
     "stability.csv",
+    "birth",
     "spectrum.csv",
     "spectrum.h5",
     "spectrum.svg",
@@ -53,7 +54,6 @@ pub fn is_reduced(name: &str) -> bool {
     let name = name.strip_suffix("-metadata.json").unwrap_or(name);
     let (stem, ending) = name.rsplit_once('.').unwrap_or((name, ""));
     let of_frames = stem.strip_suffix("-contacts").unwrap_or(stem);
-    let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
     let is_movie = ["movie", "aqs-movie", "newtonian-movie"].contains(&stem);
     REDUCED.contains(&name)
         || match ending {
@@ -63,7 +63,9 @@ pub fn is_reduced(name: &str) -> bool {
                 ["frames", "aqs-frames", "newtonian-frames"].contains(&of_frames)
             }
             "data" => {
-                stem.starts_with("checkpoint") || stem.strip_prefix("frame-").is_some_and(is_number)
+                let number = stem.strip_prefix("frame-");
+                stem.starts_with("checkpoint")
+                    || number.is_some_and(|text| text.bytes().all(|byte| byte.is_ascii_digit()))
             }
             _ => false,
         }

@@ -13,7 +13,7 @@ use std::io::{Read, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::disk::{self, unwritten};
+use super::disk::unwritten;
 use super::sound;
 use super::text_writer;
 use gshear_dem::failure::{Failure, Result};
@@ -23,14 +23,14 @@ const MAGIC: &[u8; 8] = b"GSHEARJ1";
 
 /// The path of a file's journal: `run.h5.journal` beside `run.h5`, or beside what that links to, so
 /// that a copied folder cannot make a journal overwrite other files.
-pub fn path_of(file: &Path) -> PathBuf {
+pub(crate) fn path_of(file: &Path) -> PathBuf {
     let mut name = target(file).into_os_string();
     name.push(".journal");
     name.into()
 }
 
 /// Where a link leads, whether or not there is a file; other paths as they are.
-pub fn target(path: &Path) -> PathBuf {
+pub(crate) fn target(path: &Path) -> PathBuf {
     let mut path = path.to_path_buf();
     // As many links as the system follows.
     for _ in 0..40 {
@@ -46,7 +46,7 @@ pub fn target(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// A file that cannot be removed.
-pub fn remove(file: &Path) -> Result<()> {
+pub(crate) fn remove(file: &Path) -> Result<()> {
     let path = path_of(file);
     match std::fs::remove_file(&path) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
@@ -59,7 +59,7 @@ pub fn remove(file: &Path) -> Result<()> {
 
 /// The metadata of a file.
 #[derive(Debug, PartialEq)]
-pub struct Journal {
+pub(crate) struct Journal {
     /// Length of the file (bytes).
     length: u64,
     /// Offset and bytes, in order.
@@ -69,7 +69,7 @@ pub struct Journal {
 impl Journal {
     /// The journal of a file that is about to be created: a program that is killed before the first
     /// flush leaves nothing to continue.
-    pub fn of_nothing() -> Self {
+    pub(crate) fn of_nothing() -> Self {
         Self {
             length: 0,
             pieces: Vec::new(),
@@ -77,7 +77,7 @@ impl Journal {
     }
 
     /// Whether it is [`Self::of_nothing`].
-    pub fn is_of_nothing(&self) -> bool {
+    pub(crate) fn is_of_nothing(&self) -> bool {
         self.length == 0
     }
 
@@ -119,12 +119,7 @@ impl Journal {
     /// A file that cannot be written.
     pub fn write(&self, file: &Path) -> Result<()> {
         let path = path_of(file);
-        let write = || -> std::io::Result<()> {
-            let mut part = disk::beside(&path)?;
-            part.write_all(&self.bytes())?;
-            text_writer::give_name(part, &path).map(drop)
-        };
-        write().map_err(|e| unwritten(&path, &e))
+        text_writer::replace(&path, self.bytes()).map_err(|e| unwritten(&path, &e))
     }
 
     /// Reads the journal of `file`; `None` if there is none or it is damaged.
@@ -139,29 +134,28 @@ impl Journal {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn restore(&self, file: &Path) -> Result<()> {
-        let restore = || -> std::io::Result<()> {
-            let mut to = File::options().write(true).open(file)?;
-            for (offset, bytes) in &self.pieces {
-                to.seek(SeekFrom::Start(*offset))?;
-                to.write_all(bytes)?;
-            }
-            to.set_len(self.length)?;
-            to.sync_all()
-        };
-        restore()
+    pub(crate) fn restore(&self, file: &Path) -> Result<()> {
+        self.copy_back(file)
             .map_err(|e| Failure::other(format!("{}: cannot be repaired: {e}", file.display())))
     }
 
-    fn bytes(&self) -> Vec<u8> {
-        let mut bytes = MAGIC.to_vec();
-        let mut number = |n: u64| bytes.extend(n.to_le_bytes());
-        number(self.length);
-        number(self.pieces.len() as u64);
-        for (offset, piece) in &self.pieces {
-            number(*offset);
-            number(piece.len() as u64);
+    fn copy_back(&self, file: &Path) -> std::io::Result<()> {
+        let mut to = File::options().write(true).open(file)?;
+        for (offset, bytes) in &self.pieces {
+            to.seek(SeekFrom::Start(*offset))?;
+            to.write_all(bytes)?;
         }
+        to.set_len(self.length)?;
+        to.sync_all()
+    }
+
+    fn bytes(&self) -> Vec<u8> {
+        let mut numbers = vec![self.length, self.pieces.len() as u64];
+        for (offset, piece) in &self.pieces {
+            numbers.extend([*offset, piece.len() as u64]);
+        }
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(numbers.into_iter().flat_map(u64::to_le_bytes));
         for (_, piece) in &self.pieces {
             bytes.extend(piece);
         }
@@ -176,14 +170,11 @@ impl Journal {
             return None;
         }
         let mut rest = content.strip_prefix(MAGIC)?;
-        let mut number = || -> Option<u64> {
-            let (first, after) = rest.split_first_chunk::<8>()?;
-            rest = after;
-            Some(u64::from_le_bytes(*first))
-        };
-        let (length, count) = (number()?, number()?);
-        let places = (0..count).map(|_| Some((number()?, number()?)));
-        let places: Vec<(u64, u64)> = places.collect::<Option<_>>()?;
+        let (length, count) = (take_number(&mut rest)?, take_number(&mut rest)?);
+        let mut places = Vec::new();
+        for _ in 0..count {
+            places.push((take_number(&mut rest)?, take_number(&mut rest)?));
+        }
         let mut pieces = Vec::new();
         for (offset, size) in places {
             let (piece, after) = rest.split_at_checked(size as usize)?;
@@ -192,6 +183,13 @@ impl Journal {
         }
         Some(Self { length, pieces })
     }
+}
+
+/// Splits off the number at the beginning of some bytes.
+fn take_number(bytes: &mut &[u8]) -> Option<u64> {
+    let (first, after) = bytes.split_first_chunk::<8>()?;
+    *bytes = after;
+    Some(u64::from_le_bytes(*first))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::checksums::{self, FRAMES, GROUP, ROWS};
 use super::collective::CollectiveOutcome;
-pub use super::contact_quantities::{Form, Kind};
+pub use super::contact_quantities::{FrameFormat, Kind};
 use super::contact_quantities::{TANGENTIAL_HISTORY, flags, numbers, of_contacts};
 use super::h5::{Attribute, Dataset, H5File};
 use super::row_table::RowTable;
@@ -13,67 +13,102 @@ use gshear_dem::failure::Result;
 use hdf5::H5Type;
 use hdf5::types::TypeDescriptor;
 
-pub const PARAMETERS: &str = "parameters";
-pub const PARTICLES: &str = "particles/trajectory";
-pub const BOX: &str = "particles/trajectory/box";
-pub const OBSERVABLES: &str = "observables";
+pub(crate) const PARAMETERS: &str = "parameters";
+pub(crate) const PARTICLES: &str = "particles/trajectory";
+pub(crate) const BOX: &str = "particles/trajectory/box";
+pub(crate) const OBSERVABLES: &str = "observables";
 /// Group of the scalars of frames.
-pub const SCALARS: &str = "observables/gshear";
-pub const CONTACTS: &str = "connectivity/contacts";
+pub(crate) const SCALARS: &str = "observables/gshear";
+pub(crate) const CONTACTS: &str = "connectivity/contacts";
 /// The edges of the box at the frames.
-pub const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
+pub(crate) const EDGES_VALUE: &str = "particles/trajectory/box/edges/value";
 
 /// Constant quantities of a grain; `id`, `species` and `body` have no units.
-pub const RADIUS: Column = Column::new("radius", "m", "R");
+pub(crate) const RADIUS: Column = Column::new("radius", "m", "R");
 /// See [`RADIUS`].
-pub const MASS: Column = Column::new("mass", "kg", "m");
+pub(crate) const MASS: Column = Column::new("mass", "kg", "m");
 const POSITION: Column = Column::new("position", "m", "wrapped into the box");
 const VELOCITY: Column = Column::new("velocity", "m s-1", "at the full step");
 const SPIN: Column = Column::new("angular_velocity", "rad s-1", "about z; spheres: all axes");
 const EDGES: Column = Column::new("edges", "m", "edges of the box");
 const TIME: Column = Column::new("time", "s", "time");
 
-/// A growing dataset of the grains or of the contacts: the quantity, the values of each grain or
-/// contact, and what they are. Writer and reader go by these.
-pub type Quantity = (Column, usize, Kind);
-
-/// The numbers of a grain in `axes` dimensions, and how many of each.
-pub fn elements(axes: usize) -> [(Column, usize); 3] {
-    let spins = if axes == 2 { 1 } else { 3 };
-    [(POSITION, 3), (VELOCITY, 3), (SPIN, spins)]
+/// A growing dataset of the grains or of the contacts. Writer and reader go by these.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Quantity {
+    /// Name, unit and meaning.
+    pub column: Column,
+    /// Number of values of a grain or contact.
+    pub width: usize,
+    /// What the values are.
+    pub kind: Kind,
 }
 
-/// The quantities of a grain in `axes` dimensions.
-pub fn of_grain(axes: usize) -> [Quantity; 4] {
-    let [position, velocity, spin] = elements(axes).map(|(c, width)| (c, width, Kind::Number));
-    let image = (Column::new("image", "1", "image"), 3, Kind::Image);
-    [position, velocity, spin, image]
+impl Quantity {
+    const fn new(column: Column, width: usize, kind: Kind) -> Self {
+        Self {
+            column,
+            width,
+            kind,
+        }
+    }
+
+    /// Bytes of a grain or contact.
+    fn bytes(&self) -> usize {
+        self.width * self.kind.element().size()
+    }
+}
+
+/// The numbers of a grain in `axes` dimensions.
+pub(crate) fn elements(axes: usize) -> [Quantity; 3] {
+    let spins = if axes == 2 { 1 } else { 3 };
+    [
+        Quantity::new(POSITION, 3, Kind::Number),
+        Quantity::new(VELOCITY, 3, Kind::Number),
+        Quantity::new(SPIN, spins, Kind::Number),
+    ]
+}
+
+pub(crate) const IMAGE: Quantity =
+    Quantity::new(Column::new("image", "1", "image"), 3, Kind::Image);
+/// Scenes that remove grains have it.
+pub(crate) const REMOVED: Quantity =
+    Quantity::new(Column::new("removed", "1", "passed a wall"), 1, Kind::Flag);
+
+/// The quantities of a grain.
+pub(crate) fn of_grain(form: FrameFormat) -> Vec<Quantity> {
+    let mut quantities = elements(form.axes).to_vec();
+    quantities.push(IMAGE);
+    if form.removed {
+        quantities.push(REMOVED);
+    }
+    quantities
 }
 
 /// The dataset of a quantity of the grains.
-pub fn grain_dataset(of: &Column) -> String {
-    format!("{PARTICLES}/{of}/value")
+pub(crate) fn grain_dataset(column: &Column) -> String {
+    format!("{PARTICLES}/{column}/value")
 }
 
 /// The quantities of a contact.
-pub fn of_contact(of: Form) -> Vec<Quantity> {
-    let ids = ["i", "j"].map(|name| (Column::new(name, "1", "id"), 1, Kind::Id));
-    let others =
-        of_contacts(of).map(|quantity| (quantity.column, quantity.width(of), quantity.kind));
+pub(crate) fn of_contact(form: FrameFormat) -> Vec<Quantity> {
+    let ids = ["i", "j"].map(|name| Quantity::new(Column::new(name, "1", "id"), 1, Kind::Id));
+    let others = of_contacts(form)
+        .map(|quantity| Quantity::new(quantity.column, quantity.width(form), quantity.kind));
     ids.into_iter().chain(others).collect()
 }
 
 /// The dataset of a quantity of the contacts.
-pub fn contact_dataset(of: impl std::fmt::Display) -> String {
-    format!("{CONTACTS}/{of}")
+pub(crate) fn contact_dataset(column: impl std::fmt::Display) -> String {
+    format!("{CONTACTS}/{column}")
 }
 
 /// Names of the datasets of a frame, in the order of the checksums. `clock` are its step and time,
 /// `pairs` the ids of the contacts.
-pub fn frame_columns(of: Form) -> Vec<&'static str> {
-    let grains = elements(of.axes).map(|(column, _)| column.name);
-    let contacts = numbers(of).map(|quantity| quantity.column.name);
-    let mut flags = flags(of).map(|quantity| quantity.column.name);
+pub(crate) fn frame_columns(form: FrameFormat) -> Vec<&'static str> {
+    let grains = elements(form.axes).map(|quantity| quantity.column.name);
+    let contacts = numbers(form).map(|quantity| quantity.column.name);
+    let mut flags = flags(form).map(|quantity| quantity.column.name);
     let first_flag = flags.next();
     ["clock"]
         .into_iter()
@@ -83,6 +118,7 @@ pub fn frame_columns(of: Form) -> Vec<&'static str> {
         .chain(first_flag)
         .chain(["image"])
         .chain(flags)
+        .chain(form.removed.then_some(REMOVED.column.name))
         .collect()
 }
 
@@ -104,56 +140,72 @@ fn grain_chunk(grains: usize, width: usize) -> [usize; 2] {
 /// Bytes of objects and attributes of a file, about.
 const METADATA_BYTES: f64 = 100e3;
 
-/// Bytes of a file with so many frames, contacts in a frame, rows and columns of the time series:
-/// whole chunks of every dataset.
-pub fn file_bytes(
-    (of, grains): (Form, usize),
-    (frames, contacts): (u64, f64),
-    (rows, columns): (u64, usize),
-) -> f64 {
-    let chunks = |entries: f64, chunk: usize| (entries / chunk as f64).ceil() * chunk as f64;
-    let of_grains = |width: usize, bytes: usize| {
-        let [in_chunk, block] = grain_chunk(grains, width);
-        let blocks = chunks(grains as f64, block);
-        chunks(frames as f64, in_chunk) * blocks * (width * bytes) as f64
-    };
-    let numbers = of_grain(of.axes)
-        .iter()
-        .map(|(_, width, kind)| of_grains(*width, kind.element().size()))
-        .sum::<f64>();
-    let all = chunks(frames as f64 * contacts, contact_chunk(grains));
-    let [_, contact] = frame_bytes(of);
-    // Radius, mass, id, body.
-    let constant = 21.0 * grains as f64;
-    let series = chunks(rows as f64, CHUNK_ROWS) * 8.0 * (columns + 3) as f64;
-    METADATA_BYTES + constant + numbers + all * contact as f64 + series
+/// How much a file holds.
+#[derive(Debug, Clone, Copy)]
+pub struct FileContent {
+    /// What its contacts are.
+    pub form: FrameFormat,
+    /// Grains.
+    pub grains: usize,
+    /// Frames.
+    pub frames: u64,
+    /// Contacts in a frame.
+    pub contacts: f64,
+    /// Rows of the time series.
+    pub rows: u64,
+    /// Its columns.
+    pub columns: usize,
+}
+
+impl FileContent {
+    /// Bytes of the file: whole chunks of every dataset.
+    pub fn bytes(&self) -> f64 {
+        let frames = self.frames as f64;
+        let mut numbers = 0.0;
+        for quantity in of_grain(self.form) {
+            let [in_chunk, block] = grain_chunk(self.grains, quantity.width);
+            let entries = whole_chunks(frames, in_chunk) * whole_chunks(self.grains as f64, block);
+            numbers += entries * quantity.bytes() as f64;
+        }
+        let contacts = whole_chunks(frames * self.contacts, contact_chunk(self.grains));
+        let [_, contact] = frame_bytes(self.form);
+        // Radius, mass, id, body.
+        let constant = 21.0 * self.grains as f64;
+        let series = whole_chunks(self.rows as f64, CHUNK_ROWS) * 8.0 * (self.columns + 3) as f64;
+        METADATA_BYTES + constant + numbers + contacts * contact as f64 + series
+    }
+}
+
+/// So many entries, rounded up to whole chunks.
+fn whole_chunks(entries: f64, chunk: usize) -> f64 {
+    (entries / chunk as f64).ceil() * chunk as f64
 }
 
 /// Bytes of a grain and of a contact in a frame.
-pub fn frame_bytes(of: Form) -> [usize; 2] {
-    let of_one = |(_, width, kind): &Quantity| width * kind.element().size();
-    let bytes = |of: &[Quantity]| of.iter().map(of_one).sum();
-    [bytes(&of_grain(of.axes)), bytes(&of_contact(of))]
+pub fn frame_bytes(form: FrameFormat) -> [usize; 2] {
+    let grain = of_grain(form).iter().map(Quantity::bytes).sum();
+    let contact = of_contact(form).iter().map(Quantity::bytes).sum();
+    [grain, contact]
 }
 
 /// Most frames in a chunk.
-pub const CHUNK_FRAMES: usize = 64;
+pub(crate) const CHUNK_FRAMES: usize = 64;
 /// Bytes in a chunk of frames: large enough to write fast, small enough to read one frame.
 const CHUNK_BYTES: usize = 512 << 10;
 /// Entries in a chunk of a dataset with one number per frame or row.
-pub const CHUNK_ROWS: usize = 1024;
+pub(crate) const CHUNK_ROWS: usize = 1024;
 
 /// Whether to create the objects or to open existing ones.
 #[derive(Clone, Copy, PartialEq)]
-pub enum Mode {
+pub(crate) enum OpenMode {
     Create,
     Open,
 }
 
 /// The growing datasets of the file.
-pub struct Datasets {
+pub(crate) struct Datasets {
     /// What the contacts are.
-    pub form: Form,
+    pub form: FrameFormat,
     /// `[T][3]` or `[T][3][3]`.
     pub edges: Dataset,
     pub step: Dataset,
@@ -172,13 +224,23 @@ pub struct Datasets {
 
 impl Datasets {
     /// Creates or opens the datasets of so many grains. Collective.
-    pub fn new(file: &H5File, mode: Mode, count: usize, header: &RunHeader<'_>) -> Result<Self> {
+    pub fn new(
+        file: &H5File,
+        mode: OpenMode,
+        count: usize,
+        header: &RunHeader<'_>,
+    ) -> Result<Self> {
         let form = header.form;
         let units = header.units.then_some(form.axes);
-        let place = Place { file, mode, units };
+        let place = DatasetPlace { file, mode, units };
         let first = format!("{PARTICLES}/{POSITION}");
         let mut grains = Vec::new();
-        for (column, width, kind) in of_grain(form.axes) {
+        for quantity in of_grain(form) {
+            let Quantity {
+                column,
+                width,
+                kind,
+            } = quantity;
             place.group(&format!("{PARTICLES}/{column}"))?;
             let [frames, block] = grain_chunk(count, width);
             let chunk = [frames, block, width];
@@ -190,22 +252,27 @@ impl Datasets {
             grains.push(place.in_units(dataset, &column)?);
         }
         let (step, time) = (place.step(&first)?, place.time(&first)?);
-        for (column, ..) in &of_grain(form.axes)[1..] {
+        for Quantity { column, .. } in &of_grain(form)[1..] {
             place.link_clock(&first, &format!("{PARTICLES}/{column}"), true)?;
         }
         place.group(&format!("{BOX}/edges"))?;
         place.link_clock(&first, &format!("{BOX}/edges"), true)?;
-        let (shape, chunk): (&[usize], &[usize]) = if header.walls {
-            (&[0, 3], &[CHUNK_ROWS / 8, 3])
-        } else {
+        let (shape, chunk): (&[usize], &[usize]) = if header.boundary.is_periodic() {
             (&[0, 3, 3], &[CHUNK_ROWS / 16, 3, 3])
+        } else {
+            (&[0, 3], &[CHUNK_ROWS / 8, 3])
         };
         let edges = place.growing(f64::type_descriptor(), EDGES_VALUE, shape, chunk)?;
 
         place.group(CONTACTS)?;
         place.link_clock(&first, CONTACTS, true)?;
         let mut contacts = Vec::new();
-        for (mut column, width, kind) in of_contact(form) {
+        for quantity in of_contact(form) {
+            let Quantity {
+                mut column,
+                width,
+                kind,
+            } = quantity;
             let chunk = [contact_chunk(count).div_ceil(width), width];
             let dimensions = if width == 1 { 1 } else { 2 };
             let (name, shape) = (contact_dataset(column), [0, width]);
@@ -216,7 +283,7 @@ impl Datasets {
             }
             contacts.push(place.in_units(dataset, &column)?);
         }
-        if mode == Mode::Create {
+        if mode == OpenMode::Create {
             let grains = Attribute::Reference(format!("/{PARTICLES}"));
             file.attribute(CONTACTS, "particles_group", &grains)?;
         }
@@ -238,7 +305,7 @@ impl Datasets {
     }
 
     /// Cuts the file after so many frames, contacts and rows. Collective.
-    pub fn cut(&mut self, [frames, contacts, rows]: [u64; 3], outcome: &mut CollectiveOutcome) {
+    pub fn cut(&mut self, frames: u64, contacts: u64, rows: u64, outcome: &mut CollectiveOutcome) {
         outcome.note(self.offset.resize(frames + 1));
         let of_frames = [&mut self.step, &mut self.time, &mut self.edges];
         for dataset in of_frames.into_iter().chain(&mut self.grains) {
@@ -253,18 +320,18 @@ impl Datasets {
 }
 
 /// Where datasets are created or opened.
-struct Place<'a> {
+struct DatasetPlace<'a> {
     file: &'a H5File,
-    mode: Mode,
+    mode: OpenMode,
     /// The dimensions in which units are written; `None`: they are not.
     units: Option<usize>,
 }
 
-impl Place<'_> {
+impl DatasetPlace<'_> {
     fn group(&self, name: &str) -> Result<()> {
         match self.mode {
-            Mode::Create => self.file.group(name),
-            Mode::Open => Ok(()),
+            OpenMode::Create => self.file.group(name),
+            OpenMode::Open => Ok(()),
         }
     }
 
@@ -277,8 +344,8 @@ impl Place<'_> {
         chunk: &[usize],
     ) -> Result<Dataset> {
         match self.mode {
-            Mode::Create => self.file.dataset(element, name, shape, Some(chunk)),
-            Mode::Open => self.file.open_dataset(element, name),
+            OpenMode::Create => self.file.dataset(element, name, shape, Some(chunk)),
+            OpenMode::Open => self.file.open_dataset(element, name),
         }
     }
 
@@ -297,7 +364,7 @@ impl Place<'_> {
     }
 
     fn link_clock(&self, from: &str, to: &str, has_time: bool) -> Result<()> {
-        if self.mode == Mode::Open {
+        if self.mode == OpenMode::Open {
             return Ok(());
         }
         let mut parts = ["step", "time"].into_iter().take(1 + usize::from(has_time));
@@ -329,13 +396,15 @@ impl Place<'_> {
             self.link_clock(&first, &format!("{folder}/{column}"), has_time)?;
         }
         let sums = self.list::<u64>(sums)?;
-        Ok(RowTable::new((step, time), values, columns, sums))
+        Ok(RowTable::new(step, time, values, columns, sums))
     }
 
     /// Writes the unit of a column as H5MD's units module has it; pure numbers have none.
     fn in_units(&self, dataset: Dataset, column: &Column) -> Result<Dataset> {
-        let axes = self.units.filter(|_| self.mode == Mode::Create);
-        if let Some(unit) = axes.and_then(|axes| column.unit_in(axes)) {
+        if self.mode == OpenMode::Create
+            && let Some(axes) = self.units
+            && let Some(unit) = column.unit_in(axes)
+        {
             dataset.attribute("unit", &Attribute::Word(unit))?;
         }
         Ok(dataset)
@@ -344,15 +413,17 @@ impl Place<'_> {
 
 /// Opens the scalars of frames to continue after their first `rows` rows; creates them if the file
 /// has none. Collective.
-pub fn scalars(file: &H5File, rows: u64) -> Result<RowTable> {
-    let mode = match file.has(SCALARS) {
-        true => Mode::Open,
-        false if rows > 0 => return Err(file.lacks(SCALARS, rows)),
-        false => Mode::Create,
+pub(crate) fn scalars(file: &H5File, rows: u64) -> Result<RowTable> {
+    let mode = if file.has(SCALARS) {
+        OpenMode::Open
+    } else if rows > 0 {
+        return Err(file.lacks(SCALARS, rows));
+    } else {
+        OpenMode::Create
     };
     // Scalars of frames exist for disks alone.
     let units = Some(2);
-    let place = Place { file, mode, units };
+    let place = DatasetPlace { file, mode, units };
     let mut table = place.table(SCALARS, &FrameScalars::COLUMNS, false, checksums::SCALARS)?;
     if table.has(rows) {
         Ok(table)
@@ -362,23 +433,28 @@ pub fn scalars(file: &H5File, rows: u64) -> Result<RowTable> {
 }
 
 /// Writes the groups and attributes that H5MD 1.1 requires. Collective.
-pub fn describe(file: &H5File, header: &RunHeader<'_>, author: &str) -> Result<()> {
+pub(crate) fn describe(file: &H5File, header: &RunHeader<'_>, author: &str) -> Result<()> {
     for group in ["h5md", "h5md/author", "h5md/creator", BOX, PARAMETERS] {
         file.group(group)?;
     }
-    let word = |word: &str| Attribute::Word(word.into());
+    let creator = Attribute::Word("gshear-mpi".into());
+    let version = Attribute::Word(env!("CARGO_PKG_VERSION").into());
     file.attribute("h5md", "version", &Attribute::Integers(vec![1, 1]))?;
     file.attribute("h5md/author", "name", &Attribute::Name(author.into()))?;
-    file.attribute("h5md/creator", "name", &word("gshear-mpi"))?;
-    file.attribute("h5md/creator", "version", &word(env!("CARGO_PKG_VERSION")))?;
+    file.attribute("h5md/creator", "name", &creator)?;
+    file.attribute("h5md/creator", "version", &version)?;
     if header.units {
         const UNITS: &str = "h5md/modules/units";
         file.group(UNITS)?;
         file.attribute(UNITS, "version", &Attribute::Integers(vec![1, 0]))?;
-        file.attribute(UNITS, "system", &word("SI"))?;
+        file.attribute(UNITS, "system", &Attribute::Word("SI".into()))?;
     }
     file.attribute(BOX, "dimension", &Attribute::Count(3))?;
-    let last = if header.walls { "none" } else { "periodic" };
+    let last = if header.boundary.is_periodic() {
+        "periodic"
+    } else {
+        "none"
+    };
     let boundary = match header.form.axes {
         2 => ["periodic", last, "none"],
         _ => ["periodic", "periodic", last],

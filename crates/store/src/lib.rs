@@ -14,7 +14,7 @@
 //! | [`checked`] | the same for HDF5 files of results, which are read back first |
 //! | [`sound`] | opens files that other people may have made |
 //! | [`existing`] | what a resumed run finds in `run.h5`, and its repair |
-//! | [`journal`] | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |
+//! | `journal` | `run.h5.journal`: brings `run.h5` back to its last flush after a kill |
 //! | [`memory`] | whether there is memory for what is large |
 //! | [`h5`], [`collective`] | HDF5 with several ranks; agreement on failures between ranks |
 //!
@@ -58,7 +58,7 @@ pub mod file_names;
     reason = "collective transfers, which the `hdf5` crate lacks"
 )]
 pub mod h5;
-pub mod journal;
+mod journal;
 mod layout;
 pub mod log;
 pub mod matrix_market;

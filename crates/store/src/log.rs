@@ -26,8 +26,10 @@ impl Log {
     /// # Errors
     /// If the file cannot be written.
     pub fn create(exchange: &dyn Exchange, path: &Path, columns: &[Column]) -> Result<Self> {
-        let create = || TableFile::create(path, &Self::names(columns));
-        on_root(exchange, || create().map(Some)).map(Log)
+        let file = on_root(exchange, || {
+            TableFile::create(path, &Self::names(columns)).map(Some)
+        })?;
+        Ok(Log(file))
     }
 
     /// Opens an existing log to continue after the step `last`. Later rows are removed. Collective.
@@ -41,11 +43,15 @@ impl Log {
         last: u64,
         rows: u64,
     ) -> Result<Self> {
-        let open = || match Self::check(path, columns, last, rows)? {
-            Some(rows) => TableFile::open_to_append(path, &Self::names(columns), rows),
-            None => TableFile::create(path, &Self::names(columns)),
-        };
-        on_root(exchange, || open().map(Some)).map(Log)
+        let names = Self::names(columns);
+        let file = on_root(exchange, || {
+            let file = match Self::check(path, columns, last, rows)? {
+                Some(rows) => TableFile::open_to_append(path, &names, rows)?,
+                None => TableFile::create(path, &names)?,
+            };
+            Ok(Some(file))
+        })?;
+        Ok(Log(file))
     }
 
     /// Returns the number of rows of a log up to the step `last`; `None` if a
@@ -56,19 +62,19 @@ impl Log {
     /// # Errors
     /// [`Failure::Input`] if the file has fewer rows or another header.
     pub fn check(path: &Path, columns: &[Column], last: u64, rows: u64) -> Result<Option<u64>> {
-        let found = rows_up_to(path, last as f64)?;
-        if found.is_none() && rows == 0 {
+        let stored = rows_up_to(path, last as f64)?;
+        if stored.is_none() && rows == 0 {
             return Ok(None);
         }
         check_columns(path, columns)?;
-        let found = found.unwrap_or(0);
-        if found < rows {
+        let stored = stored.unwrap_or(0);
+        if stored < rows {
             let why = format!(
-                "it has {found} rows up to the step of the checkpoint, which counts {rows}"
+                "it has {stored} rows up to the step of the checkpoint, which counts {rows}"
             );
             return Err(unfit(path, why));
         }
-        Ok(Some(found))
+        Ok(Some(stored))
     }
 
     /// Compares the rows up to the step `last` with those of the same steps in `run.h5`. Writes
@@ -77,10 +83,10 @@ impl Log {
     /// # Errors
     /// [`Failure::Input`] that names the first line that differs.
     pub fn compare(path: &Path, last: u64, series: &Series) -> Result<()> {
-        let unread = |e: std::io::Error| unfit(path, e.to_string());
-        let lines = BufReader::new(sound::regular(path).map_err(unread)?).split(b'\n');
+        let file = sound::regular(path).map_err(|e| unfit(path, e.to_string()))?;
+        let lines = BufReader::new(file).split(b'\n');
         for (number, line) in lines.enumerate().skip(1) {
-            let line = line.map_err(unread)?;
+            let line = line.map_err(|e| unfit(path, e.to_string()))?;
             let Some(step) = first_cell::<u64>(&line).filter(|step| *step <= last) else {
                 break;
             };
@@ -141,28 +147,32 @@ fn cells(step: u64, time: f64, row: impl Iterator<Item = f64>) -> impl Iterator<
 
 /// Checks that an existing log has these columns.
 fn check_columns(path: &Path, columns: &[Column]) -> Result<()> {
-    let unfit = |why: String| unfit(path, why);
     let mut line = String::new();
     sound::regular(path)
         .and_then(|file| BufReader::new(file).read_line(&mut line))
-        .map_err(|e| unfit(e.to_string()))?;
-    let mut found = line.trim_end().split(',');
-    if (found.next(), found.next()) != (Some("step"), Some("time")) {
-        return Err(unfit("its first line must begin with step,time".into()));
+        .map_err(|e| unfit(path, e.to_string()))?;
+    let mut names = line.trim_end().split(',');
+    if (names.next(), names.next()) != (Some("step"), Some("time")) {
+        let why = "its first line must begin with step,time";
+        return Err(unfit(path, why.into()));
     }
     for column in columns {
-        let name = found.next().unwrap_or("nothing");
+        let name = names.next().unwrap_or("nothing");
         if name != column.name {
-            return Err(unfit(format!(
+            let why = format!(
                 "it lacks the column {column} (found: {name}); another version wrote it, or its \
                  protocol imposed velocities alone and this one more"
-            )));
+            );
+            return Err(unfit(path, why));
         }
     }
-    found.next().map_or(Ok(()), |name| {
-        let what = format!("its column {name} would not be continued");
-        Err(unfit(format!("{what}; another version wrote it")))
-    })
+    match names.next() {
+        None => Ok(()),
+        Some(name) => {
+            let why = format!("its column {name} would not be continued; another version wrote it");
+            Err(unfit(path, why))
+        }
+    }
 }
 
 /// Returns the shortest text that reads back to the same bits.

@@ -36,9 +36,8 @@ struct MatrixHeader {
 /// # Errors
 /// [`Failure::Input`] that names the line, if the file cannot be read or holds no such matrix.
 pub fn read(path: &Path) -> Result<Matrix> {
-    let unread =
-        |e: std::io::Error| Failure::input(format!("{}: cannot be read: {e}", path.display()));
-    let file = File::open(path).map_err(unread)?;
+    let file = File::open(path)
+        .map_err(|e| Failure::input(format!("{}: cannot be read: {e}", path.display())))?;
     let mut lines = Lines {
         path,
         reader: BufReader::new(file),
@@ -60,18 +59,19 @@ pub fn read(path: &Path) -> Result<Matrix> {
 /// [`Failure::Other`] if the file cannot be written.
 pub fn write(path: &Path, matrix: &Matrix) -> Result<()> {
     let mut out = PartFile::create(path)?;
-    let mut save = || -> std::io::Result<()> {
-        let (rows, columns, count) = (matrix.nrows(), matrix.ncols(), matrix.compute_nnz());
-        writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
-        writeln!(out, "{rows} {columns} {count}")?;
-        for entry in matrix.triplet_iter() {
-            writeln!(out, "{} {} {:?}", entry.row + 1, entry.col + 1, entry.val)?;
-        }
-        Ok(())
-    };
-    let saved = save();
+    let saved = save(&mut out, matrix);
     out.checked(saved)?;
     out.finish().map(drop)
+}
+
+fn save(out: &mut PartFile, matrix: &Matrix) -> std::io::Result<()> {
+    let (rows, columns, count) = (matrix.nrows(), matrix.ncols(), matrix.compute_nnz());
+    writeln!(out, "%%MatrixMarket matrix coordinate real general")?;
+    writeln!(out, "{rows} {columns} {count}")?;
+    for entry in matrix.triplet_iter() {
+        writeln!(out, "{} {} {:?}", entry.row + 1, entry.col + 1, entry.val)?;
+    }
+    Ok(())
 }
 
 fn coordinates(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix> {
@@ -94,7 +94,8 @@ fn coordinates(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix> {
             return Err(lines.wrong(message));
         }
         lines.finite(value)?;
-        add(&mut entries, [row - 1, column - 1], value, header.mirrored);
+        let entry = Entry::new(row - 1, column - 1, value);
+        add(&mut entries, entry, header.mirrored);
     }
     if lines.next()? {
         return Err(lines.wrong(format!("more than the {count} entries announced")));
@@ -123,7 +124,8 @@ fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix> {
             lines.end(words)?;
             lines.finite(value)?;
             if value != 0.0 {
-                add(&mut entries, [row, column], value, header.mirrored);
+                let entry = Entry::new(row, column, value);
+                add(&mut entries, entry, header.mirrored);
             }
         }
     }
@@ -133,10 +135,12 @@ fn array(lines: &mut Lines, header: &MatrixHeader) -> Result<Matrix> {
     Ok(matrix(rows, columns, &entries))
 }
 
-fn add(entries: &mut Vec<Entry>, [row, column]: [usize; 2], value: f64, mirrored: Option<f64>) {
-    entries.push(Entry::new(row, column, value));
-    if let Some(sign) = mirrored.filter(|_| row != column) {
-        entries.push(Entry::new(column, row, sign * value));
+fn add(entries: &mut Vec<Entry>, entry: Entry, mirrored: Option<f64>) {
+    entries.push(entry);
+    if let Some(sign) = mirrored
+        && entry.row != entry.col
+    {
+        entries.push(Entry::new(entry.col, entry.row, sign * entry.val));
     }
 }
 

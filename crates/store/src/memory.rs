@@ -20,16 +20,7 @@ pub fn require(bytes: f64, what: &str, advice: &str) -> Result<()> {
         return Ok(());
     }
     let free = free();
-    // A test for limits that are told in no file.
-    let is_given = || {
-        let count = if bytes < isize::MAX as f64 {
-            bytes as usize
-        } else {
-            usize::MAX
-        };
-        Vec::<u8>::new().try_reserve_exact(count).is_ok()
-    };
-    if free.is_none_or(|free| bytes <= free) && is_given() {
+    if free.is_none_or(|free| bytes <= free) && is_given(bytes) {
         return Ok(());
     }
     let there = free.map_or_else(String::new, |free| {
@@ -39,6 +30,16 @@ pub fn require(bytes: f64, what: &str, advice: &str) -> Result<()> {
         "{what} takes {:.1} GB of memory{there}; {advice}",
         bytes / 1e9
     )))
+}
+
+/// Whether the system gives so many bytes: a test for limits that are told in no file.
+fn is_given(bytes: f64) -> bool {
+    let count = if bytes < isize::MAX as f64 {
+        bytes as usize
+    } else {
+        usize::MAX
+    };
+    Vec::<u8>::new().try_reserve_exact(count).is_ok()
 }
 
 /// Bytes that all processes of this machine, or of the control group of this one, may have, and
@@ -57,7 +58,7 @@ fn free() -> Option<f64> {
     let status = read_to_string("/proc/self/status").unwrap_or_default();
     let used = number_after(&status, "VmSize:").map(|kilobytes| 1024.0 * kilobytes);
     let of_process = address_space().zip(used);
-    let left = [of_group, of_process].map(|of| of.map(|(limit, used)| limit - used));
+    let left = [of_group, of_process].map(|place| place.map(|(limit, used)| limit - used));
     let all = left.into_iter().flatten().chain(of_machine);
     all.reduce(f64::min).map(|free| free.max(0.0))
 }

@@ -41,13 +41,16 @@ impl fmt::Display for Parameter {
 }
 
 /// All attributes of a group, by name. An error comes with the attribute that it is about.
-pub fn attributes(group: &Location) -> Result<Parameters, (String, hdf5::Error)> {
+pub(crate) fn attributes(group: &Location) -> Result<Parameters, (String, hdf5::Error)> {
     let names = group.attr_names().map_err(|e| (String::new(), e))?;
-    let read = |name: String| match parameter(group, &name) {
-        Ok(value) => Ok((name, value)),
-        Err(e) => Err((format!(": attribute {name}"), e)),
-    };
-    names.into_iter().map(read).collect()
+    let mut parameters = Parameters::new();
+    for name in names {
+        match parameter(group, &name) {
+            Ok(value) => parameters.insert(name, value),
+            Err(e) => return Err((format!(": attribute {name}"), e)),
+        };
+    }
+    Ok(parameters)
 }
 
 fn parameter(group: &Location, name: &str) -> hdf5::Result<Parameter> {

@@ -69,9 +69,10 @@ impl Part {
     /// Opens the group for reading. Of a file that holds only the other part, as a replay's, that.
     pub fn open(&self) -> hdf5::Result<OpenPart> {
         let file = sound::open(&self.file)?;
-        let is_other = || !file.link_exists("particles") && file.link_exists(NEWTONIAN);
         let group = match self.group {
-            "" if is_other() => file.group(NEWTONIAN),
+            "" if !file.link_exists("particles") && file.link_exists(NEWTONIAN) => {
+                file.group(NEWTONIAN)
+            }
             "" => file.as_group(),
             group if file.link_exists(group) => file.group(group),
             group => Err(format!(
@@ -87,8 +88,13 @@ impl Part {
 
     /// Whether the part is there. A file that cannot be opened is in the way of its root, too.
     pub fn exists(&self) -> bool {
-        let is_own = |part: OpenPart| part.name() == format!("/{}", self.group);
-        self.file.exists() && self.open().map_or(self.group.is_empty(), is_own)
+        if !self.file.exists() {
+            return false;
+        }
+        match self.open() {
+            Ok(part) => part.name() == format!("/{}", self.group),
+            Err(_) => self.group.is_empty(),
+        }
     }
 }
 

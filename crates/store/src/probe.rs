@@ -16,30 +16,35 @@ use crate::sound;
 pub fn probe(folder: &Path, exchange: &dyn Parallel) -> Result<()> {
     let _waiting = exchange.waiting();
     let path = folder.join("run.probe");
-    let remove = || match exchange.rank() {
-        0 => std::fs::remove_file(&path),
-        _ => Ok(()),
-    };
     // One that a killed program has left.
-    let _ = remove();
+    remove(&path, exchange);
     exchange.barrier();
-    let unfit = |why: &dyn std::fmt::Display| {
-        Failure::input(format!(
-            "{}: HDF5 cannot write here: {why}; give another folder with --out, and where there are \
-             no locks HDF5_USE_FILE_LOCKING=FALSE in the environment",
-            folder.display()
-        ))
-    };
-    let tried = (|| {
-        let file = H5File::create(&path, exchange).map_err(|why| unfit(&why))?;
-        let probed = file.attribute("/", "probe", &Attribute::Count(1));
-        file.agree(exchange, CollectiveOutcome::of(probed))?;
-        file.close(exchange)?;
-        // Each rank with the serial driver, as checkpoints are read.
-        let read = sound::read(&path, |file| file.attr("probe").map(drop));
-        agree(exchange, read.map_err(|why| unfit(&why)))
-    })();
+    let tried = write_and_read(folder, &path, exchange);
     exchange.barrier();
-    let _ = remove();
+    remove(&path, exchange);
     tried
+}
+
+fn remove(path: &Path, exchange: &dyn Parallel) {
+    if exchange.rank() == 0 {
+        let _ = std::fs::remove_file(path);
+    }
+}
+
+fn write_and_read(folder: &Path, path: &Path, exchange: &dyn Parallel) -> Result<()> {
+    let file = H5File::create(path, exchange).map_err(|why| unfit(folder, &why))?;
+    let probed = file.attribute("/", "probe", &Attribute::Count(1));
+    file.agree(exchange, CollectiveOutcome::of(probed))?;
+    file.close(exchange)?;
+    // Each rank with the serial driver, as checkpoints are read.
+    let read = sound::read(path, |file| file.attr("probe").map(drop));
+    agree(exchange, read.map_err(|why| unfit(folder, &why)))
+}
+
+fn unfit(folder: &Path, why: &dyn std::fmt::Display) -> Failure {
+    Failure::input(format!(
+        "{}: HDF5 cannot write here: {why}; give another folder with --out, and where there are \
+         no locks HDF5_USE_FILE_LOCKING=FALSE in the environment",
+        folder.display()
+    ))
 }

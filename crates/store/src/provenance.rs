@@ -66,7 +66,7 @@ pub fn user() -> String {
         .stdin(std::process::Stdio::null())
         .stderr(std::process::Stdio::null())
         .output();
-    let of_git = git.map(|of| String::from_utf8_lossy(&of.stdout).trim().to_string());
+    let of_git = git.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_string());
     let of_account = ["USER", "LOGNAME"].into_iter().flat_map(std::env::var);
     let of_git = of_git.into_iter().filter(|name| !name.is_empty());
     let name = of_git.chain(of_account).next();

@@ -18,7 +18,7 @@ use rustix::io::Errno;
 ///
 /// # Errors
 /// [`Failure::Other`] if there is no room, or the file cannot be opened.
-pub fn reserve(path: &Path, start: u64, end: u64) -> Result<()> {
+pub(crate) fn reserve(path: &Path, start: u64, end: u64) -> Result<()> {
     if end <= start {
         return Ok(());
     }

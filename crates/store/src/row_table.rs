@@ -6,7 +6,7 @@ use super::h5::{Dataset, by_root};
 use gshear_dem::columns::Column;
 
 /// Datasets of a table, and the buffered rows.
-pub struct RowTable {
+pub(crate) struct RowTable {
     pub step: Dataset,
     /// `None` of scalars, whose frames have it.
     pub time: Option<Dataset>,
@@ -15,14 +15,22 @@ pub struct RowTable {
     pub names: Vec<&'static str>,
     /// Checksums of the rows.
     pub sums: Dataset,
-    rows: Vec<(u64, f64, Vec<f64>)>,
+    rows: Vec<BufferedRow>,
     written: u64,
+}
+
+/// A buffered row.
+struct BufferedRow {
+    step: u64,
+    time: f64,
+    values: Vec<f64>,
 }
 
 impl RowTable {
     /// Without rows.
     pub fn new(
-        (step, time): (Dataset, Option<Dataset>),
+        step: Dataset,
+        time: Option<Dataset>,
         values: Vec<Dataset>,
         columns: &[Column],
         sums: Dataset,
@@ -73,7 +81,8 @@ impl RowTable {
     /// Buffers the next row, which must be the same on every rank; the time is 0 where the table
     /// has none.
     pub fn push(&mut self, step: u64, time: f64, row: &[f64]) {
-        self.rows.push((step, time, row.to_vec()));
+        let values = row.to_vec();
+        self.rows.push(BufferedRow { step, time, values });
     }
 
     /// Writes the buffered rows, by rank 0. Collective.
@@ -83,21 +92,21 @@ impl RowTable {
             return;
         }
         let before = self.written;
-        let step: Vec<u64> = rows.iter().map(|r| r.0).collect();
+        let step: Vec<u64> = rows.iter().map(|row| row.step).collect();
         outcome.note(by_root(root, &mut self.step, before, &step));
         if let Some(column) = &mut self.time {
-            let time: Vec<f64> = rows.iter().map(|r| r.1).collect();
+            let time: Vec<f64> = rows.iter().map(|row| row.time).collect();
             outcome.note(by_root(root, column, before, &time));
         }
         for (n, column) in self.values.iter_mut().enumerate() {
-            let values: Vec<f64> = rows.iter().map(|r| r.2[n]).collect();
+            let values: Vec<f64> = rows.iter().map(|row| row.values[n]).collect();
             outcome.note(by_root(root, column, before, &values));
         }
-        let sum = |(step, time, row): &(u64, f64, Vec<f64>)| {
+        let mut sums = Vec::with_capacity(rows.len());
+        for BufferedRow { step, time, values } in &rows {
             let names = self.names.iter().copied();
-            of_row(*step, *time, names.zip(row.iter().copied()))
-        };
-        let sums: Vec<u64> = rows.iter().map(sum).collect();
+            sums.push(of_row(*step, *time, names.zip(values.iter().copied())));
+        }
         outcome.note(by_root(root, &mut self.sums, before, &sums));
         self.written += rows.len() as u64;
     }

@@ -1,8 +1,9 @@
 //! What a part of `run.h5` says of its run, and of each grain once.
 
-use crate::contact_quantities::Form;
+use crate::contact_quantities::FrameFormat;
 use crate::h5::Attribute;
 use bytemuck::{Pod, Zeroable};
+use gshear_dem::boundary::Boundary;
 use gshear_dem::columns::Column;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::state::{GrainState, Ids, body};
@@ -43,8 +44,9 @@ impl GrainShape {
     /// Those of the grains that this rank owns.
     pub fn owned<D: Dimension>(system: &mut System<D>) -> Vec<Self> {
         let grains = system.grains();
-        let shape = |g: usize| Self::new(&grains.state(g), grains.mass[g]);
-        (0..grains.owned).map(shape).collect()
+        (0..grains.owned)
+            .map(|g| Self::new(&grains.state(g), grains.mass[g]))
+            .collect()
     }
 }
 
@@ -52,9 +54,9 @@ impl GrainShape {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct RunHeader<'a> {
     /// What the contacts are.
-    pub form: Form,
-    /// Whether the box is bounded along its last axis.
-    pub walls: bool,
+    pub form: FrameFormat,
+    /// What bounds the box along its last axis.
+    pub boundary: &'static Boundary,
     /// Whether quantities are in SI units, and say so: scenes with `[box]` may use any consistent
     /// ones.
     pub units: bool,

@@ -91,7 +91,7 @@ impl Drop for ReadFile {
 /// What is no file; a file that is damaged, announces more than it holds, or has numbers or links
 /// in other files.
 pub fn open(path: &Path) -> hdf5::Result<ReadFile> {
-    let kind = std::fs::metadata(path).map(|of| of.file_type());
+    let kind = std::fs::metadata(path).map(|file| file.file_type());
     // HDF5 says best what is missing.
     kind.map_or(Ok(()), is_regular).map_err(|e| e.to_string())?;
     #[expect(clippy::disallowed_methods, reason = "here it is looked at")]
@@ -107,9 +107,9 @@ pub fn open(path: &Path) -> hdf5::Result<ReadFile> {
 /// As of [`open`] and of `read`; a file that cannot be closed.
 pub fn read<T>(path: &Path, read: impl FnOnce(&File) -> hdf5::Result<T>) -> hdf5::Result<T> {
     let file = open(path)?;
-    let found = read(&file)?;
+    let content = read(&file)?;
     file.close()?;
-    Ok(found)
+    Ok(content)
 }
 
 /// Reads some rows of a dataset, all values in order.

@@ -39,6 +39,20 @@ pub struct Mode {
     pub rotation: [Vec<[f64; 3]>; 2],
 }
 
+fn bad(path: &Path, why: &str) -> Failure {
+    Failure::input(format!("{}: {why}", path.display()))
+}
+
+fn damaged(path: &Path, why: &hdf5::Error) -> Failure {
+    bad(path, &format!("is damaged: {}", one_line(why)))
+}
+
+/// An attribute of text.
+fn text(file: &hdf5::File, name: &str) -> hdf5::Result<String> {
+    let value: VarLenUnicode = file.attr(name)?.read_scalar()?;
+    Ok(value.as_str().into())
+}
+
 impl SpectrumFile {
     /// Opens a file that `gshear-reduce spectrum` wrote of a run.
     ///
@@ -46,47 +60,41 @@ impl SpectrumFile {
     /// [`Failure::Input`] if it is no such file.
     pub fn open(path: &Path) -> Result<Self> {
         hdf5::silence_errors(true);
-        let bad = |why: &str| Failure::input(format!("{}: {why}", path.display()));
         if !path.is_file() {
-            return Err(bad("no such file; write it with gshear-reduce spectrum"));
+            let why = "no such file; write it with gshear-reduce spectrum";
+            return Err(bad(path, why));
         }
-        let damaged = |e: hdf5::Error| bad(&format!("is damaged: {}", one_line(&e)));
-        let file = sound::open(path).map_err(damaged)?;
-        let is_of_grains = || {
-            let stage = file.attr("stage").is_ok();
-            stage && OF_GRAINS.iter().all(|name| file.link_exists(name))
-        };
-        if !is_of_grains() {
+        let file = sound::open(path).map_err(|e| damaged(path, &e))?;
+        let is_of_run = file.attr("stage").is_ok();
+        if !is_of_run || OF_GRAINS.iter().any(|name| !file.link_exists(name)) {
             return Err(bad(
+                path,
                 "has no eigenvectors by grain; write it with gshear-reduce spectrum RUN, without --paper-form",
             ));
         }
-        let read = move || -> hdf5::Result<Self> {
-            let text = |name: &str| -> hdf5::Result<String> {
-                let value: VarLenUnicode = file.attr(name)?.read_scalar()?;
-                Ok(value.as_str().into())
-            };
-            Ok(Self {
-                path: path.to_path_buf(),
-                run_id: text("run_id").ok(),
-                stage: text("stage")?,
-                step: file.attr("step")?.read_scalar()?,
-                grain: file.dataset("grain")?.read_raw()?,
-                component: file.dataset("component")?.read_raw()?,
-                vectors: file.dataset("eigenvector")?,
-                _file: file,
-            })
-        };
-        let found = read().map_err(damaged)?;
-        let unknowns = found.grain.len();
-        let fits = found.component.len() == unknowns
-            && found.component.iter().all(|&c| c < 6)
-            && matches!(found.vectors.shape()[..], [_, n, 2] if n == unknowns);
+        let spectrum = Self::read(path, file).map_err(|e| damaged(path, &e))?;
+        let unknowns = spectrum.grain.len();
+        let fits = spectrum.component.len() == unknowns
+            && spectrum.component.iter().all(|&c| c < 6)
+            && matches!(spectrum.vectors.shape()[..], [_, n, 2] if n == unknowns);
         if fits {
-            Ok(found)
+            Ok(spectrum)
         } else {
-            Err(bad("is damaged"))
+            Err(bad(path, "is damaged"))
         }
+    }
+
+    fn read(path: &Path, file: ReadFile) -> hdf5::Result<Self> {
+        Ok(Self {
+            path: path.to_path_buf(),
+            run_id: text(&file, "run_id").ok(),
+            stage: text(&file, "stage")?,
+            step: file.attr("step")?.read_scalar()?,
+            grain: file.dataset("grain")?.read_raw()?,
+            component: file.dataset("component")?.read_raw()?,
+            vectors: file.dataset("eigenvector")?,
+            _file: file,
+        })
     }
 
     /// Returns the number of eigenvectors.
@@ -99,20 +107,22 @@ impl SpectrumFile {
     /// # Errors
     /// [`Failure::Input`] if there is no such vector or grain, or the file is damaged.
     pub fn mode(&self, k: usize, grains: usize) -> Result<Mode> {
-        let bad = |why: String| Failure::input(format!("{}: {why}", self.path.display()));
+        let path = &self.path;
         if k >= self.modes() {
             let last = self.modes().saturating_sub(1);
-            return Err(bad(format!("has no eigenvector {k}; it has 0 … {last}")));
+            let why = format!("has no eigenvector {k}; it has 0 … {last}");
+            return Err(bad(path, &why));
         }
         if self.grain.iter().any(|&grain| grain as usize >= grains) {
-            return Err(bad(format!("has grains beyond the {grains} of the run")));
+            let why = format!("has grains beyond the {grains} of the run");
+            return Err(bad(path, &why));
         }
         let values = self.vectors.read_slice::<f64, _, Ix2>(s![k, .., ..]);
-        let values = values.map_err(|e| bad(format!("is damaged: {}", one_line(&e))))?;
-        let none = || [vec![[0.0; 3]; grains], vec![[0.0; 3]; grains]];
+        let values = values.map_err(|e| damaged(path, &e))?;
+        let none = [vec![[0.0; 3]; grains], vec![[0.0; 3]; grains]];
         let mut mode = Mode {
-            displacement: none(),
-            rotation: none(),
+            displacement: none.clone(),
+            rotation: none,
         };
         let unknowns = self.grain.iter().zip(&self.component);
         for ((&grain, &component), value) in unknowns.zip(values.outer_iter()) {

@@ -62,16 +62,14 @@ fn save(
     problem: &Problem,
     columns: &Columns,
 ) -> hdf5::Result<()> {
-    let numbers =
-        |of: fn(&Eigenvalue) -> f64| -> Vec<f64> { columns.eigenvalues.iter().map(of).collect() };
-    let of_eigenvalues = [
-        ("lambda_re", numbers(|e| e.value.re)),
-        ("lambda_im", numbers(|e| e.value.im)),
-        ("residual", numbers(|e| e.residual)),
-        ("condition", numbers(|e| e.condition)),
-    ];
-    for (name, values) in &of_eigenvalues {
-        file.dataset(name, ArrayView::from(values))?;
+    let eigenvalues = &columns.eigenvalues;
+    for (name, values) in [
+        ("lambda_re", numbers(eigenvalues, |e| e.value.re)),
+        ("lambda_im", numbers(eigenvalues, |e| e.value.im)),
+        ("residual", numbers(eigenvalues, |e| e.residual)),
+        ("condition", numbers(eigenvalues, |e| e.condition)),
+    ] {
+        file.dataset(name, ArrayView::from(&values))?;
     }
     let verdicts = columns.eigenvalues.iter().map(|e| e.verdict as u8);
     let verdicts: Vec<u8> = verdicts.collect();
@@ -80,8 +78,10 @@ fn save(
     file.dataset("participation", participation)?;
     file.dataset("eigenvector", columns.vectors.view())?;
     if !columns.unknowns.is_empty() {
-        let grain: Vec<u32> = columns.unknowns.iter().map(|of| of.grain).collect();
-        let component: Vec<u8> = columns.unknowns.iter().map(|of| of.component).collect();
+        let unknowns = columns.unknowns.iter();
+        let (grain, component): (Vec<u32>, Vec<u8>) = unknowns
+            .map(|unknown| (unknown.grain, unknown.component))
+            .unzip();
         file.dataset("grain", ArrayView::from(&grain))?;
         file.dataset("component", ArrayView::from(&component))?;
     }
@@ -98,4 +98,9 @@ fn save(
     let null = problem.null().ncols() as u64;
     file.attribute("null_vectors", &Attribute::Count(null))?;
     file.attribute("norm", &problem.norm().into())
+}
+
+/// A number of each eigenvalue.
+fn numbers(eigenvalues: &[Eigenvalue], number: fn(&Eigenvalue) -> f64) -> Vec<f64> {
+    eigenvalues.iter().map(number).collect()
 }

@@ -64,7 +64,7 @@ impl RunCondition {
                 RunState::Stopped => Self::Stopped,
                 RunState::Failed => {
                     let message = status.message.as_deref().unwrap_or("unknown");
-                    Self::Failed(format!("{message} (stage {})", status.standing.stage))
+                    Self::Failed(format!("{message} (stage {})", status.progress.stage))
                 }
                 // Another file of the folder is the one that is whole.
                 RunState::Done => Self::Unknown,
@@ -101,9 +101,9 @@ impl fmt::Display for RunCondition {
     }
 }
 
-/// How far a stage has come. What is unknown is `None`.
+/// Progress of a stage. What is unknown is `None`.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
-pub struct Standing {
+pub struct StageProgress {
     /// Name of the stage, as in checkpoints; `prepare` is that of a box before its strain steps.
     pub stage: Cow<'static, str>,
     /// Completed steps of the stage.
@@ -128,13 +128,15 @@ pub struct Standing {
     pub moving: Option<u32>,
 }
 
-impl Standing {
+impl StageProgress {
     /// The part of the stage that is done, 0 to 1.
     pub fn fraction(&self) -> Option<f64> {
-        let of_steps = |steps: u64| self.step as f64 / steps.max(1) as f64;
-        self.fraction
-            .or(self.steps.map(of_steps))
-            .map(|fraction| fraction.clamp(0.0, 1.0))
+        let fraction = match (self.fraction, self.steps) {
+            (Some(fraction), _) => fraction,
+            (None, Some(steps)) => self.step as f64 / steps.max(1) as f64,
+            (None, None) => return None,
+        };
+        Some(fraction.clamp(0.0, 1.0))
     }
 }
 
@@ -153,7 +155,7 @@ pub struct Status {
     pub title: String,
     /// How far it has come.
     #[serde(flatten)]
-    pub standing: Standing,
+    pub progress: StageProgress,
     /// Speed (grain-steps/s), of all ranks together.
     pub speed: Option<f64>,
     /// Estimated time to the end of the stage (s).
@@ -202,7 +204,7 @@ impl Status {
         for text in texts.into_iter().chain(&mut status.message) {
             *text = on_one_line(text).into_owned();
         }
-        status.standing.stage = on_one_line(&status.standing.stage).into_owned().into();
+        status.progress.stage = on_one_line(&status.progress.stage).into_owned().into();
         Some(status)
     }
 }

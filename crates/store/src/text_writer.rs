@@ -33,7 +33,7 @@ const FORGOTTEN: Duration = Duration::from_hours(24);
 ///
 /// # Errors
 /// A file that cannot be written or renamed.
-pub fn give_name(part: NamedTempFile, path: &Path) -> io::Result<File> {
+pub(crate) fn give_name(part: NamedTempFile, path: &Path) -> io::Result<File> {
     part.as_file().sync_all()?;
     let file = part.persist(path)?;
     sync_folder(folder_of(path))?;
@@ -55,7 +55,7 @@ pub fn replace(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
 ///
 /// # Errors
 /// A file that cannot be written; what was there stays.
-pub fn refresh(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
+pub(crate) fn refresh(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
     let mut part = beside(path)?;
     part.write_all(content.as_ref())?;
     part.persist(path)?;
@@ -64,21 +64,31 @@ pub fn refresh(path: &Path, content: impl AsRef<[u8]>) -> io::Result<()> {
 
 /// Removes what killed programs have left of these files of a folder, if it is older than `age`.
 pub fn remove_remnants(folder: &Path, names: &[&str], age: Duration) {
-    let of = |name: &str| {
-        let unnamed = name.strip_suffix(ENDING)?;
-        let (name, random) = unnamed.split_at_checked(unnamed.len().checked_sub(RANDOM)?)?;
-        let is_random = random.bytes().all(|byte| byte.is_ascii_alphanumeric());
-        (is_random && names.contains(&name.strip_suffix('.')?)).then_some(())
-    };
-    let is_old = |entry: &DirEntry| {
-        let written = entry.metadata().and_then(|of| of.modified());
-        written.is_ok_and(|at| age.is_zero() || at.elapsed().is_ok_and(|since| since > age))
-    };
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        if entry.file_name().to_str().and_then(of).is_some() && is_old(&entry) {
+        let name = entry.file_name();
+        let final_name = name.to_str().and_then(final_name);
+        if final_name.is_some_and(|name| names.contains(&name)) && is_older(&entry, age) {
             let _ = std::fs::remove_file(entry.path());
         }
     }
+}
+
+/// The name that a file of this temporary name was to have; `None` of other names.
+fn final_name(name: &str) -> Option<&str> {
+    let unnamed = name.strip_suffix(ENDING)?;
+    let (name, random) = unnamed.split_at_checked(unnamed.len().checked_sub(RANDOM)?)?;
+    let is_random = random.bytes().all(|byte| byte.is_ascii_alphanumeric());
+    if is_random {
+        name.strip_suffix('.')
+    } else {
+        None
+    }
+}
+
+/// Whether a file was not written for so long; every file if that is no time.
+fn is_older(entry: &DirEntry, age: Duration) -> bool {
+    let written = entry.metadata().and_then(|file| file.modified());
+    written.is_ok_and(|at| age.is_zero() || at.elapsed().is_ok_and(|since| since > age))
 }
 
 /// Reads a text of a folder.
@@ -131,8 +141,9 @@ pub struct PartFile {
 fn is_original(path: &Path) -> bool {
     let name = path.file_name().and_then(|name| name.to_str());
     let is_of_a_run = name.is_some_and(|name| {
-        let beside = |other| path.with_file_name(other).exists();
-        [LOG_FILE, SCENE_FILE, STATUS_FILE].contains(&name) && path.exists() && beside(SCENE_FILE)
+        [LOG_FILE, SCENE_FILE, STATUS_FILE].contains(&name)
+            && path.exists()
+            && path.with_file_name(SCENE_FILE).exists()
     });
     hdf5::silence_errors(true);
     is_of_a_run
@@ -143,6 +154,10 @@ fn is_original(path: &Path) -> bool {
             .unwrap_or(false)
 }
 
+fn wrong(path: &Path, what: &str) -> Failure {
+    Failure::input(format!("{}: {what}", path.display()))
+}
+
 impl PartFile {
     /// Creates the file and, if missing, its folder.
     ///
@@ -150,13 +165,13 @@ impl PartFile {
     /// [`Failure::Input`] if the path is that of a file of a run, or of a device or a pipe, or no
     /// file can have it; [`Failure::Other`] if the folder or the file cannot be written.
     pub fn create(path: &Path) -> Result<Self> {
-        let wrong = |what: &str| Failure::input(format!("{}: {what}", path.display()));
         let place = path.metadata();
         if place.is_ok_and(|place| !place.is_file() && !place.is_dir()) {
-            return Err(wrong("is a device or a pipe; give a file"));
+            return Err(wrong(path, "is a device or a pipe; give a file"));
         }
         if is_original(path) {
-            return Err(wrong("is of a run, which would be lost; give another file"));
+            let what = "is of a run, which would be lost; give another file";
+            return Err(wrong(path, what));
         }
         let folder = folder_of(path);
         let file = std::fs::create_dir_all(folder).and_then(|()| beside(path));
@@ -166,7 +181,7 @@ impl PartFile {
         let file = file.map_err(|e| match e.kind() {
             // The last: a file is where its folder belongs.
             ErrorKind::InvalidFilename | ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
-                wrong(&format!("cannot be a file: {e}; give another name"))
+                wrong(path, &format!("cannot be a file: {e}; give another name"))
             }
             _ => unwritten(path, &e),
         })?;

@@ -1,9 +1,12 @@
-//! A contact law of its own: disks whose springs stiffen, with a damper and Coulomb friction.
+//! A contact law of its own: disks whose springs stiffen, with a damper and Coulomb friction. An
+//! adhesion of its own is in [`liquid_bridge`].
 //!
 //! ```text
 //! F_n = max(0, k_n δ (1 + a δ/d) - γ_n v_n),   d = R_i + R_j,   γ_n = 2α√(k_n m*)
 //! F_t ← F_t - k_t v_t(t+½Δt) Δt,               |F_t| ≤ μ_s F_n
 //! ```
+
+pub mod liquid_bridge;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -18,6 +21,12 @@ use gshear_dem::laws::keys::{
 use gshear_dem::laws::{Constants, Contact, LawKind, Rigidity};
 use gshear_dem::simd::{Lanes, Lanes16, Mask};
 use gshear_dem::state::Masses;
+
+/// Adds the law and the adhesion to those that scenes can name.
+pub fn register() {
+    gshear_dem::laws::register(&[&KIND]);
+    gshear_dem::adhesions::register(&[&liquid_bridge::KIND]);
+}
 
 /// The law as scenes name it.
 pub const KIND: LawKind = LawKind {
@@ -96,7 +105,7 @@ impl Constants for Stiffening {
     }
     fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
         let (law, friction) = (*self, contact.friction);
-        let per_area = contact.relative_densities.map(|of| of * PI * self.density);
+        let per_area = contact.relative_densities.map(|part| part * PI * self.density);
         Some(if friction > 0.0 {
             Box::new(Disks::<true> {
                 law,

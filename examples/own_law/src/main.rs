@@ -1,8 +1,8 @@
-//! `gshear-mpi` with one more law.
+//! `gshear-mpi` with one more law and one more adhesion.
 
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    gshear_dem::laws::register(&[&own_law::KIND]);
+    own_law::register();
     gshear_mpi::simulate(option_env!("OWN_LAW_COMMIT").unwrap_or("unknown"))
 }

@@ -116,6 +116,10 @@ class Frame(Columns):
     @property
     def removed(self) -> NDArray[np.bool_]:
         """[N], which grains had passed a wall and were removed (`sample.outside` of the scene)."""
+        if "removed" in self:
+            told: NDArray[np.bool_] = self["removed"] != 0
+            return told
+        # Files of earlier versions say it by an image along the axis that walls bound.
         gradient = self.box.gradient
         if self.box.periodic[gradient] or "image" not in self:
             return np.zeros(len(self.radius), dtype=np.bool_)

@@ -204,6 +204,16 @@ class Run:
         return self._once("dimension", read)
 
     @property
+    def boundary(self) -> str | None:
+        """What bounds the sample along its last axis, as the program wrote it.
+
+        `rough walls`, `flat walls`, `flat top`, `free surface`, `free surface above a plane` or
+        `periodic`; None in files of earlier versions.
+        """
+        stored = self.parameters.get("boundary")
+        return None if stored is None else str(stored)
+
+    @property
     def series(self) -> pd.DataFrame:
         """The time series, one line per row, with `step`, `time` and the columns of the file.
 

@@ -12,6 +12,7 @@
  * FAULT_RANK   the rank concerned (default: all)
  * FAULT_COUNT  file that gets "rank calls" when the process ends
  * FAULT_LOCKS  errno of every lock: a file system without locks
+ * FAULT_SIGNAL number of a signal that comes as soon as the first handler for it is installed
  * FAULT_OPEN   end of the path of a file that cannot be opened for now: too many are open
  */
 #define _GNU_SOURCE
@@ -90,6 +91,15 @@ __attribute__((destructor)) static void report(void) {
 #define REAL(type, name, ...) \
     static type (*real)(__VA_ARGS__); \
     if (!real) real = (type (*)(__VA_ARGS__))dlsym(RTLD_NEXT, name)
+
+int sigaction(int signal, const struct sigaction *action, struct sigaction *before) {
+    REAL(int, "sigaction", int, const struct sigaction *, struct sigaction *);
+    static atomic_flag came = ATOMIC_FLAG_INIT;
+    int result = real(signal, action, before);
+    int handles = action && action->sa_handler != SIG_DFL && action->sa_handler != SIG_IGN;
+    if (handles && signal == number("FAULT_SIGNAL", 0) && !atomic_flag_test_and_set(&came)) kill(getpid(), signal);
+    return result;
+}
 
 ssize_t write(int fd, const void *data, size_t n) {
     REAL(ssize_t, "write", int, const void *, size_t);

@@ -567,6 +567,68 @@ fn a_free_surface_on_a_plane_is_a_packing() {
     }
 }
 
+/// Grains below a plate cannot all roll, so it slides at its own friction: τ = μ of the plate. The
+/// sample comes back as a packing, with its bottom and its plate.
+#[test]
+fn a_plate_slides_on_grains_at_its_friction() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = "
+        material = [{ name = 'grains', density = 2500 }, { name = 'plate', density = 2500 }]
+        load.pressure = 100.0
+        shear = { inertial_number = 1e-2, strain = 0.05 }
+        output = { frame_strain = 0.05, series_strain = 1e-3 }
+        [contact]
+        law = 'hooke'
+        normal_stiffness = 1e6
+        damping_ratio = 0.3
+        friction = 0.5
+        [[contact.pair]]
+        materials = ['grains', 'plate']
+        friction = 0.1
+        [sample]
+        grains = 150
+        radius_min = 0.8e-3
+        radius_max = 1.2e-3
+        length = 16e-3
+        walls = 'flat-top'
+        wall_material = 'plate'
+    ";
+    let slides = |run: &RunFile| {
+        let series = run.series();
+        let tau = series.column("stress_ratio");
+        for tau in &tau[tau.len() / 2..] {
+            close(*tau, 0.1, 1e-9, "friction");
+        }
+    };
+    slides(&run_scene(folder.path(), "plate", scene, &[]));
+
+    let data = folder.path().join("plate.data");
+    let mut export = reducer();
+    export.args(["export", "--format=lammps-data", "--out"]);
+    succeed(
+        export
+            .arg(&data)
+            .arg(folder.path().join("plate/checkpoint.h5")),
+    );
+    let mut arguments = vec![folder.path().join("plate.toml").display().to_string()];
+    arguments.extend([
+        format!("--set=sample.packing={}", data.display()),
+        "--set=pack.skip=true".into(),
+    ]);
+    for key in ["grains", "radius_min", "radius_max", "length"] {
+        arguments.push(format!("--set=sample.{key}=none"));
+    }
+    let out = folder.path().join("again");
+    let again = gshear_mpi(2, &out, &arguments);
+    let said = "the bottom is type 2, the top is flat";
+    assert!(again.text.contains(said), "{}", again.text);
+    slides(&RunFile::open(&out).expect("a run"));
+    arguments.push("--set=bookkeeping.simd=portable".into());
+    arguments.push("--set=output.series_strain=0.0".into());
+    let portable = gshear_mpi(1, &folder.path().join("portable"), &arguments);
+    assert_eq!(portable.digest(), again.digest());
+}
+
 /// τ of frames between rows is not known: no frame holds the contacts with planes.
 #[test]
 fn frames_between_rows_have_no_stress_ratio() {

@@ -11,7 +11,7 @@ use gshear_dem::failure::Result;
 use gshear_dem::state::GrainState;
 use gshear_scene::insertion::Lattice;
 use gshear_scene::packing::Packing;
-use gshear_scene::{Arrangement, Boundary, Origin, Scene, Source, lammps_data, load, sweep};
+use gshear_scene::{Arrangement, Origin, Scene, Source, Stages, lammps_data, load, sweep};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use proptest::test_runner::{FileFailurePersistence, TestCaseResult, TestRng, TestRunner};
@@ -399,7 +399,7 @@ fn configuration(path: &Path, text: &[u8], sets: &[String]) -> Result<Scene, Str
     let again = again.unwrap_or_else(|e| panic!("{e}\n{}", scene.toml));
     assert_eq!(again, scene);
     assert_eq!(format!("{again:?}"), format!("{scene:?}"));
-    if let Boundary::Walls(walls) = &scene.boundary
+    if let Stages::Shear(walls) = &scene.stages
         && let Origin::Insertion(sizes) = &walls.origin
         && scene.sample.grains <= 2000
     {
@@ -548,7 +548,7 @@ fn data_file(folder: &Path, dimension: u8, text: &[u8]) -> Result<(), String> {
     let elapsed = begun.elapsed();
     assert!(elapsed < LONGEST, "{elapsed:?}");
     let (scene, grains) = message(read)?;
-    let Boundary::Walls(walls) = &scene.boundary else {
+    let Stages::Shear(walls) = &scene.stages else {
         panic!("a box")
     };
     let edges = walls.origin.file().expect("a packing").edges;

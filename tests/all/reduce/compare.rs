@@ -7,7 +7,7 @@ use super::{done, folder_with, reduce, text};
 fn equal_runs_compare_equal() {
     let mut fixture = Fixture::small();
     fixture.series[7][3] = f64::NAN;
-    fixture.frames[2].velocity[5][1] = f64::NAN;
+    fixture.frames[2].grains[5].velocity[1] = f64::NAN;
     let ((_a, a), (_b, b)) = (folder_with(&fixture), folder_with(&fixture));
     let told = done(&["compare", &a, &format!("{b}/run.h5")]);
     assert!(told.ends_with("equal\n"), "{told}");
@@ -39,7 +39,7 @@ fn differing(told: &str) -> Vec<String> {
 #[test]
 fn compare_finds_a_single_bit() {
     let told = difference(|run| {
-        let value = &mut run.frames[3].position[17][0];
+        let value = &mut run.frames[3].grains[17].position[0];
         *value = f64::from_bits(value.to_bits() ^ 1);
     });
     assert_eq!(differing(&told), ["position 1"]);
@@ -47,7 +47,7 @@ fn compare_finds_a_single_bit() {
 
     let told = difference(|run| run.frames[5].contacts[4].rolling_history *= -1.0);
     assert_eq!(differing(&told), ["c. rolling_history 1"]);
-    let told = difference(|run| run.frames[1].angular_velocity[7] = -0.0);
+    let told = difference(|run| run.frames[1].grains[7].angular_velocity[2] = -0.0);
     assert_eq!(
         differing(&told),
         ["angular_velocity 1"],

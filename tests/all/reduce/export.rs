@@ -33,14 +33,14 @@ fn a_frame_as_lammps_data() {
     for (t, file) in [(last, format!("{path}/frame-{last}.data")), (2, out)] {
         let (file, frame, disks) = (read(&file), &fixture.frames[t], &fixture.grains);
         assert_eq!(file.types, 3);
-        assert_eq!(file.bounds[0], [0.0, disks.length]);
+        assert_eq!(file.bounds[0], [0.0, fixture.length]);
         assert_eq!(file.atoms.len(), disks.count());
         for (g, a) in file.atoms.iter().enumerate() {
             assert_eq!((a.id, a.kind), (g as u64 + 1, u32::from(disks.body[g]) + 1));
             assert_eq!(a.diameter, 2.0 * disks.radius[g]);
-            let ([x, y], [u, v]) = (frame.position[g], frame.velocity[g]);
-            assert_eq!((a.position, a.velocity), ([x, y, 0.0], [u, v, 0.0]));
-            assert_eq!(a.angular_velocity, [0.0, 0.0, frame.angular_velocity[g]]);
+            let grain = &frame.grains[g];
+            assert_eq!((a.position, a.velocity), (grain.position, grain.velocity));
+            assert_eq!(a.angular_velocity, grain.angular_velocity);
             let mass = a.density * PI / 6.0 * a.diameter.powi(3);
             assert!((mass / disks.mass[g] - 1.0).abs() < 1e-14);
             // LAMMPS loses atoms that are not in its box.
@@ -128,12 +128,13 @@ fn frames_as_tables() {
             (number(&row[frame]), number(&row[id])),
             (t as f64, g as f64)
         );
-        let of = &fixture.frames[t];
-        assert_eq!(number(&row[x]), of.position[g][0]);
-        assert_eq!(number(&row[v_y]), of.velocity[g][1]);
-        assert_eq!(number(&row[spin]), of.angular_velocity[g]);
+        let stored = &fixture.frames[t];
+        let grain = &stored.grains[g];
+        assert_eq!(number(&row[x]), grain.position[0]);
+        assert_eq!(number(&row[v_y]), grain.velocity[1]);
+        assert_eq!(number(&row[spin]), grain.angular_velocity[2]);
         assert_eq!(number(&row[d]).to_bits(), dmin[[t, g]].to_bits());
-        let touching = of
+        let touching = stored
             .contacts
             .iter()
             .filter(|c| [c.i, c.j].contains(&(g as u32)));
@@ -173,13 +174,14 @@ fn frames_as_a_dump_and_as_xyz() {
         assert_eq!(lines[0], ["ITEM:", "TIMESTEP"]);
         assert_eq!(lines[1], [frame.step.to_string()]);
         assert_eq!(lines[4], ["ITEM:", "BOX", "BOUNDS", "pp", "ff", "pp"]);
-        assert_eq!(number(&lines[5][1]), grains.length);
+        assert_eq!(number(&lines[5][1]), fixture.length);
         assert_eq!(lines[8][..5], ["ITEM:", "ATOMS", "id", "type", "x"]);
         for (g, line) in lines[9..].iter().enumerate() {
             assert_eq!(number(&line[0]), (g + 1) as f64);
             assert_eq!(number(&line[1]), f64::from(grains.body[g]) + 1.0);
-            assert_eq!([number(&line[2]), number(&line[3])], frame.position[g]);
-            assert_eq!(number(&line[10]), frame.angular_velocity[g]);
+            let grain = &frame.grains[g];
+            assert_eq!([number(&line[2]), number(&line[3])], grain.position[..2]);
+            assert_eq!(number(&line[10]), grain.angular_velocity[2]);
             assert_eq!(number(&line[11]), grains.radius[g]);
         }
     }
@@ -191,9 +193,8 @@ fn frames_as_a_dump_and_as_xyz() {
     let xyz = words(&format!("{path}/frames.xyz"), ' ');
     assert_eq!(xyz.len(), 2 + n);
     for (g, line) in xyz[2..].iter().enumerate() {
-        let [x, y] = last.position[g];
         let place = [number(&line[1]), number(&line[2]), number(&line[3])];
-        assert_eq!((line[0].as_str(), place), ("X", [x, y, 0.0]));
+        assert_eq!((line[0].as_str(), place), ("X", last.grains[g].position));
     }
 }
 

@@ -3,11 +3,15 @@
 use std::path::Path;
 
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::boundary::ROUGH_WALLS;
+use gshear_dem::dimension::Dimensions;
 use gshear_dem::domain::Solo;
 use gshear_dem::failure::Result;
-use gshear_dem::state::{ContactSample, Disks, Frame, GrainSample, SeriesRow};
+use gshear_dem::state::{
+    Cell, ContactSample, Frame, GrainConstants, GrainSample, SeriesRow, nearest_image,
+};
 use gshear_store::h5::Attribute;
-use gshear_store::trajectory::{Form, GrainShape, RunHeader, TrajectoryWriter};
+use gshear_store::trajectory::{FrameFormat, GrainShape, RunHeader, TrajectoryWriter};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -17,7 +21,9 @@ pub const STEPS_PER_ROW: u64 = 100;
 
 /// What the file will hold; change it before writing.
 pub struct Fixture {
-    pub grains: Disks,
+    pub grains: GrainConstants,
+    /// L_x (m).
+    pub length: f64,
     pub height: f64,
     pub frames: Vec<Frame>,
     pub series_step: Vec<u64>,
@@ -46,11 +52,10 @@ impl Fixture {
         let mut uniform = move || random.random::<f64>();
         let spacing = 1.5e-6;
         let length = spacing * columns as f64;
-        let mut grains = Disks {
+        let mut grains = GrainConstants {
             radius: vec![],
             body: vec![],
             mass: vec![],
-            length,
         };
         let mut points: Vec<[f64; 2]> = Vec::new();
         for row in 0..rows {
@@ -117,19 +122,20 @@ impl Fixture {
                 let centre = [uniform() * length, uniform() * height];
                 for r in &mut points {
                     r[0] += advance * r[1];
-                    let d = grains.separation(centre, *r);
+                    let d = separation(length, centre, *r);
                     let near = (-(d[0] * d[0] + d[1] * d[1]) / (3.0 * spacing).powi(2)).exp();
                     r[0] += 4.0 * drop * near * spacing * (uniform() - 0.5);
                     r[1] += 4.0 * drop * near * spacing * (uniform() - 0.5);
                 }
             }
-            made.push(frame_of(&grains, step, &points));
+            made.push(frame_of(&grains, length, step, &points));
         }
         let series_step = (0..series_rows as u64)
             .map(|row| row * STEPS_PER_ROW)
             .collect();
         Fixture {
             grains,
+            length,
             height,
             frames: made,
             series_step,
@@ -200,10 +206,10 @@ impl Fixture {
             ("height_start", self.height.into()),
         ];
         attributes.extend(self.spring.map(|k| ("spring_stiffness", k.into())));
-        let edges = [self.grains.length, self.height, 0.0];
+        let edges = [self.length, self.height, 0.0];
         let header = RunHeader {
-            form: Form::new(2, false),
-            walls: true,
+            form: FrameFormat::new(2, false),
+            boundary: &ROUGH_WALLS,
             units: true,
             series: &SeriesRow::COLUMNS,
             edges,
@@ -218,18 +224,8 @@ impl Fixture {
             std::array::from_fn(|column| if row == column { edges[row] } else { 0.0 })
         });
         for frame in &self.frames {
-            let vector = |[x, y]: [f64; 2]| [x, y, 0.0];
-            let grains: Vec<GrainSample> = (0..grains.len())
-                .map(|n| GrainSample {
-                    id: n as u64,
-                    position: vector(frame.position[n]),
-                    velocity: vector(frame.velocity[n]),
-                    angular_velocity: [0.0, 0.0, frame.angular_velocity[n]],
-                    image: [frame.image[n], 0, 0],
-                })
-                .collect();
             let at = (frame.step, frame.time);
-            writer.frame(&Solo, at, &edges, &grains, &frame.contacts)?;
+            writer.frame(&Solo, at, &edges, &frame.grains, &frame.contacts)?;
         }
         for (k, &step) in self.series_step.iter().enumerate() {
             let row: Vec<f64> = self.series.iter().map(|values| values[k]).collect();
@@ -243,7 +239,7 @@ impl Fixture {
             vec![
                 ("digest", digest.clone().into()),
                 ("speed", 1.25e7.into()),
-                ("rank_map", vec![0.0, self.grains.length].into()),
+                ("rank_map", vec![0.0, self.length].into()),
             ]
         });
         writer.finish(&Solo, &at_the_end)
@@ -263,18 +259,18 @@ pub fn strain_of(step: u64, height: f64) -> f64 {
 }
 
 /// A frame of grains at the given places, not wrapped, with a contact wherever two of them overlap.
-fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
+fn frame_of(grains: &GrainConstants, length: f64, step: u64, points: &[[f64; 2]]) -> Frame {
     let position: Vec<[f64; 2]> = points
         .iter()
-        .map(|r| [r[0].rem_euclid(grains.length), r[1]])
+        .map(|r| [r[0].rem_euclid(length), r[1]])
         .collect();
     let mut contacts = Vec::new();
     for i in 0..points.len() {
         for j in i + 1..points.len() {
-            let d = grains.separation(position[j], position[i]);
+            let d = separation(length, position[j], position[i]);
             let overlap = grains.radius[i] + grains.radius[j] - d[0].hypot(d[1]);
             if overlap > 0.0 && (grains.body[i] == 0 || grains.body[i] != grains.body[j]) {
-                let normal_force = 1.4e8 * overlap * overlap / grains.length * 40.0;
+                let normal_force = 1.4e8 * overlap * overlap / length * 40.0;
                 contacts.push(ContactSample {
                     i: i as u32,
                     j: j as u32,
@@ -292,20 +288,25 @@ fn frame_of(grains: &Disks, step: u64, points: &[[f64; 2]]) -> Frame {
             }
         }
     }
-    let n = points.len();
-    let velocity = (0..n)
-        .map(|i| [WALL_SPEED * points[i][1], 1e-9 * i as f64])
-        .collect();
-    let angular_velocity = (0..n).map(|i| 1e-3 * (i as f64 - 7.0)).collect();
+    let grain = |(n, r): (usize, &[f64; 2])| GrainSample {
+        id: n as u32,
+        removed: 0,
+        position: [position[n][0], position[n][1], 0.0],
+        velocity: [WALL_SPEED * r[1], 1e-9 * n as f64, 0.0],
+        angular_velocity: [0.0, 0.0, 1e-3 * (n as f64 - 7.0)],
+        image: [r[0].div_euclid(length) as i64, 0, 0],
+    };
     Frame {
+        dimension: Dimensions::Two,
+        cell: Cell::between_walls([length, f64::INFINITY]),
         step,
         time: step as f64 * TIME_STEP,
-        position,
-        image: (points.iter())
-            .map(|r| r[0].div_euclid(grains.length) as i64)
-            .collect(),
-        velocity,
-        angular_velocity,
+        grains: points.iter().enumerate().map(grain).collect(),
         contacts,
     }
+}
+
+/// r_to - r_from (m), nearest image along x.
+fn separation(length: f64, from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+    [nearest_image(to[0] - from[0], length), to[1] - from[1]]
 }

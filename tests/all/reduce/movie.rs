@@ -80,12 +80,9 @@ fn a_movie_has_the_frames_that_are_asked_for() {
 fn colours_mean_the_same_in_all_frames() {
     let mut run = Fixture::sheared(12, 8, 3);
     for (frame, speed) in run.frames.iter_mut().zip([1.0, 2.0, 1.0]) {
-        let top = run
-            .grains
-            .body
-            .iter()
-            .map(|body| if *body == 0 { speed } else { 0.0 });
-        frame.velocity = top.map(|v| [v, 0.0]).collect();
+        for (grain, body) in frame.grains.iter_mut().zip(&run.grains.body) {
+            grain.velocity = [if *body == 0 { speed } else { 0.0 }, 0.0, 0.0];
+        }
     }
     let (folder, path) = folder_with(&run);
     let out = folder.path().join("a.png");

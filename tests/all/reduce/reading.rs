@@ -12,9 +12,9 @@ fn what_was_written_is_read() {
     let (folder, _) = folder_with(&fixture);
     let run = RunFile::open(folder.path()).expect("a run");
     assert_eq!(*run.grains(), fixture.grains);
-    assert_eq!(run.block(0..6).expect("frames"), fixture.frames);
+    assert_eq!(run.records(0..6).expect("frames"), fixture.frames);
     assert_eq!(run.frame(4).expect("a frame"), fixture.frames[4]);
-    assert_eq!(run.block(2..2).expect("no frames"), Vec::<Frame>::new());
+    assert_eq!(run.records(2..2).expect("no frames"), Vec::<Frame>::new());
     assert_eq!(run.series().columns, fixture.series);
     assert_eq!(run.series().step, fixture.series_step);
     assert_eq!(
@@ -49,7 +49,7 @@ fn a_run_that_was_stopped_early_is_read_as_far_as_it_goes() {
     file.close().expect("closed");
     let run = RunFile::open(folder.path()).expect("a run");
     assert_eq!((run.frames(), run.series().rows()), (4, 33));
-    assert_eq!(run.block(0..4).expect("frames"), fixture.frames[..4]);
+    assert_eq!(run.records(0..4).expect("frames"), fixture.frames[..4]);
     assert!(done(&["info", &path]).contains("unfinished: no digest"));
     drop(run);
 

@@ -3,8 +3,10 @@
 
 use gshear_analysis::dbscan::Dbscan;
 use gshear_analysis::dmin::NonAffine;
+use gshear_analysis::interval::Interval;
 use gshear_analysis::spearman::{Spearman, ranks};
-use gshear_dem::state::{ContactSample, Disks, Frame};
+use gshear_dem::dimension::Dimensions;
+use gshear_dem::state::{Cell, ContactSample, Frame, GrainConstants, GrainSample};
 use serde_json::Value;
 
 /// The cases of a file, each a JSON object.
@@ -133,16 +135,12 @@ fn dmin_is_the_sum_of_ovito_over_the_number_of_neighbours() {
         let later = (0..n).map(|k| {
             let [x, y] = earlier[k];
             let [dx, dy] = [u[2 * n + k], u[3 * n + k]];
-            [
-                (x + 0.01 * y + moved * (dx - 0.5)).rem_euclid(side),
-                y + moved * (dy - 0.5),
-            ]
+            [x + 0.01 * y + moved * (dx - 0.5), y + moved * (dy - 0.5)]
         });
-        let grains = Disks {
+        let grains = GrainConstants {
             radius: vec![1.0; n],
             body: vec![0; n],
             mass: vec![1.0; n],
-            length: side,
         };
         // Every grain with every other: no rattlers, as OVITO knows none.
         let none: ContactSample = bytemuck::Zeroable::zeroed();
@@ -152,14 +150,24 @@ fn dmin_is_the_sum_of_ovito_over_the_number_of_neighbours() {
             ..none
         });
         let contacts: Vec<ContactSample> = contacts.clone().chain(contacts).collect();
-        let frame = |position: Vec<[f64; 2]>| Frame {
-            position,
-            contacts: contacts.clone(),
-            ..Frame::default()
+        let grain = |[x, y]: &[f64; 2]| GrainSample {
+            position: [x.rem_euclid(side), *y, 0.0],
+            image: [x.div_euclid(side) as i64, 0, 0],
+            ..bytemuck::Zeroable::zeroed()
         };
-        let later = frame(later.collect());
+        let frame = |places: &[[f64; 2]]| Frame {
+            dimension: Dimensions::Two,
+            cell: Cell::between_walls([side, f64::INFINITY]),
+            step: 0,
+            time: 0.0,
+            grains: places.iter().map(grain).collect(),
+            contacts: contacts.clone(),
+        };
+        let later: Vec<[f64; 2]> = later.collect();
+        let frames = [frame(&earlier), frame(&later)];
+        let interval = Interval::between_walls([&frames[0], &frames[1]]);
         let mut found = vec![0.0; n];
-        NonAffine::default().between(&grains, 5.0, &frame(earlier), &later, &mut found);
+        NonAffine::default().between(&grains, &interval, 5.0, &mut found);
         let wanted = case["dmin"].as_array().expect("values");
         assert_eq!(wanted.len(), n);
         for (grain, (found, wanted)) in found.iter().zip(wanted).enumerate() {

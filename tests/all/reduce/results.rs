@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gshear_analysis::dmin::NonAffine;
+use gshear_analysis::interval::Interval;
 use gshear_analysis::rattlers::RattlerRule;
 use gshear_dem::state::Frame;
 
@@ -17,15 +18,13 @@ fn dmin_is_written_for_every_frame() {
         step: 3000,
         ..fixture.frames[2].clone()
     };
-    let length = fixture.grains.length;
-    let Frame {
-        position, image, ..
-    } = &mut fixture.frames[3];
-    for (r, image) in position.iter_mut().zip(image) {
+    let length = fixture.length;
+    for grain in &mut fixture.frames[3].grains {
         // The highest grains move by more than a period.
-        let x = r[0] + 2.7 * r[1];
-        r[0] = x.rem_euclid(length);
-        *image += x.div_euclid(length) as i64;
+        let [x, y, _] = grain.position;
+        let x = x + 2.7 * y;
+        grain.position[0] = x.rem_euclid(length);
+        grain.image[0] += x.div_euclid(length) as i64;
     }
     let (folder, path) = folder_with(&fixture);
     done(&["dmin", &path, "--threads", "2"]);
@@ -100,11 +99,12 @@ fn dmin_is_of_the_frames_and_grains_that_are_asked_for() {
     let (folder, path) = folder_with(&fixture);
     let (grains, frames) = (&fixture.grains, &fixture.frames);
     let expected = |rule: RattlerRule, from: usize, to: usize| -> Vec<u64> {
-        let mut of = NonAffine::default();
-        of.rattlers_by = rule;
+        let mut non_affine = NonAffine::default();
+        non_affine.rattlers_by = rule;
         let mut values = vec![0.0; grains.count()];
         let radius = 5.0 * grains.mean_radius();
-        of.between(grains, radius, &frames[from], &frames[to], &mut values);
+        let interval = Interval::between_walls([&frames[from], &frames[to]]);
+        non_affine.between(grains, &interval, radius, &mut values);
         values.into_iter().map(f64::to_bits).collect()
     };
     let read = |options: &[&str]| -> Reduced {

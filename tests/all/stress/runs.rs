@@ -104,7 +104,7 @@ fn stiffness_number(kappa: f64, more: &[&str]) -> Line {
         mean(&column[column.len() / 2..])
     };
     let frames = run
-        .block(run.frames() / 2..run.frames())
+        .records(run.frames() / 2..run.frames())
         .expect("the frames");
     let overlaps: Vec<f64> = frames
         .iter()

@@ -24,8 +24,16 @@ use gshear_dem::dimension::Dimension;
 type Vector = Vector3<f64>;
 type Matrix = Matrix3<f64>;
 
+/// The normal of a contact.
+pub(crate) struct TurningNormal {
+    /// Unit normal, from j to i.
+    pub n: Vector,
+    /// |r|, at which n turns with r.
+    pub distance: f64,
+}
+
 /// A contact with positive overlap and the derivatives of its force.
-pub struct LinearContact {
+pub(crate) struct LinearContact {
     radii: [f64; 2],
     /// Unit normal, from j to i.
     n: Vector,
@@ -35,20 +43,20 @@ pub struct LinearContact {
 }
 
 impl LinearContact {
-    /// Evaluates the derivatives of the law at this contact of unit normal n; `None` if it is
-    /// `idle` and nothing acts.
+    /// Evaluates the derivatives of the law at this contact; `None` if it is `idle` and nothing
+    /// acts.
     pub fn new<D: Dimension>(
         law: &dyn Stiffness,
-        n: Vector,
-        distance: f64,
-        (mut springs, idle): (SpringState, bool),
+        normal: TurningNormal,
+        mut springs: SpringState,
+        idle: bool,
     ) -> Option<Self> {
+        let TurningNormal { n, distance } = normal;
         if D::SPINS == 3 {
             // The force routine does the same: rounding has left a small component along n.
-            let projected = |of: Vector| (of - n * of.dot(&n)).into();
             let [x, y, z, twist] = springs.torques;
-            springs.history = projected(springs.history.into());
-            let [x, y, z] = projected([x, y, z].into());
+            springs.history = projected(springs.history, n);
+            let [x, y, z] = projected([x, y, z], n);
             springs.torques = [x, y, z, twist];
         }
         let mut derivatives = if idle {
@@ -111,11 +119,12 @@ impl LinearContact {
 
     /// The derivatives of a force or torque in the tangent plane; `turned`: 1 where it turns with
     /// the pair, else 0.
-    fn linear(&self, of: &SpringForce, turned: f64) -> Linear {
+    fn linear(&self, force: &SpringForce, turned: f64) -> Linear {
         let (n, normal) = (self.n, self.n.transpose());
-        let [value, slope, direction] = [of.value, of.slope, of.direction].map(Vector::from);
+        let [value, slope, direction] =
+            [force.value, force.slope, force.direction].map(Vector::from);
         let along = direction * direction.transpose();
-        let way = -(of.across * (Matrix::identity() - along) + of.along * along);
+        let way = -(force.across * (Matrix::identity() - along) + force.along * along);
         Linear {
             r: -slope * normal - turned / self.distance * n * value.transpose(),
             way: way * (Matrix::identity() - n * normal),
@@ -132,20 +141,25 @@ struct Linear {
     twist: Matrix,
 }
 
+/// A vector without its component along n.
+fn projected(vector: [f64; 3], n: Vector) -> [f64; 3] {
+    let vector = Vector::from(vector);
+    (vector - n * vector.dot(&n)).into()
+}
+
 /// A force of one component as a vector along a unit vector; across it there is no stiffness.
-fn along(of: SpringForce, direction: [f64; 3]) -> SpringForce {
-    let vector = |of: [f64; 3]| direction.map(|t| of[0] * t);
+fn along(force: SpringForce, direction: [f64; 3]) -> SpringForce {
     SpringForce {
-        value: vector(of.value),
-        slope: vector(of.slope),
+        value: direction.map(|t| force.value[0] * t),
+        slope: direction.map(|t| force.slope[0] * t),
         direction,
         across: 0.0,
-        ..of
+        ..force
     }
 }
 
-/// Derivatives of the force and torque of a contact, from which [`Self::entry`] makes the four
-/// blocks of K.
+/// Derivatives of the force and torque of a contact, from which [`PairBlock`] makes the four blocks
+/// of K.
 pub struct Stiffnesses {
     /// Indices of a grain's unknowns among x, y, z, θ_x, θ_y, θ_z.
     unknowns: &'static [usize],
@@ -168,25 +182,48 @@ pub struct Stiffnesses {
 }
 
 impl Stiffnesses {
-    /// Returns -∂F̃/∂q for component `row` of the force on grain `a` and unknown `column` of grain
-    /// `b`, where 0 is i and 1 is j.
-    pub fn entry(&self, [a, b]: [usize; 2], [row, column]: [usize; 2]) -> f64 {
-        let (row, column) = (self.unknowns[row], self.unknowns[column]);
-        let sign = |g: usize| if g == 0 { 1.0 } else { -1.0 };
+    /// The block of the force on grain `a` by the unknowns of grain `b`, where 0 is i and 1 is j.
+    pub fn pair(&self, a: usize, b: usize) -> PairBlock<'_> {
+        const SIGNS: [f64; 2] = [1.0, -1.0];
+        PairBlock {
+            stiffnesses: self,
+            signs: [SIGNS[a], SIGNS[b]],
+            radii: [self.radii[a], self.radii[b]],
+        }
+    }
+}
+
+/// A block of K.
+pub struct PairBlock<'a> {
+    stiffnesses: &'a Stiffnesses,
+    /// 1 of i, -1 of j: of the grain of the rows and of that of the columns.
+    signs: [f64; 2],
+    radii: [f64; 2],
+}
+
+impl PairBlock<'_> {
+    /// Returns -∂F̃/∂q for a component of the force and an unknown.
+    pub fn entry(&self, row: usize, column: usize) -> f64 {
+        let derivatives = self.stiffnesses;
+        let (row, column) = (derivatives.unknowns[row], derivatives.unknowns[column]);
+        let (sign_a, sign_b) = (self.signs[0], self.signs[1]);
+        let (radius_a, radius_b) = (self.radii[0], self.radii[1]);
         let at = (row % 3, column % 3);
         match (row < 3, column < 3) {
-            (true, true) => -sign(a) * sign(b) * self.force_by_r[at],
+            (true, true) => -sign_a * sign_b * derivatives.force_by_r[at],
             (true, false) => {
-                -sign(a) * (self.radii[b] * self.force_by_s[at] + self.force_by_twist[at])
+                -sign_a * (radius_b * derivatives.force_by_s[at] + derivatives.force_by_twist[at])
             }
             (false, true) => {
-                let torque = sign(a) * self.torque_by_r[at];
-                sign(b) * (self.radii[a] * self.moment_by_r[at] - torque)
+                let torque = sign_a * derivatives.torque_by_r[at];
+                sign_b * (radius_a * derivatives.moment_by_r[at] - torque)
             }
             (false, false) => {
-                let friction = self.radii[b] * self.moment_by_s[at] + self.moment_by_twist[at];
-                let torque = sign(b) * self.torque_by_turn[at] + self.torque_by_twist[at];
-                self.radii[a] * friction - sign(a) * torque
+                let friction =
+                    radius_b * derivatives.moment_by_s[at] + derivatives.moment_by_twist[at];
+                let torque =
+                    sign_b * derivatives.torque_by_turn[at] + derivatives.torque_by_twist[at];
+                radius_a * friction - sign_a * torque
             }
         }
     }

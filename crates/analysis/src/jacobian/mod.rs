@@ -12,7 +12,7 @@ mod pattern;
 use faer::Mat;
 use faer::sparse::SparseColMat;
 
-use contact::LinearContact;
+use contact::{LinearContact, TurningNormal};
 use gshear_dem::contact::model::WALL;
 use gshear_dem::contact::stiffness::{SpringState, Stiffness};
 use gshear_dem::dimension::Dimension;
@@ -88,23 +88,23 @@ impl Jacobian {
 
     /// Returns a vector over the unknowns from a vector and an axial vector per free grain, given
     /// by id: force and torque, or displacement and rotation.
-    pub fn unknowns_of(&self, of: impl Fn(u32) -> [[f64; 3]; 2]) -> Vec<f64> {
+    pub fn unknowns_of(&self, vectors: impl Fn(u32) -> [[f64; 3]; 2]) -> Vec<f64> {
         let spins = self.per_grain - self.axes;
-        let one = |&g: &u32| {
-            let [linear, angular] = of(g);
-            let (axes, turns) = (0..self.axes, 3 - spins..3);
-            axes.map(move |k| linear[k])
-                .chain(turns.map(move |k| angular[k]))
-        };
-        self.grains.iter().flat_map(one).collect()
+        let mut unknowns = Vec::with_capacity(self.unknowns());
+        for &g in &self.grains {
+            let [linear, angular] = vectors(g);
+            unknowns.extend(&linear[..self.axes]);
+            unknowns.extend(&angular[3 - spins..]);
+        }
+        unknowns
     }
 
     /// Returns every free grain with its two vectors: the inverse of [`Jacobian::unknowns_of`].
     /// Components that two dimensions lack are zero.
     pub fn by_grain<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (u32, [[f64; 3]; 2])> + 'a {
         let spins = self.per_grain - self.axes;
-        let of = self.grains.iter().zip(x.chunks_exact(self.per_grain));
-        of.map(move |(&g, x)| {
+        let grains = self.grains.iter().zip(x.chunks_exact(self.per_grain));
+        grains.map(move |(&g, x)| {
             let mut both = [[0.0; 3]; 2];
             both[0][..self.axes].copy_from_slice(&x[..self.axes]);
             both[1][3 - spins..].copy_from_slice(&x[self.axes..]);
@@ -139,6 +139,46 @@ impl NetworkState<'_> {
             ..*i
         })
     }
+
+    /// The contact of two grains, or `None` without overlap or force.
+    fn touch<D: Dimension>(
+        &self,
+        contact: &ContactState,
+        pair: [&GrainState; 2],
+        law: &dyn Stiffness,
+    ) -> Option<LinearContact> {
+        let [a, b] = pair;
+        let r = self.cell.separation::<D>(&a.position, &b.position);
+        let distance = length(r);
+        let n = r.map(|x| x / distance);
+        // A plane has no curvature, and its normal does not turn.
+        let (radius, turns_at) = if b.radius > 0.0 {
+            (b.radius, distance)
+        } else {
+            (WALL * a.radius, f64::INFINITY)
+        };
+        let springs = SpringState {
+            materials: [a.material, b.material],
+            radii: [a.radius, radius],
+            overlap: a.radius + b.radius - distance,
+            history: contact.history,
+            torques: contact.torques,
+            limits: if self.at_rest {
+                [None; 3]
+            } else {
+                contact.limits()
+            },
+        };
+        if springs.overlap <= -law.gap(springs.materials, springs.radii) {
+            return None;
+        }
+        let idle = contact.is_idle() && !self.at_rest;
+        let normal = TurningNormal {
+            n: n.into(),
+            distance: turns_at,
+        };
+        LinearContact::new::<D>(law, normal, springs, idle)
+    }
 }
 
 /// Assembles K and M of a state. Contacts are added in the order given, so the result is
@@ -168,11 +208,9 @@ pub fn assemble<D: Dimension>(
     let touching = contacts.iter().filter_map(|c| {
         let i = &grains[c.i as usize];
         let pair = [i, &state.partner::<D>(i, c.j)?];
-        let limits = if state.at_rest { [None; 3] } else { c.limits() };
-        let idle = c.is_idle() && !state.at_rest;
-        let contact = touch::<D>(pair, (c, limits, idle), state.cell, law)?;
-        let place = |g: u32| place.get(g as usize).copied().flatten();
-        Some((contact, [c.i, c.j].map(place)))
+        let contact = state.touch::<D>(c, pair, law)?;
+        let places = [c.i, c.j].map(|g| place.get(g as usize).copied().flatten());
+        Some((contact, places))
     });
     let touching: Vec<(LinearContact, [Option<usize>; 2])> = touching.collect();
     let places = touching.iter().map(|(_, places)| places);
@@ -184,9 +222,8 @@ pub fn assemble<D: Dimension>(
         for (a, row) in places.iter().enumerate() {
             for (b, column) in places.iter().enumerate() {
                 if let (Some(row), Some(column)) = (*row, *column) {
-                    pattern.add(&mut values, [row, column], |r, c| {
-                        block.entry([a, b], [r, c])
-                    });
+                    let block = block.pair(a, b);
+                    pattern.add(&mut values, row, column, |r, c| block.entry(r, c));
                 }
             }
         }
@@ -197,8 +234,8 @@ pub fn assemble<D: Dimension>(
         } = grains[g as usize];
         let m = state.masses.of(material, D::volume(radius));
         let inertia = D::INERTIA * m * radius * radius;
-        let of = move |k: usize| if k < D::AXES { m } else { inertia };
-        (0..D::AXES + D::SPINS).map(of)
+        let masses = std::iter::repeat_n(m, D::AXES);
+        masses.chain(std::iter::repeat_n(inertia, D::SPINS))
     });
     Jacobian {
         mass: mass.collect(),
@@ -210,35 +247,4 @@ pub fn assemble<D: Dimension>(
         contacts: touching.len(),
         sliding: touching.iter().filter(|(c, _)| c.slides()).count(),
     }
-}
-
-/// The contact of two grains, or `None` without overlap or force.
-fn touch<D: Dimension>(
-    [a, b]: [&GrainState; 2],
-    (contact, limits, idle): (&ContactState, [Option<bool>; 3], bool),
-    cell: Cell,
-    law: &dyn Stiffness,
-) -> Option<LinearContact> {
-    let r = cell.separation::<D>(&a.position, &b.position);
-    let distance = length(r);
-    let overlap = a.radius + b.radius - distance;
-    let n = r.map(|x| x / distance);
-    // A plane has no curvature, and its normal does not turn.
-    let (radius, turns_at) = if b.radius > 0.0 {
-        (b.radius, distance)
-    } else {
-        (WALL * a.radius, f64::INFINITY)
-    };
-    let springs = SpringState {
-        materials: [a.material, b.material],
-        radii: [a.radius, radius],
-        overlap,
-        history: contact.history,
-        torques: contact.torques,
-        limits,
-    };
-    if overlap <= -law.gap(springs.materials, springs.radii) {
-        return None;
-    }
-    LinearContact::new::<D>(law, n.into(), turns_at, (springs, idle))
 }

@@ -21,28 +21,46 @@ use super::Jacobian;
 /// # Panics
 /// If an entry of `jacobian.k` lies outside the matrix.
 pub fn paper_form(jacobian: &Jacobian, radius: impl Fn(u32) -> f64) -> SparseColMat<usize, f64> {
-    let (per_grain, grains) = (jacobian.per_grain, jacobian.grains.len());
-    let place = |unknown: usize| unknown % per_grain * grains + unknown / per_grain;
-    let rotation = |unknown: usize| unknown % per_grain >= jacobian.axes;
-    let lever = |unknown: usize| {
-        if rotation(unknown) {
-            radius(jacobian.grains[unknown / per_grain])
-        } else {
-            1.0
-        }
-    };
-    let entry = |force: usize, unknown: usize, value: f64| {
-        let sign = if rotation(force) == rotation(unknown) {
+    let n = jacobian.unknowns();
+    let unknowns = (0..n).map(|k| PaperUnknown::new(jacobian, k, &radius));
+    let unknowns: Vec<PaperUnknown> = unknowns.collect();
+    let entries = jacobian.k.triplet_iter().map(|entry| {
+        let (force, unknown) = (&unknowns[entry.row], &unknowns[entry.col]);
+        let sign = if force.is_rotation == unknown.is_rotation {
             1.0
         } else {
             -1.0
         };
-        let mass = jacobian.mass[unknown] / lever(unknown).powi(2);
-        let value = sign * value / (lever(force) * lever(unknown) * mass);
-        Triplet::new(place(unknown), place(force), value)
-    };
-    let entries = jacobian.k.triplet_iter();
-    let entries: Vec<_> = entries.map(|e| entry(e.row, e.col, *e.val)).collect();
-    let n = jacobian.unknowns();
+        let mass = jacobian.mass[entry.col] / unknown.lever.powi(2);
+        let value = sign * entry.val / (force.lever * unknown.lever * mass);
+        Triplet::new(unknown.place, force.place, value)
+    });
+    let entries: Vec<_> = entries.collect();
     SparseColMat::try_new_from_triplets(n, n, &entries).expect("indices within the matrix")
+}
+
+/// An unknown, or a force, in the form of the paper.
+struct PaperUnknown {
+    /// Number of its row or column.
+    place: usize,
+    /// Whether it is a rotation or a torque.
+    is_rotation: bool,
+    /// R of a rotation (m), else 1.
+    lever: f64,
+}
+
+impl PaperUnknown {
+    fn new(jacobian: &Jacobian, number: usize, radius: impl Fn(u32) -> f64) -> Self {
+        let (grain, own) = (number / jacobian.per_grain, number % jacobian.per_grain);
+        let is_rotation = own >= jacobian.axes;
+        Self {
+            place: own * jacobian.grains.len() + grain,
+            is_rotation,
+            lever: if is_rotation {
+                radius(jacobian.grains[grain])
+            } else {
+                1.0
+            },
+        }
+    }
 }

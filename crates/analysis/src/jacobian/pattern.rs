@@ -3,7 +3,7 @@
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 
 /// Pattern of square blocks: one on the diagonal per grain and two per pair of grains in contact.
-pub struct Pattern {
+pub(crate) struct Pattern {
     /// Number of rows and columns of a block.
     side: usize,
     /// First block of every grain's columns; one more at the end.
@@ -22,10 +22,10 @@ impl Pattern {
             partners[j].push(i);
         }
         let (mut start, mut partner) = (vec![0], Vec::new());
-        for mut of_one in partners {
-            of_one.sort_unstable();
-            of_one.dedup();
-            partner.extend(of_one);
+        for mut partners in partners {
+            partners.sort_unstable();
+            partners.dedup();
+            partner.extend(partners);
             start.push(partner.len());
         }
         Self {
@@ -40,11 +40,13 @@ impl Pattern {
         self.partner.len() * self.side * self.side
     }
 
-    /// Adds to `values` a block given by row and column. Panics if the pair is not in the pattern.
+    /// Adds to `values` the block of a row and a column of blocks. Panics if the pair is not in the
+    /// pattern.
     pub fn add(
         &self,
         values: &mut [f64],
-        [row, column]: [usize; 2],
+        row: usize,
+        column: usize,
         entry: impl Fn(usize, usize) -> f64,
     ) {
         let (side, first) = (self.side, self.start[column]);

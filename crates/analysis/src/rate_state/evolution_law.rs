@@ -57,7 +57,7 @@ impl RateStateLaw {
     }
 
     /// Returns θ (s).
-    pub fn theta(&self, state: LogState) -> f64 {
+    pub(crate) fn theta(&self, state: LogState) -> f64 {
         self.d_c / self.v_star * state.ln_theta.exp()
     }
 
@@ -71,7 +71,7 @@ impl RateStateLaw {
     }
 
     /// Returns d ln θ/dt (1/s).
-    pub fn evolution_rate(&self, state: LogState) -> f64 {
+    pub(crate) fn evolution_rate(&self, state: LogState) -> f64 {
         let slipping = self.velocity(state) / self.d_c;
         match self.evolution {
             Evolution::Aging => 1.0 / self.theta(state) - slipping,
@@ -80,7 +80,7 @@ impl RateStateLaw {
     }
 
     /// Returns the derivatives of [`Self::evolution_rate`] by ln V and ln θ (1/s).
-    pub fn evolution_gradient(&self, state: LogState) -> [f64; 2] {
+    pub(crate) fn evolution_gradient(&self, state: LogState) -> [f64; 2] {
         let slipping = self.velocity(state) / self.d_c;
         match self.evolution {
             Evolution::Aging => [-slipping, -1.0 / self.theta(state)],

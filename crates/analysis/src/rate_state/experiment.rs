@@ -24,7 +24,7 @@ pub struct Experiment {
 }
 
 impl Experiment {
-    /// Measures a record. `d_c` (m): see [`steps_and_holds::holds`].
+    /// Measures a record. `d_c` (m): see `steps_and_holds::holds`.
     pub fn of(record: SliderRecord, d_c: Option<f64>) -> Self {
         let steady = steps_and_holds::steady_segments(&record);
         let steps = steps_and_holds::steps(&record, &steady, d_c);
@@ -42,8 +42,8 @@ impl Experiment {
 
 /// Segments of each velocity step: the one before and the one after.
 fn step_ranges(record: &SliderRecord) -> Vec<Range<usize>> {
-    let slides = |k: &usize| !record.drive[*k - 1].is_hold() && !record.drive[*k].is_hold();
-    let after = (1..record.drive.len()).filter(slides);
+    let segments = 1..record.drive.len();
+    let after = segments.filter(|k| !record.drive[*k - 1].is_hold() && !record.drive[*k].is_hold());
     after.map(|k| k - 1..k + 1).collect()
 }
 
@@ -78,10 +78,11 @@ impl Fitted {
             chi_squared: Vec::new(),
         };
         let best = fitted.best();
-        let chi = |(_, fit): &(Evolution, Result<Fit, String>)| {
-            Some(chi_squared(windows, fit.as_ref().ok()?, best?))
-        };
-        fitted.chi_squared = fitted.fits.iter().map(chi).collect();
+        let chi_squared = fitted
+            .fits
+            .iter()
+            .map(|(_, fit)| Some(chi_squared(windows, fit.as_ref().ok()?, best?)));
+        fitted.chi_squared = chi_squared.collect();
         fitted
     }
 
@@ -95,31 +96,45 @@ impl Fitted {
 /// Fits the laws to all records together; then, if there are both kinds, to all velocity steps and
 /// to all slide-hold-slide tests; then, if there are several, to each step and each hold.
 pub fn fit_all(records: &[SliderRecord], laws: &[Evolution]) -> Vec<Fitted> {
-    let window = |(k, range): &(usize, Range<usize>)| FitWindow::of(&records[*k], range.clone());
-    let of_all = |ranges: fn(&SliderRecord) -> Vec<Range<usize>>| -> Vec<(usize, Range<usize>)> {
-        let of = |(k, record)| ranges(record).into_iter().map(move |range| (k, range));
-        records.iter().enumerate().flat_map(of).collect()
-    };
-    let of_whole = |(k, record): (usize, &SliderRecord)| (k, 0..record.drive.len());
-    let whole: Vec<_> = records.iter().enumerate().map(of_whole).collect();
-    let steps = of_all(step_ranges);
-    let holds = of_all(hold_ranges);
-    let together = |name, ranges: &[(usize, Range<usize>)]| {
-        let windows: Vec<FitWindow> = ranges.iter().map(window).collect();
-        Fitted::of(name, &windows, laws)
-    };
-    let mut fitted = vec![together("all", &whole)];
+    let whole = records.iter().enumerate();
+    let whole: Vec<_> = whole
+        .map(|(k, record)| (k, 0..record.drive.len()))
+        .collect();
+    let steps = numbered(records, step_ranges);
+    let holds = numbered(records, hold_ranges);
+    let mut fitted = vec![Fitted::of("all", &windows(records, &whole), laws)];
     if !steps.is_empty() && !holds.is_empty() {
-        fitted.push(together("velocity steps", &steps));
-        fitted.push(together("slide-hold-slide", &holds));
+        for (name, ranges) in [("velocity steps", &steps), ("slide-hold-slide", &holds)] {
+            fitted.push(Fitted::of(name, &windows(records, ranges), laws));
+        }
     }
     if steps.len() + holds.len() > 1 {
         for (name, events) in [("velocity step", steps), ("hold", holds)] {
             fitted.extend(events.into_iter().map(|event| Fitted {
                 event: Some(event.clone()),
-                ..together(name, &[event])
+                ..Fitted::of(name, &windows(records, &[event]), laws)
             }));
         }
     }
     fitted
+}
+
+/// Ranges of segments of all records, each with the index of its record.
+fn numbered(
+    records: &[SliderRecord],
+    ranges: fn(&SliderRecord) -> Vec<Range<usize>>,
+) -> Vec<(usize, Range<usize>)> {
+    let records = records.iter().enumerate();
+    let all = records.flat_map(|(k, record)| {
+        let ranges = ranges(record).into_iter();
+        ranges.map(move |range| (k, range))
+    });
+    all.collect()
+}
+
+/// The windows of ranges of segments, each with the index of its record.
+fn windows(records: &[SliderRecord], ranges: &[(usize, Range<usize>)]) -> Vec<FitWindow> {
+    let ranges = ranges.iter();
+    let windows = ranges.map(|(k, range)| FitWindow::of(&records[*k], range.clone()));
+    windows.collect()
 }

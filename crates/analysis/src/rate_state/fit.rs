@@ -132,7 +132,7 @@ const MODEL_ERROR: f64 = 1e-7;
 /// # Errors
 /// Says why there is no fit: no windows, no convergence, a failed integration, or data that do not
 /// determine the parameters.
-pub fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
+pub(crate) fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
     let Some(first) = windows.first() else {
         return Err("no window to fit: give at least one record with a slide".into());
     };
@@ -159,7 +159,7 @@ pub fn fit(windows: &[FitWindow], evolution: Evolution) -> Result<Fit, String> {
 /// The χ² of `noise_of` itself is its `effective`. Of two laws fitted to the same
 /// windows, the one with the lesser χ² is more likely; take the noise from the fit with the lesser
 /// `rms`.
-pub fn chi_squared(windows: &[FitWindow], fit: &Fit, noise_of: &Fit) -> f64 {
+pub(crate) fn chi_squared(windows: &[FitWindow], fit: &Fit, noise_of: &Fit) -> f64 {
     let squares = by_segment(windows, &fit.residuals)
         .map(|residuals| residuals.iter().map(|r| r * r).sum::<f64>());
     squares
@@ -177,6 +177,18 @@ struct Noise {
     effective: f64,
     /// ν = n/(2W + 1), at least 1.
     freedom: f64,
+}
+
+impl Noise {
+    fn of_residuals(residuals: &[f64]) -> Self {
+        let correlation = correlation(residuals);
+        let floor = MODEL_ERROR * MODEL_ERROR;
+        Self {
+            variance: correlation.spectral_variance().max(floor),
+            effective: residuals.len() as f64 / correlation.inefficiency,
+            freedom: (residuals.len() as f64 / (2 * correlation.window + 1) as f64).max(1.0),
+        }
+    }
 }
 
 /// The least-squares problem at a point.
@@ -225,18 +237,18 @@ impl FitProblem<'_> {
     /// Start of the search: the a and D_c of least cost on a coarse grid, with a - b and μ* from
     /// the friction at the end of every slide.
     fn guess(&self) -> Vector4<f64> {
-        let slides = self.windows.iter().flat_map(|window| {
-            let of = move |(k, segment): (usize, &super::drive_segment::DriveSegment)| {
-                let ln_v = (segment.velocity / self.v_star).ln();
-                (!segment.is_hold())
-                    .then(|| ([ln_v, window.steady_friction(k)], segment.distance()))
-            };
-            window.drive.iter().enumerate().filter_map(of)
-        });
-        let (points, distances): (Vec<[f64; 2]>, Vec<f64>) = slides.unzip();
+        let (mut points, mut longest) = (Vec::new(), 0.0_f64);
+        for window in self.windows {
+            for (k, segment) in window.drive.iter().enumerate() {
+                if !segment.is_hold() {
+                    let ln_v = (segment.velocity / self.v_star).ln();
+                    points.push([ln_v, window.steady_friction(k)]);
+                    longest = longest.max(segment.distance());
+                }
+            }
+        }
         let ([x, y], [spread, both]) = joint_moments(&points);
         let slope = if spread > 1e-6 { both / spread } else { 0.0 };
-        let longest = distances.into_iter().fold(0.0, f64::max);
         let mut best = (f64::INFINITY, Vector4::zeros());
         for a in [0.003, 0.01, 0.03] {
             for share in [0.01, 0.03, 0.1, 0.3] {
@@ -277,12 +289,12 @@ impl FitProblem<'_> {
     fn derivatives(&self) -> OMatrix<f64, Dyn, U4> {
         let mut j = OMatrix::<f64, Dyn, U4>::zeros(self.means());
         for (c, h) in DIFFERENCES.into_iter().enumerate() {
-            let moved = |by: f64| {
+            let [after, before] = [h, -h].map(|by| {
                 let mut at = self.at;
                 at[c] += by;
                 self.weighted(&at)
-            };
-            j.set_column(c, &((moved(h) - moved(-h)) / (2.0 * h)));
+            });
+            j.set_column(c, &((after - before) / (2.0 * h)));
         }
         let segments = segments(self.windows).zip(&self.roots);
         let roots = segments.flat_map(|(means, root)| std::iter::repeat_n(-root, means.len()));
@@ -308,26 +320,18 @@ impl FitProblem<'_> {
     /// `[windows][means]` measured less model.
     fn residuals_of_windows(&self) -> Result<Vec<Vec<f64>>, String> {
         let law = self.law(&self.at);
-        let of = |window: &FitWindow| {
+        let residuals = self.windows.iter().map(|window| {
             let model = window.model_means(&law)?;
             let pairs = window.friction.iter().zip(model);
             Ok(pairs.map(|(measured, model)| measured - model).collect())
-        };
-        self.windows.iter().map(of).collect()
+        });
+        residuals.collect()
     }
 
     /// `[segments]` of all windows.
     fn noise(&self, residuals: &[Vec<f64>]) -> Vec<Noise> {
-        let of = |residuals: &[f64]| {
-            let correlation = correlation(residuals);
-            let floor = MODEL_ERROR * MODEL_ERROR;
-            Noise {
-                variance: correlation.spectral_variance().max(floor),
-                effective: residuals.len() as f64 / correlation.inefficiency,
-                freedom: (residuals.len() as f64 / (2 * correlation.window + 1) as f64).max(1.0),
-            }
-        };
-        by_segment(self.windows, residuals).map(of).collect()
+        let segments = by_segment(self.windows, residuals);
+        segments.map(Noise::of_residuals).collect()
     }
 
     fn result(self) -> Result<Fit, String> {
@@ -341,17 +345,24 @@ impl FitProblem<'_> {
             ));
         }
         let covariance = self.covariance(&noise)?;
-        let half_width = |a, b, d_c, mu| half_width(&covariance, &Vector4::new(a, b, d_c, mu));
         let law = self.law(&self.at);
+        // d(a - b) = a d(ln a) - db
+        let [a, b, a_minus_b, d_c, mu_star] = [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [law.a, -1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+        .map(|factors| half_width(&covariance, &Vector4::from(factors)));
         let count = residuals.iter().map(Vec::len).sum::<usize>() as f64;
         let square: f64 = residuals.iter().flatten().map(|r| r * r).sum();
         Ok(Fit {
-            a: Estimate::direct_effect(law.a, half_width(1.0, 0.0, 0.0, 0.0)),
-            b: Estimate::linear(law.b, half_width(0.0, 1.0, 0.0, 0.0)),
-            // d(a - b) = a d(ln a) - db
-            a_minus_b: Estimate::linear(law.a - law.b, half_width(law.a, -1.0, 0.0, 0.0)),
-            d_c: Estimate::logarithmic(law.d_c, half_width(0.0, 0.0, 1.0, 0.0)),
-            mu_star: Estimate::linear(law.mu_star, half_width(0.0, 0.0, 0.0, 1.0)),
+            a: Estimate::direct_effect(law.a, a),
+            b: Estimate::linear(law.b, b),
+            a_minus_b: Estimate::linear(law.a - law.b, a_minus_b),
+            d_c: Estimate::logarithmic(law.d_c, d_c),
+            mu_star: Estimate::linear(law.mu_star, mu_star),
             law,
             rms: (square / count).sqrt(),
             effective,
@@ -375,18 +386,21 @@ impl FitProblem<'_> {
         // Scaled to a unit diagonal, so that small parameters count as much as large ones.
         let scale = Matrix4::from_diagonal(&a.diagonal().map(|d: f64| d.sqrt().recip()));
         let scaled = scale * a * scale;
-        let inverse = (scaled.symmetric_eigenvalues().min() > SINGULAR)
-            .then(|| scaled.try_inverse())
-            .flatten()
+        let inverse = if scaled.symmetric_eigenvalues().min() > SINGULAR {
+            scaled.try_inverse()
+        } else {
+            None
+        };
+        let inverse = inverse
             .ok_or("these data do not determine a, b, D_c and μ*: add velocity steps or holds")?;
         let inverse = scale * inverse * scale;
-        let part = |(square, weight, noise): (Matrix4<f64>, f64, Noise)| {
+        let parts = squares.into_iter().map(|(square, weight, noise)| {
             let taken = (square * inverse).trace();
             let variance = noise.variance * (1.0 + taken / noise.freedom);
             let part = inverse * square * inverse * (weight * variance);
             (part, noise.freedom)
-        };
-        Ok(squares.into_iter().map(part).collect())
+        });
+        Ok(parts.collect())
     }
 }
 

@@ -1,7 +1,6 @@
 //! Jackknife intervals of a fit, from the differences between realisations rather than the noise
 //! within them.
 
-use super::evolution_law::Evolution;
 use super::experiment::Fitted;
 use super::fit::{Estimate, Fit, fit};
 use super::slider_record::{SliderRecord, mean};
@@ -26,21 +25,23 @@ pub fn jackknife(records: &[SliderRecord], groups: &[Vec<usize>], all: &Fitted) 
     if groups.iter().any(|group| group.len() < FEWEST) {
         return None;
     }
-    let spread = |(law, fit): &(Evolution, Result<Fit, String>)| {
+    let fits = all.fits.iter().map(|(law, fit)| {
         let fit = fit.clone();
         (*law, fit.and_then(|fit| with_spread(records, groups, fit)))
-    };
+    });
     Some(Fitted {
         name: "all (jackknife)",
         event: None,
-        fits: all.fits.iter().map(spread).collect(),
+        fits: fits.collect(),
         chi_squared: all.chi_squared.clone(),
     })
 }
 
 fn with_spread(records: &[SliderRecord], groups: &[Vec<usize>], full: Fit) -> Result<Fit, String> {
-    let of_group = |group: &Vec<usize>| whole(records, group.iter().copied());
-    let windows: Vec<FitWindow> = groups.iter().map(of_group).collect();
+    let windows = groups.iter();
+    let windows: Vec<FitWindow> = windows
+        .map(|group| whole(records, group.iter().copied()))
+        .collect();
     let (mut variance, mut freedom) = ([0.0; 5], 0.0);
     for (e, group) in groups.iter().enumerate() {
         let mut without = Vec::new();
@@ -52,8 +53,8 @@ fn with_spread(records: &[SliderRecord], groups: &[Vec<usize>], full: Fit) -> Re
         }
         let count = group.len() as f64;
         for (p, variance) in variance.iter_mut().enumerate() {
-            let found: Vec<f64> = without.iter().map(|found| found[p]).collect();
-            *variance += (count - 1.0) / count * Moments::of(&found).squares;
+            let values: Vec<f64> = without.iter().map(|values| values[p]).collect();
+            *variance += (count - 1.0) / count * Moments::of(&values).squares;
         }
         freedom += count - 1.0;
     }

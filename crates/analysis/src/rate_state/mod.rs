@@ -28,15 +28,11 @@ mod tests;
 pub use drive_segment::{DriveSegment, of_drive};
 pub use evolution_law::{Evolution, LogState, RateStateLaw};
 pub use experiment::{Experiment, Fitted, fit_all};
-pub use fit::{Estimate, Fit, chi_squared, fit};
+pub use fit::{Estimate, Fit};
 pub use jackknife::jackknife;
-pub use noise::{Autocorrelation, correlation};
 pub use relaxation::{Relaxation, relaxations};
 pub use slider::RateStateSlider;
 pub use slider_record::{SliderRecord, merge};
 pub use stack::{SlipInterval, Stack, stacks};
-pub use steps_and_holds::{
-    Healing, Hold, PeakGrowth, Reslide, Steady, VelocityStep, healing, holds, peak_growth,
-    reload_stiffness, steady_segments, steps,
-};
-pub use window::{FitWindow, modelled};
+pub use steps_and_holds::{Healing, Hold, PeakGrowth, Reslide, Steady, VelocityStep, peak_growth};
+pub use window::modelled;

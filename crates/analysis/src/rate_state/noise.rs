@@ -2,7 +2,7 @@
 
 /// Variance and autocorrelation of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Autocorrelation {
+pub(crate) struct Autocorrelation {
     /// γ_0: mean square.
     pub variance: f64,
     /// Statistical inefficiency g = 1 + 2 Σ ρ_l ≥ 1: n values are worth n/g independent ones.
@@ -13,9 +13,15 @@ pub struct Autocorrelation {
 
 impl Autocorrelation {
     /// Returns γ_0 g, which is n times the variance of the mean of n values.
-    pub fn spectral_variance(&self) -> f64 {
+    pub(crate) fn spectral_variance(&self) -> f64 {
         self.variance * self.inefficiency
     }
+}
+
+/// Σ x_k x_(k+lag).
+fn lagged_product(values: &[f64], lag: usize) -> f64 {
+    let pairs = values.iter().zip(&values[lag..]);
+    pairs.map(|(a, b)| a * b).sum()
 }
 
 /// Returns the autocorrelation of values at equal intervals whose true mean is zero, such as the
@@ -23,15 +29,13 @@ impl Autocorrelation {
 ///
 /// The sum over ρ ends at the first lag that is at least 5 g/2 (Sokal 1997, eq. 3.19), or at half
 /// the number of values.
-pub fn correlation(values: &[f64]) -> Autocorrelation {
+pub(crate) fn correlation(values: &[f64]) -> Autocorrelation {
     let n = values.len();
-    let product =
-        |lag: usize| -> f64 { values.iter().zip(&values[lag..]).map(|(a, b)| a * b).sum() };
-    let square = product(0);
+    let square = lagged_product(values, 0);
     let (mut inefficiency, mut window) = (1.0, 0);
     if square > 0.0 {
         for lag in 1..n / 2 {
-            inefficiency += 2.0 * product(lag) / square;
+            inefficiency += 2.0 * lagged_product(values, lag) / square;
             window = lag;
             if lag as f64 >= 2.5 * inefficiency {
                 break;

@@ -1,7 +1,7 @@
 //! How μ relaxes in holds, averaged over the holds of one kind in all realisations.
 
 use super::slider_record::SliderRecord;
-use super::steps_and_holds::{line, reload_stiffness};
+use super::steps_and_holds::{Line, reload_stiffness};
 use crate::moments::{Moments, grouped, mean};
 
 /// Times since the start of a hold at which μ is averaged, over powers of ten.
@@ -24,7 +24,7 @@ pub struct Relaxation {
     pub duration: f64,
     /// Mean k̄ of the spring (1/m).
     pub stiffness: f64,
-    /// Mean k̄ of layer and spring together as the reslides show it ([`reload_stiffness`], 1/m);
+    /// Mean k̄ of layer and spring together as the reslides show it (`reload_stiffness`, 1/m);
     /// NaN if no slide follows.
     pub reload: f64,
     /// Time since the start of the hold (s).
@@ -60,64 +60,75 @@ struct Course {
 impl Course {
     /// The change and T at a time.
     fn at(&self, time: f64) -> Option<[f64; 2]> {
-        let within = |row: &&[f64; 3]| time / WINDOW <= row[0] && row[0] <= time * WINDOW;
-        let rows: Vec<_> = self.rows.iter().filter(within).collect();
-        let mean = |k: usize| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64;
+        let rows = self.rows.iter();
+        let rows: Vec<&[f64; 3]> = rows
+            .filter(|row| time / WINDOW <= row[0] && row[0] <= time * WINDOW)
+            .collect();
+        if rows.is_empty() {
+            return None;
+        }
+        let [mean_change, mean_temperature] =
+            [1, 2].map(|k| rows.iter().map(|row| row[k]).sum::<f64>() / rows.len() as f64);
         // A mean would be that of earlier times at the end of a hold, which cuts the window.
         let points = rows.iter().map(|row| [(row[0] / time).ln(), row[1]]);
-        let points: Vec<_> = points.collect();
-        let change = line(&points).map_or_else(|| mean(1), |(at, ..)| at);
-        (!rows.is_empty()).then(|| [change, mean(2)])
+        let line = Line::fit(&points.collect::<Vec<_>>());
+        let change = line.map_or(mean_change, |line| line.intercept);
+        Some([change, mean_temperature])
     }
 }
 
 fn courses(record: &SliderRecord) -> Vec<Course> {
-    let of = |segment: usize| {
+    let segments = (1..record.drive.len()).filter_map(|segment| {
         let (slide, hold) = (record.drive[segment - 1], record.drive[segment]);
         if slide.is_hold() || !hold.is_hold() {
             return None;
         }
         let begin = record.begin(segment);
         let last = record.rows(segment - 1);
-        let late = |row: &usize| record.time[*row] >= begin - LAST * slide.duration;
-        let first = last.clone().find(late).unwrap_or(last.end);
-        let start = record.mean_friction(first..last.end);
-        let row = |row: usize| {
+        let mut late = last.clone();
+        let first = late.find(|row| record.time[*row] >= begin - LAST * slide.duration);
+        let start = record.mean_friction(first.unwrap_or(last.end)..last.end);
+        let rows = record.rows(segment).map(|row| {
             let change = record.friction[row] - start;
             [record.time[row] - begin, change, record.temperature[row]]
-        };
+        });
         Some(Course {
             before: slide.velocity,
             duration: hold.duration,
             stiffness: record.stiffness,
             reload: reload_stiffness(record, segment + 1),
-            rows: record.rows(segment).map(row).collect(),
+            rows: rows.collect(),
         })
-    };
-    (1..record.drive.len()).filter_map(of).collect()
+    });
+    segments.collect()
 }
 
 /// Returns the averages over the holds of all records, at 1 and 3 times powers of ten and at the
 /// end, in the order in which kinds of holds first occur.
 pub fn relaxations(records: &[SliderRecord]) -> Vec<Relaxation> {
-    let near = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
     let groups = grouped(records.iter().flat_map(courses), |a, b| {
-        near(a.before, b.before) && near(a.duration, b.duration)
+        is_near(a.before, b.before) && is_near(a.duration, b.duration)
     });
-    groups.iter().flat_map(|group| of_group(group)).collect()
+    groups.iter().flat_map(|group| averages(group)).collect()
 }
 
-fn of_group(group: &[Course]) -> Vec<Relaxation> {
+/// Whether two values agree to the share [`SAME`].
+fn is_near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME * a.abs().max(b.abs())
+}
+
+/// The averages over holds of one kind.
+fn averages(group: &[Course]) -> Vec<Relaxation> {
     let duration = group[0].duration;
+    let reloads: Vec<f64> = group.iter().filter_map(|course| course.reload).collect();
+    let stiffnesses: Vec<f64> = group.iter().map(|course| course.stiffness).collect();
     let decades = FIRST_DECADE..=LAST_DECADE;
     let times = decades.flat_map(|k| MANTISSAS.map(|m| m * 10f64.powi(k)));
     let before = times.filter(|t| *t < duration * (1.0 - SAME));
-    let at = |time: f64| {
-        let means = group.iter().filter_map(|of| of.at(time));
+    let averages = before.chain([duration]).filter_map(|time| {
+        let means = group.iter().filter_map(|course| course.at(time));
         let (changes, temperatures): (Vec<f64>, Vec<f64>) = means.map(|[c, t]| (c, t)).unzip();
         let moments = Moments::of(&changes);
-        let reloads: Vec<f64> = group.iter().filter_map(|of| of.reload).collect();
-        let stiffnesses: Vec<f64> = group.iter().map(|of| of.stiffness).collect();
         // At shorter times than those between rows there is nothing to average.
         (changes.len() == group.len()).then(|| Relaxation {
             before: group[0].before,
@@ -130,6 +141,6 @@ fn of_group(group: &[Course]) -> Vec<Relaxation> {
             error: moments.error(),
             temperature: mean(&temperatures),
         })
-    };
-    before.chain([duration]).filter_map(at).collect()
+    });
+    averages.collect()
 }

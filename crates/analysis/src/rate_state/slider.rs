@@ -22,7 +22,7 @@ pub struct RateStateSlider {
 }
 
 /// Default tolerance of a step.
-pub const TOLERANCE: f64 = 1e-9;
+pub(crate) const TOLERANCE: f64 = 1e-9;
 /// Limit of |ln(V/V*)| and |ln(V*θ/D_c)|; beyond it the integration has failed, since exp soon
 /// leaves the range of f64.
 const LARGEST_LOGARITHM: f64 = 300.0;

@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::drive_segment::DriveSegment;
-use crate::moments::{self, Moments, grouped};
+use crate::moments::{Moments, grouped};
 
 /// Time series of a slider under one protocol; L rows.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,62 +70,77 @@ impl SliderRecord {
 
     /// Returns the rows of a segment: after its start and up to its end.
     pub fn rows(&self, segment: usize) -> Range<usize> {
-        let row_at = |time: f64| self.time.partition_point(|t| *t <= time);
         let end = if segment + 1 < self.drive.len() {
-            row_at(self.begin(segment + 1))
+            self.row_after(self.begin(segment + 1))
         } else {
             self.time.len()
         };
         let begin = if segment == 0 {
             0
         } else {
-            row_at(self.begin(segment))
+            self.row_after(self.begin(segment))
         };
         begin..end
+    }
+
+    /// Returns the first row after a time.
+    fn row_after(&self, time: f64) -> usize {
+        self.time.partition_point(|t| *t <= time)
+    }
+
+    /// Returns the mean friction of each so many consecutive rows among these.
+    pub(super) fn running_means(&self, rows: Range<usize>, length: usize) -> Vec<f64> {
+        let starts = rows.start..(rows.end + 1).saturating_sub(length);
+        let means = starts.map(|row| self.mean_friction(row..row + length));
+        means.collect()
     }
 
     /// Returns the rows of the first and of the latter half of a segment, by time.
     pub fn halves(&self, segment: usize) -> [Range<usize>; 2] {
         let rows = self.rows(segment);
         let middle = self.begin(segment) + 0.5 * self.drive[segment].duration;
-        let at = self.time.partition_point(|t| *t <= middle);
-        let at = at.clamp(rows.start, rows.end);
+        let at = self.row_after(middle).clamp(rows.start, rows.end);
         [rows.start..at, at..rows.end]
     }
 
     /// Returns the record restricted to a range of segments.
     pub fn cut(&self, segments: Range<usize>) -> SliderRecord {
         let rows = self.rows(segments.start).start..self.rows(segments.end - 1).end;
-        let of = |values: &[f64]| values[rows.clone()].to_vec();
         let mut drive = self.drive[segments.clone()].to_vec();
         // The first row of the cut record lies a little after the start of its first segment.
         drive[0].duration -= self.time[rows.start] - self.begin(segments.start);
         SliderRecord {
             stiffness: self.stiffness,
             drive,
-            time: of(&self.time),
-            slip: of(&self.slip),
-            friction: of(&self.friction),
-            load: of(&self.load),
-            temperature: of(&self.temperature),
-            deviation: of(&self.deviation),
+            time: self.time[rows.clone()].to_vec(),
+            slip: self.slip[rows.clone()].to_vec(),
+            friction: self.friction[rows.clone()].to_vec(),
+            load: self.load[rows.clone()].to_vec(),
+            temperature: self.temperature[rows.clone()].to_vec(),
+            deviation: self.deviation[rows].to_vec(),
             realisations: self.realisations,
         }
     }
 
     fn same_protocol(&self, other: &SliderRecord) -> bool {
-        let near = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs());
         let segments = self.drive.len();
+        if segments != other.drive.len()
+            || !is_near(self.stiffness, other.stiffness, SAME_STIFFNESS)
+        {
+            return false;
+        }
         // A run may be stopped at any time, so the last segment's duration is not compared.
-        let same = |k: usize| {
-            let (a, b) = (self.drive[k], other.drive[k]);
-            near(a.velocity, b.velocity, SAME_PROTOCOL)
-                && (k + 1 == segments || near(a.duration, b.duration, SAME_PROTOCOL))
-        };
-        segments == other.drive.len()
-            && near(self.stiffness, other.stiffness, SAME_STIFFNESS)
-            && (0..segments).all(same)
+        let mut pairs = self.drive.iter().zip(&other.drive).enumerate();
+        pairs.all(|(k, (a, b))| {
+            is_near(a.velocity, b.velocity, SAME_PROTOCOL)
+                && (k + 1 == segments || is_near(a.duration, b.duration, SAME_PROTOCOL))
+        })
     }
+}
+
+/// Whether two values agree to this share of the greater one.
+fn is_near(a: f64, b: f64, share: f64) -> bool {
+    (a - b).abs() <= share * a.abs().max(b.abs())
 }
 
 /// Returns the mean of values by their weights; NaN without values.
@@ -146,11 +161,11 @@ pub fn merge(records: &[SliderRecord]) -> Vec<(SliderRecord, Vec<usize>)> {
     let groups = grouped(0..records.len(), |a, b| {
         records[*a].same_protocol(&records[*b])
     });
-    let joined = |group: Vec<usize>| {
+    let joined = groups.into_iter().map(|group| {
         let members: Vec<&SliderRecord> = group.iter().map(|k| &records[*k]).collect();
         (mean(&members), group)
-    };
-    groups.into_iter().map(joined).collect()
+    });
+    joined.collect()
 }
 
 /// Returns the mean of realisations of one protocol. Panics if there are none.
@@ -161,22 +176,21 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
     if members.len() == 1 {
         return (*first).clone();
     }
-    let last = |r: &&SliderRecord| r.time[r.time.len() - 1] - r.time[0];
-    let end = members.iter().map(last).fold(f64::INFINITY, f64::min);
+    let lengths = members.iter().map(|r| r.time[r.time.len() - 1] - r.time[0]);
+    let end = lengths.fold(f64::INFINITY, f64::min);
     // Times count from each record's first row.
     let rows = first.time.partition_point(|t| t - first.time[0] <= end);
     let time = first.time[..rows].to_vec();
-    // The values of all members, row by row.
-    let rows = |values: fn(&SliderRecord) -> &[f64]| {
-        time.iter().map(move |time| -> Vec<f64> {
-            let since = time - first.time[0];
-            let at = |r: &&SliderRecord| interpolated(&r.time, values(r), r.time[0] + since);
-            members.iter().map(at).collect()
-        })
-    };
-    let means = |values| rows(values).map(|values| moments::mean(&values)).collect();
-    let friction = rows(|r| &r.friction).map(|values| Moments::of(&values));
-    let friction: Vec<Moments> = friction.collect();
+    let friction = moments_at(&time, members, |r| &r.friction);
+    let [slip, load, temperature] = [
+        (|r| &r.slip) as fn(&SliderRecord) -> &[f64],
+        |r| &r.load,
+        |r| &r.temperature,
+    ]
+    .map(|values| {
+        let moments = moments_at(&time, members, values);
+        moments.iter().map(|moments| moments.mean).collect()
+    });
     let mut drive = first.drive.clone();
     if let (Some(segment), Some(time)) = (drive.last_mut(), time.last()) {
         segment.duration = time - first.begin(first.drive.len() - 1);
@@ -184,14 +198,29 @@ pub(super) fn mean(members: &[&SliderRecord]) -> SliderRecord {
     SliderRecord {
         stiffness: members.iter().map(|r| r.stiffness).sum::<f64>() / members.len() as f64,
         drive,
-        slip: means(|r| &r.slip),
-        friction: friction.iter().map(|of| of.mean).collect(),
-        load: means(|r| &r.load),
-        temperature: means(|r| &r.temperature),
+        slip,
+        friction: friction.iter().map(|moments| moments.mean).collect(),
+        load,
+        temperature,
         deviation: friction.iter().map(Moments::deviation).collect(),
         realisations: members.len(),
         time,
     }
+}
+
+/// Moments of a quantity over the records, at the times of the first one.
+fn moments_at(
+    time: &[f64],
+    members: &[&SliderRecord],
+    values: fn(&SliderRecord) -> &[f64],
+) -> Vec<Moments> {
+    let start = members[0].time[0];
+    let moments = time.iter().map(|time| {
+        let members = members.iter();
+        let values = members.map(|r| interpolated(&r.time, values(r), r.time[0] + (time - start)));
+        Moments::of(&values.collect::<Vec<f64>>())
+    });
+    moments.collect()
 }
 
 /// Linear between the rows, constant beyond them.

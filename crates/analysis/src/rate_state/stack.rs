@@ -36,7 +36,7 @@ pub fn stacks(records: &[SliderRecord]) -> Vec<Stack> {
     let groups = grouped(records.iter().flat_map(followed), |a, b| {
         a.velocities == b.velocities
     });
-    let stacked = |members: Vec<Followed>| {
+    let stacks = groups.into_iter().map(|members| {
         let ends = members.iter().filter_map(|step| step.slip.last());
         let least = ends.copied().fold(f64::INFINITY, f64::min);
         let pieces = ENDS
@@ -46,8 +46,8 @@ pub fn stacks(records: &[SliderRecord]) -> Vec<Stack> {
             velocities: members[0].velocities,
             pieces: pieces.collect(),
         }
-    };
-    groups.into_iter().map(stacked).collect()
+    });
+    stacks.collect()
 }
 
 /// A step and the rows after it.
@@ -61,7 +61,7 @@ struct Followed {
 
 fn followed(record: &SliderRecord) -> Vec<Followed> {
     let steady = steady_segments(record);
-    let of = |segment: usize| {
+    let steps = (1..record.drive.len()).filter_map(|segment| {
         let before = steady[segment - 1]?;
         let rows = record.rows(segment);
         let begin = record.slip[record.rows(segment - 1).end - 1];
@@ -75,18 +75,18 @@ fn followed(record: &SliderRecord) -> Vec<Followed> {
             slip: slip.collect(),
             change: friction.map(|mu| mu - before.friction).collect(),
         })
-    };
-    (1..record.drive.len()).filter_map(of).collect()
+    });
+    steps.collect()
 }
 
 fn piece(steps: &[Followed], slip: [f64; 2]) -> Option<SlipInterval> {
-    let within = |s: f64| slip[0] <= s && s < slip[1];
-    let mean_of = |step: &Followed| {
+    let means = steps.iter().filter_map(|step| {
         let rows = step.slip.iter().zip(&step.change);
-        let here: Vec<f64> = rows.filter(|(s, _)| within(**s)).map(|(_, c)| *c).collect();
-        (!here.is_empty()).then(|| mean(&here))
-    };
-    let means: Vec<f64> = steps.iter().filter_map(mean_of).collect();
+        let within = rows.filter(|(s, _)| slip[0] <= **s && **s < slip[1]);
+        let changes: Vec<f64> = within.map(|(_, change)| *change).collect();
+        (!changes.is_empty()).then(|| mean(&changes))
+    });
+    let means: Vec<f64> = means.collect();
     let moments = Moments::of(&means);
     (!means.is_empty()).then_some(SlipInterval {
         slip,

@@ -65,11 +65,11 @@ pub struct Hold {
 pub struct Reslide {
     /// V_r (m/s).
     pub velocity: f64,
-    /// Peak strength: the greatest μ after the hold, as [`holds`] finds it.
+    /// Peak strength: the greatest μ after the hold, as `holds` finds it.
     pub peak: f64,
     /// Slip at the peak since the end of the hold (m).
     pub slip_at_peak: f64,
-    /// k̄ of layer and spring together ([`reload_stiffness`], 1/m).
+    /// k̄ of layer and spring together (`reload_stiffness`, 1/m).
     pub stiffness: Option<f64>,
     /// Δμ: the peak minus μ_ss before the hold.
     pub healing: f64,
@@ -95,8 +95,13 @@ pub struct Healing {
 
 /// Returns the steady friction of each segment; `None` for holds and for slides without rows in
 /// their latter half.
-pub fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
-    let of = |segment: usize| {
+pub(crate) fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
+    let segments = 0..record.drive.len();
+    segments.map(|k| Steady::of_segment(record, k)).collect()
+}
+
+impl Steady {
+    fn of_segment(record: &SliderRecord, segment: usize) -> Option<Self> {
         let drive = record.drive[segment];
         let [_, half] = record.halves(segment);
         if drive.is_hold() || half.is_empty() {
@@ -107,7 +112,7 @@ pub fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
         let shear: Vec<f64> = shear.map(|(friction, load)| friction * load).collect();
         let steady = TimeMean::of_ratio(&shear, normal, &vec![1.0; normal.len()]);
         let rows = record.rows(segment);
-        Some(Steady {
+        Some(Self {
             segment,
             velocity: drive.velocity,
             friction: steady.mean,
@@ -115,70 +120,88 @@ pub fn steady_segments(record: &SliderRecord) -> Vec<Option<Steady>> {
             scatter: steady.deviation,
             slip: record.slip[rows.end - 1] - record.slip[rows.start],
         })
-    };
-    (0..record.drive.len()).map(of).collect()
+    }
+
+    /// μ_ss with its standard error.
+    fn estimate(&self) -> [f64; 2] {
+        [self.friction, self.error]
+    }
+}
+
+/// The change from one friction to another, each with its standard error.
+fn change(from: [f64; 2], to: [f64; 2]) -> [f64; 2] {
+    [to[0] - from[0], from[1].hypot(to[1])]
 }
 
 /// Returns the velocity steps: changes from one slide to the next. `d_c` (m): see [`holds`].
-pub fn steps(
+pub(crate) fn steps(
     record: &SliderRecord,
     steady: &[Option<Steady>],
     d_c: Option<f64>,
 ) -> Vec<VelocityStep> {
-    let of = |segment: usize| {
+    let segments = (1..record.drive.len()).filter_map(|segment| {
         let (before, after) = (steady[segment - 1]?, steady[segment]?);
         let up = after.velocity > before.velocity;
         let extreme = extreme(record, segment, up, d_c)?;
-        let change = |[from, of_from]: [f64; 2], [to, of_to]: [f64; 2]| {
-            // With the standard error.
-            [to - from, of_from.hypot(of_to)]
-        };
-        let [start, end] = [before, after].map(|steady| [steady.friction, steady.error]);
         let peak = [extreme.friction, extreme.error];
         Some(VelocityStep {
             segment,
             velocities: [before.velocity, after.velocity],
-            direct: change(start, peak),
-            evolution: change(end, peak),
-            net: change(start, end),
+            direct: change(before.estimate(), peak),
+            evolution: change(after.estimate(), peak),
+            net: change(before.estimate(), after.estimate()),
         })
-    };
-    (1..record.drive.len()).filter_map(of).collect()
+    });
+    segments.collect()
 }
 
 /// Returns the holds that follow a slide. Peaks are the greatest μ in the first half of a segment.
 ///
 /// If D_c (m) is known, the search covers only the first 2 D_c of slip, and μ is averaged over 0.05
 /// D_c first. The extreme of single rows would exceed the peak by part of their scatter.
-pub fn holds(record: &SliderRecord, steady: &[Option<Steady>], d_c: Option<f64>) -> Vec<Hold> {
-    let of = |segment: usize| {
+pub(crate) fn holds(
+    record: &SliderRecord,
+    steady: &[Option<Steady>],
+    d_c: Option<f64>,
+) -> Vec<Hold> {
+    let segments = (1..record.drive.len()).filter_map(|segment| {
         let before = steady[segment - 1]?;
         let rows = record.rows(segment);
         if !record.drive[segment].is_hold() || rows.is_empty() {
             return None;
         }
-        let reslide = || {
-            let after = segment + 1;
-            let drive = record.drive.get(after).filter(|drive| !drive.is_hold())?;
-            let found = extreme(record, after, true, d_c)?;
-            Some(Reslide {
-                velocity: drive.velocity,
-                peak: found.friction,
-                slip_at_peak: found.slip - record.slip[rows.end - 1],
-                stiffness: reload_stiffness(record, after),
-                healing: found.friction - before.friction,
-                error: before.error.hypot(found.error),
-            })
-        };
         Some(Hold {
             segment,
             duration: record.drive[segment].duration,
             before: before.velocity,
             relaxation: record.friction[rows.end - 1] - before.friction,
-            reslide: reslide(),
+            reslide: Reslide::after(record, segment, &before, d_c),
         })
-    };
-    (1..record.drive.len()).filter_map(of).collect()
+    });
+    segments.collect()
+}
+
+impl Reslide {
+    /// The slide after the hold in `segment`; `before`: steady friction before the hold.
+    fn after(
+        record: &SliderRecord,
+        segment: usize,
+        before: &Steady,
+        d_c: Option<f64>,
+    ) -> Option<Self> {
+        let end = record.rows(segment).end;
+        let after = segment + 1;
+        let drive = record.drive.get(after).filter(|drive| !drive.is_hold())?;
+        let peak = extreme(record, after, true, d_c)?;
+        Some(Self {
+            velocity: drive.velocity,
+            peak: peak.friction,
+            slip_at_peak: peak.slip - record.slip[end - 1],
+            stiffness: reload_stiffness(record, after),
+            healing: peak.friction - before.friction,
+            error: before.error.hypot(peak.error),
+        })
+    }
 }
 
 /// Share of the way from the end of a hold to the greatest μ over which a reload is measured.
@@ -189,20 +212,26 @@ const RELOAD: f64 = 0.5;
 /// until μ has risen half of the way to its greatest value in the first half of the slide.
 ///
 /// `None` if there is no such slide, if μ does not rise, or if fewer than three rows show it.
-pub fn reload_stiffness(record: &SliderRecord, segment: usize) -> Option<f64> {
+pub(crate) fn reload_stiffness(record: &SliderRecord, segment: usize) -> Option<f64> {
     let drive = record.drive.get(segment).filter(|drive| !drive.is_hold())?;
     let [half, _] = record.halves(segment);
     let before = half.start.checked_sub(1)?;
     let start = record.friction[before];
-    let of_half = record.friction[half.clone()].iter().copied();
-    let greatest = of_half.reduce(f64::max)?;
+    let friction = record.friction[half.clone()].iter().copied();
+    let greatest = friction.reduce(f64::max)?;
     let risen = start + RELOAD * (greatest - start);
     let rises = half.take_while(|row| record.friction[*row] < risen);
     let begin = record.begin(segment);
-    let share = |row: usize| (record.time[row] - begin).max(0.0) / drive.duration;
     let rows = std::iter::once(before).chain(rises);
-    let points: Vec<_> = rows.map(|row| [share(row), record.friction[row]]).collect();
-    let (_, slope, _) = line(&points).filter(|_| points.len() > 2)?;
+    let points = rows.map(|row| {
+        let share = (record.time[row] - begin).max(0.0) / drive.duration;
+        [share, record.friction[row]]
+    });
+    let points: Vec<[f64; 2]> = points.collect();
+    if points.len() <= 2 {
+        return None;
+    }
+    let slope = Line::fit(&points)?.slope;
     (slope > 0.0).then_some(slope / drive.distance())
 }
 
@@ -230,53 +259,71 @@ fn extreme(
     let slipped = record.slip[rest.end - 1] - record.slip[rest.start];
     let per_row = slipped / (rest.len() as f64 - 1.0).max(1.0);
     let (mut end, mut length) = (half.end, 1);
-    if let Some(d_c) = d_c.filter(|_| per_row > 0.0) {
-        let within = |row: &usize| record.slip[*row] - start <= PEAK_WITHIN * d_c;
-        let near = half.clone().take_while(within).count();
+    if let Some(d_c) = d_c
+        && per_row > 0.0
+    {
+        let near = half.clone();
+        let near = near
+            .take_while(|row| record.slip[*row] - start <= PEAK_WITHIN * d_c)
+            .count();
         length = ((PEAK_MEAN * d_c / per_row) as usize).clamp(1, half.len().min(rest.len()));
         end = half.start + near.max(length);
     }
-    let mean = |row: usize| record.mean_friction(row..row + length);
-    let means = (half.start..(end + 1).saturating_sub(length)).map(mean);
-    let order = |a: &(usize, f64), b: &(usize, f64)| a.1.total_cmp(&b.1);
+    let means = record.running_means(half.start..end, length);
+    let means = means.iter().copied().enumerate();
     let (at, extreme) = if greatest {
-        means.enumerate().max_by(order)?
+        means.max_by(|a, b| a.1.total_cmp(&b.1))?
     } else {
-        means.enumerate().min_by(order)?
+        means.min_by(|a, b| a.1.total_cmp(&b.1))?
     };
-    let of_rest = rest.start..(rest.end + 1).saturating_sub(length);
-    let of_rest: Vec<f64> = of_rest.map(mean).collect();
+    let later_means = record.running_means(rest, length);
     Some(Extreme {
         friction: extreme,
         slip: record.slip[half.start + at + length / 2],
-        error: Moments::of(&of_rest).deviation(),
+        error: Moments::of(&later_means).deviation(),
     })
 }
 
 /// Fits Δμ against ln t_hold for each pair of velocities with at least two different durations.
-pub fn healing(holds: &[Hold]) -> Vec<Healing> {
-    let near = |a: f64, b: f64| (a - b).abs() <= 1e-6 * a.abs();
-    let point = |(k, hold): (usize, &Hold)| {
+pub(crate) fn healing(holds: &[Hold]) -> Vec<Healing> {
+    let points = holds.iter().enumerate().filter_map(|(number, hold)| {
         let reslide = hold.reslide?;
-        let velocities = [hold.before, reslide.velocity];
-        Some((k, velocities, [hold.duration.ln(), reslide.healing]))
-    };
-    let points = holds.iter().enumerate().filter_map(point);
-    let groups = grouped(points, |(_, a, _), (_, b, _)| {
-        near(a[0], b[0]) && near(a[1], b[1])
-    });
-    let fitted = |group: Vec<(usize, [f64; 2], [f64; 2])>| {
-        let points: Vec<[f64; 2]> = group.iter().map(|(.., point)| *point).collect();
-        let (intercept, slope, interval) = line(&points)?;
-        Some(Healing {
-            velocities: group[0].1,
-            holds: group.iter().map(|(k, ..)| *k).collect(),
-            slope,
-            intercept,
-            interval,
+        Some(HealingPoint {
+            hold: number,
+            velocities: [hold.before, reslide.velocity],
+            point: [hold.duration.ln(), reslide.healing],
         })
-    };
-    groups.into_iter().filter_map(fitted).collect()
+    });
+    let groups = grouped(points, HealingPoint::has_same_velocities);
+    let fits = groups.iter().filter_map(|group| {
+        let points: Vec<[f64; 2]> = group.iter().map(|hold| hold.point).collect();
+        let line = Line::fit(&points)?;
+        Some(Healing {
+            velocities: group[0].velocities,
+            holds: group.iter().map(|hold| hold.hold).collect(),
+            slope: line.slope,
+            intercept: line.intercept,
+            interval: line.interval,
+        })
+    });
+    fits.collect()
+}
+
+/// The healing of one hold.
+struct HealingPoint {
+    /// Index of the hold.
+    hold: usize,
+    /// V_i and V_r (m/s).
+    velocities: [f64; 2],
+    /// ln t_hold and Δμ.
+    point: [f64; 2],
+}
+
+impl HealingPoint {
+    fn has_same_velocities(&self, other: &Self) -> bool {
+        let mut pairs = self.velocities.iter().zip(other.velocities);
+        pairs.all(|(a, b)| (a - b).abs() <= 1e-6 * a.abs())
+    }
 }
 
 /// Growth of the peaks with the velocity of the slides after holds of equal duration, which begin
@@ -302,8 +349,6 @@ pub struct PeakGrowth {
 /// Fits Δμ against ln(V_r/V_i) for each duration of holds after the same velocity that has peaks at
 /// two or more ratios, in order of the durations.
 pub fn peak_growth<'a>(holds: impl IntoIterator<Item = &'a Hold>) -> Vec<PeakGrowth> {
-    // Those of equal protocols differ by rounding only.
-    let near = |a: f64, b: f64| (a - b).abs() <= 1e-3 * b;
     let holds = holds.into_iter();
     let mut holds: Vec<_> = holds
         .filter_map(|hold| Some((hold, hold.reslide?)))
@@ -312,50 +357,78 @@ pub fn peak_growth<'a>(holds: impl IntoIterator<Item = &'a Hold>) -> Vec<PeakGro
         let by_velocity = a.before.total_cmp(&b.before);
         by_velocity.then(a.duration.total_cmp(&b.duration))
     });
-    let groups =
-        holds.chunk_by(|(a, _), (b, _)| near(a.before, b.before) && near(a.duration, b.duration));
-    let fitted = |group: &[(&Hold, Reslide)]| {
-        let (hold, _) = group[0];
-        let point = |(hold, peak): &(&Hold, Reslide)| {
-            [(peak.velocity / hold.before).ln(), peak.healing, peak.error]
-        };
-        let points: Vec<[f64; 3]> = group.iter().map(point).collect();
-        let flat: Vec<[f64; 2]> = points.iter().map(|p| [p[0], p[1]]).collect();
-        let (intercept, slope, _) = line(&flat)?;
-        let ([mean, _], [spread, _]) = joint_moments(&flat);
-        let square = |x: f64| (x - mean) * (x - mean);
-        let variance: f64 = points.iter().map(|p| square(p[0]) * p[2] * p[2]).sum();
-        Some(PeakGrowth {
-            duration: hold.duration,
-            before: hold.before,
-            peaks: group.len(),
-            slope,
-            error: variance.sqrt() / spread,
-            intercept,
-            spread,
-        })
-    };
-    let mut growth: Vec<PeakGrowth> = groups.filter_map(fitted).collect();
+    let groups = holds
+        .chunk_by(|(a, _), (b, _)| is_near(a.before, b.before) && is_near(a.duration, b.duration));
+    let mut growth: Vec<PeakGrowth> = groups.filter_map(PeakGrowth::fit).collect();
     growth.sort_by(|a, b| a.duration.total_cmp(&b.duration));
     growth
 }
 
-/// Intercept, slope and its 95 % interval of the least-squares line; `None` if all x are equal.
-pub(super) fn line(points: &[[f64; 2]]) -> Option<(f64, f64, Option<[f64; 2]>)> {
-    let n = points.len() as f64;
-    let ([x0, y0], [spread, both]) = joint_moments(points);
-    if points.len() < 2 || spread <= 1e-12 * n * (1.0 + x0 * x0) {
-        return None;
+/// Whether two values of equal protocols differ by rounding only.
+fn is_near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= 1e-3 * b
+}
+
+impl PeakGrowth {
+    /// Fits the peaks of holds of equal duration after the same velocity.
+    fn fit(group: &[(&Hold, Reslide)]) -> Option<Self> {
+        let (hold, _) = group[0];
+        let points = group.iter().map(|(hold, peak)| {
+            let x = (peak.velocity / hold.before).ln();
+            [x, peak.healing]
+        });
+        let points: Vec<[f64; 2]> = points.collect();
+        let line = Line::fit(&points)?;
+        let ([mean, _], [spread, _]) = joint_moments(&points);
+        let terms = points.iter().zip(group).map(|([x, _], (_, peak))| {
+            let square = (x - mean) * (x - mean);
+            square * peak.error * peak.error
+        });
+        let variance: f64 = terms.sum();
+        Some(Self {
+            duration: hold.duration,
+            before: hold.before,
+            peaks: group.len(),
+            slope: line.slope,
+            error: variance.sqrt() / spread,
+            intercept: line.intercept,
+            spread,
+        })
     }
-    let slope = both / spread;
-    let square = |[x, y]: &[f64; 2]| ((y - y0) - slope * (x - x0)).powi(2);
-    let rest: f64 = points.iter().map(square).sum();
-    let freedom = n - 2.0;
-    let interval = (freedom > 0.0).then(|| {
-        let half = student(freedom) * (rest / freedom / spread).sqrt();
-        [slope - half, slope + half]
-    });
-    Some((y0 - slope * x0, slope, interval))
+}
+
+/// A least-squares line.
+pub(super) struct Line {
+    pub(super) intercept: f64,
+    pub(super) slope: f64,
+    /// 95 % interval of the slope by Student's t; `None` for two points.
+    pub(super) interval: Option<[f64; 2]>,
+}
+
+impl Line {
+    /// The line through points (x, y); `None` if all x are equal.
+    pub(super) fn fit(points: &[[f64; 2]]) -> Option<Self> {
+        let n = points.len() as f64;
+        let ([x0, y0], [spread, both]) = joint_moments(points);
+        if points.len() < 2 || spread <= 1e-12 * n * (1.0 + x0 * x0) {
+            return None;
+        }
+        let slope = both / spread;
+        let squares = points
+            .iter()
+            .map(|[x, y]| ((y - y0) - slope * (x - x0)).powi(2));
+        let rest: f64 = squares.sum();
+        let freedom = n - 2.0;
+        let interval = (freedom > 0.0).then(|| {
+            let half = student(freedom) * (rest / freedom / spread).sqrt();
+            [slope - half, slope + half]
+        });
+        Some(Self {
+            intercept: y0 - slope * x0,
+            slope,
+            interval,
+        })
+    }
 }
 
 /// Half-width of a two-sided 95 % interval in standard errors.

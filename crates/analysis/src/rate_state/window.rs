@@ -14,7 +14,7 @@ const MEANS: usize = 400;
 /// Consecutive segments of a record. The first one is a slide; only its latter half is used, where
 /// sliding is taken as steady.
 #[derive(Debug, Clone, PartialEq)]
-pub struct FitWindow {
+pub(crate) struct FitWindow {
     /// k̄ (1/m).
     pub stiffness: f64,
     /// Segments; the first one shortened to the half that is used.
@@ -79,26 +79,27 @@ impl FitWindow {
         let start = law.steady(self.drive[0].velocity);
         let slider = RateStateSlider::new(*law, self.stiffness);
         let states = slider.motion(&self.drive, start, &self.time)?;
-        Ok(states.into_iter().map(|of| law.friction(of)).collect())
+        let states = states.into_iter();
+        Ok(states.map(|state| law.friction(state)).collect())
     }
 
     /// Returns μ of the law averaged over the same groups of rows as `friction`.
     ///
     /// # Errors
     /// If the integration fails; see [`RateStateSlider::motion`].
-    pub fn model_means(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
+    pub(crate) fn model_means(&self, law: &RateStateLaw) -> Result<Vec<f64>, String> {
         let rows = self.model(law)?;
-        let of =
-            |group: &Range<usize>| weighted_mean(&rows[group.clone()], &self.load[group.clone()]);
-        Ok(self.groups.iter().map(of).collect())
+        let groups = self.groups.iter().cloned();
+        let means = groups.map(|group| weighted_mean(&rows[group.clone()], &self.load[group]));
+        Ok(means.collect())
     }
 
     /// Returns the mean μ over the latter half of a segment, where sliding is nearest to steady.
-    pub fn steady_friction(&self, segment: usize) -> f64 {
+    pub(crate) fn steady_friction(&self, segment: usize) -> f64 {
         let means = &self.segments[segment];
         let latter = means.start + means.len() / 2..means.end;
-        let load = |group: &Range<usize>| self.load[group.clone()].iter().sum();
-        let loads: Vec<f64> = self.groups[latter.clone()].iter().map(load).collect();
+        let groups = self.groups[latter.clone()].iter().cloned();
+        let loads: Vec<f64> = groups.map(|group| self.load[group].iter().sum()).collect();
         weighted_mean(&self.friction[latter], &loads)
     }
 }

@@ -1,8 +1,7 @@
 //! The interface of contact laws: numbers in, numbers out. The laws are in [`crate::laws`], the
 //! loop over the contacts in [`crate::kernel`].
 
-pub mod attraction;
-pub mod jkr;
+pub mod adhesion;
 pub mod model;
 pub mod stiffness;
 
@@ -69,13 +68,21 @@ pub struct Blocks<'a> {
     pub carry: &'a mut [[Lanes16; CARRY]],
     /// Receives the forces.
     pub response: &'a mut [Response],
-    /// Pairs whose adhesion ([`jkr`]) begins or ends in this step, for the torques of spheres: the
-    /// motion of other pairs tells.
+    /// Pairs whose contact begins or ends in this step with an [`adhesion`] that changes its area,
+    /// for the torques of spheres: the motion of other pairs tells.
     pub jumps: &'a [Jump],
 }
 
-/// Block and lane of a pair, and the factor of a force that jumps in this step.
-pub type Jump = (usize, usize, f64);
+/// A pair whose forces jump in this step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Jump {
+    /// Its block among those that the law is given.
+    pub block: usize,
+    /// Its lane.
+    pub lane: usize,
+    /// By which the forces that jump are multiplied.
+    pub factor: f64,
+}
 
 /// Kinds of dissipation: the indices of [`Response::dissipated`].
 ///
@@ -276,7 +283,7 @@ impl<L: Lanes> Sliding<L> {
         let at_limit = exceeds(&force, limit).and(touching);
         if at_limit.bits() != 0 {
             let before = difference(&trial.before, &trial.viscous_before);
-            force = set_back(token, &before, &force, limit, [slid, at_limit]);
+            force = set_back(token, &before, &force, limit, slid, at_limit);
             for k in 0..3 {
                 elastic[k] = (force[k] + trial.viscous[k]).select(at_limit, elastic[k]);
             }
@@ -329,7 +336,8 @@ pub(crate) fn set_back<L: Lanes>(
     before: &Vector<L>,
     trial: &Vector<L>,
     limit: L,
-    [slid, at_limit]: [L::Mask; 2],
+    slid: L::Mask,
+    at_limit: L::Mask,
 ) -> Vector<L> {
     let c = |v| L::splat(token, v);
     let mut along = *trial;
@@ -365,10 +373,44 @@ pub(crate) fn norm<L: Lanes>(token: L::Token, v: &Vector<L>) -> (L, L) {
     (square * per_length, per_length)
 }
 
-/// Pairs of two grains: the other of a flat wall has the radius 0. Takes R_i + R_j and R_i (m).
-#[inline(always)]
-pub(crate) fn is_curved<L: Lanes>([sum, r_i]: [L; 2]) -> L::Mask {
-    sum.abs().greater(r_i.abs())
+/// The radii of sixteen pairs; the second of a flat wall counts as 0.
+#[derive(Debug, Clone, Copy)]
+pub struct PairRadii<L> {
+    /// R_i + R_j (m).
+    pub sum: L,
+    /// R_i (m).
+    pub first: L,
+}
+
+impl<L: Lanes> PairRadii<L> {
+    /// Of R_i + R_j and R_i, as in [`crate::state::Contacts::geometry`].
+    #[inline(always)]
+    pub fn load(token: L::Token, geometry: &[Lanes16; 2]) -> Self {
+        Self {
+            sum: L::load(token, &geometry[0]),
+            first: L::load(token, &geometry[1]),
+        }
+    }
+
+    /// Pairs of two grains.
+    #[inline(always)]
+    pub fn is_curved(&self) -> L::Mask {
+        self.sum.abs().greater(self.first.abs())
+    }
+
+    /// R* (m); R_i at a flat wall.
+    #[inline(always)]
+    pub fn reduced(&self) -> L {
+        let (sum, r_i) = (self.sum, self.first);
+        (r_i * (sum - r_i) / sum).select(self.is_curved(), r_i)
+    }
+
+    /// The radius of the smaller grain (m): a flat wall is larger than any grain.
+    #[inline(always)]
+    pub fn smaller(&self) -> L {
+        let (r_i, r_j) = (self.first, self.sum - self.first);
+        r_j.select(r_i.greater(r_j).and(self.is_curved()), r_i)
+    }
 }
 
 /// a + b.
@@ -562,7 +604,7 @@ pub fn portable_exp(x: f64) -> f64 {
 }
 
 /// A portable computation on one number.
-pub(crate) fn scalar(f: impl FnOnce(PortableToken) -> Portable) -> f64 {
+pub fn scalar(f: impl FnOnce(PortableToken) -> Portable) -> f64 {
     f(PortableToken).to_lanes16().0[0]
 }
 

@@ -3,7 +3,7 @@
 use std::fmt::Debug;
 
 use super::stiffness::Stiffness;
-use super::{ContactLaw, is_curved};
+use super::{ContactLaw, PairRadii};
 use crate::dimension::Dimension;
 use crate::simd::{Isa, Lanes, Lanes16, Work};
 
@@ -22,7 +22,13 @@ pub trait PairModel: Stiffness + Debug + Send + Sync {
 
     /// Computes the parameters of all blocks from their R_i + R_j and R_i (m), and their kinds.
     /// Lanes that fill up a block have negative sums.
-    fn set_parameters(&self, isa: Isa, of: (&[[Lanes16; 2]], &[u16]), out: &mut [Lanes16]);
+    fn set_parameters(
+        &self,
+        isa: Isa,
+        geometry: &[[Lanes16; 2]],
+        kinds: &[u16],
+        out: &mut [Lanes16],
+    );
 
     /// The largest F_n (N; N/m in 2D) of two grains of this radius (m) within the law.
     fn largest_normal_force(&self, radius: f64) -> f64;
@@ -79,8 +85,7 @@ impl<C: ContactLaw + Stiffness> PairModel for C {
         }
     }
 
-    fn set_parameters(&self, isa: Isa, of: (&[[Lanes16; 2]], &[u16]), out: &mut [Lanes16]) {
-        let geometry = of.0;
+    fn set_parameters(&self, isa: Isa, geometry: &[[Lanes16; 2]], _: &[u16], out: &mut [Lanes16]) {
         isa.run(Parameters {
             law: self,
             geometry,
@@ -116,12 +121,13 @@ impl<C: ContactLaw> Work for Parameters<'_, C> {
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) {
         let blocks = self.out.chunks_exact_mut(C::PARAMETERS.max(1));
-        for ([sum, r_i], out) in self.geometry.iter().zip(blocks) {
-            // The sum is negative in lanes that fill up a block.
-            let (sum, r_i) = (L::load(token, sum).abs(), L::load(token, r_i));
-            let wall = L::splat(token, WALL) * r_i;
-            let r_j = (sum - r_i).select(is_curved([sum, r_i]), wall);
-            self.law.parameters(token, r_i, r_j, out);
+        for (geometry, out) in self.geometry.iter().zip(blocks) {
+            let mut radii = PairRadii::<L>::load(token, geometry);
+            // It is negative in lanes that fill up a block.
+            radii.sum = radii.sum.abs();
+            let wall = L::splat(token, WALL) * radii.first;
+            let r_j = (radii.sum - radii.first).select(radii.is_curved(), wall);
+            self.law.parameters(token, radii.first, r_j, out);
         }
     }
 }
@@ -137,11 +143,11 @@ impl<C: ContactLaw> Work for Energies<'_, C> {
 
     #[inline(always)]
     fn run<L: Lanes>(self, token: L::Token) {
-        let of = self.blocks;
+        let elastic = self.blocks;
         for (block, out) in self.out.iter_mut().enumerate() {
-            let parameters = &of.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
-            let history = &of.history[block * C::HISTORY..][..C::HISTORY];
-            let overlap = L::load(token, &of.overlap[block]);
+            let parameters = &elastic.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
+            let history = &elastic.history[block * C::HISTORY..][..C::HISTORY];
+            let overlap = L::load(token, &elastic.overlap[block]);
             let energies = self
                 .law
                 .elastic_energies(token, parameters, overlap, history);

@@ -82,24 +82,31 @@ pub trait Stiffness: Sync {
 }
 
 impl Derivatives {
-    /// The limit of a force of this coefficient, and its derivative by δ. F_n must be set.
-    pub fn limit(&self, coefficient: f64) -> [f64; 2] {
-        [coefficient * self.normal, coefficient * self.normal_slope]
+    /// The limit of a force of this coefficient. F_n must be set.
+    pub fn limit(&self, coefficient: f64) -> Limit {
+        Limit {
+            value: coefficient * self.normal,
+            slope: coefficient * self.normal_slope,
+        }
     }
+}
+
+/// A limit of a spring's force, proportional to F_n.
+#[derive(Debug, Clone, Copy)]
+pub struct Limit {
+    /// The limit (N or N m; per m in 2D).
+    pub value: f64,
+    /// Its derivative by δ.
+    pub slope: f64,
 }
 
 impl SpringForce {
     /// The spring's force `trial` of this stiffness, cut to a limit of this slope. What is
     /// `at_limit` by a step was cut there, to the limit that the damper left.
-    pub fn new(
-        trial: [f64; 3],
-        stiffness: f64,
-        [limit, slope]: [f64; 2],
-        at_limit: Option<bool>,
-    ) -> Self {
+    pub fn new(trial: [f64; 3], stiffness: f64, limit: Limit, at_limit: Option<bool>) -> Self {
         let length = norm(trial);
         let direction = unit(trial, length);
-        if !at_limit.unwrap_or(length >= AT_LIMIT * limit) {
+        if !at_limit.unwrap_or(length >= AT_LIMIT * limit.value) {
             return Self {
                 value: trial,
                 along: stiffness,
@@ -108,15 +115,19 @@ impl SpringForce {
                 ..Self::default()
             };
         }
-        let limit = if at_limit.is_some() { length } else { limit };
+        let size = if at_limit.is_some() {
+            length
+        } else {
+            limit.value
+        };
         // Without a force there is no direction in which it could grow.
         let [across, slope] = if length > 0.0 {
-            [stiffness * limit / length, slope]
+            [stiffness * size / length, limit.slope]
         } else {
             [stiffness, 0.0]
         };
         Self {
-            value: direction.map(|t| limit * t),
+            value: direction.map(|t| size * t),
             slope: direction.map(|t| slope * t),
             along: 0.0,
             across,

@@ -4,7 +4,7 @@
 use super::Exchange;
 
 /// Number of integers that represent a fixed-point number in a reduction.
-pub const LIMBS: usize = 4;
+pub(crate) const LIMBS: usize = 4;
 
 /// Fixed-point numbers whose unit is 2^-80 of a reference magnitude. Each term is rounded to the
 /// unit, and sums of up to 2^46 times the reference are exact.
@@ -46,7 +46,7 @@ impl FixedPoint {
     }
 
     /// Adds a whole number of units that are a power of two.
-    pub fn add_whole(&self, to: &mut Accumulator, count: i128, unit: f64) {
+    pub(crate) fn add_whole(&self, to: &mut Accumulator, count: i128, unit: f64) {
         let exponent = ((unit * self.per_unit).to_bits() >> 52) as i64 - 1023;
         // That of NaN is 1024.
         let bits = count.unsigned_abs().checked_ilog2().unwrap_or(0);
@@ -58,9 +58,9 @@ impl FixedPoint {
     }
 
     /// The sum, correctly rounded; NaN if a term was out of range.
-    pub fn value(&self, of: Accumulator) -> f64 {
-        if of.outside == 0 {
-            of.sum as f64 * self.unit
+    pub fn value(&self, sum: Accumulator) -> f64 {
+        if sum.outside == 0 {
+            sum.sum as f64 * self.unit
         } else {
             f64::NAN
         }
@@ -83,11 +83,11 @@ impl FixedPoint {
 }
 
 /// Greatest magnitude that [`nearest_whole`] takes.
-pub const MOST_COUNTED: f64 = (1u64 << 51) as f64;
+pub(crate) const MOST_COUNTED: f64 = (1u64 << 51) as f64;
 
 /// The nearest whole number, of one up to [`MOST_COUNTED`]: `round_ties_even` calls a function
 /// where the instruction set lacks it.
-pub fn nearest_whole(x: f64) -> i64 {
+pub(crate) fn nearest_whole(x: f64) -> i64 {
     let shift = (3u64 << 51) as f64;
     (x + shift).to_bits().wrapping_sub(shift.to_bits()) as i64
 }
@@ -108,8 +108,8 @@ impl From<i128> for Accumulator {
 }
 
 impl From<Accumulator> for i128 {
-    fn from(of: Accumulator) -> i128 {
-        of.sum
+    fn from(accumulator: Accumulator) -> i128 {
+        accumulator.sum
     }
 }
 

@@ -5,8 +5,10 @@ mod exact_sum;
 mod slabs;
 mod solo;
 
-pub use exact_sum::{Accumulator, FixedPoint, LIMBS, MOST_COUNTED, nearest_whole};
-pub use slabs::{Slabs, most_ranks};
+pub use exact_sum::{Accumulator, FixedPoint};
+pub(crate) use exact_sum::{LIMBS, MOST_COUNTED, nearest_whole};
+pub use slabs::Slabs;
+pub(crate) use slabs::most_ranks;
 pub use solo::Solo;
 
 /// The halo messages of a step with one neighbour: the records to send, and room for those to

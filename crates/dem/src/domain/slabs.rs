@@ -42,7 +42,7 @@ struct Neighbour<D: Dimension> {
 }
 
 /// The greatest number of slabs wider than `cutoff` (m) in a cell of this `length` (m).
-pub fn most_ranks(length: f64, cutoff: f64) -> usize {
+pub(crate) fn most_ranks(length: f64, cutoff: f64) -> usize {
     let slabs = (length / cutoff) as usize;
     if slabs as f64 * cutoff < length {
         slabs
@@ -94,14 +94,15 @@ impl<D: Dimension> Slabs<D> {
         cell: Cell,
         grains: Vec<GrainState>,
         mut contacts: Vec<ContactState>,
-        (cutoff, worked): (f64, f64),
+        cutoff: f64,
+        worked: f64,
     ) -> Result<(Vec<GrainState>, Vec<ContactState>)> {
         let (size, me) = (exchange.size(), exchange.rank());
         let mut owned = grains;
         if size > 1 {
             owned.sort_unstable_by_key(|g| g.id);
-            let of = (cell.cutoff_along_x(cutoff), worked);
-            self.balance(exchange, cell, &owned, &contacts, of)?;
+            let along_x = cell.cutoff_along_x(cutoff);
+            self.balance(exchange, cell, &owned, &contacts, along_x, worked)?;
             let mut leaving: Vec<(u32, usize)> = Vec::new();
             let mut grains_to = vec![Vec::new(); size];
             let mut contacts_to = vec![Vec::new(); size];
@@ -120,7 +121,12 @@ impl<D: Dimension> Slabs<D> {
             };
             for contact in &contacts {
                 let (a, b) = (destination(contact.i), destination(contact.j));
-                for to in [a, b.filter(|_| b != a)].into_iter().flatten() {
+                if let Some(to) = a {
+                    contacts_to[to].push(*contact);
+                }
+                if let Some(to) = b
+                    && b != a
+                {
                     contacts_to[to].push(*contact);
                 }
             }
@@ -147,7 +153,8 @@ impl<D: Dimension> Slabs<D> {
         cell: Cell,
         grains: &[GrainState],
         contacts: &[ContactState],
-        (cutoff, worked): (f64, f64),
+        cutoff: f64,
+        worked: f64,
     ) -> Result<()> {
         let size = exchange.size();
         let most = most_ranks(self.length, cutoff);
@@ -204,7 +211,7 @@ impl<D: Dimension> Slabs<D> {
 
     /// Finds the owned grains within `cutoff` (m) of a neighbour's slab, and adds those of the
     /// neighbours as ghosts.
-    pub fn attach_ghosts(
+    pub(crate) fn attach_ghosts(
         &mut self,
         exchange: &dyn Exchange,
         cell: Cell,
@@ -250,7 +257,7 @@ impl<D: Dimension> Slabs<D> {
 
     /// Drops the ghosts that are in none of these pairs, on the ranks that own them, too, so that
     /// the halo exchange sends no more than the forces need. Renumbers the grains of the pairs.
-    pub fn drop_unpaired_ghosts(
+    pub(crate) fn drop_unpaired_ghosts(
         &mut self,
         exchange: &dyn Exchange,
         grains: &mut Grains<D>,
@@ -317,7 +324,7 @@ impl<D: Dimension> Slabs<D> {
     }
 
     /// The part of the cell that holds this rank's grains and ghosts.
-    pub fn local_extent(&self, exchange: &dyn Exchange, cutoff: f64) -> LocalExtent {
+    pub(crate) fn local_extent(&self, exchange: &dyn Exchange, cutoff: f64) -> LocalExtent {
         let me = exchange.rank();
         let (from, to) = (self.cuts[me], self.cuts[me + 1]);
         let wide = to - from + 2.0 * cutoff;

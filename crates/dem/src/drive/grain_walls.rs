@@ -1,8 +1,7 @@
 //! Walls of frozen grains, or flat ones.
 
-use super::{Drive, Felt, Slider, Top, WallForces, WallSteps};
+use super::{Drive, Felt, Slider, Top, WallForces, WallSteps, WallSums};
 use crate::dimension::Dimension;
-use crate::domain::Accumulator;
 use crate::protocol::Protocol;
 use crate::simd::Isa;
 use crate::state::{Cell, Grains, body};
@@ -38,15 +37,15 @@ impl GrainWalls {
     fn impose<D: Dimension>(
         &self,
         at: &[usize],
-        [along, up]: [f64; 2],
+        velocity: [f64; 2],
         bottom: impl FnOnce(&Protocol) -> f64,
         grains: &mut Grains<D>,
     ) {
         for &g in &self.top {
             let r = grains.fields_mut(g as usize);
             for at in at {
-                r[*at] = along;
-                r[at + D::UP] = up;
+                r[*at] = velocity[0];
+                r[at + D::UP] = velocity[1];
             }
         }
         let protocol = &self.motion.slider.protocol;
@@ -118,18 +117,18 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         self.motion.slider.protocol.has_bottom()
     }
 
-    fn load(&self, felt: &Felt<'_, D>, [up, along, bottom]: &mut [Accumulator; 3]) {
+    fn load(&self, felt: &Felt<'_, D>, sums: &mut WallSums) {
         let Felt { grains, fixed, .. } = felt;
         for &g in &self.top {
-            fixed.add(up, grains.force[g as usize][D::UP]);
+            fixed.add(&mut sums.up, grains.force[g as usize][D::UP]);
         }
         if self.motion.along {
             for &g in &self.top {
-                fixed.add(along, grains.force[g as usize][0]);
+                fixed.add(&mut sums.along, grains.force[g as usize][0]);
             }
         }
         for &g in &self.bottom {
-            fixed.add(bottom, grains.force[g as usize][D::UP]);
+            fixed.add(&mut sums.bottom, grains.force[g as usize][D::UP]);
         }
     }
 

@@ -1,8 +1,8 @@
 //! A cell without walls: its images above move.
 
-use super::{Drive, Felt, Top, WallForces, WallSteps};
+use super::{Drive, Felt, Top, WallForces, WallSteps, WallSums};
 use crate::dimension::Dimension;
-use crate::domain::{Accumulator, MOST_COUNTED, nearest_whole};
+use crate::domain::{MOST_COUNTED, nearest_whole};
 use crate::state::{Cell, Grains, Sheared, Stretching};
 
 /// The images above a cell that is periodic along its last axis, too (Lees and Edwards, J. Phys. C
@@ -86,7 +86,8 @@ impl MomentumFlow {
 impl FlowSum {
     /// Adds the flow of a grain.
     #[inline(always)]
-    pub fn add(&mut self, [up, along]: [f64; 2]) {
+    pub fn add(&mut self, flow: [f64; 2]) {
+        let [up, along] = flow;
         self.counts[0] += i128::from(nearest_whole(up));
         self.counts[1] += i128::from(nearest_whole(along));
         self.greatest = self.greatest.max((up + along.abs()).to_bits());
@@ -101,8 +102,8 @@ impl FlowSum {
     }
 
     /// Adds the sum to counts of the contacts. Grains that are too fast, faster than that they are
-    /// lost, end the run: they make the counts greater than [`Accumulator`] takes.
-    pub fn add_to(self, stress: &mut [i128; 2]) {
+    /// lost, end the run: they make the counts greater than [`crate::domain::Accumulator`] takes.
+    pub(crate) fn add_to(self, stress: &mut [i128; 2]) {
         let is_too_fast = self.greatest >= MOST_COUNTED.to_bits();
         for (to, count) in stress.iter_mut().zip(self.counts) {
             *to = if is_too_fast {
@@ -184,12 +185,11 @@ impl<D: Dimension> Drive<D> for Images {
         self.needs_stress || sampled
     }
 
-    fn load(&self, felt: &Felt<'_, D>, [up, along, _]: &mut [Accumulator; 3]) {
+    fn load(&self, felt: &Felt<'_, D>, sums: &mut WallSums) {
         let unit = felt.grains.units.force;
-        let stress = felt.stress.unwrap_or_default();
-        for (to, count) in [up, along].into_iter().zip(stress) {
-            felt.fixed.add_whole(to, count, unit);
-        }
+        let [up, along] = felt.stress.unwrap_or_default();
+        felt.fixed.add_whole(&mut sums.up, up, unit);
+        felt.fixed.add_whole(&mut sums.along, along, unit);
     }
 
     fn kick(&mut self, step: f64, forces: WallForces, _: &mut Grains<D>) {
@@ -205,6 +205,7 @@ impl<D: Dimension> Drive<D> for Images {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::Accumulator;
     use crate::domain::FixedPoint;
 
     /// Contacts and flows of grains are added; one flow that cannot be counted ends the run.

@@ -3,6 +3,7 @@
 
 mod grain_walls;
 mod images;
+mod moving;
 mod planes;
 mod top;
 
@@ -14,6 +15,7 @@ use crate::tuning::PassSettings;
 
 pub use grain_walls::GrainWalls;
 pub use images::{FlowSum, Images, MomentumFlow, Streaming};
+pub use moving::MovingBoundary;
 pub use planes::Planes;
 pub(crate) use top::is_zero;
 pub use top::{Piston, Servo, Slider, SliderState, Top};
@@ -27,6 +29,17 @@ pub struct WallForces {
     pub along: f64,
     /// On the bottom upwards.
     pub bottom: f64,
+}
+
+/// The exact sums of the [`WallForces`].
+#[derive(Debug, Default)]
+pub struct WallSums {
+    /// On the top upwards, along the last axis.
+    pub up: Accumulator,
+    /// On the top along x.
+    pub along: Accumulator,
+    /// On the bottom upwards.
+    pub bottom: Accumulator,
 }
 
 /// How far the walls moved in the last step (m).
@@ -83,9 +96,8 @@ pub trait Drive<D: Dimension> {
     fn has_bottom_force(&self) -> bool {
         false
     }
-    /// Adds this rank's part of the forces on the walls: on the top upwards and along x, on the
-    /// bottom upwards.
-    fn load(&self, _: &Felt<'_, D>, _to: &mut [Accumulator; 3]) {}
+    /// Adds this rank's part of the forces on the walls.
+    fn load(&self, _: &Felt<'_, D>, _: &mut WallSums) {}
     /// Whether it needs the stress of the contacts; `sampled`: their forces are measured in this
     /// step.
     fn needs_stress(&self, _sampled: bool) -> bool {

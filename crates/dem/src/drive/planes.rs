@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::{Drive, Felt, Piston, WallForces};
+use super::{Drive, Felt, Piston, WallForces, WallSums};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, PassInput, Scratch};
@@ -104,24 +104,16 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.force.fill(Zeroable::zeroed());
         let all = 0..self.contacts.blocks();
         let part = self.contacts.part(all);
-        let outcome = self.law.pass(
-            Pass {
-                input: PassInput {
-                    settings,
-                    units: grains.units,
-                    cell,
-                    step,
-                    travelled: None,
-                    attraction: None,
-                    counting: None,
-                },
-                record: &self.record,
-                force: &mut self.force,
-                part,
-                samples: None,
-            },
-            &mut self.scratch,
-        );
+        let input = PassInput {
+            settings,
+            units: grains.units,
+            cell,
+            step,
+            travelled: None,
+            counting: None,
+        };
+        let pass = Pass::new(input, &self.record, &mut self.force, part);
+        let outcome = self.law.pass(pass, &mut self.scratch);
         for (k, &(g, _)) in self.candidates.iter().enumerate() {
             grains.force[g as usize][up] += self.force[2 * k][up];
         }
@@ -131,8 +123,8 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         })
     }
 
-    fn load(&self, felt: &Felt<'_, D>, [up, ..]: &mut [Accumulator; 3]) {
-        self.load_on(true, felt.fixed, up);
+    fn load(&self, felt: &Felt<'_, D>, sums: &mut WallSums) {
+        self.load_on(true, felt.fixed, &mut sums.up);
     }
 
     fn kick(&mut self, step: f64, load: WallForces, _: &mut Grains<D>) {

@@ -206,7 +206,7 @@ impl Slider {
     }
 
     /// Position of the far end of the spring, or of the top itself (m).
-    pub fn drive_position(&self) -> f64 {
+    pub(crate) fn drive_position(&self) -> f64 {
         self.state.pulled + self.protocol.position(self.state.step)
     }
 

@@ -9,19 +9,19 @@
     reason = "iterators would have to be inlined with all their closures, or they lose the instruction set"
 )]
 
+mod adhesion;
 mod motion;
 
 use std::ops::Range;
 
 use self::motion::relative_motion;
-use crate::contact::attraction::Attraction;
-use crate::contact::jkr::Jkr;
+use crate::contact::adhesion::AdhesionModel;
 use crate::contact::model::PairModel;
 use crate::contact::stiffness::Stiffness;
 use crate::contact::{
-    CARRY, CHUNK, ContactLaw, Jump, PairMotion, Response, Turning, dissipation, vector,
+    CARRY, CHUNK, ContactLaw, Jump, PairMotion, PairRadii, Response, Turning, dissipation, vector,
 };
-use crate::dimension::Dimension;
+use crate::dimension::{Dimension, PairForces, Vector};
 use crate::simd::{
     LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
 };
@@ -51,8 +51,8 @@ impl ContactForces {
         self.tangential.resize(blocks, [Lanes16::ZERO; 3]);
     }
 
-    /// The force of a pair (block, lane) on its grain i, whose separation from j is r (m).
-    pub fn vector<D: Dimension>(&self, (block, lane): (usize, usize), r: &[f64; 3]) -> [f64; 3] {
+    /// The force of a pair on its grain i, whose separation from j is r (m).
+    pub fn vector<D: Dimension>(&self, block: usize, lane: usize, r: &[f64; 3]) -> [f64; 3] {
         let tangential = self.tangential[block].map(|lanes| lanes.0[lane]);
         let per_length = 1.0 / length(*r);
         let normal = self.normal[block].0[lane] * per_length;
@@ -89,7 +89,7 @@ pub struct Samples<'a> {
 
 impl<'a> Samples<'a> {
     /// Splits off the blocks from `at` on.
-    pub fn split_off(&mut self, at: usize) -> Samples<'a> {
+    pub(crate) fn split_off(&mut self, at: usize) -> Samples<'a> {
         Samples {
             normal: tail_mut(&mut self.normal, at),
             tangential: tail_mut(&mut self.tangential, at),
@@ -110,6 +110,59 @@ pub struct Pass<'a, D: Dimension> {
     pub part: BlockRange<'a>,
     /// Receives the contact forces.
     pub samples: Option<Samples<'a>>,
+    /// The adhesion beside the law, if there is one.
+    adhesion: Option<&'a dyn AdhesionModel>,
+}
+
+impl<'a, D: Dimension> Pass<'a, D> {
+    /// A pass over these contacts without samples.
+    pub fn new(
+        input: PassInput,
+        record: &'a [D::Record],
+        force: &'a mut [D::Force],
+        part: BlockRange<'a>,
+    ) -> Self {
+        Self {
+            input,
+            record,
+            force,
+            part,
+            samples: None,
+            adhesion: None,
+        }
+    }
+
+    /// The same with samples, if they are wanted.
+    #[must_use]
+    pub fn sampled(self, samples: Option<Samples<'a>>) -> Self {
+        Self { samples, ..self }
+    }
+
+    /// The same beside an adhesion.
+    #[must_use]
+    pub fn beside(self, adhesion: &'a dyn AdhesionModel) -> Self {
+        Self {
+            adhesion: Some(adhesion),
+            ..self
+        }
+    }
+
+    /// The adhesion, if it decides which pairs are in contact, and how.
+    #[inline(always)]
+    fn holding(&self) -> Option<&'a dyn AdhesionModel> {
+        let adhesion = self.adhesion?;
+        if adhesion.acts_across_gaps() || adhesion.changes_area() {
+            Some(adhesion)
+        } else {
+            None
+        }
+    }
+
+    /// Whether an adhesion changes the area of contact.
+    #[inline(always)]
+    fn changes_area(&self) -> bool {
+        self.adhesion.is_some_and(AdhesionModel::changes_area)
+    }
 }
 
 /// What all parts of a pass share.
@@ -126,8 +179,6 @@ pub struct PassInput {
     /// How far the grains have travelled since the list was made (m): blocks that cannot touch yet
     /// are left out. `None`: unknown, and all blocks are looked at.
     pub travelled: Option<f64>,
-    /// Attraction beside the law, if there is one.
-    pub attraction: Option<Attraction>,
     /// Makes the pass count the dissipation for the energy budget, and the stress.
     pub counting: Option<Counting>,
 }
@@ -159,14 +210,6 @@ pub struct PassOutcome {
     pub stress: [i128; 2],
 }
 
-impl<D: Dimension> Pass<'_, D> {
-    /// JKR adhesion, if there is one.
-    #[inline(always)]
-    fn jkr(&self) -> Option<Jkr> {
-        self.input.attraction.filter(|_| D::AXES == 3)?.jkr
-    }
-}
-
 impl PassOutcome {
     /// Combines two outcomes; of two pairs it keeps the first.
     pub fn merge(mut self, other: Self) -> Self {
@@ -192,17 +235,22 @@ pub trait PairForce<D: Dimension>: PairModel {
 
 impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
     fn pass(&self, pass: Pass<'_, C::Space>, scratch: &mut Scratch<C::Space>) -> PassOutcome {
-        let (law, first) = (self, pass.part.first);
+        let first = pass.part.first;
         let isa = pass.input.settings.isa;
-        let has_budget = pass.input.counting.is_some_and(|of| of.unit.is_some());
+        let has_budget = pass
+            .input
+            .counting
+            .is_some_and(|counting| counting.unit.is_some());
         // The portable arrays always account for the dissipation: one instance a law suffices.
-        let with_budget =
-            |PassWork { law, pass, scratch }| isa.run(PassWork::<C, true> { law, pass, scratch });
+        let law = self;
         let work = PassWork::<C, false> { law, pass, scratch };
         let mut outcome = if has_budget {
-            with_budget(work)
+            isa.run(work.with_budget())
         } else {
-            isa.run_with_vectors(work).unwrap_or_else(with_budget)
+            match isa.run_with_vectors(work) {
+                Ok(outcome) => outcome,
+                Err(work) => isa.run(work.with_budget()),
+            }
         };
         for (block, _) in [&mut outcome.outside, &mut outcome.too_strong]
             .into_iter()
@@ -221,6 +269,14 @@ struct PassWork<'a, C: ContactLaw, const BUDGET: bool> {
     scratch: &'a mut Scratch<C::Space>,
 }
 
+impl<'a, C: ContactLaw> PassWork<'a, C, false> {
+    /// The same with an energy budget.
+    fn with_budget(self) -> PassWork<'a, C, true> {
+        let Self { law, pass, scratch } = self;
+        PassWork { law, pass, scratch }
+    }
+}
+
 /// Size of the records (bytes) beyond which the next chunk is prefetched unless the settings say
 /// otherwise: with their contacts, six times as much, they fill a last-level cache. Prefetching
 /// makes larger packings a third faster, and costs some 5 % where the cache holds all
@@ -235,9 +291,7 @@ pub struct Scratch<D: Dimension> {
     difference: [D::Fields; CHUNK],
     of_j: [[Lanes16; 8]; CHUNK],
     motion: [PairMotion; CHUNK],
-    /// δ (m), set with JKR adhesion only: then the law is given the overlap of Hertz' contact of
-    /// the same radius.
-    overlap: [Lanes16; CHUNK],
+    adhesive: adhesion::AdhesiveScratch,
     /// n.
     direction: [[Lanes16; 3]; CHUNK],
     /// R_i + R_j and R_i (m), if the records have radii.
@@ -245,20 +299,21 @@ pub struct Scratch<D: Dimension> {
     carry: [[Lanes16; CARRY]; CHUNK],
     response: [Response; CHUNK],
     turning: [Turning; CHUNK],
-    /// Block, lane and factor of the attraction of pairs that touch for the first time or have
-    /// opened; set with an attraction only.
+    /// Pairs whose contact begins or has ended, with the factors of their adhesion; set with an
+    /// adhesion only.
     jumps: Vec<Jump>,
-    /// Block, lane and damping factor of pairs that touch for the first time; set with an energy
+    /// Pairs that touch for the first time, with the factors of their dampers; set with an energy
     /// budget, and if limits of the law begin with a jump.
     touched: Vec<Jump>,
 }
 
 impl<D: Dimension> Scratch<D> {
-    /// δ (m) of block k of the chunk; `jkr`: with JKR adhesion.
+    /// δ (m) of block k of the chunk; the motion has the overlap that the law is given, which an
+    /// adhesion that changes the area makes another.
     #[inline(always)]
-    fn overlap(&self, k: usize, jkr: bool) -> &Lanes16 {
-        if jkr {
-            &self.overlap[k]
+    fn overlap(&self, k: usize, changes_area: bool) -> &Lanes16 {
+        if changes_area {
+            &self.adhesive.overlap[k]
         } else {
             &self.motion[k].overlap
         }
@@ -279,6 +334,7 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
         } = self;
         let pass = &mut pass;
         let mut outcome = PassOutcome::default();
+        let holding = pass.holding();
         let PassInput {
             settings,
             travelled,
@@ -302,24 +358,29 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             if chunk.is_empty() {
                 continue;
             }
+            if let Some(adhesion) = holding {
+                adhesion::hold::<C, L, BUDGET>(token, adhesion, pass, chunk.clone(), scratch);
+            }
             let outside = evaluate::<C, L, BUDGET>(token, law, pass, chunk.clone(), scratch);
             outcome.outside = outcome.outside.or(outside);
-            if pass.jkr().is_some() && !scratch.jumps.is_empty() {
-                scale_jumps::<C, BUDGET>(law, pass, chunk.start, scratch);
+            if let Some(adhesion) = holding
+                && !scratch.jumps.is_empty()
+            {
+                adhesion::settle_jumps::<C, BUDGET>(law, adhesion, pass, chunk.start, scratch);
             }
             if C::LIMITS_JUMP && !scratch.touched.is_empty() {
                 restore_histories::<C, BUDGET>(law, pass, chunk.start, scratch);
             }
             if BUDGET {
                 count_dissipation::<C, L>(token, pass, chunk.clone(), scratch, &mut outcome);
+                if holding.is_some() {
+                    adhesion::forget_lost(scratch);
+                }
             }
             let mut stress = StressCount::<L>::new(token, pass);
             let too_strong = add_forces::<C, L>(token, pass, chunk.clone(), scratch, &mut stress);
             outcome.too_strong = outcome.too_strong.or(too_strong);
-            if let Some(attraction) = pass.input.attraction {
-                let of = (attraction, &mut stress);
-                add_attraction::<C::Space, L>(token, of, pass, chunk, scratch);
-            }
+            adhesion::add_forces::<C::Space, L>(token, pass, chunk, scratch, &mut stress);
             if let Some(stress) = stress {
                 stress.end(&mut outcome);
             }
@@ -328,15 +389,20 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
     }
 }
 
+/// The lanes of some blocks, each of which has so many.
+#[inline(always)]
+fn lanes_of(blocks: &Range<usize>, per_block: usize) -> Range<usize> {
+    blocks.start * per_block..blocks.end * per_block
+}
+
 /// Prefetches what the pass reads of these blocks.
 #[inline(always)]
 fn prefetch_blocks<D: Dimension>(pass: &Pass<'_, D>, blocks: Range<usize>) {
     let part = &pass.part;
-    let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
-    prefetch_all(&part.history[of(part.history_lanes)]);
-    prefetch_all(&part.parameters[of(part.parameter_lanes)]);
+    prefetch_all(&part.history[lanes_of(&blocks, part.history_lanes)]);
+    prefetch_all(&part.parameters[lanes_of(&blocks, part.parameter_lanes)]);
     if D::RADIUS.is_none() {
-        prefetch_all(&part.geometry[of(1)]);
+        prefetch_all(&part.geometry[blocks.clone()]);
     }
     for block in blocks {
         prefetch(pass.record, part.pairs(block));
@@ -373,7 +439,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     chunk: Range<usize>,
     scratch: &mut Scratch<C::Space>,
 ) -> Option<(usize, usize)> {
-    let jkr = pass.jkr().is_some();
+    let changes_area = pass.changes_area();
     let contacts = &mut pass.part;
     let needs_last_step = C::Space::SPINS == 3 || (BUDGET && C::CUTS_DAMPERS);
     if (C::FRICTION || C::ROLLING) && needs_last_step {
@@ -382,12 +448,11 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             [response.sliding, response.rolls, response.twists, _] = *limits;
         }
     }
-    let range = |per_block: usize| chunk.start * per_block..chunk.end * per_block;
     law.evaluate::<L, BUDGET>(
         token,
         &mut crate::contact::Blocks {
-            parameters: &contacts.parameters[range(C::PARAMETERS)],
-            history: &mut contacts.history[range(C::HISTORY)],
+            parameters: &contacts.parameters[lanes_of(&chunk, C::PARAMETERS)],
+            history: &mut contacts.history[lanes_of(&chunk, C::HISTORY)],
             motion: &scratch.motion[..chunk.len()],
             turning: &mut scratch.turning[..chunk.len()],
             per_step: if needs_last_step && pass.input.step > 0.0 {
@@ -397,7 +462,7 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             },
             carry: &mut scratch.carry[..chunk.len()],
             response: &mut scratch.response[..chunk.len()],
-            jumps: if jkr { &scratch.jumps } else { &[] },
+            jumps: if changes_area { &scratch.jumps } else { &[] },
         },
     );
     let mut outside = None;
@@ -409,64 +474,6 @@ fn evaluate<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         }
     }
     outside
-}
-
-/// Scales the forces of pairs whose adhesion begins or ends in this step by their factors, and ends
-/// the histories of the latter, which the law has taken as touching, as they were a step ago.
-#[cold]
-fn scale_jumps<C: ContactLaw, const BUDGET: bool>(
-    law: &C,
-    pass: &mut Pass<'_, C::Space>,
-    first: usize,
-    scratch: &mut Scratch<C::Space>,
-) {
-    let load = |lanes: &Lanes16| Portable::load(PortableToken, lanes);
-    let contacts = &mut pass.part;
-    for &(k, lane, factor) in &scratch.jumps {
-        let (block, response) = (first + k, &mut scratch.response[k]);
-        let forces = response.tangential.iter_mut();
-        let forces = forces.chain(&mut scratch.turning[k].torque);
-        for lanes in forces.chain([&mut response.normal]) {
-            lanes.0[lane] *= factor;
-        }
-        for kind in [
-            dissipation::DAMPING,
-            dissipation::CUT_FRICTION,
-            dissipation::CUT_ROLLING,
-        ] {
-            response.dissipated[kind].0[lane] *= factor;
-        }
-        if contacts.touching[block] >> lane & 1 == 1 {
-            continue;
-        }
-        let history = &mut contacts.history[block * C::HISTORY..][..C::HISTORY];
-        if let (true, Some(attraction)) = (BUDGET, pass.input.attraction) {
-            let of = &contacts.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
-            let hertzian = load(&scratch.motion[k].overlap);
-            let [normal, tangential, rolling] =
-                law.elastic_energies(PortableToken, of, hertzian, history);
-            let overlap = hertzian * Portable::splat(PortableToken, -1.0 / 3.0);
-            let [sum, r_i] = &contacts.geometry[block];
-            let (radii, overlaps) = ([load(sum), load(r_i)], [overlap, hertzian]);
-            let normal = attraction.potential(PortableToken, radii, overlaps, normal);
-            for (kind, energy) in [
-                (dissipation::STIFFNESS, normal),
-                (dissipation::FRICTION, tangential),
-                (dissipation::ROLLING, rolling),
-            ] {
-                response.dissipated[kind].0[lane] += energy.to_lanes16().0[lane];
-            }
-            for kind in [
-                dissipation::SET_BACK_TANGENTIAL,
-                dissipation::SET_BACK_ROLLING,
-            ] {
-                response.dissipated[kind].0[lane] = 0.0;
-            }
-        }
-        for lanes in history {
-            lanes.0[lane] = 0.0;
-        }
-    }
 }
 
 /// The springs of pairs that touch for the first time and slide at once: the kernel has scaled the
@@ -481,7 +488,12 @@ fn restore_histories<C: ContactLaw, const BUDGET: bool>(
 ) {
     let contacts = &mut pass.part;
     let spins = C::Space::SPINS;
-    for &(k, lane, factor) in &scratch.touched {
+    for jump in &scratch.touched {
+        let Jump {
+            block: k,
+            lane,
+            factor,
+        } = *jump;
         let (block, response) = (first + k, &mut scratch.response[k]);
         let slides = response.sliding >> lane & 1 == 1;
         // Torques of spheres are not scaled.
@@ -489,10 +501,11 @@ fn restore_histories<C: ContactLaw, const BUDGET: bool>(
         if !slides && !rolls {
             continue;
         }
-        let of = &contacts.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
+        let parameters = &contacts.parameters[block * C::PARAMETERS..][..C::PARAMETERS];
         let history = &mut contacts.history[block * C::HISTORY..][..C::HISTORY];
         let overlap = Portable::load(PortableToken, &scratch.motion[k].overlap);
-        let before = BUDGET.then(|| law.elastic_energies(PortableToken, of, overlap, history));
+        let before =
+            BUDGET.then(|| law.elastic_energies(PortableToken, parameters, overlap, history));
         // The spring acts from the touch on, not from nothing: all of its force on all of its way.
         let motion = &scratch.motion[k];
         let (mut worked, mut turned) = (0.0, 0.0);
@@ -513,7 +526,8 @@ fn restore_histories<C: ContactLaw, const BUDGET: bool>(
         let Some([_, tangential_before, rolling_before]) = before else {
             continue;
         };
-        let [_, tangential, rolling] = law.elastic_energies(PortableToken, of, overlap, history);
+        let [_, tangential, rolling] =
+            law.elastic_energies(PortableToken, parameters, overlap, history);
         for (kind, set_back, work, [before, after]) in [
             (
                 dissipation::FRICTION,
@@ -552,15 +566,13 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
     scratch: &mut Scratch<C::Space>,
     outcome: &mut PassOutcome,
 ) {
-    for &(k, lane, factor) in &scratch.touched {
+    for jump in &scratch.touched {
         // Both the damping force and the velocity were scaled; the power needs only the force
         // scaled.
         for kind in [dissipation::DAMPING, dissipation::CUT_FRICTION] {
-            scratch.response[k].dissipated[kind].0[lane] /= factor;
+            scratch.response[jump.block].dissipated[kind].0[jump.lane] /= jump.factor;
         }
     }
-    let load = |lanes: &Lanes16| L::load(token, lanes);
-    let c = |v| L::splat(token, v);
     let part = &pass.part;
     let counting = pass.input.counting.and_then(|c| Some((c.unit?, c.step)));
     let (unit, step) = counting.unwrap_or((1.0, 0.0));
@@ -575,32 +587,26 @@ fn count_dissipation<C: ContactLaw, L: Lanes>(
         let mut sums = L::no_counts(token);
         let per_unit = match kind {
             dissipation::DAMPING | dissipation::CUT_FRICTION | dissipation::CUT_ROLLING => {
-                c(step / unit)
+                L::splat(token, step / unit)
             }
-            _ => c(1.0 / unit),
+            _ => L::splat(token, 1.0 / unit),
         };
         for response in &scratch.response[..blocks.len()] {
-            let mut units = load(&response.dissipated[kind]) * per_unit;
-            if c(MOST_UNITS).greater(units.abs()).bits() != u16::MAX {
-                let few = c(MANY_UNITS * MOST_UNITS).greater(units.abs());
+            let mut units = L::load(token, &response.dissipated[kind]) * per_unit;
+            if L::splat(token, MOST_UNITS).greater(units.abs()).bits() != u16::MAX {
+                let few = L::splat(token, MANY_UNITS * MOST_UNITS).greater(units.abs());
                 if few.bits() != u16::MAX {
                     count_most(&units.to_lanes16(), few.bits(), outcome, kind);
                 }
-                units = units.select(few, c(0.0));
-                let multiple = (units * c(1.0 / MANY_UNITS)).round();
+                units = units.select(few, L::splat(token, 0.0));
+                let multiple = (units * L::splat(token, 1.0 / MANY_UNITS)).round();
                 let many = L::total(multiple.count(L::no_counts(token)));
                 outcome.dissipated[kind] += many * MANY_UNITS as i128;
-                units = multiple.mul_add(c(-MANY_UNITS), units);
+                units = multiple.mul_add(L::splat(token, -MANY_UNITS), units);
             }
             sums = units.count(sums);
         }
         outcome.dissipated[kind] += L::total(sums);
-    }
-    if pass.jkr().is_some() {
-        // Laws without friction leave it as it is.
-        for &(k, lane, _) in &scratch.jumps {
-            scratch.response[k].dissipated[dissipation::STIFFNESS].0[lane] = 0.0;
-        }
     }
 }
 
@@ -638,14 +644,14 @@ impl<L: Lanes> StressCount<L> {
         })
     }
 
-    /// Adds the rounded forces of a block, zeros where none act. They have up to 2^51 units, and
-    /// the grains are less than the height apart.
+    /// Adds the rounded forces of a block, zeros where none act, of grains this far (m) apart along
+    /// the last axis. Forces have up to 2^51 units, and the grains are less than the height apart.
     #[inline(always)]
-    fn add<D: Dimension>(&mut self, block: usize, (n, distance): (L, L), force: &[L; 3]) {
+    fn add<D: Dimension>(&mut self, block: usize, separation: L, force: &[L; 3]) {
         if block < self.owned {
-            let way = n * distance * self.per_unit;
-            self.up = (way * force[D::UP]).count(self.up);
-            self.along = (way * force[0]).count(self.along);
+            let part = separation * self.per_unit;
+            self.up = (part * force[D::UP]).count(self.up);
+            self.along = (part * force[0]).count(self.along);
         }
     }
 
@@ -666,32 +672,34 @@ fn add_forces<C: ContactLaw, L: Lanes>(
     scratch: &Scratch<C::Space>,
     stress: &mut Option<StressCount<L>>,
 ) -> Option<(usize, usize)> {
-    let load = |lanes: &Lanes16| L::load(token, lanes);
-    let c = |v| L::splat(token, v);
-    let zero = c(0.0);
+    let zero = L::splat(token, 0.0);
     let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
     let units = pass.input.units;
-    let force_shift = c(Units::shift(units.force));
-    let torque_shift = c(Units::shift(units.torque));
-    let largest = c(units.largest_force());
+    let force_shift = L::splat(token, Units::shift(units.force));
+    let torque_shift = L::splat(token, Units::shift(units.torque));
+    let largest = L::splat(token, units.largest_force());
     let mut outside = None;
-    let jkr = pass.jkr().is_some();
+    let changes_area = pass.changes_area();
     let sums = &mut *pass.force;
     let contacts = &mut pass.part;
     for (k, block) in chunk.enumerate() {
-        let overlap = scratch.overlap(k, jkr);
+        let overlap = scratch.overlap(k, changes_area);
         let (motion, response) = (&scratch.motion[k], &scratch.response[k]);
         let turning = &scratch.turning[k];
-        let touching = load(&motion.overlap).greater(zero);
+        let touching = L::load(token, &motion.overlap).greater(zero);
         let mut n = vector::<L>(token, &scratch.direction[k], 1);
         for axis in 0..axes {
-            n[axis] = load(&scratch.direction[k][axis]).select(touching, zero);
+            n[axis] = L::load(token, &scratch.direction[k][axis]).select(touching, zero);
         }
-        let normal = load(&response.normal).select(touching, zero);
+        let normal = L::load(token, &response.normal).select(touching, zero);
         if let Some(samples) = &mut pass.samples {
-            samples.normal[block] = response.normal;
+            // Of contacts across a gap the law says nothing.
+            normal.store(&mut samples.normal[block]);
             samples.overlap[block] = *overlap;
-            samples.tangential[block] = response.tangential;
+            for k in 0..spins {
+                let tangential = L::load(token, &response.tangential[k]).select(touching, zero);
+                tangential.store(&mut samples.tangential[block][k]);
+            }
         }
         let touched = contacts.touching[block];
         let idle = !normal.greater(zero).bits() & touched;
@@ -700,127 +708,101 @@ fn add_forces<C: ContactLaw, L: Lanes>(
         } else {
             [0; 3]
         };
-        let [slides, rolls, twists] = at_limit.map(|lanes| lanes & touched);
+        let pressed = touched & touching.bits();
+        let [slides, rolls, twists] = at_limit.map(|lanes| lanes & pressed);
         contacts.limits[block] = [slides, rolls, twists, idle];
         let radii = match C::Space::RADIUS {
             Some(_) => &scratch.radii[k],
             None => &contacts.geometry[block],
         };
-        let (mut force, mut on_i, mut on_j) =
-            forces_of_pair::<C, L>(token, &n, (touching, normal), (response, turning), radii);
-        let mut greatest = force[0].abs();
+        let radii = PairRadii::load(token, radii);
+        let forces = LawForces {
+            response,
+            turning,
+            touching,
+            normal,
+        };
+        let mut forces = forces.on_grains::<C>(token, &n, &radii);
+        let mut greatest = forces.force[0].abs();
         for axis in 1..axes {
-            greatest = greatest.max(force[axis].abs());
+            greatest = greatest.max(forces.force[axis].abs());
         }
         let greater = greatest.greater(largest).bits();
         if greater != 0 && outside.is_none() {
             outside = Some((block, greater.trailing_zeros() as usize));
         }
         for axis in 0..axes {
-            force[axis] = (force[axis] + force_shift) - force_shift;
+            forces.force[axis] = (forces.force[axis] + force_shift) - force_shift;
         }
         if let Some(stress) = stress {
-            let distance = load(&radii[0]) - load(overlap);
-            stress.add::<C::Space>(block, (n[C::Space::UP], distance), &force);
+            let distance = radii.sum - L::load(token, overlap);
+            stress.add::<C::Space>(block, n[C::Space::UP] * distance, &forces.force);
         }
         for k in 0..spins {
-            on_i[k] = (on_i[k] + torque_shift) - torque_shift;
-            on_j[k] = (on_j[k] + torque_shift) - torque_shift;
+            forces.torque_i[k] = (forces.torque_i[k] + torque_shift) - torque_shift;
+            forces.torque_j[k] = (forces.torque_j[k] + torque_shift) - torque_shift;
         }
-        C::Space::add_forces([force, on_i, on_j], sums, contacts.pairs(block));
+        C::Space::add_forces(&forces, sums, contacts.pairs(block));
     }
     outside
 }
 
-/// Adds the attraction to the grains of pairs that touch, and of those that have just opened.
-#[inline(always)]
-fn add_attraction<D: Dimension, L: Lanes>(
-    token: L::Token,
-    (attraction, stress): (Attraction, &mut Option<StressCount<L>>),
-    pass: &mut Pass<'_, D>,
-    chunk: Range<usize>,
-    scratch: &Scratch<D>,
-) {
-    let zero = L::splat(token, 0.0);
-    let shift = L::splat(token, Units::shift(pass.input.units.force));
-    let jkr = pass.jkr().is_some();
-    let contacts = &pass.part;
-    let mut jumps = scratch.jumps.iter().peekable();
-    for (k, block) in chunk.enumerate() {
-        let touches = L::mask(token, contacts.touching[block]);
-        let mut factors = Lanes16::ZERO;
-        L::splat(token, 1.0)
-            .select(touches, zero)
-            .store(&mut factors);
-        while let Some((_, lane, factor)) = jumps.next_if(|jump| jump.0 == k) {
-            factors.0[*lane] = *factor;
-        }
-        let [sum, r_i] = &contacts.geometry[block];
-        let radii = [L::load(token, sum), L::load(token, r_i)];
-        let factor = L::load(token, &factors);
-        let acts = factor.abs().greater(zero);
-        let hertzian = L::load(token, &scratch.motion[k].overlap);
-        let pull = factor * attraction.force(token, radii, hertzian);
-        let (mut n, mut force) = ([zero; 3], [zero; 3]);
-        for axis in 0..D::AXES {
-            n[axis] = L::load(token, &scratch.direction[k][axis]).select(acts, zero);
-            force[axis] = (shift - pull * n[axis]) - shift;
-        }
-        if let Some(stress) = stress {
-            let distance = radii[0] - L::load(token, scratch.overlap(k, jkr));
-            stress.add::<D>(block, (n[D::UP], distance), &force);
-        }
-        if let Some(samples) = &mut pass.samples {
-            let normal = L::load(token, &samples.normal[block]) - pull;
-            normal.store(&mut samples.normal[block]);
-        }
-        let none = [zero; 3];
-        D::add_forces([force, none, none], pass.force, contacts.pairs(block));
-    }
+/// What the law says of the forces of sixteen pairs.
+struct LawForces<'a, L: Lanes> {
+    response: &'a Response,
+    turning: &'a Turning,
+    touching: L::Mask,
+    /// F_n of pairs that touch, 0 of others.
+    normal: L,
 }
 
-/// The force on i and the torques on i and j, zeros where the pair does not touch.
-#[inline(always)]
-fn forces_of_pair<C: ContactLaw, L: Lanes>(
-    token: L::Token,
-    n: &[L; 3],
-    (touching, normal): (L::Mask, L),
-    (response, turning): (&Response, &Turning),
-    radii: &[Lanes16; 2],
-) -> ([L; 3], [L; 3], [L; 3]) {
-    let load = |lanes: &Lanes16| L::load(token, lanes);
-    let zero = L::splat(token, 0.0);
-    let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
-    let mut force = *n;
-    let (mut on_i, mut on_j) = ([zero; 3], [zero; 3]);
-    if C::FRICTION {
-        let mut tangential = [zero; 3];
-        for k in 0..spins {
-            tangential[k] = load(&response.tangential[k]).select(touching, zero);
+impl<L: Lanes> LawForces<'_, L> {
+    /// The force and the torques on the grains of each pair.
+    #[inline(always)]
+    fn on_grains<C: ContactLaw>(
+        &self,
+        token: L::Token,
+        n: &Vector<L>,
+        radii: &PairRadii<L>,
+    ) -> PairForces<L> {
+        let zero = L::splat(token, 0.0);
+        let (axes, spins) = (C::Space::AXES, C::Space::SPINS);
+        let mut force = *n;
+        let (mut torque_i, mut torque_j) = ([zero; 3], [zero; 3]);
+        if C::FRICTION {
+            let mut tangential = [zero; 3];
+            for k in 0..spins {
+                let component = L::load(token, &self.response.tangential[k]);
+                tangential[k] = component.select(self.touching, zero);
+            }
+            force = C::Space::force(n, self.normal, &tangential);
+            let moment = C::Space::moment(n, &tangential);
+            for k in 0..spins {
+                torque_i[k] = -radii.first * moment[k];
+                torque_j[k] = (radii.first - radii.sum) * moment[k];
+            }
+        } else {
+            for axis in 0..axes {
+                force[axis] = self.normal * n[axis];
+            }
         }
-        let (sum, r_i) = (load(&radii[0]), load(&radii[1]));
-        force = C::Space::force(n, normal, &tangential);
-        let moment = C::Space::moment(n, &tangential);
-        for k in 0..spins {
-            on_i[k] = -r_i * moment[k];
-            on_j[k] = (r_i - sum) * moment[k];
+        if C::ROLLING {
+            for k in 0..spins {
+                let rolling = if spins == 3 {
+                    let twisting = L::load(token, &self.turning.torque[3]);
+                    twisting.mul_add(n[k], L::load(token, &self.turning.torque[k]))
+                } else {
+                    L::load(token, &self.response.rolling)
+                };
+                let rolling = rolling.select(self.touching, zero);
+                torque_i[k] = torque_i[k] + rolling;
+                torque_j[k] = torque_j[k] - rolling;
+            }
         }
-    } else {
-        for axis in 0..axes {
-            force[axis] = normal * n[axis];
+        PairForces {
+            force,
+            torque_i,
+            torque_j,
         }
     }
-    if C::ROLLING {
-        for k in 0..spins {
-            let rolling = if spins == 3 {
-                load(&turning.torque[3]).mul_add(n[k], load(&turning.torque[k]))
-            } else {
-                load(&response.rolling)
-            };
-            let rolling = rolling.select(touching, zero);
-            on_i[k] = on_i[k] + rolling;
-            on_j[k] = on_j[k] - rolling;
-        }
-    }
-    (force, on_i, on_j)
 }

@@ -336,7 +336,7 @@ impl<const FRICTION: bool> Hertz<FRICTION> {
     /// The law between these spheres.
     pub fn new(spheres: &Spheres, contact: &Contact) -> Self {
         let tangential = spheres.tangential_damping / spheres.normal_damping.max(f64::MIN_POSITIVE);
-        Self::damped(spheres, contact, [spheres.normal_damping, tangential])
+        Self::damped(spheres, contact, spheres.normal_damping, tangential)
     }
 }
 
@@ -345,7 +345,8 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
     pub(super) fn damped(
         spheres: &Spheres,
         contact: &Contact,
-        [damping, tangential_damping]: [f64; 2],
+        damping: f64,
+        tangential_damping: f64,
     ) -> Self {
         Self {
             normal_stiffness: spheres.normal_stiffness(),
@@ -446,21 +447,45 @@ impl<const FRICTION: bool, D: Damper> ContactLaw for Hertz<FRICTION, D> {
     }
 }
 
+/// Spring and damper over a step in which contacts slide, over √(δR*).
+struct SlidingStep<L: Lanes> {
+    /// What they would be at its end without a limit.
+    trial: Vector<L>,
+    /// The damper's constant, over √(δR*).
+    gamma_t: L,
+    /// v_t(t + ½Δt) Δt (m).
+    slip: Vector<L>,
+    /// v_t at the end (m/s).
+    velocity: Vector<L>,
+    limit: L,
+    /// δ (m).
+    overlap: L,
+    /// Contacts at the limit before the step.
+    slid: L::Mask,
+    /// Contacts at the limit at its end.
+    sliding: L::Mask,
+}
+
 impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
-    /// Spring and damper over √(δR*), set back to their limit, and the spring's u; at the end of
-    /// the step they would be `trial`. At its beginning v_t was 2 v_t(t + ½Δt) - v_t, to second
-    /// order.
+    /// Spring and damper over √(δR*), set back to their limit, and the spring's u. At the beginning
+    /// of the step v_t was 2 v_t(t + ½Δt) - v_t, to second order.
     #[inline(always)]
     fn set_back<L: Lanes>(
         &self,
         token: L::Token,
         per_step: f64,
-        trial: &Vector<L>,
-        (gamma_t, slip, v_t): (L, &Vector<L>, &Vector<L>),
-        [limit, overlap]: [L; 2],
-        masks: [L::Mask; 2],
+        step: &SlidingStep<L>,
     ) -> [Vector<L>; 2] {
         let c = |v| L::splat(token, v);
+        let SlidingStep {
+            trial,
+            gamma_t,
+            slip,
+            velocity: v_t,
+            limit,
+            ..
+        } = step;
+        let (gamma_t, limit) = (*gamma_t, *limit);
         let per_slip = gamma_t.mul_add(c(-2.0 * per_step), c(self.tangential_stiffness));
         let moves = c(if per_step > 0.0 { 2.0 } else { 0.0 });
         let per_velocity = moves * gamma_t;
@@ -468,14 +493,14 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
         for k in 0..3 {
             earlier[k] = trial[k] - per_slip.mul_add(slip[k], per_velocity * v_t[k]);
         }
-        let mut force = set_back(token, &earlier, trial, limit, masks);
+        let mut force = set_back(token, &earlier, trial, limit, step.slid, step.sliding);
         let compliance = c(1.0 / self.tangential_stiffness);
         let mut spring = scaled(&scaled_sum(-gamma_t, v_t, &force), compliance);
         if D::BOUNDS_SPRING {
             let (speed, per_speed) = norm(token, v_t);
-            let bound = c(self.friction * self.normal_stiffness) * overlap;
-            let [_, sliding] = masks;
-            let damped = (gamma_t * speed).greater(limit + bound).and(sliding);
+            let bound = c(self.friction * self.normal_stiffness) * step.overlap;
+            let exceeds = (gamma_t * speed).greater(limit + bound);
+            let damped = exceeds.and(step.sliding);
             let back = -(bound * compliance);
             for k in 0..3 {
                 let along = v_t[k] * per_speed;
@@ -516,11 +541,18 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
             let sliding = exceeds(&force, limit).and(touching);
             let mut spring = u;
             if sliding.bits() != 0 {
-                let masks = [slid, sliding];
-                let moved = (gamma_t, &slip, &v_t);
-                let limits = [limit, load(&motion.overlap)];
+                let step = SlidingStep {
+                    trial: force,
+                    gamma_t,
+                    slip,
+                    velocity: v_t,
+                    limit,
+                    overlap: load(&motion.overlap),
+                    slid,
+                    sliding,
+                };
                 let cut;
-                [force, cut] = self.set_back(token, blocks.per_step, &force, moved, limits, masks);
+                [force, cut] = self.set_back(token, blocks.per_step, &step);
                 for k in 0..3 {
                     spring[k] = cut[k].select(sliding, u[k]);
                 }

@@ -216,7 +216,7 @@ impl Key {
     };
 
     /// A number within these bounds.
-    const fn number(path: &'static str, bounds: Bounds) -> Self {
+    pub const fn number(path: &'static str, bounds: Bounds) -> Self {
         Self {
             path,
             values: Values::Number(bounds),
@@ -225,7 +225,12 @@ impl Key {
     }
 
     /// With a symbol or a few words for the message that it is missing, a unit, and an example.
-    const fn such_as(self, [what, unit, example]: [&'static str; 3]) -> Self {
+    pub const fn such_as(
+        self,
+        what: &'static str,
+        unit: &'static str,
+        example: &'static str,
+    ) -> Self {
         Self {
             unit,
             what,
@@ -235,12 +240,12 @@ impl Key {
     }
 
     /// With this meaning.
-    const fn doc(self, doc: &'static str) -> Self {
+    pub const fn doc(self, doc: &'static str) -> Self {
         Self { doc, ..self }
     }
 
     /// With what applies if it is not given.
-    const fn otherwise(self, otherwise: &'static str) -> Self {
+    pub const fn otherwise(self, otherwise: &'static str) -> Self {
         Self { otherwise, ..self }
     }
 
@@ -274,27 +279,27 @@ impl Key {
 
 /// E.
 pub const YOUNG_MODULUS: Key = Key::number("material.young_modulus", POSITIVE)
-    .such_as(["E", "Pa", "1e9"])
+    .such_as("E", "Pa", "1e9")
     .doc("Young's modulus E of the grains");
 /// ν.
 pub const POISSON_RATIO: Key = Key::number("material.poisson_ratio", POISSON)
-    .such_as(["nu", "", "0.2"])
+    .such_as("nu", "", "0.2")
     .doc("Poisson's ratio ν of the grains");
 /// ρ.
 pub const DENSITY: Key = Key::number("material.density", POSITIVE)
-    .such_as(["rho", "kg/m³", "2500.0"])
+    .such_as("rho", "kg/m³", "2500.0")
     .doc("density ρ of the grains");
 /// m.
 pub const MASS: Key = Key::number("material.mass", POSITIVE)
-    .such_as(["m", "kg, in 2D kg/m", "1.0"])
+    .such_as("m", "kg, in 2D kg/m", "1.0")
     .doc("mass m of every grain, whatever its size, instead of ρ");
 /// k_n of a linear spring.
 pub const NORMAL_STIFFNESS: Key = Key::number("contact.normal_stiffness", POSITIVE)
-    .such_as(["k_n", "N/m, in 2D Pa", "1e8"])
+    .such_as("k_n", "N/m, in 2D Pa", "1e8")
     .doc("normal stiffness k_n");
 /// k_t of a linear spring.
 pub const TANGENTIAL_STIFFNESS: Key = Key::number("contact.tangential_stiffness", POSITIVE)
-    .such_as(["k_t", "N/m, in 2D Pa", "3e7"])
+    .such_as("k_t", "N/m, in 2D Pa", "3e7")
     .doc("tangential stiffness k_t, at most k_n")
     .otherwise("(2/7) k_n");
 /// k_n of a spring F = k δ^(3/2).
@@ -311,44 +316,44 @@ pub const TANGENTIAL_STIFFNESS_3_2: Key = Key {
 };
 /// γ_n.
 pub const NORMAL_DAMPING: Key = Key::number("contact.normal_damping", NOT_NEGATIVE)
-    .such_as(["gamma_n", "1/(m s)", "6e7"])
+    .such_as("gamma_n", "1/(m s)", "6e7")
     .doc("normal damping γ_n");
 /// γ_t.
 pub const TANGENTIAL_DAMPING: Key = Key::number("contact.tangential_damping", NOT_NEGATIVE)
-    .such_as(["gamma_t", "1/(m s)", "3e7"])
+    .such_as("gamma_t", "1/(m s)", "3e7")
     .doc("tangential damping γ_t")
     .otherwise("γ_n/2");
 /// γ_t/γ_n.
 pub const TANGENTIAL_DAMPING_RATIO: Key =
     Key::number("contact.tangential_damping_ratio", NOT_NEGATIVE)
-        .such_as(["gamma_t/gamma_n", "", "0.5"])
+        .such_as("gamma_t/gamma_n", "", "0.5")
         .doc("tangential over normal damping, γ_t/γ_n")
         .otherwise("0.5");
 /// The speed of an impact.
 pub const IMPACT_SPEED: Key = Key::number("contact.impact_speed", POSITIVE)
-    .such_as([
+    .such_as(
         "the speed at which two equal spheres collide with that restitution",
         "m/s",
         "25.0",
-    ])
+    )
     .doc("with `restitution`: the speed at which two equal spheres collide with that restitution");
 /// The diameter of the colliding spheres.
 pub const IMPACT_DIAMETER: Key = Key::number("contact.impact_diameter", POSITIVE)
-    .such_as(["the diameter of those spheres", "m", "3e-3"])
+    .such_as("the diameter of those spheres", "m", "3e-3")
     .doc("with `impact_speed`: the diameter of those spheres");
 /// α.
 pub const DAMPING_RATIO: Key = Key::number("contact.damping_ratio", BELOW_ONE)
-    .such_as(["alpha", "", "0.1"])
+    .such_as("alpha", "", "0.1")
     .doc("normal and tangential damping ratio α");
 /// The share of the tangential damper that acts on sliding contacts.
 pub const SLIDING_DAMPING: Key = Key {
     default: "0.0",
     ..Key::number("contact.sliding_damping", SHARE)
-        .such_as([
+        .such_as(
             "the share of the tangential damper that acts on sliding contacts",
             "",
             "1.0",
-        ])
+        )
         .doc("share of the tangential damper that acts on sliding contacts, too")
 };
 /// The values of [`TANGENTIAL_HISTORY`].
@@ -363,7 +368,7 @@ pub const TANGENTIAL_HISTORY: Key = Key {
 };
 /// e.
 pub const RESTITUTION: Key = Key::number("contact.restitution", UNIT)
-    .such_as(["e", "", "0.73"])
+    .such_as("e", "", "0.73")
     .doc("coefficient of restitution e, instead of the damping");
 
 /// Reads the values of a law's keys from a configuration, and collects the errors.

@@ -515,9 +515,10 @@ impl<const FRICTION: bool, const ROLLING: bool> Stiffness for LeeHurley<FRICTION
 
 impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
     /// k_t (Pa) of A8 and A9 from m = ℓ-1 and √x, as in `tangential_force`.
-    fn tangential_stiffness(&self, [r_i, r_j]: [f64; 2], m: f64, root_x: f64) -> f64 {
-        let penalty = |of: f64, other: f64| {
-            let a = 4.0 * (other / of).sqrt() * root_x;
+    fn tangential_stiffness(&self, radii: [f64; 2], m: f64, root_x: f64) -> f64 {
+        let [r_i, r_j] = radii;
+        let penalty = |radius: f64, other: f64| {
+            let a = 4.0 * (other / radius).sqrt() * root_x;
             self.penalty + a * (self.penalty_slope - 10.31 * a)
         };
         let half_log = 0.5 * portable_ln(r_i / r_j);

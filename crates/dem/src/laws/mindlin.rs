@@ -280,7 +280,7 @@ impl<D: Dimension, const FRICTION: bool> Mindlin<D, FRICTION> {
                 sliding = exceeds(&t, limit).and(touching);
                 if sliding.bits() != 0 {
                     let slid = L::mask(token, response.sliding);
-                    t = set_back(token, &before, &t, limit, [slid, sliding]);
+                    t = set_back(token, &before, &t, limit, slid, sliding);
                 }
             } else {
                 t[0] = t[0] * inverse(token, s).select(sliding, one);
@@ -340,13 +340,13 @@ impl<D: Dimension, const FRICTION: bool> Stiffness for Mindlin<D, FRICTION> {
         let k_t = self.tangential_stiffness * root;
         // A contact that was cut to s = 1 has it with a rounding error.
         let at_limit = slides.unwrap_or(s >= 1.0);
-        let [limit, limit_slope] = d.limit(self.friction);
+        let limit = d.limit(self.friction);
         d.tangential = if at_limit {
             SpringForce {
-                value: direction.map(|t| -limit * t),
-                slope: direction.map(|t| -limit_slope * t),
+                value: direction.map(|t| -limit.value * t),
+                slope: direction.map(|t| -limit.slope * t),
                 along: 0.0,
-                across: limit / length,
+                across: limit.value / length,
                 direction,
                 at_limit,
             }

@@ -13,30 +13,35 @@ use crate::simd::{Isa, Lanes16};
 /// The forces between grains of n materials from the n² laws of ordered pairs, that of i and j at i
 /// n + j; `None` if one of them has none in this dimension. One law is that of all pairs.
 pub fn pair_force<D: LawSpace>(laws: &[(Law, Contact)]) -> Option<Box<dyn PairForce<D>>> {
-    let force = |of: &(Law, Contact)| D::pair_force(&of.0, &beside(of.1, laws));
-    match laws {
-        [of_all] => force(of_all),
-        _ => Some(Box::new(Mixture {
-            materials: laws.len().isqrt(),
-            laws: laws.iter().map(force).collect::<Option<_>>()?,
-        })),
+    let mut forces = Vec::new();
+    for (law, contact) in laws {
+        forces.push(D::pair_force(law, &beside(contact, laws))?);
     }
+    if forces.len() == 1 {
+        return forces.pop();
+    }
+    Some(Box::new(Mixture {
+        materials: laws.len().isqrt(),
+        laws: forces,
+    }))
 }
 
-/// A coefficient whose forces are rounded to 0. All laws of a mixture keep the same histories, so
-/// pairs without friction have this one where others have friction.
-const NEXT_TO_NOTHING: f64 = 1e-100;
+/// A coefficient of friction whose forces are rounded to 0. All laws of a mixture keep the same
+/// histories, so pairs without friction have this one where others have friction.
+const LEAST_COEFFICIENT: f64 = 1e-100;
 
 /// The contacts of a pair, compiled as those of all pairs need.
-fn beside(mut contact: Contact, laws: &[(Law, Contact)]) -> Contact {
-    let any = |of: fn(&Contact) -> f64| laws.iter().any(|(_, contact)| of(contact) > 0.0);
-    for (coefficient, needed) in [
-        (&mut contact.friction, any(|c| c.friction)),
-        (&mut contact.rolling_friction, any(|c| c.rolling_friction)),
-        (&mut contact.twisting_friction, any(|c| c.twisting_friction)),
-    ] {
-        if needed {
-            *coefficient = coefficient.max(NEXT_TO_NOTHING);
+fn beside(contact: &Contact, laws: &[(Law, Contact)]) -> Contact {
+    let mut contact = contact.clone();
+    for (_, other) in laws {
+        for (coefficient, others) in [
+            (&mut contact.friction, other.friction),
+            (&mut contact.rolling_friction, other.rolling_friction),
+            (&mut contact.twisting_friction, other.twisting_friction),
+        ] {
+            if others > 0.0 {
+                *coefficient = coefficient.max(LEAST_COEFFICIENT);
+            }
         }
     }
     contact
@@ -50,7 +55,8 @@ struct Mixture<D: Dimension> {
 }
 
 impl<D: Dimension> Mixture<D> {
-    fn of(&self, materials: [u64; 2]) -> &dyn PairForce<D> {
+    /// The law of two materials.
+    fn law(&self, materials: [u64; 2]) -> &dyn PairForce<D> {
         self.laws[usize::from(self.kind(materials))].as_ref()
     }
 }
@@ -64,15 +70,15 @@ fn runs(kinds: &[u16]) -> impl Iterator<Item = (usize, usize)> {
 
 impl<D: Dimension> Stiffness for Mixture<D> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
-        self.of(state.materials).derivatives(state)
+        self.law(state.materials).derivatives(state)
     }
 
     fn idle_derivatives(&self, state: &SpringState) -> Option<Derivatives> {
-        self.of(state.materials).idle_derivatives(state)
+        self.law(state.materials).idle_derivatives(state)
     }
 
     fn gap(&self, materials: [u64; 2], radii: [f64; 2]) -> f64 {
-        self.of(materials).gap(materials, radii)
+        self.law(materials).gap(materials, radii)
     }
 }
 
@@ -82,21 +88,22 @@ impl<D: Dimension> PairModel for Mixture<D> {
         self.laws[0].layout()
     }
 
-    fn kind(&self, [i, j]: [u64; 2]) -> u16 {
-        (i as usize * self.materials + j as usize) as u16
+    fn kind(&self, materials: [u64; 2]) -> u16 {
+        (materials[0] as usize * self.materials + materials[1] as usize) as u16
     }
 
     fn set_parameters(
         &self,
         isa: Isa,
-        (mut geometry, kinds): (&[[Lanes16; 2]], &[u16]),
+        mut geometry: &[[Lanes16; 2]],
+        kinds: &[u16],
         mut out: &mut [Lanes16],
     ) {
         let parameters = self.layout().parameters;
         for (kind, blocks) in runs(kinds) {
-            let (of_kind, others) = geometry.split_at(blocks);
+            let (equal, others) = geometry.split_at(blocks);
             let (to, rest) = out.split_at_mut(blocks * parameters);
-            self.laws[kind].set_parameters(isa, (of_kind, &[]), to);
+            self.laws[kind].set_parameters(isa, equal, &[], to);
             (geometry, out) = (others, rest);
         }
     }
@@ -114,17 +121,18 @@ impl<D: Dimension> PairModel for Mixture<D> {
     fn energies(&self, isa: Isa, blocks: &Elastic<'_>, mut out: &mut [[Lanes16; 3]]) {
         let (mut first, layout) = (0, self.layout());
         for (kind, length) in runs(&blocks.kinds[..out.len()]) {
-            let of = |per_block: usize| first * per_block..(first + length) * per_block;
+            let end = first + length;
+            let (parameters, history) = (layout.parameters, layout.history.len());
             let (to, rest) = out.split_at_mut(length);
-            let of_kind = Elastic {
-                geometry: &blocks.geometry[of(1)],
-                kinds: &blocks.kinds[of(1)],
-                parameters: &blocks.parameters[of(layout.parameters)],
-                history: &blocks.history[of(layout.history.len())],
-                overlap: &blocks.overlap[of(1)],
+            let run = Elastic {
+                geometry: &blocks.geometry[first..end],
+                kinds: &blocks.kinds[first..end],
+                parameters: &blocks.parameters[first * parameters..end * parameters],
+                history: &blocks.history[first * history..end * history],
+                overlap: &blocks.overlap[first..end],
             };
-            self.laws[kind].energies(isa, &of_kind, to);
-            (first, out) = (first + length, rest);
+            self.laws[kind].energies(isa, &run, to);
+            (first, out) = (end, rest);
         }
     }
 }
@@ -136,14 +144,10 @@ impl<D: Dimension> PairForce<D> for Mixture<D> {
             let until = pass.part.first + blocks;
             let rest = pass.part.split_off(until);
             let rest_of_samples = pass.samples.as_mut().map(|s| s.split_off(blocks));
-            let of_kind = Pass {
-                input: pass.input,
-                record: pass.record,
-                force: &mut *pass.force,
-                part: std::mem::replace(&mut pass.part, rest),
-                samples: std::mem::replace(&mut pass.samples, rest_of_samples),
-            };
-            outcome = outcome.merge(self.laws[kind].pass(of_kind, scratch));
+            let part = std::mem::replace(&mut pass.part, rest);
+            let samples = std::mem::replace(&mut pass.samples, rest_of_samples);
+            let run = Pass::new(pass.input, pass.record, &mut *pass.force, part).sampled(samples);
+            outcome = outcome.merge(self.laws[kind].pass(run, scratch));
         }
         outcome
     }

@@ -4,7 +4,7 @@
 //! The file of a law has its formulas and their source, its keys with defaults and limits, its
 //! stability and its derivatives. To add a law, write its file and add it to [`LAWS`].
 
-pub mod attraction;
+mod adhering;
 pub mod damping;
 pub mod hertz;
 pub mod hooke;
@@ -19,10 +19,10 @@ pub mod tsuji;
 use std::fmt::Debug;
 use std::sync::{Arc, OnceLock};
 
-use self::attraction::Attracting;
+use self::adhering::Adhering;
 use self::keys::{Key, KeyReader};
 pub use self::rolling_spheres::between_spheres;
-use crate::contact::attraction::Attraction;
+use crate::contact::adhesion::AdhesionModel;
 use crate::dimension::{Dimensions, Three, Two};
 use crate::kernel::PairForce;
 use crate::state::Masses;
@@ -84,8 +84,8 @@ pub fn kind(name: &str) -> Option<&'static LawKind> {
     all().find(|kind| kind.name == name)
 }
 
-/// What all laws share: friction, rolling and twisting resistance, and attraction.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// What all laws share: friction, rolling and twisting resistance, and adhesion.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Contact {
     /// μ_s, sliding friction.
     pub friction: f64,
@@ -101,8 +101,8 @@ pub struct Contact {
     pub twisting_stiffness: Option<f64>,
     /// η_w, twisting damping ratio.
     pub twisting_damping_ratio: f64,
-    /// F_c.
-    pub attraction: Attraction,
+    /// What holds the grains together beside the law; [`crate::adhesions`] has what there is.
+    pub adhesion: Option<Arc<dyn AdhesionModel>>,
     /// ρ_i and ρ_j over that of the constants.
     pub relative_densities: [f64; 2],
 }
@@ -123,7 +123,7 @@ impl Contact {
         twisting_friction: 0.0,
         twisting_stiffness: None,
         twisting_damping_ratio: 0.0,
-        attraction: Attraction::NONE,
+        adhesion: None,
         relative_densities: [1.0; 2],
     };
 
@@ -137,15 +137,15 @@ impl Contact {
         self.rolling_friction > 0.0 || self.twisting_friction > 0.0
     }
 
-    /// The same without friction, rolling and twisting resistance, and attraction.
+    /// The same without friction, rolling and twisting resistance, and adhesion.
     #[must_use]
-    pub fn smooth(self) -> Self {
+    pub fn smooth(&self) -> Self {
         Self {
             friction: 0.0,
             rolling_friction: 0.0,
             twisting_friction: 0.0,
-            attraction: Attraction::default(),
-            ..self
+            adhesion: None,
+            ..self.clone()
         }
     }
 }
@@ -322,13 +322,13 @@ pub trait LawSpace: crate::dimension::Dimension {
 impl LawSpace for Two {
     fn pair_force(law: &Law, contact: &Contact) -> Option<Box<dyn PairForce<Self>>> {
         let force = law.disks(contact)?;
-        Some(Attracting::beside(force, contact.attraction))
+        Some(Adhering::beside(force, contact.adhesion.as_ref()))
     }
 }
 
 impl LawSpace for Three {
     fn pair_force(law: &Law, contact: &Contact) -> Option<Box<dyn PairForce<Self>>> {
         let force = law.spheres(contact)?;
-        Some(Attracting::beside(force, contact.attraction))
+        Some(Adhering::beside(force, contact.adhesion.as_ref()))
     }
 }

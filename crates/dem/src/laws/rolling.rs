@@ -1,5 +1,8 @@
-//! Rolling resistance of disks, of type C (Ai et al. 2011; LH A13 to A22): a torsional spring
-//! between the two rotations, and a damper,
+//! [`Resistance`] to the rotation of two grains against each other: disks have one against rolling,
+//! spheres (`rolling_spheres`) one against rolling and one against twisting.
+//!
+//! That of disks is of type C (Ai et al. 2011; LH A13 to A22): a torsional spring between the two
+//! rotations, and a damper,
 //!
 //! ```text
 //! M^k ← M^k - k_r Δθ_r,  |M^k| ≤ μ_r R_r F_n,  M = M^k - C_r (ω_i-ω_j) below that limit
@@ -16,6 +19,7 @@
 use std::f64::consts::PI;
 
 use super::{Constants, Contact};
+use crate::contact::adhesion::reduced_radius;
 use crate::contact::stiffness::{Derivatives, SpringForce};
 use crate::contact::{
     Blocks, ContactLaw, CutDamper, Limited, LimitedSpring, Sliding, Trial, add_damping,
@@ -23,20 +27,67 @@ use crate::contact::{
 };
 use crate::simd::{Lanes, Lanes16, Mask, inverse};
 
-/// Number of quantities that [`Rolling::parameters`] computes, the last parameters of a law.
+/// Number of quantities that [`Resistance::parameters`] computes.
 pub const PARAMETERS: usize = 3;
+// Their places: k (N m; N in 2D), C (N m s; N s in 2D), μ R_r (m).
+pub(super) const STIFFNESS: usize = 0;
+pub(super) const DAMPING: usize = 1;
+pub(super) const ARM: usize = 2;
 
-/// Constants of a rolling resistance.
+/// A torque of a spring, a damper and a slider: with R_r = R_i R_j/(R_i+R_j) and the reduced moment
+/// of inertia I
+///
+/// ```text
+/// k = `stiffness` R_r²,   C = `damping` √(I k),   |M| ≤ `friction` R_r F_n
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resistance {
+    /// k/R_r² (N/m; Pa in 2D).
+    pub stiffness: f64,
+    /// μ.
+    pub friction: f64,
+    /// 2η, times what I lacks.
+    pub damping: f64,
+}
+
+impl Resistance {
+    /// Computes the parameters of pairs from R_r (m) and I (kg m²; kg m in 2D).
+    #[inline(always)]
+    pub fn parameters<L: Lanes>(
+        &self,
+        token: L::Token,
+        reduced_radius: L,
+        inertia: L,
+        out: &mut [Lanes16],
+    ) {
+        let stiffness = L::splat(token, self.stiffness) * reduced_radius * reduced_radius;
+        let damping = L::splat(token, self.damping) * (inertia * stiffness).sqrt();
+        stiffness.store(&mut out[STIFFNESS]);
+        damping.store(&mut out[DAMPING]);
+        (L::splat(token, self.friction) * reduced_radius).store(&mut out[ARM]);
+    }
+
+    /// The derivatives of the spring's torque `trial` on i, of grains of these radii (m); F_n must
+    /// be set.
+    pub fn derivatives(
+        &self,
+        trial: [f64; 3],
+        radii: [f64; 2],
+        normal: &Derivatives,
+        at_limit: Option<bool>,
+    ) -> SpringForce {
+        let r_r = reduced_radius(radii);
+        let limit = normal.limit(self.friction * r_r);
+        SpringForce::new(trial, self.stiffness * r_r * r_r, limit, at_limit)
+    }
+}
+
+/// Resistance of disks to rolling.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rolling {
-    /// k_r/R_r² (Pa).
-    pub stiffness: f64,
+    resistance: Resistance,
     /// Mass per squared radius, ρπ (kg/m³), of i and j.
-    pub densities: [f64; 2],
-    /// μ_r.
-    pub friction: f64,
-    /// η_r.
-    pub damping_ratio: f64,
+    densities: [f64; 2],
 }
 
 impl Rolling {
@@ -44,17 +95,13 @@ impl Rolling {
     pub(super) fn new(constants: &dyn Constants, contact: &Contact) -> Self {
         let stiffness = contact.rolling_stiffness.or(constants.rolling_stiffness());
         Self {
-            stiffness: stiffness.unwrap_or(0.0),
+            resistance: Resistance {
+                stiffness: stiffness.unwrap_or(0.0),
+                friction: contact.rolling_friction,
+                damping: 2.0 * contact.rolling_damping_ratio,
+            },
             densities: contact.densities(constants.masses().of(0, PI)),
-            friction: contact.rolling_friction,
-            damping_ratio: contact.rolling_damping_ratio,
         }
-    }
-
-    /// k_r (N m; N in 2D) and μ_r R_r (m) of two radii (m).
-    fn spring(&self, [r_i, r_j]: [f64; 2]) -> (f64, f64) {
-        let r_r = r_i * r_j / (r_i + r_j);
-        (self.stiffness * r_r * r_r, self.friction * r_r)
     }
 
     /// The derivatives of the spring's torque `trial` on i; F_n must be set.
@@ -62,25 +109,23 @@ impl Rolling {
         &self,
         trial: f64,
         radii: [f64; 2],
-        of: &Derivatives,
+        normal: &Derivatives,
         rolls: Option<bool>,
     ) -> SpringForce {
-        let (k_r, arm) = self.spring(radii);
-        SpringForce::new([trial, 0.0, 0.0], k_r, of.limit(arm), rolls)
+        let trial = [trial, 0.0, 0.0];
+        self.resistance.derivatives(trial, radii, normal, rolls)
     }
 
-    /// Computes k_r, C_r and μ_r R_r.
+    /// Computes the parameters of the resistance; I = (3/2) mR² of each disk, about the contact.
     #[inline(always)]
     pub fn parameters<L: Lanes>(&self, token: L::Token, r_i: L, r_j: L, out: &mut [Lanes16]) {
-        let c = |v| L::splat(token, v);
-        let r_r = r_i * r_j / (r_i + r_j);
-        let k_r = c(self.stiffness) * r_r * r_r;
-        let [of_i, of_j] = [c(1.5 * self.densities[0]), c(1.5 * self.densities[1])];
-        let (i_i, i_j) = (of_i * r_i * r_i * r_i * r_i, of_j * r_j * r_j * r_j * r_j);
-        let i_r = i_i * i_j / (i_i + i_j);
-        k_r.store(&mut out[0]);
-        (c(2.0 * self.damping_ratio) * (i_r * k_r).sqrt()).store(&mut out[1]);
-        (c(self.friction) * r_r).store(&mut out[2]);
+        let [density_i, density_j] = self.densities.map(|density| 1.5 * density);
+        let i_i = L::splat(token, density_i) * r_i * r_i * r_i * r_i;
+        let i_j = L::splat(token, density_j) * r_j * r_j * r_j * r_j;
+        let reduced_radius = r_i * r_j / (r_i + r_j);
+        let inertia = i_i * i_j / (i_i + i_j);
+        self.resistance
+            .parameters(token, reduced_radius, inertia, out);
     }
 }
 
@@ -100,13 +145,13 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let touching = load(&motion.overlap).greater(zero);
         let before = load(&history[place]);
         let increment = load(&motion.rolling_increment);
-        let trial = (-load(&p[at])).mul_add(increment, before);
-        let limit = load(&p[at + 2]) * load(&response.normal);
+        let trial = (-load(&p[at + STIFFNESS])).mul_add(increment, before);
+        let limit = load(&p[at + ARM]) * load(&response.normal);
         let speed = load(&motion.rolling_velocity);
-        let damping = load(&p[at + 1]) * speed;
+        let damping = load(&p[at + DAMPING]) * speed;
         let [speed_before, ..] =
             velocity_before(token, blocks.per_step, &[increment; 3], &[speed; 3]);
-        let damping_before = load(&p[at + 1]) * speed_before;
+        let damping_before = load(&p[at + DAMPING]) * speed_before;
         let rolled = L::mask(token, response.rolls);
         let (torque, elastic, viscous, at_limit);
         if C::CUTS_DAMPERS {
@@ -128,7 +173,7 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let after = elastic.select(touching, zero);
         if BUDGET {
             let work = (before + after) * increment;
-            let compliance = inverse(token, load(&p[at]));
+            let compliance = inverse(token, load(&p[at + STIFFNESS]));
             let gained = (after - before) * (after + before) * compliance;
             let dissipated = L::splat(token, -0.5) * (work + gained);
             dissipated.store(&mut response.dissipated[dissipation::ROLLING]);

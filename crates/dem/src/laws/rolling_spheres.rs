@@ -25,8 +25,9 @@
 //! against the present twisting velocity, also where the spring is still loaded the other way; here
 //! it keeps its sign.
 
+use super::rolling::{self, ARM, DAMPING, Resistance, STIFFNESS};
 use super::{Constants, Contact};
-use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
+use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{
     Blocks, CARRY, ContactLaw, CutDamper, Jump, LimitedSpring, PairMotion, Response, TORQUES,
     Turning, dissipation, exceeds, reaches, set_back, vector,
@@ -50,17 +51,6 @@ pub fn between_spheres(
         (true, false) => Box::new(rough),
         (false, false) => Box::new(smooth),
     }
-}
-
-/// A torque of a spring, a dashpot and a slider.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Resistance {
-    /// k_r/R_r² or k_w/R_r² (N/m).
-    stiffness: f64,
-    /// μ_r or μ_w.
-    friction: f64,
-    /// 2η √(I/mR²).
-    damping: f64,
 }
 
 /// A law with rolling and twisting resistance.
@@ -102,15 +92,8 @@ impl<C: ContactLaw> Resisting<C> {
     }
 }
 
-// Places in the parameters of a pair, after those of the law.
-/// k_r and k_w (N m).
-const STIFFNESS: usize = 0;
-/// C_r and C_w (N m s).
-const DAMPING: usize = 2;
-/// μ_r R_r and μ_w R_r (m).
-const ARM: usize = 4;
-/// How many they are.
-const OWN: usize = 6;
+/// Parameters of a pair after those of the law: of rolling, then of twisting.
+const OWN: usize = 2 * rolling::PARAMETERS;
 /// Most parameters of a law between spheres.
 const MOST: usize = 4;
 
@@ -152,12 +135,9 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
         // mR².
         let (i, j) = (m_i * r_i * r_i, m_j * r_j * r_j);
         let inertia = i * j / (i + j);
-        for (k, of) in [self.rolling, self.twisting].into_iter().enumerate() {
-            let stiffness = c(of.stiffness) * r_r * r_r;
-            stiffness.store(&mut out[STIFFNESS + k]);
-            (c(of.damping) * (inertia * stiffness).sqrt()).store(&mut out[DAMPING + k]);
-            (c(of.friction) * r_r).store(&mut out[ARM + k]);
-        }
+        let (rolling, twisting) = out.split_at_mut(rolling::PARAMETERS);
+        self.rolling.parameters(token, r_r, inertia, rolling);
+        self.twisting.parameters(token, r_r, inertia, twisting);
     }
 
     fn largest_force(&self, radius: f64) -> f64 {
@@ -191,17 +171,18 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             let (all, p, history) = (p, &p[C::PARAMETERS..], &mut history[C::HISTORY..]);
             let touching = load(&motion.overlap).greater(zero);
             let normal = load(&response.normal);
-            let jumps = blocks.jumps.iter().filter(|jump| jump.0 == block);
+            let jumps = blocks.jumps.iter().filter(|jump| jump.block == block);
             // Of the spring and of spring and damper, at the beginning of the step and at its end
             // without limit.
-            let begins = begins_at(token, (motion, turning), history, blocks.per_step, jumps);
-            let (normal, set_back) = self.at_first::<L>(token, (all, normal), motion, &begins);
+            let begins = begins_at(token, motion, turning, history, blocks.per_step, jumps);
+            let (normal, set_back) = self.at_first::<L>(token, all, normal, motion, &begins);
             let begun = [set_back[0].greater(zero), set_back[1].greater(zero)];
             let mut sprung = [zero; TORQUES];
             let (mut before, mut earlier, mut trial, mut at_first) =
                 (sprung, sprung, sprung, sprung);
             for k in 0..TORQUES {
-                let (stiffness, damping) = (load(&p[STIFFNESS + k / 3]), load(&p[DAMPING + k / 3]));
+                let own = &p[k / 3 * rolling::PARAMETERS..];
+                let (stiffness, damping) = (load(&own[STIFFNESS]), load(&own[DAMPING]));
                 let (increment, velocity) =
                     (load(&turning.increment[k]), load(&turning.velocity[k]));
                 let gained = moves * velocity - per_half_step * increment;
@@ -212,11 +193,19 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 trial[k] = (-damping).mul_add(velocity, sprung[k]);
                 earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
             }
-            let limits = [load(&p[ARM]) * normal, load(&p[ARM + 1]) * normal];
+            let limits = [
+                load(&p[ARM]) * normal,
+                load(&p[rolling::PARAMETERS + ARM]) * normal,
+            ];
             let rolled = L::mask(token, response.rolls);
             let twisted = L::mask(token, response.twists);
-            let masks = [rolled, touching];
-            let (cut, [rolls, twists]) = cut(token, [earlier, trial], limits, masks);
+            let step = TorqueStep {
+                earlier,
+                trial,
+                rolled,
+                touching,
+            };
+            let (cut, [rolls, twists]) = step.cut(token, limits);
             (response.rolls, response.twists) = (rolls.bits(), twists.bits());
             let mut dissipated = zero;
             let [x, y, z, twist] = cut;
@@ -248,7 +237,8 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 // A torque that begins with a jump acts for ½ + θ of the step.
                 let torque = begins.beyond_a_step.mul_add(at_first[k], cut[k]);
                 torque.store(&mut turning.torque[k]);
-                let (stiffness, damping) = (load(&p[STIFFNESS + k / 3]), load(&p[DAMPING + k / 3]));
+                let own = &p[k / 3 * rolling::PARAMETERS..];
+                let (stiffness, damping) = (load(&own[STIFFNESS]), load(&own[DAMPING]));
                 let viscous = damping * load(&turning.velocity[k]);
                 let at_limit = if k / 3 == 0 { rolls } else { twists };
                 let after = (cut[k] + viscous).select(at_limit, sprung[k]);
@@ -299,9 +289,9 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             .law
             .elastic_energies(token, parameters, overlap, history);
         let torques = &history[C::HISTORY..];
-        let own = &parameters[C::PARAMETERS + STIFFNESS..];
-        let k_r = L::load(token, &own[0]).max(c(SOFTEST));
-        let k_w = L::load(token, &own[1]).max(c(SOFTEST));
+        let own = &parameters[C::PARAMETERS..];
+        let k_r = L::load(token, &own[STIFFNESS]).max(c(SOFTEST));
+        let k_w = L::load(token, &own[rolling::PARAMETERS + STIFFNESS]).max(c(SOFTEST));
         let moment = vector::<L>(token, torques, 3);
         let twist = L::load(token, &torques[3]);
         let rolling = c(0.5) * Three::dot(&moment, &moment) / k_r;
@@ -318,7 +308,8 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
     fn at_first<L: Lanes>(
         &self,
         token: L::Token,
-        (parameters, mut normal): (&[Lanes16], L),
+        parameters: &[Lanes16],
+        mut normal: L,
         motion: &PairMotion,
         begins: &Begins<L>,
     ) -> (L, [L; 2]) {
@@ -334,17 +325,18 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
         if begins.touches.bits() != 0 {
             let velocity = L::load(token, &motion.normal_velocity) / (c(0.5) + begins.part);
             let least = c(f64::MIN_POSITIVE);
-            let at_touch = self.normal_force(token, parameters, [least, velocity]);
+            let at_touch = self.normal_force(token, parameters, least, velocity);
             let overlap = L::load(token, &motion.overlap);
-            let whole = self.normal_force(token, parameters, [overlap, velocity]);
+            let whole = self.normal_force(token, parameters, overlap, velocity);
             begun = at_touch.select(begins.touches, normal);
             normal = whole.select(begins.touches, normal);
         }
         let own = &parameters[C::PARAMETERS..];
         let mut parts = [squares.sqrt(), twist.abs()];
         for k in 0..2 {
-            let limit = L::load(token, &own[ARM + k]) * begun;
-            let size = L::load(token, &own[DAMPING + k]) * parts[k];
+            let own = &own[k * rolling::PARAMETERS..];
+            let limit = L::load(token, &own[ARM]) * begun;
+            let size = L::load(token, &own[DAMPING]) * parts[k];
             let within = limit / size.max(c(SOFTEST));
             let part = (c(1.0) - within).max(c(0.0));
             // None of the torques that do not begin here, whatever else is in the block.
@@ -359,7 +351,8 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
         &self,
         token: L::Token,
         parameters: &[Lanes16],
-        [overlap, velocity]: [L; 2],
+        overlap: L,
+        velocity: L,
     ) -> L {
         let mut motion = PairMotion::default();
         overlap.store(&mut motion.overlap);
@@ -416,37 +409,44 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
     }
 }
 
-/// The torques `trial` cut to the limits of rolling and twisting, and where they were; `earlier`:
-/// what they were a step ago. `masks`: contacts that rolled at the limit, and that touch.
-#[inline(always)]
-fn cut<L: Lanes>(
-    token: L::Token,
-    [earlier, trial]: [[L; TORQUES]; 2],
-    [of_rolling, of_twisting]: [L; 2],
-    [rolled, touching]: [L::Mask; 2],
-) -> ([L; TORQUES], [L::Mask; 2]) {
-    let ([x, y, z, twist], [a, b, c, _]) = (trial, earlier);
-    let mut cut = [x, y, z];
-    let rolls = exceeds(&cut, of_rolling).and(touching);
-    if rolls.bits() != 0 {
-        cut = set_back(token, &[a, b, c], &cut, of_rolling, [rolled, rolls]);
+/// Torques without a limit over a step.
+struct TorqueStep<L: Lanes> {
+    /// At its beginning.
+    earlier: [L; TORQUES],
+    /// At its end.
+    trial: [L; TORQUES],
+    /// Contacts that rolled at the limit before it.
+    rolled: L::Mask,
+    touching: L::Mask,
+}
+
+impl<L: Lanes> TorqueStep<L> {
+    /// The torques at the end cut to the limits of rolling and of twisting, and where they were.
+    #[inline(always)]
+    fn cut(&self, token: L::Token, limits: [L; 2]) -> ([L; TORQUES], [L::Mask; 2]) {
+        let ([x, y, z, twist], [a, b, c, _]) = (self.trial, self.earlier);
+        let mut cut = [x, y, z];
+        let rolls = exceeds(&cut, limits[0]).and(self.touching);
+        if rolls.bits() != 0 {
+            cut = set_back(token, &[a, b, c], &cut, limits[0], self.rolled, rolls);
+        }
+        let twists = twist.abs().greater(limits[1]);
+        let twist = limits[1].copy_sign(twist).select(twists, twist);
+        let [x, y, z] = cut;
+        ([x, y, z, twist], [rolls, twists])
     }
-    let twists = twist.abs().greater(of_twisting);
-    let twist = of_twisting.copy_sign(twist).select(twists, twist);
-    let [x, y, z] = cut;
-    ([x, y, z, twist], [rolls, twists])
 }
 
 /// Where at least one of two masks is set.
 #[inline(always)]
-fn either<L: Lanes>(token: L::Token, of: [L::Mask; 2]) -> L::Mask {
-    L::mask(token, of[0].bits() | of[1].bits())
+fn either<L: Lanes>(token: L::Token, masks: [L::Mask; 2]) -> L::Mask {
+    L::mask(token, masks[0].bits() | masks[1].bits())
 }
 
 /// The first of two masks where `condition`, the second elsewhere.
 #[inline(always)]
-fn choose<L: Lanes>(token: L::Token, condition: L::Mask, of: [L::Mask; 2]) -> L::Mask {
-    let (condition, [one, other]) = (condition.bits(), [of[0].bits(), of[1].bits()]);
+fn choose<L: Lanes>(token: L::Token, condition: L::Mask, masks: [L::Mask; 2]) -> L::Mask {
+    let (condition, [one, other]) = (condition.bits(), [masks[0].bits(), masks[1].bits()]);
     L::mask(token, (one & condition) | (other & !condition))
 }
 
@@ -469,7 +469,8 @@ struct Begins<L: Lanes> {
 #[inline(always)]
 fn begins_at<'j, L: Lanes>(
     token: L::Token,
-    (motion, turning): (&PairMotion, &Turning),
+    motion: &PairMotion,
+    turning: &Turning,
     history: &[Lanes16],
     per_step: f64,
     mut jumps: impl Iterator<Item = &'j Jump>,
@@ -503,7 +504,7 @@ fn begins_at<'j, L: Lanes>(
     let ratio = way / overlap.max(least);
     let mut part = half / (ratio - one).max(half);
     let mut touches = has_none.and(ratio.greater(c(1.25)));
-    for &(_, lane, factor) in first_jump.into_iter().chain(jumps) {
+    for &Jump { lane, factor, .. } in first_jump.into_iter().chain(jumps) {
         touches = L::mask(token, touches.bits() & !(1 << lane));
         let mut parts = part.to_lanes16();
         parts.0[lane] = factor - 0.5;
@@ -528,17 +529,12 @@ fn begins_at<'j, L: Lanes>(
 impl<C: ContactLaw + Stiffness> Stiffness for Resisting<C> {
     fn derivatives(&self, state: &SpringState) -> Derivatives {
         let d = self.law.derivatives(state);
-        let [r_i, r_j] = state.radii;
-        let r_r = r_i * r_j / (r_i + r_j);
+        let radii = state.radii;
         let [_, rolls, twists] = state.limits;
         let [x, y, z, twist] = state.torques;
-        let force = |of: Resistance, trial, at_limit| {
-            let limit = d.limit(of.friction * r_r);
-            SpringForce::new(trial, of.stiffness * r_r * r_r, limit, at_limit)
-        };
         Derivatives {
-            rolling: force(self.rolling, [x, y, z], rolls),
-            twisting: force(self.twisting, [twist, 0.0, 0.0], twists),
+            rolling: self.rolling.derivatives([x, y, z], radii, &d, rolls),
+            twisting: (self.twisting).derivatives([twist, 0.0, 0.0], radii, &d, twists),
             ..d
         }
     }

@@ -113,8 +113,12 @@ impl TsujiSpheres {
 
     fn force<const FRICTION: bool>(&self, contact: &Contact) -> Hertz<FRICTION, Tsuji> {
         let constant = self.damping() * self.spheres.normal_stiffness().sqrt();
-        let damping = [constant, self.tangential_damping_ratio];
-        Hertz::damped(&self.spheres, contact, damping)
+        Hertz::damped(
+            &self.spheres,
+            contact,
+            constant,
+            self.tangential_damping_ratio,
+        )
     }
 }
 

@@ -297,9 +297,9 @@ fn prefetch_line(line: *const i8) {
 
 /// Prefetches the elements of `of` at the second indices of a block of pairs.
 #[inline(always)]
-pub fn prefetch<T>(of: &[T], pairs: PairBlock<'_>) {
-    for &j in &pairs.within(of.len()).j {
-        let first = of.as_ptr().wrapping_add(j as usize).cast::<i8>();
+pub fn prefetch<T>(elements: &[T], pairs: PairBlock<'_>) {
+    for &j in &pairs.within(elements.len()).j {
+        let first = elements.as_ptr().wrapping_add(j as usize).cast::<i8>();
         for line in 0..size_of::<T>().div_ceil(64) {
             prefetch_line(first.wrapping_add(64 * line));
         }
@@ -308,9 +308,9 @@ pub fn prefetch<T>(of: &[T], pairs: PairBlock<'_>) {
 
 /// [`prefetch`] of a whole slice.
 #[inline(always)]
-pub fn prefetch_all<T>(of: &[T]) {
-    for line in (0..size_of_val(of)).step_by(64) {
-        prefetch_line(of.as_ptr().cast::<i8>().wrapping_add(line));
+pub fn prefetch_all<T>(elements: &[T]) {
+    for line in (0..size_of_val(elements)).step_by(64) {
+        prefetch_line(elements.as_ptr().cast::<i8>().wrapping_add(line));
     }
 }
 

@@ -188,7 +188,7 @@ impl Cell {
 
     /// The velocity of a grain (m/s) less that with which it streams in a sheared cell.
     #[inline(always)]
-    pub fn peculiar_velocity<D: Dimension>(&self, fields: &[f64]) -> [f64; 3] {
+    pub(crate) fn peculiar_velocity<D: Dimension>(&self, fields: &[f64]) -> [f64; 3] {
         let mut u = [0.0; 3];
         u[..D::AXES].copy_from_slice(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
         if let Some(sheared) = &self.sheared {
@@ -198,9 +198,9 @@ impl Cell {
     }
 
     /// The strain of the last step (s) along the edges, at most.
-    pub fn stretched_by(&self, step: f64) -> f64 {
+    pub(crate) fn stretched_by(&self, step: f64) -> f64 {
         let stretching = self.sheared.and_then(|sheared| sheared.stretching);
-        let rates = stretching.map_or([0.0; 3], |of| of.half);
+        let rates = stretching.map_or([0.0; 3], |stretching| stretching.half);
         let strains = rates.map(|rate| (step * rate).abs());
         strains.into_iter().fold(0.0, f64::max)
     }
@@ -208,7 +208,7 @@ impl Cell {
     /// The coordinate of a grain by which slabs are cut (m), in [0, L_x): x, or in a sheared cell x
     /// less the tilt. The cuts between slabs tilt with the images of a sheared cell, so that a
     /// grain and its image above are in the same slab.
-    pub fn slab_coordinate<D: Dimension>(&self, position: &[f64]) -> f64 {
+    pub(crate) fn slab_coordinate<D: Dimension>(&self, position: &[f64]) -> f64 {
         let Some(sheared) = &self.sheared else {
             return position[0];
         };
@@ -223,7 +223,7 @@ impl Cell {
 
     /// The greatest difference of [`Cell::slab_coordinate`] between two grains that are `cutoff`
     /// (m) apart.
-    pub fn cutoff_along_x(&self, cutoff: f64) -> f64 {
+    pub(crate) fn cutoff_along_x(&self, cutoff: f64) -> f64 {
         match &self.sheared {
             None => cutoff,
             // 1e-9 more, for the rounding of `along`.
@@ -232,7 +232,7 @@ impl Cell {
     }
 
     /// [`Cell::cutoff_along_x`] at the greatest offset of the images.
-    pub fn greatest_cutoff_along_x(&self, cutoff: f64) -> f64 {
+    pub(crate) fn greatest_cutoff_along_x(&self, cutoff: f64) -> f64 {
         let at_greatest_offset = |sheared| Self {
             sheared: Some(Sheared {
                 offset: 0.5 * self.periods[0],

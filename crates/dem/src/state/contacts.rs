@@ -134,7 +134,7 @@ impl Contacts {
         let begin = |part: usize| runs.len() * part / threads;
         workers::each(workers, &mut parts, |k, (part, blocks)| {
             part.history_lanes = history_lanes;
-            *blocks = part.push_runs(&runs[begin(k)..begin(k + 1)], law, (remembered, grains));
+            *blocks = part.push_runs(&runs[begin(k)..begin(k + 1)], law, remembered, grains);
         });
         let mut ends = vec![0; groups.len()];
         let of_parts = parts.iter().flat_map(|(_, blocks)| blocks);
@@ -158,7 +158,7 @@ impl Contacts {
         clear_for(&mut self.parameters, blocks * self.parameter_lanes);
         self.parameters
             .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
-        law.set_parameters(isa, (&self.geometry, &self.kinds), &mut self.parameters);
+        law.set_parameters(isa, &self.geometry, &self.kinds, &mut self.parameters);
     }
 
     /// Removes all blocks, and makes room for so many.
@@ -188,7 +188,8 @@ impl Contacts {
         &mut self,
         runs: &[Run<'_>],
         law: &dyn PairModel,
-        (remembered, grains): (&Remembered, LocalGrains<'_>),
+        remembered: &Remembered,
+        grains: LocalGrains<'_>,
     ) -> Vec<usize> {
         let LocalGrains {
             id,
@@ -261,20 +262,20 @@ impl Contacts {
 
     /// Borrows some blocks, for the kernel.
     pub fn part(&mut self, blocks: Range<usize>) -> BlockRange<'_> {
-        let of = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
+        let lanes = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
         BlockRange {
             first: blocks.start,
             owned_blocks: self.owned_blocks,
             parameter_lanes: self.parameter_lanes,
             history_lanes: self.history_lanes,
             pairs: &self.pairs,
-            geometry: &self.geometry[of(1)],
-            kinds: &self.kinds[of(1)],
-            parameters: &self.parameters[of(self.parameter_lanes)],
-            history: &mut self.history[of(self.history_lanes)],
-            touching: &mut self.touching[of(1)],
-            limits: &mut self.limits[of(1)],
-            asleep_until: &mut self.asleep_until[of(1)],
+            geometry: &self.geometry[blocks.clone()],
+            kinds: &self.kinds[blocks.clone()],
+            parameters: &self.parameters[lanes(self.parameter_lanes)],
+            history: &mut self.history[lanes(self.history_lanes)],
+            touching: &mut self.touching[blocks.clone()],
+            limits: &mut self.limits[blocks.clone()],
+            asleep_until: &mut self.asleep_until[blocks.clone()],
             inner: self.inner,
             has_feet: self.has_feet,
         }
@@ -350,29 +351,29 @@ impl Contacts {
     /// The touching contacts, for the next list of the same grains. Their histories are gone from
     /// here then.
     pub fn remember(&mut self, id: &[u32]) -> Remembered {
-        let mut of = vec![[0; 2]; id.len()];
+        let mut bounds = vec![[0; 2]; id.len()];
         for at in self.touching() {
-            of[at.i][1] += 1;
+            bounds[at.i][1] += 1;
         }
         let mut end = 0;
-        for [first, count] in &mut of {
+        for [first, count] in &mut bounds {
             (*first, end) = (end, end + *count);
             *count = *first;
         }
         let mut partner = vec![0; end as usize];
         let mut places = vec![0; end as usize];
         for at in self.touching() {
-            let next = &mut of[at.i][1];
+            let next = &mut bounds[at.i][1];
             partner[*next as usize] = id[at.j];
             places[*next as usize] = at.block * LANES + at.lane;
             *next += 1;
         }
         let mut limits = std::mem::take(&mut self.limits);
         if !self.limits_are_known {
-            limits.iter_mut().for_each(|of| of[..3].fill(0));
+            limits.iter_mut().for_each(|bounds| bounds[..3].fill(0));
         }
         Remembered {
-            of,
+            bounds,
             partner,
             places,
             history: std::mem::take(&mut self.history),
@@ -419,7 +420,7 @@ fn set_limits(limits: &mut [u16; 4], lane: usize, is_at: [bool; 4]) {
 #[derive(Debug, Default)]
 pub struct Remembered {
     /// For each local grain as i, the first of its contacts, and the end of them.
-    of: Vec<[u32; 2]>,
+    bounds: Vec<[u32; 2]>,
     /// The id of the other grain.
     partner: Vec<u32>,
     /// The place of each contact in the following: sixteen to a block.
@@ -458,7 +459,7 @@ impl Remembered {
             set_limits(&mut limits[block], lane, is_at);
         }
         Self {
-            of: id.iter().map(contacts_of).collect(),
+            bounds: id.iter().map(contacts_of).collect(),
             partner: states.iter().map(|c| c.j).collect(),
             places: (0..states.len()).collect(),
             history,
@@ -470,7 +471,7 @@ impl Remembered {
 
     /// The contact of the local grain i and the grain of this id.
     fn find(&self, i: u32, id: u32) -> Option<u32> {
-        let [first, end] = *self.of.get(i as usize)?;
+        let [first, end] = *self.bounds.get(i as usize)?;
         (first..end).find(|&k| self.partner[k as usize] == id)
     }
 
@@ -599,7 +600,7 @@ impl Ordered {
 /// How far (m) two grains with this gap (m) must travel to touch. Slightly less than half of it,
 /// because gaps and ways are rounded.
 #[inline(always)]
-pub fn way_to_touch(gap: f64) -> f64 {
+pub(crate) fn way_to_touch(gap: f64) -> f64 {
     0.499 * gap
 }
 
@@ -649,7 +650,7 @@ impl<'a> BlockRange<'a> {
 
     /// The next blocks that are awake, at most `most` of them, from block `from` of the part on,
     /// when the grains have travelled this far (m); `None`: every block is awake.
-    pub fn awake(&self, from: usize, most: usize, travelled: Option<f64>) -> Range<usize> {
+    pub(crate) fn awake(&self, from: usize, most: usize, travelled: Option<f64>) -> Range<usize> {
         let blocks = self.blocks();
         let Some(travelled) = travelled else {
             return from..blocks.min(from + most);
@@ -663,7 +664,7 @@ impl<'a> BlockRange<'a> {
     }
 
     /// Splits off the blocks from block `from` of the list on.
-    pub fn split_off(&mut self, from: usize) -> BlockRange<'a> {
+    pub(crate) fn split_off(&mut self, from: usize) -> BlockRange<'a> {
         let at = from - self.first;
         BlockRange {
             first: from,
@@ -680,7 +681,7 @@ impl<'a> BlockRange<'a> {
 }
 
 /// R_i + R_j of lanes that fill up a block: negative, so that they never touch.
-pub const FILLER: f64 = -1.0;
+pub(crate) const FILLER: f64 = -1.0;
 
 /// The place of a touching contact in the list, and its grains.
 #[derive(Debug, Clone, Copy)]

@@ -8,20 +8,7 @@ use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
 
-use super::{CandidatePair, GrainState, Image};
-
-/// The body that a grain belongs to.
-pub mod body {
-    /// None: the grain moves freely.
-    pub const FREE: u32 = 0;
-    /// The bottom wall.
-    pub const BOTTOM: u32 = 1;
-    /// The top wall.
-    pub const TOP: u32 = 2;
-    /// None any more: the grain passed a wall and was removed. It rests where it was, and nothing
-    /// touches it.
-    pub const REMOVED: u32 = 3;
-}
+use super::{CandidatePair, GrainState, Image, body};
 
 /// Units of the contact forces, powers of two.
 ///
@@ -46,7 +33,7 @@ pub struct Units {
 
 impl Units {
     /// Of rotations (rad).
-    pub const ROTATION: f64 = 1.0 / (1u64 << 53) as f64;
+    pub(crate) const ROTATION: f64 = 1.0 / (1u64 << 53) as f64;
 
     /// The units for the greatest force (N; N/m in 2D) and radius (m) of a contact, both positive.
     pub fn new(largest_force: f64, largest_radius: f64) -> Self {
@@ -173,7 +160,7 @@ impl<D: Dimension> Grains<D> {
 
     /// Gives every owned grain that is closer than its radius and `reach` (m) to one of these
     /// planes (m) a foot in it. Returns the pairs of both.
-    pub fn stand_on(
+    pub(crate) fn stand_on(
         &mut self,
         walls: FlatWalls,
         planes: [f64; 2],
@@ -181,8 +168,10 @@ impl<D: Dimension> Grains<D> {
     ) -> Vec<CandidatePair> {
         let mut pairs = Vec::new();
         for grain in 0..self.owned {
-            let is_free = self.body[grain] == body::FREE;
-            for (side, plane) in planes.into_iter().enumerate().filter(|_| is_free) {
+            if self.body[grain] != body::FREE {
+                continue;
+            }
+            for (side, plane) in planes.into_iter().enumerate() {
                 let distance = (self.fields(grain)[D::UP] - plane).abs();
                 let gap = distance - self.radius[grain];
                 if gap >= reach {
@@ -210,7 +199,7 @@ impl<D: Dimension> Grains<D> {
     }
 
     /// Puts the feet into these planes (m), at their grains.
-    pub fn put_feet(&mut self, planes: [f64; 2]) {
+    pub(crate) fn put_feet(&mut self, planes: [f64; 2]) {
         let first = self.first_foot();
         for k in 0..self.feet.len() {
             let Foot { grain, is_top } = self.feet[k];
@@ -221,7 +210,7 @@ impl<D: Dimension> Grains<D> {
     }
 
     /// Removes the feet.
-    pub fn lift_feet(&mut self) {
+    pub(crate) fn lift_feet(&mut self) {
         self.truncate(self.first_foot());
         self.feet.clear();
     }
@@ -237,7 +226,7 @@ impl<D: Dimension> Grains<D> {
     }
 
     /// Whether this is a foot, and not a grain.
-    pub fn is_foot(&self, g: usize) -> bool {
+    pub(crate) fn is_foot(&self, g: usize) -> bool {
         g >= self.first_foot()
     }
 
@@ -308,7 +297,7 @@ impl<D: Dimension> Grains<D> {
     }
 
     /// Sets Δt (s).
-    pub fn set_step(&mut self, step: f64) {
+    pub(crate) fn set_step(&mut self, step: f64) {
         self.half_kick.clear();
         for g in 0..self.owned {
             let (m, r) = (self.mass[g], self.radius[g]);
@@ -322,12 +311,11 @@ impl<D: Dimension> Grains<D> {
 
     /// Removes an owned grain that has passed a wall, the upper or the lower one, which its image
     /// along the last axis then says. The next list has none of its contacts.
-    pub fn remove(&mut self, g: usize, is_above: bool) {
+    pub fn remove(&mut self, g: usize) {
         self.body[g] = body::REMOVED;
         self.fields_mut(g)[D::VELOCITY..D::SPIN + D::SPINS].fill(0.0);
         self.force[g] = D::Force::zeroed();
         self.half_kick[g] = [0.0; 2];
-        self.image[g][D::UP] = if is_above { 1 } else { -1 };
     }
 
     /// The record of a grain.

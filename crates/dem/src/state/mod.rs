@@ -11,11 +11,12 @@
 //! | [`GrainPosition`] | [`GrainSample`] | scalars of a frame |
 //! | [`Displacement`] | [`GrainState`] | mean square displacement since the start of a stage |
 //! | `GrainShape` of `gshear-store` | [`GrainState`] and mass | constants of the grains in `run.h5`
-//! | | [`Disks`], [`Frame`] | `run.h5` | analysis: constants and frames of all grains, by id |
+//! | | [`GrainConstants`], [`Frame`] | `run.h5` | analysis: constants and frames of all grains, by id |
 //!
 //! In the same way [`ContactState`] is the state of a contact, [`Contacts`] stores the contacts of
 //! one rank, and [`ContactSample`] and [`ContactForce`] are views.
 
+pub mod body;
 mod cell;
 mod contacts;
 mod frame;
@@ -25,16 +26,12 @@ mod records;
 mod snapshot;
 
 pub use cell::{BoxEdges, Cell, Image, Sheared, Stretching, length, nearest_image};
-pub use contacts::{
-    BlockRange, CandidatePair, Contacts, FILLER, LocalGrains, Remembered, Touching, way_to_touch,
-};
-pub use frame::{Disks, Frame, FrameRecords};
-pub use grains::{FlatWalls, Foot, Grains, Masses, Units, body};
+pub use contacts::{BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Touching};
+pub(crate) use contacts::{FILLER, way_to_touch};
+pub use frame::{Frame, GrainConstants};
+pub use grains::{FlatWalls, Foot, Grains, Masses, Units};
 pub use ids::Ids;
-pub use records::{
-    Confinement, ContactSample, FlowRow, GrainSample, ImposedRow, SeriesRow, StressRow,
-    all_series_columns, series_columns,
-};
+pub use records::{ContactSample, FlowRow, GrainSample, ImposedRow, SeriesRow, StressRow};
 pub use snapshot::{
     ContactForce, ContactState, Displacement, FramePart, GrainPosition, GrainState, HeldState,
     Snapshot,

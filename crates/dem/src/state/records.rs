@@ -1,11 +1,8 @@
 //! Records of frames and of the time series.
 
-use std::sync::LazyLock;
-
 use bytemuck::{Pod, Zeroable};
 
 use super::Image;
-use crate::columns::Column;
 
 /// A grain in a frame: its row of `particles/trajectory` in `run.h5`. In two dimensions the unused
 /// components are 0.
@@ -13,7 +10,9 @@ use crate::columns::Column;
 #[repr(C)]
 pub struct GrainSample {
     /// Id.
-    pub id: u64,
+    pub id: u32,
+    /// 1 if it had passed a wall and was removed, else 0.
+    pub removed: u32,
     /// Wrapped position (m).
     pub position: [f64; 3],
     /// Velocity (m/s).
@@ -147,39 +146,4 @@ crate::columns! {
         /// of the free grains along x, weighed by mass
         mean_velocity: "m s-1",
     }
-}
-
-/// What bounds the sample along the last axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Confinement {
-    /// A wall of its grains below and one above.
-    Walls,
-    /// Its own images.
-    Images,
-    /// A wall of its grains below, and nothing above.
-    FreeSurface,
-}
-
-/// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if a protocol imposes more
-/// than velocities along x, of [`StressRow`] if there are no walls, and of [`FlowRow`] below a free
-/// surface.
-pub fn series_columns(imposed: bool, confinement: Confinement) -> &'static [Column] {
-    static ALL: LazyLock<[[Vec<Column>; 3]; 2]> = LazyLock::new(|| {
-        [&[][..], &ImposedRow::COLUMNS].map(|imposed| {
-            [&[][..], &StressRow::COLUMNS, &FlowRow::COLUMNS]
-                .map(|further| [&SeriesRow::COLUMNS, imposed, further].concat())
-        })
-    });
-    let further = match confinement {
-        Confinement::Walls => 0,
-        Confinement::Images => 1,
-        Confinement::FreeSurface => 2,
-    };
-    &ALL[usize::from(imposed)][further]
-}
-
-/// The columns of all time series.
-pub fn all_series_columns() -> Vec<Column> {
-    let walls = series_columns(true, Confinement::Walls);
-    [walls, &StressRow::COLUMNS, &FlowRow::COLUMNS].concat()
 }

@@ -3,7 +3,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::{ContactSample, GrainSample, Image};
+use super::{ContactSample, GrainSample, Image, body};
 use crate::contact::{History, TORQUES};
 
 /// The state of a grain, SI units; in two dimensions the unused components are 0.
@@ -27,8 +27,7 @@ pub struct GrainState {
     /// Torque of the last step (N m; N in 2D).
     pub torque: [f64; 3],
     /// Image in which it is: the position plus these multiples of the edges of the box moves
-    /// without jumps. Along an axis that is bounded by walls, 1 or -1 for a grain that was removed
-    /// because it passed the upper or the lower one, else 0.
+    /// without jumps.
     pub image: Image,
     /// Number of its material.
     pub material: u64,
@@ -78,7 +77,7 @@ impl ContactState {
     }
 
     /// History and torques.
-    pub fn all_histories(&self) -> History {
+    pub(crate) fn all_histories(&self) -> History {
         let ([a, b, c], [d, e, f, g]) = (self.history, self.torques);
         [a, b, c, d, e, f, g]
     }
@@ -100,10 +99,13 @@ impl ContactState {
     /// Limits as a number: 1, 2 and 32 where it is at that of friction, rolling and twisting, 4, 8
     /// and 64 where that is known, and 16 if it is idle.
     pub fn stored(limits: [Option<bool>; 3], is_idle: bool) -> i64 {
-        let of = |(limit, [bit, known]): (Option<bool>, [i64; 2])| {
-            limit.map_or(0, |is_at| known + bit * i64::from(is_at))
-        };
-        limits.into_iter().zip(LIMITS).map(of).sum::<i64>() + 16 * i64::from(is_idle)
+        let mut number = 16 * i64::from(is_idle);
+        for (limit, [bit, known]) in limits.into_iter().zip(LIMITS) {
+            if let Some(is_at) = limit {
+                number += known + bit * i64::from(is_at);
+            }
+        }
+        number
     }
 
     /// The bytes of all that the motion of disks depends on, of every field before the limits.
@@ -112,7 +114,7 @@ impl ContactState {
     }
 
     /// What the motion of spheres depends on beside that: at which limits it is, and the torques.
-    pub fn moving_spheres(&self) -> (i64, [f64; TORQUES]) {
+    pub(crate) fn moving_spheres(&self) -> (i64, [f64; TORQUES]) {
         let [[slides, _], [rolls, _], _] = LIMITS;
         (self.limits & (slides | rolls), self.torques)
     }
@@ -121,7 +123,8 @@ impl ContactState {
 impl From<&GrainState> for GrainSample {
     fn from(grain: &GrainState) -> Self {
         Self {
-            id: u64::from(grain.id),
+            id: grain.id,
+            removed: (grain.body == body::REMOVED).into(),
             position: grain.position,
             velocity: grain.velocity,
             angular_velocity: grain.angular_velocity,
@@ -147,7 +150,7 @@ pub struct GrainPosition {
 impl From<&GrainSample> for GrainPosition {
     fn from(grain: &GrainSample) -> Self {
         Self {
-            id: grain.id as u32,
+            id: grain.id,
             body: 0,
             position: [grain.position[0], grain.position[1]],
             image: grain.image[0],

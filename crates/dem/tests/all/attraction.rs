@@ -1,7 +1,11 @@
 //! Attraction beside the laws: closed forms of impact, detachment and rest.
 
-use gshear_dem::contact::attraction::Attraction;
-use gshear_dem::contact::jkr::Jkr;
+use std::sync::Arc;
+
+use gshear_dem::adhesions::constant::Constant;
+use gshear_dem::adhesions::dmt::Dmt;
+use gshear_dem::adhesions::jkr::Jkr;
+use gshear_dem::contact::adhesion::Adhesion;
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::laws::hertz::Spheres;
 use gshear_dem::laws::{Contact, Law, LawSpace, hertz, hooke};
@@ -19,12 +23,8 @@ fn springs() -> Law {
 }
 
 fn attracting(friction: f64) -> Contact {
-    let attraction = Attraction {
-        constant: FORCE,
-        ..Attraction::NONE
-    };
     Contact {
-        attraction,
+        adhesion: Some(Arc::new(Constant { force: FORCE })),
         ..frictional(friction)
     }
 }
@@ -36,10 +36,10 @@ impl<D: LawSpace> Pair<D> {
     /// With an overlap (m), a velocity (m/s) of the second, and Δt (s).
     fn new(law: &Law, contact: &Contact, overlap: f64, velocity: [f64; 3], step: f64) -> Self {
         let distance = RADII[0] + RADII[1] - overlap;
-        let of = [[[0.0; 3]; 3], [[distance, 0.0, 0.0], velocity, [0.0; 3]]];
+        let ends = [[[0.0; 3]; 3], [[distance, 0.0, 0.0], velocity, [0.0; 3]]];
         let masses = law.masses();
         let law = D::pair_force(law, contact).expect("a law of this dimension");
-        Self(Rig::couple(law, (masses, step), RADII, of, Vec::new()))
+        Self(Rig::couple(law, (masses, step), RADII, ends, Vec::new()))
     }
 
     /// δ (m) and the velocity (m/s) at which the pair separates.
@@ -84,8 +84,8 @@ fn are_of_second_order<const N: usize>(
         }
         means
     });
-    for of in 0..N {
-        let [a, b, c] = means.map(|means| means[of]);
+    for quantity in 0..N {
+        let [a, b, c] = means.map(|means| means[quantity]);
         assert!(c < last && a / b > 3.0 && b / c > 3.0, "{means:?}");
     }
 }
@@ -136,18 +136,15 @@ fn modulus() -> f64 {
     SPHERES.young_modulus / (2.0 * (1.0 - SPHERES.poisson_ratio * SPHERES.poisson_ratio))
 }
 
-fn adhering(attraction: Attraction) -> Contact {
+fn adhering(adhesion: impl Adhesion) -> Contact {
     Contact {
-        attraction,
+        adhesion: Some(Arc::new(adhesion)),
         ..Contact::NONE
     }
 }
 
 fn jkr() -> Contact {
-    adhering(Attraction {
-        jkr: Some(Jkr::new(ENERGY, modulus())),
-        ..Attraction::NONE
-    })
+    adhering(Jkr::new(ENERGY, modulus()))
 }
 
 /// δ (m) and F_n (N) of JKR at the contact radius a (m), from Johnson, Kendall & Roberts as LAMMPS
@@ -240,10 +237,7 @@ fn the_work_of_detaching_spheres_is_that_of_dmt_and_jkr() {
     let k_n = SPHERES.normal_stiffness();
     let law = Law::of(&hertz::KIND, SPHERES);
     let per_radius = 4.0 * std::f64::consts::PI * ENERGY;
-    let dmt = adhering(Attraction {
-        per_radius,
-        ..Attraction::NONE
-    });
+    let dmt = adhering(Dmt::new(ENERGY, Constant { force: 0.0 }));
     let attraction = per_radius * reduced();
     let at_rest = (attraction / (k_n * reduced().sqrt())).powf(2.0 / 3.0);
     let [at_pull_off, force, _] = pull_off();
@@ -330,8 +324,11 @@ fn damped_and_frictional_impacts_with_jkr_are_of_second_order() {
     let references: Vec<_> = (0..20).map(|k| end(k, coarse / 32.0, 400 * 32)).collect();
     are_of_second_order(20, 1e-3, |halvings, k| {
         let found = end(k, coarse * 0.5f64.powi(halvings), 400 << halvings);
-        let off = |of: usize| minus(found[of], references[k as usize][of]);
-        [0, 1].map(|of| off(of).into_iter().map(f64::abs).sum())
+        [0, 1].map(|quantity| {
+            let reference = references[k as usize][quantity];
+            let error = minus(found[quantity], reference);
+            error.into_iter().map(f64::abs).sum()
+        })
     });
 }
 

@@ -2,6 +2,7 @@
 //! that its grains touch.
 
 use bytemuck::Zeroable;
+use gshear_dem::budget::{EnergyBalance, SampleState};
 use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response, dissipation};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Solo;
@@ -245,6 +246,30 @@ impl<D: Dimension, W: Drive<D>> Rig<D, W> {
         let (law, walls) = (self.law.as_ref(), &mut self.walls);
         let request = StepRequest::default();
         advance(&Solo, &mut self.system, law, walls, request).expect("sound");
+    }
+
+    /// The balance of the energy budget, and the kinetic energy (J; J/m in 2D), in a cell without
+    /// walls and gravity.
+    pub fn balance(&mut self) -> (EnergyBalance, f64) {
+        let kinetic = self.system.grain_states().into_iter().map(|g| {
+            let rim = g.radius * g.radius * dot(g.angular_velocity, g.angular_velocity);
+            let mass = self.system.masses.of(g.material, D::volume(g.radius));
+            0.5 * mass * (dot(g.velocity, g.velocity) + D::INERTIA * rim)
+        });
+        let kinetic: f64 = kinetic.sum();
+        let mut budget = self.system.budget.take().expect("a budget");
+        let sample = SampleState {
+            contacts: &self.system.contacts,
+            overlap: &self.samples.overlap,
+            load: 0.0,
+            height: 0.0,
+            kinetic,
+            potential: 0.0,
+            gravity: [0.0; 2],
+        };
+        let entry = budget.balance(&Solo, self.system.isa, self.law.as_ref(), sample);
+        self.system.budget = Some(budget);
+        (entry, kinetic)
     }
 
     /// The digest of the state, and of this of the walls.

@@ -3,11 +3,13 @@
 //! its grains collide at once, slide, stick, roll and part.
 
 use std::fmt::Write;
+use std::sync::Arc;
 
-use gshear_dem::budget::{EnergyBalance, EnergyBudget, SampleState};
-use gshear_dem::contact::attraction::Attraction;
+use gshear_dem::adhesions::constant::Constant;
+use gshear_dem::adhesions::jkr::Jkr;
+use gshear_dem::budget::EnergyBudget;
+use gshear_dem::contact::adhesion::AdhesionModel;
 use gshear_dem::contact::dissipation;
-use gshear_dem::contact::jkr::Jkr;
 use gshear_dem::dimension::{Dimension, Dimensions, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::laws::hertz::{self, Spheres};
@@ -89,9 +91,10 @@ fn laws(dimension: Dimensions) -> Vec<(Law, &'static str, &'static str)> {
         (false, "hertz", "hertz-tsuji"),
         (true, "hertz, force", "hertz-tsuji, force"),
     ] {
-        let of = |damped| Law::of(&hertz::KIND, hertzian(damped, force));
-        all.push((of(false), hertz_name, "none"));
-        all.push((of(true), hertz_name, "γ_n = 3e7"));
+        for (is_damped, damper) in [(false, "none"), (true, "γ_n = 3e7")] {
+            let law = Law::of(&hertz::KIND, hertzian(is_damped, force));
+            all.push((law, hertz_name, damper));
+        }
         let damped = TsujiSpheres {
             spheres: hertzian(false, force),
             restitution: 0.4,
@@ -108,20 +111,14 @@ fn cases(dimension: Dimensions) -> Vec<Case> {
     let in_space = dimension == Dimensions::Three;
     let depth = if in_space { 1.0 } else { 1e3 };
     for (law, name, damper) in laws(dimension) {
-        let constant = Attraction {
-            constant: 0.1 * depth,
-            ..Attraction::NONE
-        };
-        let mut attractions = vec![(Attraction::NONE, "none"), (constant, "constant")];
+        let constant = Constant { force: 0.1 * depth };
+        let mut adhesions: Vec<(Option<Arc<dyn AdhesionModel>>, _)> =
+            vec![(None, "none"), (Some(Arc::new(constant)), "constant")];
         if let Some(modulus) = law.contact_modulus() {
-            let jkr = Attraction {
-                jkr: Some(Jkr::new(0.3, modulus)),
-                ..Attraction::NONE
-            };
-            attractions.push((jkr, "jkr"));
+            adhesions.push((Some(Arc::new(Jkr::new(0.3, modulus))), "jkr"));
         }
         let rolls = in_space || law.kind().rolling;
-        for (attraction, attracts) in attractions {
+        for (adhesion, attracts) in adhesions {
             for (rolling_friction, rolling) in [(0.0, "none"), (0.1, "μ_r = 0.1, η_r = 0.2")] {
                 if rolling_friction > 0.0 && !rolls {
                     continue;
@@ -135,7 +132,7 @@ fn cases(dimension: Dimensions) -> Vec<Case> {
                     twisting_friction: twists * rolling_friction,
                     twisting_stiffness: None,
                     twisting_damping_ratio: 0.1,
-                    attraction,
+                    adhesion: adhesion.clone(),
                     ..Contact::NONE
                 };
                 let is_damped = damper != "none" || rolling_friction > 0.0;
@@ -287,29 +284,6 @@ fn write_the_orders_of_every_law() {
     std::fs::write(path, format!("{before}{text}{after}")).expect("written");
 }
 
-fn balance<D: LawSpace>(rig: &mut Rig<D>, case: &Case) -> (EnergyBalance, f64) {
-    let masses = case.law.masses();
-    let kinetic = rig.system.grain_states().into_iter().map(|g| {
-        let rim = g.radius * g.radius * dot(g.angular_velocity, g.angular_velocity);
-        let mass = masses.of(0, D::volume(g.radius));
-        0.5 * mass * (dot(g.velocity, g.velocity) + D::INERTIA * rim)
-    });
-    let kinetic: f64 = kinetic.sum();
-    let mut budget = rig.system.budget.take().expect("a budget");
-    let sample = SampleState {
-        contacts: &rig.system.contacts,
-        overlap: &rig.samples.overlap,
-        load: 0.0,
-        height: 0.0,
-        kinetic,
-        potential: 0.0,
-        gravity: [0.0; 2],
-    };
-    let entry = budget.balance(&Solo, rig.system.isa, rig.law.as_ref(), sample);
-    rig.system.budget = Some(budget);
-    (entry, kinetic)
-}
-
 /// Steps between looks at the energies, and how often.
 const BETWEEN: usize = 50;
 const LOOKS: usize = 60;
@@ -328,7 +302,7 @@ fn unsound<D: LawSpace>(case: &Case, side: usize) -> Vec<String> {
         Some(&mut rig.samples),
     )
     .expect("sound");
-    let (first, kinetic) = balance(&mut rig, case);
+    let (first, kinetic) = rig.balance();
     let begun = kinetic + first.elastic.iter().sum::<f64>();
     let at_first = first.elastic[1].abs() + first.elastic[2].abs();
     if at_first > 1e-13 * begun {
@@ -339,7 +313,7 @@ fn unsound<D: LawSpace>(case: &Case, side: usize) -> Vec<String> {
     let mut missing = 0.0f64;
     for _ in 0..LOOKS {
         rig.advance(BETWEEN);
-        let (entry, kinetic) = balance(&mut rig, case);
+        let (entry, kinetic) = rig.balance();
         for (kind, least) in least.iter_mut().enumerate() {
             *least = least.min(entry.dissipated[kind] - last[kind]);
         }

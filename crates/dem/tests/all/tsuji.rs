@@ -1,10 +1,9 @@
 //! Impacts of spheres with the damping of Tsuji: against LAMMPS and the promised restitution, and
 //! their energy budget.
 
-use gshear_dem::budget::{EnergyBalance, EnergyBudget, SampleState};
+use gshear_dem::budget::EnergyBudget;
 use gshear_dem::contact::dissipation;
-use gshear_dem::dimension::{Dimension, Three};
-use gshear_dem::domain::Solo;
+use gshear_dem::dimension::Three;
 use gshear_dem::laws::mindlin::MindlinSprings;
 use gshear_dem::laws::tsuji::TsujiSpheres;
 use gshear_dem::laws::{Constants, Contact};
@@ -63,29 +62,6 @@ impl Impact {
         assert_eq!(self.0.system.contacts.touching().count(), 0);
         self.0.ends()
     }
-
-    /// The energy budget, and the kinetic energy (J).
-    fn energies(&mut self) -> (EnergyBalance, f64) {
-        let (isa, masses) = (self.0.system.isa, self.0.system.masses.clone());
-        let kinetic = self.0.system.grain_states().into_iter().map(|g| {
-            let (speed, rim) = (norm(g.velocity), g.radius * norm(g.angular_velocity));
-            0.5 * masses.of(0, Three::volume(g.radius)) * (speed * speed + 0.4 * rim * rim)
-        });
-        let kinetic = kinetic.sum();
-        let mut budget = self.0.system.budget.take().expect("a budget");
-        let sample = SampleState {
-            contacts: &self.0.system.contacts,
-            overlap: &self.0.samples.overlap,
-            load: 0.0,
-            height: 0.0,
-            kinetic,
-            potential: 0.0,
-            gravity: [0.0; 2],
-        };
-        let entry = budget.balance(&Solo, isa, self.0.law.as_ref(), sample);
-        self.0.system.budget = Some(budget);
-        (entry, kinetic)
-    }
 }
 
 /// Spheres that slide throughout, because v_t is ten times v_n, lose μ(1+e) v_n of their tangential
@@ -143,9 +119,9 @@ fn explained(
     spins: [Vector; 2],
 ) -> ([f64; dissipation::KINDS], f64) {
     let mut impact = Impact::new(of, step, contact, [1.0, 0.0, 0.0], VELOCITY, spins);
-    let (_, before) = impact.energies();
+    let (_, before) = impact.0.balance();
     impact.after(steps);
-    let (entry, after) = impact.energies();
+    let (entry, after) = impact.0.balance();
     assert_eq!(entry.elastic, [0.0; 3]);
     let lost = entry.dissipated.iter().sum::<f64>();
     let parts = entry.dissipated.map(|part| part / lost);

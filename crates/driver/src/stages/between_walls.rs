@@ -4,7 +4,7 @@ use gshear_dem::drive::Piston;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, Law, LawSpace};
-use gshear_dem::state::{Confinement, GrainState, Snapshot};
+use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::Lattice;
 use gshear_scene::schedule::Schedule;
 use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
@@ -15,7 +15,8 @@ use super::shear::ShearStage;
 use super::top_wall::{height_between, mass_of_layer, mass_of_top, stretch};
 use crate::header::{Header, PackHeader, ShearHeader, TimeOrigin, Written};
 use crate::options::Outcome;
-use crate::run::{Run, Stage};
+use crate::run::Run;
+use crate::stage::Stage;
 use crate::task::Start;
 
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
@@ -39,7 +40,7 @@ pub fn run<D: LawSpace>(
             None => return Ok(Outcome::Stopped),
         },
         Header::Shear(header) => (header, state),
-        Header::Prepare { .. } | Header::Aqs { .. } | Header::Newtonian { .. } => {
+        Header::Prepare(_) | Header::Strain(_) | Header::Newtonian(_) => {
             return Err(Failure::input(
                 "the checkpoint is of a periodic box, and its scene has none",
             ));
@@ -64,8 +65,7 @@ fn packed<D: LawSpace>(
     loop {
         let begins = header.step == 0;
         let [law, plane] = packing_laws::<D>(scene, plane_shear);
-        let laws = (law.as_ref(), plane);
-        let mut pack = PackStage::new(run, plane_shear, laws, header, state)?;
+        let mut pack = PackStage::new(run, plane_shear, law.as_ref(), plane, header, state)?;
         let failure = match run.drive(&mut pack, begins) {
             Ok(Outcome::Done) => {
                 let (mut piston, mut state) = pack.finish(run);
@@ -80,7 +80,7 @@ fn packed<D: LawSpace>(
         else {
             return Err(failure);
         };
-        run.terminal.packs_again(pack.at().1);
+        run.terminal.packs_again(pack.completed());
         let (height, grains) = inserted(run, sizes);
         header = falling(scene, plane_shear, height, starts);
         state = of_grains(grains);
@@ -114,7 +114,7 @@ fn begin(run: &Run<'_>, plane_shear: &PlaneShear, start: Start) -> Result<(Heade
     let mut header = falling(scene, plane_shear, height, 0);
     let mut state = of_grains(grains);
     let header = if plane_shear.pack.skip {
-        header.piston.mass = mass_of_top(run, scene, plane_shear, (&state.grains, height));
+        header.piston.mass = mass_of_top(run, scene, plane_shear, &state.grains, height);
         header.piston.load = plane_shear.load.normal_force;
         stretch(run, plane_shear, &mut header.piston, &mut state)?;
         Header::Shear(sheared(scene, plane_shear, header.piston))
@@ -134,7 +134,7 @@ fn take_changes(
     grains: &[GrainState],
 ) -> Result<()> {
     let now = run.scene;
-    let [of_before, of_now] = [before.plane_shear("")?, now.plane_shear("")?];
+    let (former, walls) = (before.plane_shear("")?, now.plane_shear("")?);
     let is_heavier = before.materials.masses != now.materials.masses;
     match header {
         Header::Pack(pack) if is_heavier => {
@@ -145,20 +145,21 @@ fn take_changes(
                 shear.energy_budget = None;
             }
             let slider = &mut shear.slider;
-            if is_heavier || of_before.load.wall_mass != of_now.load.wall_mass {
-                let of = (grains, shear.height);
-                let times =
-                    mass_of_top(run, now, of_now, of) / mass_of_top(run, before, of_before, of);
+            if is_heavier || former.load.wall_mass != walls.load.wall_mass {
+                let height = shear.height;
+                let times = mass_of_top(run, now, walls, grains, height)
+                    / mass_of_top(run, before, former, grains, height);
                 shear.piston.mass *= times;
                 shear.piston.acceleration /= times;
                 for slider in slider.iter_mut() {
                     slider.acceleration /= times;
                 }
             }
-            if let (Some(_), None, Some(slider)) =
-                (of_before.shear.spring, of_now.shear.spring, slider)
+            if let Some(slider) = slider
+                && former.shear.spring.is_some()
+                && walls.shear.spring.is_none()
             {
-                let protocol = Schedule::new(now, of_now, shear.height).protocol;
+                let protocol = Schedule::new(now, walls, shear.height).protocol;
                 slider.pulled = slider.displacement - protocol.position(slider.step);
             }
         }
@@ -195,12 +196,12 @@ fn falling(scene: &Scene, plane_shear: &PlaneShear, height: f64, starts: u32) ->
 
 /// The shear of a sample with this top, from its first step.
 fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHeader {
-    let offset = scene.cell().sheared.map_or(0.0, |of| of.offset);
+    let offset = scene.cell().sheared.map_or(0.0, |sheared| sheared.offset);
     let stream = scene.packing().map_or(0.0, |file| file.stream);
     ShearHeader {
         step: 0,
         origin: TimeOrigin::default(),
-        images: (plane_shear.confinement == Confinement::Images).then_some([offset, stream]),
+        images: (plane_shear.boundary.is_periodic()).then_some([offset, stream]),
         height: height_between(scene, plane_shear, &piston),
         piston,
         slider: None,
@@ -216,20 +217,25 @@ fn packing_laws<D: LawSpace>(
 ) -> [Box<dyn PairForce<D>>; 2] {
     let PlaneShear { load, pack, .. } = plane_shear;
     let diameter = scene.sample.mean_diameter;
-    let packing = |law: &Law| law.while_packing(diameter, load.pressure);
+    [pack.friction, 0.0].map(|friction| {
+        scene.force_with(|law: &Law, contact: &Contact| {
+            let law = law.while_packing(diameter, load.pressure);
+            (law, with_friction(contact, friction))
+        })
+    })
+}
+
+/// The contact with this coefficient of friction.
+fn with_friction(contact: &Contact, friction: f64) -> Contact {
     // Without friction also no rolling resistance, which gives the densest packing.
-    let rough = |contact: &Contact| match pack.friction {
-        0.0 => contact.smooth(),
-        friction => Contact {
-            friction,
-            attraction: contact.smooth().attraction,
-            ..*contact
-        },
-    };
-    [
-        scene.force_with(|law, contact| (packing(law), rough(contact))),
-        scene.force_with(|law, contact| (packing(law), contact.smooth())),
-    ]
+    if friction == 0.0 {
+        return contact.smooth();
+    }
+    Contact {
+        friction,
+        adhesion: None,
+        ..contact.clone()
+    }
 }
 
 /// The axis of the walls' normals.

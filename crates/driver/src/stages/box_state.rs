@@ -51,8 +51,8 @@ impl<D: Dimension> Assembly<'_, D> {
         // Forces and histories are restored afterwards, because a pass with Δt = 0 also rotates
         // histories into the tangent planes, which changes their last bits, and does not find
         // limits.
-        let felt = system.grains().force.clone();
-        let remembered = system.contacts.history.clone();
+        let forces_before = system.grains().force.clone();
+        let histories = system.contacts.history.clone();
         let limits = (
             system.contacts.limits.clone(),
             system.contacts.limits_are_known,
@@ -60,26 +60,28 @@ impl<D: Dimension> Assembly<'_, D> {
         let (samples, rest) = (Some(&mut self.samples), &mut NoWalls);
         let outside = forces(self.exchange, system, self.law, rest, 0.0, samples);
         debug_assert!(outside.is_none());
-        system.grains_mut().force = felt;
-        system.contacts.history = remembered;
+        system.grains_mut().force = forces_before;
+        system.contacts.history = histories;
         (system.contacts.limits, system.contacts.limits_are_known) = limits;
         let shares = shares(system, self.law, &self.samples);
         let all = gathered(self.exchange, &shares, |c| (c.i, c.j));
-        let sum = |of: fn(&ContactTerms) -> f64| all.iter().map(of).sum::<f64>();
         let volume = volume(system);
-        let normal = |axis: usize| all.iter().map(|c| c.normal[axis]).sum::<f64>() / volume;
         let count = all.len() as f64;
+        let mut normal_stress = [0.0; 3];
+        for (axis, stress) in normal_stress.iter_mut().enumerate() {
+            *stress = all.iter().map(|c| c.normal[axis]).sum::<f64>() / volume;
+        }
         Observed {
-            shear_stress: -sum(|c| c.shear) / volume,
-            pressure: sum(|c| c.pressure) / (D::AXES as f64 * volume),
-            normal_stress: std::array::from_fn(normal),
-            elastic_energy: sum(|c| c.energy),
+            shear_stress: -all.iter().map(|c| c.shear).sum::<f64>() / volume,
+            pressure: all.iter().map(|c| c.pressure).sum::<f64>() / (D::AXES as f64 * volume),
+            normal_stress,
+            elastic_energy: all.iter().map(|c| c.energy).sum(),
             contacts: all.len() as u64,
             coordination: 2.0 * count / f64::from(grains),
             sliding_fraction: if all.is_empty() {
                 0.0
             } else {
-                sum(|c| c.sliding) / count
+                all.iter().map(|c| c.sliding).sum::<f64>() / count
             },
         }
     }
@@ -101,20 +103,21 @@ fn shares<D: Dimension>(
     let (axes, up) = (D::AXES, D::UP);
     let mut energies = vec![[Lanes16::ZERO; 3]; contacts.owned_blocks];
     law.energies(isa, &contacts.elastic(&samples.overlap), &mut energies);
-    let iter = contacts.touching().filter(|at| at.i < grains.owned);
-    iter.map(|at| {
+    let owned = contacts.touching().filter(|at| at.i < grains.owned);
+    let mut terms = Vec::new();
+    for at in owned {
         let r = cell.separation::<D>(grains.fields(at.i), grains.fields(at.j));
-        let force = samples.vector::<D>((at.block, at.lane), &r);
-        let energy = |k: usize| energies[at.block][k].0[at.lane];
-        ContactTerms {
+        let force = samples.vector::<D>(at.block, at.lane, &r);
+        let [normal, tangential, rolling] = energies[at.block].map(|lanes| lanes.0[at.lane]);
+        terms.push(ContactTerms {
             i: grains.id[at.i],
             j: grains.id[at.j],
             shear: r[0] * force[up],
             pressure: (0..axes).map(|axis| r[axis] * force[axis]).sum(),
             normal: std::array::from_fn(|axis| r[axis] * force[axis]),
-            energy: energy(0) + energy(1) + energy(2),
+            energy: normal + tangential + rolling,
             sliding: f64::from(contacts.limits[at.block][0] >> at.lane & 1),
-        }
-    })
-    .collect()
+        });
+    }
+    terms
 }

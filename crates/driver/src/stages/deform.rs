@@ -7,7 +7,7 @@ use gshear_dem::failure::{Failure, Result};
 
 use super::assembly::RestState;
 use super::box_state::{Observed, volume};
-use super::relax::{Followed, LONGEST};
+use super::relax::{DisplacementResult, LONGEST};
 use super::strain::Strain;
 use crate::header::{Beyond, Correction, Pressing, Search, Stretched};
 use gshear_scene::Deformation;
@@ -40,7 +40,7 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     /// Gives the box these lengths.
-    fn stretch(&mut self, to: [f64; 3]) -> Result<Followed> {
+    fn stretch(&mut self, to: [f64; 3]) -> Result<DisplacementResult> {
         let least = self.scene.sample.least_box_length();
         let shortest = to[..D::AXES].iter().copied().fold(f64::INFINITY, f64::min);
         if shortest < least {
@@ -51,17 +51,17 @@ impl<D: Dimension> Strain<'_, D> {
             )));
         }
         let from = self.assembly.system.cell.lengths::<D>();
-        let change = |axis: usize| (to[axis] / from[axis] - 1.0).abs();
-        let greatest = (0..D::AXES).map(change).fold(0.0, f64::max);
+        let changes = (0..D::AXES).map(|axis| (to[axis] / from[axis] - 1.0).abs());
+        let greatest = changes.fold(0.0, f64::max);
         // The histories follow an affine step to second order.
         let parts = (greatest / LONGEST).ceil().max(1.0) as u64;
         for k in 1..=parts {
             let part = k as f64 / parts as f64;
             let between = std::array::from_fn(|axis| from[axis] + part * (to[axis] - from[axis]));
             let lengths = if k == parts { to } else { between };
-            let followed = self.assembly.stretch(lengths)?;
-            if followed.is_err() {
-                return Ok(followed);
+            let outcome = self.assembly.stretch(lengths)?;
+            if outcome.is_err() {
+                return Ok(outcome);
             }
         }
         Ok(Ok(()))
@@ -69,13 +69,13 @@ impl<D: Dimension> Strain<'_, D> {
 
     /// [`Strain::stretch`], which must succeed.
     fn stretch_within(&mut self, lengths: [f64; 3]) -> Result<()> {
-        let followed = self.stretch(lengths)?;
-        self.within_law(followed)
+        let outcome = self.stretch(lengths)?;
+        self.within_law(outcome)
     }
 
     /// Fails if a strain step has led outside the law.
-    pub(super) fn within_law(&mut self, followed: Followed) -> Result<()> {
-        followed.map_err(|outside| {
+    pub(super) fn within_law(&mut self, outcome: DisplacementResult) -> Result<()> {
+        outcome.map_err(|outside| {
             let exchange = self.assembly.exchange;
             let failure = self.assembly.system.explain(exchange, outside);
             self.of_strain_step(failure)
@@ -107,8 +107,8 @@ impl<D: Dimension> Strain<'_, D> {
     }
 
     fn stretched(&self) -> Stretched {
-        let found = self.progress.stretched;
-        found.expect("the stage has begun, or a checkpoint of it was read")
+        let stretched = self.progress.stretched;
+        stretched.expect("the stage has begun, or a checkpoint of it was read")
     }
 
     /// Strain step number `step` of a biaxial box: the last axis shrinks, then the other lengths
@@ -118,53 +118,54 @@ impl<D: Dimension> Strain<'_, D> {
         let strain = self.periodic.aqs.strain_step * step as f64;
         let mut lengths = self.assembly.system.cell.lengths::<D>();
         lengths[D::UP] = before.initial[D::UP] * portable_exp(-strain);
-        let of = Correction {
+        let correction = Correction {
             count: 0,
             total: before.lateral_strain,
             by: 0.0,
             modulus: before.lateral_modulus.unwrap_or_else(|| self.stiff()),
             excess: None,
         };
-        self.stretch_within(widened::<D>(lengths, of.total))?;
-        Ok(Some(Search::Lateral(of)))
+        self.stretch_within(widened::<D>(lengths, correction.total))?;
+        Ok(Some(Search::Lateral(correction)))
     }
 
     /// Begins the next correction of the lateral stress; `None` if it is the wanted one.
-    pub(super) fn correct(&mut self, mut of: Correction) -> Result<Option<Search>> {
+    pub(super) fn correct(&mut self, mut correction: Correction) -> Result<Option<Search>> {
         let wanted = self.periodic.pressure.unwrap_or(f64::NAN);
         let most = self.periodic.aqs.pressure_step;
         let excess = self.lateral_excess(wanted);
-        if let Some(before) = of.excess {
+        let modulus = &mut correction.modulus;
+        if let Some(before) = correction.excess {
             // A rearrangement may make the packing look soft, or softer than nothing.
-            let measured = (before - excess) / of.by;
-            of.modulus = if measured > 0.0 {
-                measured.clamp(0.25 * of.modulus, 4.0 * of.modulus)
+            let measured = (before - excess) / correction.by;
+            *modulus = if measured > 0.0 {
+                measured.clamp(0.25 * *modulus, 4.0 * *modulus)
             } else {
-                4.0 * of.modulus
+                4.0 * *modulus
             };
         }
         if excess.abs() <= self.periodic.pressure_tolerance * wanted {
             self.progress.stretched = Some(Stretched {
-                lateral_modulus: Some(of.modulus),
-                lateral_strain: of.total.clamp(-2.0 * most, 2.0 * most),
+                lateral_modulus: Some(*modulus),
+                lateral_strain: correction.total.clamp(-2.0 * most, 2.0 * most),
                 ..self.stretched()
             });
             return Ok(None);
         }
-        if of.count == MOST_CORRECTIONS {
+        if correction.count == MOST_CORRECTIONS {
             return Err(Failure::numbers(format!(
                 "strain step {}: the lateral stress differs from box.pressure = {wanted:.4e} by {excess:.1e} after \
                  {MOST_CORRECTIONS} corrections; give a greater box.pressure_tolerance, or a smaller aqs.strain_step or box.pressure_step",
                 self.progress.steps + 1
             )));
         }
-        of.count += 1;
-        of.excess = Some(excess);
-        of.by = (excess / of.modulus).clamp(-most, most);
-        of.total += of.by;
+        correction.by = (excess / *modulus).clamp(-most, most);
+        correction.count += 1;
+        correction.excess = Some(excess);
+        correction.total += correction.by;
         let lengths = self.assembly.system.cell.lengths::<D>();
-        self.stretch_within(widened::<D>(lengths, of.by))?;
-        Ok(Some(Search::Lateral(of)))
+        self.stretch_within(widened::<D>(lengths, correction.by))?;
+        Ok(Some(Search::Lateral(correction)))
     }
 
     /// The mean normal stress along all axes but the last, less the wanted one.
@@ -192,23 +193,26 @@ impl<D: Dimension> Strain<'_, D> {
     pub(super) fn begin_to_press(&mut self, wanted: f64) -> Result<Option<Search>> {
         let pressure = self.observed().pressure;
         self.held.push(RestState::of(&mut self.assembly));
-        let of = Pressing {
+        self.press(Pressing {
             wanted,
             toward: if pressure < wanted { 1.0 } else { -1.0 },
             pressure,
             change: self.periodic.aqs.pressure_step,
             slope: None,
             beyond: None,
-        };
-        self.press(of)
+        })
     }
 
     /// Begins the next trial, or ends the search.
-    fn press(&mut self, mut of: Pressing) -> Result<Option<Search>> {
-        while (of.pressure - of.wanted).abs() > self.periodic.pressure_tolerance * of.wanted {
-            let (wanted, pressure, change) = (of.wanted, of.pressure, of.change);
+    fn press(&mut self, mut pressing: Pressing) -> Result<Option<Search>> {
+        let wanted = pressing.wanted;
+        while (pressing.pressure - wanted).abs() > self.periodic.pressure_tolerance * wanted {
+            let Pressing {
+                pressure, change, ..
+            } = pressing;
             if change < FINEST {
-                let jump = of.beyond.and_then(|of| of.pressure).unwrap_or(f64::NAN);
+                let jump = pressing.beyond.and_then(|beyond| beyond.pressure);
+                let jump = jump.unwrap_or(f64::NAN);
                 return Err(Failure::numbers(format!(
                     "strain step {}: the pressure jumps from {pressure:.4e} to {jump:.4e} when the box changes by {change:.0e} \
                      of its length, over the wanted {wanted:.4e}; give another pressure, a greater box.pressure_tolerance \
@@ -218,29 +222,29 @@ impl<D: Dimension> Strain<'_, D> {
             }
             let mut lengths = self.assembly.system.cell.lengths::<D>();
             for length in &mut lengths[..D::AXES] {
-                *length *= 1.0 - of.toward * change;
+                *length *= 1.0 - pressing.toward * change;
             }
             if self.stretch(lengths)?.is_ok() {
-                return Ok(Some(Search::Pressure(of)));
+                return Ok(Some(Search::Pressure(pressing)));
             }
-            self.judge(&mut of, None)?;
+            self.judge(&mut pressing, None)?;
         }
         self.held.pop();
         Ok(None)
     }
 
     /// Goes on after the relaxation of a trial.
-    pub(super) fn press_on(&mut self, mut of: Pressing) -> Result<Option<Search>> {
+    pub(super) fn press_on(&mut self, mut pressing: Pressing) -> Result<Option<Search>> {
         let now = self.observed().pressure;
-        self.judge(&mut of, Some(now))?;
-        self.press(of)
+        self.judge(&mut pressing, Some(now))?;
+        self.press(pressing)
     }
 
     /// Keeps the packing of a trial with the pressure `now`, or gives it up; `None`: it is outside
     /// the law. Chooses how far to change the lengths next.
-    fn judge(&mut self, of: &mut Pressing, now: Option<f64>) -> Result<()> {
-        let allowed = self.periodic.pressure_tolerance * of.wanted;
-        if judged(of, now, allowed, self.periodic.aqs.pressure_step) {
+    fn judge(&mut self, pressing: &mut Pressing, now: Option<f64>) -> Result<()> {
+        let allowed = self.periodic.pressure_tolerance * pressing.wanted;
+        if pressing.judge(now, allowed, self.periodic.aqs.pressure_step) {
             self.held.pop();
             self.held.push(RestState::of(&mut self.assembly));
             return Ok(());
@@ -250,63 +254,71 @@ impl<D: Dimension> Strain<'_, D> {
     }
 }
 
-/// Goes on after a trial with the pressure `now`, `None` outside the law; its packing is kept if
-/// that is at most so much beyond the wanted one. Returns whether it is kept.
-fn judged(of: &mut Pressing, now: Option<f64>, allowed: f64, most: f64) -> bool {
-    let kept = now.filter(|now| of.toward * (now - of.wanted) <= allowed);
-    let change = of.change;
-    if let Some(now) = kept {
-        let slope = of.toward * (now - of.pressure) / change;
-        of.slope = Some(slope).filter(|slope| *slope > 0.0);
-        of.pressure = now;
-        of.beyond = of.beyond.and_then(|of| {
-            let left = of.change - change;
-            (left > 0.0).then_some(Beyond { change: left, ..of })
-        });
-    } else {
-        of.beyond = Some(Beyond {
-            change,
-            pressure: now,
-        });
+impl Pressing {
+    /// Goes on after a trial with the pressure `now`, `None` outside the law; its packing is kept
+    /// if that is at most so much beyond the wanted one. Returns whether it is kept. `most`: the
+    /// greatest change of the lengths.
+    fn judge(&mut self, now: Option<f64>, allowed: f64, most: f64) -> bool {
+        let change = self.change;
+        let mut is_kept = false;
+        match now {
+            Some(now) if self.toward * (now - self.wanted) <= allowed => {
+                is_kept = true;
+                let slope = self.toward * (now - self.pressure) / change;
+                self.slope = (slope > 0.0).then_some(slope);
+                self.pressure = now;
+                self.beyond = self.beyond.and_then(|beyond| beyond.nearer(change));
+            }
+            pressure => self.beyond = Some(Beyond { change, pressure }),
+        }
+        self.change = self.next_change(most);
+        is_kept
     }
-    of.change = next_change(of.pressure, of.wanted, of.slope, of.beyond, most);
-    kept.is_some()
+
+    /// How far to change the lengths next. Since the pressure rises ever more steeply, the chord to
+    /// a packing beyond the wanted pressure leads before it, and the last slope beyond it.
+    fn next_change(&self, most: f64) -> f64 {
+        let missing = (self.wanted - self.pressure).abs();
+        let is_loose = self.pressure < LOOSE * self.wanted;
+        let by_slope = match self.slope {
+            Some(slope) if !is_loose => Some(missing / slope),
+            _ => None,
+        };
+        let next = match (by_slope, self.beyond) {
+            (Some(by_slope), None) => by_slope,
+            (None, None) => most,
+            (by_slope, Some(Beyond { change, pressure })) => match (pressure, by_slope) {
+                (Some(far), by_slope) if !is_loose => {
+                    // A pressure within the tolerance may be nearer to the one beyond it.
+                    let chord = (change * missing / (far - self.pressure).abs()).min(change);
+                    match by_slope {
+                        Some(by_slope) => 0.5 * (chord + by_slope.clamp(chord, change)),
+                        None => chord,
+                    }
+                }
+                _ => 0.5 * change,
+            },
+        };
+        next.min(most)
+    }
+}
+
+impl Beyond {
+    /// The same pressure, from a packing that is nearer by this change of the lengths; `None` if
+    /// that is not before it.
+    fn nearer(self, change: f64) -> Option<Self> {
+        let left = self.change - change;
+        (left > 0.0).then_some(Self {
+            change: left,
+            ..self
+        })
+    }
 }
 
 /// The lengths with those along all axes but the last longer by this part.
 fn widened<D: Dimension>(mut lengths: [f64; 3], by: f64) -> [f64; 3] {
     lengths[..D::UP].iter_mut().for_each(|l| *l *= 1.0 + by);
     lengths
-}
-
-/// How far to change the lengths next. Since the pressure rises ever more steeply, the chord to a
-/// packing beyond the wanted pressure leads before it, and the last slope beyond it.
-fn next_change(
-    pressure: f64,
-    wanted: f64,
-    slope: Option<f64>,
-    beyond: Option<Beyond>,
-    most: f64,
-) -> f64 {
-    let missing = (wanted - pressure).abs();
-    let loose = pressure < LOOSE * wanted;
-    let by_slope = slope.filter(|_| !loose).map(|slope| missing / slope);
-    let next = match (by_slope, beyond) {
-        (Some(by_slope), None) => by_slope,
-        (None, None) => most,
-        (by_slope, Some(of)) => match of.pressure.filter(|_| !loose) {
-            None => 0.5 * of.change,
-            Some(far) => {
-                // A pressure within the tolerance may be nearer to the one beyond it.
-                let chord = (of.change * missing / (far - pressure).abs()).min(of.change);
-                match by_slope {
-                    Some(by_slope) => 0.5 * (chord + by_slope.clamp(chord, of.change)),
-                    None => chord,
-                }
-            }
-        },
-    };
-    next.min(most)
 }
 
 #[cfg(test)]
@@ -317,7 +329,7 @@ mod tests {
     fn trials(power: f64, onset: f64, from: f64, wanted: f64) -> usize {
         let at = |x: f64| (x - onset).max(0.0).powf(power);
         let mut x = from;
-        let mut of = Pressing {
+        let mut pressing = Pressing {
             wanted,
             toward: if at(from) < wanted { 1.0 } else { -1.0 },
             pressure: at(from),
@@ -326,16 +338,17 @@ mod tests {
             beyond: None,
         };
         for trial in 0..200 {
-            if (of.pressure / wanted - 1.0).abs() <= 1e-6 {
+            if (pressing.pressure / wanted - 1.0).abs() <= 1e-6 {
                 return trial;
             }
-            let tried = x + of.toward * of.change;
-            if judged(&mut of, Some(at(tried)), 1e-6 * wanted, 1e-3) {
+            let tried = x + pressing.toward * pressing.change;
+            if pressing.judge(Some(at(tried)), 1e-6 * wanted, 1e-3) {
                 x = tried;
             }
             // It is not used once the pressure is found.
-            let found = (of.pressure / wanted - 1.0).abs() <= 1e-6;
-            assert!(found || of.change > 0.0 && of.change <= 1e-3, "{of:?}");
+            let found = (pressing.pressure / wanted - 1.0).abs() <= 1e-6;
+            let change = pressing.change;
+            assert!(found || change > 0.0 && change <= 1e-3, "{pressing:?}");
         }
         panic!("{power} {onset} {from} {wanted}: not found")
     }
@@ -347,7 +360,15 @@ mod tests {
             change: 1e-8,
             pressure: Some(1.0011),
         };
-        let next = next_change(1.0009, 1.0, Some(1e6), Some(far), 1e-3);
+        let pressing = Pressing {
+            wanted: 1.0,
+            toward: 1.0,
+            pressure: 1.0009,
+            change: 1e-3,
+            slope: Some(1e6),
+            beyond: Some(far),
+        };
+        let next = pressing.next_change(1e-3);
         assert!(next > 0.0 && next <= far.change, "{next}");
     }
 

@@ -28,46 +28,47 @@ pub(super) struct GlobalState {
 
 impl GlobalState {
     /// Gathers those of a state at rest on every rank; collective.
-    pub fn at_rest<D: Dimension>(of: &mut Assembly<'_, D>) -> Self {
+    pub fn at_rest<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Self {
         Self {
             at_rest: true,
-            ..Self::moving(of)
+            ..Self::moving(assembly)
         }
     }
 
     /// Gathers those of a moving state on every rank; collective.
-    pub fn moving<D: Dimension>(of: &mut Assembly<'_, D>) -> Self {
-        let contacts = of.system.owned_contact_states(of.law);
+    pub fn moving<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Self {
+        let exchange = assembly.exchange;
+        let contacts = assembly.system.owned_contact_states(assembly.law);
         Self {
-            grains: gathered(of.exchange, &of.system.grain_states(), |g| g.id),
-            contacts: gathered(of.exchange, &contacts, |c| (c.i, c.j)),
+            grains: gathered(exchange, &assembly.system.grain_states(), |g| g.id),
+            contacts: gathered(exchange, &contacts, |c| (c.i, c.j)),
             at_rest: false,
         }
     }
 
-    pub fn has(&self, [i, j]: [u32; 2]) -> bool {
-        let found = self.contacts.binary_search_by_key(&(i, j), |c| (c.i, c.j));
-        found.is_ok()
+    pub fn has(&self, pair: [u32; 2]) -> bool {
+        let place = self.contacts.binary_search_by_key(&pair, |c| [c.i, c.j]);
+        place.is_ok()
     }
 
-    fn jacobian<D: Dimension>(&self, of: &Assembly<'_, D>) -> Jacobian {
+    fn jacobian<D: Dimension>(&self, assembly: &Assembly<'_, D>) -> Jacobian {
         let state = jacobian::NetworkState {
             flat: None,
             grains: &self.grains,
             contacts: &self.contacts,
-            cell: of.system.cell,
-            masses: &of.system.masses,
+            cell: assembly.system.cell,
+            masses: &assembly.system.masses,
             at_rest: self.at_rest,
         };
-        jacobian::assemble::<D>(state, of.law, History::Turned)
+        jacobian::assemble::<D>(state, assembly.law, History::Turned)
     }
 
     /// K on rank 0; `None` on other ranks, and if an element is not finite.
-    pub fn tangent<D: Dimension>(&self, of: &Assembly<'_, D>) -> Option<Tangent> {
-        if of.exchange.rank() != 0 {
+    pub fn tangent<D: Dimension>(&self, assembly: &Assembly<'_, D>) -> Option<Tangent> {
+        if assembly.exchange.rank() != 0 {
             return None;
         }
-        let jacobian = self.jacobian(of);
+        let jacobian = self.jacobian(assembly);
         let problem = jacobian.problem().ok()?;
         Some(Tangent { jacobian, problem })
     }
@@ -76,33 +77,37 @@ impl GlobalState {
     ///
     /// # Errors
     /// If an element of K is not finite.
-    pub fn eigenvalues<D: Dimension>(&self, of: &Assembly<'_, D>) -> Result<Eigenvalues> {
-        let found = on_root(of.exchange, || self.spectrum(of))?;
-        let bytes = of.exchange.broadcast(cast_slice(&found).to_vec());
-        let read = |[re, im, verdict]: [f64; 3]| (c64::new(re, im), Verdict::ALL[verdict as usize]);
-        let all = pod_collect_to_vec::<u8, [f64; 3]>(&bytes);
-        Ok(Eigenvalues {
-            all: all.into_iter().map(read).collect(),
-        })
+    pub fn eigenvalues<D: Dimension>(&self, assembly: &Assembly<'_, D>) -> Result<Eigenvalues> {
+        let exchange = assembly.exchange;
+        let records = on_root(exchange, || self.spectrum(assembly))?;
+        let bytes = exchange.broadcast(cast_slice(&records).to_vec());
+        let mut all = Vec::new();
+        for record in pod_collect_to_vec::<u8, [f64; 3]>(&bytes) {
+            let [re, im, verdict] = record;
+            all.push((c64::new(re, im), Verdict::ALL[verdict as usize]));
+        }
+        Ok(Eigenvalues { all })
     }
 
     /// Real and imaginary part, and the index of the verdict in the list of verdicts.
-    fn spectrum<D: Dimension>(&self, of: &Assembly<'_, D>) -> Result<Vec<[f64; 3]>> {
-        let jacobian = self.jacobian(of);
-        let unfit = |why| Failure::numbers(format!("the stiffness matrix: {why}"));
-        let problem = jacobian.problem().map_err(unfit)?;
-        let row = |value: c64| {
-            let verdict = Verdict::of_value(value, problem.norm());
-            let place = Verdict::ALL.iter().position(|known| *known == verdict);
-            [value.re, value.im, place.unwrap_or(0) as f64]
-        };
+    fn spectrum<D: Dimension>(&self, assembly: &Assembly<'_, D>) -> Result<Vec<[f64; 3]>> {
+        let jacobian = self.jacobian(assembly);
+        let problem = jacobian
+            .problem()
+            .map_err(|why| Failure::numbers(format!("the stiffness matrix: {why}")))?;
         let n = problem.size();
         require(
             DENSE_COPIES * 8.0 * (n as f64).powi(2),
             &format!("all eigenvalues of a matrix of {n} unknowns"),
             "leave them out with aqs.spectrum = false and newtonian.spectra = 0",
         )?;
-        Ok(Spectrum::values(&problem).into_iter().map(row).collect())
+        let mut records = Vec::new();
+        for value in Spectrum::values(&problem) {
+            let verdict = Verdict::of_value(value, problem.norm());
+            let place = Verdict::ALL.iter().position(|known| *known == verdict);
+            records.push([value.re, value.im, place.unwrap_or(0) as f64]);
+        }
+        Ok(records)
     }
 }
 
@@ -146,14 +151,15 @@ impl Tangent {
 /// The step of Newton's method for the owned grains; `None` without factors. Only rank 0 has the
 /// factors and solves, so that the bits do not depend on the ranks; collective.
 pub(super) fn newton_step<D: Dimension>(
-    of: &mut Assembly<'_, D>,
+    assembly: &mut Assembly<'_, D>,
     tangent: Option<(&Tangent, &Factors<'_>)>,
 ) -> Option<Vec<Move>> {
-    let grains = gathered(of.exchange, &of.system.grain_states(), |g| g.id);
+    let exchange = assembly.exchange;
+    let grains = gathered(exchange, &assembly.system.grain_states(), |g| g.id);
     let solved = tangent.map_or_else(Vec::new, |(k, factors)| k.solve(factors, &grains));
-    let bytes = of.exchange.broadcast(cast_slice(&solved).to_vec());
+    let bytes = exchange.broadcast(cast_slice(&solved).to_vec());
     let moves: Vec<Move> = pod_collect_to_vec(&bytes);
-    let grains = of.system.grains();
+    let grains = assembly.system.grains();
     let owned = &grains.id[..grains.owned];
     (!moves.is_empty()).then(|| owned.iter().map(|&id| moves[id as usize]).collect())
 }
@@ -170,8 +176,8 @@ impl Eigenvalues {
 
     /// Complex eigenvalues above the real axis.
     fn upper(&self) -> impl Iterator<Item = c64> + '_ {
-        let upper = |(value, verdict): &(c64, Verdict)| *verdict == Verdict::Pair && value.im > 0.0;
-        self.all().filter(upper).map(|(value, _)| value)
+        let pairs = self.all().filter(|(_, verdict)| *verdict == Verdict::Pair);
+        pairs.map(|(value, _)| value).filter(|value| value.im > 0.0)
     }
 
     /// Number of complex pairs.
@@ -180,13 +186,13 @@ impl Eigenvalues {
     }
 
     /// The pair of the greatest |Im λ|, above the real axis.
-    pub fn greatest_imaginary(&self) -> Option<c64> {
+    pub(crate) fn greatest_imaginary(&self) -> Option<c64> {
         self.upper().max_by(|a, b| a.im.total_cmp(&b.im))
     }
 
     /// The pair that grows fastest, with the greatest ω_i = Im √λ: of many not always that of the
     /// greatest |Im λ|.
-    pub fn fastest_pair(&self) -> Option<Pair> {
+    pub(crate) fn fastest_pair(&self) -> Option<Pair> {
         let pairs = self.upper().map(|value| Pair::new(value.re, value.im));
         pairs.max_by(|a, b| a.omega_i.total_cmp(&b.omega_i))
     }

@@ -1,7 +1,6 @@
 //! A periodic box (BO section III): prepared without friction, strained step by step to mechanical
 //! equilibrium, then moved by Newton's equations.
 
-use gshear_dem::contact::attraction::Attraction;
 use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::LawSpace;
@@ -10,10 +9,12 @@ use gshear_store::checkpoint;
 use gshear_store::run_reader::RunStage;
 
 use super::assembly::{Assembly, RestState};
-use super::newtonian::{NewtonianStage, Resumed};
+use super::newtonian::NewtonianStage;
 use super::prepare;
 use super::strain::Strain;
-use crate::header::{Header, Progress, Shape, Stretched, Written};
+use crate::header::{
+    Header, NewtonianHeader, Shape, StrainHeader, StrainProgress, Stretched, Written,
+};
 use crate::options::Outcome;
 use crate::run::Run;
 use crate::task::Start;
@@ -33,7 +34,7 @@ pub fn run<D: LawSpace>(
     let law = law.as_ref();
     let begins = !matches!(start, Start::Checkpoint(..));
     let mut laws = scene.materials.laws.iter();
-    let attracts = laws.any(|(_, contact)| contact.attraction != Attraction::default());
+    let attracts = laws.any(|(_, contact)| contact.adhesion.is_some());
     // A packing of a file has no forces, and one that is prepared those without attraction.
     let is_unloaded =
         matches!(start, Start::Grains(_)) || attracts && matches!(start, Start::Insertion);
@@ -41,7 +42,7 @@ pub fn run<D: LawSpace>(
         run.terminal.unprepared();
         return Ok(Outcome::Stopped);
     };
-    if let Header::Pack(_) | Header::Shear(_) | Header::Prepare { .. } = header {
+    if header.strain_progress().is_none() {
         return Err(Failure::input("the checkpoint is not of a periodic box"));
     }
     let cell = header.cell::<D>(&scene.sample);
@@ -59,44 +60,37 @@ pub fn run<D: LawSpace>(
     if is_unloaded {
         assembly.initial_forces(&mut NoWalls, false)?;
     }
-
-    let (mut assembly, progress, resumed) = if let Header::Newtonian {
-        step,
-        origin,
-        progress,
-        ..
-    } = header
-    {
-        let resumed = Resumed {
-            step,
-            origin,
-            displacements: displacements.unwrap_or_default(),
-        };
-        (assembly, progress, Some(resumed))
-    } else {
-        let mut strain = Strain::new(run, periodic, assembly, (header, held))?;
-        let outcome = run.drive(&mut strain, begins);
-        let (assembly, progress, outcome) = strain.finish(run, outcome)?;
-        if outcome == Outcome::Stopped {
-            return Ok(outcome);
+    let header = match header {
+        Header::Newtonian(header) => header,
+        Header::Strain(header) => {
+            let mut strain = Strain::new(run, periodic, assembly, header, held)?;
+            let outcome = run.drive(&mut strain, begins);
+            let strained = strain.finish(run, outcome)?;
+            let progress = strained.progress;
+            if strained.outcome == Outcome::Stopped {
+                return Ok(Outcome::Stopped);
+            }
+            // The last strain step has its checkpoint.
+            if periodic.newtonian.is_some() && run.options.stop_at == Some(progress.steps) {
+                let stage = RunStage::Strain.name();
+                run.terminal
+                    .stopped(&run.options.out, stage, progress.steps);
+                return Ok(Outcome::Stopped);
+            }
+            assembly = strained.assembly;
+            NewtonianHeader::after(progress)
         }
-        // The last strain step has its checkpoint.
-        if periodic.newtonian.is_some() && run.options.stop_at == Some(progress.steps) {
-            let stage = RunStage::Strain.name();
-            run.terminal
-                .stopped(&run.options.out, stage, progress.steps);
-            return Ok(Outcome::Stopped);
+        Header::Pack(_) | Header::Shear(_) | Header::Prepare(_) => {
+            unreachable!("a checkpoint of a box, as was checked")
         }
-        (assembly, progress, None)
     };
-    let Some(newtonian) = &periodic.newtonian else {
+    if periodic.newtonian.is_none() {
         run.terminal.go_on(&run.options.out);
         return Ok(Outcome::Done);
-    };
-    let begins = resumed.as_ref().is_none_or(|of| of.step == 0);
+    }
+    let begins = header.step == 0;
     assembly.system.restart_clock();
-    let of = (periodic, newtonian);
-    let mut stage = NewtonianStage::new(run, of, assembly, progress, resumed)?;
+    let mut stage = NewtonianStage::new(run, periodic, assembly, header, displacements)?;
     let outcome = run.drive(&mut stage, begins);
     stage.finish(run, outcome)
 }
@@ -110,9 +104,9 @@ fn begin<D: LawSpace>(
     start: Start,
 ) -> Result<Option<(Header, Snapshot)>> {
     let scene = run.scene;
-    let mut progress = Progress {
+    let mut progress = StrainProgress {
         length: Some(scene.sample.length),
-        ..Progress::default()
+        ..StrainProgress::default()
     };
     let prepared = match start {
         Start::Checkpoint(mut saved, _) => {
@@ -133,10 +127,10 @@ fn begin<D: LawSpace>(
             prepare::prepare(run, periodic, smooth.as_ref())?
         }
     };
-    let header = Header::Aqs {
+    let header = Header::Strain(StrainHeader {
         progress,
         written: Written::default(),
         unfinished: None,
-    };
+    });
     Ok(prepared.map(|state| (header, state)))
 }

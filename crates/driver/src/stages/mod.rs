@@ -4,7 +4,7 @@ pub(crate) mod assembly;
 pub mod between_walls;
 mod box_state;
 mod deform;
-mod eigenvalues;
+pub(crate) mod eigenvalues;
 pub mod in_a_box;
 pub(crate) mod newtonian;
 mod pack;
@@ -12,7 +12,7 @@ pub(crate) mod prepare;
 pub(crate) mod relax;
 mod scatter;
 pub(crate) mod shear;
-mod spectra_file;
+pub(crate) mod spectra_file;
 mod strain;
 mod top_wall;
 

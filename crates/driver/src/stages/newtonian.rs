@@ -8,26 +8,27 @@ use gshear_dem::drive::NoWalls;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Displacement, Snapshot};
 use gshear_dem::system::System;
-use gshear_dem::tuning::Tuned;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::schedule::{MOST_STEPS, ReplayWindow, STEPS_WITHOUT_A_PAIR};
+use gshear_scene::schedule::MOST_STEPS;
 use gshear_scene::unlikely::intervals_of_newtonian;
 use gshear_scene::{PeriodicBox, Scene};
 use gshear_store::box_columns::NewtonianRow;
-use gshear_store::collective::{exists, gathered};
-use gshear_store::file_names::{NEWTONIAN_PART, SPECTRA_FILE};
+use gshear_store::collective::gathered;
+use gshear_store::file_names::NEWTONIAN_PART;
 use gshear_store::h5::Attribute;
 use gshear_store::run_reader::RunStage;
+use gshear_store::status::StageProgress;
 
 use super::assembly::Assembly;
 use super::eigenvalues::GlobalState;
-use super::spectra_file::SpectraFile;
+use super::relax::square;
 use super::strain;
-use crate::files::{Files, Format};
-use crate::header::{Header, Pair, Progress, TimeOrigin, UpToCheckpoint};
+use crate::files::{Files, Format, TimePoint};
+use crate::header::{Header, NewtonianHeader, StrainProgress, TimeOrigin, UpToCheckpoint};
 use crate::options::Outcome;
-use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
-use gshear_store::status::Standing;
+use crate::output_schedule::{NewtonianSchedule, OutputSchedule};
+use crate::run::{Checkpoint, Run};
+use crate::stage::{Save, Stage};
 
 /// The stage that integrates Newton's equations of a box.
 pub(super) struct NewtonianStage<'a, D: Dimension> {
@@ -35,134 +36,48 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     assembly: Assembly<'a, D>,
     motion: GrainMotion,
     files: Files,
-    spectra: Option<SpectraFile>,
     /// The progress of the strain steps before.
-    progress: Progress,
+    progress: StrainProgress,
     step: u64,
     /// From where the time counts.
     origin: TimeOrigin,
-    due: Due,
+    schedule: NewtonianSchedule,
     /// Shear stress of the last row.
     latest: Option<f64>,
 }
 
-/// Where the stage goes on.
-pub(super) struct Resumed {
-    /// Steps done.
-    pub step: u64,
-    /// From where their time counts.
-    pub origin: TimeOrigin,
-    /// The displacements up to there.
-    pub displacements: Vec<Displacement>,
-}
-
-/// The steps at which output is due. An interval longer than the stage disables an output.
-struct Due {
-    /// Number of steps of the stage, or up to the end of the window.
-    steps: u64,
-    /// The last step of the stage, which is always written.
-    last: u64,
-    rows: u64,
-    frames: u64,
-    spectra: u64,
-    dense: Option<Dense>,
-    /// The window of a replay.
-    window: Option<ReplayWindow>,
-}
-
-/// Number of steps of Δt `step` in the stage.
-pub(crate) fn steps(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64) -> u64 {
-    match pair {
-        Some(pair) => (of.growth_times / pair.omega_i / step).ceil() as u64,
-        None => (of.growth_times * STEPS_WITHOUT_A_PAIR).ceil() as u64,
-    }
-}
-
-impl Due {
-    fn new(of: &gshear_scene::Newtonian, pair: Option<&Pair>, step: f64) -> Self {
-        let steps = steps(of, pair, step);
-        let every = |count| (steps.checked_div(count)).map_or(u64::MAX, |every| every.max(1));
-        let dense = pair.map(|pair| Dense::new(pair, steps, step));
-        let frames = match (pair, every(of.frames)) {
-            (Some(pair), wanted) if wanted != u64::MAX => strobe(pair, wanted, step),
-            (_, wanted) => wanted,
-        };
-        // All rows lie at multiples of the interval of the dense rows, so that none falls between
-        // two of them.
-        let grid = dense.as_ref().map_or(1, |dense| dense.every);
-        Self {
-            steps,
-            last: steps,
-            rows: every(of.rows).div_ceil(grid).saturating_mul(grid),
-            frames,
-            spectra: every(of.spectra),
-            dense,
-            window: None,
-        }
-    }
-
-    /// Restricts the stage to the end of a replay window, with frames in the window.
-    fn of_window(mut self, window: ReplayWindow) -> Self {
-        self.steps = self.steps.min(window.last);
-        self.spectra = u64::MAX;
-        self.window = Some(window);
-        self
-    }
-
-    fn row(&self, step: u64) -> bool {
-        let dense = self.dense.as_ref();
-        step.is_multiple_of(self.rows)
-            || dense.is_some_and(|dense| dense.due(step))
-            || self.is_last(step, self.rows)
-    }
-
-    fn frame(&self, step: u64) -> bool {
-        match self.window {
-            Some(ReplayWindow { first, every, .. }) => {
-                step >= first
-                    && every.map_or_else(
-                        || self.row(step),
-                        |every| (step - first).is_multiple_of(every),
-                    )
-            }
-            None => step.is_multiple_of(self.frames) || self.is_last(step, self.frames),
-        }
-    }
-
-    /// Whether a step is the last of the stage, and an output of this interval is written.
-    fn is_last(&self, step: u64, every: u64) -> bool {
-        step == self.last && every != u64::MAX
-    }
-
-    fn spectrum(&self, step: u64) -> bool {
-        self.spectra != u64::MAX && step.is_multiple_of(self.spectra)
-    }
-}
-
 impl<'a, D: Dimension> NewtonianStage<'a, D> {
-    /// The stage from its start, or as it was stopped.
+    /// The stage from its start, or as it was stopped, with the displacements up to there.
     pub fn new(
         run: &Run<'a>,
-        (periodic, of): (&PeriodicBox, &gshear_scene::Newtonian),
+        periodic: &PeriodicBox,
         mut assembly: Assembly<'a, D>,
-        progress: Progress,
-        resumed: Option<Resumed>,
+        header: NewtonianHeader,
+        displacements: Option<Vec<Displacement>>,
     ) -> Result<Self> {
-        let (exchange, scene, step) = (run.exchange, run.scene, assembly.system.step);
+        let (exchange, scene, time_step) = (run.exchange, run.scene, assembly.system.step);
+        let NewtonianHeader {
+            step,
+            origin,
+            progress,
+            ..
+        } = header;
+        let newtonian = periodic.newtonian.expect("a scene with this stage");
         let strain = strain::reached::<D>(periodic, &progress);
-        let mut due = Due::new(of, progress.pair.as_ref(), step);
-        if due.steps > MOST_STEPS {
+        let mut schedule = NewtonianSchedule::new(&newtonian, progress.pair.as_ref(), time_step);
+        if schedule.steps() > MOST_STEPS {
             let rate = progress.pair.map_or(0.0, |pair| pair.omega_i);
             return Err(Failure::numbers(format!(
                 "newtonian: {:.1e} steps are more than the {:.1e} that are counted: the complex pair grows at the rate {rate:.1e} only; give a smaller newtonian.growth_times",
-                due.steps as f64, MOST_STEPS as f64
+                schedule.steps() as f64,
+                MOST_STEPS as f64
             )));
         }
         if let Some(window) = run.options.replay {
-            due = due.of_window(window);
+            schedule = schedule.restricted_to(window);
         }
-        run.terminal.newtonian(due.steps, step);
-        if let Some(warning) = intervals_of_newtonian(of, due.steps) {
+        run.terminal.newtonian(schedule.steps(), time_step);
+        if let Some(warning) = intervals_of_newtonian(&newtonian, schedule.steps()) {
             run.terminal.warn(warning);
         }
         let format = Format {
@@ -170,25 +85,12 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             columns: &NewtonianRow::COLUMNS,
             attributes: attributes(scene, strain, &progress),
             height: None,
+            analysed: None,
+            spectra: (schedule.has_spectra()).then(|| origin.time(step, time_step)),
         };
-        let goes_on = resumed.as_ref().filter(|_| run.options.replay.is_none());
-        let before = goes_on.map(|of| UpToCheckpoint::new(of.step));
-        let origin = resumed
-            .as_ref()
-            .map_or_else(TimeOrigin::default, |of| of.origin);
-        let files = Files::open(run, &mut assembly, &format, before)?;
-        let spectra = if due.spectra == u64::MAX {
-            None
-        } else {
-            let path = run.options.out.join(SPECTRA_FILE);
-            // In another folder than the checkpoint's the file begins anew.
-            let there = exists(exchange, &path)?;
-            let last = before.filter(|_| there).and_then(|before| before.last);
-            let last = last.map(|last| origin.time(last, step));
-            Some(SpectraFile::open(exchange, &path, last)?)
-        };
-        let motion = if let Some(resumed) = &resumed {
-            GrainMotion::resume(exchange, &mut assembly.system, &resumed.displacements)
+        let files = Files::open(run, &mut assembly, format, UpToCheckpoint::new(step))?;
+        let motion = if let Some(displacements) = &displacements {
+            GrainMotion::resume(exchange, &mut assembly.system, displacements)
         } else {
             assembly.rebuild()?;
             GrainMotion::begin(&mut assembly.system)
@@ -198,44 +100,53 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             assembly,
             motion,
             files,
-            spectra,
             progress,
-            step: resumed.map_or(0, |of| of.step),
+            step,
             origin,
-            due,
+            schedule,
             latest: None,
         })
     }
 
     /// Closes the files; a run that is done is marked as finished.
     pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Outcome> {
-        match outcome {
-            Ok(Outcome::Done) => {}
-            Ok(Outcome::Stopped) => {
-                self.files.finish(run.exchange, &[])?;
-                return outcome;
-            }
-            Err(failure) => {
-                if let (Failure::Numbers(_), Some(spectra)) = (&failure, &mut self.spectra) {
-                    spectra.flush(run.exchange)?;
-                }
-                return Err(self.files.fail(run.exchange, failure));
-            }
+        let (files, outcome) = self.files.unless_failed(run.exchange, outcome)?;
+        if outcome == Outcome::Stopped {
+            files.finish(run.exchange, outcome, &[])?;
+            return Ok(outcome);
         }
         let digest = (self.assembly).digest(&self.progress.box_bytes(), self.step);
-        if let Some(spectra) = &mut self.spectra {
-            spectra.flush(run.exchange)?;
-        }
         let attributes = [("digest", Attribute::Text(digest.clone()))];
-        self.files.finish(run.exchange, &attributes)?;
+        files.finish(run.exchange, outcome, &attributes)?;
         run.terminal.moved(&digest, &run.options.out);
-        outcome
+        Ok(outcome)
+    }
+
+    /// Measures a row of the time series and writes it. Collective.
+    fn write_row(&mut self, exchange: &dyn Parallel, at: TimePoint) -> Result<()> {
+        let observed = self.assembly.observe(self.scene.sample.grains);
+        let moved = (self.motion).measure(exchange, &mut self.assembly.system);
+        let row = NewtonianRow {
+            msd: moved.msd,
+            kinetic_energy: moved.kinetic_energy,
+            elastic_energy: observed.elastic_energy,
+            shear_stress: observed.shear_stress,
+            pressure: observed.pressure,
+            contacts: observed.contacts as f64,
+            sliding_fraction: observed.sliding_fraction,
+        };
+        self.latest = Some(row.shear_stress);
+        self.files.row(exchange, at, &row)
     }
 }
 
-impl<D: Dimension> Stage for NewtonianStage<'_, D> {
-    fn at(&self) -> (&'static str, u64) {
-        (RunStage::Newtonian.name(), self.step)
+impl<'a, D: Dimension> Stage<'a, D> for NewtonianStage<'a, D> {
+    fn name(&self) -> &'static str {
+        RunStage::Newtonian.name()
+    }
+
+    fn completed(&self) -> u64 {
+        self.step
     }
 
     /// Newton's equations follow the strain steps.
@@ -243,17 +154,23 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
         Some(self.progress.steps + self.step + 1)
     }
 
-    fn is_done(&self) -> bool {
-        self.step >= self.due.steps
+    fn assembly(&self) -> &Assembly<'a, D> {
+        &self.assembly
     }
 
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<()> {
-        if self.scene.keep_checkpoints && run.options.replay.is_none() {
-            // A window before the first checkpoint is replayed from the state at rest.
-            self.flush(run)?;
-            let checkpoint = self.state(run)?;
-            run.save(&checkpoint)?;
-        }
+    fn files(&mut self) -> Option<&mut Files> {
+        Some(&mut self.files)
+    }
+
+    fn is_done(&self) -> bool {
+        self.step >= self.schedule.steps()
+    }
+
+    fn keeps_start(&self) -> bool {
+        true
+    }
+
+    fn begin(&mut self) -> Result<()> {
         self.assembly.initial_forces(&mut NoWalls, false)
     }
 
@@ -266,88 +183,41 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
     }
 
     fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
-        let (exchange, step) = (run.exchange, self.step);
-        let time = self.origin.time(step, self.assembly.system.step);
-        let (row, frame_due) = (self.due.row(step), self.due.frame(step));
-        if row || frame_due {
-            let observed = self.assembly.observe(self.scene.sample.grains);
-            if row {
-                let moved = (self.motion).measure(exchange, &mut self.assembly.system);
-                let row = NewtonianRow {
-                    msd: moved.msd,
-                    kinetic_energy: moved.kinetic_energy,
-                    elastic_energy: observed.elastic_energy,
-                    shear_stress: observed.shear_stress,
-                    pressure: observed.pressure,
-                    contacts: observed.contacts as f64,
-                    sliding_fraction: observed.sliding_fraction,
-                };
-                self.latest = Some(row.shear_stress);
-                (self.files.trajectory).series(exchange, step, time, &row)?;
-            }
-            if frame_due {
-                let (grains, contacts) = self.assembly.frame();
-                let edges = self.assembly.system.cell.edges::<D>(0.0);
-                let clock = (step, time);
-                (self.files.trajectory).frame(exchange, clock, &edges, &grains, &contacts)?;
-            }
+        let exchange = run.exchange;
+        let due = self.schedule.due(self.step);
+        let at = TimePoint {
+            step: self.step,
+            time: self.origin.time(self.step, self.assembly.system.step),
+        };
+        if due.row {
+            self.write_row(exchange, at)?;
+        } else if due.frame {
+            // The frame holds the forces of this measurement.
+            self.assembly.observe(self.scene.sample.grains);
         }
-        if self.due.spectrum(step) {
-            let found = GlobalState::moving(&mut self.assembly).eigenvalues(&self.assembly)?;
-            if let Some(spectra) = &mut self.spectra {
-                spectra.write(exchange, time, &found)?;
-            }
+        self.files.frame(&mut self.assembly, due, at, 0.0)?;
+        if self.schedule.spectrum_due(self.step) {
+            let state = GlobalState::moving(&mut self.assembly);
+            let eigenvalues = state.eigenvalues(&self.assembly)?;
+            self.files.spectrum(exchange, at.time, &eigenvalues)?;
         }
         self.assembly.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
-    fn tuned(&self) -> Option<Tuned> {
-        self.assembly.system.tuning.tuned()
-    }
-
-    fn standing(&self) -> Standing {
-        Standing {
-            stage: RunStage::Newtonian.name().into(),
-            step: self.step,
-            steps: Some(self.due.steps),
-            shear_stress: self.latest,
-            moving: Some(self.scene.sample.grains),
-            ..Standing::default()
-        }
-    }
-
     fn save_due(&self) -> Save {
-        if self.due.window.is_some() {
-            Save::No
-        } else if self.is_done() {
-            Save::Now
-        } else if self.step.is_multiple_of(LOOK) {
-            Save::IfOld
-        } else {
-            Save::No
-        }
-    }
-
-    fn flush(&mut self, run: &mut Run<'_>) -> Result<()> {
-        self.files.flush(run.exchange)?;
-        match &mut self.spectra {
-            Some(spectra) => spectra.flush(run.exchange),
-            None => Ok(()),
-        }
+        Save::after(self.step, self.is_done())
     }
 
     fn state(&mut self, _: &mut Run<'_>) -> Result<Checkpoint> {
-        let written = self.files.written();
-        let lines = self.spectra.as_ref().map_or(0, SpectraFile::rows);
         Ok(Checkpoint {
-            header: Header::Newtonian {
+            header: Header::Newtonian(NewtonianHeader {
                 step: self.step,
                 origin: self.origin,
                 progress: self.progress,
-                written,
-                lines,
-            },
+                written: self.files.written(),
+                lines: self.files.spectra_lines(),
+            }),
             state: Snapshot {
                 displacements: Some(self.motion.displacements.clone()),
                 ..self.assembly.owned()
@@ -355,10 +225,25 @@ impl<D: Dimension> Stage for NewtonianStage<'_, D> {
             keep: self.scene.keep_checkpoints,
         })
     }
+
+    fn progress(&self) -> StageProgress {
+        StageProgress {
+            stage: self.name().into(),
+            step: self.step,
+            steps: Some(self.schedule.steps()),
+            shear_stress: self.latest,
+            moving: Some(self.scene.sample.grains),
+            ..StageProgress::default()
+        }
+    }
 }
 
 /// Attributes of `run.h5/newtonian`.
-fn attributes(scene: &Scene, strain: f64, progress: &Progress) -> Vec<(&'static str, Attribute)> {
+fn attributes(
+    scene: &Scene,
+    strain: f64,
+    progress: &StrainProgress,
+) -> Vec<(&'static str, Attribute)> {
     let mut attributes = vec![
         ("mean_diameter", scene.sample.mean_diameter.into()),
         ("strain", strain.into()),
@@ -375,47 +260,6 @@ fn attributes(scene: &Scene, strain: f64, progress: &Progress) -> Vec<(&'static 
     attributes
 }
 
-/// Steps between frames: about `wanted`, adjusted to whole periods of the pair plus 1/24 of a
-/// period, so that the sequence of frames shows the oscillation in slow motion.
-fn strobe(pair: &Pair, wanted: u64, step: f64) -> u64 {
-    let period = std::f64::consts::TAU / pair.omega_r / step;
-    let whole = (wanted as f64 / period).round();
-    ((whole + 1.0 / 24.0) * period).round().max(1.0) as u64
-}
-
-/// Two intervals with rows dense enough to resolve the oscillation of the pair.
-struct Dense {
-    begins: [u64; 2],
-    length: u64,
-    every: u64,
-}
-
-impl Dense {
-    /// Their starts as fractions of the stage; the number of periods of the mean square
-    /// displacement, π/ω_r, in each; rows per period.
-    const BEGINS: [f64; 2] = [0.5, 0.7];
-    const PERIODS: f64 = 20.0;
-    const ROWS: f64 = 16.0;
-
-    fn new(pair: &Pair, steps: u64, step: f64) -> Self {
-        let period = std::f64::consts::PI / pair.omega_r / step;
-        let every = ((period / Self::ROWS) as u64).max(1);
-        Self {
-            begins: Self::BEGINS.map(|part| (part * steps as f64) as u64 / every * every),
-            length: (Self::PERIODS * period) as u64,
-            every,
-        }
-    }
-
-    fn due(&self, step: u64) -> bool {
-        let of = |begin: u64| {
-            let since = step.checked_sub(begin);
-            since.is_some_and(|since| since <= self.length && since % self.every == 0)
-        };
-        self.begins.into_iter().any(of)
-    }
-}
-
 /// The displacements of the grains since the start of the stage.
 struct GrainMotion {
     /// Displacements of the owned grains, in their order.
@@ -427,7 +271,7 @@ struct GrainMotion {
 /// Terms of a grain in the sums over all grains.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Moved {
+pub(super) struct MotionTerms {
     pub id: u64,
     /// Mean of |Δr|² + R² |Δθ|² (BO eq. 10).
     pub msd: f64,
@@ -437,9 +281,11 @@ pub(super) struct Moved {
 impl GrainMotion {
     fn begin<D: Dimension>(system: &mut System<D>) -> Self {
         let grains = system.grains();
-        let of = |g| Displacement::from(&grains.state(g));
+        let owned = 0..grains.owned;
         Self {
-            displacements: (0..grains.owned).map(of).collect(),
+            displacements: owned
+                .map(|g| Displacement::from(&grains.state(g)))
+                .collect(),
             rebuilds: system.list.rebuilds,
         }
     }
@@ -474,11 +320,15 @@ impl GrainMotion {
         }
     }
 
-    fn measure<D: Dimension>(&self, exchange: &dyn Parallel, system: &mut System<D>) -> Moved {
+    fn measure<D: Dimension>(
+        &self,
+        exchange: &dyn Parallel,
+        system: &mut System<D>,
+    ) -> MotionTerms {
         let cell = system.cell;
         let grains = system.grains();
-        let square = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>();
-        let moved = |(g, displacement): (usize, &Displacement)| {
+        let mut owned = Vec::with_capacity(self.displacements.len());
+        for (g, displacement) in self.displacements.iter().enumerate() {
             let (fields, radius) = (grains.fields(g), grains.radius[g]);
             let [now, before] = [grains.image[g], displacement.image];
             let crossed = std::array::from_fn(|axis| now[axis] - before[axis]);
@@ -486,15 +336,14 @@ impl GrainMotion {
             let velocity = square(&fields[D::VELOCITY..D::VELOCITY + D::AXES]);
             let spin = square(&fields[D::SPIN..D::SPIN + D::SPINS]);
             let motion = velocity + D::INERTIA * radius * radius * spin;
-            Moved {
+            owned.push(MotionTerms {
                 id: displacement.id.into(),
                 msd: square(&moved) + radius * radius * square(&displacement.angle),
                 kinetic_energy: 0.5 * grains.mass[g] * motion,
-            }
-        };
-        let owned: Vec<Moved> = self.displacements.iter().enumerate().map(moved).collect();
+            });
+        }
         let all = gathered(exchange, &owned, |moved| moved.id);
-        Moved {
+        MotionTerms {
             id: 0,
             msd: all.iter().map(|m| m.msd).sum::<f64>() / all.len() as f64,
             kinetic_energy: all.iter().map(|m| m.kinetic_energy).sum(),

@@ -7,8 +7,7 @@ use gshear_dem::drive::{Piston, Planes};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, SampleConstants};
-use gshear_dem::state::{Confinement, GrainState, Snapshot, body};
-use gshear_dem::tuning::Tuned;
+use gshear_dem::state::{GrainState, Snapshot, body};
 use gshear_scene::holes;
 use gshear_scene::insertion::freeze_walls;
 use gshear_scene::schedule::packing_time;
@@ -16,10 +15,12 @@ use gshear_scene::{Load, PlaneShear, Scene};
 
 use super::assembly::Assembly;
 use super::top_wall::{height_between, mass_of, mass_of_top};
+use crate::files::Files;
 use crate::header::{Header, PackHeader};
-use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
+use crate::run::{Checkpoint, Run};
+use crate::stage::{Save, Stage};
 use gshear_store::collective::gathered;
-use gshear_store::status::Standing;
+use gshear_store::status::StageProgress;
 
 /// Steps between two checks whether the sample is at rest.
 const CHECK_INTERVAL: u64 = 1000;
@@ -102,7 +103,8 @@ impl<'a, D: Dimension> PackStage<'a, D> {
     pub fn new(
         run: &Run<'a>,
         plane_shear: &'a PlaneShear,
-        (law, plane): (&'a dyn PairForce<D>, Box<dyn PairForce<D>>),
+        law: &'a dyn PairForce<D>,
+        plane: Box<dyn PairForce<D>>,
         header: PackHeader,
         state: Snapshot,
     ) -> Result<Self> {
@@ -143,7 +145,7 @@ impl<'a, D: Dimension> PackStage<'a, D> {
     }
 
     /// The start to try next, if the grains left the contact law before they bore the load.
-    pub fn next_start(&self) -> Option<u32> {
+    pub(crate) fn next_start(&self) -> Option<u32> {
         (self.fell_outside && self.starts < MOST_STARTS).then_some(self.starts + 1)
     }
 
@@ -152,11 +154,13 @@ impl<'a, D: Dimension> PackStage<'a, D> {
     fn plugs(&self, run: &Run<'_>, grains: &[GrainState], height: f64) -> Vec<(u32, u32)> {
         let (scene, walls) = (self.scene, self.plane_shear);
         let reach = holes::reach(walls, &scene.sample);
-        let is_near = |g: &&GrainState| {
+        let mut near = Vec::new();
+        for g in grains {
             let up = g.position[D::UP];
-            g.body != body::FREE || up < reach || up > height - reach
-        };
-        let near: Vec<GrainState> = grains.iter().filter(is_near).copied().collect();
+            if g.body != body::FREE || up < reach || up > height - reach {
+                near.push(*g);
+            }
+        }
         let near = gathered(run.exchange, &near, |g| g.id);
         holes::plugs(scene, walls, [0.0, height], &near)
     }
@@ -166,10 +170,10 @@ impl<'a, D: Dimension> PackStage<'a, D> {
     pub fn finish(mut self, run: &Run<'_>) -> (Piston, Snapshot) {
         let mut state = self.assembly.snapshot();
         let (scene, height) = (self.scene, self.drive.piston.height);
-        let of = self.plane_shear;
+        let plane_shear = self.plane_shear;
         let mut plugged = 0;
-        if of.confinement != Confinement::Images && !of.has_planes() {
-            let planes = of.planes(&scene.sample, [0.0, height]);
+        if plane_shear.boundary.has_grains() {
+            let planes = plane_shear.cuts(&scene.sample, [0.0, height]);
             let material = scene.materials.wall;
             freeze_walls(&mut state.grains, D::UP, planes, material);
             let plugs = self.plugs(run, &state.grains, height);
@@ -179,19 +183,35 @@ impl<'a, D: Dimension> PackStage<'a, D> {
         let piston = Piston {
             velocity: 0.0,
             acceleration: 0.0,
-            mass: mass_of_top(run, scene, of, (&state.grains, height)),
+            mass: mass_of_top(run, scene, plane_shear, &state.grains, height),
             ..self.drive.piston
         };
-        let between = height_between(scene, of, &piston);
-        run.terminal.packed(self.step, between, of);
+        let between = height_between(scene, plane_shear, &piston);
+        run.terminal.packed(self.step, between, plane_shear);
         run.terminal.plugged(plugged);
         (piston, state)
     }
 }
 
-impl<D: Dimension> Stage for PackStage<'_, D> {
-    fn at(&self) -> (&'static str, u64) {
-        ("packing", self.step)
+impl<'a, D: Dimension> Stage<'a, D> for PackStage<'a, D> {
+    fn name(&self) -> &'static str {
+        super::PACK
+    }
+
+    fn name_in_messages(&self) -> &'static str {
+        "packing"
+    }
+
+    fn completed(&self) -> u64 {
+        self.step
+    }
+
+    fn assembly(&self) -> &Assembly<'a, D> {
+        &self.assembly
+    }
+
+    fn files(&mut self) -> Option<&mut Files> {
+        None
     }
 
     fn count(&self) -> Option<u64> {
@@ -202,7 +222,7 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         self.at_rest
     }
 
-    fn begin(&mut self, _: &mut Run<'_>) -> Result<()> {
+    fn begin(&mut self) -> Result<()> {
         self.assembly.initial_forces(&mut self.drive, false)
     }
 
@@ -215,9 +235,10 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
                 let falls = self.drive.drag < 2.0 * self.falling_drag();
                 let load = self.plane_shear.load.normal_force;
                 self.fell_outside = falls || self.drive.piston.load < load;
-                let less = match self.plane_shear.confinement {
-                    Confinement::FreeSurface => "less load.gravity",
-                    _ => "a greater load.stiffness_number, that is a lower load",
+                let less = if self.plane_shear.boundary.has_top() {
+                    "a greater load.stiffness_number, that is a lower load"
+                } else {
+                    "less load.gravity"
                 };
                 Failure::numbers(format!("{what}; give {less}, or sizes closer together"))
             }
@@ -273,30 +294,22 @@ impl<D: Dimension> Stage for PackStage<'_, D> {
         Ok(())
     }
 
-    fn tuned(&self) -> Option<Tuned> {
-        self.assembly.system.tuning.tuned()
-    }
-
-    fn standing(&self) -> Standing {
-        Standing {
-            stage: super::PACK.into(),
+    fn progress(&self) -> StageProgress {
+        StageProgress {
+            stage: self.name().into(),
             step: self.step,
             fraction: Some(self.advance.fraction),
             moving: Some(self.scene.sample.grains),
-            ..Standing::default()
+            ..StageProgress::default()
         }
     }
 
     fn save_due(&self) -> Save {
-        if !self.at_rest && self.step.is_multiple_of(LOOK) {
-            Save::IfOld
-        } else {
+        if self.at_rest {
             Save::No
+        } else {
+            Save::after(self.step, false)
         }
-    }
-
-    fn flush(&mut self, _: &mut Run<'_>) -> Result<()> {
-        Ok(())
     }
 
     fn is_sound(&self) -> bool {

@@ -11,8 +11,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::assembly::Assembly;
 use super::relax::NOT_AT_REST;
-use super::scatter::{Placed, move_apart};
-use crate::header::Header;
+use super::scatter::{PlacedGrain, move_apart};
+use crate::header::PrepareHeader;
 use crate::run::Run;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::{NoWalls, Overdamped};
@@ -21,7 +21,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::{self, radius, stream};
 use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
-use gshear_store::status::Standing;
+use gshear_store::status::StageProgress;
 
 /// Lattice constant over the greatest diameter.
 const ROOM: f64 = 1.1;
@@ -52,11 +52,11 @@ pub(super) fn prepare<D: Dimension>(
     match periodic.placement {
         Placement::Lattice => compress(run, periodic, law),
         Placement::Random => {
-            let standing = Standing {
+            let progress = StageProgress {
                 stage: super::PREPARE.into(),
-                ..Standing::default()
+                ..StageProgress::default()
             };
-            run.terminal.begin(&standing);
+            run.terminal.begin(&progress);
             part(run, periodic, law)
         }
     }
@@ -87,29 +87,33 @@ fn part<D: Dimension>(
     let length = scene.sample.length;
     let cell = scene.sample.box_cell(length);
     let remedy = "give a lower box.solid_fraction, another seed, or sample.placement = \"lattice\"";
-    let fails = |what: String| in_preparation(scene, length, &format!("{what}; {remedy}"));
     let mut placed = random_places(scene, &periodic.sizes);
-    let largest = |a: f64, b: f64| scene.law.largest_overlap(a, b);
     // All ranks take the same steps.
-    let moved =
-        move_apart::<D>(&mut placed, cell, largest, || run.should_stop()).map_err(|steps| {
-            fails(format!(
-                "random grains still move apart after {steps} steps"
-            ))
-        })?;
-    let Some(greatest) = moved else {
-        return Ok(None);
+    let moved = move_apart::<D>(
+        &mut placed,
+        cell,
+        |a, b| scene.law.largest_overlap(a, b),
+        || run.should_stop(),
+    );
+    let greatest = match moved {
+        Ok(Some(greatest)) => greatest,
+        Ok(None) => return Ok(None),
+        Err(steps) => {
+            let what = format!("random grains still move apart after {steps} steps; {remedy}");
+            return Err(in_preparation(scene, length, &what));
+        }
     };
     if greatest > CLOSEST {
-        return Err(fails(format!(
-            "random grains that were moved apart still overlap by {greatest:.2} of the largest overlap of the law, and {CLOSEST} is the most to begin with"
-        )));
+        let what = format!(
+            "random grains that were moved apart still overlap by {greatest:.2} of the largest overlap of the law, and {CLOSEST} is the most to begin with; {remedy}"
+        );
+        return Err(in_preparation(scene, length, &what));
     }
     // Ids ascend along x, as those of the lattice.
     placed.sort_by(|a, b| a.position[0].total_cmp(&b.position[0]));
     let share = share_of(scene.sample.grains, exchange.rank(), exchange.size());
     let grains = share.map(|id| {
-        let Placed { position, radius } = placed[id as usize];
+        let PlacedGrain { position, radius } = placed[id as usize];
         GrainState {
             id,
             position,
@@ -121,13 +125,13 @@ fn part<D: Dimension>(
     let mut grains: Vec<_> = grains.collect();
     (scene.materials).give(scene.seed, scene.sample.radius_max, &mut grains);
     assembly.replace(&mut NoWalls, grains, Vec::new())?;
-    let found = match settle(run, &mut assembly, 10 * SETTLING) {
+    let packing = match settle(run, &mut assembly, 10 * SETTLING) {
         Ok(true) => return Ok(None),
         Ok(false) => rest(run, periodic, &mut assembly),
         Err(failure) => Err(failure),
     };
-    found.map_err(|failure| match failure {
-        Failure::Numbers(m) => fails(m),
+    packing.map_err(|failure| match failure {
+        Failure::Numbers(what) => in_preparation(scene, length, &format!("{what}; {remedy}")),
         other => other,
     })
 }
@@ -163,19 +167,15 @@ fn compress<D: Dimension>(
     // The last box in which the grains settled, and the grains there.
     let mut settled: Option<(f64, Vec<GrainState>)> = None;
     let mut halvings = 0;
-    let loosest = length;
-    let mut boxes = 0;
-    let standing = |boxes: u64, length: f64| Standing {
-        stage: super::PREPARE.into(),
-        step: boxes,
-        // The length shrinks by the same part in every step.
-        fraction: Some((loosest / length).ln() / (loosest / target).ln().max(1e-9)),
-        ..Standing::default()
+    let lengths = BoxLengths {
+        loosest: length,
+        target,
     };
-    run.terminal.begin(&standing(boxes, length));
+    let mut boxes = 0;
+    run.terminal.begin(&lengths.progress(boxes, length));
     loop {
         boxes += 1;
-        run.terminal.progress(&standing(boxes, length));
+        run.terminal.progress(&lengths.progress(boxes, length));
         let mut assembly = Assembly::new(run, scene, scene.sample.box_cell(length), law)?;
         assembly.replace(&mut NoWalls, grains, Vec::new())?;
         // At the end the waves of the last steps must decay before the relaxation: with a weak drag
@@ -227,10 +227,30 @@ fn compress<D: Dimension>(
     }
 }
 
+/// Lengths of the first and of the last box of a compression (m).
+struct BoxLengths {
+    loosest: f64,
+    target: f64,
+}
+
+impl BoxLengths {
+    /// The progress after so many boxes, in one of this length (m).
+    fn progress(&self, boxes: u64, length: f64) -> StageProgress {
+        let shrunk = (self.loosest / length).ln();
+        StageProgress {
+            stage: super::PREPARE.into(),
+            step: boxes,
+            // The length shrinks by the same part in every step.
+            fraction: Some(shrunk / (self.loosest / self.target).ln().max(1e-9)),
+            ..StageProgress::default()
+        }
+    }
+}
+
 /// Keeps the last box in which the grains settled, if there is one, after so many boxes.
 fn keep(run: &mut Run<'_>, step: u64, settled: Option<(f64, Vec<GrainState>)>) {
     if let Some((length, grains)) = settled {
-        run.keep_prepared(Header::Prepare { step, length }, grains);
+        run.keep_prepared(PrepareHeader { step, length }, grains);
     }
 }
 
@@ -243,8 +263,10 @@ fn shrunk<D: Dimension>(settled: &[GrainState], from: f64, to: f64) -> Vec<Grain
             *x *= part;
         }
         // Rounded up to the new period.
-        for x in g.position[..D::AXES].iter_mut().filter(|x| **x >= to) {
-            *x = 0.0;
+        for x in &mut g.position[..D::AXES] {
+            if *x >= to {
+                *x = 0.0;
+            }
         }
         (g.velocity, g.angular_velocity) = ([0.0; 3], [0.0; 3]);
     }
@@ -279,8 +301,10 @@ fn in_preparation(scene: &Scene, length: f64, what: &str) -> Failure {
 fn lattice(scene: &Scene) -> (u32, f64) {
     let sample = &scene.sample;
     let axes = scene.dimension.axes() as u32;
-    let has_room = |side: &u32| u64::from(*side).pow(axes) >= u64::from(sample.grains);
-    let side = (1u32..).find(has_room).unwrap_or(1);
+    let mut side = 1u32;
+    while u64::from(side).pow(axes) < u64::from(sample.grains) {
+        side += 1;
+    }
     let room = (2.0 * ROOM * sample.radius_max).max(sample.length / f64::from(side));
     (side, room)
 }
@@ -292,7 +316,8 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
     let (side, room) = lattice(scene);
     let sites = u64::from(side).pow(axes);
     let large = large(scene, sizes);
-    let grain = |id: u32| {
+    let mut grains = Vec::new();
+    for id in share_of(count, rank, ranks) {
         let mut uniform = stream(scene.seed, id);
         let radius = radius_of(scene, sizes, large[id as usize], &mut uniform);
         let mut site = u64::from(id) * sites / u64::from(count);
@@ -304,29 +329,30 @@ fn insert(scene: &Scene, sizes: &Sizes, rank: usize, ranks: usize) -> (f64, Vec<
             site /= u64::from(side);
             position[axis] = room * at as f64 + radius + free * uniform();
         }
-        GrainState {
+        grains.push(GrainState {
             id,
             position,
             radius,
             ..GrainState::zeroed()
-        }
-    };
-    let mut grains: Vec<_> = share_of(count, rank, ranks).map(grain).collect();
+        });
+    }
     (scene.materials).give(scene.seed, scene.sample.radius_max, &mut grains);
     (room * f64::from(side), grains)
 }
 
 /// The ids that a rank inserts.
 pub(crate) fn share_of(grains: u32, rank: usize, ranks: usize) -> Range<u32> {
-    let first = |r: usize| (u64::from(grains) * r as u64 / ranks as u64) as u32;
-    first(rank)..first(rank + 1)
+    let [first, end] =
+        [rank, rank + 1].map(|r| (u64::from(grains) * r as u64 / ranks as u64) as u32);
+    first..end
 }
 
 /// All grains at random places of the box, the same on every rank.
-fn random_places(scene: &Scene, sizes: &Sizes) -> Vec<Placed> {
+fn random_places(scene: &Scene, sizes: &Sizes) -> Vec<PlacedGrain> {
     let sample = &scene.sample;
     let large = large(scene, sizes);
-    let place = |id: u32| {
+    let mut placed = Vec::new();
+    for id in 0..sample.grains {
         let mut uniform = stream(scene.seed, id);
         let radius = radius_of(scene, sizes, large[id as usize], &mut uniform);
         let mut position = [0.0; 3];
@@ -334,9 +360,9 @@ fn random_places(scene: &Scene, sizes: &Sizes) -> Vec<Placed> {
             // Rounding must not make it the period.
             *x = (sample.length * uniform()).min(sample.length.next_down());
         }
-        Placed { radius, position }
-    };
-    (0..sample.grains).map(place).collect()
+        placed.push(PlacedGrain { radius, position });
+    }
+    placed
 }
 
 /// The radius of a grain, the first number that is drawn from its stream.
@@ -368,7 +394,7 @@ mod tests {
     use super::*;
     use gshear_dem::dimension::{Three, Two};
     use gshear_dem::state::length;
-    use gshear_scene::{Boundary, Dimensions, Source, load};
+    use gshear_scene::{Dimensions, Source, Stages, load};
 
     const TEXT: &str = include_str!("../../../../configs/bonfanti.toml");
 
@@ -376,7 +402,7 @@ mod tests {
     fn scene(text: &str, sets: &[&str]) -> (Scene, Sizes) {
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         let scene = load(&Source::new("a box", text), &sets).unwrap();
-        let Boundary::Periodic(PeriodicBox { sizes, .. }) = &scene.boundary else {
+        let Stages::Strain(PeriodicBox { sizes, .. }) = &scene.stages else {
             panic!("walls")
         };
         let sizes = sizes.clone();

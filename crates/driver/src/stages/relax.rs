@@ -68,26 +68,24 @@ impl Relaxation {
     pub fn go_on<D: Dimension>(
         &mut self,
         assembly: &mut Assembly<'_, D>,
-        (relaxing, held): (&mut Relaxing, &mut Vec<RestState>),
+        relaxing: &mut Relaxing,
+        held: &mut Vec<RestState>,
     ) -> Result<bool> {
-        let Relaxing { found, opened } = relaxing;
-        let Some(of_newton) = opened else {
+        if relaxing.opened.is_none() {
             self.residual = assembly.residual(self.relax.drag);
-            return assembly.overdamped(&self.relax, &mut found.steps);
-        };
+            return assembly.overdamped(&self.relax, &mut relaxing.statistics.steps);
+        }
         let before = held.last().expect("the state before Newton's method");
         let before: Vec<[u32; 2]> = before.state.contacts.iter().map(|c| [c.i, c.j]).collect();
         let before = gathered(assembly.exchange, &before, |pair| *pair);
-        let factorisations = &mut found.factorisations;
-        let newton = self.newton(assembly, (&before, of_newton), factorisations)?;
-        let Some(converged) = newton else {
+        let Some(converged) = self.newton(assembly, relaxing, &before)? else {
             return Ok(false);
         };
         let state = held.pop().expect("the state before Newton's method");
         if !converged {
             state.put_back(assembly)?;
-            *opened = None;
-            found.fell_back = true;
+            relaxing.opened = None;
+            relaxing.statistics.fell_back = true;
             assembly.begin_overdamped(&self.relax)?;
         }
         Ok(converged)
@@ -101,9 +99,11 @@ impl Relaxation {
     fn newton<D: Dimension>(
         &mut self,
         assembly: &mut Assembly<'_, D>,
-        (before, opened): (&[[u32; 2]], &mut Vec<[u32; 2]>),
-        factorisations: &mut u64,
+        relaxing: &mut Relaxing,
+        before: &[[u32; 2]],
     ) -> Result<Option<bool>> {
+        let opened = relaxing.opened.get_or_insert_default();
+        let factorisations = &mut relaxing.statistics.factorisations;
         let tolerance = self.relax.tolerance;
         let longest = LONGEST * self.mean_diameter;
         let mut left = assembly.residual(0.0);
@@ -123,10 +123,10 @@ impl Relaxation {
                 let Some(moves) = newton_step(assembly, tangent) else {
                     return Ok(Some(false));
                 };
-                let square = |[way, _]: &Move| way.iter().map(|x| x * x).sum::<f64>();
-                let furthest = moves.iter().map(square).fold(0.0, f64::max);
-                let smooth = assembly.exchange.maximum(furthest).sqrt() < longest;
-                if !smooth || assembly.displace(&moves, 0.0).is_err() {
+                let squares = moves.iter().map(|[displacement, _]| square(displacement));
+                let furthest = squares.fold(0.0, f64::max);
+                let is_small = assembly.exchange.maximum(furthest).sqrt() < longest;
+                if !is_small || assembly.displace(&moves, 0.0).is_err() {
                     return Ok(Some(false));
                 }
                 let now = assembly.residual(0.0);
@@ -170,7 +170,7 @@ pub(crate) fn factor_once<D: Dimension>(assembly: &mut Assembly<'_, D>) -> Resul
 }
 
 /// Whether all overlaps are within the law, and what is outside it on this rank.
-pub(super) type Followed = Result<(), Option<Outside>>;
+pub(super) type DisplacementResult = Result<(), Option<Outside>>;
 
 impl<D: Dimension> Assembly<'_, D> {
     /// Begins [`Self::overdamped`] dynamics.
@@ -217,7 +217,6 @@ impl<D: Dimension> Assembly<'_, D> {
     /// The greatest |F| or |T|/R on a grain, without the `drag` (1/time) that the forces contain.
     pub(super) fn residual(&mut self, drag: f64) -> f64 {
         let grains = self.system.grains();
-        let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
         let mut greatest = 0.0f64;
         for g in (0..grains.owned).filter(|&g| grains.body[g] == body::FREE) {
             let (force, fields) = (&grains.force[g][..], grains.fields(g));
@@ -227,8 +226,8 @@ impl<D: Dimension> Assembly<'_, D> {
                 slowing[axis] = drag * grains.mass[g] * fields[D::VELOCITY + axis];
                 contacts[axis] = force[axis] + slowing[axis];
             }
-            let torque = length(&force[D::TORQUE..D::TORQUE + D::SPINS]) / grains.radius[g];
-            for x in [length(&contacts), length(&slowing), torque] {
+            let torque = square(&force[D::TORQUE..D::TORQUE + D::SPINS]).sqrt() / grains.radius[g];
+            for x in [square(&contacts).sqrt(), square(&slowing).sqrt(), torque] {
                 if x > greatest || x.is_nan() {
                     greatest = x;
                 }
@@ -240,7 +239,7 @@ impl<D: Dimension> Assembly<'_, D> {
     /// Displaces the owned grains, and the images above by `shear` along x, in one step of the
     /// dynamics, which advances the histories, and sets all velocities to zero. The list must be
     /// new, with a sufficient skin.
-    pub(super) fn displace(&mut self, moves: &[Move], shear: f64) -> Followed {
+    pub(super) fn displace(&mut self, moves: &[Move], shear: f64) -> DisplacementResult {
         let system = &mut self.system;
         let (axes, spins) = (D::AXES, D::SPINS);
         let step = system.step;
@@ -251,11 +250,11 @@ impl<D: Dimension> Assembly<'_, D> {
         }
         system.shear(shear);
         let cell = system.cell;
-        for (g, [way, turn]) in moves.iter().enumerate() {
+        for (g, [displacement, rotation]) in moves.iter().enumerate() {
             let (fields, image) = system.grains_mut().place_mut(g);
             for axis in 0..axes {
-                fields[D::HALF_VELOCITY + axis] = way[axis] / step;
-                fields[axis] += way[axis];
+                fields[D::HALF_VELOCITY + axis] = displacement[axis] / step;
+                fields[axis] += displacement[axis];
             }
             for axis in 0..D::UP {
                 let period = cell.periods[axis];
@@ -264,7 +263,7 @@ impl<D: Dimension> Assembly<'_, D> {
                 }
             }
             for k in 0..spins {
-                fields[D::HALF_SPIN + k] = turn[3 - spins + k] / step;
+                fields[D::HALF_SPIN + k] = rotation[3 - spins + k] / step;
             }
             cell.wrap_last_axis::<D>(fields, image);
             fields[D::VELOCITY] = 0.0;
@@ -274,7 +273,7 @@ impl<D: Dimension> Assembly<'_, D> {
 
     /// Gives the cell these lengths (m) and moves the grains affinely with it, in one step of the
     /// dynamics, which advances the histories. All grains must be at rest, and stay so.
-    pub(super) fn stretch(&mut self, lengths: [f64; 3]) -> Result<Followed> {
+    pub(super) fn stretch(&mut self, lengths: [f64; 3]) -> Result<DisplacementResult> {
         let mut state = self.held();
         let before = self.system.cell.lengths::<D>();
         let factors: [f64; 3] = std::array::from_fn(|axis| lengths[axis] / before[axis]);
@@ -302,7 +301,7 @@ impl<D: Dimension> Assembly<'_, D> {
 
     /// Advances the histories by the step in which the grains have moved, sets all velocities to
     /// zero and computes the forces at rest.
-    fn follow(&mut self) -> Followed {
+    fn follow(&mut self) -> DisplacementResult {
         let (exchange, law, system) = (self.exchange, self.law, &mut self.system);
         let step = system.step;
         let outside = forces(exchange, system, law, &mut NoWalls, step, None);
@@ -322,6 +321,11 @@ impl<D: Dimension> Assembly<'_, D> {
             _ => Err(outside),
         }
     }
+}
+
+/// |v|².
+pub(super) fn square(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum()
 }
 
 /// Sets all velocities to zero.
@@ -402,8 +406,8 @@ mod tests {
         let mut energies = Vec::new();
         for factor in [1.0, 0.999, 0.99, 0.995, 1.01] {
             let to = [lengths[0] * factor, lengths[1] * factor, 1.0];
-            let followed = lattice.stretch(to).expect("one rank");
-            followed.expect("within the law");
+            let outcome = lattice.stretch(to).expect("one rank");
+            outcome.expect("within the law");
             let spacing = SPACING * factor;
             let expected = 3.0f64.sqrt() * SPRINGS.normal_stiffness * (1.0 - spacing) / spacing;
             let found = lattice.observe((SIDE * SIDE) as u32);
@@ -433,8 +437,8 @@ mod tests {
             lengths[1] / (1.0 + strain),
             1.0,
         ];
-        let followed = lattice.stretch(to).expect("one rank");
-        followed.expect("within the law");
+        let outcome = lattice.stretch(to).expect("one rank");
+        outcome.expect("within the law");
         let expected = SPRINGS.tangential_stiffness * strain * 0.75f64.sqrt() * SPACING;
         let mut inclined = 0;
         let contacts = lattice.held().contacts;

@@ -6,7 +6,7 @@ use gshear_dem::state::{Cell, length};
 
 /// A grain and its place.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Placed {
+pub(super) struct PlacedGrain {
     pub radius: f64,
     pub position: [f64; 3],
 }
@@ -32,14 +32,14 @@ const LOOK: u32 = 10;
 /// # Errors
 /// The number of steps, if the grains still move then.
 pub(super) fn move_apart<D: Dimension>(
-    grains: &mut [Placed],
+    grains: &mut [PlacedGrain],
     cell: Cell,
     largest_overlap: impl Fn(f64, f64) -> f64,
     asked: impl Fn() -> bool,
 ) -> Result<Option<f64>, u32> {
-    let radii = || grains.iter().map(|g| g.radius);
-    let cutoff = 2.0 * radii().fold(0.0, f64::max);
-    let settled = SETTLED * radii().sum::<f64>() / grains.len() as f64;
+    let radii: Vec<f64> = grains.iter().map(|g| g.radius).collect();
+    let cutoff = 2.0 * radii.iter().copied().fold(0.0, f64::max);
+    let settled = SETTLED * radii.iter().sum::<f64>() / grains.len() as f64;
     let lengths = cell.lengths::<D>();
     let mut positions: Vec<[f64; 3]> = grains.iter().map(|g| g.position).collect();
     for step in 0..MOST_STEPS {
@@ -53,24 +53,24 @@ pub(super) fn move_apart<D: Dimension>(
             &positions,
         );
         let mut greatest = 0.0f64;
-        let push = |a: usize| {
-            let mut push = [0.0; 3];
+        let mut pushes = vec![[0.0; 3]; grains.len()];
+        for (a, push) in pushes.iter_mut().enumerate() {
             bins.each_near(&positions[a], |b| {
                 let b = b as usize;
                 let r = cell.separation::<D>(&positions[a], &positions[b]);
-                let apart = length(r);
-                let radii = [grains[a].radius, grains[b].radius];
-                let overlap = radii[0] + radii[1] - apart;
-                if a != b && overlap > 0.0 {
-                    greatest = greatest.max(overlap / largest_overlap(radii[0], radii[1]));
-                    for axis in (0..D::AXES).filter(|_| apart > 0.0) {
-                        push[axis] += MOBILITY * overlap * r[axis] / apart;
+                let distance = length(r);
+                let overlap = radii[a] + radii[b] - distance;
+                if a == b || overlap <= 0.0 {
+                    return;
+                }
+                greatest = greatest.max(overlap / largest_overlap(radii[a], radii[b]));
+                if distance > 0.0 {
+                    for axis in 0..D::AXES {
+                        push[axis] += MOBILITY * overlap * r[axis] / distance;
                     }
                 }
             });
-            push
-        };
-        let pushes: Vec<[f64; 3]> = (0..grains.len()).map(push).collect();
+        }
         if pushes.iter().all(|push| length(*push) <= settled) {
             for (grain, position) in grains.iter_mut().zip(&positions) {
                 grain.position = *position;
@@ -105,8 +105,8 @@ mod tests {
         }
     }
 
-    fn at(position: [f64; 3]) -> Placed {
-        Placed {
+    fn at(position: [f64; 3]) -> PlacedGrain {
+        PlacedGrain {
             radius: 0.5,
             position,
         }
@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn what_overlaps_too_much_stays() {
         let place = |k: usize| at([0.37, 0.61, 0.83].map(|x| (x * k as f64 * k as f64) % 4.4));
-        let mut grains: Vec<Placed> = (0..300).map(place).collect();
+        let mut grains: Vec<PlacedGrain> = (0..300).map(place).collect();
         let cell = square(4.4, false);
         let greatest = move_apart::<Three>(&mut grains, cell, |_, _| 0.25, || false);
         assert!(greatest.expect("they settle").expect("to the end") > 1.0);

@@ -7,12 +7,11 @@ use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
 use gshear_dem::domain::Exchange;
-use gshear_dem::drive::{Drive, GrainWalls, Images, Slider, Top};
+use gshear_dem::drive::{MovingBoundary, Slider, Top};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
-use gshear_dem::observe::{self, SampleConstants, UpperEnd};
-use gshear_dem::state::{Confinement, GrainState, SeriesRow, Snapshot, body};
-use gshear_dem::tuning::Tuned;
+use gshear_dem::observe::{self, RowInput, SampleConstants};
+use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
 use gshear_scene::{Motion, PlaneShear, Scene};
@@ -21,53 +20,17 @@ use gshear_store::run_reader::RunStage;
 
 use super::assembly::Assembly;
 use super::top_wall::mass_of;
-use crate::files::{Files, Format};
-use crate::frame_analysis::FrameAnalysis;
-use crate::header::{Header, ShearHeader, TimeOrigin, UpToCheckpoint, Written};
+use crate::files::{Files, Format, TimePoint};
+use crate::header::{Header, ShearHeader, TimeOrigin, UpToCheckpoint};
 use crate::options::Outcome;
-use crate::run::{Checkpoint, LOOK, Run, Save, Stage};
+use crate::output_schedule::OutputSchedule;
+use crate::run::{Checkpoint, Run};
+use crate::stage::{Save, Stage};
 use gshear_store::file_names::RUN_FILE;
-use gshear_store::status::Standing;
+use gshear_store::status::StageProgress;
 
 /// Steps between looks for grains that have passed a wall, where these are removed.
 const REMOVAL_STEPS: u64 = 100;
-
-/// What is above the sample, and moves.
-enum Above {
-    /// A wall, and one below. Nothing is a wall without grains, which rests.
-    Wall(GrainWalls),
-    /// The images of the sample.
-    Images(Images),
-}
-
-impl Above {
-    fn new(scene: &Scene, plane_shear: &PlaneShear, top: Top, images: bool) -> Self {
-        if images {
-            return Self::Images(Images::new(top));
-        }
-        let mut walls = GrainWalls::new(top);
-        let floor = plane_shear.floor();
-        walls.flat = scene.flat_walls().map(|_| match plane_shear.confinement {
-            Confinement::FreeSurface => [floor, f64::INFINITY],
-            _ => [floor; 2],
-        });
-        Self::Wall(walls)
-    }
-
-    fn top(&self) -> &Top {
-        match self {
-            Self::Wall(walls) => &walls.motion,
-            Self::Images(images) => &images.motion,
-        }
-    }
-
-    fn drive<D: Dimension>(&mut self) -> &mut dyn Drive<D> {
-        match self {
-            Self::Wall(walls) => walls,
-            Self::Images(images) => images,
-        }
-    }
-}
 
 /// The stage that shears the sample.
 pub(super) struct ShearStage<'a, D: Dimension> {
@@ -75,13 +38,12 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     plane_shear: &'a PlaneShear,
     schedule: Schedule,
     assembly: Assembly<'a, D>,
-    above: Above,
+    boundary: MovingBoundary,
     /// Constants of the sample for the time series.
     frame: SampleConstants,
     /// Mass of the free grains (kg; kg/m in 2D).
     mass: f64,
     files: Files,
-    analysis: Option<FrameAnalysis>,
     step: u64,
     first: u64,
     /// From where the time counts.
@@ -103,15 +65,15 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let (exchange, scene) = (run.exchange, run.scene);
         let mut schedule = Schedule::new(scene, plane_shear, from.height);
         if let Some(window) = run.options.replay {
-            schedule = schedule.of_window(window);
+            schedule = schedule.restricted_to(window);
         }
         let mut assembly = Assembly::new(run, scene, from.cell(&scene.sample), law)?;
         assembly.system.steps = from.step;
         let spring = plane_shear.shear.spring;
         if spring.is_none() {
             // A wall that begins to move at its full speed is not to leave the list in a step.
-            let way = schedule.protocol.fastest() * schedule.step;
-            assembly.system.list.at_least(4.0 * way);
+            let displacement = schedule.protocol.fastest() * schedule.step;
+            assembly.system.list.at_least(4.0 * displacement);
         }
         let mut top = top(scene, plane_shear, &schedule, &from);
         if from.step == 0 {
@@ -123,10 +85,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
                 top.slider.state.velocity = stream;
             }
         }
-        let mut above = Above::new(scene, plane_shear, top, from.images.is_some());
+        let floor = plane_shear.floor();
+        let mut boundary = MovingBoundary::new(plane_shear.boundary, top, floor);
         assembly.system.flat = scene.flat_walls();
         let mass = mass_of(run, scene, &state.grains, body::FREE);
-        assembly.replace(above.drive(), state.grains, state.contacts)?;
+        assembly.replace(boundary.drive(), state.grains, state.contacts)?;
         let system = &mut assembly.system;
         let thickness = plane_shear.thickness_of_walls(&scene.sample);
         let (load, sample) = (&plane_shear.load, &scene.sample);
@@ -135,7 +98,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         if plane_shear.output.energy {
             let mut budget = EnergyBudget::new(system.grains().units, scene.sample.radius_max);
             if let Some(mut saved) = from.energy_budget {
-                if above.top().normal_work {
+                if boundary.top().normal_work {
                     saved = saved.with_varying_load(&from.piston);
                 }
                 budget.resume(&saved, exchange.rank());
@@ -144,28 +107,25 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
-        let before = (run.options.replay.is_none()).then(|| UpToCheckpoint::new(from.step));
         let format = Format {
             name: RUN_FILE,
             columns: schedule.columns,
             attributes: attributes(scene, plane_shear, &schedule),
             height: Some(schedule.height),
+            analysed: state.analysed,
+            spectra: None,
         };
-        let files = Files::open(run, &mut assembly, &format, before)?;
-        // The first row of new scalars is of a frame without a frame before it.
-        let before = state.analysed.filter(|_| files.resumed);
-        let scalars = plane_shear.analysis.scalars;
-        let analysis = scalars.then(|| FrameAnalysis::new(exchange, &mut assembly.system, before));
+        let checkpoint = UpToCheckpoint::new(from.step);
+        let files = Files::open(run, &mut assembly, format, checkpoint)?;
         Ok(Self {
             scene,
             plane_shear,
             schedule,
             assembly,
-            above,
+            boundary,
             frame,
             mass,
             files,
-            analysis,
             step: from.step,
             first: from.step,
             origin: from.origin,
@@ -177,60 +137,33 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Closes the files; a run that is done is marked as finished.
     pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Outcome> {
         let exchange = run.exchange;
-        let outcome = match outcome {
-            Ok(outcome) => outcome,
-            Err(failure) => {
-                if let Failure::Numbers(_) = failure {
-                    self.write_scalars(exchange)?;
-                }
-                return Err(self.files.fail(exchange, failure));
-            }
-        };
-        let complete = outcome == Outcome::Done;
+        let images = self.images();
+        let (files, outcome) = self.files.unless_failed(exchange, outcome)?;
         let seconds = exchange.maximum(self.started.elapsed().as_secs_f64());
         let done = f64::from(self.scene.sample.grains) * (self.step - self.first) as f64;
         let rate = done / seconds / exchange.size() as f64;
-        let mut more = self.above.top().state().to_vec();
-        more.extend(self.images().into_iter().flatten());
+        let mut more = self.boundary.top().state().to_vec();
+        more.extend(images.into_iter().flatten());
         let digest = (self.assembly).digest(bytemuck::cast_slice(&more), self.step);
         let attributes = [
             ("digest", Attribute::from(digest.clone())),
             ("speed", rate.into()),
             ("rank_map", self.assembly.system.slabs.cuts.clone().into()),
         ];
-        let known = if complete { &attributes[..] } else { &[] };
-        self.files.finish(exchange, known)?;
-        run.terminal.end(
-            exchange,
-            &mut self.assembly.system,
-            done / seconds,
-            &digest,
-            (&run.options.out, complete),
-        );
+        files.finish(exchange, outcome, &attributes)?;
+        let system = &mut self.assembly.system;
+        let out = &run.options.out;
+        run.terminal
+            .end(exchange, system, done / seconds, &digest, out);
+        if outcome == Outcome::Done {
+            run.terminal.go_on(out);
+        }
         Ok(outcome)
-    }
-
-    /// Passes the scalars computed so far to the files.
-    fn write_scalars(&mut self, exchange: &dyn Parallel) -> Result<()> {
-        let Some(analysis) = &mut self.analysis else {
-            return Ok(());
-        };
-        let rows = analysis.flush(exchange);
-        self.files.trajectory.scalars(exchange, &rows)
-    }
-
-    /// The output due after the step `next`: a row, a frame, a frame to be analysed.
-    fn due(&self, next: u64) -> [bool; 3] {
-        [
-            self.schedule.series_due(next),
-            self.schedule.frame_due(next),
-            self.schedule.analysis_due(next),
-        ]
     }
 
     /// Ends the run if a free grain has passed a wall, unless such grains are removed. Collective.
     fn check_between(&self, exchange: &dyn Exchange) -> Result<()> {
-        match self.outer_planes() {
+        match self.boundary.heights() {
             Some(planes) if !self.plane_shear.removes => {
                 observe::check_between(exchange, &self.assembly.system, planes)
             }
@@ -241,42 +174,28 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     /// Removes the free grains that have passed a wall. Before a step, whose number alone decides
     /// when, so that output does not. Collective.
     fn remove_beyond(&mut self, run: &Run<'_>) {
-        let Some(planes) = self.outer_planes() else {
+        let Some(planes) = self.boundary.heights() else {
             return;
         };
         let system = &mut self.assembly.system;
-        let Some(said) = observe::remove_beyond(run.exchange, system, planes) else {
+        let Some(message) = observe::remove_beyond(run.exchange, system, planes) else {
             return;
         };
         self.frame.count(run.exchange, system);
         self.mass = mass_of(run, self.scene, &system.grain_states(), body::FREE);
-        run.terminal.warn(format!("{said}; removed"));
-    }
-
-    /// Heights of the planes that no free grain is to pass (m): the lower edge of the bottom, and
-    /// the upper edge of the top, infinite below a free surface.
-    fn outer_planes(&self) -> Option<[f64; 2]> {
-        if let Above::Images(_) = self.above {
-            return None;
-        }
-        let top = self.above.top();
-        let bottom = self.plane_shear.floor() + top.bottom_displacement();
-        let top = match self.plane_shear.confinement {
-            Confinement::FreeSurface => f64::INFINITY,
-            _ => self.plane_shear.floor() + top.piston.height,
-        };
-        Some([bottom, top])
+        run.terminal.warn(format!("{message}; removed"));
     }
 
     /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
     /// more than half a mean diameter, or it has come down to the bottom. A top that moves at an
     /// imposed velocity or by a servo does not fly, and a vibrating bottom may throw it on purpose.
     fn check_top(&self) -> Result<()> {
-        let Above::Wall(GrainWalls { motion, .. }) = &self.above else {
+        let motion = self.boundary.top();
+        if self.boundary.kind().walls() < 2 {
             return Ok(());
-        };
+        }
         let layer = motion.piston.height - self.frame.walls - motion.bottom_displacement();
-        if layer <= 0.0 && self.plane_shear.confinement == Confinement::Walls {
+        if layer <= 0.0 {
             return Err(Failure::numbers(format!(
                 "step {}: the top wall has come down to the bottom wall: no grain between them holds it; give walls without holes, or end the run before",
                 self.step
@@ -321,20 +240,47 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         )
     }
 
-    /// What is above the sample, as rows of the time series measure it; collective.
-    fn upper_end(&mut self, exchange: &dyn Exchange) -> UpperEnd {
-        match &self.above {
-            Above::Images(images) => UpperEnd::Images(images.felt),
-            Above::Wall(walls) if self.plane_shear.confinement == Confinement::FreeSurface => {
-                let bottom = self.plane_shear.floor()
-                    + self.frame.walls
-                    + walls.motion.bottom_displacement();
-                let system = &mut self.assembly.system;
-                let of = (self.mass, bottom);
-                UpperEnd::Free(observe::flow(exchange, system, &self.frame, of))
-            }
-            Above::Wall(_) => UpperEnd::Wall,
+    /// Measures a row of the time series and writes it. Collective.
+    fn write_row(&mut self, exchange: &dyn Parallel, at: TimePoint) -> Result<()> {
+        let boundary = &self.boundary;
+        let system = &mut self.assembly.system;
+        let flow = if boundary.kind().has_top() {
+            None
+        } else {
+            Some(observe::flow(
+                exchange,
+                system,
+                &self.frame,
+                self.mass,
+                boundary,
+            ))
+        };
+        let samples = &self.assembly.samples;
+        let row = observe::series(
+            exchange,
+            self.assembly.law,
+            system,
+            samples,
+            &self.frame,
+            &RowInput {
+                boundary,
+                flow,
+                height: self.schedule.height,
+            },
+        );
+        let mut values = row.columns().to_vec();
+        if self.schedule.has_imposed {
+            values.extend(observe::imposed(self.boundary.top()).columns());
         }
+        if boundary.kind().is_periodic() {
+            let row = observe::stress(exchange, system, samples, self.mass);
+            values.extend(row.columns());
+        }
+        if let Some(flow) = flow {
+            values.extend(flow.row().columns());
+        }
+        self.latest = Some(row);
+        self.files.row(exchange, at, &values)
     }
 
     /// The Lees–Edwards offset (m) and the velocity (m/s) of images.
@@ -342,57 +288,46 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let sheared = self.assembly.system.cell.sheared;
         sheared.map(|sheared| [sheared.offset, sheared.velocity])
     }
-
-    fn header(&self, run: &Run<'_>, written: Written) -> Header {
-        Header::Shear(ShearHeader {
-            step: self.step,
-            origin: self.origin,
-            piston: self.above.top().piston,
-            images: self.images(),
-            slider: (self.step > 0).then_some(self.above.top().slider.state),
-            height: self.schedule.height,
-            written,
-            energy_budget: (self.assembly.system.budget.as_ref()).map(|b| b.save(run.exchange)),
-        })
-    }
-
-    fn snapshot(&mut self) -> Snapshot {
-        Snapshot {
-            analysed: (self.analysis.as_ref().and_then(FrameAnalysis::last)).cloned(),
-            ..self.assembly.owned()
-        }
-    }
 }
 
-impl<D: Dimension> Stage for ShearStage<'_, D> {
-    fn at(&self) -> (&'static str, u64) {
-        (RunStage::Shear.name(), self.step)
+impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
+    fn name(&self) -> &'static str {
+        RunStage::Shear.name()
+    }
+
+    fn completed(&self) -> u64 {
+        self.step
+    }
+
+    fn assembly(&self) -> &Assembly<'a, D> {
+        &self.assembly
+    }
+
+    fn files(&mut self) -> Option<&mut Files> {
+        Some(&mut self.files)
     }
 
     fn is_done(&self) -> bool {
-        self.step >= self.schedule.total
+        self.step >= self.schedule.steps()
     }
 
-    /// Also records the state before the first step.
-    fn begin(&mut self, run: &mut Run<'_>) -> Result<()> {
-        if self.scene.keep_checkpoints && run.options.replay.is_none() {
-            // A window before the first checkpoint is replayed from the packed sample.
-            run.save(&Checkpoint {
-                header: self.header(run, Written::default()),
-                state: self.snapshot(),
-                keep: true,
-            })?;
-        }
-        self.assembly.initial_forces(self.above.drive(), true)
+    fn keeps_start(&self) -> bool {
+        true
+    }
+
+    fn begin(&mut self) -> Result<()> {
+        self.assembly.initial_forces(self.boundary.drive(), true)
     }
 
     fn step(&mut self, run: &mut Run<'_>, stop: bool) -> Result<bool> {
         if self.plane_shear.removes && self.step.is_multiple_of(REMOVAL_STEPS) {
             self.remove_beyond(run);
         }
-        let sampled = self.due(self.step + 1).contains(&true);
+        let sampled = self.schedule.due(self.step + 1).any();
         let stop = stop || run.asked_to_stop();
-        let stop = self.assembly.advance(self.above.drive(), sampled, stop)?;
+        let stop = self
+            .assembly
+            .advance(self.boundary.drive(), sampled, stop)?;
         self.step += 1;
         self.check_top()?;
         Ok(stop)
@@ -400,119 +335,83 @@ impl<D: Dimension> Stage for ShearStage<'_, D> {
 
     fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
         let (exchange, step) = (run.exchange, self.step);
-        let [series, frames, analysed] = self.due(step);
-        let time = self.origin.time(step, self.schedule.step);
-        let is_last = step == self.schedule.total;
-        if series || frames || analysed || is_last {
+        let due = self.schedule.due(step);
+        let at = TimePoint {
+            step,
+            time: self.origin.time(step, self.schedule.step),
+        };
+        if due.any() || self.is_done() {
             self.check_between(exchange)?;
         }
-        if series {
-            let above = self.upper_end(exchange);
-            let row = observe::series(
-                exchange,
-                self.assembly.law,
-                &mut self.assembly.system,
-                &self.assembly.samples,
-                (self.above.top(), above),
-                &self.frame,
-                self.schedule.height,
-            );
-            let mut values = row.columns().to_vec();
-            if self.schedule.has_imposed {
-                values.extend(observe::imposed(self.above.top()).columns());
-            }
-            match above {
-                UpperEnd::Wall => {}
-                UpperEnd::Images(_) => {
-                    let (system, samples) = (&mut self.assembly.system, &self.assembly.samples);
-                    let row = observe::stress(exchange, system, samples, self.mass);
-                    values.extend(row.columns());
-                }
-                UpperEnd::Free(flow) => values.extend(flow.row().columns()),
-            }
-            let files = &mut self.files;
-            files.trajectory.series(exchange, step, time, &values)?;
-            files.log(step, time, &values);
-            self.latest = Some(row);
+        if due.row {
+            self.write_row(exchange, at)?;
         }
-        if frames || analysed {
-            let (grains, contacts) = self.assembly.frame();
-            if frames {
-                let height = self.above.top().piston.height - self.frame.walls;
-                let edges = self.assembly.system.cell.edges::<D>(height);
-                let clock = (step, time);
-                (self.files.trajectory).frame(exchange, clock, &edges, &grains, &contacts)?;
-            }
-            if let (Some(analysis), true) = (&mut self.analysis, analysed) {
-                let rows = analysis.frame(exchange, step, &grains, &contacts);
-                self.files.trajectory.scalars(exchange, &rows)?;
-            }
-        }
+        let height = self.boundary.top().piston.height - self.frame.walls;
+        self.files.frame(&mut self.assembly, due, at, height)?;
         self.assembly.system.clock.end(StepPhase::Output);
         Ok(())
     }
 
     fn save_due(&self) -> Save {
-        let is_replay = self.schedule.window().is_some();
-        if self.schedule.checkpoint_due(self.step) || (self.is_done() && !is_replay) {
-            Save::Now
-        } else if self.step.is_multiple_of(LOOK) && !is_replay {
-            Save::IfOld
-        } else {
-            Save::No
-        }
+        let scheduled = self.is_done() || self.schedule.checkpoint_due(self.step);
+        Save::after(self.step, scheduled)
     }
 
-    fn flush(&mut self, run: &mut Run<'_>) -> Result<()> {
-        self.check_between(run.exchange)?;
-        self.write_scalars(run.exchange)?;
-        self.files.flush(run.exchange)
+    fn check(&self, run: &Run<'_>) -> Result<()> {
+        self.check_between(run.exchange)
     }
 
     fn state(&mut self, run: &mut Run<'_>) -> Result<Checkpoint> {
-        self.write_scalars(run.exchange)?;
+        self.files.write_scalars(run.exchange)?;
+        let top = self.boundary.top();
+        let budget = self.assembly.system.budget.as_ref();
+        let header = ShearHeader {
+            step: self.step,
+            origin: self.origin,
+            piston: top.piston,
+            images: self.images(),
+            slider: (self.step > 0).then_some(top.slider.state),
+            height: self.schedule.height,
+            written: self.files.written(),
+            energy_budget: budget.map(|budget| budget.save(run.exchange)),
+        };
         Ok(Checkpoint {
-            header: self.header(run, self.files.written()),
-            state: self.snapshot(),
+            header: Header::Shear(header),
+            state: Snapshot {
+                analysed: self.files.last_analysed(),
+                ..self.assembly.owned()
+            },
             keep: self.scene.keep_checkpoints,
         })
     }
 
-    fn tuned(&self) -> Option<Tuned> {
-        self.assembly.system.tuning.tuned()
-    }
-
-    fn standing(&self) -> Standing {
+    fn progress(&self) -> StageProgress {
         let row = self.latest;
         // The strain under a force is not known in advance.
         let strain = match (self.schedule.protocol.has_force(), row) {
-            _ if self.plane_shear.confinement == Confinement::FreeSurface => None,
+            _ if !self.plane_shear.boundary.has_top() => None,
             (true, Some(row)) => Some(row.strain),
             _ => Some(self.schedule.strain(self.step)),
         };
-        Standing {
-            stage: RunStage::Shear.name().into(),
+        StageProgress {
+            stage: self.name().into(),
             step: self.step,
-            steps: Some(self.schedule.total),
+            steps: Some(self.schedule.steps()),
             strain,
             stress_ratio: row.map(|row| row.stress_ratio),
             solid_fraction: row.map(|row| row.solid_fraction),
             moving: Some(self.scene.sample.grains),
-            ..Standing::default()
+            ..StageProgress::default()
         }
     }
 
     fn log(&mut self, run: &Run<'_>) {
         self.assembly.system.clock.end(StepPhase::Output);
         if self.schedule.progress_due(self.step) {
-            let done = (self.step - self.first, self.started.elapsed());
-            run.terminal
-                .log_shear(&self.schedule, &self.standing(), done);
+            let progress = self.progress();
+            let (steps, elapsed) = (self.step - self.first, self.started.elapsed());
+            run.terminal.log_shear(&progress, steps, elapsed);
         }
-    }
-
-    fn publish(&mut self) {
-        self.files.publish();
     }
 }
 
@@ -530,8 +429,9 @@ fn top(scene: &Scene, plane_shear: &PlaneShear, schedule: &Schedule, from: &Shea
     }
     let mut top = Top::new(piston, slider, servo, plane_shear.output.energy);
     // Once it is summed, it stays so.
-    let is_summed = |saved: &SavedBudget| plane_shear.output.energy && saved.has_normal_work();
-    top.normal_work |= is_loaded_anew || from.energy_budget.as_ref().is_some_and(is_summed);
+    let budget = from.energy_budget.as_ref();
+    let was_summed = budget.is_some_and(SavedBudget::has_normal_work);
+    top.normal_work |= is_loaded_anew || plane_shear.output.energy && was_summed;
     if let Some(slider) = from.slider {
         top.slider.state = slider;
     }

@@ -15,7 +15,7 @@ use super::eigenvalues::Eigenvalues;
 const COLUMNS: [&str; 4] = ["time", "real", "imaginary", "verdict"];
 
 /// The file, which rank 0 writes. Every call is collective.
-pub(super) struct SpectraFile {
+pub(crate) struct SpectraFile {
     file: Option<TableFile>,
     rows: u64,
 }
@@ -23,22 +23,10 @@ pub(super) struct SpectraFile {
 impl SpectraFile {
     /// Creates the file, or opens an existing one and removes its rows after the time `last`.
     pub fn open(exchange: &dyn Parallel, path: &Path, last: Option<f64>) -> Result<Self> {
-        let open = || {
-            // A killed program may have left an empty file.
-            let rows = last
-                .map(|last| rows_up_to(path, last))
-                .transpose()?
-                .flatten();
-            let file = match rows {
-                Some(rows) => TableFile::open_to_append(path, &COLUMNS, rows)?,
-                None => {
-                    dictionary::write_metadata(SPECTRA_FILE, path, &COLUMNS, 3)?;
-                    TableFile::create(path, &COLUMNS)?
-                }
-            };
-            Ok((Some(file), rows.unwrap_or(0)))
-        };
-        let (file, rows) = on_root(exchange, open)?;
+        let (file, rows) = on_root(exchange, || {
+            let (file, rows) = open_table(path, last)?;
+            Ok((Some(file), rows))
+        })?;
         let rows = total(exchange, rows);
         Ok(Self { file, rows })
     }
@@ -70,4 +58,19 @@ impl SpectraFile {
     pub fn flush(&mut self, exchange: &dyn Parallel) -> Result<()> {
         agree(exchange, self.file.as_mut().map_or(Ok(()), TableFile::sync))
     }
+}
+
+/// The table and the number of its rows up to the time `last`.
+fn open_table(path: &Path, last: Option<f64>) -> Result<(TableFile, u64)> {
+    let rows = match last {
+        // A killed program may have left an empty file.
+        Some(last) => rows_up_to(path, last)?,
+        None => None,
+    };
+    if let Some(rows) = rows {
+        let file = TableFile::open_to_append(path, &COLUMNS, rows)?;
+        return Ok((file, rows));
+    }
+    dictionary::write_metadata(SPECTRA_FILE, path, &COLUMNS, 3)?;
+    Ok((TableFile::create(path, &COLUMNS)?, 0))
 }

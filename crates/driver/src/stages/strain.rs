@@ -4,7 +4,6 @@
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Result;
 use gshear_dem::state::{HeldState, Snapshot};
-use gshear_dem::tuning::Tuned;
 use gshear_scene::{Deformation, PeriodicBox, Scene};
 use gshear_store::box_columns::AqsRow;
 use gshear_store::file_names::RUN_FILE;
@@ -15,24 +14,23 @@ use super::assembly::{Assembly, RestState};
 use super::box_state::Observed;
 use super::eigenvalues::Eigenvalues;
 use super::relax::{LONGEST, NOT_AT_REST, Relaxation};
-use crate::files::{Files, Format};
+use crate::files::{Files, Format, TimePoint};
 use crate::header::{
-    Birth, Equilibrium, Header, Progress, Search, Shape, Stretched, Unfinished, UpToCheckpoint,
-    Work,
+    Birth, Header, RelaxationStatistics, Search, Shape, StrainHeader, StrainProgress, Unfinished,
+    UpToCheckpoint, Work,
 };
 use crate::options::Outcome;
-use crate::run::{Checkpoint, Run, Save, Stage};
-use gshear_store::status::Standing;
+use crate::output_schedule::{OutputSchedule, StrainSchedule};
+use crate::run::{Checkpoint, Run};
+use crate::stage::{Save, Stage};
+use gshear_store::status::StageProgress;
 
 /// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and
 /// of a compression the part by which the volume has decreased.
-pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &Progress) -> f64 {
-    let of_volume = |of: &Stretched| {
-        let parts = of.lengths.iter().zip(of.initial).take(D::AXES);
-        1.0 - parts.map(|(now, then)| now / then).product::<f64>()
-    };
-    match periodic.deformation {
-        Deformation::Compression(_) => progress.stretched.as_ref().map_or(0.0, of_volume),
+pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &StrainProgress) -> f64 {
+    match (&periodic.deformation, &progress.stretched) {
+        (Deformation::Compression(_), Some(stretched)) => stretched.volume_strain::<D>(),
+        (Deformation::Compression(_), None) => 0.0,
         _ => periodic.aqs.strain_step * progress.steps as f64,
     }
 }
@@ -44,38 +42,47 @@ pub(super) struct Strain<'a, D: Dimension> {
     pub(super) assembly: Assembly<'a, D>,
     relaxation: Relaxation,
     files: Files,
-    pub(super) progress: Progress,
+    schedule: StrainSchedule,
+    pub(super) progress: StrainProgress,
     /// What goes on after the last strain step.
     work: Option<Work>,
     /// States to return to, the last one first: that before the strain step if the birth of a pair
     /// is looked for, those of the search, that before Newton's method.
     pub(super) held: Vec<RestState>,
     /// The relaxations of the state that has no row yet.
-    unrecorded: Option<Equilibrium>,
+    unrecorded: Option<RelaxationStatistics>,
     /// Whether a relaxation has taken all the steps that it may.
     ran_out: bool,
     /// Strain and shear stress of the last state.
     latest: Option<[f64; 2]>,
 }
 
+/// A box after its strain steps, or those before a stop.
+pub(super) struct Strained<'a, D: Dimension> {
+    pub assembly: Assembly<'a, D>,
+    pub progress: StrainProgress,
+    pub outcome: Outcome,
+}
+
 impl<'a, D: Dimension> Strain<'a, D> {
+    /// The strain steps from their start, or as they were stopped, with the states that are held.
     pub fn new(
         run: &Run<'a>,
         periodic: &'a PeriodicBox,
         mut assembly: Assembly<'a, D>,
-        (header, held): (Header, Vec<HeldState>),
+        header: StrainHeader,
+        held: Vec<HeldState>,
     ) -> Result<Self> {
         let scene = run.scene;
-        let Header::Aqs {
+        let StrainHeader {
             progress,
             written,
             unfinished,
-        } = header
-        else {
-            unreachable!("strain steps begin with their header")
+        } = header;
+        let (shapes, work) = match unfinished {
+            Some(unfinished) => (unfinished.held, Some(unfinished.work)),
+            None => (Vec::new(), None),
         };
-        let (shapes, work) =
-            unfinished.map_or_else(Default::default, |of| (of.held, Some(of.work)));
         let held = shapes.iter().zip(held).map(|(shape, state)| RestState {
             cell: shape.cell::<D>(&scene.sample),
             state,
@@ -85,14 +92,17 @@ impl<'a, D: Dimension> Strain<'a, D> {
             columns: &AqsRow::COLUMNS,
             attributes: vec![("mean_diameter", scene.sample.mean_diameter.into())],
             height: None,
+            analysed: None,
+            spectra: None,
         };
-        let before = UpToCheckpoint {
+        let checkpoint = UpToCheckpoint {
             step: progress.steps,
             last: (written.rows > 0).then_some(progress.steps),
         };
         Ok(Self {
-            files: Files::open(run, &mut assembly, &format, Some(before))?,
+            files: Files::open(run, &mut assembly, format, checkpoint)?,
             relaxation: Relaxation::new(periodic.relax, &scene.sample),
+            schedule: StrainSchedule::new(&periodic.aqs),
             scene,
             periodic,
             assembly,
@@ -106,17 +116,9 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 
     /// Closes the file; strain steps that are done are marked as finished.
-    pub fn finish(
-        mut self,
-        run: &Run<'_>,
-        outcome: Result<Outcome>,
-    ) -> Result<(Assembly<'a, D>, Progress, Outcome)> {
+    pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Strained<'a, D>> {
         let (exchange, progress) = (run.exchange, self.progress);
-        let outcome = match outcome {
-            Ok(outcome) => outcome,
-            Err(failure) => return Err(self.files.fail(exchange, failure)),
-        };
-        let complete = outcome == Outcome::Done;
+        let (files, outcome) = self.files.unless_failed(exchange, outcome)?;
         let digest = (self.assembly).digest(&progress.box_bytes(), progress.steps);
         let mut attributes = vec![
             ("digest", Attribute::from(digest.clone())),
@@ -126,19 +128,27 @@ impl<'a, D: Dimension> Strain<'a, D> {
             attributes.push(("birth_before", birth.before.into()));
             attributes.push(("birth_after", birth.after.into()));
         }
-        let known = if complete { &attributes[..] } else { &[] };
-        self.files.finish(exchange, known)?;
-        if complete {
+        files.finish(exchange, outcome, &attributes)?;
+        if outcome == Outcome::Done {
             run.terminal.strained(&progress, &digest);
         }
-        Ok((self.assembly, progress, outcome))
+        Ok(Strained {
+            assembly: self.assembly,
+            progress,
+            outcome,
+        })
     }
 
     /// Whether the pair ends the strain steps.
     fn has_grown(&self) -> bool {
         let until = self.periodic.aqs.until_imaginary;
-        let great = |pair: crate::header::Pair| pair.lambda_i >= until;
-        until > 0.0 && self.progress.pairs == 1 && self.progress.pair.is_some_and(great)
+        let pair = self.progress.pair;
+        until > 0.0 && self.progress.pairs == 1 && pair.is_some_and(|pair| pair.lambda_i >= until)
+    }
+
+    /// Whether no strain step comes after the last one.
+    fn is_at_last_step(&self) -> bool {
+        self.progress.steps >= self.schedule.steps() || self.has_grown()
     }
 
     /// Begins a strain step. Returns what follows the relaxation; `None` if there is none.
@@ -167,10 +177,12 @@ impl<'a, D: Dimension> Strain<'a, D> {
             self.assembly.rebuild()?;
             let part = by / parts;
             let grains = self.assembly.system.grains();
-            let affine = |g: usize| [[part * grains.fields(g)[D::UP], 0.0, 0.0], [0.0; 3]];
-            let moves: Vec<_> = (0..grains.owned).map(affine).collect();
-            let followed = self.assembly.displace(&moves, part * height);
-            self.within_law(followed)?;
+            let heights = (0..grains.owned).map(|g| grains.fields(g)[D::UP]);
+            let moves: Vec<_> = heights
+                .map(|height| [[part * height, 0.0, 0.0], [0.0; 3]])
+                .collect();
+            let outcome = self.assembly.displace(&moves, part * height);
+            self.within_law(outcome)?;
         }
         Ok(())
     }
@@ -180,8 +192,8 @@ impl<'a, D: Dimension> Strain<'a, D> {
         match (work.search, self.periodic.pressure) {
             (Search::Rest, Some(pressure)) if work.prepares => self.begin_to_press(pressure),
             (Search::Rest, _) => Ok(None),
-            (Search::Pressure(of), _) => self.press_on(of),
-            (Search::Lateral(of), _) => self.correct(of),
+            (Search::Pressure(pressing), _) => self.press_on(pressing),
+            (Search::Lateral(correction), _) => self.correct(correction),
             (Search::Birth { low, high }, _) => {
                 let middle = 0.5 * (low + high);
                 if self.assembly.eigenvalues()?.pairs() > 0 {
@@ -193,11 +205,12 @@ impl<'a, D: Dimension> Strain<'a, D> {
         }
     }
 
-    /// Begins the relaxation before `search`, or ends the strain step. `found`: what was done so
-    /// far.
+    /// Begins the relaxation before `search`, or ends the strain step or, if it `prepares`, what
+    /// comes before the first one. `found`: the relaxations so far.
     fn relax(
         &mut self,
-        (prepares, found): (bool, Equilibrium),
+        prepares: bool,
+        statistics: RelaxationStatistics,
         search: Option<Search>,
     ) -> Result<()> {
         if let Some(search) = search {
@@ -206,13 +219,13 @@ impl<'a, D: Dimension> Strain<'a, D> {
             let relaxing = relaxing.map_err(|failure| self.of_strain_step(failure))?;
             self.work = Some(Work {
                 prepares,
-                found,
+                statistics,
                 relaxing,
                 search,
             });
             return Ok(());
         }
-        self.unrecorded = Some(found);
+        self.unrecorded = Some(statistics);
         self.progress.offset = self.assembly.system.cell.sheared.map_or(0.0, |s| s.offset);
         if prepares {
             self.begin_stretching();
@@ -223,20 +236,25 @@ impl<'a, D: Dimension> Strain<'a, D> {
         if let Some(stretched) = &mut progress.stretched {
             stretched.lengths = self.assembly.system.cell.lengths::<D>();
         }
-        progress.fell_back += u64::from(found.fell_back);
+        progress.fell_back += u64::from(statistics.fell_back);
         Ok(())
     }
 
     fn row(
         &mut self,
         observed: &Observed,
-        found: &Equilibrium,
+        statistics: &RelaxationStatistics,
         eigenvalues: Option<&Eigenvalues>,
     ) -> AqsRow {
-        let third = |value| if D::AXES == 3 { value } else { f64::NAN };
-        let of = |value: fn(&Eigenvalues) -> f64| eigenvalues.map_or(f64::NAN, value);
-        let imaginary = of(|e| e.greatest_imaginary().map_or(0.0, |value| value.im));
+        let (mut length_z, mut stress_zz) = (f64::NAN, f64::NAN);
         let lengths = self.assembly.system.cell.lengths::<D>();
+        if D::AXES == 3 {
+            (length_z, stress_zz) = (lengths[2], observed.normal_stress[2]);
+        }
+        let spectrum = match eigenvalues {
+            Some(eigenvalues) => SpectrumColumns::new(eigenvalues),
+            None => SpectrumColumns::UNKNOWN,
+        };
         AqsRow {
             strain: reached::<D>(self.periodic, &self.progress),
             image_offset: self.progress.offset,
@@ -247,22 +265,22 @@ impl<'a, D: Dimension> Strain<'a, D> {
             coordination: observed.coordination,
             sliding_fraction: observed.sliding_fraction,
             residual: self.assembly.residual(0.0),
-            factorisations: found.factorisations as f64,
-            overdamped_steps: found.steps as f64,
-            fell_back: f64::from(u8::from(found.fell_back)),
-            pairs: of(|e| e.pairs() as f64),
-            imaginary_least: -imaginary,
-            imaginary_greatest: imaginary,
-            pair_real: of(|e| e.greatest_imaginary().map_or(f64::NAN, |value| value.re)),
-            least_real: of(Eigenvalues::least_real),
-            zero_modes: of(|e| e.zeros() as f64),
+            factorisations: statistics.factorisations as f64,
+            overdamped_steps: statistics.steps as f64,
+            fell_back: f64::from(u8::from(statistics.fell_back)),
+            pairs: spectrum.pairs,
+            imaginary_least: -spectrum.imaginary,
+            imaginary_greatest: spectrum.imaginary,
+            pair_real: spectrum.pair_real,
+            least_real: spectrum.least_real,
+            zero_modes: spectrum.zero_modes,
             solid_fraction: self.solid_fraction(),
             length_x: lengths[0],
             length_y: lengths[1],
-            length_z: third(lengths[2]),
+            length_z,
             stress_xx: observed.normal_stress[0],
             stress_yy: observed.normal_stress[1],
-            stress_zz: third(observed.normal_stress[2]),
+            stress_zz,
         }
     }
 
@@ -291,30 +309,72 @@ impl<'a, D: Dimension> Strain<'a, D> {
     }
 }
 
-impl<D: Dimension> Stage for Strain<'_, D> {
-    fn at(&self) -> (&'static str, u64) {
-        (RunStage::Strain.name(), self.progress.steps)
+/// Columns of the time series by the eigenvalues.
+struct SpectrumColumns {
+    pairs: f64,
+    /// Greatest |Im λ|, and Re λ of its pair.
+    imaginary: f64,
+    pair_real: f64,
+    least_real: f64,
+    zero_modes: f64,
+}
+
+impl SpectrumColumns {
+    /// Without eigenvalues.
+    const UNKNOWN: Self = Self {
+        pairs: f64::NAN,
+        imaginary: f64::NAN,
+        pair_real: f64::NAN,
+        least_real: f64::NAN,
+        zero_modes: f64::NAN,
+    };
+
+    fn new(eigenvalues: &Eigenvalues) -> Self {
+        let greatest = eigenvalues.greatest_imaginary();
+        Self {
+            pairs: eigenvalues.pairs() as f64,
+            imaginary: greatest.map_or(0.0, |value| value.im),
+            pair_real: greatest.map_or(f64::NAN, |value| value.re),
+            least_real: eigenvalues.least_real(),
+            zero_modes: eigenvalues.zeros() as f64,
+        }
+    }
+}
+
+impl<'a, D: Dimension> Stage<'a, D> for Strain<'a, D> {
+    fn name(&self) -> &'static str {
+        RunStage::Strain.name()
+    }
+
+    fn completed(&self) -> u64 {
+        self.progress.steps
+    }
+
+    fn assembly(&self) -> &Assembly<'a, D> {
+        &self.assembly
+    }
+
+    fn files(&mut self) -> Option<&mut Files> {
+        Some(&mut self.files)
     }
 
     fn is_done(&self) -> bool {
-        let last = self.progress.steps >= self.periodic.aqs.steps || self.has_grown();
-        last && self.work.is_none()
+        self.work.is_none() && self.is_at_last_step()
     }
 
-    fn goes_on(&self) -> bool {
+    fn is_within_step(&self) -> bool {
         self.work.is_some()
     }
 
-    fn begin(&mut self, _: &mut Run<'_>) -> Result<()> {
-        let none = Equilibrium::default();
-        self.relax((true, none), Some(Search::Rest))
+    fn begin(&mut self) -> Result<()> {
+        self.relax(true, RelaxationStatistics::default(), Some(Search::Rest))
     }
 
     /// A part of a strain step.
     fn step(&mut self, run: &mut Run<'_>, _: bool) -> Result<bool> {
         if let Some(mut work) = self.work.take() {
-            let parts = (&mut work.relaxing, &mut self.held);
-            let at_rest = match self.relaxation.go_on(&mut self.assembly, parts) {
+            let (assembly, held) = (&mut self.assembly, &mut self.held);
+            let at_rest = match self.relaxation.go_on(assembly, &mut work.relaxing, held) {
                 Ok(at_rest) => at_rest,
                 Err(failure) => {
                     self.ran_out = failure.to_string().starts_with(NOT_AT_REST);
@@ -323,11 +383,11 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 }
             };
             if at_rest {
-                let mut found = work.found;
-                found += work.relaxing.found;
+                let mut statistics = work.statistics;
+                statistics += work.relaxing.statistics;
                 let next = self.search(run, &work)?;
                 if next.is_some() || !matches!(work.search, Search::Birth { .. }) {
-                    self.relax((work.prepares, found), next)?;
+                    self.relax(work.prepares, statistics, next)?;
                 }
             } else {
                 self.work = Some(work);
@@ -337,7 +397,7 @@ impl<D: Dimension> Stage for Strain<'_, D> {
                 self.held.push(RestState::of(&mut self.assembly));
             }
             let next = self.deform()?;
-            self.relax((false, Equilibrium::default()), next)?;
+            self.relax(false, RelaxationStatistics::default(), next)?;
         }
         let last = self.work.is_none() && run.options.stop_at == Some(self.progress.steps);
         Ok(run.should_stop() || last)
@@ -346,38 +406,38 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     /// Measures the packing after a strain step. If the step has led to the first complex pair,
     /// begins to bisect its birth.
     fn record(&mut self, run: &mut Run<'_>) -> Result<()> {
-        let Some(found) = self.unrecorded.take() else {
+        let Some(statistics) = self.unrecorded.take() else {
             return Ok(());
         };
-        let (exchange, aqs) = (run.exchange, self.periodic.aqs);
+        let (exchange, step) = (run.exchange, self.progress.steps);
         let observed = self.assembly.observe(self.scene.sample.grains);
-        let eigenvalues = aqs
-            .spectrum
-            .then(|| self.assembly.eigenvalues())
-            .transpose()?;
-        if let Some(found) = &eigenvalues {
-            (self.progress.pairs, self.progress.pair) = (found.pairs(), found.fastest_pair());
+        let mut eigenvalues = None;
+        if self.schedule.spectrum_due(step) {
+            let spectrum = self.assembly.eigenvalues()?;
+            self.progress.pairs = spectrum.pairs();
+            self.progress.pair = spectrum.fastest_pair();
+            eigenvalues = Some(spectrum);
         }
-        let step = self.progress.steps;
-        let row = self.row(&observed, &found, eigenvalues.as_ref());
-        let trajectory = &mut self.files.trajectory;
-        trajectory.series(exchange, step, row.strain, &row)?;
-        trajectory.publish_rows(exchange)?;
+        let due = if self.is_at_last_step() {
+            self.schedule.due_at_end(step)
+        } else {
+            self.schedule.due(step)
+        };
+        let row = self.row(&observed, &statistics, eigenvalues.as_ref());
+        let at = TimePoint {
+            step,
+            time: row.strain,
+        };
+        self.files.row(exchange, at, &row)?;
+        self.files.publish_rows(exchange)?;
         self.latest = Some([row.strain, row.shear_stress]);
         run.terminal.strain_step(step, &row);
-        let every = aqs.frame_every;
-        let is_last = step >= aqs.steps || self.has_grown();
-        if every > 0 && (step.is_multiple_of(every) || is_last) {
-            let (grains, contacts) = self.assembly.frame();
-            let edges = self.assembly.system.cell.edges::<D>(0.0);
-            let clock = (step, row.strain);
-            (self.files.trajectory).frame(exchange, clock, &edges, &grains, &contacts)?;
-        }
+        self.files.frame(&mut self.assembly, due, at, 0.0)?;
         if self.progress.birth.is_none() && self.progress.pairs > 0 && !self.held.is_empty() {
             self.held.push(RestState::of(&mut self.assembly));
-            let first = self.bisect(run, 0.0, aqs.strain_step)?;
+            let first = self.bisect(run, 0.0, self.periodic.aqs.strain_step)?;
             if first.is_some() {
-                self.relax((false, Equilibrium::default()), first)?;
+                self.relax(false, RelaxationStatistics::default(), first)?;
             }
         }
         if self.work.is_none() {
@@ -386,34 +446,15 @@ impl<D: Dimension> Stage for Strain<'_, D> {
         Ok(())
     }
 
-    fn tuned(&self) -> Option<Tuned> {
-        self.assembly.system.tuning.tuned()
-    }
-
-    fn standing(&self) -> Standing {
-        Standing {
-            stage: RunStage::Strain.name().into(),
-            step: self.progress.steps,
-            steps: Some(self.periodic.aqs.steps),
-            strain: self.latest.map(|[strain, _]| strain),
-            shear_stress: self.latest.map(|[_, stress]| stress),
-            residual: Some(self.relaxation.residual)
-                .filter(|residual| self.work.is_some() && residual.is_finite()),
-            ..Standing::default()
-        }
-    }
-
     fn save_due(&self) -> Save {
-        match self.is_done() {
-            true => Save::Now,
+        if self.is_done() {
+            Save::Now
+        } else if self.scene.keep_checkpoints && self.work.is_some() {
             // Only those of whole strain steps are kept.
-            false if self.scene.keep_checkpoints && self.work.is_some() => Save::No,
-            false => Save::IfOld,
+            Save::No
+        } else {
+            Save::IfOld
         }
-    }
-
-    fn flush(&mut self, run: &mut Run<'_>) -> Result<()> {
-        self.files.flush(run.exchange)
     }
 
     /// That of whole strain steps.
@@ -426,23 +467,38 @@ impl<D: Dimension> Stage for Strain<'_, D> {
     }
 
     fn state(&mut self, _: &mut Run<'_>) -> Result<Checkpoint> {
-        let shape = |state: &RestState| Shape::of::<D>(&state.cell);
+        let held = self.held.iter();
+        let shapes = held.map(|state| Shape::of::<D>(&state.cell)).collect();
         let unfinished = self.work.as_ref().map(|work| Unfinished {
             shape: Shape::of::<D>(&self.assembly.system.cell),
-            held: self.held.iter().map(shape).collect(),
+            held: shapes,
             work: work.clone(),
         });
         Ok(Checkpoint {
-            header: Header::Aqs {
+            header: Header::Strain(StrainHeader {
                 progress: self.progress,
                 written: self.files.written(),
                 unfinished,
-            },
+            }),
             state: Snapshot {
                 held: self.held.iter().map(RestState::owned).collect(),
                 ..self.assembly.owned()
             },
             keep: self.scene.keep_checkpoints && self.work.is_none(),
         })
+    }
+
+    fn progress(&self) -> StageProgress {
+        let residual = self.relaxation.residual;
+        let relaxes = self.work.is_some() && residual.is_finite();
+        StageProgress {
+            stage: self.name().into(),
+            step: self.progress.steps,
+            steps: Some(self.schedule.steps()),
+            strain: self.latest.map(|[strain, _]| strain),
+            shear_stress: self.latest.map(|[_, stress]| stress),
+            residual: relaxes.then_some(residual),
+            ..StageProgress::default()
+        }
     }
 }

@@ -3,7 +3,7 @@
 use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{Confinement, GrainState, Snapshot, body};
+use gshear_dem::state::{GrainState, Snapshot, body};
 use gshear_scene::schedule::mean_mass;
 use gshear_scene::{PlaneShear, Scene};
 
@@ -20,14 +20,15 @@ pub(super) fn mass_of_top(
     run: &Run<'_>,
     scene: &Scene,
     plane_shear: &PlaneShear,
-    (grains, height): (&[GrainState], f64),
+    grains: &[GrainState],
+    height: f64,
 ) -> f64 {
     if let Some(mass) = plane_shear.load.wall_mass {
         mass
-    } else if plane_shear.confinement == Confinement::Images {
+    } else if plane_shear.boundary.is_periodic() {
         let layer = scene.sample.mean_diameter / height;
         mass_of(run, scene, grains, body::FREE) * layer * layer
-    } else if plane_shear.has_planes() {
+    } else if plane_shear.boundary.has_planes() {
         mass_of_layer(scene)
     } else {
         mass_of(run, scene, grains, body::TOP)
@@ -42,11 +43,11 @@ pub(super) fn mass_of_layer(scene: &Scene) -> f64 {
 /// Mass of all grains of a body (kg; kg/m in 2D), summed over the ranks; collective.
 pub(super) fn mass_of(run: &Run<'_>, scene: &Scene, grains: &[GrainState], body: u32) -> f64 {
     let of_body = grains.iter().filter(|g| g.body == body);
-    let mass = |g: &GrainState| {
+    let masses = of_body.map(|g| {
         let volume = scene.dimension.volume(g.radius);
         scene.materials.masses.of(g.material, volume)
-    };
-    total(run, mean_mass(scene), of_body.map(mass))
+    });
+    total(run, mean_mass(scene), masses)
 }
 
 /// The sum over the ranks of terms of this magnitude, in any order; collective.

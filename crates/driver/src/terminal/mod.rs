@@ -9,7 +9,7 @@ use std::time::Duration;
 use console::Term;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::header::{Birth, Progress};
+use crate::header::{Birth, Position, StrainProgress};
 use crate::options::Verbosity;
 use crate::say::{say, say_error, width};
 use gshear_dem::clock::StepPhase;
@@ -18,24 +18,22 @@ use gshear_dem::drive::Piston;
 use gshear_dem::failure::on_one_line;
 use gshear_dem::protocol::{Along, Course, Normal, Ramp, Segment};
 use gshear_dem::simd::Isa;
-use gshear_dem::state::Confinement;
 use gshear_dem::system::System;
-use gshear_dem::wave::Wave;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::derived::mean_attraction;
 use gshear_scene::schedule::{Interval, Schedule, definition_of_inertial_number};
 use gshear_scene::{
-    Boundary, Control, Dimensions, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls,
+    Control, Dimensions, Motion, Origin, PlaneShear, Scene, Stages, TimeStep, WallSpeed, Walls,
     unlikely,
 };
 use gshear_store::box_columns::AqsRow;
 use gshear_store::provenance;
-use gshear_store::status::Standing;
+use gshear_store::status::StageProgress;
 use progress::{duration, line};
 use status::StatusFile;
 
 /// Lines about the run, the line of progress, and `status.json`.
-pub struct Terminal {
+pub(crate) struct Terminal {
     verbosity: Verbosity,
     /// Whether this rank prints.
     speaks: bool,
@@ -101,11 +99,11 @@ impl Terminal {
 
     /// Says on standard error what is unlikely about the run, also if told to be quiet.
     pub fn warn(&self, warning: impl std::fmt::Display) {
-        let warn = || say_error(&format!("warning: {warning}"));
+        let line = format!("warning: {warning}");
         match &self.screen {
             _ if !self.speaks => {}
-            None => warn(),
-            Some(screen) => screen.line.suspend(warn),
+            None => say_error(&line),
+            Some(screen) => screen.line.suspend(|| say_error(&line)),
         }
     }
 
@@ -125,10 +123,10 @@ impl Terminal {
     }
 
     /// Draws the line of progress. `speed`: in grain-steps/s of all ranks; `left`: in s.
-    fn draw(&self, standing: &Standing, speed: Option<f64>, left: Option<f64>) {
+    fn draw(&self, progress: &StageProgress, speed: Option<f64>, left: Option<f64>) {
         if let Some(screen) = &self.screen {
             let width = width(&screen.term).unwrap_or_default();
-            let text = line(standing, speed, left, width, screen.styled);
+            let text = line(progress, speed, left, width, screen.styled);
             if screen.line.is_finished() {
                 screen.line.reset();
             }
@@ -156,9 +154,9 @@ impl Terminal {
         );
         let law = law(scene);
         let TimeStep { step, limit, .. } = scene.time_step;
-        let plane_shear = match &scene.boundary {
-            Boundary::Walls(plane_shear) => plane_shear,
-            Boundary::Periodic(periodic) => {
+        let plane_shear = match &scene.stages {
+            Stages::Shear(plane_shear) => plane_shear,
+            Stages::Strain(periodic) => {
                 self.say(format!(
                     "{grains} in a periodic box {:.4e} long, solid fraction {:.4}",
                     sample.length, periodic.solid_fraction
@@ -178,26 +176,22 @@ impl Terminal {
         };
         self.say(format!("{grains}, L_x = {:.4e} m{width}", sample.length));
         if let Origin::Packing(file) = &plane_shear.origin {
-            let what = match (plane_shear.confinement, plane_shear.walls) {
-                _ if !plane_shear.pack.skip => "to be packed",
-                (Confinement::Images, _) => "without walls",
-                (Confinement::FreeSurface, Walls::Layers) => "the bottom is its lowest layer",
-                (Confinement::FreeSurface, Walls::Types) => "the bottom is type 2",
-                (Confinement::FreeSurface, Walls::Flat) => "the bottom is flat",
-                (Confinement::Walls, Walls::Layers) => "walls are its lowest and highest layer",
-                (Confinement::Walls, Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
-                (Confinement::Walls, Walls::Flat) => "walls are flat",
+            let what = if plane_shear.pack.skip {
+                walls_of_file(plane_shear)
+            } else {
+                "to be packed"
             };
             self.say(format!("grains from {}; {what}", file.path.display()));
         }
         let load = &plane_shear.load;
         self.say(format!("law:   {law}"));
-        let of_weight = match plane_shear.confinement {
-            Confinement::FreeSurface => " of the weight",
-            _ => "",
+        let suffix = if plane_shear.boundary.has_top() {
+            ""
+        } else {
+            " of the weight"
         };
         self.say(format!(
-            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {unit}{of_weight}",
+            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {unit}{suffix}",
             load.stiffness_number, load.pressure, load.normal_force,
         ));
         if load.gravity > 0.0 {
@@ -222,23 +216,16 @@ impl Terminal {
         }
     }
 
-    pub fn packs_again(&self, step: u64) {
+    pub(crate) fn packs_again(&self, step: u64) {
         self.say(format!(
             "pack:  outside the contact law at step {step}; begins again under a quarter of the load, which is raised later"
         ));
     }
 
     /// `height` (m): without the walls.
-    pub fn packed(&self, step: u64, height: f64, of: &PlaneShear) {
-        let made = match (of.confinement, of.walls) {
-            (Confinement::Images, _) => format!("{height:.6e} m high, without walls"),
-            (Confinement::Walls, Walls::Flat) => format!("{height:.6e} m between flat walls"),
-            (Confinement::Walls, _) => format!("walls frozen, {height:.6e} m between them"),
-            (Confinement::FreeSurface, Walls::Flat) => {
-                format!("{height:.6e} m above a flat bottom")
-            }
-            (Confinement::FreeSurface, _) => format!("bottom frozen, {height:.6e} m above it"),
-        };
+    pub fn packed(&self, step: u64, height: f64, plane_shear: &PlaneShear) {
+        let height = format!("{height:.6e}");
+        let made = plane_shear.boundary.packed.replace("{height}", &height);
         self.say(format!("pack:  at rest after {step} steps; {made}"));
     }
 
@@ -253,7 +240,7 @@ impl Terminal {
         }
     }
 
-    pub fn shearing(
+    pub(crate) fn shearing(
         &self,
         scene: &Scene,
         plane_shear: &PlaneShear,
@@ -319,22 +306,14 @@ impl Terminal {
             schedule.inertial_number(speed),
             speed / schedule.height,
         ));
-        let every = |name: &str, interval: Interval| {
-            let steps = every(name, interval.steps());
-            if interval.is_never() {
-                return steps;
-            }
-            let strain = interval.mean_steps() * schedule.strain(1);
-            format!("{steps} ({strain:.4e} strain)")
-        };
         let intervals = &schedule.intervals[0];
         self.say(format!(
             "shear: {} steps to strain {:.4}; {}, {}, {}",
             schedule.total,
             schedule.strain(schedule.total),
-            every("frames", intervals.frames),
-            every("series", intervals.series),
-            every("checkpoints", intervals.checkpoints),
+            every_strain(schedule, "frames", intervals.frames),
+            every_strain(schedule, "series", intervals.series),
+            every_strain(schedule, "checkpoints", intervals.checkpoints),
         ));
         let starts = [
             ("frames", intervals.frames, schedule.first_frame),
@@ -344,27 +323,28 @@ impl Terminal {
             if !interval.is_never() && (name == "scalars" || first > 0) {
                 self.say(format!(
                     "shear: {} from step {first} on, strain {:.6}",
-                    every(name, interval),
+                    every_strain(schedule, name, interval),
                     schedule.strain(first)
                 ));
             }
         }
     }
 
-    /// A line about the shear. `done`: the steps since it was begun or resumed, and their time.
-    pub fn log_shear(&self, schedule: &Schedule, standing: &Standing, done: (u64, Duration)) {
-        let (steps, elapsed) = (done.0 as f64, done.1.as_secs_f64());
-        let step = standing.step;
-        let left = elapsed / steps * (schedule.total - step) as f64;
-        let stress = match (standing.stress_ratio, standing.solid_fraction) {
+    /// A line about the shear. `steps`, `elapsed`: since it was begun or resumed.
+    pub(crate) fn log_shear(&self, progress: &StageProgress, steps: u64, elapsed: Duration) {
+        let (steps, elapsed) = (steps as f64, elapsed.as_secs_f64());
+        let step = progress.step;
+        let total = progress.steps.unwrap_or(step);
+        let left = elapsed / steps * (total - step) as f64;
+        let stress = match (progress.stress_ratio, progress.solid_fraction) {
             (Some(tau), Some(phi)) => format!(" tau {tau:.4} phi {phi:.4}"),
             _ => String::new(),
         };
-        let strain = standing.strain.map(|strain| format!(" strain {strain:.5}"));
-        let grains = f64::from(standing.moving.unwrap_or(0));
+        let strain = progress.strain.map(|strain| format!(" strain {strain:.5}"));
+        let grains = f64::from(progress.moving.unwrap_or(0));
         self.log(format!(
             "{:5.1} % step {step}{}{stress} | {:.1} million grain-steps/s, {} left",
-            100.0 * step as f64 / schedule.total as f64,
+            100.0 * step as f64 / total as f64,
             strain.unwrap_or_default(),
             1e-6 * grains * steps / elapsed,
             duration(left),
@@ -372,9 +352,9 @@ impl Terminal {
     }
 
     /// A checkpoint was written, within this time.
-    pub fn saved(&self, stage: &str, step: u64, time: Duration) {
+    pub fn saved(&self, position: Position, time: Duration) {
         self.detail(format!(
-            "checkpoint of {stage} step {step}, written in {:.3} s",
+            "checkpoint of {position}, written in {:.3} s",
             time.as_secs_f64()
         ));
     }
@@ -387,19 +367,18 @@ impl Terminal {
     }
 
     /// The run stopped while the packing of a box was prepared.
-    pub fn unprepared(&self) {
+    pub(crate) fn unprepared(&self) {
         self.say("stopped while the packing was prepared, which leaves no checkpoint; start the run again with --resume auto");
     }
 
-    /// Summary at the end of a shear. `speed`: grain-steps/s of all ranks together; `complete`:
-    /// whether it is the end of the run.
+    /// Summary at the end of a shear. `speed`: grain-steps/s of all ranks together.
     pub fn end(
         &self,
         exchange: &dyn Parallel,
         system: &mut System<impl Dimension>,
         speed: f64,
         digest: &str,
-        (out, complete): (&Path, bool),
+        out: &Path,
     ) {
         self.clear();
         let phases = system.clock.table(exchange);
@@ -410,12 +389,11 @@ impl Terminal {
         let room = width(&Term::stdout()).unwrap_or(usize::MAX);
         self.say(phases_within(&phases, room).trim_end());
         if exchange.size() > 1 {
-            let micro = |phase| 1e6 * system.clock.per_step(phase);
+            let [exchange, sums] = [StepPhase::Exchange, StepPhase::Walls]
+                .map(|phase| 1e6 * system.clock.per_step(phase));
             self.say(format!(
-                "per step from rank 0: {messages} messages of {bytes} bytes in all and 1 sum of {} bytes; with what they wait for, {:.1} and {:.1} us",
+                "per step from rank 0: {messages} messages of {bytes} bytes in all and 1 sum of {} bytes; with what they wait for, {exchange:.1} and {sums:.1} us",
                 gshear_dem::step::MESSAGE_BYTES,
-                micro(StepPhase::Exchange),
-                micro(StepPhase::Walls),
             ));
         }
         self.say(format!(
@@ -429,9 +407,6 @@ impl Terminal {
             ranks(exchange.size())
         ));
         self.say(format!("digest {digest}"));
-        if complete {
-            self.go_on(out);
-        }
     }
 
     /// Says what can be done with the results.
@@ -442,16 +417,18 @@ impl Terminal {
 
 /// The table of the phases, without the least and the greatest time if it is wider than this.
 fn phases_within(table: &str, width: usize) -> String {
-    let narrowed = |line: &str| -> String {
-        let columns = line.chars().enumerate();
-        let kept = columns.filter(|(at, _)| !(20..30).contains(at) && !(40..50).contains(at));
-        kept.map(|(_, c)| c).collect()
-    };
     if table.lines().all(|line| line.chars().count() <= width) {
         return table.trim_end().into();
     }
     let lines: Vec<String> = table.lines().map(narrowed).collect();
     lines.join("\n")
+}
+
+/// A line of the table without the columns of the least and the greatest time.
+fn narrowed(line: &str) -> String {
+    let columns = line.chars().enumerate();
+    let kept = columns.filter(|(at, _)| !(20..30).contains(at) && !(40..50).contains(at));
+    kept.map(|(_, c)| c).collect()
 }
 
 /// How often an output is written.
@@ -460,6 +437,16 @@ fn every(name: &str, steps: u64) -> String {
         0 => format!("no {name}"),
         n => format!("{name} every {n} steps"),
     }
+}
+
+/// How often an output is written, also in strain.
+fn every_strain(schedule: &Schedule, name: &str, interval: Interval) -> String {
+    let steps = every(name, interval.steps());
+    if interval.is_never() {
+        return steps;
+    }
+    let strain = interval.mean_steps() * schedule.strain(1);
+    format!("{steps} ({strain:.4e} strain)")
 }
 
 /// The ramp to the velocity of a segment, if it has one.
@@ -476,18 +463,6 @@ fn ramped(schedule: &Schedule, segment: &Segment) -> String {
 
 /// What a segment of a protocol imposes; forces in N, in 2D N/m.
 fn imposed(schedule: &Schedule, segment: &Segment) -> String {
-    let frequency = |wave: &Wave| wave.frequency / schedule.step;
-    let course = |of: &Course| {
-        let mut text = format!("{:.4e}", of.from);
-        if of.to != of.from {
-            text += &format!(" to {:.4e}", of.to);
-        }
-        if let Some(wave) = &of.wave {
-            let (amplitude, frequency) = (wave.amplitude, frequency(wave));
-            text += &format!(" and {amplitude:.4e} at {frequency:.4e} Hz");
-        }
-        text
-    };
     let mut text = match &segment.imposed.along {
         Along::Velocity(velocity) | Along::Ramp(Ramp { to: velocity, .. }) => {
             let mut text = format!("V = {velocity:.4e} m/s");
@@ -500,13 +475,13 @@ fn imposed(schedule: &Schedule, segment: &Segment) -> String {
         Along::Oscillation(wave) => format!(
             "strain amplitude {:.4e} at {:.4e} Hz",
             wave.amplitude / schedule.height,
-            frequency(wave)
+            wave.frequency / schedule.step
         ),
-        Along::Force(force) => format!("S = {}", course(force)),
+        Along::Force(force) => format!("S = {}", course(schedule, force)),
     };
     match &segment.imposed.normal {
         None => {}
-        Some(Normal::Load(load)) => text += &format!(", N = {}", course(load)),
+        Some(Normal::Load(load)) => text += &format!(", N = {}", course(schedule, load)),
         Some(Normal::Velocity(0.0)) => text += ", constant volume",
         Some(Normal::Velocity(velocity)) => text += &format!(", wall velocity {velocity:.4e} m/s"),
     }
@@ -514,8 +489,21 @@ fn imposed(schedule: &Schedule, segment: &Segment) -> String {
         text += &format!(
             ", bottom {:.4e} m at {:.4e} Hz",
             wave.amplitude,
-            frequency(wave)
+            wave.frequency / schedule.step
         );
+    }
+    text
+}
+
+/// The course of a force (N; N/m in 2D).
+fn course(schedule: &Schedule, course: &Course) -> String {
+    let mut text = format!("{:.4e}", course.from);
+    if course.to != course.from {
+        text += &format!(" to {:.4e}", course.to);
+    }
+    if let Some(wave) = &course.wave {
+        let (amplitude, frequency) = (wave.amplitude, wave.frequency / schedule.step);
+        text += &format!(" and {amplitude:.4e} at {frequency:.4e} Hz");
     }
     text
 }
@@ -538,7 +526,7 @@ fn law(scene: &Scene) -> String {
 }
 
 /// `1 rank`, `2 ranks`.
-pub fn ranks(n: usize) -> String {
+pub(crate) fn ranks(n: usize) -> String {
     if n == 1 {
         "1 rank".into()
     } else {
@@ -582,7 +570,7 @@ impl Terminal {
         ));
     }
 
-    pub fn strained(&self, progress: &Progress, digest: &str) {
+    pub fn strained(&self, progress: &StrainProgress, digest: &str) {
         self.say(format!(
             "aqs:   done after {} steps, {} of them by overdamped dynamics because Newton's method did not converge; digest {digest}",
             progress.steps, progress.fell_back
@@ -602,6 +590,22 @@ impl Terminal {
             out.display()
         ));
         self.go_on(out);
+    }
+}
+
+/// What the walls of a sample are that is sheared as its file has it.
+fn walls_of_file(shear: &PlaneShear) -> &'static str {
+    let boundary = shear.boundary;
+    match (boundary.walls(), boundary.bodies().count(), shear.walls) {
+        (0, ..) => "without walls",
+        (1, 0, _) => "the bottom is flat",
+        (2, 1, Walls::Layers) => "the bottom is its lowest layer, the top is flat",
+        (2, 1, Walls::Types) => "the bottom is type 2, the top is flat",
+        (_, 0, _) => "walls are flat",
+        (_, 1, Walls::Layers) => "the bottom is its lowest layer",
+        (_, 1, Walls::Types) => "the bottom is type 2",
+        (.., Walls::Layers) => "walls are its lowest and highest layer",
+        (.., Walls::Types) => "walls are types 2 (bottom) and 3 (top)",
     }
 }
 

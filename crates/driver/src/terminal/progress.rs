@@ -4,19 +4,19 @@ use std::time::{Duration, Instant};
 
 use console::Style;
 
-use gshear_store::status::Standing;
+use gshear_store::status::StageProgress;
 
 /// What is measured, in words.
-fn values(of: &Standing) -> Vec<String> {
-    let strain = of.strain.map(|strain| match &*of.stage {
+fn values(progress: &StageProgress) -> Vec<String> {
+    let strain = progress.strain.map(|strain| match &*progress.stage {
         "aqs" => format!("strain {strain:.3e}"),
         _ => format!("strain {strain:.5}"),
     });
     [
         strain,
-        of.stress_ratio.map(|tau| format!("tau {tau:.4}")),
-        (of.shear_stress).map(|stress| format!("stress {stress:.3e}")),
-        of.residual.map(|force| format!("force {force:.1e}")),
+        (progress.stress_ratio).map(|tau| format!("tau {tau:.4}")),
+        (progress.shear_stress).map(|stress| format!("stress {stress:.3e}")),
+        (progress.residual).map(|force| format!("force {force:.1e}")),
     ]
     .into_iter()
     .flatten()
@@ -43,13 +43,13 @@ pub struct Pace {
 
 impl Pace {
     /// At the start of a stage, or where it resumes.
-    pub fn new(standing: &Standing) -> Self {
+    pub fn new(progress: &StageProgress) -> Self {
         let now = Instant::now();
         Self {
             started: now,
-            first: standing.fraction(),
-            looked: (standing.step, now),
-            next: standing.step + 1,
+            first: progress.fraction(),
+            looked: (progress.step, now),
+            next: progress.step + 1,
             rate: None,
         }
     }
@@ -81,18 +81,18 @@ impl Pace {
     }
 
     /// Speed (grain-steps/s), of all ranks together.
-    pub fn speed(&self, standing: &Standing) -> Option<f64> {
-        Some(self.rate? * f64::from(standing.moving?))
+    pub fn speed(&self, progress: &StageProgress) -> Option<f64> {
+        Some(self.rate? * f64::from(progress.moving?))
     }
 
     /// Time to the end of the stage (s).
-    pub fn left(&self, standing: &Standing) -> Option<f64> {
-        match (standing.steps, self.rate) {
+    pub fn left(&self, progress: &StageProgress) -> Option<f64> {
+        match (progress.steps, self.rate) {
             (Some(steps), Some(rate)) if rate > 0.0 => {
-                Some(steps.saturating_sub(standing.step) as f64 / rate)
+                Some(steps.saturating_sub(progress.step) as f64 / rate)
             }
             _ => {
-                let fraction = standing.fraction()?;
+                let fraction = progress.fraction()?;
                 let done = fraction - self.first.unwrap_or(0.0);
                 let elapsed = self.started.elapsed().as_secs_f64();
                 (done > 0.0).then(|| elapsed * (1.0 - fraction) / done)
@@ -127,23 +127,23 @@ const BAR: [usize; 2] = [32, 10];
 /// The line of progress in at most `width` characters: what does not fit is left out, the bar first
 /// but for the name, then the speed. `styled`: with colours.
 pub fn line(
-    standing: &Standing,
+    progress: &StageProgress,
     speed: Option<f64>,
     left: Option<f64>,
     width: usize,
     styled: bool,
 ) -> String {
-    let fraction = standing.fraction();
+    let fraction = progress.fraction();
     let part = match fraction {
         Some(fraction) => format!("{:.1} %", 100.0 * fraction),
-        None => format!("step {}", standing.step),
+        None => format!("step {}", progress.step),
     };
-    let values = values(standing).join(" ");
+    let values = values(progress).join(" ");
     let speeds = speed.map_or([String::new(), String::new()], |speed| {
         let millions = 1e-6 * speed;
         ["million", "M"].map(|unit| format!("{millions:.1} {unit} grain-steps/s"))
     });
-    let about = match standing.steps {
+    let about = match progress.steps {
         Some(_) => "",
         None => "about ",
     };
@@ -152,7 +152,7 @@ pub fn line(
         [format!("{about}{left} left"), left]
     });
     let no = String::new();
-    let name = standing.stage.to_string();
+    let name = progress.stage.to_string();
     // From the richest to the poorest: name, whether a bar, values, speed, time left.
     let forms = [
         (&name, true, &values, &speeds[0], &left[0]),
@@ -213,15 +213,15 @@ fn bar_of(width: usize, fraction: f64) -> String {
 mod tests {
     use super::*;
 
-    fn shear() -> Standing {
-        Standing {
+    fn shear() -> StageProgress {
+        StageProgress {
             stage: "shear".into(),
             step: 43_210,
             steps: Some(100_000),
             strain: Some(0.04321),
             stress_ratio: Some(0.45751),
             moving: Some(1000),
-            ..Standing::default()
+            ..StageProgress::default()
         }
     }
 
@@ -229,11 +229,11 @@ mod tests {
     fn a_line_fits_every_width() {
         let mut others = [shear(), shear()];
         (others[0].steps, others[1].strain) = (None, None);
-        for standing in [shear()].into_iter().chain(others) {
+        for progress in [shear()].into_iter().chain(others) {
             for width in 0..200 {
-                let text = line(&standing, Some(62.1e6), Some(4000.0), width, false);
+                let text = line(&progress, Some(62.1e6), Some(4000.0), width, false);
                 assert!(text.chars().count() <= width, "{width}: {text}");
-                let styled = line(&standing, Some(62.1e6), Some(4000.0), width, true);
+                let styled = line(&progress, Some(62.1e6), Some(4000.0), width, true);
                 assert_eq!(console::strip_ansi_codes(&styled), text);
             }
         }
@@ -241,15 +241,15 @@ mod tests {
 
     #[test]
     fn what_matters_stays() {
-        let of = |width| line(&shear(), Some(62.1e6), Some(72.0), width, false);
+        let text = |width| line(&shear(), Some(62.1e6), Some(72.0), width, false);
         for word in ["43.2 %", "strain 0.04321", "tau 0.4575", "1m 12s"] {
-            assert!(of(39).contains(word), "{}", of(39));
+            assert!(text(39).contains(word), "{}", text(39));
         }
-        let narrow = of(79);
+        let narrow = text(79);
         for words in ["62.1 M grain-steps/s 1m 12s left", "[====>"] {
             assert!(narrow.contains(words), "{narrow}");
         }
-        let wide = of(150);
+        let wide = text(150);
         assert!(wide.starts_with("shear 43.2 % [="), "{wide}");
         assert!(wide.contains("million grain-steps/s"), "{wide}");
     }
@@ -270,7 +270,7 @@ mod tests {
         let rate = pace.rate.expect("a rate");
         assert!((rate / 1000.0 - 1.0).abs() < 0.1, "{rate}");
         assert!(!pace.is_due(44_211));
-        let later = Standing {
+        let later = StageProgress {
             step: 44_210,
             ..shear()
         };

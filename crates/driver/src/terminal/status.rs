@@ -7,7 +7,7 @@ use gshear_dem::failure::Result;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::Scene;
 use gshear_store::provenance;
-use gshear_store::status::{self, RunState, Standing, Status};
+use gshear_store::status::{self, RunState, StageProgress, Status};
 
 use super::Terminal;
 use super::progress::Pace;
@@ -48,7 +48,7 @@ impl Terminal {
             message: None,
             run_id: record.id.clone(),
             title: scene.title.clone(),
-            standing: Standing::default(),
+            progress: StageProgress::default(),
             speed: None,
             seconds_left: None,
             seconds: 0.0,
@@ -65,17 +65,17 @@ impl Terminal {
             started: Instant::now(),
             cores: Cores::of(exchange.processes()),
             status,
-            pace: Pace::new(&Standing::default()),
+            pace: Pace::new(&StageProgress::default()),
             written: None,
         });
     }
 
     /// A stage begins, or resumes.
-    pub fn begin(&mut self, standing: &Standing) {
+    pub fn begin(&mut self, progress: &StageProgress) {
         if let Some(file) = &mut self.status {
-            file.pace = Pace::new(standing);
+            file.pace = Pace::new(progress);
         }
-        self.show(standing);
+        self.show(progress);
         self.status.iter_mut().for_each(StatusFile::write);
     }
 
@@ -86,25 +86,29 @@ impl Terminal {
     }
 
     /// Tells how far the stage has come, if it is time. Returns whether the file was written.
-    pub fn progress(&mut self, standing: &Standing) -> bool {
+    pub fn progress(&mut self, progress: &StageProgress) -> bool {
         if let Some(file) = &mut self.status {
-            file.pace.look(standing.step);
+            file.pace.look(progress.step);
         }
-        self.show(standing);
-        let due = |file: &&mut StatusFile| file.written.is_none_or(|at| at.elapsed() >= INTERVAL);
-        let file = self.status.as_mut().filter(due);
-        file.map(StatusFile::write).is_some()
+        self.show(progress);
+        match &mut self.status {
+            Some(file) if file.written.is_none_or(|at| at.elapsed() >= INTERVAL) => {
+                file.write();
+                true
+            }
+            _ => false,
+        }
     }
 
     /// How far the stage has come, for the next version of the file.
-    pub fn set(&mut self, standing: &Standing) {
+    pub fn set(&mut self, progress: &StageProgress) {
         if let Some(file) = &mut self.status {
-            file.set(standing);
+            file.set(progress);
         }
     }
 
     /// The run has ended.
-    pub fn run_ended(&mut self, ending: &Result<Outcome>) {
+    pub(crate) fn run_ended(&mut self, ending: &Result<Outcome>) {
         self.clear();
         // A run that never began leaves nothing behind.
         let Some(file) = self.status.as_mut().filter(|file| file.written.is_some()) else {
@@ -127,23 +131,23 @@ impl Terminal {
         }
     }
 
-    fn show(&mut self, standing: &Standing) {
-        self.set(standing);
+    fn show(&mut self, progress: &StageProgress) {
+        self.set(progress);
         if let Some(StatusFile { status, .. }) = &self.status {
-            self.draw(standing, status.speed, status.seconds_left);
+            self.draw(progress, status.speed, status.seconds_left);
         }
     }
 }
 
 impl StatusFile {
-    fn set(&mut self, standing: &Standing) {
+    fn set(&mut self, progress: &StageProgress) {
         let status = &mut self.status;
-        status.standing = Standing {
-            fraction: standing.fraction(),
-            ..standing.clone()
+        status.progress = StageProgress {
+            fraction: progress.fraction(),
+            ..progress.clone()
         };
-        status.speed = self.pace.speed(standing);
-        status.seconds_left = self.pace.left(standing);
+        status.speed = self.pace.speed(progress);
+        status.seconds_left = self.pace.left(progress);
     }
 
     /// Writes the file. It is for those who look on: a run goes on without it.

@@ -24,26 +24,26 @@ impl Arguments {
     pub fn run(&self, printer: &mut Printer) -> Result<()> {
         let (table, axes) = (self.table.as_deref(), self.dimension.into());
         let all = dictionary::tables(axes);
-        let is_wanted = |of: &&TableDescription| {
-            let name = of.file.split(':').next().unwrap_or(of.file);
-            table.is_none_or(|wanted| [of.file, name].contains(&wanted))
-        };
-        let chosen: Vec<&TableDescription> = all.iter().filter(is_wanted).collect();
+        let chosen = all.iter().filter(|known| {
+            let name = known.file.split(':').next().unwrap_or(known.file);
+            table.is_none_or(|wanted| [known.file, name].contains(&wanted))
+        });
+        let chosen: Vec<&TableDescription> = chosen.collect();
         if let (Some(table), true) = (table, chosen.is_empty()) {
-            let known: Vec<&str> = all.iter().map(|of| of.file).collect();
+            let known: Vec<&str> = all.iter().map(|known| known.file).collect();
             return Err(Failure::input(format!(
                 "{table}: there is no such table; give one of {}",
                 known.join(", ")
             )));
         }
-        for (k, of) in chosen.iter().enumerate() {
+        for (k, chosen) in chosen.iter().enumerate() {
             if k > 0 {
                 writeln!(printer)?;
             }
-            writeln!(printer, "{}: one line per {}", of.file, of.lines)?;
-            let widths = of.columns.iter().map(|column| column.name.len());
+            writeln!(printer, "{}: one line per {}", chosen.file, chosen.lines)?;
+            let widths = chosen.columns.iter().map(|column| column.name.len());
             let width = widths.max().unwrap_or(0);
-            for column in &of.columns {
+            for column in &chosen.columns {
                 let unit = column.unit_in(axes).unwrap_or_else(|| "-".into());
                 let (name, meaning) = (column.name, column.doc);
                 writeln!(printer, "  {name:<width$}  {unit:<7}  {meaning}")?;

@@ -7,11 +7,11 @@ use std::path::PathBuf;
 
 use crate::printer::Printer;
 use gshear_dem::failure::Result;
-use gshear_dem::state::{ContactSample, FrameRecords};
+use gshear_dem::state::{ContactSample, Frame};
 use gshear_scene::Dimensions;
 use gshear_store::contact_quantities::of_contacts;
 use gshear_store::run_reader::RunFile;
-use gshear_store::trajectory::Form;
+use gshear_store::trajectory::FrameFormat;
 
 /// Compare two runs field by field, to the last bit
 ///
@@ -121,7 +121,6 @@ impl FieldComparison {
             (self.first, self.absolute_at, self.relative_at) = (at, at, at);
         }
         self.differing += 1;
-        let nan_is_infinite = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
         let absolute = nan_is_infinite((a - b).abs());
         // Zeros of different sign differ only in their bits.
         let relative = if absolute == 0.0 {
@@ -136,6 +135,11 @@ impl FieldComparison {
             (self.relative, self.relative_at) = (relative, at);
         }
     }
+}
+
+/// The size of a difference, which NaN on one side makes infinite.
+fn nan_is_infinite(x: f64) -> f64 {
+    if x.is_nan() { f64::INFINITY } else { x }
 }
 
 /// The result of a comparison.
@@ -200,25 +204,27 @@ impl Comparison {
 /// # Errors
 /// `Failure::Input` if a file is damaged.
 pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison> {
-    let mut found = Comparison::default();
+    let mut comparison = Comparison::default();
     if a.stage() != b.stage() {
         let [a, b] = [a, b].map(|run| run.stage().name());
-        found.unequal.push(format!("the stage {a} against {b}"));
-        return Ok(found);
+        comparison
+            .unequal
+            .push(format!("the stage {a} against {b}"));
+        return Ok(comparison);
     }
-    parameters(a, b, &mut found);
-    let grains = found.count("number of grains", a.grains().count(), b.grains().count());
+    parameters(a, b, &mut comparison);
+    let grains = comparison.count("number of grains", a.grains().count(), b.grains().count());
     let [x, y] = [a, b].map(|run| run.series().rows());
-    let rows = found.count("rows of the time series", x, y);
-    let frames = found.count("number of frames", a.frames(), b.frames());
+    let rows = comparison.count("rows of the time series", x, y);
+    let frames = comparison.count("number of frames", a.frames(), b.frames());
 
     let dimension = a.dimension();
     if dimension != b.dimension() {
-        found.unequal.push("disks against spheres".into());
-        return Ok(found);
+        comparison.unequal.push("disks against spheres".into());
+        return Ok(comparison);
     }
     let mut cell = FieldComparison::new("box");
-    cell.see(a.grains().length, b.grains().length, Location::Nowhere);
+    cell.see(a.periods()[0], b.periods()[0], Location::Nowhere);
     if dimension == Dimensions::Three {
         let [x, y] = [a, b].map(|run| run.periods()[1]);
         cell.see(x, y, Location::Nowhere);
@@ -230,70 +236,76 @@ pub fn runs(a: &RunFile, b: &RunFile) -> Result<Comparison> {
             cell.see(*x, *y, Location::Frame(t));
         }
     }
-    found.fields.push(cell);
+    comparison.fields.push(cell);
     let (x, y) = (a.grains(), b.grains());
     if grains == x.count() && grains == y.count() {
-        let mut column = |name: &str, of: &dyn Fn(usize) -> (f64, f64)| {
+        let bodies = [x, y].map(|grains| grains.body.iter().map(|body| f64::from(*body)));
+        let [x_body, y_body] = bodies.map(Iterator::collect::<Vec<f64>>);
+        for (name, x, y) in [
+            ("radius", &x.radius, &y.radius),
+            ("body", &x_body, &y_body),
+            ("mass", &x.mass, &y.mass),
+        ] {
             let mut field = FieldComparison::new(name);
-            (0..grains).for_each(|n| field.see(of(n).0, of(n).1, Location::Grain(n)));
-            found.fields.push(field);
-        };
-        column("radius", &|n| (x.radius[n], y.radius[n]));
-        column("body", &|n| (x.body[n].into(), y.body[n].into()));
-        column("mass", &|n| (x.mass[n], y.mass[n]));
-        found.fields.extend(frames_of(a, b, frames)?);
+            for (n, (x, y)) in x.iter().zip(y).enumerate() {
+                field.see(*x, *y, Location::Grain(n));
+            }
+            comparison.fields.push(field);
+        }
+        comparison.fields.extend(frames_of(a, b, frames)?);
     }
 
     let rows: Vec<[usize; 2]> = (0..rows).map(|row| [row; 2]).collect();
-    found.fields.extend(series(a, b, &rows));
-    Ok(found)
+    comparison.fields.extend(series(a, b, &rows));
+    Ok(comparison)
 }
 
 /// Compares the time series in these rows of the one and of the other run; places are rows of the
 /// first.
 pub fn series(a: &RunFile, b: &RunFile, rows: &[[usize; 2]]) -> Vec<FieldComparison> {
     let (a, b) = (a.series(), b.series());
-    let compared = |name: &str, of: &dyn Fn([usize; 2]) -> [f64; 2]| {
+    let steps = [a, b].map(|series| series.step.iter().map(|step| *step as f64));
+    let [a_steps, b_steps] = steps.map(Iterator::collect::<Vec<f64>>);
+    let mut columns = vec![
+        ("series step", &a_steps[..], &b_steps[..]),
+        ("series time", &a.time, &b.time),
+    ];
+    for column in a.declared {
+        columns.push((column.name, a.column(column.name), b.column(column.name)));
+    }
+    let fields = columns.into_iter().map(|(name, x, y)| {
         let mut field = FieldComparison::new(name);
-        for &pair in rows {
-            let [x, y] = of(pair);
-            field.see(x, y, Location::Row(pair[0]));
+        for &[i, j] in rows {
+            field.see(x[i], y[j], Location::Row(i));
         }
         field
-    };
-    let mut fields = vec![
-        compared("series step", &|[i, j]| {
-            [a.step[i], b.step[j]].map(|step| step as f64)
-        }),
-        compared("series time", &|[i, j]| [a.time[i], b.time[j]]),
-    ];
-    fields.extend(a.declared.iter().map(|column| {
-        let [x, y] = [a, b].map(|series| series.column(column.name));
-        compared(column.name, &|[i, j]| [x[i], y[j]])
-    }));
-    fields
+    });
+    fields.collect()
 }
 
-fn parameters(a: &RunFile, b: &RunFile, found: &mut Comparison) {
+fn parameters(a: &RunFile, b: &RunFile, comparison: &mut Comparison) {
     let names: BTreeSet<_> = a.parameters().keys().chain(b.parameters().keys()).collect();
     for name in names {
         match (a.parameters().get(name), b.parameters().get(name)) {
             (Some(x), Some(y)) if x == y => {}
             (Some(x), Some(y)) if name == "digest" => {
-                found.unequal.push(format!("digest: {x} against {y}"));
+                comparison.unequal.push(format!("digest: {x} against {y}"));
             }
-            (Some(_), Some(_)) if name == "scene" => found.asides.push("the scene".to_string()),
-            (Some(x), Some(y)) => found.asides.push(format!("{name}: {x} against {y}")),
+            (Some(_), Some(_)) if name == "scene" => {
+                comparison.asides.push("the scene".to_string());
+            }
+            (Some(x), Some(y)) => comparison.asides.push(format!("{name}: {x} against {y}")),
             (x, _) => {
                 let has = if x.is_some() { a } else { b };
                 let aside = format!("{name}: only in {}", has.path().display());
-                found.asides.push(aside);
+                comparison.asides.push(aside);
             }
         }
     }
     // Settings come before parameters that differ between any two runs.
-    let is_provenance = |line: &String| PROVENANCE.iter().any(|name| line.starts_with(name));
-    found.asides.sort_by_key(is_provenance);
+    comparison
+        .asides
+        .sort_by_key(|line| PROVENANCE.iter().any(|name| line.starts_with(name)));
 }
 
 /// Compares the fields of frames, read in blocks.
@@ -311,26 +323,28 @@ fn frames_of(a: &RunFile, b: &RunFile, frames: usize) -> Result<Vec<FieldCompari
 }
 
 /// Fields of frames, before those of contacts; the last one is whether a contact is in both runs.
-const FRAME_FIELDS: [&str; 7] = [
+const FRAME_FIELDS: [&str; 8] = [
     "frame step",
     "frame time",
     "position",
     "velocity",
     "angular_velocity",
     "image",
+    "removed",
     "contacts",
 ];
 
 struct FrameComparison {
-    form: Form,
+    form: FrameFormat,
     /// [`FRAME_FIELDS`], then those of contacts.
     fields: Vec<FieldComparison>,
 }
 
 impl FrameComparison {
-    fn new(form: Form) -> Self {
+    fn new(form: FrameFormat) -> Self {
         let contacts = of_contacts(form);
-        let contacts = contacts.map(|of| FieldComparison::new(format!("c. {}", of.column)));
+        let contacts =
+            contacts.map(|quantity| FieldComparison::new(format!("c. {}", quantity.column)));
         let fields = FRAME_FIELDS.map(FieldComparison::new).into_iter();
         FrameComparison {
             form,
@@ -338,8 +352,9 @@ impl FrameComparison {
         }
     }
 
-    fn see(&mut self, t: usize, a: &FrameRecords, b: &FrameRecords) {
-        let [step, time, position, velocity, spin, image, ..] = &mut self.fields[..] else {
+    fn see(&mut self, t: usize, a: &Frame, b: &Frame) {
+        let [step, time, position, velocity, spin, image, removed, ..] = &mut self.fields[..]
+        else {
             unreachable!("FRAME_FIELDS come first");
         };
         step.see(a.step as f64, b.step as f64, Location::Frame(t));
@@ -347,14 +362,17 @@ impl FrameComparison {
         let axes = self.form.axes;
         let spins = if axes == 2 { 2..3 } else { 0..3 };
         for (n, (a, b)) in a.grains.iter().zip(&b.grains).enumerate() {
-            let at = |k: usize| Location::GrainOf(t, n, PARTS[k]);
-            for k in 0..axes {
-                position.see(a.position[k], b.position[k], at(k));
-                velocity.see(a.velocity[k], b.velocity[k], at(k));
-                image.see(a.image[k] as f64, b.image[k] as f64, at(k));
+            let at = Location::GrainOf(t, n, "");
+            removed.see(a.removed.into(), b.removed.into(), at);
+            for (k, part) in PARTS.iter().enumerate().take(axes) {
+                let at = Location::GrainOf(t, n, part);
+                position.see(a.position[k], b.position[k], at);
+                velocity.see(a.velocity[k], b.velocity[k], at);
+                image.see(a.image[k] as f64, b.image[k] as f64, at);
             }
             for k in spins.clone() {
-                spin.see(a.angular_velocity[k], b.angular_velocity[k], at(k));
+                let at = Location::GrainOf(t, n, PARTS[k]);
+                spin.see(a.angular_velocity[k], b.angular_velocity[k], at);
             }
         }
         self.see_contacts(t, &a.contacts, &b.contacts);
@@ -376,8 +394,8 @@ impl FrameComparison {
             let at = Location::ContactOf(t, sample.i, sample.j);
             pairs.see(in_a.into(), in_b.into(), at);
             if in_a && in_b {
-                for (field, of) in contacts.iter_mut().zip(of_contacts(self.form)) {
-                    let [x, y] = [&a[0], &b[0]].map(|contact| of.values(self.form, contact));
+                for (field, quantity) in contacts.iter_mut().zip(of_contacts(self.form)) {
+                    let [x, y] = [&a[0], &b[0]].map(|contact| quantity.values(self.form, contact));
                     x.zip(y).for_each(|(x, y)| field.see(x, y, at));
                 }
             }
@@ -432,7 +450,7 @@ mod tests {
         };
         let a = [contact(0, 1, 1.0), contact(0, 2, 2.0), contact(4, 5, 3.0)];
         let b = [contact(0, 2, 2.0), contact(3, 4, 9.0), contact(4, 5, 3.5)];
-        let mut fields = FrameComparison::new(Form::new(2, false));
+        let mut fields = FrameComparison::new(FrameFormat::new(2, false));
         fields.see_contacts(7, &a, &b);
         let [.., pairs, force, _, _, _, _, _, _, _] = &fields.fields[..] else {
             panic!("too few fields");

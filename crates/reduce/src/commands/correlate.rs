@@ -44,7 +44,7 @@ pub struct Arguments {
 
 /// Width of ranges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum RangeWidth {
+pub(crate) enum RangeWidth {
     /// As the thresholds in the text of Lee & Hurley
     Decades,
     /// Half as wide
@@ -53,7 +53,7 @@ pub enum RangeWidth {
 
 /// The reduction of force of a grain.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum GrainReduction {
+pub(crate) enum GrainReduction {
     /// Sum over its contacts; gains make up for losses
     Net,
     /// Sum over those of its contacts that lose force
@@ -118,12 +118,16 @@ fn measures(regime: &Regime, step: &[u64]) -> String {
         .csv()
 }
 
+/// A correlation in several ranges.
+struct CorrelationGroup {
+    /// What is correlated, with what, over what, and what the ranges are of.
+    head: [&'static str; 4],
+    ranges: Vec<(ValueRange, Correlation)>,
+}
+
 /// Returns one line per range of every correlation, insignificant ones included.
 fn correlations(regime: &Regime, unit: f64) -> String {
-    let mut rows: Vec<([&str; 4], ValueRange, Correlation)> = Vec::new();
-    let mut add = |head: [&'static str; 4], found: Vec<(ValueRange, Correlation)>| {
-        rows.extend(found.into_iter().map(|(range, c)| (head, range, c)));
-    };
+    let mut groups: Vec<CorrelationGroup> = Vec::new();
     for subject in subjects() {
         let head = match subject {
             Subject::Greatest => ["delta_tau", "dmin_greatest", "intervals", "delta_tau"],
@@ -132,17 +136,27 @@ fn correlations(regime: &Regime, unit: f64) -> String {
                 ["delta_tau_p", quantity.name(), length.name(), "delta_tau_p"]
             }
         };
-        add(head, regime.correlate(subject));
+        groups.push(CorrelationGroup {
+            head,
+            ranges: regime.correlate(subject),
+        });
     }
     for (by, name) in [
         (Quantity::TopMax, "top_max_over_mean_radius_squared"),
         (Quantity::TopSum, "top_sum_over_mean_radius_squared"),
     ] {
         for quantity in CONFIGURATIONS {
-            let found = regime.correlate_by(by, unit, quantity);
-            add(["delta_tau_p", quantity.name(), "long", name], found);
+            let head = ["delta_tau_p", quantity.name(), "long", name];
+            groups.push(CorrelationGroup {
+                head,
+                ranges: regime.correlate_by(by, unit, quantity),
+            });
         }
     }
+    let rows = groups.into_iter().flat_map(|group| {
+        let ranges = group.ranges.into_iter();
+        ranges.map(move |(range, correlation)| (group.head, range, correlation))
+    });
     Table::of(rows)
         .columns(["of", "with", "over", "range_of"], |(head, ..)| *head)
         .column("from", |(_, range, _)| range.nearer)

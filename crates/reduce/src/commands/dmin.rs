@@ -7,17 +7,15 @@ use std::str::FromStr;
 use clap::ValueEnum;
 use ndarray::Array2;
 
-use crate::frame_pairs;
+use crate::frame_pairs::{self, DminOfPairs};
 use crate::printer::Printer;
 use crate::results::Results;
-use gshear_analysis::dmin::{DefinedCounts, NonAffine, RADIUS};
-use gshear_analysis::event;
+use gshear_analysis::dmin::{DefinedCounts, RADIUS};
 use gshear_analysis::rattlers::RattlerRule;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{Frame, FrameRecords};
-use gshear_scene::{Dimensions, identity};
+use gshear_scene::identity;
 use gshear_store::reduced_writer::ReducedWriter;
-use gshear_store::run_reader::{FrameFields, RunFile};
+use gshear_store::run_reader::RunFile;
 
 /// Write D²min between frames into reduced.h5 (Lee & Hurley, appendix B)
 ///
@@ -78,7 +76,7 @@ impl Rattlers {
 
     fn name(self) -> String {
         let value = self.to_possible_value();
-        value.map_or_else(String::new, |of| of.get_name().to_string())
+        value.map_or_else(String::new, |value| value.get_name().to_string())
     }
 }
 
@@ -110,6 +108,13 @@ struct Row {
     earlier: Option<usize>,
 }
 
+impl Row {
+    /// The number of the earlier frame; -1 if there is none.
+    fn earlier_number(&self) -> i64 {
+        self.earlier.map_or(-1, |frame| frame as i64)
+    }
+}
+
 impl Arguments {
     /// # Errors
     /// A radius that is not positive, frames that the run lacks, a strain that returns, a damaged
@@ -129,19 +134,16 @@ impl Arguments {
         let strains: Vec<f64> = rows.iter().map(|row| strains[row.frame]).collect();
         let path = results.place("reduced.h5")?;
         let mut writer = ReducedWriter::create(&path, &strains, n)?;
-        let number = |frame: Option<usize>| frame.map_or(-1, |frame| frame as i64);
-        let of_rows = |value: fn(&Row) -> Option<usize>| -> Vec<i64> {
-            rows.iter().map(|row| number(value(row))).collect()
-        };
-        writer.numbers("frame", &of_rows(|row| Some(row.frame)))?;
-        writer.numbers("earlier", &of_rows(|row| row.earlier))?;
+        let later: Vec<i64> = rows.iter().map(|row| row.frame as i64).collect();
+        let earlier: Vec<i64> = rows.iter().map(Row::earlier_number).collect();
+        writer.numbers("frame", &later)?;
+        writer.numbers("earlier", &earlier)?;
         writer.attribute("run", run.path().display().to_string())?;
         writer.attribute("run_id", run.text("run_id").unwrap_or_default())?;
         writer.attribute("digest", run.digest().unwrap_or_default())?;
         writer.attribute("version", env!("CARGO_PKG_VERSION"))?;
         writer.attribute("radius_over_mean_radius", self.radius)?;
         writer.attribute("rattlers", self.rattlers.name())?;
-        let (radius, rule) = (self.radius * grains.mean_radius(), self.rattlers.rule(run));
 
         let pairs: Vec<[usize; 2]> = (rows.iter())
             .filter_map(|row| Some([row.earlier?, row.frame]))
@@ -152,35 +154,20 @@ impl Arguments {
             writer.dmin(row, Array2::from_elem((1, n), f64::NAN).view())?;
         }
         let mut counts = DefinedCounts::default();
-        let write = |first: usize, rows: Vec<(Vec<f64>, DefinedCounts)>| {
-            let (values, of_rows): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
-            of_rows.iter().for_each(|of| counts.add(of));
-            let values = Array2::from_shape_vec((values.len(), n), values.concat());
-            writer.dmin(without + first, values.expect("N values a row").view())
+        let work = DminOfPairs {
+            run,
+            radius: self.radius * grains.mean_radius(),
+            rattlers_by: self.rattlers.rule(run),
         };
-        if is_planar(run) {
-            let read = |range| run.block_of(range, FrameFields::Pairs);
-            let value = |of: &mut NonAffine, _: [usize; 2], [earlier, later]: [&Frame; 2]| {
-                let mut row = vec![0.0; n];
-                of.rattlers_by = rule;
-                of.between(grains, radius, earlier, later, &mut row);
-                let removed = |grain: usize| later.position[grain][0].is_nan();
-                let counts = DefinedCounts::of(grains, &row, of.rattlers(), removed);
-                (row, counts)
-            };
-            frame_pairs::each(run, &pairs, read, value, write)?;
-        } else {
-            let read = |range| run.records(range);
-            let value = |(): &mut (), numbers: [usize; 2], frames: [&FrameRecords; 2]| {
-                let axes = run.dimension().axes();
-                let interval = run.interval(numbers, frames);
-                let (row, rattler) = event::without_rattlers(axes, grains, &interval, radius, rule);
-                let removed = |grain: usize| run.is_removed(&frames[1].grains[grain].image);
-                let counts = DefinedCounts::of(grains, &row, &rattler, removed);
-                (row, counts)
-            };
-            frame_pairs::each(run, &pairs, read, value, write)?;
-        }
+        frame_pairs::each(run, &pairs, &work, |first, rows| {
+            let mut values = Vec::with_capacity(rows.len() * n);
+            for (dmin, defined) in &rows {
+                values.extend(dmin);
+                counts.add(defined);
+            }
+            let values = Array2::from_shape_vec((rows.len(), n), values);
+            writer.dmin(without + first, values.expect("N values a row").view())
+        })?;
         if counts.free > 0 {
             writeln!(printer, "D²min is {counts}")?;
         }
@@ -211,26 +198,24 @@ impl Arguments {
                         run.frames()
                     )));
                 }
-                let earlier = |t: usize| t.checked_sub(lag);
-                let row = |frame| Row {
+                let rows = frames.map(|frame| Row {
                     frame,
-                    earlier: earlier(frame),
-                };
-                return Ok(frames.map(row).collect());
+                    earlier: frame.checked_sub(lag),
+                });
+                return Ok(rows.collect());
             }
         };
-        let grows = |pair: &[f64]| pair[1] > pair[0];
-        if !passed.windows(2).all(grows) {
+        if !passed.windows(2).all(|pair| pair[1] > pair[0]) {
             let what = "does not grow from frame to frame; give --lag, a number of frames";
             return Err(run.wrong(format!("{option}: what it counts {what}")));
         }
         // A lag of a whole number of frames is one, whatever rounding does.
-        let row = |frame: usize| {
+        let rows = frames.map(|frame| {
             let latest = passed[frame] - lag * (1.0 - 1e-6);
             let earlier = passed.partition_point(|at| *at <= latest).checked_sub(1);
             Row { frame, earlier }
-        };
-        let rows: Vec<Row> = frames.map(row).collect();
+        });
+        let rows: Vec<Row> = rows.collect();
         if rows.iter().all(|row| row.earlier.is_none()) && rows.len() > 1 {
             let reach = passed[passed.len() - 1] - passed[0];
             return Err(run.wrong(format!(
@@ -239,22 +224,4 @@ impl Arguments {
         }
         Ok(rows)
     }
-}
-
-/// Whether [`NonAffine`] computes D²min, which is faster: of disks between walls.
-pub fn is_planar(run: &RunFile) -> bool {
-    run.has_walls() && run.dimension() == Dimensions::Two
-}
-
-/// Returns D²min of every grain between two frames of these numbers, `[N]` (m²), with the
-/// neighbours within `radius` (m) in the earlier one. NaN where it is not defined; rattlers do not
-/// count.
-pub fn between(
-    run: &RunFile,
-    numbers: [usize; 2],
-    frames: [&FrameRecords; 2],
-    radius: f64,
-) -> Vec<f64> {
-    let (grains, interval) = (run.grains(), run.interval(numbers, frames));
-    event::between_frames(run.dimension().axes(), grains, &interval, radius)
 }

@@ -30,7 +30,7 @@ use vtkhdf::VtkWriter;
 
 /// Format of the exported file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ExportFormat {
+pub(crate) enum ExportFormat {
     /// LAMMPS data file of atom_style sphere: one state
     LammpsData,
     /// The same for LIGGGHTS, which takes the density as that of a disk in 2D
@@ -141,8 +141,10 @@ impl Arguments {
         if self.modes.is_empty() {
             return Ok(None);
         }
-        let beside = || file.folder().join("spectrum.h5");
-        let spectrum = self.spectrum.clone().unwrap_or_else(beside);
+        let spectrum = match &self.spectrum {
+            Some(spectrum) => spectrum.clone(),
+            None => file.folder().join("spectrum.h5"),
+        };
         ExportedModes::read(file, &spectrum, &self.modes).map(Some)
     }
 
@@ -165,19 +167,24 @@ impl Arguments {
     }
 
     fn writer(&self, file: &RunFile, exported: &ExportedRun) -> Result<Box<dyn FrameWriter>> {
-        let named = |ending: &str| {
-            let name = file.stage().named(&format!("frames.{ending}"));
-            Results::path(self.out.as_deref(), file.folder(), &name)
-        };
-        Ok(match self.format {
-            ExportFormat::LammpsDump => Box::new(dump::DumpWriter::create(&named("dump")?)?),
-            ExportFormat::Vtkhdf => Box::new(VtkWriter::create(&named("vtkhdf")?, exported)?),
-            ExportFormat::Xyz => Box::new(xyz::XyzWriter::create(&named("xyz")?)?),
-            ExportFormat::Npz => Box::new(npz::NpzWriter::new(&named("npz")?)),
-            ExportFormat::Csv => Box::new(csv::CsvWriter::create(&named("csv")?, exported)?),
+        let ending = match self.format {
+            ExportFormat::LammpsDump => "dump",
+            ExportFormat::Vtkhdf => "vtkhdf",
+            ExportFormat::Xyz => "xyz",
+            ExportFormat::Npz => "npz",
+            ExportFormat::Csv => "csv",
             ExportFormat::LammpsData | ExportFormat::LiggghtsData => {
                 unreachable!("data files are written whole")
             }
+        };
+        let name = file.stage().named(&format!("frames.{ending}"));
+        let path = Results::path(self.out.as_deref(), file.folder(), &name)?;
+        Ok(match self.format {
+            ExportFormat::LammpsDump => Box::new(dump::DumpWriter::create(&path)?),
+            ExportFormat::Vtkhdf => Box::new(VtkWriter::create(&path, exported)?),
+            ExportFormat::Xyz => Box::new(xyz::XyzWriter::create(&path)?),
+            ExportFormat::Npz => Box::new(npz::NpzWriter::new(&path)),
+            _ => Box::new(csv::CsvWriter::create(&path, exported)?),
         })
     }
 }
@@ -192,8 +199,8 @@ trait FrameWriter {
 }
 
 /// Writes numbers, each after a space, in the shortest form that reads back to the same bits.
-fn write_numbers(file: &mut PartFile, mut of: impl Iterator<Item = f64>) -> io::Result<()> {
-    of.try_for_each(|value| write!(file, " {value:?}"))
+fn write_numbers(file: &mut PartFile, mut numbers: impl Iterator<Item = f64>) -> io::Result<()> {
+    numbers.try_for_each(|number| write!(file, " {number:?}"))
 }
 
 /// The path of a second file beside `path`: `NAME-contacts.ENDING`.

@@ -8,11 +8,11 @@ use crate::printer::Printer;
 use crate::results::Results;
 use crate::stored_state::{StateSelection, StoredState};
 use gshear_analysis::aftermath::{BoxChange, BoxSeries};
-use gshear_analysis::dmin::RADIUS;
-use gshear_analysis::event;
+use gshear_analysis::dmin::{NonAffine, RADIUS};
 use gshear_analysis::growth::{self, Growth};
 use gshear_analysis::jacobian::History;
-use gshear_dem::dimension::{Three, Two};
+use gshear_analysis::overlap::{by_chance, overlap};
+use gshear_analysis::rattlers::RattlerRule;
 use gshear_dem::failure::{Failure, Result};
 use gshear_spectrum::Verdict;
 use gshear_store::csv_table::Table;
@@ -43,9 +43,11 @@ impl Arguments {
     /// # Errors
     /// A damaged run, a file of another stage, a file that cannot be written.
     pub fn run(&self, printer: &mut Printer) -> Result<()> {
-        let is_folder = self.run.is_dir();
-        let of_folder = is_folder.then(|| self.run.join(NEWTONIAN_PART));
-        let path = of_folder.unwrap_or_else(|| self.run.clone());
+        let path = if self.run.is_dir() {
+            self.run.join(NEWTONIAN_PART)
+        } else {
+            self.run.clone()
+        };
         let run = RunFile::open_any(&path)?;
         if run.stage() != RunStage::Newtonian {
             return Err(Failure::input(format!(
@@ -68,7 +70,13 @@ fn of_run(run: &RunFile, slip: Option<&[Vec<f64>; 2]>) -> String {
     let diameter = run.number("mean_diameter").unwrap_or(1.0);
     let msd = series.column("msd");
     let growth = growth::fit(&series.time, msd, LINEAR * diameter * diameter);
-    let fitted = |of: fn(&Growth) -> f64| growth.as_ref().map_or(f64::NAN, of);
+    let growth = growth.unwrap_or(Growth {
+        omega_i: f64::NAN,
+        omega_r: f64::NAN,
+        from: f64::NAN,
+        to: f64::NAN,
+        decades: f64::NAN,
+    });
     let columns = BoxSeries {
         time: &series.time,
         msd,
@@ -79,19 +87,22 @@ fn of_run(run: &RunFile, slip: Option<&[Vec<f64>; 2]>) -> String {
     };
     let change = BoxChange::of(columns, diameter);
     let has_pair = run.number("lambda_i").is_some_and(f64::is_finite);
-    let aftermath = change.as_ref().filter(|_| has_pair);
+    let aftermath = match &change {
+        Some(change) if has_pair => Some(change.aftermath().name()),
+        _ => None,
+    };
     let overlap = slip.map_or([f64::NAN; 2], |[weight, dmin]| {
-        [event::overlap(weight, dmin), event::by_chance(weight, dmin)]
+        [overlap(weight, dmin), by_chance(weight, dmin)]
     });
     let nan = [f64::NAN; BoxChange::COLUMNS.len()];
     Table::of([()])
-        .column("fitted_omega_i", |()| fitted(|g| g.omega_i))
-        .column("fitted_omega_r", |()| fitted(|g| g.omega_r))
-        .column("growth_from", |()| fitted(|g| g.from))
-        .column("growth_to", |()| fitted(|g| g.to))
-        .column("decades", |()| fitted(|g| g.decades))
+        .column("fitted_omega_i", |()| growth.omega_i)
+        .column("fitted_omega_r", |()| growth.omega_r)
+        .column("growth_from", |()| growth.from)
+        .column("growth_to", |()| growth.to)
+        .column("decades", |()| growth.decades)
         .columns(["overlap", "overlap_by_chance"], |()| overlap)
-        .column("aftermath", |()| aftermath.map(|c| c.aftermath().name()))
+        .column("aftermath", |()| aftermath)
         .columns(BoxChange::COLUMNS.map(|column| column.name), |()| {
             change.as_ref().map_or(nan, BoxChange::columns)
         })
@@ -118,22 +129,26 @@ fn growing_pair(run: &RunFile) -> Result<Option<Vec<f64>>> {
     if jacobian.unknowns() > MOST_UNKNOWNS {
         return Ok(None);
     }
-    let unfit = |why| Failure::numbers(format!("{}: {why}", run.path().display()));
-    let problem = jacobian.problem().map_err(unfit)?;
+    let problem = jacobian
+        .problem()
+        .map_err(|why| Failure::numbers(format!("{}: {why}", run.path().display())))?;
     let spectrum = dense(&problem)?;
     let all = &spectrum.eigenvalues;
     let pairs = (0..all.len()).filter(|k| all[*k].verdict == Verdict::Pair);
     // Both of a pair have the same |Im √λ|.
-    let rate = |k: usize| all[k].value.sqrt().im.abs();
-    let Some(k) = pairs.max_by(|a, b| rate(*a).total_cmp(&rate(*b))) else {
+    let fastest = pairs.max_by(|a, b| {
+        let [a, b] = [a, b].map(|k| all[*k].value.sqrt().im.abs());
+        a.total_cmp(&b)
+    });
+    let Some(k) = fastest else {
         return Ok(None);
     };
     let v = spectrum.eigenvector(&problem, k);
-    let of_grain = |unknowns: &[faer::c64]| {
+    let squares = v.chunks(jacobian.per_grain).map(|unknowns| {
         let axes = &unknowns[..jacobian.axes];
-        axes.iter().map(faer::c64::norm_sqr).sum::<f64>()
-    };
-    let squares: Vec<f64> = v.chunks(jacobian.per_grain).map(of_grain).collect();
+        axes.iter().map(faer::c64::norm_sqr).sum()
+    });
+    let squares: Vec<f64> = squares.collect();
     let sum: f64 = squares.iter().sum();
     Ok(Some(squares.iter().map(|x| x / sum).collect()))
 }
@@ -143,12 +158,12 @@ fn dmin_of(run: &RunFile) -> Result<Option<Vec<f64>>> {
     let Some(last) = run.frames().checked_sub(1) else {
         return Ok(None);
     };
-    let at = |t: usize| Ok::<_, Failure>(run.records(t..t + 1)?.swap_remove(0));
-    let (earlier, later) = (at(0)?, at(last)?);
+    let (earlier, later) = (run.frame(0)?, run.frame(last)?);
     let interval = run.interval([0, last], [&earlier, &later]);
-    let radius = RADIUS * run.grains().mean_radius();
-    Ok(Some(match run.dimension().axes() {
-        2 => event::non_affine::<Two>(&interval, radius, |_| true),
-        _ => event::non_affine::<Three>(&interval, radius, |_| true),
-    }))
+    let grains = run.grains();
+    let mut non_affine = NonAffine::default();
+    non_affine.rattlers_by = RattlerRule::None;
+    let mut dmin = vec![f64::NAN; grains.count()];
+    non_affine.between(grains, &interval, RADIUS * grains.mean_radius(), &mut dmin);
+    Ok(Some(dmin))
 }

@@ -8,8 +8,8 @@ use crate::printer::Printer;
 use gshear_analysis::moments::extent;
 use gshear_dem::columns::joined_names;
 use gshear_dem::failure::Result;
-use gshear_driver::folder::condition;
 use gshear_driver::say::fold_for;
+use gshear_driver::stored_run::{condition, stage_beyond};
 use gshear_scene::identity;
 use gshear_store::part;
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -36,11 +36,13 @@ fn describe(run: &RunFile) -> Result<String> {
     if let Some(digest) = run.digest() {
         state += &format!(", digest {digest}");
     }
+    let beyond = stage_beyond(run).map(|(stage, condition)| format!("then {stage}: {condition}"));
     let family = family(run.scene(), run.grains().count());
     let grains = run.grains();
-    let of_body = |body: u8| grains.body.iter().filter(|b| **b == body).count();
-    let (all, free, bottom, top) = (grains.count(), of_body(0), of_body(1), of_body(2));
-    let walls = run.has_walls();
+    let all = grains.count();
+    let [free, bottom, top] =
+        [0, 1, 2].map(|body| grains.body.iter().filter(|known| **known == body).count());
+    let walls = run.boundary().has_walls();
     let count = if walls {
         format!("{all}: {free} free, {bottom} in the bottom wall, {top} in the top wall")
     } else {
@@ -48,12 +50,12 @@ fn describe(run: &RunFile) -> Result<String> {
     };
     let [least, most] = extent(grains.radius.iter().copied());
     let mean = grains.mean_radius();
-    let (length, height) = (grains.length, run.height());
+    let (length, height) = (run.periods()[0], run.height());
     let width = match run.periods()[1] {
         f64::INFINITY => String::new(),
         width => format!(" × {width:.4e} m"),
     };
-    let of_height = if walls {
+    let height_words = if walls {
         format!("(periodic) × {height:.4e} m at the start")
     } else {
         format!("× {height:.4e} m (periodic)")
@@ -62,14 +64,17 @@ fn describe(run: &RunFile) -> Result<String> {
         ("run", run.path().display().to_string()),
         ("size", format!("{:.1} MB", bytes as f64 / 1e6)),
         ("state", state),
+    ];
+    lines.extend(beyond.map(|words| ("", words)));
+    lines.extend([
         ("family", identity::hash(family.as_bytes())),
         ("grains", count),
         (
             "radius",
             format!("{least:.4e} … {most:.4e} m, mean {mean:.4e} m"),
         ),
-        ("box", format!("{length:.4e} m{width} {of_height}")),
-    ];
+        ("box", format!("{length:.4e} m{width} {height_words}")),
+    ]);
     if let Some(lengths) = lengths_at_the_end(run)
         && (lengths[0] != length || lengths.last() != Some(&height))
     {
@@ -115,13 +120,16 @@ fn lengths_at_the_end(run: &RunFile) -> Option<Vec<f64>> {
     let axes = run.dimension().axes();
     if run.stage() == RunStage::Strain {
         let names = ["length_x", "length_y", "length_z"];
-        let of_row = names[..axes].iter().map(|name| run.series().column(name));
-        let lengths: Option<Vec<f64>> = of_row.map(|column| column.last().copied()).collect();
+        let columns = names[..axes].iter().map(|name| run.series().column(name));
+        let lengths: Option<Vec<f64>> = columns.map(|column| column.last().copied()).collect();
         if lengths.is_some() {
             return lengths;
         }
     }
-    let last = run.frames().checked_sub(1).filter(|_| !run.has_walls())?;
+    if run.boundary().has_walls() {
+        return None;
+    }
+    let last = run.frames().checked_sub(1)?;
     let edges = run.box_edges(last);
     Some((0..axes).map(|axis| edges[axis][axis]).collect())
 }

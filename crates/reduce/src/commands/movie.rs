@@ -73,13 +73,14 @@ impl Arguments {
             });
             return Results::of(None, run.folder()).place(&name);
         };
-        let wrong = |what: &str| Err(Failure::input(format!("--out {}: {what}", path.display())));
-        match path.extension().and_then(|ending| ending.to_str()) {
-            Some("mp4") if !has_ffmpeg() => wrong(
-                "needs ffmpeg, which is not in PATH; install it, or give a name that ends in .png",
-            ),
-            Some("mp4" | "png") => Ok(path.clone()),
-            _ => wrong("must end in .mp4 (through ffmpeg) or .png (an animated PNG)"),
-        }
+        let what = match path.extension().and_then(|ending| ending.to_str()) {
+            Some("mp4") if !has_ffmpeg() => {
+                "needs ffmpeg, which is not in PATH; install it, or give a name that ends in .png"
+            }
+            Some("mp4" | "png") => return Ok(path.clone()),
+            _ => "must end in .mp4 (through ffmpeg) or .png (an animated PNG)",
+        };
+        let path = path.display();
+        Err(Failure::input(format!("--out {path}: {what}")))
     }
 }

@@ -42,7 +42,7 @@ pub struct Arguments {
 
 /// The normal force in τ = S/N.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum NormalForce {
+pub(crate) enum NormalForce {
     /// That of the free grains on the top wall
     Measured,
     /// That imposed on it
@@ -74,10 +74,10 @@ impl Arguments {
         });
         let rows: Vec<usize> = rows.into_iter().map(|row| first + row).collect();
         let strain: Vec<f64> = rows.iter().map(|row| all[*row]).collect();
-        let found = phases::find(&strain, &tau);
-        summary(&found, rows.len().saturating_sub(1), printer)?;
+        let phases = phases::find(&strain, &tau);
+        summary(&phases, rows.len().saturating_sub(1), printer)?;
         let results = Results::of(self.out.as_deref(), run.folder());
-        results.table("phases.csv", &table(&found, &rows, &series.step), printer)
+        results.table("phases.csv", &table(&phases, &rows, &series.step), printer)
     }
 }
 
@@ -118,18 +118,18 @@ fn summary(found: &[Phase], intervals: usize, printer: &mut Printer) -> Result<(
         "phases", "number", "long", "mean |Δτ_p|", "mean t_p/Δγ"
     )?;
     for kind in [PhaseKind::Stick, PhaseKind::Slip] {
-        let of_kind: Vec<&Phase> = found.iter().filter(|phase| phase.kind == kind).collect();
-        let mean_of = |value: fn(&Phase) -> f64| {
-            mean(&of_kind.iter().map(|phase| value(phase)).collect::<Vec<_>>())
-        };
-        let change = mean_of(|phase| phase.change.abs());
-        let duration = mean_of(|phase| phase.duration() as f64);
-        let long = of_kind.iter().filter(|phase| phase.is_long()).count();
+        let phases: Vec<&Phase> = found.iter().filter(|phase| phase.kind == kind).collect();
+        let changes: Vec<f64> = phases.iter().map(|phase| phase.change.abs()).collect();
+        let durations: Vec<f64> = (phases.iter())
+            .map(|phase| phase.duration() as f64)
+            .collect();
+        let (change, duration) = (mean(&changes), mean(&durations));
+        let long = phases.iter().filter(|phase| phase.is_long()).count();
         writeln!(
             printer,
             "{:<8}{:>10}{long:>10}{change:>16.3e}{duration:>16.2}",
             kind.name(),
-            of_kind.len()
+            phases.len()
         )?;
     }
     if intervals > 0 {

@@ -48,7 +48,7 @@ impl Arguments {
         let runs = self.runs.iter().map(|run| RunFile::open(run));
         let runs = runs.collect::<Result<Vec<_>, _>>()?;
         let folder = Results::path(self.out.as_deref(), runs[0].folder(), "rate-state")?;
-        write(&runs, (self.law, self.direct_effect), &folder, printer)
+        write(&runs, self.law, self.direct_effect, &folder, printer)
     }
 }
 
@@ -96,7 +96,8 @@ struct Reduction {
 /// Runs that are not spring-slider tests, a run given twice, files that cannot be written.
 pub fn write(
     runs: &[RunFile],
-    (laws, direct_effect): (Laws, Option<f64>),
+    laws: Laws,
+    direct_effect: Option<f64>,
     folder: &Path,
     printer: &mut Printer,
 ) -> Result<()> {
@@ -123,14 +124,15 @@ pub fn write(
 }
 
 /// Whether a run is under a spring and has velocity steps or holds.
-pub fn is_test(run: &RunFile) -> bool {
+pub(crate) fn is_test(run: &RunFile) -> bool {
     read::record(run).is_ok()
 }
 
 fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Reduction> {
     for (k, run) in runs.iter().enumerate() {
-        let same = |other: &&RunFile| other.digest().is_some() && other.digest() == run.digest();
-        if let Some(other) = runs[..k].iter().find(same) {
+        let same = (runs[..k].iter())
+            .find(|other| other.digest().is_some() && other.digest() == run.digest());
+        if let Some(other) = same {
             return Err(Failure::input(format!(
                 "{} and {} are the same run (equal digests); realisations differ by their seed",
                 other.path().display(),
@@ -146,26 +148,45 @@ fn reduce(runs: &[RunFile], laws: Laws, direct_effect: Option<f64>) -> Result<Re
     }
     let best = fitted[0].best();
     let d_c = best.map(|fit| fit.law.d_c);
-    let of_fit = best.filter(|fit| fit.a.determined).map(|fit| fit.a.value);
-    let models = |record: &SliderRecord| -> Vec<(Evolution, Experiment)> {
-        let of = |(law, fit): &(Evolution, Result<Fit, String>)| {
-            let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
-            Some((*law, Experiment::of(record, d_c)))
-        };
-        fitted[0].fits.iter().filter_map(of).collect()
-    };
-    let name = |k: &usize| runs[*k].path().display().to_string();
-    let names = |group: &Vec<usize>| group.iter().map(name).collect();
-    let experiment = |record| Experiment::of(record, d_c);
-    Ok(Reduction {
-        models: joined.iter().map(models).collect(),
-        experiments: joined.into_iter().map(experiment).collect(),
-        runs: groups.iter().map(names).collect(),
+    let fitted_a = best.filter(|fit| fit.a.determined).map(|fit| fit.a.value);
+    let mut reduction = Reduction {
+        runs: Vec::new(),
+        experiments: Vec::new(),
         stacks: stacks(&records),
         relaxations: relaxations(&records),
-        direct_effect: direct_effect.or(of_fit),
+        direct_effect: direct_effect.or(fitted_a),
+        models: Vec::new(),
         fitted,
-    })
+    };
+    for (record, group) in joined.into_iter().zip(groups) {
+        let names = group.iter().map(|k| runs[*k].path().display().to_string());
+        reduction.runs.push(names.collect());
+        let models = predictions(&record, &reduction.fitted[0], d_c);
+        reduction.models.push(models);
+        reduction.experiments.push(Experiment::of(record, d_c));
+    }
+    Ok(reduction)
+}
+
+/// What the fitted laws predict for a record.
+fn predictions(
+    record: &SliderRecord,
+    fitted: &Fitted,
+    d_c: Option<f64>,
+) -> Vec<(Evolution, Experiment)> {
+    let predictions = fitted.fits.iter().filter_map(|(law, fit)| {
+        let record = modelled(record, &fit.as_ref().ok()?.law).ok()?;
+        Some((*law, Experiment::of(record, d_c)))
+    });
+    predictions.collect()
+}
+
+/// An experiment of a reduction.
+struct NumberedExperiment<'a> {
+    number: usize,
+    experiment: &'a Experiment,
+    /// Its runs.
+    runs: &'a [String],
 }
 
 impl Reduction {
@@ -181,9 +202,13 @@ impl Reduction {
     }
 
     /// The experiments with their numbers and runs.
-    fn experiments(&self) -> impl Iterator<Item = (usize, &Experiment, &[String])> {
+    fn experiments(&self) -> impl Iterator<Item = NumberedExperiment<'_>> {
         let experiments = self.experiments.iter().zip(&self.runs).enumerate();
-        experiments.map(|(k, (experiment, runs))| (k, experiment, &runs[..]))
+        experiments.map(|(number, (experiment, runs))| NumberedExperiment {
+            number,
+            experiment,
+            runs,
+        })
     }
 
     /// The fits to several windows together, a law each, with χ².
@@ -218,26 +243,26 @@ fn decimals(x: f64) -> String {
 /// Returns the table of the page: names and texts.
 fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
     let mut rows = Vec::new();
-    let mut add = |name: String, text: String| rows.push([name, text]);
-    for (k, experiment, runs) in reduction.experiments() {
+    for numbered in reduction.experiments() {
+        let experiment = numbered.experiment;
         let protocol = format!(
             "{} velocity steps, {} holds; k/N = {:.4e} 1/m; {}",
             experiment.steps.len(),
             experiment.holds.len(),
             experiment.record.stiffness,
-            runs.join(", ")
+            numbered.runs.join(", ")
         );
-        add(format!("Experiment {k}"), protocol);
+        rows.push([format!("Experiment {}", numbered.number), protocol]);
         for healing in &experiment.healing {
             let [before, after] = healing.velocities;
-            add(
+            rows.push([
                 format!("Healing per factor e of hold time, {before} m/s, hold, {after} m/s"),
                 format!("{:.5}", healing.slope),
-            );
+            ]);
         }
     }
     for growth in reduction.peak_growth() {
-        add(
+        rows.push([
             format!(
                 "Growth of {} peaks per factor e of V_r/V_i, holds of {} s after {} m/s",
                 growth.peaks,
@@ -245,7 +270,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
                 growth.before
             ),
             format!("{:.5} ± {:.5}", growth.slope, growth.error),
-        );
+        ]);
     }
     for (name, law, fit, _) in reduction.fits() {
         let text = match fit {
@@ -258,7 +283,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
             ),
             Err(why) => format!("none: {why}"),
         };
-        add(format!("Fit to {name}, {} law", law.name()), text);
+        rows.push([format!("Fit to {name}, {} law", law.name()), text]);
     }
     rows
 }
@@ -266,7 +291,7 @@ fn page_rows(reduction: &Reduction) -> Vec<[String; 2]> {
 /// Prints the main results.
 fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<()> {
     for numbered in reduction.experiments() {
-        print_experiment(numbered, printer)?;
+        print_experiment(&numbered, printer)?;
     }
     for growth in reduction.peak_growth() {
         writeln!(
@@ -288,10 +313,12 @@ fn summary(reduction: &Reduction, printer: &mut Printer) -> Result<()> {
     print_fits(reduction, printer)
 }
 
-fn print_experiment(
-    (k, experiment, runs): (usize, &Experiment, &[String]),
-    printer: &mut Printer,
-) -> Result<()> {
+fn print_experiment(numbered: &NumberedExperiment<'_>, printer: &mut Printer) -> Result<()> {
+    let NumberedExperiment {
+        number: k,
+        experiment,
+        runs,
+    } = numbered;
     let record = &experiment.record;
     writeln!(
         printer,
@@ -336,37 +363,39 @@ fn print_stack(stack: &Stack, printer: &mut Printer) -> Result<()> {
 }
 
 fn print_relaxation(
-    of: &Relaxation,
+    relaxation: &Relaxation,
     direct_effect: Option<f64>,
     printer: &mut Printer,
 ) -> Result<()> {
-    let by = |a: f64, stiffness: f64| {
-        if stiffness.is_finite() {
-            format!("{:+.4}", of.of_direct_effect(a, stiffness))
-        } else {
-            "unknown".into()
+    let law = match direct_effect {
+        Some(a) => {
+            let changes = [relaxation.stiffness, relaxation.reload].map(|stiffness| {
+                if stiffness.is_finite() {
+                    format!("{:+.4}", relaxation.of_direct_effect(a, stiffness))
+                } else {
+                    "unknown".into()
+                }
+            });
+            let [spring, reload] = changes;
+            format!(
+                ", by the direct effect {spring} with k/N of the spring, {reload} with that of the reload"
+            )
         }
+        None => String::new(),
     };
-    let law = direct_effect.map_or(String::new(), |a| {
-        format!(
-            ", by the direct effect {} with k/N of the spring, {} with that of the reload",
-            by(a, of.stiffness),
-            by(a, of.reload)
-        )
-    });
-    let error = if of.error.is_finite() {
-        format!(" ± {:.4}", of.error)
+    let error = if relaxation.error.is_finite() {
+        format!(" ± {:.4}", relaxation.error)
     } else {
         String::new()
     };
     writeln!(
         printer,
         "hold of {} s after {} m/s, after {} s: μ {:+.4}{error}{law}, granular temperature {:.2e}",
-        digits(of.duration),
-        of.before,
-        digits(of.time),
-        of.change,
-        of.temperature
+        digits(relaxation.duration),
+        relaxation.before,
+        digits(relaxation.time),
+        relaxation.change,
+        relaxation.temperature
     )
 }
 

@@ -1,6 +1,9 @@
 //! `replay`: computes a part of a run again, with frames, from the checkpoint before it.
 
+use std::io;
 use std::path::{Path, PathBuf};
+
+use tempfile::TempDir;
 
 use super::compare::{self, Location};
 use crate::printer::Printer;
@@ -15,7 +18,7 @@ use gshear_scene::schedule::ReplayWindow;
 use gshear_store::checkpoint;
 use gshear_store::disk::{sync_folder, unwritten};
 use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE, folder_of};
-use gshear_store::run_reader::{self, RunFile, RunStage, Series};
+use gshear_store::run_reader::{self, RunFile, RunStage};
 use gshear_store::text_writer::refuse_linked_folder;
 
 /// Compute a part of a run again, with frames, from the checkpoint before it
@@ -89,17 +92,17 @@ impl Arguments {
             refuse_linked_folder(&out)?;
             out
         };
-        let found = window(&run, rows, self.every, threads, &out)?;
-        let steps = found.run.frame_steps();
+        let replayed = window(&run, rows, self.every, threads, &out)?;
+        let steps = replayed.run.frame_steps();
         writeln!(
             printer,
             "wrote {}: {} frames, steps {} to {}, from the checkpoint of step {}; {} rows of the time series equal those of {} to the last bit",
-            found.run.path().display(),
+            replayed.run.path().display(),
             steps.len(),
             steps.first().copied().unwrap_or_default(),
             steps.last().copied().unwrap_or_default(),
-            found.from,
-            found.rows,
+            replayed.from,
+            replayed.rows,
             run.path().display()
         )
     }
@@ -161,12 +164,21 @@ pub fn window(
             out.display()
         )));
     }
-    let of_shear = &["analysis.scalars=false", "output.progress_lines=0"][..];
     let (stage, file, set) = match run.stage() {
         RunStage::Newtonian => ("newtonian", NEWTONIAN_PART, &["newtonian.spectra=0"][..]),
-        _ => ("shear", RUN_FILE, of_shear),
+        _ => (
+            "shear",
+            RUN_FILE,
+            &["analysis.scalars=false", "output.progress_lines=0"][..],
+        ),
     };
-    let from = again(run.folder(), stage, window, set, (threads, out))?;
+    let options = Options {
+        out: out.to_path_buf(),
+        threads,
+        replay: Some(window),
+        ..Options::default()
+    };
+    let from = again(run.folder(), stage, window.first, set, options)?;
     let again = RunFile::open_any(&out.join(file))?;
     let rows = equal_rows(run, &again)?;
     Ok(Replayed {
@@ -179,26 +191,12 @@ pub fn window(
 /// Returns the steps of the first and the last row of the time series in the range.
 fn steps(run: &RunFile, rows: Rows, every: Option<u64>) -> Result<ReplayWindow> {
     let series = run.series();
-    let of_range = |what, values: &[f64], [from, to]: Ends| {
-        let is_within = |row: &usize| values[*row] >= from && values[*row] <= to;
-        let mut rows = (0..series.rows()).filter(is_within);
-        if let (Some(first), Some(last)) = (rows.next(), rows.next_back()) {
-            return Ok([first, last]);
-        }
-        let extent = match (values.first(), values.last()) {
-            (Some(first), Some(last)) => format!("it goes from {first} to {last}"),
-            _ => "it has none".into(),
-        };
-        Err(run.wrong(format!(
-            "has fewer than two rows of the time series between the {what} {from} and {to}; {extent}"
-        )))
-    };
     let [first, last] = match rows {
-        Rows::Strain(ends) => of_range("strains", series.column("strain"), ends)?,
-        Rows::Time(ends) => of_range("times", &series.time, ends)?,
+        Rows::Strain(ends) => rows_within(run, "strains", series.column("strain"), ends)?,
+        Rows::Time(ends) => rows_within(run, "times", &series.time, ends)?,
         Rows::Steps(ends) => {
             let steps: Vec<f64> = series.step.iter().map(|step| *step as f64).collect();
-            of_range("steps", &steps, ends.map(|step| step as f64))?
+            rows_within(run, "steps", &steps, ends.map(|step| step as f64))?
         }
     };
     Ok(ReplayWindow {
@@ -208,15 +206,29 @@ fn steps(run: &RunFile, rows: Rows, every: Option<u64>) -> Result<ReplayWindow> 
     })
 }
 
-/// Replays a window of a stage into the folder `out`. Returns the step of the checkpoint that the
-/// replay started from.
-fn again(
-    folder: &Path,
-    stage: &str,
-    window: ReplayWindow,
-    set: &[&str],
-    (threads, out): (usize, &Path),
-) -> Result<u64> {
+/// Returns the first and the last row whose values, `[L]`, are within a range. `what`: name of the
+/// values.
+fn rows_within(run: &RunFile, what: &str, values: &[f64], ends: Ends) -> Result<[usize; 2]> {
+    let [from, to] = ends;
+    let mut rows =
+        (0..run.series().rows()).filter(|row| values[*row] >= from && values[*row] <= to);
+    if let (Some(first), Some(last)) = (rows.next(), rows.next_back()) {
+        return Ok([first, last]);
+    }
+    let extent = match (values.first(), values.last()) {
+        (Some(first), Some(last)) => format!("it goes from {first} to {last}"),
+        _ => "it has none".into(),
+    };
+    Err(run.wrong(format!(
+        "has fewer than two rows of the time series between the {what} {from} and {to}; {extent}"
+    )))
+}
+
+/// Replays the window of `options`, whose first step is `first`, of a stage of the run in `folder`
+/// into the folder of `options`. `set`: keys of the scene. Returns the step of the checkpoint that
+/// the replay started from.
+fn again(folder: &Path, stage: &str, first: u64, set: &[&str], options: Options) -> Result<u64> {
+    let out = options.out.clone();
     let file = out.join(RUN_FILE);
     if run_reader::owner(&file).is_ok_and(|owner| !owner.replay) {
         return Err(Failure::input(format!(
@@ -224,30 +236,38 @@ fn again(
             file.display()
         )));
     }
-    let saved = before(folder, stage, window.first)?;
+    let saved = before(folder, stage, first)?;
     let from = saved.header.step();
     let set = [&["output.keep_checkpoints=false"], set].concat();
     let task = Task::replay(saved, &set.into_iter().map(Into::into).collect::<Vec<_>>())?;
     // The files get their place when they are whole.
-    let unmade = |e: std::io::Error| unwritten(out, &e);
-    std::fs::create_dir_all(out).map_err(unmade)?;
-    let part = tempfile::Builder::new().prefix("replay.").tempdir_in(out);
-    let part = part.map_err(unmade)?;
+    let part = part_folder(&out).map_err(|e| unwritten(&out, &e))?;
     let options = Options {
         out: part.path().to_path_buf(),
-        threads,
-        replay: Some(window),
-        ..Options::default()
+        ..options
     };
     if task.run(&Solo, &options)? == Outcome::Stopped {
         return Err(Failure::other("replay: stopped by a signal"));
     }
-    for entry in std::fs::read_dir(&part).map_err(unmade)? {
-        let entry = entry.map_err(unmade)?;
-        std::fs::rename(entry.path(), out.join(entry.file_name())).map_err(unmade)?;
-    }
-    sync_folder(out).map_err(unmade)?;
+    move_files(part.path(), &out).map_err(|e| unwritten(&out, &e))?;
     Ok(from)
+}
+
+/// Makes a folder in a folder, which is created if missing, for files that are not whole.
+fn part_folder(folder: &Path) -> io::Result<TempDir> {
+    std::fs::create_dir_all(folder)?;
+    tempfile::Builder::new()
+        .prefix("replay.")
+        .tempdir_in(folder)
+}
+
+/// Moves all files from one folder to another.
+fn move_files(from: &Path, to: &Path) -> io::Result<()> {
+    for entry in std::fs::read_dir(from)? {
+        let entry = entry?;
+        std::fs::rename(entry.path(), to.join(entry.file_name()))?;
+    }
+    sync_folder(to)
 }
 
 /// The checkpoints of a stage in a folder.
@@ -282,8 +302,10 @@ impl Candidates {
     /// Those that a replay of `step` can start from, the last first. The forces of a frame are
     /// computed in its step, so the checkpoint must be before it, or at step 0.
     fn before(&self, step: u64) -> impl Iterator<Item = &(u64, PathBuf)> {
-        let fits = move |(at, _): &&(u64, PathBuf)| *at < step || *at == 0;
-        self.found.iter().filter(fits).rev()
+        let candidates = self.found.iter();
+        candidates
+            .filter(move |(at, _)| *at < step || *at == 0)
+            .rev()
     }
 }
 
@@ -314,8 +336,10 @@ fn before(folder: &Path, stage: &str, step: u64) -> Result<Saved> {
 /// Returns the number of rows that both runs have. Fails if there are none or any differs.
 fn equal_rows(run: &RunFile, again: &RunFile) -> Result<usize> {
     let (stored, computed) = (run.series(), again.series());
-    let row = |(k, step): (usize, &u64)| Some([stored.step.binary_search(step).ok()?, k]);
-    let rows: Vec<[usize; 2]> = computed.step.iter().enumerate().filter_map(row).collect();
+    let steps = computed.step.iter().enumerate();
+    let rows: Vec<[usize; 2]> = steps
+        .filter_map(|(k, step)| Some([stored.step.binary_search(step).ok()?, k]))
+        .collect();
     if rows.is_empty() {
         return Err(run.wrong("no row of the time series to compare the replay with"));
     }
@@ -327,21 +351,20 @@ fn equal_rows(run: &RunFile, again: &RunFile) -> Result<usize> {
     let Some((row, field)) = first.min_by_key(|(row, _)| *row) else {
         return Ok(rows.len());
     };
-    let value = |of: &Series, row: usize| match &*field.name {
-        "series time" => of.time[row],
-        column => of.column(column)[row],
-    };
     let at = rows.partition_point(|pair| pair[0] < row);
+    let [is, was] =
+        [(computed, rows[at][1]), (stored, row)].map(|(series, row)| match &*field.name {
+            "series time" => series.time[row],
+            column => series.column(column)[row],
+        });
     Err(Failure::numbers(format!(
-        "replay: {} of {} rows of the time series differ from {}: first at step {}, {} is {:?} and was {:?}; \
+        "replay: {} of {} rows of the time series differ from {}: first at step {}, {} is {is:?} and was {was:?}; \
          the run was made by another version or with other values ({} is kept)",
         field.differing,
         rows.len(),
         run.path().display(),
         stored.step[row],
         field.name,
-        value(computed, rows[at][1]),
-        value(stored, row),
         again.path().display()
     )))
 }

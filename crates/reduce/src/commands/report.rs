@@ -11,8 +11,8 @@ use crate::results::Results;
 use crate::scalars::interval_of_greatest_dmin;
 use gshear_dem::failure::{Failure, Result};
 use gshear_driver::estimate::bytes;
-use gshear_driver::folder::condition;
 use gshear_driver::progress::duration;
+use gshear_driver::stored_run::condition;
 use gshear_report::{Rearranging, Sources};
 use gshear_store::file_names::{NEWTONIAN_PART, folder_of};
 use gshear_store::part;
@@ -131,11 +131,9 @@ fn between_walls(
     let (mut rearranging, mut finer) = (None, None);
     if gshear_report::shows_drops(run) {
         rearranging = interval_of_greatest_dmin(run)?;
-        let has_rows = |[from, to]: &[u64; 2]| {
-            let row = |step| run.series().step.binary_search(step);
-            matches!((row(from), row(to)), (Ok(first), Ok(last)) if last > first + 1)
-        };
-        if let Some(steps) = rearranging.filter(has_rows) {
+        if let Some(steps) = rearranging
+            && has_rows_within(run, steps)
+        {
             let out = folder.join("replay-dmin");
             finer = again.replayed(run, "the greatest D²min", steps, &out, printer)?;
         }
@@ -144,7 +142,7 @@ fn between_walls(
     if rate_state::is_test(run) {
         let (runs, silent) = (std::slice::from_ref(run), &mut std::io::sink());
         let into = folder.join("rate-state");
-        rate_state::write(runs, (Laws::Both, None), &into, &mut Printer::new(silent))?;
+        rate_state::write(runs, Laws::Both, None, &into, &mut Printer::new(silent))?;
         rate_state = Some("rate-state/index.html");
     }
     let sources = Sources {
@@ -157,6 +155,12 @@ fn between_walls(
         rate_state,
     };
     gshear_report::write(run, &sources, folder)
+}
+
+/// Whether the time series has rows at both steps and between them.
+fn has_rows_within(run: &RunFile, steps: [u64; 2]) -> bool {
+    let rows = steps.map(|step| run.series().step.binary_search(&step));
+    matches!(rows, [Ok(first), Ok(last)] if last > first + 1)
 }
 
 /// Whether and how a report computes parts of a run again.
@@ -196,10 +200,11 @@ impl Replays {
         &self,
         run: &RunFile,
         what: &str,
-        [first, last]: [u64; 2],
+        steps: [u64; 2],
         out: &Path,
         printer: &mut Printer,
     ) -> Result<Option<RunFile>> {
+        let [first, last] = steps;
         if self.choice == Choice::None {
             return Ok(None);
         }
@@ -215,8 +220,8 @@ impl Replays {
         let grain_steps = (last - start) as f64 * grains / self.threads as f64;
         let speed = run.number("speed").map_or(SPEED, |speed| speed.max(SPEED));
         let time = duration((grain_steps / speed).ceil());
-        let is_within = |step: &&u64| (first..=last).contains(*step);
-        let frames = run.series().step.iter().filter(is_within).count() as f64;
+        let rows = run.series().step.iter();
+        let frames = rows.filter(|step| (first..=last).contains(*step)).count() as f64;
         let size = frames * grains * BYTES;
         if self.choice == Choice::Short && (grain_steps > LONGEST || size > LARGEST) {
             let size = bytes(size);
@@ -231,7 +236,7 @@ impl Replays {
             "replays steps {start} to {last} for {what}, about {time} (--no-replay leaves it out)"
         )?;
         printer.flush()?;
-        match replay::window(run, Rows::Steps([first, last]), None, self.threads, out) {
+        match replay::window(run, Rows::Steps(steps), None, self.threads, out) {
             Ok(replayed) => Ok(Some(replayed.run)),
             // Of another version, or damaged: the report shows what there is.
             Err(failure @ (Failure::Numbers(_) | Failure::Input(_))) => {

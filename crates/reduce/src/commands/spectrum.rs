@@ -13,8 +13,8 @@ use gshear_analysis::jacobian::{Jacobian, paper_form};
 use gshear_dem::failure::{Failure, Result};
 use gshear_report::{drawing, eigenvalue_figures};
 use gshear_spectrum::{
-    Eigenvalue, Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic,
-    Uncounted, Unfit, Verdict, bendixson, nearest, participation, scan, unstable, winding,
+    Failed, Nearest, Problem, RESIDUAL, Rectangle, Request, Sought, Spectrum, Symbolic, Uncounted,
+    Unfit, Verdict, bendixson, nearest, participation, scan, unstable, winding,
 };
 use gshear_store::csv_table::Table;
 use gshear_store::file_names::folder_of;
@@ -98,11 +98,14 @@ pub struct Arguments {
 
 fn shift(text: &str) -> Result<c64, String> {
     let (re, im) = text.split_once(',').unwrap_or((text, "0"));
-    let number = |part: &str| {
-        let value = part.trim().parse().ok().filter(|x: &f64| x.is_finite());
-        value.ok_or(format!("{part}: must be a finite number"))
-    };
-    Ok(c64::new(number(re)?, number(im)?))
+    Ok(c64::new(finite(re)?, finite(im)?))
+}
+
+fn finite(text: &str) -> Result<f64, String> {
+    match text.trim().parse() {
+        Ok(value) if f64::is_finite(value) => Ok(value),
+        _ => Err(format!("{text}: must be a finite number")),
+    }
 }
 
 fn resolution(text: &str) -> Result<f64, String> {
@@ -189,8 +192,11 @@ fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<As
         jacobian.contacts,
         jacobian.sliding
     )?;
-    let radius = |g: u32| state.grains[g as usize].radius;
-    let paper = (arguments.paper_form).then(|| paper_form(&jacobian, radius));
+    let paper = if arguments.paper_form {
+        Some(paper_form(&jacobian, |g| state.grains[g as usize].radius))
+    } else {
+        None
+    };
     let n = jacobian.unknowns();
     // J contains the masses and has other null vectors.
     let (k, mass, null) = match &paper {
@@ -200,16 +206,15 @@ fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<As
     if let Some(path) = &arguments.export_matrix {
         let entries: Vec<_> = (0..n).map(|i| Triplet::new(i, i, mass[i])).collect();
         let m = matrix_market::matrix(n, n, &entries);
-        let of_null = (0..null.ncols()).flat_map(|j| (0..n).map(move |i| (i, j)));
-        let of_null = of_null.filter(|&at| null[at] != 0.0);
-        let entries: Vec<_> = of_null
+        let places = (0..null.ncols()).flat_map(|j| (0..n).map(move |i| (i, j)));
+        let entries: Vec<_> = places
+            .filter(|&at| null[at] != 0.0)
             .map(|(i, j)| Triplet::new(i, j, null[(i, j)]))
             .collect();
-        let beside = |name: &str| path.with_extension(name);
-        let mut files = vec![(path.clone(), k), (beside("mass.mtx"), &m)];
+        let mut files = vec![(path.clone(), k), (path.with_extension("mass.mtx"), &m)];
         let translations = matrix_market::matrix(n, null.ncols(), &entries);
         if null.ncols() > 0 {
-            files.push((beside("null.mtx"), &translations));
+            files.push((path.with_extension("null.mtx"), &translations));
         }
         for (path, matrix) in files {
             matrix_market::write(&path, matrix)?;
@@ -217,16 +222,16 @@ fn of_run(run: &Path, arguments: &Arguments, printer: &mut Printer) -> Result<As
         }
     }
     let per_grain = jacobian.per_grain;
-    let grain = |unknown: usize| match paper {
+    let grains = (0..n).map(|unknown| match paper {
         Some(_) => unknown % (n / per_grain),
         None => unknown / per_grain,
-    };
+    });
     let problem = Problem::new(k, &mass, null.as_ref())
         .map_err(|unfit| Failure::numbers(format!("{}: K: {unfit}", run.display())))?;
     Ok(Asked {
         problem,
         source: run.to_path_buf(),
-        grain: (0..n).map(grain).collect(),
+        grain: grains.collect(),
         unknowns: match paper {
             Some(_) => Vec::new(),
             None => (0..n).map(|unknown| moved(&jacobian, unknown)).collect(),
@@ -362,9 +367,9 @@ impl Solver<'_> {
             left: !arguments.right_only,
             par: self.par,
         };
-        let found = nearest(problem, &symbolic, request).map_err(unsolved)?;
-        tell(&found, arguments.shift, printer)?;
-        Ok(found.spectrum)
+        let solution = nearest(problem, &symbolic, request).map_err(unsolved)?;
+        tell(&solution, arguments.shift, printer)?;
+        Ok(solution.spectrum)
     }
 
     fn all_pairs(&self, symbolic: &Symbolic, printer: &mut Printer) -> Result<Spectrum> {
@@ -374,13 +379,13 @@ impl Solver<'_> {
             dense(problem)?
         } else {
             let count = self.arguments.count.unwrap_or(100) as usize;
-            let found = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
-            let (disks, solves) = (found.disks, found.solves);
+            let scanned = scan(problem, symbolic, bounds.re, count, par).map_err(unsolved)?;
+            let (disks, solves) = (scanned.disks, scanned.solves);
             writeln!(printer, "scan: {disks} shifts, {solves} solves")?;
-            let (all, n) = (found.spectrum.eigenvalues.len(), problem.size());
+            let (all, n) = (scanned.spectrum.eigenvalues.len(), problem.size());
             let all = all + problem.null().ncols();
             writeln!(printer, "scan: {all} of {n} eigenvalues")?;
-            found.spectrum
+            scanned.spectrum
         };
         let mut known: Vec<c64> = spectrum.eigenvalues.iter().map(|e| e.value).collect();
         known.resize(problem.size().max(known.len()), c64::new(0.0, 0.0));
@@ -411,15 +416,15 @@ impl Solver<'_> {
             most: arguments.count.unwrap_or(100) as usize,
             par: self.par,
         };
-        let found =
+        let modes =
             unstable(self.problem, sought).map_err(|stalled| unsolved(Failed::Stalled(stalled)))?;
         let within = format!("|Im λ| ≥ {:e} ‖A‖", arguments.resolution);
         writeln!(
             printer,
             "polynomials of degrees {:?}, {} products\n{}",
-            found.degrees,
-            found.products,
-            if found.complete {
+            modes.degrees,
+            modes.products,
+            if modes.complete {
                 format!("complete: all modes with {within}, or that grow as fast")
             } else {
                 format!(
@@ -427,13 +432,13 @@ impl Solver<'_> {
                 )
             }
         )?;
-        Ok(found.spectrum)
+        Ok(modes.spectrum)
     }
 
     /// Refines residuals above [`RESIDUAL`] and prints how many remain above it.
     fn refine(&self, spectrum: &mut Spectrum, printer: &mut Printer) -> Result<()> {
-        let over = |e: &&Eigenvalue| e.residual > RESIDUAL;
-        let before = spectrum.eigenvalues.iter().filter(over).count();
+        let eigenvalues = spectrum.eigenvalues.iter();
+        let before = eigenvalues.filter(|e| e.residual > RESIDUAL).count();
         if before == 0 {
             return Ok(());
         }
@@ -458,9 +463,9 @@ fn unsolved(failed: Failed) -> Failure {
     })
 }
 
-fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<()> {
-    if found.shift != wished {
-        let moved = (found.shift - wished).norm();
+fn tell(solution: &Nearest, wished: c64, printer: &mut Printer) -> Result<()> {
+    if solution.shift != wished {
+        let moved = (solution.shift - wished).norm();
         writeln!(
             printer,
             "K - σM is singular at the shift, or nearly so: moved by {moved:.3e}"
@@ -469,22 +474,24 @@ fn tell(found: &Nearest, wished: c64, printer: &mut Printer) -> Result<()> {
     writeln!(
         printer,
         "{} solves, {} restarts, {} factorisations",
-        found.solves, found.restarts, found.factorisations
+        solution.solves, solution.restarts, solution.factorisations
     )
 }
 
 fn summary(spectrum: &Spectrum, printer: &mut Printer) -> Result<()> {
     let all = &spectrum.eigenvalues;
-    let of = |verdict| all.iter().filter(|e| e.verdict == verdict).count();
+    let [real, pairs, doubtful, zero] = [
+        Verdict::Real,
+        Verdict::Pair,
+        Verdict::Doubtful,
+        Verdict::Zero,
+    ]
+    .map(|verdict| all.iter().filter(|e| e.verdict == verdict).count());
     let worst = all.iter().map(|e| e.residual).fold(0.0, f64::max);
     writeln!(
         printer,
-        "{} eigenvalues: {} real, {} in pairs, {} doubtful, {} zero; largest residual {worst:.1e} ‖A‖",
-        all.len(),
-        of(Verdict::Real),
-        of(Verdict::Pair),
-        of(Verdict::Doubtful),
-        of(Verdict::Zero)
+        "{} eigenvalues: {real} real, {pairs} in pairs, {doubtful} doubtful, {zero} zero; largest residual {worst:.1e} ‖A‖",
+        all.len()
     )
 }
 

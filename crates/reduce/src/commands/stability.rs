@@ -1,9 +1,10 @@
 //! `stability`: counts complex pairs and negative eigenvalues of frames.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::replay::{self, Rows};
 use crate::frame_selection::{FrameRange, Which};
 use crate::printer::Printer;
 use crate::results::Results;
@@ -11,7 +12,7 @@ use crate::stored_state::{StateSelection, StoredState, history};
 use gshear_analysis::stability::Stability;
 use gshear_dem::failure::{Failure, Result};
 use gshear_store::csv_table::Table;
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 
 /// Most unknowns of a dense matrix whose eigenvalues are found.
 const MOST_UNKNOWNS: usize = 6000;
@@ -33,10 +34,19 @@ pub struct Arguments {
     /// Stop at the first of these frames with a complex pair
     #[arg(long)]
     until_pair: bool,
+    /// Find the rows of the time series between which a complex pair is born: computes the run
+    /// again, with a frame per row, between the first frame with a pair and the one before it, and
+    /// bisects; into the folder birth, with a stability.csv of its own. The run must have kept a
+    /// checkpoint before (output.keep_checkpoints)
+    #[arg(long)]
+    birth: bool,
     /// Folder to write into [default: the run's]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
+
+/// Folder of the replayed frames around the birth of a pair.
+const BIRTH_FOLDER: &str = "birth";
 
 /// The stability of a frame, or why its K has no eigenvalues.
 struct FrameStability {
@@ -46,12 +56,25 @@ struct FrameStability {
     found: Result<Stability>,
 }
 
+impl FrameStability {
+    fn has_pair(&self) -> bool {
+        self.found.as_ref().is_ok_and(|found| found.pairs > 0.0)
+    }
+}
+
 impl Arguments {
+    /// `threads`: of a replay.
+    ///
     /// # Errors
-    /// A damaged run, a missing frame, too many unknowns, a file that cannot be written; once it is
-    /// written, frames whose K is not finite.
-    pub fn run(&self, printer: &mut Printer) -> Result<()> {
+    /// A damaged run, a missing frame, too many unknowns, a file that cannot be written; a birth in
+    /// a run that cannot be replayed; once the table is written, frames whose K is not finite.
+    pub fn run(&self, threads: usize, printer: &mut Printer) -> Result<()> {
         let run = RunFile::open_any(&self.run)?;
+        if self.birth && run.stage() == RunStage::Strain {
+            return Err(run.wrong(
+                "is of strain steps, which find the birth of a pair while they run: set aqs.spectrum = true",
+            ));
+        }
         let results = Results::of(self.out.as_deref(), run.folder());
         let frames = self.frames.of(&run)?;
         let strains = run.frame_strains()?;
@@ -59,13 +82,17 @@ impl Arguments {
         // Frames are read one after the other, as many at a time as there are threads.
         for some in frames.chunks(rayon::current_num_threads()) {
             rows.extend(self.frames(&run, some)?);
-            let is_pair = |row: &FrameStability| row.found.as_ref().is_ok_and(|of| of.pairs > 0.0);
-            if let (true, Some(k)) = (self.until_pair, rows.iter().position(is_pair)) {
+            if self.until_pair
+                && let Some(k) = rows.iter().position(FrameStability::has_pair)
+            {
                 rows.truncate(k + 1);
                 break;
             }
         }
         results.table("stability.csv", &table(&run, &strains, &rows), printer)?;
+        if self.birth {
+            self.find_birth(&run, &rows, &results.place(BIRTH_FOLDER)?, threads, printer)?;
+        }
         let failed = rows.iter().filter_map(|row| row.found.as_ref().err());
         let failed: Vec<String> = failed.map(ToString::to_string).collect();
         if failed.is_empty() {
@@ -78,14 +105,60 @@ impl Arguments {
         )))
     }
 
-    fn frames(&self, run: &RunFile, frames: &[usize]) -> Result<Vec<FrameStability>> {
-        let read = |t: &usize| {
-            let state = StoredState::of_run(run, StateSelection::Frame(Which::Number(*t)))?;
-            Ok((*t, state))
+    /// Finds two rows of the time series, the first without a pair and the next with one, between
+    /// the first of these frames with a pair and the one before it, and says so.
+    fn find_birth(
+        &self,
+        run: &RunFile,
+        frames: &[FrameStability],
+        folder: &Path,
+        threads: usize,
+        printer: &mut Printer,
+    ) -> Result<()> {
+        let Some(first) = frames.iter().position(FrameStability::has_pair) else {
+            return writeln!(printer, "birth: none of these frames has a complex pair");
         };
-        let states: Vec<_> = frames.iter().map(read).collect::<Result<_>>()?;
+        if first == 0 {
+            let frame = frames[0].frame;
+            return writeln!(
+                printer,
+                "birth: before frame {frame}, the first of these, which has a complex pair already"
+            );
+        }
+        let steps = [first - 1, first].map(|k| run.frame_steps()[frames[k].frame]);
+        let replayed = replay::window(run, Rows::Steps(steps), None, threads, folder)?.run;
+        let strains = replayed.frame_strains()?;
+        let mut tried = Vec::new();
+        let (mut without, mut with) = (0, replayed.frames() - 1);
+        while with - without > 1 {
+            let middle = usize::midpoint(without, with);
+            let rows = self.frames(&replayed, &[middle])?;
+            if rows.iter().any(FrameStability::has_pair) {
+                with = middle;
+            } else {
+                without = middle;
+            }
+            tried.extend(rows);
+        }
+        tried.sort_by_key(|row| row.frame);
+        let rows = table(&replayed, &strains, &tried);
+        Results::of(Some(folder), folder).table("stability.csv", &rows, printer)?;
+        let [before, after] = [without, with].map(|k| (replayed.frame_steps()[k], strains[k]));
+        writeln!(
+            printer,
+            "birth: a complex pair between steps {} and {}, strains {} and {}",
+            before.0, after.0, before.1, after.1
+        )
+    }
+
+    fn frames(&self, run: &RunFile, frames: &[usize]) -> Result<Vec<FrameStability>> {
+        let mut states = Vec::new();
+        for &t in frames {
+            let state = StoredState::of_run(run, StateSelection::Frame(Which::Number(t)))?;
+            states.push((t, state));
+        }
         let history = history(self.paper_form);
-        let of = |(frame, state): &(usize, StoredState)| {
+        let rows = states.par_iter().map(|(frame, state)| {
             let jacobian = state.jacobian(history);
             if jacobian.unknowns() > MOST_UNKNOWNS {
                 let what = format!(
@@ -100,8 +173,8 @@ impl Arguments {
                 sliding: jacobian.sliding,
                 found: state.stability(&jacobian),
             })
-        };
-        states.par_iter().map(of).collect()
+        });
+        rows.collect()
     }
 }
 

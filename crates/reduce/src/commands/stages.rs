@@ -1,6 +1,5 @@
 //! `stages`: the stages of the largest drop of τ, and grains and contacts at steps around it.
 
-use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use super::correlate::GrainReduction;
@@ -12,10 +11,11 @@ use gshear_analysis::displacement::{self, tension};
 use gshear_analysis::drop_stages::Stages;
 use gshear_analysis::forces;
 use gshear_analysis::frame_scalars::{ScalarScratch, Stressed, frame_scalars};
+use gshear_analysis::interval::Interval;
 use gshear_analysis::phases;
 use gshear_analysis::regions::Reduction;
 use gshear_dem::failure::Result;
-use gshear_dem::state::{Disks, Frame};
+use gshear_dem::state::{Frame, GrainConstants};
 use gshear_store::csv_table::Table;
 use gshear_store::run_reader::{FrameFields, RunFile};
 
@@ -82,37 +82,41 @@ impl Arguments {
         let first = phases::onset(&series.strain, self.from);
         let (step, strain) = (&series.step[first..], &series.strain[first..]);
         let tau = &series.tau[first..];
-        let found = phases::find(strain, tau);
+        let phases = phases::find(strain, tau);
         if series.strain.len() < 2 {
             let frames = series.strain.len();
             return Err(run.wrong(format!("has {frames} frames; give a run with two or more")));
         }
-        let Some(largest) = phases::largest_drop(&found) else {
+        let Some(largest) = phases::largest_drop(&phases) else {
             return Err(run.wrong(format!(
                 "τ never decreases from γ = {} on, so there is no drop; give a lesser --from",
                 self.from
             )));
         };
-        let stages = Stages::around(&found, largest, tau);
+        let stages = Stages::around(&phases, largest, tau);
         let rows = shown(&stages);
-        let reduction = self.reduction.into();
-        let mut steps = map_steps(run, &rows, (step, strain), reduction)?;
+        let regime = RegimeRows {
+            step,
+            strain,
+            reduction: self.reduction.into(),
+        };
+        let mut steps = regime.map_steps(run, &rows)?;
         if steps.is_empty() && replay::can(run) {
-            let of_run = run.series();
+            let series = run.series();
             let ends = [stages.begin, stages.end].map(|row| {
-                let found = of_run.step.binary_search(&step[row]);
-                found.map_or(f64::NAN, |k| of_run.time[k])
+                let known = series.step.binary_search(&step[row]);
+                known.map_or(f64::NAN, |k| series.time[k])
             });
             let out = results.place("replay")?;
             let replayed = replay::window(run, Rows::Time(ends), None, threads, &out)?;
-            steps = map_steps(&replayed.run, &rows, (step, strain), reduction)?;
+            steps = regime.map_steps(&replayed.run, &rows)?;
         }
         let grains = run.grains();
         let mut tables = vec![("stages.csv", of_stages(&stages, step, strain))];
         if !steps.is_empty() {
             tables.push(("stages-steps.csv", of_steps(grains, &steps)));
             tables.push(("stages-grains.csv", of_grains(grains, &steps)));
-            tables.push(("stages-contacts.csv", of_contacts(grains, &steps)));
+            tables.push(("stages-contacts.csv", of_contacts(&steps)));
         }
         // Of disks.
         (tables.iter()).try_for_each(|(name, csv)| results.table_in(2, name, csv, printer))
@@ -130,12 +134,13 @@ fn shown(stages: &Stages) -> Vec<(&'static str, usize)> {
         ("II", first_end + 1..=*drop.end(), 6, 0),
         ("III", after, 3, 0),
     ];
-    let of_part = |(stage, rows, most, dense): (_, RangeInclusive<usize>, usize, usize)| {
+    let mut shown = Vec::new();
+    for (stage, rows, most, dense) in parts {
         let rows: Vec<usize> = rows.collect();
         let chosen = spread(rows.len(), most, dense).into_iter();
-        chosen.map(move |k| (stage, rows[k]))
-    };
-    parts.into_iter().flat_map(of_part).collect()
+        shown.extend(chosen.map(|k| (stage, rows[k])));
+    }
+    shown
 }
 
 /// Up to `most` indices of 0 … count-1: the first `dense`, then evenly spaced up to the last.
@@ -154,43 +159,55 @@ fn spread(count: usize, most: usize, dense: usize) -> Vec<usize> {
     (0..dense).chain(even).collect()
 }
 
-/// The intervals that end in these rows, from the frames of a run; none if a frame is missing.
-/// `rows`: stage and row; `step` and `strain` `[L]`: of the rows.
-fn map_steps(
-    run: &RunFile,
-    rows: &[(&'static str, usize)],
-    (step, strain): (&[u64], &[f64]),
+/// The rows of the stick-slip regime.
+struct RegimeRows<'a> {
+    /// `[L]` Time steps.
+    step: &'a [u64],
+    /// `[L]` γ.
+    strain: &'a [f64],
+    /// By which the grains of GR regions are chosen.
     reduction: Reduction,
-) -> Result<Vec<MapStep>> {
-    let grains = run.grains();
-    let read = |t: usize| {
-        let frames = run.block_of(t..t + 1, FrameFields::Forces);
-        frames.map(|mut frames| Stressed::new(grains, frames.swap_remove(0)))
-    };
-    let mut steps = Vec::new();
-    let mut scratch = ScalarScratch::default();
-    for &(stage, row) in rows {
-        let frames = [row - 1, row].map(|row| run.frame_steps().binary_search(&step[row]));
-        let [Ok(earlier), Ok(later)] = frames else {
-            return Ok(Vec::new());
-        };
-        let (earlier, later) = (read(earlier)?, read(later)?);
-        frame_scalars(grains, &earlier, &later, &mut scratch);
-        let (rattlers, mut field) = (scratch.non_affine.rattlers(), Vec::new());
-        displacement::non_affine(grains, &earlier.frame, &later.frame, rattlers, &mut field);
-        steps.push(MapStep {
-            number: steps.len() + 1,
-            stage,
-            steps: [step[row - 1], step[row]],
-            strain: [strain[row - 1], strain[row]],
-            force_change: scratch.regions.changes().to_vec(),
-            regions: scratch.regions.grains(reduction).to_vec(),
-            dmin: scratch.dmin.clone(),
-            displacement: field,
-            frame: later.frame,
-        });
+}
+
+impl RegimeRows<'_> {
+    /// The intervals that end in these rows, from the frames of a run; none if a frame is missing.
+    /// `rows`: stage and row.
+    fn map_steps(&self, run: &RunFile, rows: &[(&'static str, usize)]) -> Result<Vec<MapStep>> {
+        let (step, strain) = (self.step, self.strain);
+        let mut steps = Vec::new();
+        let mut scratch = ScalarScratch::default();
+        for &(stage, row) in rows {
+            let frames = [row - 1, row].map(|row| run.frame_steps().binary_search(&step[row]));
+            let [Ok(earlier), Ok(later)] = frames else {
+                return Ok(Vec::new());
+            };
+            let (earlier, later) = (stressed(run, earlier)?, stressed(run, later)?);
+            frame_scalars(run.grains(), &earlier, &later, &mut scratch);
+            let (rattlers, mut field) = (scratch.non_affine.rattlers(), Vec::new());
+            let interval = Interval::between_walls([&earlier.frame, &later.frame]);
+            displacement::non_affine(&interval, rattlers, &mut field);
+            steps.push(MapStep {
+                number: steps.len() + 1,
+                stage,
+                steps: [step[row - 1], step[row]],
+                strain: [strain[row - 1], strain[row]],
+                force_change: scratch.regions.changes().to_vec(),
+                regions: scratch.regions.grains(self.reduction).to_vec(),
+                dmin: scratch.dmin.clone(),
+                displacement: field,
+                frame: later.frame,
+            });
+        }
+        Ok(steps)
     }
-    Ok(steps)
+}
+
+/// Reads frame t, as far as its scalars need it.
+fn stressed(run: &RunFile, t: usize) -> Result<Stressed> {
+    let frame = run
+        .records_with(t..t + 1, FrameFields::Forces)?
+        .swap_remove(0);
+    Ok(Stressed::new(run.grains(), frame))
 }
 
 impl MapStep {
@@ -211,16 +228,26 @@ impl MapStep {
         order
     }
 
+    /// The centre of a grain (m); NaN if it was removed.
+    fn centre(&self, grain: usize) -> [f64; 2] {
+        let [x, y, _] = self.frame.position(grain);
+        [x, y]
+    }
+
     /// Place of the greatest D²min, and the direction of tension around it; NaN where undefined.
-    fn tension(&self, grains: &Disks) -> [[f64; 2]; 2] {
+    fn tension(&self, grains: &GrainConstants) -> [[f64; 2]; 2] {
         let Some(&greatest) = self.by_dmin().first() else {
             return [[f64::NAN; 2]; 2];
         };
-        let centre = self.frame.position[greatest];
-        let undefined = |n: usize| self.dmin[n].is_nan();
+        let centre = self.centre(greatest);
         let radius = REGION * 2.0 * grains.mean_radius();
-        let (frame, field) = (&self.frame, &self.displacement);
-        let along = tension(grains, frame, field, undefined, centre, radius);
+        let along = tension(
+            &self.frame,
+            &self.displacement,
+            |n| self.dmin[n].is_nan(),
+            centre,
+            radius,
+        );
         [centre, along.unwrap_or([f64::NAN; 2])]
     }
 }
@@ -245,7 +272,7 @@ fn of_stages(stages: &Stages, step: &[u64], strain: &[f64]) -> String {
 }
 
 /// Returns one line per step; lengths in m.
-fn of_steps(grains: &Disks, steps: &[MapStep]) -> String {
+fn of_steps(grains: &GrainConstants, steps: &[MapStep]) -> String {
     Table::of(steps)
         .column("step", |step| step.number)
         .column("stage", |step| step.stage)
@@ -258,7 +285,7 @@ fn of_steps(grains: &Disks, steps: &[MapStep]) -> String {
 }
 
 /// Returns one line per grain and step; lengths in m, D²min in m².
-fn of_grains(grains: &Disks, steps: &[MapStep]) -> String {
+fn of_grains(grains: &GrainConstants, steps: &[MapStep]) -> String {
     let rows = steps.iter().flat_map(|step| {
         let top = step.top();
         (0..grains.count()).map(move |n| (step, n, top.contains(&n)))
@@ -269,7 +296,7 @@ fn of_grains(grains: &Disks, steps: &[MapStep]) -> String {
         .columns(["start_strain", "end_strain"], |(step, ..)| step.strain)
         .column("grain", |(_, n, _)| *n)
         .column("body", |(_, n, _)| grains.body[*n])
-        .columns(["x", "y"], |(step, n, _)| step.frame.position[*n])
+        .columns(["x", "y"], |(step, n, _)| step.centre(*n))
         .column("radius", |(_, n, _)| grains.radius[*n])
         .column("in_gr_region", |(step, n, _)| {
             u8::from(step.regions.binary_search(&(*n as u32)).is_ok())
@@ -281,7 +308,7 @@ fn of_grains(grains: &Disks, steps: &[MapStep]) -> String {
 }
 
 /// Returns one line per contact and step; lengths in m, forces in N/m.
-fn of_contacts(grains: &Disks, steps: &[MapStep]) -> String {
+fn of_contacts(steps: &[MapStep]) -> String {
     let rows = steps.iter().flat_map(|step| {
         let contacts = step.frame.contacts.iter().zip(&step.force_change);
         contacts.map(move |(contact, change)| (step, contact, *change))
@@ -293,9 +320,8 @@ fn of_contacts(grains: &Disks, steps: &[MapStep]) -> String {
         .column("i", |(_, contact, _)| contact.i)
         .column("j", |(_, contact, _)| contact.j)
         .columns(["x_i", "y_i", "x_j", "y_j"], |(step, contact, _)| {
-            let from = step.frame.position[contact.i as usize];
-            let to = step.frame.position[contact.j as usize];
-            let [x, y] = grains.separation(from, to);
+            let from = step.centre(contact.i as usize);
+            let [x, y, _] = step.frame.separation(contact.i, contact.j);
             [from[0], from[1], from[0] + x, from[1] + y]
         })
         .column("force", |(_, contact, _)| forces::size(contact))

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant, SystemTime};
 use console::Term;
 
 use gshear_dem::failure::{Failure, Result, printable};
-use gshear_driver::folder::condition_by_status;
 use gshear_driver::progress::line;
 use gshear_driver::say::fold_for;
+use gshear_driver::stored_run::condition_by_status;
 use gshear_store::checkpoint;
 use gshear_store::file_names::{LOG_FILE, RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::{RunFile, RunStage};
@@ -124,29 +124,25 @@ fn headline(run: Option<(&Status, &RunCondition)>, width: usize, colours: bool) 
         let text = "the state is unknown: an earlier version wrote this run";
         return text.chars().take(width).collect();
     };
-    let waits = status
-        .long_wait()
-        .filter(|_| width >= WIDE && *condition == RunCondition::Running);
-    let waits =
-        waits.map(|waited| format!(", waits {:.0} % of the time for cores", 100.0 * waited));
-    let waits = waits.unwrap_or_default();
-    let what = |words: &str| {
-        let room = width.saturating_sub(words.chars().count() + waits.chars().count());
-        // Nothing is left to wait for.
-        let left = status
-            .seconds_left
-            .filter(|_| *condition == RunCondition::Running);
-        words.to_string() + &line(&status.standing, status.speed, left, room, colours) + &waits
+    let running = *condition == RunCondition::Running;
+    let words = match condition {
+        RunCondition::Running => match age(status) {
+            Some(age) if age > SILENT => format!("no news for {}s, ", age.as_secs()),
+            _ => String::new(),
+        },
+        RunCondition::Failed(_) => return condition.to_string().chars().take(width).collect(),
+        _ => format!("{}: ", condition.name()),
     };
-    match condition {
-        RunCondition::Running if age(status).is_some_and(|age| age > SILENT) => {
-            let seconds = age(status).unwrap_or_default().as_secs();
-            what(&format!("no news for {seconds}s, "))
+    let waits = match status.long_wait() {
+        Some(waited) if running && width >= WIDE => {
+            format!(", waits {:.0} % of the time for cores", 100.0 * waited)
         }
-        RunCondition::Running => what(""),
-        RunCondition::Failed(_) => condition.to_string().chars().take(width).collect(),
-        _ => what(&format!("{}: ", condition.name())),
-    }
+        _ => String::new(),
+    };
+    let room = width.saturating_sub(words.chars().count() + waits.chars().count());
+    // Of a run that has ended nothing is left to wait for.
+    let left = if running { status.seconds_left } else { None };
+    words + &line(&status.progress, status.speed, left, room, colours) + &waits
 }
 
 /// Time since the status was written.
@@ -198,15 +194,14 @@ impl Curves {
                 ("strain", strain)
             };
             (self.names, self.over) = (["tau", "phi"], over);
-            let points = |y: Vec<f64>| x.iter().zip(y).map(|(x, y)| [*x, y]).collect();
-            self.points = [points(tau), points(phi)];
+            self.points = [tau, phi].map(|y| x.iter().zip(y).map(|(x, y)| [*x, y]).collect());
             return Ok(());
         }
         // A box writes no log.
         let Some(status) = status else { return Ok(()) };
         self.strains.read(status)?;
-        let column = |k: usize| -> Vec<f64> { self.strains.all().map(|row| row[k]).collect() };
-        let [step, strain, stress] = [0, 1, 2].map(column);
+        let [step, strain, stress] =
+            [0, 1, 2].map(|k| self.strains.all().map(|row| row[k]).collect::<Vec<f64>>());
         let (over, x) = if returns(&strain) {
             ("strain step", step)
         } else {
@@ -222,18 +217,20 @@ impl Curves {
         if width < LEAST[0] || height < LEAST[1] || self.rows() < 2 {
             return Vec::new();
         }
-        let unicode = speaks_utf8();
-        let [first, second] = &self.points;
-        let curve = |points, k: usize, height| {
-            plot(points, self.names[k], self.over, [width, height], unicode)
-        };
-        if second.len() > 1 && height >= 2 * LEAST[1] + 4 {
+        if self.points[1].len() > 1 && height >= 2 * LEAST[1] + 4 {
             // The stress has twice the room.
             let lower = (height / 3).max(LEAST[1]);
-            [curve(first, 0, height - lower), curve(second, 1, lower)].concat()
+            let upper = self.picture(0, [width, height - lower]);
+            [upper, self.picture(1, [width, lower])].concat()
         } else {
-            curve(first, 0, height)
+            self.picture(0, [width, height])
         }
+    }
+
+    /// The lines of the picture of a curve.
+    fn picture(&self, k: usize, size: [usize; 2]) -> Vec<String> {
+        let (points, name) = (&self.points[k], self.names[k]);
+        plot(points, name, self.over, size, speaks_utf8())
     }
 }
 
@@ -276,24 +273,25 @@ impl StrainSteps {
     /// # Errors
     /// A damaged file of a run that does not write it any more.
     fn read(&mut self, status: &Status) -> Result<()> {
-        let of = std::fs::metadata(&self.path).ok();
-        let signature = of.map(|of| (of.ino(), of.len(), of.mtime(), of.mtime_nsec()));
+        let file = std::fs::metadata(&self.path).ok();
+        let signature = file.map(|file| (file.ino(), file.len(), file.mtime(), file.mtime_nsec()));
         if signature.is_some() && signature != self.signature {
-            let mut found = RunFile::open_any(&self.path);
+            let mut opened = RunFile::open_any(&self.path);
             for _ in 0..ATTEMPTS {
-                if found.is_ok() || status.state != RunState::Running {
+                if opened.is_ok() || status.state != RunState::Running {
                     break;
                 }
                 std::thread::sleep(PAUSE);
-                found = RunFile::open_any(&self.path);
+                opened = RunFile::open_any(&self.path);
             }
-            match found {
+            match opened {
                 Ok(run) if run.stage() == RunStage::Strain => {
                     self.signature = signature;
-                    let (step, column) = (&run.series().step, |name| run.series().column(name));
-                    let (strain, stress) = (column("strain"), column("shear_stress"));
-                    let row = |k: usize| [step[k] as f64, strain[k], stress[k]];
-                    self.stored = (0..step.len()).map(row).collect();
+                    let series = run.series();
+                    let (strain, stress) = (series.column("strain"), series.column("shear_stress"));
+                    self.stored = (series.step.iter().enumerate())
+                        .map(|(k, step)| [*step as f64, strain[k], stress[k]])
+                        .collect();
                 }
                 Ok(_) => {}
                 // Another look finds it whole.
@@ -301,9 +299,9 @@ impl StrainSteps {
                 Err(failure) => return Err(failure),
             }
         }
-        let standing = &status.standing;
-        let step = standing.step as f64;
-        if let (Some(strain), Some(stress)) = (standing.strain, standing.shear_stress) {
+        let progress = &status.progress;
+        let step = progress.step as f64;
+        if let (Some(strain), Some(stress)) = (progress.strain, progress.shear_stress) {
             self.seen.retain(|row| row[0] < step);
             self.seen.push([step, strain, stress]);
         }
@@ -326,9 +324,10 @@ struct Tail {
 
 impl Tail {
     fn column(&self, name: &str) -> Vec<f64> {
-        let at = self.names.iter().position(|known| known == name);
-        let value = |row: &Vec<f64>| Some(row[at?]);
-        self.rows.iter().filter_map(value).collect()
+        match self.names.iter().position(|known| known == name) {
+            Some(column) => self.rows.iter().map(|row| row[column]).collect(),
+            None => Vec::new(),
+        }
     }
 
     /// Reads the complete lines that are new; a file that cannot be read has none.
@@ -336,9 +335,11 @@ impl Tail {
         let Ok(mut file) = sound::regular(&self.path) else {
             return;
         };
-        let Ok(of) = file.metadata() else { return };
-        let id = (of.dev(), of.ino());
-        if id != self.file || of.len() < self.read {
+        let Ok(metadata) = file.metadata() else {
+            return;
+        };
+        let id = (metadata.dev(), metadata.ino());
+        if id != self.file || metadata.len() < self.read {
             *self = Self {
                 file: id,
                 path: std::mem::take(&mut self.path),

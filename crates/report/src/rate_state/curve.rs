@@ -37,26 +37,36 @@ impl Curve {
         x: impl Fn(usize) -> f64,
         y: impl Fn(&Experiment, f64) -> f64,
     ) -> Self {
-        let points = |e: &Experiment| -> Vec<[f64; 2]> {
-            let place = |row: usize| [x(row), y(e, e.record.friction[row])];
-            let places = rows.clone().map(place);
-            places.filter(|p| p.iter().all(|x| x.is_finite())).collect()
-        };
         let record = &view.experiment.record;
-        let edges = |row: usize| {
+        let band = rows.clone().map(|row| {
             let (mean, reach) = (record.friction[row], 2.0 * record.deviation[row]);
             let [low, high] = [mean - reach, mean + reach].map(|f| y(view.experiment, f));
             [x(row), low, high]
-        };
-        let band = rows.clone().map(edges);
+        });
         let models = view.models.iter();
         Curve {
             name,
-            points: points(view.experiment),
+            points: points(view.experiment, rows, &x, &y),
             band: band.filter(|e| e.iter().all(|v| v.is_finite())).collect(),
-            models: models.map(|(law, model)| (*law, points(model))).collect(),
+            models: models
+                .map(|(law, model)| (*law, points(model, rows, &x, &y)))
+                .collect(),
         }
     }
+}
+
+/// The finite points of some rows of an experiment.
+fn points(
+    experiment: &Experiment,
+    rows: &Range<usize>,
+    x: impl Fn(usize) -> f64,
+    y: impl Fn(&Experiment, f64) -> f64,
+) -> Vec<[f64; 2]> {
+    let friction = &experiment.record.friction;
+    let places = rows
+        .clone()
+        .map(|row| [x(row), y(experiment, friction[row])]);
+    places.filter(|p| p.iter().all(|x| x.is_finite())).collect()
 }
 
 /// Colour of a law.
@@ -83,11 +93,11 @@ pub(super) fn draw(
     let x_ticks = ticks_of(x[0], x[1], 9);
     // The jump at the left end does not count for the scale.
     let begin = x[0] + 0.005 * (x[1] - x[0]);
-    let edges = |[x, low, high]: &[f64; 3]| [[*x, *low], [*x, *high]];
     let shown = curves.iter().flat_map(|curve| {
         let models = curve.models.iter().flat_map(|(_, points)| points);
         let points = curve.points.iter().chain(models).copied();
-        points.chain(curve.band.iter().flat_map(edges))
+        let edges = curve.band.iter();
+        points.chain(edges.flat_map(|[x, low, high]| [[*x, *low], [*x, *high]]))
     });
     let heights = shown
         .filter(|p| (begin..=x[1]).contains(&p[0]))
@@ -120,20 +130,19 @@ pub(super) fn draw(
 
 /// Legend entries of the laws, each once.
 pub(super) fn law_legend(laws: impl Iterator<Item = Evolution>) -> Vec<(RGBColor, &'static str)> {
-    let entry = |law: Evolution| match law {
+    let entries = distinct(laws).into_iter().map(|law| match law {
         Evolution::Aging => (AGING_LAW, "aging law"),
         Evolution::Slip => (SLIP_LAW, "slip law"),
-    };
-    distinct(laws).into_iter().map(entry).collect()
+    });
+    entries.collect()
 }
 
 fn band(plot: &mut Plot, edges: &[[f64; 3]], colour: RGBColor) {
-    let edge = |c: usize| {
+    let [mut outline, upper] = [1, 2].map(|c| {
         let points: Vec<[f64; 2]> = edges.iter().map(|e| [e[0], e[c]]).collect();
         decimate(&points, 2.0 / plot.scale())
-    };
-    let mut outline = edge(1);
-    outline.extend(edge(2).into_iter().rev());
+    });
+    outline.extend(upper.into_iter().rev());
     if outline.len() > 2 {
         plot.area(&outline, colour, 0.22);
     }

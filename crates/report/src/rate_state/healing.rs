@@ -10,13 +10,9 @@ use gshear_analysis::rate_state::{Evolution, Healing, Hold, peak_growth};
 
 /// Draws Δμ against ln t_hold: measured with ±2 standard errors, the fitted line, and the laws.
 pub(super) fn healing(views: &[View]) -> Option<String> {
-    let point = |hold: &Hold| {
-        let reslide = hold.reslide?;
-        Some([hold.duration.log10(), reslide.healing, reslide.error])
-    };
     let mut fits: Vec<(&View, &Healing)> = Vec::new();
     for view in views {
-        fits.extend(view.experiment.healing.iter().map(|of| (view, of)));
+        fits.extend(view.experiment.healing.iter().map(|fit| (view, fit)));
     }
     if fits.is_empty() {
         return None;
@@ -37,10 +33,9 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
             models.push((*law, points));
         }
     }
-    let ends = |[_, value, error]: &[f64; 3]| [value - 2.0 * error, value + 2.0 * error];
     let heights = points.iter().flat_map(ends);
-    let of_models = models.iter().flat_map(|(_, m)| m.iter().map(|p| p[1]));
-    let y = padded(heights.chain(of_models), 0.08);
+    let modelled = models.iter().flat_map(|(_, m)| m.iter().map(|p| p[1]));
+    let y = padded(heights.chain(modelled), 0.08);
     let x_ticks = hold_ticks(x, &points);
     Some(figure(LAYOUT, x, y, |plot| {
         let y_ticks = ticks::round(y[0], y[1], 6);
@@ -50,8 +45,8 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
         }
         let ln_10 = std::f64::consts::LN_10;
         for (_, healing) in &fits {
-            let at = |x: f64| [x, healing.intercept + healing.slope * x * ln_10];
-            plot.line(&[at(x[0]), at(x[1])], GREY, 1.2);
+            let line = x.map(|x| [x, healing.intercept + healing.slope * x * ln_10]);
+            plot.line(&line, GREY, 1.2);
         }
         for point in &points {
             plot.line(&ends(point).map(|end| [point[0], end]), INK, 1.2);
@@ -69,14 +64,27 @@ pub(super) fn healing(views: &[View]) -> Option<String> {
     }))
 }
 
+/// lg t_hold, Δμ and its standard error.
+fn point(hold: &Hold) -> Option<[f64; 3]> {
+    let reslide = hold.reslide?;
+    Some([hold.duration.log10(), reslide.healing, reslide.error])
+}
+
+/// Δμ less and more two standard errors.
+fn ends(point: &[f64; 3]) -> [f64; 2] {
+    let [_, value, error] = point;
+    [value - 2.0 * error, value + 2.0 * error]
+}
+
 /// Ticks at the decades of the hold times, or, if there are not two, at the hold times.
 fn hold_ticks(x: [f64; 2], points: &[[f64; 3]]) -> Vec<Tick> {
     let decades = ticks::decades(x[0], x[1], 9);
     if decades.len() > 1 {
         return decades;
     }
-    let at = |p: &[f64; 3]| (p[0], short(10f64.powf(p[0])));
-    let mut ticks: Vec<Tick> = points.iter().map(at).collect();
+    let mut ticks: Vec<Tick> = (points.iter())
+        .map(|point| (point[0], short(10f64.powf(point[0]))))
+        .collect();
     ticks.sort_by(|a, b| a.0.total_cmp(&b.0));
     ticks.dedup_by(|a, b| a.1 == b.1);
     ticks
@@ -85,8 +93,8 @@ fn hold_ticks(x: [f64; 2], points: &[[f64; 3]]) -> Vec<Tick> {
 /// Returns the C for which peaks after holds of equal duration are proportional to C + ln(V_r/V_i).
 /// `None` if no two velocity ratios share a duration, or if C or one of the sums is not positive.
 pub(super) fn peak_offset(views: &[View]) -> Option<f64> {
-    let holds = || all_holds(views).into_iter().map(|(_, hold)| hold);
-    let growth = peak_growth(holds());
+    let holds: Vec<&Hold> = all_holds(views).into_iter().map(|(_, hold)| hold).collect();
+    let growth = peak_growth(holds.iter().copied());
     let grows = growth.iter().filter(|growth| growth.slope > 0.0);
     let (sum, weight) = grows.fold((0.0, 0.0), |(sum, weight), growth| {
         let offset = growth.intercept / growth.slope;
@@ -94,9 +102,9 @@ pub(super) fn peak_offset(views: &[View]) -> Option<f64> {
     });
     let offset = sum / weight;
     // Without healing it may not be positive, and the peaks cannot be divided by it.
-    let positive = |hold: &Hold| {
-        let ratio = hold.reslide.map(|peak| peak.velocity / hold.before);
-        ratio.is_none_or(|ratio| offset + ratio.ln() > 0.0)
-    };
-    (offset > 0.0 && holds().all(positive)).then_some(offset)
+    let mut ratios = holds
+        .iter()
+        .filter_map(|hold| Some(hold.reslide?.velocity / hold.before));
+    let are_positive = offset > 0.0 && ratios.all(|ratio| offset + ratio.ln() > 0.0);
+    are_positive.then_some(offset)
 }

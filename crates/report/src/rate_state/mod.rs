@@ -33,24 +33,28 @@ pub fn all(views: &[View], best: Option<&Fit>) -> Vec<(String, String)> {
         };
         figures.push((name, fit_over_data(view)));
     }
-    let mut add = |name: &str, svg: Option<String>| {
-        figures.extend(svg.map(|svg| (name.to_string(), svg)));
+    let normalised = match peak_offset(views) {
+        Some(offset) => reslides(views, best, Some(offset)),
+        None => None,
     };
-    add("steps.svg", steps(views));
-    add("holds.svg", holds(views));
-    add("reslides.svg", reslides(views, best, None));
-    let offset = peak_offset(views);
-    let normalised = offset.and_then(|c| reslides(views, best, Some(c)));
-    add("reslides-normalised.svg", normalised);
-    add("healing.svg", healing(views));
+    for (name, svg) in [
+        ("steps.svg", steps(views)),
+        ("holds.svg", holds(views)),
+        ("reslides.svg", reslides(views, best, None)),
+        ("reslides-normalised.svg", normalised),
+        ("healing.svg", healing(views)),
+    ] {
+        figures.extend(svg.map(|svg| (name.to_string(), svg)));
+    }
     figures
 }
 
 /// Returns a page with these figures, names and SVG, and a table of names and texts. `place`: where
 /// the tables are.
 pub fn page(figures: &[(String, String)], rows: &[[String; 2]], place: &str) -> String {
-    let escaped = |row: &[String; 2]| row.each_ref().map(|text| escape(text)).into();
-    let mut body = page::table(rows.iter().map(escaped)) + "<h2>Figures</h2>\n";
+    let rows = rows.iter();
+    let rows = rows.map(|[name, value]| (escape(name), escape(value)));
+    let mut body = page::table(rows) + "<h2>Figures</h2>\n";
     for (name, svg) in figures {
         let caption = CAPTIONS.iter().find(|(start, _)| name.starts_with(start));
         let name = name.trim_end_matches(".svg");
@@ -86,9 +90,14 @@ const CAPTIONS: [(&str, &str); 6] = [
 /// Draws μ against slip over the whole record.
 fn fit_over_data(view: &View) -> String {
     let record = &view.experiment.record;
-    let slip = |row: usize| 1e3 * (record.slip[row] - record.slip[0]);
     let rows = 0..record.time.len();
-    let mut curve = Curve::of(view, "mean".into(), &rows, slip, |_, friction| friction);
+    let mut curve = Curve::of(
+        view,
+        "mean".into(),
+        &rows,
+        |row| 1e3 * (record.slip[row] - record.slip[0]),
+        |_, friction| friction,
+    );
     // A single realisation has no band.
     curve.name = match record.realisations {
         1 => "run".into(),
@@ -108,13 +117,16 @@ fn steps(views: &[View]) -> Option<String> {
             let start = record.slip[rows.start - 1];
             let [before, after] = step.velocities.map(short);
             let name = format!("{before} → {after} m/s");
-            let above = above_steady(step.segment - 1);
-            let reference = move |e: &Experiment, friction: f64| match e.steps.get(n) {
-                Some(_) => above(e, friction),
-                None => f64::NAN,
-            };
-            let slip = |row: usize| 1e3 * (record.slip[row] - start);
-            curves.push(Curve::of(view, name, &rows, slip, reference));
+            curves.push(Curve::of(
+                view,
+                name,
+                &rows,
+                |row| 1e3 * (record.slip[row] - start),
+                |e, friction| match e.steps.get(n) {
+                    Some(_) => above_steady(e, step.segment - 1, friction),
+                    None => f64::NAN,
+                },
+            ));
         }
     }
     let labels = ["slip since the velocity step (mm)", "μ − μ_{ss}(V_{1})"];
@@ -130,28 +142,34 @@ fn longest(curves: &[Curve]) -> f64 {
 
 /// The holds of all views in order of t_hold.
 fn all_holds<'a>(views: &'a [View<'a>]) -> Vec<(&'a View<'a>, &'a Hold)> {
-    let of = |view: &'a View<'a>| view.experiment.holds.iter().map(move |hold| (view, hold));
-    let mut holds: Vec<_> = views.iter().flat_map(of).collect();
+    let mut holds = Vec::new();
+    for view in views {
+        holds.extend(view.experiment.holds.iter().map(|hold| (view, hold)));
+    }
     holds.sort_by(|a, b| a.1.duration.total_cmp(&b.1.duration));
     holds
 }
 
 /// μ - μ_ss of the segment `before`.
-fn above_steady(before: usize) -> impl Fn(&Experiment, f64) -> f64 {
-    move |e, friction| friction - e.steady[before].map_or(f64::NAN, |s| s.friction)
+fn above_steady(experiment: &Experiment, before: usize, friction: f64) -> f64 {
+    friction - experiment.steady[before].map_or(f64::NAN, |steady| steady.friction)
 }
 
 /// Draws μ - μ_ss against the time since the start of each hold (FR, figure S1).
 fn holds(views: &[View]) -> Option<String> {
-    let of = |(view, hold): (&View, &Hold)| {
+    let mut curves = Vec::new();
+    for (view, hold) in all_holds(views) {
         let record = &view.experiment.record;
         let begin = record.begin(hold.segment);
         let name = format!("{} s from {} m/s", short(hold.duration), short(hold.before));
-        let time = |row: usize| (record.time[row] - begin).log10();
-        let (rows, above) = (record.rows(hold.segment), above_steady(hold.segment - 1));
-        Curve::of(view, name, &rows, time, above)
-    };
-    let curves: Vec<Curve> = all_holds(views).into_iter().map(of).collect();
+        curves.push(Curve::of(
+            view,
+            name,
+            &record.rows(hold.segment),
+            |row| (record.time[row] - begin).log10(),
+            |e, friction| above_steady(e, hold.segment - 1, friction),
+        ));
+    }
     let x = extent(curves.iter().flat_map(|c| &c.points).map(|p| p[0]));
     let labels = ["time since the start of the hold (s)", "μ − μ_{ss}"];
     (x[0] < x[1]).then(|| draw(&curves, x, ticks::decades, labels))
@@ -179,11 +197,13 @@ fn reslides(views: &[View], best: Option<&Fit>, offset: Option<f64>) -> Option<S
         let scale = offset.map_or(1.0, |c| (c + ratio.ln()).recip());
         let [duration, times] = [hold.duration, ratio].map(short);
         let name = format!("{duration} s, V_{{r}}/V_{{i}}: {times}");
-        let slip = |row: usize| (record.slip[row] - start) / unit;
-        let above = above_steady(hold.segment - 1);
-        curves.push(Curve::of(view, name, &rows, slip, move |e, f| {
-            scale * above(e, f)
-        }));
+        curves.push(Curve::of(
+            view,
+            name,
+            &rows,
+            |row| (record.slip[row] - start) / unit,
+            |e, friction| scale * above_steady(e, hold.segment - 1, friction),
+        ));
     }
     let most = best.map_or(f64::INFINITY, |_| RESLIDE);
     let x = [0.0, longest(&curves).min(most)];

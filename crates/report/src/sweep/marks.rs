@@ -9,7 +9,7 @@ use crate::plot::Plot;
 const MOST_NAMES: usize = 12;
 
 /// Draws means `[x, mean, error]`, with a line through them if they are `joined`.
-pub fn draw_means(plot: &mut Plot, means: Vec<[f64; 3]>, joined: bool, colour: RGBColor) {
+pub(crate) fn draw_means(plot: &mut Plot, means: Vec<[f64; 3]>, joined: bool, colour: RGBColor) {
     let line: Vec<[f64; 2]> = means.iter().map(|[x, y, _]| [*x, *y]).collect();
     if joined {
         plot.line(&line, colour, 1.2);
@@ -36,7 +36,7 @@ pub fn readable(unit: &str) -> String {
 }
 
 /// The name of a key with its unit, if it has one whatever the law is.
-pub fn key_label(key: &str) -> String {
+pub(crate) fn key_label(key: &str) -> String {
     match gshear_scene::key(key).map(|key| key.unit) {
         None | Some("") => key.into(),
         Some(unit) => format!("{key} ({unit})"),
@@ -45,24 +45,24 @@ pub fn key_label(key: &str) -> String {
 
 /// Colours of curves; of more than there are, along a scale.
 pub fn colours(count: usize) -> Vec<RGBColor> {
-    let share = |k: usize| 0.92 * k as f64 / (count - 1) as f64;
-    match count {
-        _ if count <= CURVES.len() => CURVES[..count].to_vec(),
-        _ => (0..count).map(|k| VIRIDIS.at(share(k))).collect(),
+    if count <= CURVES.len() {
+        return CURVES[..count].to_vec();
     }
+    let shares = (0..count).map(|k| 0.92 * k as f64 / (count - 1) as f64);
+    shares.map(|share| VIRIDIS.at(share)).collect()
 }
 
 /// The entries of a legend; of many names every second, third, …, none of a single one.
 pub fn legend<'n>(names: &'n [String], colours: &[RGBColor]) -> Vec<(RGBColor, &'n str)> {
     let step = names.len().div_ceil(MOST_NAMES).max(1);
-    let names_of = names.iter().map(String::as_str);
-    let entries = colours.iter().copied().zip(names_of);
+    let entries = names.iter().map(String::as_str);
+    let entries = colours.iter().copied().zip(entries);
     let named = entries.filter(|(_, name)| !name.is_empty() && names.len() > 1);
     named.step_by(step).collect()
 }
 
 /// A mean with its standard error, to two digits of the error.
-pub fn with_error(mean: f64, error: f64) -> String {
+pub(crate) fn with_error(mean: f64, error: f64) -> String {
     if !mean.is_finite() {
         return "undefined".into();
     }

@@ -87,24 +87,26 @@ impl SweepRun {
             }
             means.insert(MOBILISED_FRICTION, friction);
         }
-        if run.stage() == RunStage::Shear && !run.has_free_surface() {
+        if run.stage() == RunStage::Shear && run.boundary().has_top() {
             let (strain, tau) = (series.column("strain"), stress_ratio(run));
-            let found = phases::find(&strain[first..], &tau[first..]);
-            let names = PhaseStatistics::COLUMNS.iter().map(|of| of.name);
-            let values = PhaseStatistics::of(&found).columns();
+            let later_phases = phases::find(&strain[first..], &tau[first..]);
+            let names = PhaseStatistics::COLUMNS.iter().map(|column| column.name);
+            let values = PhaseStatistics::of(&later_phases).columns();
             means.extend(names.zip(values.map(TimeMean::of_one)));
         }
-        let of_frames = FrameScalars::COLUMNS.iter().enumerate().map(|(k, column)| {
-            let rows = scalars[first_row(scalars.len(), start)..].iter();
-            let values: Vec<f64> = rows.map(|row| row.columns()[k]).collect();
-            (column.name, TimeMean::of(&values, &vec![1.0; values.len()]))
-        });
-        // Without D²min, and of spheres without regions, nothing is defined.
-        means.extend(of_frames.filter(|(_, of)| of.mean.is_finite()));
-        let compared = PANELS.compared.iter().map(|of| &of.column);
+        let scalars = &scalars[first_row(scalars.len(), start)..];
+        for (k, column) in FrameScalars::COLUMNS.iter().enumerate() {
+            let values: Vec<f64> = scalars.iter().map(|row| row.columns()[k]).collect();
+            let mean = TimeMean::of(&values, &vec![1.0; values.len()]);
+            // Without D²min, and of spheres without regions, nothing is defined.
+            if mean.mean.is_finite() {
+                means.insert(column.name, mean);
+            }
+        }
+        let compared = PANELS.compared.iter().map(|compared| &compared.column);
         let drawn: Vec<&String> = compared.chain(wanted).collect();
         columns.retain(|name, values| {
-            drawn.iter().any(|of| of == name) && values.iter().any(|x| x.is_finite())
+            drawn.iter().any(|column| column == name) && values.iter().any(|x| x.is_finite())
         });
         Self {
             name,
@@ -123,6 +125,16 @@ impl SweepRun {
 /// The first row of the means.
 fn first_row(rows: usize, start: f64) -> usize {
     (start * rows as f64) as usize
+}
+
+/// What a page says at its top.
+pub struct Heading<'a> {
+    /// Title of the page.
+    pub title: &'a str,
+    /// Share of the rows that means leave out.
+    pub start: f64,
+    /// Runs that are left out, and why.
+    pub skipped: &'a [String],
 }
 
 /// Runs with the same values of all keys but the seed.
@@ -168,19 +180,22 @@ impl<'a> Sweep<'a> {
     /// A column that a run lacks, no common columns, a key in which the runs do not differ, a run
     /// that is given twice.
     pub fn new(runs: &'a [SweepRun], columns: &[String], against: Option<&str>) -> Result<Self> {
-        let differs = |key: &&String| {
-            let first = runs[0].scene.get(*key);
-            runs.iter().any(|run| run.scene.get(*key) != first)
-        };
-        let all = runs.iter().flat_map(|run| run.scene.keys());
-        let keys: BTreeSet<String> = all.filter(differs).cloned().collect();
+        let mut keys: BTreeSet<String> = BTreeSet::new();
+        for key in runs.iter().flat_map(|run| run.scene.keys()) {
+            let first = runs[0].scene.get(key);
+            if runs.iter().any(|run| run.scene.get(key) != first) {
+                keys.insert(key.clone());
+            }
+        }
         let has_seeds = keys.contains(SEED);
         for (k, run) in runs.iter().enumerate() {
-            let same = |other: &&SweepRun| {
-                let is_equal = |key: &String| run.scene.get(key) == other.scene.get(key);
-                run.digest == other.digest && keys.iter().all(is_equal)
-            };
-            if let Some(other) = runs[..k].iter().find(same) {
+            let mut earlier = runs[..k].iter();
+            let same = earlier.find(|other| {
+                let mut keys = keys.iter();
+                run.digest == other.digest
+                    && keys.all(|key| run.scene.get(key) == other.scene.get(key))
+            });
+            if let Some(other) = same {
                 return Err(Failure::input(format!(
                     "{} and {} are the same run (equal scenes and digests); give each run once",
                     other.name, run.name
@@ -200,37 +215,40 @@ impl<'a> Sweep<'a> {
 
     fn chosen(&self, against: Option<&str>) -> Result<Option<usize>> {
         let Some(key) = against else {
-            let values = |k: &usize| {
+            // Of equals the first.
+            let keys = (0..self.keys.len()).rev();
+            return Ok(keys.max_by_key(|k| {
                 let all = self.runs.iter().map(|r| r.scene.get(&self.keys[*k]));
                 let numbers = all.clone().all(|value| number(value).is_some());
                 (numbers, distinct(all).len())
-            };
-            // Of equals the first.
-            return Ok((0..self.keys.len()).rev().max_by_key(values));
+            }));
         };
-        let found = self.keys.iter().position(|known| known == key);
+        let place = self.keys.iter().position(|known| known == key);
         let differ = match &self.keys[..] {
             [] if self.has_seeds => "the seed alone".into(),
             [] => "no key".into(),
             keys => keys.join(", "),
         };
-        found.map(Some).ok_or_else(|| {
+        place.map(Some).ok_or_else(|| {
             Failure::input(format!(
                 "--against {key}: is not a key in which the runs differ; they differ in {differ}"
             ))
         })
     }
 
+    /// The values of the keys in the scene of a run.
+    fn values(&self, run: &'a SweepRun) -> Vec<Option<&'a Value>> {
+        self.keys.iter().map(|key| run.scene.get(key)).collect()
+    }
+
     fn groups(&self) -> Vec<Group<'a>> {
-        let values = |run: &'a SweepRun| -> Vec<Option<&'a Value>> {
-            self.keys.iter().map(|key| run.scene.get(key)).collect()
-        };
-        let by_values = grouped(self.runs, |a, b| values(a) == values(b));
-        let group = |runs: Vec<&'a SweepRun>| Group {
-            values: values(runs[0]),
-            runs,
-        };
-        let mut groups: Vec<Group<'a>> = by_values.into_iter().map(group).collect();
+        let by_values = grouped(self.runs, |a, b| self.values(a) == self.values(b));
+        let mut groups: Vec<Group<'a>> = (by_values.into_iter())
+            .map(|runs| Group {
+                values: self.values(runs[0]),
+                runs,
+            })
+            .collect();
         groups.sort_by(|a, b| {
             let pairs = a.values.iter().zip(&b.values);
             let orders = pairs.map(|(a, b)| order(*a, *b));
@@ -241,50 +259,56 @@ impl<'a> Sweep<'a> {
 
     /// The last part of a key, all of it if another key has the same, in words.
     fn short(&self, k: usize) -> String {
-        let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_string();
-        let name = last(&self.keys[k]);
-        let same = self.keys.iter().filter(|key| last(key) == name);
-        let is_shared = same.count() > 1;
-        let name = if is_shared { &self.keys[k] } else { &name };
+        let name = last_part(&self.keys[k]);
+        let same = self.keys.iter().filter(|key| last_part(key) == name);
+        let name = if same.count() > 1 {
+            &self.keys[k]
+        } else {
+            name
+        };
         name.replace('_', " ")
     }
 
     /// Number of different sets of values that some keys take.
     fn sets(&self, keys: &[usize]) -> usize {
-        let same = |a: &&SweepRun, b: &&SweepRun| {
+        let sets = grouped(self.runs, |a, b| {
             let mut keys = keys.iter().map(|k| &self.keys[*k]);
             keys.all(|key| a.scene.get(key) == b.scene.get(key))
-        };
-        grouped(self.runs, same).len()
+        });
+        sets.len()
     }
 
     /// The numbers of the keys that tell the groups apart: without those that scenes have or lack
     /// because of another key, such as the gain of a servo, and those that change together with the
     /// key on the axis.
-    fn telling(&self) -> Vec<usize> {
+    fn independent_keys(&self) -> Vec<usize> {
         let mut keys: Vec<usize> = (0..self.keys.len()).collect();
         let all = self.sets(&keys);
-        let has = |run: &SweepRun, k: usize| run.scene.contains_key(&self.keys[k]);
-        let lacks = |k: usize| self.runs.iter().any(|run| !has(run, k));
-        let is_tied = |k: usize| {
-            let sets = |keys: &[usize]| self.sets(keys);
-            let is_of = |of: usize| sets(&[of]) == sets(&[k]) && sets(&[of, k]) == sets(&[k]);
-            self.against.is_some_and(is_of)
-        };
         let all_keys = (0..self.keys.len()).rev();
         for k in all_keys.filter(|k| Some(*k) != self.against) {
+            let mut scenes = self.runs.iter().map(|run| &run.scene);
+            let is_lacked = scenes.any(|scene| !scene.contains_key(&self.keys[k]));
             let others: Vec<usize> = keys.iter().copied().filter(|other| *other != k).collect();
-            if (lacks(k) || is_tied(k)) && self.sets(&others) == all {
+            if (is_lacked || self.changes_with_axis(k)) && self.sets(&others) == all {
                 keys = others;
             }
         }
         keys
     }
 
+    /// Whether a key changes together with the key on the axis.
+    fn changes_with_axis(&self, k: usize) -> bool {
+        let Some(axis) = self.against else {
+            return false;
+        };
+        let own = self.sets(&[k]);
+        self.sets(&[axis]) == own && self.sets(&[axis, k]) == own
+    }
+
     /// The values of these keys, as a legend names them.
-    fn named(&self, group: &Group<'_>, keys: impl Iterator<Item = usize>) -> String {
-        let has = keys.filter(|k| group.values[*k].is_some());
-        let named = has.map(|k| format!("{} {}", self.short(k), shown(group.values[k])));
+    fn named(&self, group: &Group<'_>, keys: &[usize]) -> String {
+        let has = keys.iter().filter(|k| group.values[**k].is_some());
+        let named = has.map(|k| format!("{} {}", self.short(*k), shown(group.values[*k])));
         named.collect::<Vec<_>>().join(", ")
     }
 
@@ -295,17 +319,17 @@ impl<'a> Sweep<'a> {
 
     /// What stands at the axis of a column.
     fn label(&self, column: &str) -> String {
-        let compared = PANELS.compared.iter().find(|of| of.column == column);
+        let compared = PANELS.compared.iter().find(|known| known.column == column);
         if let Some(Compared { label, .. }) = compared {
             return label.clone();
         }
         let name = column.replace('_', " ");
         // The scene of a box may have any units.
         let is_si = self.runs.iter().all(|run| run.stage == RunStage::Shear);
-        let unit = dictionary::column(column).and_then(|of| of.unit_in(self.axes()));
-        match unit.filter(|_| is_si) {
-            Some(unit) => format!("{name} ({})", readable(&unit)),
-            None => name,
+        let known = dictionary::column(column);
+        match known.and_then(|column| column.unit_in(self.axes())) {
+            Some(unit) if is_si => format!("{name} ({})", readable(&unit)),
+            _ => name,
         }
     }
 
@@ -320,7 +344,7 @@ impl<'a> Sweep<'a> {
             })
             .columns(with_errors(&self.columns), |&run| {
                 let means = self.columns.iter().map(|column| run.means[&**column]);
-                means.flat_map(|of| [of.mean, of.error])
+                means.flat_map(|mean| [mean.mean, mean.error])
             })
             .csv()
     }
@@ -333,7 +357,7 @@ impl<'a> Sweep<'a> {
             })
             .columns(with_errors(columns), |group| {
                 let means = columns.iter().map(|column| group.mean(column));
-                let values = means.flat_map(|of| [of.mean, of.error]);
+                let values = means.flat_map(|mean| [mean.mean, mean.error]);
                 values.collect::<Vec<_>>()
             })
             .column("runs", |group| group.runs.len())
@@ -341,18 +365,11 @@ impl<'a> Sweep<'a> {
     }
 
     /// Writes the report into `folder`, which is created if missing: `index.html` with its figures,
-    /// `runs.csv` and `means.csv`. Returns the paths of the tables and of the page. `title`, and
-    /// the share of the rows that means leave out; `skipped`: runs that are left out, and why.
+    /// `runs.csv` and `means.csv`. Returns the paths of the tables and of the page.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn write(
-        &self,
-        title: &str,
-        start: f64,
-        skipped: &[String],
-        folder: &Path,
-    ) -> Result<[PathBuf; 3]> {
+    pub fn write(&self, heading: &Heading<'_>, folder: &Path) -> Result<[PathBuf; 3]> {
         let groups = self.groups();
         let mut figures = Vec::new();
         for column in &self.columns {
@@ -362,14 +379,14 @@ impl<'a> Sweep<'a> {
         let [runs, means] = [RUNS, MEANS].map(|name| folder.join(name));
         dictionary::write_table(&runs, &self.table_of_runs(), self.axes())?;
         dictionary::write_table(&means, &self.table_of_means(&self.columns), self.axes())?;
-        let page = self.page((title, start, skipped), &groups, &figures);
+        let page = self.page(heading, &groups, &figures);
         let page = crate::write_files(self.axes(), &figures, &page, folder)?;
         Ok([runs, means, page])
     }
 
     fn page(
         &self,
-        (title, start, skipped): (&str, f64, &[String]),
+        heading: &Heading<'_>,
         groups: &[Group<'_>],
         figures: &[ReportFigure],
     ) -> String {
@@ -379,32 +396,36 @@ impl<'a> Sweep<'a> {
              the standard error over them, of a single run that of its mean over time. \
              <a href=\"{MEANS}\">{MEANS}</a>, <a href=\"{RUNS}\">{RUNS}</a>",
             self.runs.len(),
-            100.0 * start
+            100.0 * heading.start
         );
-        let left_out = |why: &String| format!("<p>Left out: {}</p>\n", escape(why));
-        let skipped: String = skipped.iter().map(left_out).collect();
+        let skipped = heading.skipped.iter();
+        let skipped: String = skipped
+            .map(|why| format!("<p>Left out: {}</p>\n", escape(why)))
+            .collect();
         let labels = self.columns.iter().map(|column| self.label(column));
         let keys = self.keys.iter().cloned();
         let head = keys.chain(["runs".into()]).chain(labels);
         let head = head.map(|name| format!("<th>{}</th>", marked(&name)));
         let head: String = head.collect();
-        let row = |group: &Group<'_>| {
-            let keys = group.values.iter().map(|value| escape(&shown(*value)));
-            let means = self.columns.iter().map(|column| {
-                let of = group.mean(column);
-                with_error(of.mean, of.error)
-            });
-            let cells = keys.chain([group.runs.len().to_string()]).chain(means);
-            let cells: String = cells.map(|cell| format!("<td>{cell}</td>")).collect();
-            format!("<tr>{cells}</tr>\n")
-        };
-        let rows: String = groups.iter().map(row).collect();
+        let rows: String = groups.iter().map(|group| self.row(group)).collect();
         let body = format!(
             "{skipped}<h2>Means</h2>\n<div class=\"wide\"><table>\n<tr>{head}</tr>\n{rows}</table></div>\n\
              <h2>Figures</h2>\n{}",
             page::figures(figures)
         );
-        page::document(&escape(title), &lead, &body)
+        page::document(&escape(heading.title), &lead, &body)
+    }
+
+    /// The means of a group as a line of a table.
+    fn row(&self, group: &Group<'_>) -> String {
+        let keys = group.values.iter().map(|value| escape(&shown(*value)));
+        let means = self.columns.iter().map(|column| {
+            let mean = group.mean(column);
+            with_error(mean.mean, mean.error)
+        });
+        let cells = keys.chain([group.runs.len().to_string()]).chain(means);
+        let cells: String = cells.map(|cell| format!("<td>{cell}</td>")).collect();
+        format!("<tr>{cells}</tr>\n")
     }
 
     /// Draws the means of a column against the chosen key, a line for each set of the other values.
@@ -412,32 +433,36 @@ impl<'a> Sweep<'a> {
         let key = self.against?;
         let name = &self.keys[key];
         let places = Places::of(groups.iter().map(|group| group.values[key]).collect());
-        let telling = self.telling();
-        let others = || telling.iter().copied().filter(|k| *k != key);
-        let same = |a: &&Group<'_>, b: &&Group<'_>| others().all(|k| a.values[k] == b.values[k]);
-        let lines = grouped(groups, same);
-        let names: Vec<String> = lines.iter().map(|of| self.named(of[0], others())).collect();
-        let point = |group: &&Group<'_>| {
-            let of = group.mean(column);
-            let error = if of.error.is_finite() { of.error } else { 0.0 };
-            let point = [places.at(group.values[key]), of.mean, error];
-            of.mean.is_finite().then_some(point)
-        };
-        let points = |line: &Vec<&Group<'_>>| -> Vec<[f64; 3]> {
-            let mut points: Vec<_> = line.iter().filter_map(point).collect();
+        let independent = self.independent_keys();
+        let others: Vec<usize> = (independent.iter().copied())
+            .filter(|k| *k != key)
+            .collect();
+        let groups = grouped(groups, |a, b| {
+            others.iter().all(|k| a.values[*k] == b.values[*k])
+        });
+        let names: Vec<String> = (groups.iter())
+            .map(|line| self.named(line[0], &others))
+            .collect();
+        let mut lines: Vec<Vec<[f64; 3]>> = Vec::new();
+        for line in groups {
+            let points = line.iter().map(|group| {
+                let TimeMean { mean, error, .. } = group.mean(column);
+                let error = if error.is_finite() { error } else { 0.0 };
+                [places.at(group.values[key]), mean, error]
+            });
+            let mut points: Vec<[f64; 3]> = points.filter(|point| point[1].is_finite()).collect();
             points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            points
-        };
-        let lines: Vec<Vec<[f64; 3]>> = lines.iter().map(points).collect();
-        let ends = |[_, y, error]: &[f64; 3]| [y - error, y + error];
-        let ends = lines.iter().flatten().flat_map(ends);
+            lines.push(points);
+        }
+        let points = lines.iter().flatten();
+        let ends = points.flat_map(|[_, y, error]| [y - error, y + error]);
         let (x, y) = (places.range(), padded(ends, 0.08));
         if lines.iter().all(Vec::is_empty) {
             return None;
         }
         let colours = colours(lines.len());
         let entries = legend(&names, &colours);
-        let layout = LAYOUT.with_legend(entries.iter().map(|of| of.1));
+        let layout = LAYOUT.with_legend(entries.iter().map(|entry| entry.1));
         let svg = figure(layout, x, y, |plot| {
             let (x_ticks, y_ticks) = (places.ticks(x), ticks::scientific(y, 5));
             plot.grid(&x_ticks, &y_ticks);
@@ -450,7 +475,7 @@ impl<'a> Sweep<'a> {
             plot.axes(&x_ticks, &y_ticks, &key_label(name), &self.label(column));
             plot.legend(&entries);
         });
-        let tied = (0..self.keys.len()).filter(|k| !telling.contains(k));
+        let tied = (0..self.keys.len()).filter(|k| !independent.contains(k));
         let tied: Vec<&str> = tied.map(|k| &*self.keys[k]).collect();
         let mut caption = format!(
             "Mean of {column} against {name}; bars: standard error over seeds, of a single run over time."
@@ -468,21 +493,23 @@ impl<'a> Sweep<'a> {
     /// if it is in none, or if the runs are drawn over different quantities.
     fn curves(&self, column: &str, groups: &[Group<'_>]) -> Option<ReportFigure> {
         let axis = &self.runs[0].axis;
-        let curve = |run: &'a SweepRun| run.curves.get(column).map(Vec::as_slice);
-        let is_drawn =
-            |run: &SweepRun| run.axis.label == axis.label && run.curves.contains_key(column);
-        if !self.runs.iter().all(is_drawn) {
-            return None;
+        let mut curves: Vec<&Vec<f64>> = Vec::new();
+        for run in self.runs {
+            if run.axis.label != axis.label {
+                return None;
+            }
+            curves.push(run.curves.get(column)?);
         }
-        let telling = self.telling();
-        let name = |of: &Group<'_>| self.named(of, telling.iter().copied());
-        let names: Vec<String> = groups.iter().map(name).collect();
+        let keys = self.independent_keys();
+        let names: Vec<String> = (groups.iter())
+            .map(|group| self.named(group, &keys))
+            .collect();
         let colours = colours(groups.len());
         let entries = legend(&names, &colours);
-        let layout = LAYOUT.with_legend(entries.iter().map(|of| of.1));
-        let all = |of: fn(&'a SweepRun) -> &'a [f64]| self.runs.iter().flat_map(of).copied();
-        let x = padded(all(|run| &run.axis.values), 0.02);
-        let y = padded(self.runs.iter().filter_map(curve).flatten().copied(), 0.08);
+        let layout = LAYOUT.with_legend(entries.iter().map(|entry| entry.1));
+        let places = self.runs.iter().flat_map(|run| &run.axis.values).copied();
+        let x = padded(places, 0.02);
+        let y = padded(curves.into_iter().flatten().copied(), 0.08);
         let svg = figure(layout, x, y, |plot| {
             let (x_ticks, y_ticks) = (ticks::scientific(x, 10), ticks::scientific(y, 5));
             plot.grid(&x_ticks, &y_ticks);
@@ -497,8 +524,8 @@ impl<'a> Sweep<'a> {
             plot.axes(&x_ticks, &y_ticks, axis.label, &self.label(column));
             plot.legend(&entries);
         });
-        let rows_of = |run: &'a SweepRun| (0..run.step.len()).map(move |k| (run, k));
-        let rows = self.runs.iter().flat_map(rows_of);
+        let runs = self.runs.iter();
+        let rows = runs.flat_map(|run| (0..run.step.len()).map(move |k| (run, k)));
         let data = Table::of(rows)
             .column("run", |(run, _)| run.name.clone())
             .column("step", |(run, k)| run.step[*k])
@@ -513,8 +540,8 @@ impl<'a> Sweep<'a> {
 
 /// Names of columns, each followed by that of its standard error.
 fn with_errors(columns: &[String]) -> impl Iterator<Item = String> {
-    let both = |name: &String| [name.clone(), format!("{name}{}", dictionary::ERROR)];
-    columns.iter().flat_map(both)
+    let columns = columns.iter();
+    columns.flat_map(|name| [name.clone(), format!("{name}{}", dictionary::ERROR)])
 }
 
 /// The columns that are compared: those that are asked for, or of the usual ones those that all
@@ -522,7 +549,10 @@ fn with_errors(columns: &[String]) -> impl Iterator<Item = String> {
 fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>> {
     for name in asked {
         if let Some(run) = runs.iter().find(|run| !run.means.contains_key(&**name)) {
-            let why = if FrameScalars::COLUMNS.iter().any(|of| of.name == name) {
+            let why = if FrameScalars::COLUMNS
+                .iter()
+                .any(|column| column.name == name)
+            {
                 "no value of it, which needs frames (output.frame_strain) and, \
                  but for D²min, disks between walls"
                     .into()
@@ -537,19 +567,24 @@ fn columns_of(runs: &[SweepRun], asked: &[String]) -> Result<Vec<String>> {
     if !asked.is_empty() {
         return Ok(distinct(asked.iter().cloned()));
     }
-    let all_have = |name: &str| {
-        let known = |run: &SweepRun| run.means.get(name).is_some_and(|of| of.mean.is_finite());
-        runs.iter().all(known)
-    };
-    let usual = PANELS.compared.iter().map(|of| of.column.clone());
-    let found: Vec<String> = usual.filter(|name| all_have(name)).collect();
-    if found.is_empty() {
+    let usual = PANELS.compared.iter().map(|compared| &*compared.column);
+    let common = usual.filter(|name| {
+        let mut means = runs.iter().map(|run| run.means.get(name));
+        means.all(|mean| mean.is_some_and(|mean| mean.mean.is_finite()))
+    });
+    let common: Vec<String> = common.map(String::from).collect();
+    if common.is_empty() {
         let kinds = grouped(runs, |a, b| a.stage == b.stage).into_iter();
-        let kinds = kinds.map(|of| format!("{} (stage {})", of[0].name, of[0].stage.name()));
+        let kinds = kinds.map(|runs| format!("{} (stage {})", runs[0].name, runs[0].stage.name()));
         return Err(Failure::input(format!(
             "the runs have no column in common: {}; give runs of one kind, or --columns",
             kinds.collect::<Vec<_>>().join(", ")
         )));
     }
-    Ok(found)
+    Ok(common)
+}
+
+/// The last part of a key.
+fn last_part(key: &str) -> &str {
+    key.rsplit('.').next().unwrap_or_default()
 }

@@ -73,13 +73,13 @@ impl<'a> Places<'a> {
         values.sort_by(|a, b| order(*a, *b));
         values.dedup();
         let numbers: Option<Vec<f64>> = values.iter().map(|value| number(*value)).collect();
-        let is_wide = |numbers: Vec<f64>| {
+        let is_logarithmic = numbers.map(|numbers| {
             let [low, high] = extent(numbers);
             low > 0.0 && high >= WIDE * low
-        };
+        });
         Self {
             values,
-            numbers: numbers.map(is_wide),
+            numbers: is_logarithmic,
         }
     }
 
@@ -88,7 +88,10 @@ impl<'a> Places<'a> {
         match self.numbers {
             Some(true) => number.log10(),
             Some(false) => number,
-            None => self.values.iter().position(|of| *of == value).unwrap_or(0) as f64,
+            None => {
+                let place = self.values.iter().position(|known| *known == value);
+                place.unwrap_or(0) as f64
+            }
         }
     }
 
@@ -96,15 +99,17 @@ impl<'a> Places<'a> {
         padded(self.values.iter().map(|value| self.at(*value)), 0.08)
     }
 
-    pub fn ticks(&self, [low, high]: [f64; 2]) -> Vec<Tick> {
+    pub fn ticks(&self, range: [f64; 2]) -> Vec<Tick> {
         match self.numbers {
-            Some(false) => ticks::scientific([low, high], 8),
+            Some(false) => ticks::scientific(range, 8),
             // Few values are their own ticks.
-            Some(true) if self.values.len() > 8 => ticks::decades(low, high, 8),
+            Some(true) if self.values.len() > 8 => ticks::decades(range[0], range[1], 8),
             _ => {
-                let short = |value| shown(value).chars().take(24).collect();
-                let values = self.values.iter();
-                values.map(|of| (self.at(*of), short(*of))).collect()
+                let ticks = self.values.iter().map(|value| {
+                    let short = shown(*value).chars().take(24).collect();
+                    (self.at(*value), short)
+                });
+                ticks.collect()
             }
         }
     }

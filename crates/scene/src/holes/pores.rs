@@ -2,7 +2,7 @@
 
 use gshear_dem::state::length;
 
-use super::{Sphere, Wall};
+use super::{Sphere, Wall, greatest_radius};
 
 /// Places on the smallest radius.
 const FINE: f64 = 8.0;
@@ -21,8 +21,10 @@ pub(super) struct Pores {
     spacing: [f64; 3],
     /// Places along each axis; the lowest are at the outer plane of the wall.
     places: [usize; 3],
-    /// Places along x of a window, and how far windows are apart. All at once: the same as all.
-    window: [usize; 2],
+    /// Places along x of a window: all, or as many as are held at once.
+    window_width: usize,
+    /// Places along x from one window to the next.
+    window_distance: usize,
 }
 
 /// Whether a place was not reached, is inside of a grain, or from which neighbour it was reached.
@@ -33,18 +35,15 @@ const START: u8 = 6;
 
 impl Pores {
     pub(super) fn new(wall: &Wall) -> Self {
-        let of_walls = || wall.spheres.iter().filter(|of| of.is_wall);
-        let least = wall
-            .spheres
-            .iter()
-            .map(|of| of.radius)
-            .fold(f64::INFINITY, f64::min);
-        let greatest = wall.spheres.iter().map(|of| of.radius).fold(0.0, f64::max);
+        let radii = wall.spheres.iter().map(|sphere| sphere.radius);
+        let least = radii.fold(f64::INFINITY, f64::min);
+        let greatest = greatest_radius(&wall.spheres);
+        let wall_spheres = wall.spheres.iter().filter(|sphere| sphere.is_wall);
+        let wall_top = wall_spheres
+            .map(|sphere| sphere.place[2] + sphere.radius)
+            .fold(0.0, f64::max);
         // Above this no grain touches the wall.
-        let top = of_walls()
-            .map(|of| of.place[2] + of.radius)
-            .fold(0.0, f64::max)
-            + 3.0 * greatest;
+        let top = wall_top + 3.0 * greatest;
         let lengths = [wall.periods[0], wall.periods[1], top];
         let places = lengths.map(|length| (length * FINE / least).ceil().max(4.0) as usize);
         let spacing = [0, 1, 2].map(|axis| lengths[axis] / places[axis] as f64);
@@ -56,67 +55,63 @@ impl Pores {
             periods: wall.periods,
             spacing,
             places,
-            window: if width >= places[0] {
-                [places[0]; 2]
+            window_width: width.min(places[0]),
+            window_distance: if width >= places[0] {
+                places[0]
             } else {
-                [width, width - overlap]
+                width - overlap
             },
         }
     }
 
     /// Where a sphere of this radius passes the wall.
     pub(super) fn through(&self, walls: &[bool], radius: f64) -> Option<[f64; 3]> {
-        let [width, apart] = self.window;
-        let mut first = 0;
-        while first < self.places[0] {
-            if let Some(place) = self.through_window([first, width], walls, radius) {
-                return Some(place);
-            }
-            first += apart;
-        }
-        None
+        (0..self.places[0])
+            .step_by(self.window_distance)
+            .find_map(|first| self.through_window(first, walls, radius))
     }
 
-    /// The same in the places from the first one on along x, so many.
-    fn through_window(
-        &self,
-        [first, width]: [usize; 2],
-        walls: &[bool],
-        radius: f64,
-    ) -> Option<[f64; 3]> {
+    /// The same in the window of the places from the first one on along x.
+    fn through_window(&self, first: usize, walls: &[bool], radius: f64) -> Option<[f64; 3]> {
+        let size = [self.window_width, self.places[1], self.places[2]];
         let mut window = Window {
-            of: self,
+            pores: self,
             first,
-            size: [width, self.places[1], self.places[2]],
-            state: vec![OPEN; width * self.places[1] * self.places[2]],
+            size,
+            state: vec![OPEN; size.iter().product()],
         };
         // A path between places is not missed.
         let reach = radius - 0.5 * length(self.spacing);
-        for (sphere, _) in self.spheres.iter().zip(walls).filter(|(_, wall)| **wall) {
-            window.block(sphere, sphere.radius + reach);
+        for (sphere, is_wall) in self.spheres.iter().zip(walls) {
+            if *is_wall {
+                window.block(sphere, sphere.radius + reach);
+            }
         }
         let path = window.path()?;
-        // The lowest place at which a grain is on the way now.
-        let on_the_way = |place: &[f64; 3]| {
-            let free = self.spheres.iter().zip(walls).filter(|(_, wall)| !**wall);
-            free.into_iter().any(|(of, _)| {
-                let mut apart: [f64; 3] = std::array::from_fn(|k| of.place[k] - place[k]);
-                for (x, period) in apart.iter_mut().zip(self.periods) {
-                    *x -= period * (*x / period).round();
-                }
-                length(apart) < of.radius + radius
-            })
-        };
-        path.iter()
-            .find(|place| on_the_way(place))
-            .or(path.last())
-            .copied()
+        let lowest = path
+            .iter()
+            .find(|place| self.is_occupied(place, walls, radius));
+        lowest.or(path.last()).copied()
+    }
+
+    /// Whether a free grain is where a sphere of this radius would be at this place.
+    fn is_occupied(&self, place: &[f64; 3], walls: &[bool], radius: f64) -> bool {
+        self.spheres.iter().zip(walls).any(|(sphere, is_wall)| {
+            if *is_wall {
+                return false;
+            }
+            let mut separation: [f64; 3] = std::array::from_fn(|k| sphere.place[k] - place[k]);
+            for (x, period) in separation.iter_mut().zip(self.periods) {
+                *x -= period * (*x / period).round();
+            }
+            length(separation) < sphere.radius + radius
+        })
     }
 }
 
 /// Some of the places.
 struct Window<'a> {
-    of: &'a Pores,
+    pores: &'a Pores,
     first: usize,
     size: [usize; 3],
     state: Vec<u8>,
@@ -125,17 +120,18 @@ struct Window<'a> {
 impl Window<'_> {
     /// Whether it is all of the wall, and its ends are neighbours.
     fn is_whole(&self) -> bool {
-        self.size[0] == self.of.places[0]
+        self.size[0] == self.pores.places[0]
     }
 
-    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+    fn index(&self, at: [usize; 3]) -> usize {
+        let [x, y, z] = at;
         (z * self.size[1] + y) * self.size[0] + x
     }
 
     fn place(&self, index: usize) -> [f64; 3] {
         let [nx, ny, _] = self.size;
         let at = [index % nx + self.first, index / nx % ny, index / (nx * ny)];
-        std::array::from_fn(|axis| at[axis] as f64 * self.of.spacing[axis])
+        std::array::from_fn(|axis| at[axis] as f64 * self.pores.spacing[axis])
     }
 
     /// Blocks the places nearer than this to the centre of a sphere.
@@ -143,33 +139,37 @@ impl Window<'_> {
         if reach <= 0.0 {
             return;
         }
-        let spacing = self.of.spacing;
-        let range = |axis: usize| {
+        let spacing = self.pores.spacing;
+        let [x, y, z] = [0, 1, 2].map(|axis| {
             let center = sphere.place[axis];
             let first = ((center - reach) / spacing[axis]).ceil() as i64;
             let last = ((center + reach) / spacing[axis]).floor() as i64;
-            (first, last)
-        };
-        let (x, y, z) = (range(0), range(1), range(2));
-        for k in z.0.max(0)..=z.1.min(self.size[2] as i64 - 1) {
-            for j in y.0..=y.1 {
-                for i in x.0..=x.1 {
+            first..=last
+        });
+        let highest = self.size[2] as i64 - 1;
+        for k in z.filter(|k| (0..=highest).contains(k)) {
+            for j in y.clone() {
+                for i in x.clone() {
                     let at = [i, j, k];
-                    let apart: [f64; 3] = std::array::from_fn(|axis| {
+                    let separation: [f64; 3] = std::array::from_fn(|axis| {
                         at[axis] as f64 * spacing[axis] - sphere.place[axis]
                     });
-                    if length(apart) >= reach {
-                        continue;
-                    }
-                    let along =
-                        (i - self.first as i64).rem_euclid(self.of.places[0] as i64) as usize;
-                    let across = j.rem_euclid(self.size[1] as i64) as usize;
-                    if along < self.size[0] {
-                        let index = self.index([along, across, k as usize]);
-                        self.state[index] = BLOCKED;
+                    if length(separation) < reach {
+                        self.block_place(at);
                     }
                 }
             }
+        }
+    }
+
+    /// Blocks a place, or the one in the cell whose image it is along x and y.
+    fn block_place(&mut self, at: [i64; 3]) {
+        let [i, j, k] = at;
+        let along = (i - self.first as i64).rem_euclid(self.pores.places[0] as i64) as usize;
+        let across = j.rem_euclid(self.size[1] as i64) as usize;
+        if along < self.size[0] {
+            let index = self.index([along, across, k as usize]);
+            self.state[index] = BLOCKED;
         }
     }
 

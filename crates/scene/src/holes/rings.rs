@@ -1,7 +1,7 @@
 //! Paths of disks: a wall without a hole for a radius is a chain of disks around the period whose
 //! gaps are narrower than a disk of that radius.
 
-use super::Wall;
+use super::{Wall, greatest_radius};
 
 /// Half gaps up to which neighbours are sought, over the greatest radius.
 const WIDEST: f64 = 3.0;
@@ -27,7 +27,7 @@ struct Gap {
 impl Rings {
     pub(super) fn new(wall: &Wall) -> Self {
         let spheres = &wall.spheres;
-        let greatest = spheres.iter().map(|of| of.radius).fold(0.0, f64::max);
+        let greatest = greatest_radius(spheres);
         let length = wall.periods[0];
         let farthest = (2.0 + 2.0 * WIDEST) * greatest;
         // Along x, so that neighbours follow each other.
@@ -45,12 +45,12 @@ impl Rings {
                     break;
                 }
                 let above = b.place[2] - a.place[2];
-                let apart = along.hypot(above);
-                let half = 0.5 * (apart - a.radius - b.radius);
+                let distance = along.hypot(above);
+                let half = 0.5 * (distance - a.radius - b.radius);
                 if half > WIDEST * greatest {
                     continue;
                 }
-                let part = (a.radius + half) / apart;
+                let part = (a.radius + half) / distance;
                 gaps.push(Gap {
                     disks: [i, j],
                     image,
@@ -62,7 +62,7 @@ impl Rings {
         gaps.sort_by(|a, b| a.half.total_cmp(&b.half).then(a.disks.cmp(&b.disks)));
         Self {
             gaps,
-            places: spheres.iter().map(|of| of.place).collect(),
+            places: spheres.iter().map(|sphere| sphere.place).collect(),
             count: spheres.len(),
         }
     }
@@ -70,9 +70,9 @@ impl Rings {
     /// The widest gap of the chain whose widest gap is least, if a disk of this radius passes it.
     pub(super) fn through(&self, walls: &[bool], radius: f64) -> Option<[f64; 3]> {
         let mut chains = Chains::new(self.count);
-        let of_walls = |gap: &&Gap| gap.disks.iter().all(|disk| walls[*disk]);
-        for gap in self.gaps.iter().filter(of_walls) {
-            if chains.join(gap) {
+        for gap in &self.gaps {
+            let is_of_wall = gap.disks.iter().all(|disk| walls[*disk]);
+            if is_of_wall && chains.join(gap) {
                 return (gap.half >= radius).then_some(gap.middle);
             }
         }
@@ -116,12 +116,13 @@ impl Chains {
     /// period.
     fn join(&mut self, gap: &Gap) -> bool {
         let [i, j] = gap.disks;
-        let ((of_i, at_i), (of_j, at_j)) = (self.root(i), self.root(j));
-        if of_i == of_j {
-            return at_j != at_i + gap.image;
+        let (root_i, image_i) = self.root(i);
+        let (root_j, image_j) = self.root(j);
+        if root_i == root_j {
+            return image_j != image_i + gap.image;
         }
-        self.parent[of_j] = of_i;
-        self.image[of_j] = at_i + gap.image - at_j;
+        self.parent[root_j] = root_i;
+        self.image[root_j] = image_i + gap.image - image_j;
         false
     }
 }

@@ -13,7 +13,7 @@ use gshear_dem::state::{
     Snapshot,
 };
 use gshear_mpi_exchange::Parallel;
-use records::{List, Record, Stretch, checksum, length, read_records, write_one};
+use records::{List, RankRecords, Record, checksum, length, read_records, write_one};
 use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::os::unix::ffi::{OsStrExt, OsStringExt};
@@ -41,24 +41,31 @@ fn hex(sum: u64) -> String {
 /// Brings the contacts of a state that was [`read`] to every rank that holds one of the two grains.
 /// Collective.
 pub fn to_both_holders(exchange: &dyn Parallel, state: &mut Snapshot) {
-    let both = |grains: &[GrainState], contacts: &mut Vec<ContactState>| {
-        let blocks = IdBlocks::of(exchange, total(exchange, grains.len() as u64));
-        let mut to = vec![Vec::new(); exchange.size()];
-        for contact in &*contacts {
-            let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
-            to[a].extend_from_slice(bytemuck::bytes_of(contact));
-            if b != a {
-                to[b].extend_from_slice(bytemuck::bytes_of(contact));
-            }
-        }
-        let received = exchange.all_to_all(to);
-        let records = received.iter().flat_map(|bytes| records_of(bytes));
-        *contacts = records.collect();
-    };
-    both(&state.grains, &mut state.contacts);
+    state.contacts = contacts_of_both(exchange, &state.grains, &state.contacts);
     for held in &mut state.held {
-        both(&held.grains, &mut held.contacts);
+        held.contacts = contacts_of_both(exchange, &held.grains, &held.contacts);
     }
+}
+
+/// The contacts of which this rank holds a grain, from those whose first grain it holds.
+/// Collective.
+fn contacts_of_both(
+    exchange: &dyn Parallel,
+    grains: &[GrainState],
+    contacts: &[ContactState],
+) -> Vec<ContactState> {
+    let blocks = IdBlocks::of(exchange, total(exchange, grains.len() as u64));
+    let mut messages = vec![Vec::new(); exchange.size()];
+    for contact in contacts {
+        let (a, b) = (blocks.holder(contact.i), blocks.holder(contact.j));
+        messages[a].extend_from_slice(bytemuck::bytes_of(contact));
+        if b != a {
+            messages[b].extend_from_slice(bytemuck::bytes_of(contact));
+        }
+    }
+    let received = exchange.all_to_all(messages);
+    let records = received.iter().flat_map(|bytes| records_of(bytes));
+    records.collect()
 }
 
 /// Writes `checkpoint.h5` into the folder; an existing one becomes `checkpoint.previous.h5`.
@@ -76,20 +83,24 @@ pub fn write(
     let _waiting = exchange.waiting();
     let lists = lists_of(exchange, snapshot);
     // Rank 0's texts on every rank, because HDF5 requires equal arguments.
-    let texts = texts.map(|text| exchange.broadcast(text.into()));
-    let named = || ["header", "scene"].into_iter().zip(&texts);
+    let [header, scene] = texts.map(|text| exchange.broadcast(text.into()));
+    let texts = [("header", header), ("scene", scene)];
     let mut attributes = vec![
         ("format".into(), Attribute::Word(FORMAT.into())),
         ("format_version".into(), Attribute::Count(VERSION)),
     ];
-    let of_texts = named().map(|(name, text)| (format!("checksum_{name}"), xxh3_64(text)));
-    let of_lists = lists.iter().map(|list| list.checksum(exchange));
-    let sums = of_texts.chain(of_lists);
-    attributes.extend(sums.map(|(name, sum)| (name, Attribute::Word(hex(sum)))));
+    for (name, text) in &texts {
+        let sum = Attribute::Word(hex(xxh3_64(text)));
+        attributes.push((format!("checksum_{name}"), sum));
+    }
+    for list in &lists {
+        let (name, sum) = list.checksum(exchange);
+        attributes.push((name, Attribute::Word(hex(sum))));
+    }
     let (part, name) = part_of(exchange, folder)?;
     let path = folder.join(name);
     let file = H5File::create(&path, exchange)?;
-    let of_texts = texts.iter().map(Vec::len).sum::<usize>();
+    let of_texts = texts.iter().map(|(_, text)| text.len()).sum::<usize>();
     let of_lists = lists.iter().map(|list| list.bytes()).sum::<usize>();
     file.reserve(exchange, of_texts + of_lists)?;
     let mut outcome = CollectiveOutcome::default();
@@ -97,7 +108,7 @@ pub fn write(
         outcome.note(file.attribute("/", name, value));
     }
     let root = exchange.rank() == 0;
-    for (name, text) in named() {
+    for (name, text) in &texts {
         let local = if root { &text[..] } else { &[] };
         outcome.note(write_one(&file, name, &[text.len()], 0, local));
     }
@@ -114,35 +125,52 @@ pub fn write(
 /// The lists of a checkpoint, this rank's part of each. Collective.
 fn lists_of(exchange: &dyn Parallel, snapshot: &Snapshot) -> Vec<Box<dyn List>> {
     let blocks = IdBlocks::of(exchange, total(exchange, snapshot.grains.len() as u64));
-    let state = |prefix, blocks, grains: &[GrainState], contacts: &[ContactState]| {
-        let place = (exchange, prefix, blocks);
-        let grains = Box::new(Stretch::new(place, grains)) as Box<dyn List>;
-        [grains, Box::new(Stretch::new(place, contacts))]
+    let mut lists = ListsOfRank {
+        exchange,
+        lists: Vec::new(),
     };
-    let mut lists = Vec::from(state("", blocks, &snapshot.grains, &snapshot.contacts));
-    let place = (exchange, "", blocks);
+    lists.push("", blocks, &snapshot.grains);
+    lists.push("", blocks, &snapshot.contacts);
     if let Some(part) = &snapshot.analysed {
-        lists.push(Box::new(Stretch::new(place, &part.grains)));
-        lists.push(Box::new(Stretch::new(place, &part.contacts)));
+        lists.push("", blocks, &part.grains);
+        lists.push("", blocks, &part.contacts);
     }
     if let Some(displacements) = &snapshot.displacements {
-        lists.push(Box::new(Stretch::new(place, displacements)));
+        lists.push("", blocks, displacements);
     }
     if !snapshot.held.is_empty() {
         let HeldState { grains, contacts } = one_after_another(&snapshot.held, blocks.grains);
         let count = snapshot.held.len() as u64;
         let blocks = IdBlocks::new(blocks.grains * count, blocks.ranks);
-        lists.extend(state(HELD, blocks, &grains, &contacts));
+        lists.push(HELD, blocks, &grains);
+        lists.push(HELD, blocks, &contacts);
     }
-    lists
+    lists.lists
+}
+
+/// Lists of a checkpoint, this rank's part of each.
+struct ListsOfRank<'a> {
+    exchange: &'a dyn Parallel,
+    lists: Vec<Box<dyn List>>,
+}
+
+impl ListsOfRank<'_> {
+    /// Adds a list. `blocks`: of the ids of its grains. Collective.
+    fn push<R: Record>(&mut self, prefix: &'static str, blocks: IdBlocks, records: &[R]) {
+        let list = RankRecords::new(self.exchange, prefix, blocks, records);
+        self.lists.push(Box::new(list));
+    }
 }
 
 /// Creates an empty file for the next checkpoint, which rank 0 keeps; dropping it removes it.
 /// Returns its name on every rank. Collective.
 fn part_of(exchange: &dyn Parallel, folder: &Path) -> Result<(Option<TempPath>, OsString)> {
     let new = folder.join(NAME);
-    let made = || disk::beside(&new).map_err(|e| unwritten(&new, &e));
-    let part = on_root(exchange, || made().map(Some))?.map(NamedTempFile::into_temp_path);
+    let part = on_root(exchange, || {
+        let part = disk::beside(&new).map_err(|e| unwritten(&new, &e))?;
+        Ok(Some(part))
+    })?;
+    let part = part.map(NamedTempFile::into_temp_path);
     let name = part.as_ref().and_then(|part| part.file_name());
     let name = exchange.broadcast(name.unwrap_or_default().as_bytes().to_vec());
     Ok((part, OsString::from_vec(name)))
@@ -151,16 +179,19 @@ fn part_of(exchange: &dyn Parallel, folder: &Path) -> Result<(Option<TempPath>, 
 /// Reads a checkpoint back that has been written, because not every error of parallel writing
 /// reaches the program. Collective.
 fn verify(exchange: &dyn Parallel, path: &Path, attributes: &[(String, Attribute)]) -> Result<()> {
-    let bad = |why: String| {
-        let path = path.display();
-        Failure::other(format!(
-            "{path}: was not written as it should be: {why}; the checkpoint before it is kept"
-        ))
-    };
-    let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
-    let pieces = agree(exchange, pieces)?;
-    check(exchange, &pieces).map_err(bad)?;
-    on_root(exchange, || checksums_are(path, attributes).map_err(bad))
+    let pieces = read_pieces(path, exchange.rank(), exchange.size());
+    let pieces = agree(exchange, pieces.map_err(|why| miswritten(path, &why)))?;
+    check(exchange, &pieces).map_err(|why| miswritten(path, &why))?;
+    on_root(exchange, || {
+        checksums_are(path, attributes).map_err(|why| miswritten(path, &why))
+    })
+}
+
+fn miswritten(path: &Path, why: &str) -> Failure {
+    let path = path.display();
+    Failure::other(format!(
+        "{path}: was not written as it should be: {why}; the checkpoint before it is kept"
+    ))
 }
 
 /// Compares the checksums of a file with those that were to be written.
@@ -197,20 +228,16 @@ fn one_after_another(states: &[HeldState], grains: u64) -> HeldState {
 
 /// The states that were written as one: of each the grains of this rank's block of `blocks`, and
 /// their contacts. Collective.
-fn apart(
-    exchange: &dyn Parallel,
-    blocks: IdBlocks,
-    (of_grains, of_contacts): &(Piece<GrainState>, Piece<ContactState>),
-) -> Vec<HeldState> {
+fn split_states(exchange: &dyn Parallel, blocks: IdBlocks, held: &HeldPieces) -> Vec<HeldState> {
     let grains = blocks.grains as u32;
-    let mut states =
-        vec![HeldState::default(); (of_grains.blocks.grains / blocks.grains.max(1)) as usize];
-    for mut g in blocks.redistribute(exchange, &of_grains.records, |g| g.id % grains) {
+    let count = held.grains.blocks.grains / blocks.grains.max(1);
+    let mut states = vec![HeldState::default(); count as usize];
+    for mut g in blocks.redistribute(exchange, &held.grains.records, |g| g.id % grains) {
         let state = g.id / grains;
         g.id %= grains;
         states[state as usize].grains.push(g);
     }
-    for mut c in blocks.redistribute(exchange, &of_contacts.records, |c| c.i % grains) {
+    for mut c in blocks.redistribute(exchange, &held.contacts.records, |c| c.i % grains) {
         let state = c.i / grains;
         (c.i, c.j) = (c.i % grains, c.j % grains);
         states[state as usize].contacts.push(c);
@@ -221,16 +248,17 @@ fn apart(
 /// Gives the new checkpoint its name. `checkpoint.h5` exists and is complete at every moment.
 fn replace(folder: &Path, part: TempPath) -> Result<()> {
     let new = folder.join(NAME);
-    let renamed = || -> std::io::Result<()> {
-        // Every rank has brought its part to disk when it closed the file.
-        if new.try_exists()? {
-            link(&new, &folder.join(PREVIOUS))?;
-        }
-        part.persist(&new)?;
-        disk::sync_folder(folder)
-    };
-    renamed()
+    rename(folder, part, &new)
         .map_err(|error| Failure::other(format!("{}: cannot be renamed: {error}", new.display())))
+}
+
+fn rename(folder: &Path, part: TempPath, new: &Path) -> std::io::Result<()> {
+    // Every rank has brought its part to disk when it closed the file.
+    if new.try_exists()? {
+        link(new, &folder.join(PREVIOUS))?;
+    }
+    part.persist(new)?;
+    disk::sync_folder(folder)
 }
 
 /// Gives a file a second name, which may belong to another file before.
@@ -284,17 +312,22 @@ pub fn make_newest(path: &Path, folder: &Path) -> Result<()> {
 /// Returns the kept checkpoints of a stage in a folder with their steps, sorted by step.
 pub fn kept(folder: &Path, stage: &str) -> Vec<(u64, PathBuf)> {
     let prefix = kept_prefix(stage);
-    let step = |path: &Path| -> Option<u64> {
-        let name = path.file_name()?.to_str()?;
-        let step = name.strip_prefix(&prefix)?.strip_suffix(".h5")?;
-        step.parse().ok()
-    };
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut found: Vec<_> = entries
-        .filter_map(|entry| Some((step(&entry.path())?, entry.path())))
-        .collect();
-    found.sort();
-    found
+    let mut kept = Vec::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if let Some(step) = kept_step(&path, &prefix) {
+            kept.push((step, path));
+        }
+    }
+    kept.sort();
+    kept
+}
+
+/// The step of a kept checkpoint whose name begins with this.
+fn kept_step(path: &Path, prefix: &str) -> Option<u64> {
+    let name = path.file_name()?.to_str()?;
+    let step = name.strip_prefix(prefix)?.strip_suffix(".h5")?;
+    step.parse().ok()
 }
 
 /// Returns whether a file is marked as a checkpoint.
@@ -311,8 +344,11 @@ pub fn is_checkpoint(path: &Path) -> bool {
 /// [`Failure::Other`] if the system does not let it be read.
 pub fn read_texts(path: &Path) -> Result<[String; 2]> {
     hdf5::silence_errors(true);
-    let texts = within(path, texts);
-    texts.map_err(|why| disk::unread(format!("{}: {why}", path.display())))
+    within(path, texts).map_err(|why| unread(path, &why))
+}
+
+fn unread(path: &Path, why: &str) -> Failure {
+    disk::unread(format!("{}: {why}", path.display()))
 }
 
 /// Reads a checkpoint. Returns the header, the scene as TOML, and this rank's part of the state: a
@@ -323,27 +359,28 @@ pub fn read_texts(path: &Path) -> Result<[String; 2]> {
 /// [`Failure::Input`], the same on every rank, if the file is missing, damaged or not a checkpoint;
 /// [`Failure::Other`] if the system does not let it be read.
 pub fn read(exchange: &dyn Parallel, path: &Path) -> Result<([String; 2], Snapshot)> {
-    let bad = |why: String| disk::unread(format!("{}: {why}", path.display()));
     // Each rank reads for itself with the serial driver, so that a failure on one rank does not
     // make the others wait.
-    let pieces = read_pieces(path, exchange.rank(), exchange.size()).map_err(bad);
-    let pieces = agree(exchange, pieces)?;
+    let pieces = read_pieces(path, exchange.rank(), exchange.size());
+    let pieces = agree(exchange, pieces.map_err(|why| unread(path, &why)))?;
 
-    check(exchange, &pieces).map_err(bad)?;
+    check(exchange, &pieces).map_err(|why| unread(path, &why))?;
     let blocks = pieces.grains.blocks;
     let contacts = blocks.redistribute(exchange, &pieces.contacts.records, |c| c.i);
-    let held = pieces.held.as_ref();
-    let held = held.map_or_else(Vec::new, |held| apart(exchange, blocks, held));
+    let held = match &pieces.held {
+        Some(held) => split_states(exchange, blocks, held),
+        None => Vec::new(),
+    };
     Ok((
         pieces.texts,
         Snapshot {
             grains: pieces.grains.records,
             contacts,
-            analysed: pieces.analysed.map(|(grains, contacts)| FramePart {
-                grains: grains.records,
-                contacts: contacts.records,
+            analysed: pieces.analysed.map(|frame| FramePart {
+                grains: frame.grains.records,
+                contacts: frame.contacts.records,
             }),
-            displacements: pieces.displacements.map(|of| of.records),
+            displacements: (pieces.displacements).map(|displacements| displacements.records),
             held,
         },
     ))
@@ -354,16 +391,17 @@ fn check(exchange: &dyn Parallel, pieces: &Pieces) -> Result<(), String> {
     let blocks = pieces.grains.blocks;
     pieces.grains.check(exchange, blocks)?;
     pieces.contacts.check(exchange, blocks)?;
-    if let Some((grains, contacts)) = &pieces.analysed {
-        grains.check(exchange, blocks)?;
-        contacts.check(exchange, blocks)?;
+    if let Some(frame) = &pieces.analysed {
+        frame.grains.check(exchange, blocks)?;
+        frame.contacts.check(exchange, blocks)?;
     }
     if let Some(displacements) = &pieces.displacements {
         displacements.check(exchange, blocks)?;
     }
-    if let Some((grains, contacts)) = &pieces.held {
-        grains.check(exchange, grains.blocks)?;
-        contacts.check(exchange, grains.blocks)?;
+    if let Some(held) = &pieces.held {
+        let blocks = held.grains.blocks;
+        held.grains.check(exchange, blocks)?;
+        held.contacts.check(exchange, blocks)?;
     }
     Ok(())
 }
@@ -373,10 +411,21 @@ struct Pieces {
     texts: [String; 2],
     grains: Piece<GrainState>,
     contacts: Piece<ContactState>,
-    analysed: Option<(Piece<GrainPosition>, Piece<ContactForce>)>,
+    analysed: Option<FramePieces>,
     displacements: Option<Piece<Displacement>>,
-    /// Of all states together.
-    held: Option<(Piece<GrainState>, Piece<ContactState>)>,
+    held: Option<HeldPieces>,
+}
+
+/// The last analysed frame.
+struct FramePieces {
+    grains: Piece<GrainPosition>,
+    contacts: Piece<ContactForce>,
+}
+
+/// The states that are held, all together.
+struct HeldPieces {
+    grains: Piece<GrainState>,
+    contacts: Piece<ContactState>,
 }
 
 /// One rank's share of a list, whatever its ids, and the stored checksum of the whole list.
@@ -390,14 +439,14 @@ struct Piece<R> {
 impl<R: Record> Piece<R> {
     /// Checks the list of all ranks. `blocks`: of the ids of the grains.
     fn check(&self, exchange: &dyn Parallel, blocks: IdBlocks) -> Result<(), String> {
-        let ids = || self.records.iter().map(R::ids);
-        // Flat walls have the next two ids.
-        let is_pair = |(i, j): (u32, u32)| i < j && u64::from(j) < blocks.grains + 2;
+        let mut ids = self.records.iter().map(R::ids);
         let ordered = if R::IS_CONTACT {
-            ids().all(is_pair) && ids().is_sorted()
+            // Flat walls have the next two ids.
+            let end = blocks.grains + 2;
+            self.records.is_sorted_by_key(R::ids) && ids.all(|(i, j)| i < j && u64::from(j) < end)
         } else {
             let block = blocks.range(exchange.rank());
-            ids().map(|(id, _)| u64::from(id)).eq(block)
+            ids.map(|(id, _)| u64::from(id)).eq(block)
         };
         let name = R::NAME;
         if hex(checksum(exchange, &self.records)) != self.sum {
@@ -425,7 +474,7 @@ fn open(path: &Path) -> Result<ReadFile, String> {
     match std::fs::metadata(path) {
         Err(e) if e.kind() == ErrorKind::NotFound => Err("there is no such checkpoint".into()),
         Err(e) => Err(e.to_string()),
-        Ok(of) => sound::is_regular(of.file_type()).map_err(|e| e.to_string()),
+        Ok(file) => sound::is_regular(file.file_type()).map_err(|e| e.to_string()),
     }?;
     let file = sound::open(path).map_err(|e| format!("not an HDF5 file, or damaged ({e})"))?;
     let names = file.attr_names().unwrap_or_default();
@@ -446,17 +495,18 @@ fn open(path: &Path) -> Result<ReadFile, String> {
 
 /// The header and the scene.
 fn texts(file: &hdf5::File) -> Result<[String; 2], String> {
-    let text = |name: &str| -> Result<String, String> {
-        let bytes = file.dataset(name).and_then(|d| d.read_raw::<u8>());
-        let bytes = bytes.map_err(|e| format!("damaged: {name} ({e})"))?;
-        if hex(xxh3_64(&bytes)) != word(file, &format!("checksum_{name}"))? {
-            return Err(format!(
-                "damaged: the checksum of its {name} differs from the stored one"
-            ));
-        }
-        String::from_utf8(bytes).map_err(|_| format!("damaged: {name} is not text"))
-    };
-    Ok([text("header")?, text("scene")?])
+    Ok([text(file, "header")?, text(file, "scene")?])
+}
+
+fn text(file: &hdf5::File, name: &str) -> Result<String, String> {
+    let bytes = file.dataset(name).and_then(|d| d.read_raw::<u8>());
+    let bytes = bytes.map_err(|e| format!("damaged: {name} ({e})"))?;
+    if hex(xxh3_64(&bytes)) != word(file, &format!("checksum_{name}"))? {
+        return Err(format!(
+            "damaged: the checksum of its {name} differs from the stored one"
+        ));
+    }
+    String::from_utf8(bytes).map_err(|_| format!("damaged: {name} is not text"))
 }
 
 /// Reads from a checkpoint, and closes it.
@@ -465,60 +515,77 @@ fn within<T>(
     read: impl FnOnce(&hdf5::File) -> Result<T, String>,
 ) -> Result<T, String> {
     let file = open(path)?;
-    let found = read(&file)?;
+    let content = read(&file)?;
     file.close()
         .map_err(|e| format!("cannot be closed: {}", disk::reason(&e)))?;
-    Ok(found)
+    Ok(content)
 }
 
 /// Reads this rank's share of a checkpoint.
 fn read_pieces(path: &Path, rank: usize, ranks: usize) -> Result<Pieces, String> {
-    within(path, |file| pieces_of(file, rank, ranks))
+    within(path, |file| PieceReader { file, rank, ranks }.pieces())
 }
 
-fn pieces_of(file: &hdf5::File, rank: usize, ranks: usize) -> Result<Pieces, String> {
-    let texts = texts(file)?;
-    let names = file.attr_names().unwrap_or_default();
-    let has = |sum: &str| names.iter().any(|name| name == sum);
-    let from = |prefix| (file, prefix, rank, ranks);
-    let grains: Piece<GrainState> = piece(from(""))?;
-    let count = grains.blocks.grains;
-    if count == 0 {
-        return Err("damaged: it holds no grain".into());
-    }
-    let held = if has(&format!("{HELD}{}", GrainState::CHECKSUM)) {
-        let held: (Piece<GrainState>, _) = (piece(from(HELD))?, piece(from(HELD))?);
-        if !held.0.blocks.grains.is_multiple_of(count) {
-            return Err("damaged: the states that it holds have other grains".into());
+/// Reads a rank's share of a checkpoint.
+struct PieceReader<'a> {
+    file: &'a hdf5::File,
+    rank: usize,
+    ranks: usize,
+}
+
+impl PieceReader<'_> {
+    fn pieces(&self) -> Result<Pieces, String> {
+        let texts = texts(self.file)?;
+        let names = self.file.attr_names().unwrap_or_default();
+        let grains: Piece<GrainState> = self.piece("")?;
+        let count = grains.blocks.grains;
+        if count == 0 {
+            return Err("damaged: it holds no grain".into());
         }
-        Some(held)
-    } else {
-        None
-    };
-    let analysed =
-        has(GrainPosition::CHECKSUM).then(|| Ok::<_, String>((piece(from(""))?, piece(from(""))?)));
-    let displacements = has(Displacement::CHECKSUM).then(|| piece(from("")));
-    Ok(Pieces {
-        texts,
-        grains,
-        contacts: piece(from(""))?,
-        analysed: analysed.transpose()?,
-        displacements: displacements.transpose()?,
-        held,
-    })
-}
+        let mut held = None;
+        if names.contains(&format!("{HELD}{}", GrainState::CHECKSUM)) {
+            let states = HeldPieces {
+                grains: self.piece(HELD)?,
+                contacts: self.piece(HELD)?,
+            };
+            if !states.grains.blocks.grains.is_multiple_of(count) {
+                return Err("damaged: the states that it holds have other grains".into());
+            }
+            held = Some(states);
+        }
+        let contacts = self.piece("")?;
+        let mut analysed = None;
+        if names.iter().any(|name| name == GrainPosition::CHECKSUM) {
+            analysed = Some(FramePieces {
+                grains: self.piece("")?,
+                contacts: self.piece("")?,
+            });
+        }
+        let mut displacements = None;
+        if names.iter().any(|name| name == Displacement::CHECKSUM) {
+            displacements = Some(self.piece("")?);
+        }
+        Ok(Pieces {
+            texts,
+            grains,
+            contacts,
+            analysed,
+            displacements,
+            held,
+        })
+    }
 
-/// Reads this rank's share of a list, the names of whose group and checksum begin with `prefix`.
-fn piece<R: Record>(
-    (file, prefix, rank, ranks): (&hdf5::File, &str, usize, usize),
-) -> Result<Piece<R>, String> {
-    let first = format!("{prefix}{}/{}", R::GROUP, R::FIELDS[0].name);
-    let blocks = IdBlocks::new(length(file, &first)?, ranks as u64);
-    Ok(Piece {
-        blocks,
-        records: read_records((file, prefix), blocks.grains, blocks.range(rank))?,
-        sum: word(file, &format!("{prefix}{}", R::CHECKSUM))?,
-    })
+    /// Reads a list, the names of whose group and checksum begin with `prefix`.
+    fn piece<R: Record>(&self, prefix: &str) -> Result<Piece<R>, String> {
+        let first = format!("{prefix}{}/{}", R::GROUP, R::FIELDS[0].name);
+        let blocks = IdBlocks::new(length(self.file, &first)?, self.ranks as u64);
+        let rows = blocks.range(self.rank);
+        Ok(Piece {
+            blocks,
+            records: read_records(self.file, prefix, blocks.grains, rows)?,
+            sum: word(self.file, &format!("{prefix}{}", R::CHECKSUM))?,
+        })
+    }
 }
 
 #[cfg(test)]

@@ -23,14 +23,15 @@ pub(super) enum Values {
     /// i64
     Signed,
     /// f64 of a list in which one of them is not 0; else there is no dataset.
-    WhereNotZero,
+    OptionalNumber,
     /// u64 of such a list.
-    WholeWhereNotZero,
+    OptionalInteger,
 }
 
 impl Values {
-    fn may_lack(self) -> bool {
-        matches!(self, Values::WhereNotZero | Values::WholeWhereNotZero)
+    /// Whether there may be no dataset.
+    fn are_optional(self) -> bool {
+        matches!(self, Values::OptionalNumber | Values::OptionalInteger)
     }
 }
 
@@ -75,11 +76,12 @@ pub(super) trait Record: Pod {
 
     /// What its checksum is of: a whole number at its end that is 0 adds nothing.
     fn hashed(&self) -> &[u8] {
-        let is_none = |f: &&Field| {
-            f.values == Values::WholeWhereNotZero && f.of::<Self, u64>(self).iter().all(|n| *n == 0)
-        };
-        let end = Self::FIELDS.iter().find(is_none).map(|field| field.at);
-        &bytes_of(self)[..end.unwrap_or(size_of::<Self>())]
+        let absent = Self::FIELDS.iter().find(|field| {
+            field.values == Values::OptionalInteger
+                && field.of::<Self, u64>(self).iter().all(|n| *n == 0)
+        });
+        let end = absent.map_or(size_of::<Self>(), |field| field.at);
+        &bytes_of(self)[..end]
     }
 }
 
@@ -118,7 +120,7 @@ record! {
     Number force 3;
     Number torque 3;
     Signed image 3;
-    WholeWhereNotZero material 1;
+    OptionalInteger material 1;
 }
 
 record! {
@@ -128,7 +130,7 @@ record! {
     Number history 3;
     Signed limits 1;
     // Of spheres that resist rolling or twisting.
-    WhereNotZero torques 4;
+    OptionalNumber torques 4;
 }
 
 record! {
@@ -172,23 +174,25 @@ pub(super) fn write_one<T: H5Type + Copy>(
 }
 
 /// One rank's part of a list of records.
-pub(super) struct Stretch<R> {
+pub(super) struct RankRecords<R> {
     /// Before the names of the list's group and checksum.
     prefix: &'static str,
     /// Length of the whole list.
     length: u64,
-    /// Number of records before the stretch.
+    /// Number of records of the ranks before.
     first: u64,
     records: Vec<R>,
-    /// Whether a rank has a value that may lack and is not 0.
-    not_zero: bool,
+    /// Whether a rank has an optional value that is not 0.
+    has_optional: bool,
 }
 
-impl<R: Record> Stretch<R> {
+impl<R: Record> RankRecords<R> {
     /// Collects the records of this rank's block of `blocks`, in the order of their ids: grains,
     /// which must be 0 … N-1, or contacts by their lower id. Collective.
     pub fn new(
-        (exchange, prefix, blocks): (&dyn Parallel, &'static str, IdBlocks),
+        exchange: &dyn Parallel,
+        prefix: &'static str,
+        blocks: IdBlocks,
         records: &[R],
     ) -> Self {
         let ids = blocks.range(exchange.rank());
@@ -198,18 +202,17 @@ impl<R: Record> Stretch<R> {
             let here = records.len() as u64;
             (total(exchange, here), exchange.sum_below(here))
         } else {
-            let found = records.iter().map(|r| u64::from(r.ids().0));
-            assert!(found.eq(ids.clone()), "a snapshot's grains are not 0 … N-1");
+            let own = records.iter().map(|r| u64::from(r.ids().0));
+            assert!(own.eq(ids.clone()), "a snapshot's grains are not 0 … N-1");
             (blocks.grains, ids.start)
         };
-        let rare = || R::FIELDS.iter().filter(|f| f.values.may_lack());
-        let is_set = |r: &R| rare().any(|f| f.of::<R, u64>(r).iter().any(|bits| *bits != 0));
-        let is_set = u64::from(records.iter().any(is_set));
+        let has_fields = R::FIELDS.iter().any(|field| field.values.are_optional());
+        let is_set = u64::from(records.iter().any(has_optional));
         Self {
             prefix,
             length,
             first,
-            not_zero: rare().count() > 0 && total(exchange, is_set) > 0,
+            has_optional: has_fields && total(exchange, is_set) > 0,
             records,
         }
     }
@@ -220,6 +223,12 @@ impl<R: Record> Stretch<R> {
         let name = format!("{}{}/{}", self.prefix, R::GROUP, field.name);
         write_one(file, &name, &field.shape(self.length), self.first, &values)
     }
+}
+
+/// Whether an optional value of a record is not 0.
+fn has_optional<R: Record>(record: &R) -> bool {
+    let mut optional = R::FIELDS.iter().filter(|field| field.values.are_optional());
+    optional.any(|field| field.of::<R, u64>(record).iter().any(|bits| *bits != 0))
 }
 
 /// A list of a checkpoint, whatever its records are.
@@ -234,7 +243,7 @@ pub(super) trait List {
     fn write(&self, file: &H5File, outcome: &mut CollectiveOutcome);
 }
 
-impl<R: Record> List for Stretch<R> {
+impl<R: Record> List for RankRecords<R> {
     fn checksum(&self, exchange: &dyn Parallel) -> (String, u64) {
         let name = format!("{}{}", self.prefix, R::CHECKSUM);
         (name, checksum(exchange, &self.records))
@@ -247,14 +256,14 @@ impl<R: Record> List for Stretch<R> {
     fn write(&self, file: &H5File, outcome: &mut CollectiveOutcome) {
         outcome.note(file.group(&format!("{}{}", self.prefix, R::GROUP)));
         for field in R::FIELDS {
-            if field.values.may_lack() && !self.not_zero {
+            if field.values.are_optional() && !self.has_optional {
                 continue;
             }
             outcome.note(match field.values {
                 Values::Id => self.write_field::<u32>(file, field),
                 Values::Signed => self.write_field::<i64>(file, field),
-                Values::WholeWhereNotZero => self.write_field::<u64>(file, field),
-                Values::Number | Values::WhereNotZero => self.write_field::<f64>(file, field),
+                Values::OptionalInteger => self.write_field::<u64>(file, field),
+                Values::Number | Values::OptionalNumber => self.write_field::<f64>(file, field),
             });
         }
     }
@@ -277,7 +286,8 @@ pub(super) fn length(file: &hdf5::File, name: &str) -> Result<u64, String> {
 }
 
 pub(super) fn read_records<R: Record>(
-    (file, prefix): (&hdf5::File, &str),
+    file: &hdf5::File,
+    prefix: &str,
     all: u64,
     local: Range<u64>,
 ) -> Result<Vec<R>, String> {
@@ -293,8 +303,8 @@ pub(super) fn read_records<R: Record>(
         }
         Ok(())
     }
-    let rare = R::FIELDS.iter().filter(|f| f.values.may_lack());
-    let optional: usize = rare.map(|field| 8 * field.width).sum();
+    let optional = R::FIELDS.iter().filter(|field| field.values.are_optional());
+    let optional: usize = optional.map(|field| 8 * field.width).sum();
     if all.saturating_mul((size_of::<R>() - optional) as u64) > file.size() {
         let group = R::GROUP;
         return Err(format!(
@@ -305,13 +315,14 @@ pub(super) fn read_records<R: Record>(
     let mut records = vec![R::zeroed(); rows.len()];
     for field in R::FIELDS {
         let name = format!("{prefix}{}/{}", R::GROUP, field.name);
-        if field.values.may_lack() && !file.link_exists(&name) {
+        if field.values.are_optional() && !file.link_exists(&name) {
             continue;
         }
-        let damaged = |why: &dyn std::fmt::Display| format!("damaged: {name} ({why})");
-        let dataset = file.dataset(&name).map_err(|e| damaged(&e))?;
-        if dataset.shape() != field.shape(all) {
-            return Err(damaged(&format!("its shape is {:?}", dataset.shape())));
+        let dataset = file.dataset(&name);
+        let dataset = dataset.map_err(|e| format!("damaged: {name} ({e})"))?;
+        let shape = dataset.shape();
+        if shape != field.shape(all) {
+            return Err(format!("damaged: {name} (its shape is {shape:?})"));
         }
         if rows.is_empty() {
             continue;
@@ -320,12 +331,12 @@ pub(super) fn read_records<R: Record>(
         let filled = match field.values {
             Values::Id => fill::<R, u32>(&dataset, rows, field, &mut records),
             Values::Signed => fill::<R, i64>(&dataset, rows, field, &mut records),
-            Values::WholeWhereNotZero => fill::<R, u64>(&dataset, rows, field, &mut records),
-            Values::Number | Values::WhereNotZero => {
+            Values::OptionalInteger => fill::<R, u64>(&dataset, rows, field, &mut records),
+            Values::Number | Values::OptionalNumber => {
                 fill::<R, f64>(&dataset, rows, field, &mut records)
             }
         };
-        filled.map_err(|e| damaged(&e))?;
+        filled.map_err(|e| format!("damaged: {name} ({e})"))?;
     }
     Ok(records)
 }

@@ -20,35 +20,21 @@ pub use tables::{TableDescription, tables};
 fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<String> {
     let all = tables(axes);
     let table = all.iter().find(|table| table.file == kind)?;
-    // These have columns of other tables.
-    let is_of_all = OF_ALL.contains(&kind);
-    let others = all.iter().filter(|_| is_of_all);
-    let known: Vec<&Column> = [table]
-        .into_iter()
-        .chain(others)
-        .flat_map(|of| &of.columns)
-        .collect();
-    let describe = |name: &&str| -> Option<Value> {
-        let of_mode = name.strip_prefix("mode");
-        let of_mode = of_mode.map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit()));
-        let general = of_mode.map_or_else(|| name.to_string(), |rest| format!("modeK{rest}"));
-        let is_of = |column: &&&Column| {
-            let rest = general.strip_prefix(column.name);
-            rest.is_some_and(|rest| rest.is_empty() || AXES.contains(&rest))
-        };
-        if let Some(key) = key(name).filter(|_| is_of_all) {
-            return Some(described(name, key.doc.trim(), Some(key.unit)));
-        }
-        if let Some(column) = known.iter().find(is_of) {
-            return Some(described(name, column.doc, column.unit_in(axes).as_deref()));
-        }
-        let of = name.strip_suffix(ERROR).filter(|_| is_of_all)?;
-        let column = known.iter().find(|column| column.name == of)?;
-        let doc = column.doc;
-        let doc = format!("standard error over runs of the mean of {of}: {doc}");
-        Some(described(name, &doc, column.unit_in(axes).as_deref()))
+    let mut known = KnownColumns {
+        axes,
+        columns: table.columns.iter().collect(),
+        // These have columns of other tables.
+        is_of_all: OF_ALL.contains(&kind),
     };
-    let columns: Vec<Value> = names.iter().map(describe).collect::<Option<_>>()?;
+    if known.is_of_all {
+        known
+            .columns
+            .extend(all.iter().flat_map(|table| &table.columns));
+    }
+    let columns: Vec<Value> = names
+        .iter()
+        .map(|name| known.describe(name))
+        .collect::<Option<_>>()?;
     Some(format!(
         "{:#}\n",
         json!({
@@ -58,6 +44,50 @@ fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<Strin
             "tableSchema": { "columns": columns },
         })
     ))
+}
+
+/// The columns that a table may have.
+struct KnownColumns<'a> {
+    axes: usize,
+    columns: Vec<&'a Column>,
+    /// Whether they are of all tables; then there are keys of scenes and standard errors as well.
+    is_of_all: bool,
+}
+
+impl KnownColumns<'_> {
+    /// A column as CSV on the Web describes it, if it is known.
+    fn describe(&self, name: &str) -> Option<Value> {
+        if self.is_of_all
+            && let Some(key) = key(name)
+        {
+            return Some(described(name, key.doc.trim(), Some(key.unit)));
+        }
+        let general = match name.strip_prefix("mode") {
+            Some(rest) => {
+                let rest = rest.trim_start_matches(|c: char| c.is_ascii_digit());
+                format!("modeK{rest}")
+            }
+            None => name.to_string(),
+        };
+        let mut columns = self.columns.iter();
+        let column = columns.find(|column| {
+            let rest = general.strip_prefix(column.name);
+            rest.is_some_and(|rest| rest.is_empty() || AXES.contains(&rest))
+        });
+        if let Some(column) = column {
+            let unit = column.unit_in(self.axes);
+            return Some(described(name, column.doc, unit.as_deref()));
+        }
+        if !self.is_of_all {
+            return None;
+        }
+        let mean = name.strip_suffix(ERROR)?;
+        let column = self.columns.iter().find(|column| column.name == mean)?;
+        let doc = column.doc;
+        let doc = format!("standard error over runs of the mean of {mean}: {doc}");
+        let unit = column.unit_in(self.axes);
+        Some(described(name, &doc, unit.as_deref()))
+    }
 }
 
 /// A column as CSV on the Web describes it.

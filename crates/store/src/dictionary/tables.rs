@@ -5,12 +5,12 @@ use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::phase_measures::PhaseMeasures;
 use gshear_analysis::phases::PhaseStatistics;
 use gshear_analysis::stability::Stability;
+use gshear_dem::boundary::Boundary;
 use gshear_dem::columns::Column;
-use gshear_dem::state::all_series_columns;
 
 use crate::box_columns::{AqsRow, NewtonianRow};
 use crate::contact_quantities::numbers;
-use crate::layout::{Form, MASS, RADIUS, elements};
+use crate::layout::{FrameFormat, MASS, RADIUS, elements};
 
 /// A table of numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,8 +35,10 @@ pub(super) const OF_FIGURES: &str = "report/*.csv";
 /// If `tables.txt` is wrong, which is a bug.
 pub fn tables(axes: usize) -> Vec<TableDescription> {
     let mut all: Vec<TableDescription> = Vec::new();
-    let is_comment = |line: &&str| line.is_empty() || line.starts_with('#');
-    for line in TABLES.lines().filter(|line| !is_comment(line)) {
+    for line in TABLES.lines() {
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
         let fields: Vec<&str> = line.trim().split(" | ").collect();
         let columns = match fields[..] {
             [file, lines] => {
@@ -64,21 +66,25 @@ pub fn tables(axes: usize) -> Vec<TableDescription> {
 /// The last column of this name.
 fn above(tables: &[TableDescription], name: &str) -> Column {
     let columns = tables.iter().flat_map(|table| &table.columns);
-    let found = columns.rev().find(|column| column.name == name);
-    *found.unwrap_or_else(|| panic!("tables.txt: {name} before its meaning"))
+    let last = columns.rev().find(|column| column.name == name);
+    *last.unwrap_or_else(|| panic!("tables.txt: {name} before its meaning"))
+}
+
+/// A column of the contacts, whatever their law.
+fn of_any_law(column: Column, axes: usize) -> Column {
+    if column.name != "tangential_history" {
+        return column;
+    }
+    // Which one it is depends on the law: `unit` of the dataset in run.h5 says it.
+    let either = if axes == 2 { "N m-1 or m" } else { "N or m" };
+    Column::new(column.name, either, column.doc)
 }
 
 /// The columns of a row that is declared elsewhere.
 fn declared(row: &str, axes: usize) -> Vec<Column> {
-    // Which one it is depends on the law: `unit` of the dataset in run.h5 says it.
-    let either = if axes == 2 { "N m-1 or m" } else { "N or m" };
-    let of_law = |column: Column| match column.name {
-        "tangential_history" => Column::new(column.name, either, column.doc),
-        _ => column,
-    };
-    let form = Form::new(axes, axes == 3);
+    let form = FrameFormat::new(axes, axes == 3);
     match row {
-        "SeriesRow" => all_series_columns(),
+        "SeriesRow" => Boundary::all_series_columns(),
         "AqsRow" => AqsRow::COLUMNS.to_vec(),
         "NewtonianRow" => NewtonianRow::COLUMNS.to_vec(),
         "FrameScalars" => FrameScalars::COLUMNS.to_vec(),
@@ -88,8 +94,13 @@ fn declared(row: &str, axes: usize) -> Vec<Column> {
         "BoxChange" => BoxChange::COLUMNS.to_vec(),
         "radius" => vec![RADIUS],
         "mass" => vec![MASS],
-        "grain" => elements(axes)[1..].iter().map(|of| of.0).collect(),
-        "contact" => numbers(form).map(|of| of_law(of.column)).collect(),
+        "grain" => elements(axes)[1..]
+            .iter()
+            .map(|quantity| quantity.column)
+            .collect(),
+        "contact" => numbers(form)
+            .map(|quantity| of_any_law(quantity.column, axes))
+            .collect(),
         _ => panic!("tables.txt: [{row}] is not declared"),
     }
 }

@@ -19,8 +19,10 @@ pub(super) struct RawData {
 impl RawData {
     pub(super) fn of(dataset: hdf5::Dataset) -> Self {
         let chunk = dataset.chunk();
-        let of_chunk = |chunk: &Vec<usize>| chunk.iter().product::<usize>();
-        let entries = chunk.as_ref().map_or(0, of_chunk);
+        let entries = match &chunk {
+            Some(chunk) => chunk.iter().product::<usize>(),
+            None => 0,
+        };
         let bytes = dataset.dtype().map_or(0, |datatype| datatype.size());
         Self {
             chunks: Vec::new(),
@@ -57,7 +59,7 @@ impl RawData {
             hdf5::sync::sync(|| {
                 // SAFETY: the dataset is open; `offset` has an entry for each of its dimensions;
                 // the other pointers are to numbers of the types that the library writes.
-                let found = unsafe {
+                let status = unsafe {
                     h5d::H5Dget_chunk_info_by_coord(
                         self.dataset.id(),
                         offset.as_ptr(),
@@ -66,7 +68,7 @@ impl RawData {
                         &raw mut size,
                     )
                 };
-                hdf5::h5check(found)
+                hdf5::h5check(status)
             })?;
             // A chunk that is not allocated has the greatest address, and no data.
             let start = if start == haddr_t::MAX { 0 } else { start };

@@ -65,7 +65,7 @@ macro_rules! attributes_from {
 attributes_from!(&str => Text, String => Text, f64 => Number, u64 => Count, Vec<f64> => Numbers);
 
 /// Fixed-length text of an attribute.
-pub type Word = FixedAscii<32>;
+pub(crate) type Word = FixedAscii<32>;
 
 /// Bytes of a name.
 const NAME: usize = 128;
@@ -141,7 +141,7 @@ pub(crate) fn leave_open() {
 ///
 /// Only [`H5File::close`] closes it, because closing is collective. After a failure nothing more is
 /// written, and the file is [left open](is_left_open).
-pub struct H5File {
+pub(crate) struct H5File {
     file: hdf5::File,
     /// The group in which names are; empty: the root.
     within: &'static str,
@@ -226,12 +226,12 @@ impl H5File {
     /// [`Failure::Other`] if HDF5 fails.
     pub fn enter(&mut self, group: &'static str) -> Result<()> {
         self.within = group;
-        let mut found = Vec::new();
+        let mut datasets = Vec::new();
         let own = format!("/{group}");
         let looked = (self.file.as_group())
-            .and_then(|root| below(&root, DEEPEST, &own, &mut |dataset| found.push(dataset)));
+            .and_then(|root| below(&root, DEEPEST, &own, &mut |dataset| datasets.push(dataset)));
         self.context.checked("/", "look up", looked)?;
-        let others = found.into_iter().map(RawData::of);
+        let others = datasets.into_iter().map(RawData::of);
         self.context.raw_data.borrow_mut().extend(others);
         Ok(())
     }
@@ -322,7 +322,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn open_dataset(&self, element: TypeDescriptor, name: &str) -> Result<Dataset> {
+    pub(crate) fn open_dataset(&self, element: TypeDescriptor, name: &str) -> Result<Dataset> {
         self.column(element, name, "open", self.file.dataset(&self.at(name)))
     }
 
@@ -366,7 +366,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn remove_attribute(&self, object: &str, name: &str) -> Result<()> {
+    pub(crate) fn remove_attribute(&self, object: &str, name: &str) -> Result<()> {
         let location = self.location(object);
         let removed = location.and_then(|location| remove_attribute(&location, name));
         let place = format!("{object}@{name}");
@@ -378,9 +378,12 @@ impl H5File {
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
     pub fn attributes(&self, group: &str) -> Result<Parameters> {
-        let failure = |what: &str, e| self.context.failure(&format!("{group}{what}"), "read", &e);
-        let location = self.location(group).map_err(|e| failure("", e))?;
-        attributes(&location).map_err(|(what, e)| failure(&what, e))
+        let location = self.location(group);
+        let location = location.map_err(|e| self.context.failure(group, "read", &e))?;
+        attributes(&location).map_err(|(what, e)| {
+            let place = format!("{group}{what}");
+            self.context.failure(&place, "read", &e)
+        })
     }
 
     fn location(&self, object: &str) -> hdf5::Result<Location> {
@@ -407,7 +410,7 @@ impl H5File {
     ///
     /// # Errors
     /// [`Failure::Other`] if HDF5 fails.
-    pub fn raw_extents(&self) -> Result<Vec<Range<u64>>> {
+    pub(crate) fn raw_extents(&self) -> Result<Vec<Range<u64>>> {
         let mut all = Vec::new();
         for raw_data in &mut *self.context.raw_data.borrow_mut() {
             let extents = raw_data.extents();
@@ -504,14 +507,13 @@ fn for_mpi(path: &Path, parallel: bool) -> Cow<'_, Path> {
 ///
 /// # Errors
 /// A damaged structure.
-pub fn walk(file: &hdf5::File) -> hdf5::Result<()> {
+pub(crate) fn walk(file: &hdf5::File) -> hdf5::Result<()> {
     let mut looked = Ok(());
-    let mut look = |dataset| {
+    each_dataset(file, &mut |dataset| {
         if looked.is_ok() {
             looked = RawData::of(dataset).extents().map(drop);
         }
-    };
-    each_dataset(file, &mut look)?;
+    })?;
     looked
 }
 
@@ -560,7 +562,6 @@ pub(crate) fn set_attribute(
     value: &Attribute,
 ) -> hdf5::Result<()> {
     remove_attribute(location, name)?;
-    let word = |word: &String| Word::from_ascii(word).map_err(unfit);
     match value {
         Attribute::Text(value) => {
             let value: VarLenUnicode = value.parse().map_err(unfit)?;
@@ -568,7 +569,7 @@ pub(crate) fn set_attribute(
         }
         Attribute::Word(value) => put(location, name, word(value)?),
         Attribute::Words(values) => {
-            let values: hdf5::Result<Vec<_>> = values.iter().map(word).collect();
+            let values: hdf5::Result<Vec<_>> = values.iter().map(|value| word(value)).collect();
             put_all(location, name, &values?)
         }
         Attribute::Name(value) => {
@@ -585,6 +586,11 @@ pub(crate) fn set_attribute(
         Attribute::Numbers(values) => put_all(location, name, values),
         Attribute::Integers(values) => put_all(location, name, values),
     }
+}
+
+/// Text of fixed length.
+fn word(text: &str) -> hdf5::Result<Word> {
+    Word::from_ascii(text).map_err(unfit)
 }
 
 /// The error of a text that HDF5 does not take.
@@ -619,7 +625,7 @@ fn transfer(collective: bool) -> hdf5::Result<PropertyList> {
 /// A box in a dataset of one to three dimensions. Entries beyond the dataset's dimensions are
 /// ignored.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Slab {
+pub(crate) struct Slab {
     /// First index along each dimension.
     pub start: [u64; 3],
     /// Number of indices along each dimension.
@@ -637,7 +643,7 @@ impl Slab {
 }
 
 /// A dataset of an [`H5File`].
-pub struct Dataset {
+pub(crate) struct Dataset {
     inner: hdf5::Dataset,
     datatype: Datatype,
     shape: Vec<usize>,
@@ -654,7 +660,7 @@ impl Dataset {
     }
 
     /// Returns the number of values in a row.
-    pub fn row_length(&self) -> usize {
+    pub(crate) fn row_length(&self) -> usize {
         self.shape[1..].iter().product()
     }
 
@@ -699,25 +705,30 @@ impl Dataset {
         assert_eq!(selected, data.len() as u64, "{}: {as_many}", self.name);
         // The same shape as the slab: otherwise HDF5 maps values to places one by one.
         let shape: Vec<usize> = count.iter().map(|&n| n.max(1) as usize).collect();
-        let write = || -> hdf5::Result<()> {
-            let (place, memory) = (self.inner.space()?, Dataspace::try_new(shape)?);
-            hdf5::sync::sync(|| {
-                select(place.id(), slab, dimensions)?;
-                if data.is_empty() {
-                    select(memory.id(), slab, dimensions)?;
-                }
-                let (dataset, datatype) = (self.inner.id(), self.datatype.id());
-                let (memory, place) = (memory.id(), place.id());
-                let transfer = self.context.transfer.id();
-                let data = data.as_ptr().cast();
-                // SAFETY: the ids are open; `datatype` describes T, as asserted above; `memory`
-                // selects all of `data`, and `place` selects as many elements.
-                let written =
-                    unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
-                hdf5::h5check(written).map(drop)
-            })
-        };
-        self.context.checked(&self.name, "write", write())
+        let written = self.transfer(slab, shape, data);
+        self.context.checked(&self.name, "write", written)
+    }
+
+    /// Writes `data`, which are of the type of the dataset and as many as the slab has places.
+    /// `shape`: of the slab, at least 1 along each dimension.
+    fn transfer<T: H5Type>(&self, slab: Slab, shape: Vec<usize>, data: &[T]) -> hdf5::Result<()> {
+        let dimensions = shape.len();
+        let (place, memory) = (self.inner.space()?, Dataspace::try_new(shape)?);
+        hdf5::sync::sync(|| {
+            select(place.id(), slab, dimensions)?;
+            if data.is_empty() {
+                select(memory.id(), slab, dimensions)?;
+            }
+            let (dataset, datatype) = (self.inner.id(), self.datatype.id());
+            let (memory, place) = (memory.id(), place.id());
+            let transfer = self.context.transfer.id();
+            let data = data.as_ptr().cast();
+            // SAFETY: the ids are open; `datatype` describes T, as the only caller asserts;
+            // `memory` selects all of `data`, and `place` selects as many elements.
+            let written =
+                unsafe { h5d::H5Dwrite(dataset, datatype, memory, place, transfer, data) };
+            hdf5::h5check(written).map(drop)
+        })
     }
 
     /// Sets the number of rows and writes this rank's part of them. Collective.
@@ -751,7 +762,7 @@ fn select(space: hid_t, slab: Slab, dimensions: usize) -> hdf5::Result<()> {
 ///
 /// # Errors
 /// If the file cannot be written.
-pub fn by_root<T: H5Type + Copy>(
+pub(crate) fn by_root<T: H5Type + Copy>(
     root: bool,
     column: &mut Dataset,
     before: u64,

@@ -41,8 +41,9 @@ pub(super) fn note(file: &hdf5::File, path: &Path, failure: LoneFailure) -> hdf5
     hdf5::sync::sync(|| {
         let mut handle: *mut c_void = std::ptr::null_mut();
         // SAFETY: the file is open; HDF5 writes the address of its MPI file into `handle`.
-        let found = unsafe { h5f::H5Fget_vfd_handle(file.id(), h5p::H5P_DEFAULT, &raw mut handle) };
-        hdf5::h5check(found)?;
+        let status =
+            unsafe { h5f::H5Fget_vfd_handle(file.id(), h5p::H5P_DEFAULT, &raw mut handle) };
+        hdf5::h5check(status)?;
         // SAFETY: HDF5's driver for MPI gives a pointer to the handle, which lives as long as the
         // file is open.
         let handle = unsafe { *handle.cast::<ffi::MPI_File>() };
@@ -88,11 +89,14 @@ unsafe extern "C" fn failed(file: *mut ffi::MPI_File, code: *mut c_int) {
     unsafe { ffi::MPI_Error_string(code, text.as_mut_ptr().cast::<c_char>(), &raw mut length) };
     let text = String::from_utf8_lossy(&text[..length.clamp(0, text.len() as c_int) as usize]);
     if let Some(file) = files().iter_mut().find(|file| file.handle == handle) {
-        let told = || told_by(&last).or_else(|| asked_again(&file.path));
-        file.reason = file.reason.take().or_else(told);
+        if file.reason.is_none() {
+            file.reason = told_by(&last).or_else(|| asked_again(&file.path));
+        }
         let path = file.path.display();
-        let unknown = || format!("{text}; MPI does not say whether space or quota ran out");
-        let why = file.reason.clone().unwrap_or_else(unknown);
+        let why = match &file.reason {
+            Some(reason) => reason.clone(),
+            None => format!("{text}; MPI does not say whether space or quota ran out"),
+        };
         (file.failure).note_cause(&format!("{path}: cannot be written: {why}"));
     }
 }

@@ -9,10 +9,10 @@ use super::open_file::one_line;
 use super::{FrameFields, RunFile};
 use crate::checksums::{self, ContactWeights};
 use crate::contact_quantities::{ContactQuantity, of_contacts};
-use crate::layout::Kind;
+use crate::layout::{Kind, REMOVED};
 use crate::sound;
 use gshear_dem::failure::Result;
-use gshear_dem::state::{ContactSample, Frame, FrameRecords, GrainSample, Image};
+use gshear_dem::state::{ContactSample, Frame, GrainSample, Image};
 use gshear_scene::Dimensions;
 
 /// Contacts of some frames, as far as they were read.
@@ -21,80 +21,193 @@ pub(super) struct ContactValues {
     first: usize,
     i: Vec<u32>,
     j: Vec<u32>,
-    /// Each with the number of values of a contact.
-    numbers: Vec<(&'static ContactQuantity, usize, Vec<f64>)>,
-    flags: Vec<(&'static ContactQuantity, Vec<u8>)>,
+    numbers: Vec<NumberColumn>,
+    flags: Vec<FlagColumn>,
     /// Whether the file says which contacts are idle. In those of earlier versions they are the
     /// ones without a force, which is right unless something attracts.
     has_idle: bool,
 }
 
+/// Numbers of contacts.
+struct NumberColumn {
+    quantity: &'static ContactQuantity,
+    /// Number of values of a contact.
+    width: usize,
+    values: Vec<f64>,
+}
+
+/// Flags of contacts.
+struct FlagColumn {
+    quantity: &'static ContactQuantity,
+    flags: Vec<u8>,
+}
+
 impl ContactValues {
     pub(super) fn of_rows(&self, rows: Range<usize>) -> Vec<ContactSample> {
-        let contact = |k: usize| {
+        let mut contacts = Vec::with_capacity(rows.len());
+        for k in rows.start - self.first..rows.end - self.first {
             let mut contact = ContactSample {
                 i: self.i[k],
                 j: self.j[k],
                 ..ContactSample::zeroed()
             };
-            for (of, width, values) in &self.numbers {
-                of.set_numbers(&mut contact, &values[k * width..][..*width]);
+            for column in &self.numbers {
+                let values = &column.values[k * column.width..][..column.width];
+                column.quantity.set_numbers(&mut contact, values);
             }
-            for (of, flags) in &self.flags {
-                of.set_flag(&mut contact, flags[k]);
+            for column in &self.flags {
+                column.quantity.set_flag(&mut contact, column.flags[k]);
             }
             if !self.has_idle {
                 contact.idle = u64::from(contact.normal_force == 0.0);
             }
-            contact
-        };
-        (rows.start - self.first..rows.end - self.first)
-            .map(contact)
-            .collect()
+            contacts.push(contact);
+        }
+        contacts
     }
 }
 
 /// The fields with which a quantity is read.
-fn least_fields(of: &ContactQuantity) -> FrameFields {
-    match of.column.name {
+fn least_fields(quantity: &ContactQuantity) -> FrameFields {
+    match quantity.column.name {
         "normal_force" | "tangential_force" => FrameFields::Forces,
         _ => FrameFields::All,
     }
 }
 
 impl RunFile {
-    /// Reads the frames of a range within 0 … T, of disks or spheres.
+    /// Returns whether the grains are disks between walls. Of these there are maps, GR regions and
+    /// the scalars of frames.
+    pub fn has_disks_between_walls(&self) -> bool {
+        self.boundary.has_walls() && self.dimension == Dimensions::Two
+    }
+
+    /// Refuses spheres.
+    ///
+    /// # Errors
+    /// `Failure::Input` if the grains are spheres.
+    pub fn need_disks(&self) -> Result<()> {
+        if self.dimension == Dimensions::Three {
+            let what = "this command needs disks; for spheres use dmin, compare or export, or commands on the time series";
+            return Err(self.wrong(what));
+        }
+        Ok(())
+    }
+
+    /// Reads frame t < T.
     ///
     /// # Errors
     /// `Failure::Input` if the file is damaged.
-    pub fn records(&self, range: Range<usize>) -> Result<Vec<FrameRecords>> {
-        let mut position = self.vectors(&self.position, &range)?.into_iter();
-        let mut velocity = self.vectors(&self.velocity, &range)?.into_iter();
-        let spins = match self.dimension {
-            Dimensions::Two => {
-                let spins = self.numbers(&self.angular_velocity, &range)?;
-                spins.into_iter().map(|w| [0.0, 0.0, w]).collect()
-            }
-            Dimensions::Three => self.vectors(&self.angular_velocity, &range)?,
-        };
-        let mut angular_velocity = spins.into_iter();
-        let mut image = self.images(&range)?.into_iter();
-        let contacts = self.contacts(&range, FrameFields::All)?;
-        let frame = |t: usize| FrameRecords {
+    pub fn frame(&self, t: usize) -> Result<Frame> {
+        Ok(self.records(t..t + 1)?.swap_remove(0))
+    }
+
+    /// Reads the frames of a range within 0 … T.
+    ///
+    /// # Errors
+    /// `Failure::Input` if the file is damaged.
+    pub fn records(&self, range: Range<usize>) -> Result<Vec<Frame>> {
+        self.records_with(range, FrameFields::All)
+    }
+
+    /// Reads the given fields of the frames of a range within 0 … T.
+    ///
+    /// # Errors
+    /// `Failure::Input` if the file is damaged.
+    pub fn records_with(&self, range: Range<usize>, fields: FrameFields) -> Result<Vec<Frame>> {
+        let mut grains = self.places(&range)?;
+        if fields == FrameFields::All {
+            self.read_velocities(&range, &mut grains)?;
+        }
+        let contacts = self.contacts(&range, fields)?;
+        let mut grains = grains.chunks(self.grains.count().max(1));
+        let frames = range.map(|t| Frame {
+            dimension: self.dimension,
+            cell: self.cell(t),
             step: self.step[t],
             time: self.time[t],
-            grains: (0..self.grains.count() as u64)
-                .map(|id| GrainSample {
-                    id,
-                    position: position.next().unwrap_or_default(),
-                    velocity: velocity.next().unwrap_or_default(),
-                    angular_velocity: angular_velocity.next().unwrap_or_default(),
-                    image: image.next().unwrap_or_default(),
-                })
-                .collect(),
+            grains: grains.next().unwrap_or_default().to_vec(),
             contacts: contacts.of_rows(self.rows(t..t + 1)),
+        });
+        Ok(frames.collect())
+    }
+
+    /// Reads positions and images of some frames, all grains of a frame after the other; all else
+    /// of the grains is 0.
+    pub(super) fn places(&self, range: &Range<usize>) -> Result<Vec<GrainSample>> {
+        let positions = self.vectors_in_space(&self.position, range)?;
+        let mut images = self.images(range)?;
+        let removed = self.removed(range, &mut images)?;
+        let ids = (0..self.grains.count() as u32).cycle();
+        let grains = ids.zip(positions).zip(images).zip(removed);
+        let grains = grains.map(|(((id, position), image), removed)| GrainSample {
+            id,
+            removed: removed.into(),
+            position,
+            image,
+            ..GrainSample::zeroed()
+        });
+        Ok(grains.collect())
+    }
+
+    /// Reads which grains of some frames had been removed: not 0. Files of earlier versions say it
+    /// by an image along the axis that walls bound, which is taken from `images`.
+    fn removed(&self, range: &Range<usize>, images: &mut [Image]) -> Result<Vec<u8>> {
+        let Some(dataset) = &self.removed else {
+            let mut removed = vec![0; images.len()];
+            if self.boundary.has_walls() {
+                let up = self.dimension.axes() - 1;
+                for (removed, image) in removed.iter_mut().zip(images) {
+                    *removed = (std::mem::take(&mut image[up]) != 0).into();
+                }
+            }
+            return Ok(removed);
         };
-        Ok(range.map(frame).collect())
+        let removed: Vec<u8> = self.read(dataset, range)?;
+        let grains = self.grains.count();
+        let weights = checksums::weights(0, grains);
+        for (t, of_frame) in range.clone().zip(removed.chunks(grains)) {
+            self.verify(
+                t,
+                REMOVED.column.name,
+                checksums::of_flags(&weights, of_frame),
+            )?;
+        }
+        Ok(removed)
+    }
+
+    /// Reads the velocities of some frames into their grains.
+    fn read_velocities(&self, range: &Range<usize>, grains: &mut [GrainSample]) -> Result<()> {
+        let velocities = self.vectors_in_space(&self.velocity, range)?;
+        for (grain, velocity) in grains.iter_mut().zip(velocities) {
+            grain.velocity = velocity;
+        }
+        match self.dimension {
+            Dimensions::Two => {
+                let spins = self.numbers(&self.angular_velocity, range)?;
+                for (grain, spin) in grains.iter_mut().zip(spins) {
+                    grain.angular_velocity[2] = spin;
+                }
+            }
+            Dimensions::Three => {
+                let spins = self.vectors(&self.angular_velocity, range)?;
+                for (grain, spin) in grains.iter_mut().zip(spins) {
+                    grain.angular_velocity = spin;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// [`Self::vectors`], whose z must be 0 of disks.
+    fn vectors_in_space(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<[f64; 3]>> {
+        let values = self.vectors(dataset, range)?;
+        if self.dimension == Dimensions::Two && values.iter().any(|[.., z]| *z != 0.0) {
+            let name = dataset.name();
+            let name = &name[1..];
+            return Err(self.wrong(format!("{name}: z is not 0: only 2D runs can be reduced")));
+        }
+        Ok(values)
     }
 
     /// Reads a dataset `[T][N][3]` for some frames, all grains of a frame after the other.
@@ -105,12 +218,12 @@ impl RunFile {
 
     /// Returns whether the file has the flags of rolling at its limit: files of disks, and of
     /// spheres that resist it.
-    pub fn has_rolling(&self) -> bool {
+    pub(crate) fn has_rolling(&self) -> bool {
         self.contacts.contains_key("rolling")
     }
 
     /// Returns whether the file has those of twisting: files of spheres that resist it.
-    pub fn has_twisting(&self) -> bool {
+    pub(crate) fn has_twisting(&self) -> bool {
         self.contacts.contains_key("twisting")
     }
 
@@ -134,8 +247,8 @@ impl RunFile {
         let of_frame = (values.len() / range.len().max(1)).max(1);
         let weights = checksums::weights(0, of_frame);
         for (t, values) in range.clone().zip(values.chunks(of_frame)) {
-            let found = checksums::of_numbers(&weights, values);
-            self.verify(t, column.unwrap_or_default(), found)?;
+            let sum = checksums::of_numbers(&weights, values);
+            self.verify(t, column.unwrap_or_default(), sum)?;
         }
         Ok(values)
     }
@@ -147,76 +260,6 @@ impl RunFile {
             let (name, why) = (dataset.name(), one_line(&e));
             self.wrong(format!("{} cannot be read: {why}", &name[1..]))
         })
-    }
-
-    /// Reads frame t < T of disks.
-    ///
-    /// # Errors
-    /// `Failure::Input` if the file is damaged or the grains are spheres.
-    pub fn frame(&self, t: usize) -> Result<Frame> {
-        Ok(self.block(t..t + 1)?.swap_remove(0))
-    }
-
-    /// Reads the frames of a range within 0 … T, of disks.
-    ///
-    /// # Errors
-    /// `Failure::Input` if the file is damaged or the grains are spheres.
-    pub fn block(&self, range: Range<usize>) -> Result<Vec<Frame>> {
-        self.block_of(range, FrameFields::All)
-    }
-
-    /// Reads the given fields of the frames of a range within 0 … T, of disks.
-    ///
-    /// # Errors
-    /// `Failure::Input` if the file is damaged or the grains are spheres.
-    pub fn block_of(&self, range: Range<usize>, fields: FrameFields) -> Result<Vec<Frame>> {
-        if self.dimension == Dimensions::Three {
-            let what = "this command needs disks; for spheres use dmin, compare or export, or commands on the time series";
-            return Err(self.wrong(what));
-        }
-        let mut position = self.planar(&self.position, &range)?;
-        let of_frame = self.grains.count().max(1);
-        let images = self.images(&range)?;
-        for (place, image) in position.iter_mut().flatten().zip(&images) {
-            if self.is_removed(image) {
-                *place = [f64::NAN; 2];
-            }
-        }
-        let mut position = position.into_iter();
-        let mut images = images.chunks(of_frame);
-        let (mut velocity, mut spins) = (Vec::new(), Vec::new());
-        if fields == FrameFields::All {
-            velocity = self.planar(&self.velocity, &range)?;
-            spins = self.numbers(&self.angular_velocity, &range)?;
-        }
-        let mut velocity = velocity.into_iter();
-        let mut spins = spins.chunks(of_frame).map(<[f64]>::to_vec);
-        let contacts = self.contacts(&range, fields)?;
-        let frame = |t: usize| Frame {
-            step: self.step[t],
-            time: self.time[t],
-            position: position.next().unwrap_or_default(),
-            image: images
-                .next()
-                .map_or_else(Vec::new, |of| of.iter().map(|i| i[0]).collect()),
-            velocity: velocity.next().unwrap_or_default(),
-            angular_velocity: spins.next().unwrap_or_default(),
-            contacts: contacts.of_rows(self.rows(t..t + 1)),
-        };
-        Ok(range.map(frame).collect())
-    }
-
-    /// Reads x and y from a dataset `[T][N][3]`; z must be 0.
-    fn planar(&self, dataset: &Dataset, range: &Range<usize>) -> Result<Vec<Vec<[f64; 2]>>> {
-        let values = self.vectors(dataset, range)?;
-        if values.iter().any(|[.., z]| *z != 0.0) {
-            let name = dataset.name();
-            let name = &name[1..];
-            return Err(self.wrong(format!("{name}: z is not 0: only 2D runs can be reduced")));
-        }
-        let planar = |frame: &[[f64; 3]]| frame.iter().map(|[x, y, _]| [*x, *y]).collect();
-        let frames = values.chunks(self.grains.count().max(1));
-        Ok(frames.map(planar).collect())
     }
 
     /// Returns how many frames to read at a time so that a block stays near 16 MiB. The allocator
@@ -248,11 +291,19 @@ impl RunFile {
             flags: Vec::new(),
             has_idle: form.idle,
         };
-        for of in of_contacts(form).filter(|of| fields >= least_fields(of)) {
-            let (name, width) = (of.column.name, of.width(form));
-            match of.kind {
-                Kind::Flag => contacts.flags.push((of, self.column(name, &rows)?)),
-                _ => (contacts.numbers).push((of, width, self.column(name, &rows)?)),
+        for quantity in of_contacts(form) {
+            let name = quantity.column.name;
+            match quantity.kind {
+                _ if fields < least_fields(quantity) => {}
+                Kind::Flag => contacts.flags.push(FlagColumn {
+                    quantity,
+                    flags: self.column(name, &rows)?,
+                }),
+                _ => contacts.numbers.push(NumberColumn {
+                    quantity,
+                    width: quantity.width(form),
+                    values: self.column(name, &rows)?,
+                }),
             }
         }
         self.check_pairs(&contacts.i, &contacts.j, rows.start)?;
@@ -261,14 +312,15 @@ impl RunFile {
             let rows = self.rows(t..t + 1);
             let rows = rows.start - contacts.first..rows.end - contacts.first;
             self.verify(t, "pairs", weights.pairs(rows.clone()))?;
-            for (of, width, values) in &contacts.numbers {
-                let values = &values[rows.start * width..rows.end * width];
-                let found = weights.numbers(rows.clone(), values, *width);
-                self.verify(t, of.column.name, found)?;
+            for column in &contacts.numbers {
+                let width = column.width;
+                let values = &column.values[rows.start * width..rows.end * width];
+                let sum = weights.numbers(rows.clone(), values, width);
+                self.verify(t, column.quantity.column.name, sum)?;
             }
-            for (of, flags) in &contacts.flags {
-                let found = weights.flags(rows.clone(), &flags[rows.clone()]);
-                self.verify(t, of.column.name, found)?;
+            for column in &contacts.flags {
+                let sum = weights.flags(rows.clone(), &column.flags[rows.clone()]);
+                self.verify(t, column.quantity.column.name, sum)?;
             }
         }
         Ok(contacts)

@@ -16,7 +16,7 @@ use hdf5::Dataset;
 
 pub use self::open_file::is_hdf5;
 pub(crate) use self::open_file::one_line;
-use self::open_file::{FOREIGN, OpenFile};
+use self::open_file::{FOREIGN, OpenFile, TablePlace};
 pub use self::owner::{Owner, owner};
 use self::verify::FrameSums;
 use crate::box_columns::{AqsRow, NewtonianRow};
@@ -24,21 +24,20 @@ use crate::checksums;
 use crate::contact_quantities::{IDLE, TWISTING_HISTORY};
 use crate::file_names::{RUN_FILE, folder_of};
 use crate::layout::{
-    CONTACTS, Form, OBSERVABLES, PARTICLES, contact_dataset, grain_dataset, of_grain,
+    CONTACTS, FrameFormat, IMAGE, OBSERVABLES, PARTICLES, REMOVED, contact_dataset, elements,
+    grain_dataset, of_grain,
 };
 pub use crate::parameter::{Parameter, Parameters};
 use crate::sound::ReadFile;
-use gshear_analysis::event::Interval;
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_analysis::interval::Interval;
 use gshear_analysis::time_mean::{self, RATIO_COLUMNS, TimeMean};
+use gshear_dem::boundary::Boundary;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{
-    BoxEdges, Cell, Confinement, Disks, FlowRow, FrameRecords, Image, ImposedRow, SeriesRow,
-    Sheared, StressRow, series_columns,
-};
+use gshear_dem::state::{BoxEdges, Cell, Frame, GrainConstants, SeriesRow, Sheared};
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Boundary, Dimensions, ReadPacking, Source};
+use gshear_scene::{Dimensions, ReadPacking, Source, Stages};
 
 /// The stage of a run whose frames and time series a file holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -84,9 +83,12 @@ impl RunStage {
     /// The stage whose columns a file has; [`RunStage::Shear`] if none fits, so that messages name
     /// the columns of that.
     fn of(source: &OpenFile<'_>) -> Self {
-        let is_stored = |name: &str| source.exists(&format!("{OBSERVABLES}/{name}"));
-        let has_all = |stage: &Self| stage.columns().iter().all(|of| is_stored(of.name));
-        Self::ALL.into_iter().find(has_all).unwrap_or(Self::Shear)
+        let mut stages = Self::ALL.into_iter();
+        let stage = stages.find(|stage| {
+            let mut columns = stage.columns().iter();
+            columns.all(|column| source.exists(&format!("{OBSERVABLES}/{column}")))
+        });
+        stage.unwrap_or(Self::Shear)
     }
 }
 
@@ -136,16 +138,18 @@ impl Series {
     /// On a name that is not declared.
     pub fn mean(&self, name: &str, first: usize) -> TimeMean {
         let weights = self.weights(first);
-        let later = |name: &str| &self.column(name)[first..];
-        match RATIO_COLUMNS.iter().find(|of| of.ratio == name) {
-            Some(of) => TimeMean::of_ratio(later(of.numerator), later(of.denominator), &weights),
-            None => TimeMean::of(later(name), &weights),
+        match RATIO_COLUMNS.iter().find(|columns| columns.ratio == name) {
+            Some(columns) => {
+                let [numerator, denominator] =
+                    [columns.numerator, columns.denominator].map(|name| self.column(name));
+                TimeMean::of_ratio(&numerator[first..], &denominator[first..], &weights)
+            }
+            None => TimeMean::of(&self.column(name)[first..], &weights),
         }
     }
 }
 
-/// Which fields of a frame are read. Other fields of the grains are left empty, other fields of the
-/// contacts are 0.
+/// Which fields of a frame are read. Other fields of the grains and of the contacts are 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 pub enum FrameFields {
     /// Positions and ids of the contacts: enough for D²min.
@@ -169,16 +173,15 @@ pub struct StoredScalars {
 pub struct RunFile {
     path: PathBuf,
     stage: RunStage,
-    grains: Disks,
+    grains: GrainConstants,
     ids: Vec<u32>,
     /// Of the grains.
     material: Vec<u8>,
     /// Box at the start of the shear (m): L_x, height in 2D; L_x, L_y, height in 3D.
     edges: [f64; 3],
     dimension: Dimensions,
-    form: Form,
-    /// Whether the cell is periodic along its last axis, too.
-    is_box: bool,
+    form: FrameFormat,
+    boundary: &'static Boundary,
     parameters: Parameters,
     series: Series,
     scalars: Option<StoredScalars>,
@@ -191,6 +194,8 @@ pub struct RunFile {
     velocity: Dataset,
     angular_velocity: Dataset,
     image: Dataset,
+    /// In scenes that remove grains.
+    removed: Option<Dataset>,
     /// Of [`of_contact`], by name.
     contacts: BTreeMap<&'static str, Dataset>,
     sums: FrameSums,
@@ -220,12 +225,13 @@ impl RunFile {
     /// As of [`RunFile::open`], and a cell without walls.
     pub fn open_between_walls(run: &Path) -> Result<Self> {
         let file = Self::open_sheared(run)?;
-        if file.has_walls() {
+        if file.boundary.has_walls() {
             return Ok(file);
         }
-        let what =
-            "has no walls (sample.boundary = \"periodic\"); this command needs a run between walls";
-        Err(file.wrong(what))
+        Err(file.wrong(format!(
+            "has no walls (sample.boundary = {:?}); this command needs a run between walls",
+            file.boundary.key
+        )))
     }
 
     /// Opens `run.h5` of a sample that is sheared: between walls, or without them.
@@ -234,11 +240,13 @@ impl RunFile {
     /// As of [`RunFile::open`], and a free surface.
     pub fn open_sheared(run: &Path) -> Result<Self> {
         let file = Self::open(run)?;
-        if !file.has_free_surface() {
+        if file.boundary.has_top() {
             return Ok(file);
         }
-        let what = "has a free surface (sample.boundary = \"free\"), and so no strain; this command needs a run whose top moves";
-        Err(file.wrong(what))
+        Err(file.wrong(format!(
+            "has a free surface (sample.boundary = {:?}), and so no strain; this command needs a run whose top moves",
+            file.boundary.key
+        )))
     }
 
     /// Opens any stage: a `run.h5` or the folder that holds one, of a box its strain steps;
@@ -263,39 +271,41 @@ impl RunFile {
             _ => Dimensions::Two,
         };
         let (grains, ids, material) = source.grains(&edges)?;
+        let boundary = source.boundary(&parameters, &grains)?;
         let finished = parameters.contains_key("digest");
-        let has = |row: &[Column]| source.exists(&format!("{OBSERVABLES}/{}", row[0]));
         let columns = match stage {
-            RunStage::Shear => {
-                let confinement = if has(&FlowRow::COLUMNS) {
-                    Confinement::FreeSurface
-                } else if has(&StressRow::COLUMNS) {
-                    Confinement::Images
-                } else {
-                    Confinement::Walls
-                };
-                series_columns(has(&ImposedRow::COLUMNS), confinement)
-            }
+            RunStage::Shear => source.columns_of_shear(boundary),
             _ => stage.columns(),
         };
-        let place = (OBSERVABLES, checksums::ROWS);
-        let series = source.table(place, columns, true, finished)?;
+        let place = TablePlace {
+            group: OBSERVABLES,
+            sums: checksums::ROWS,
+            has_time: true,
+        };
+        let series = source.table(place, columns, finished)?;
         let scalars = source.scalars(finished)?;
         let torques = source.exists(&contact_dataset(TWISTING_HISTORY));
-        let form = Form {
+        let form = FrameFormat {
             axes: dimension.axes(),
             torques,
             idle: source.exists(&contact_dataset(IDLE)),
+            removed: source.exists(&grain_dataset(&REMOVED.column)),
         };
-        let [position, velocity, angular_velocity, image] =
-            of_grain(dimension.axes()).map(|quantity| source.of_grains(quantity, grains.count()));
+        let of_grains = |quantity| source.of_grains(quantity, grains.count());
+        let [position, velocity, angular_velocity] = elements(form.axes).map(of_grains);
+        let image = of_grains(IMAGE);
+        let removed = if form.removed {
+            Some(of_grains(REMOVED)?)
+        } else {
+            None
+        };
         let mut file = Self {
             stage,
             material,
             edges,
             dimension,
             form,
-            is_box: source.frame_edges(0)?.1 == 9,
+            boundary,
             parameters,
             series,
             scalars,
@@ -307,6 +317,7 @@ impl RunFile {
             velocity: velocity?,
             angular_velocity: angular_velocity?,
             image: image?,
+            removed,
             contacts: source.of_contacts(form)?,
             sums: FrameSums::read(&source, form)?,
             grains,
@@ -319,7 +330,7 @@ impl RunFile {
     }
 
     /// What its contacts are.
-    pub fn form(&self) -> Form {
+    pub fn form(&self) -> FrameFormat {
         self.form
     }
 
@@ -330,21 +341,26 @@ impl RunFile {
             let what = format!("decreases at frame {t}");
             return Err(source.wrong(&contact_dataset("offset"), what));
         }
-        let rows = |dataset: &Dataset| dataset.shape()[0];
         let stored = self.contacts.values().map(rows).min().unwrap_or(0) as u64;
         let whole = offset.iter().take_while(|&&end| end <= stored).count();
-        let [position, velocity, spin, image] =
-            of_grain(self.dimension.axes()).map(|(column, ..)| grain_dataset(&column));
+        let names = of_grain(self.form).into_iter();
+        let names: Vec<String> = names
+            .map(|quantity| grain_dataset(&quantity.column))
+            .collect();
         let [step, time] = ["step", "time"].map(|part| format!("{PARTICLES}/position/{part}"));
-        let lengths = [
-            (&*position, rows(&self.position)),
-            (&*velocity, rows(&self.velocity)),
-            (&*spin, rows(&self.angular_velocity)),
+        let mut lengths = vec![
             (&*step, self.step.len()),
             (&*time, self.time.len()),
             (CONTACTS, whole.saturating_sub(1)),
-            (&*image, rows(&self.image)),
         ];
+        let datasets = [
+            &self.position,
+            &self.velocity,
+            &self.angular_velocity,
+            &self.image,
+        ];
+        let datasets = datasets.into_iter().chain(&self.removed);
+        lengths.extend(names.iter().map(|name| &**name).zip(datasets.map(rows)));
         let frames = source.common_length(&lengths, finished, "frames")?;
         self.step.truncate(frames);
         self.time.truncate(frames);
@@ -356,11 +372,14 @@ impl RunFile {
                 let what = "step, time and box/edges";
                 return Err(Self::damaged_frame(&self.path, t, what));
             }
-            let along = |axis: usize| match edges.len() {
-                9 => [edges[3 * axis], edges[3 * axis + 1], edges[3 * axis + 2]],
-                _ => std::array::from_fn(|k| if k == axis { edges[axis] } else { 0.0 }),
-            };
-            self.boxes.push(std::array::from_fn(along));
+            let mut vectors = BoxEdges::default();
+            for (axis, vector) in vectors.iter_mut().enumerate() {
+                match edges.len() {
+                    9 => vector.copy_from_slice(&edges[3 * axis..][..3]),
+                    _ => vector[axis] = edges[axis],
+                }
+            }
+            self.boxes.push(vectors);
         }
         Ok(())
     }
@@ -373,8 +392,8 @@ impl RunFile {
     }
 
     /// Compares a checksum of frame t with the stored one.
-    fn verify(&self, t: usize, column: &str, found: u64) -> Result<()> {
-        if self.sums.agrees(t, column, found) {
+    fn verify(&self, t: usize, column: &str, sum: u64) -> Result<()> {
+        if self.sums.agrees(t, column, sum) {
             Ok(())
         } else {
             Err(Self::damaged_frame(&self.path, t, column))
@@ -386,24 +405,9 @@ impl RunFile {
         self.stage
     }
 
-    /// Returns whether walls bound the sample, or one below a free surface.
-    pub fn has_walls(&self) -> bool {
-        !self.is_box
-    }
-
-    /// Returns whether the walls are planes, which no grain belongs to.
-    pub fn has_flat_walls(&self) -> bool {
-        self.has_walls() && self.grains.body.iter().all(|body| *body == 0)
-    }
-
-    /// Returns whether a grain of a frame with this image had passed a wall and was removed.
-    pub fn is_removed(&self, image: &Image) -> bool {
-        self.has_walls() && image[self.dimension.axes() - 1] != 0
-    }
-
-    /// Returns whether nothing is above the sample.
-    pub fn has_free_surface(&self) -> bool {
-        self.series.has(FlowRow::COLUMNS[0].name)
+    /// Returns what bounds the sample.
+    pub fn boundary(&self) -> &'static Boundary {
+        self.boundary
     }
 
     /// Returns the failure that refuses this file: its path, then `what`.
@@ -427,7 +431,7 @@ impl RunFile {
     }
 
     /// Returns radii, bodies and masses of the grains.
-    pub fn grains(&self) -> &Disks {
+    pub fn grains(&self) -> &GrainConstants {
         &self.grains
     }
 
@@ -458,7 +462,7 @@ impl RunFile {
     /// Returns the periodic cell at frame t < T.
     pub fn cell(&self, t: usize) -> Cell {
         let mut periods = self.periods();
-        if self.has_walls() {
+        if !self.boundary.is_periodic() {
             return Cell::between_walls(periods);
         }
         let mut height = self.height();
@@ -479,22 +483,22 @@ impl RunFile {
     /// The Lees–Edwards offset of a box at frame t (m).
     fn offset_of_image(&self, t: usize) -> f64 {
         let up = self.dimension.axes() - 1;
-        let stored = self.boxes.get(t).map(|edges| edges[up][0]);
-        let before = || match self.stage {
-            RunStage::Strain => {
-                let row = self.series.step.binary_search(&self.step[t]).ok()?;
-                Some(self.series.column("image_offset")[row])
-            }
-            _ => self.number("image_offset"),
-        };
-        stored.or_else(before).unwrap_or(0.0)
+        if let Some(edges) = self.boxes.get(t) {
+            return edges[up][0];
+        }
+        if self.stage != RunStage::Strain {
+            return self.number("image_offset").unwrap_or(0.0);
+        }
+        match self.series.step.binary_search(&self.step[t]) {
+            Ok(row) => self.series.column("image_offset")[row],
+            Err(_) => 0.0,
+        }
     }
 
     /// Returns two frames of these numbers, the earlier first, to follow grains from one to the
     /// other.
-    pub fn interval<'a>(&self, numbers: [usize; 2], frames: [&'a FrameRecords; 2]) -> Interval<'a> {
+    pub fn interval<'a>(&self, numbers: [usize; 2], frames: [&'a Frame; 2]) -> Interval<'a> {
         Interval {
-            cells: numbers.map(|t| self.cell(t)),
             frames,
             periods: self.periods_of_shear(numbers),
         }
@@ -503,12 +507,14 @@ impl RunFile {
     /// The periods that were taken from the Lees–Edwards offset between two frames. Each strain
     /// step has a row, and adds less than half a period.
     fn periods_of_shear(&self, numbers: [usize; 2]) -> i64 {
-        if self.stage == RunStage::Shear && self.is_box {
+        if self.stage == RunStage::Shear && self.boundary.is_periodic() {
             let period = self.cell(numbers[0]).periods[0];
             let strains = self.frame_strains().unwrap_or_default();
-            let moved = |t: usize| strains.get(t).map_or(0.0, |strain| strain * self.height());
-            let beyond = |t: usize| moved(t) - self.offset_of_image(t);
-            return ((beyond(numbers[1]) - beyond(numbers[0])) / period).round() as i64;
+            let [before, after] = numbers.map(|t| {
+                let moved = strains.get(t).map_or(0.0, |strain| strain * self.height());
+                moved - self.offset_of_image(t)
+            });
+            return ((after - before) / period).round() as i64;
         }
         if self.stage != RunStage::Strain {
             return 0;
@@ -605,21 +611,27 @@ impl RunFile {
                 return Ok(vec![strain; self.frames()]);
             }
         }
-        let need = |name: &str| {
-            let what = format!("parameters: attribute {name} is missing: {FOREIGN}");
-            self.number(name).ok_or_else(|| self.wrong(what))
-        };
         if self.number("spring_stiffness").is_some_and(f64::is_finite) {
             return Ok(self.interpolated_strains());
         }
         if self.has_protocol() || gshear_scene::has_key(self.scene(), "shear.ramp") {
-            // Under a force the top moves as it likes.
-            let imposed = self.schedule().filter(|of| !of.protocol.has_force());
-            let imposed = imposed.map(|of| self.step.iter().map(|step| of.strain(*step)).collect());
-            return Ok(imposed.unwrap_or_else(|| self.interpolated_strains()));
+            return Ok(match self.schedule() {
+                Some(schedule) if !schedule.protocol.has_force() => {
+                    let steps = self.step.iter();
+                    steps.map(|step| schedule.strain(*step)).collect()
+                }
+                // The speed of a wall under a force is not known in advance.
+                _ => self.interpolated_strains(),
+            });
         }
-        let rate = need("wall_speed")? / need("height_start")?;
+        let rate = self.required("wall_speed")? / self.required("height_start")?;
         Ok(self.time.iter().map(|time| rate * time).collect())
+    }
+
+    /// A parameter that is a number.
+    fn required(&self, name: &str) -> Result<f64> {
+        let what = format!("parameters: attribute {name} is missing: {FOREIGN}");
+        self.number(name).ok_or_else(|| self.wrong(what))
     }
 
     /// Whether a protocol moves the wall. The time series does not say so: the rows of a run that
@@ -635,27 +647,33 @@ impl RunFile {
         let packing: ReadPacking<'_> =
             &mut |path: &Path, _| Err(Failure::input(format!("{} is not read", path.display())));
         let scene = gshear_scene::load_with(&source, &[], packing).ok()?;
-        match &scene.boundary {
-            Boundary::Walls(walls) => {
+        match &scene.stages {
+            Stages::Shear(walls) => {
                 Some(Schedule::new(&scene, walls, self.number("height_start")?))
             }
-            Boundary::Periodic(_) => None,
+            Stages::Strain(_) => None,
         }
     }
 
     fn interpolated_strains(&self) -> Vec<f64> {
         let (steps, strains) = (&self.series.step, self.series.column("strain"));
-        let at = |step: &u64| {
+        let mut interpolated = Vec::with_capacity(self.step.len());
+        for step in &self.step {
             let next = steps.partition_point(|row| row < step);
-            match (next.checked_sub(1), steps.get(next)) {
+            interpolated.push(match (next.checked_sub(1), steps.get(next)) {
                 (_, Some(row)) if row == step => strains[next],
                 (Some(last), Some(row)) => {
                     let part = (step - steps[last]) as f64 / (row - steps[last]) as f64;
                     strains[last] + part * (strains[next] - strains[last])
                 }
                 _ => f64::NAN,
-            }
-        };
-        self.step.iter().map(at).collect()
+            });
+        }
+        interpolated
     }
+}
+
+/// Number of rows of a dataset.
+fn rows(dataset: &Dataset) -> usize {
+    dataset.shape()[0]
 }

@@ -10,19 +10,22 @@ use hdf5::types::VarLenUnicode;
 use hdf5::{Dataset, H5Type};
 
 use super::{Parameter, Parameters, Series, StoredScalars};
-use crate::checksums::{self, OF_PARAMETERS, of_parameters};
+use crate::checksums::{self, Constants, OF_PARAMETERS, of_parameters};
 use crate::disk;
 use crate::layout::{
-    EDGES_VALUE, Form, PARAMETERS, PARTICLES, Quantity, SCALARS, contact_dataset, grain_dataset,
-    of_contact,
+    EDGES_VALUE, FrameFormat, OBSERVABLES, PARAMETERS, PARTICLES, Quantity, SCALARS,
+    contact_dataset, grain_dataset, of_contact,
 };
 use crate::parameter::attributes;
 use crate::part::{NEWTONIAN, OpenPart, Part};
 use crate::sound::{self, ReadFile};
 use gshear_analysis::frame_scalars::FrameScalars;
+use gshear_dem::boundary::{
+    Boundary, FLAT_WALLS, FREE_SURFACE, FREE_SURFACE_ABOVE_PLANE, PERIODIC, ROUGH_WALLS,
+};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::Disks;
+use gshear_dem::state::{FlowRow, GrainConstants, ImposedRow, body};
 
 /// Every HDF5 file begins with these bytes.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
@@ -39,6 +42,17 @@ pub(super) const FOREIGN: &str = "not a run of gshear-mpi";
 pub(super) struct OpenFile<'a> {
     file: OpenPart,
     path: &'a Path,
+}
+
+/// Where a table is in a file.
+#[derive(Clone, Copy)]
+pub(super) struct TablePlace {
+    /// Its group.
+    pub group: &'static str,
+    /// The dataset of its checksums.
+    pub sums: &'static str,
+    /// Whether rows have a time; otherwise it is 0.
+    pub has_time: bool,
 }
 
 impl<'a> OpenFile<'a> {
@@ -123,62 +137,70 @@ impl<'a> OpenFile<'a> {
     }
 
     /// The dataset of a quantity of so many grains.
-    pub(super) fn of_grains(&self, (column, width, _): Quantity, grains: usize) -> Result<Dataset> {
-        let inner = [grains, width];
-        let dimensions = if width == 1 { 1 } else { 2 };
-        self.frames(&grain_dataset(&column), &inner[..dimensions])
+    pub(super) fn of_grains(&self, quantity: Quantity, grains: usize) -> Result<Dataset> {
+        let inner = [grains, quantity.width];
+        let dimensions = if quantity.width == 1 { 1 } else { 2 };
+        self.frames(&grain_dataset(&quantity.column), &inner[..dimensions])
     }
 
     /// The datasets of the contacts, by name.
-    pub(super) fn of_contacts(&self, form: Form) -> Result<BTreeMap<&'static str, Dataset>> {
-        let open = |(column, width, _): Quantity| {
+    pub(super) fn of_contacts(&self, form: FrameFormat) -> Result<BTreeMap<&'static str, Dataset>> {
+        let mut datasets = BTreeMap::new();
+        for Quantity { column, width, .. } in of_contact(form) {
             let inner = if width == 1 { &[][..] } else { &[width] };
             let dataset = self.frames(&contact_dataset(column), inner)?;
-            Ok((column.name, dataset))
-        };
-        of_contact(form).into_iter().map(open).collect()
+            datasets.insert(column.name, dataset);
+        }
+        Ok(datasets)
     }
 
     /// What is constant of the grains, their ids and materials, verified. `edges`: of the box at
     /// the start.
-    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<(Disks, Vec<u32>, Vec<u8>)> {
-        let name = |part: &str| format!("{PARTICLES}/{part}");
-        let id: Vec<u32> = self.all(&name("id"))?;
+    pub(super) fn grains(&self, edges: &[f64; 3]) -> Result<(GrainConstants, Vec<u32>, Vec<u8>)> {
+        let [id_name, radius, body, mass, material] =
+            ["id", "radius", "body", "mass", "material"].map(|name| format!("{PARTICLES}/{name}"));
+        let id: Vec<u32> = self.all(&id_name)?;
         if !id.is_sorted_by(|a, b| a < b) {
-            return Err(self.wrong(&name("id"), "does not ascend"));
+            return Err(self.wrong(&id_name, "does not ascend"));
         }
-        let grains = Disks {
-            radius: self.of_length(&name("radius"), id.len())?,
-            body: self.of_length(&name("body"), id.len())?,
-            mass: self.of_length(&name("mass"), id.len())?,
-            length: edges[0],
+        let grains = GrainConstants {
+            radius: self.of_length(&radius, id.len())?,
+            body: self.of_length(&body, id.len())?,
+            mass: self.of_length(&mass, id.len())?,
         };
-        let material = if self.exists(&name("material")) {
-            self.of_length(&name("material"), id.len())?
+        let material = if self.exists(&material) {
+            self.of_length(&material, id.len())?
         } else {
             vec![0; id.len()]
         };
-        let kinds = [&grains.body[..], &material];
-        let numbers = [&grains.radius[..], &grains.mass];
-        self.verify_constants(checksums::of_constants(0, &id, kinds, numbers, edges))?;
+        let constants = Constants {
+            first: 0,
+            id: &id,
+            body: &grains.body,
+            material: &material,
+            radius: &grains.radius,
+            mass: &grains.mass,
+            edges,
+        };
+        self.verify_constants(constants.checksums())?;
         self.check_grains(&grains)?;
         Ok((grains, id, material))
     }
 
     /// Checks that there are grains, of some size.
-    fn check_grains(&self, grains: &Disks) -> Result<()> {
-        let is_size = |x: f64| x.is_finite() && x > 0.0;
-        let is_grain = |g: &usize| {
-            is_size(grains.radius[*g]) && is_size(grains.mass[*g]) && grains.body[*g] <= 2
-        };
-        match (0..grains.count()).find(|g| !is_grain(g)) {
-            _ if grains.count() == 0 => Err(self.wrong(PARTICLES, "holds no grain")),
-            Some(g) => {
-                let what = "radius and mass must be greater than 0, body 0, 1 or 2";
-                Err(self.wrong(PARTICLES, format!("grain {g}: {what}")))
-            }
-            None => Ok(()),
+    fn check_grains(&self, grains: &GrainConstants) -> Result<()> {
+        if grains.count() == 0 {
+            return Err(self.wrong(PARTICLES, "holds no grain"));
         }
+        for g in 0..grains.count() {
+            let sizes = [grains.radius[g], grains.mass[g]];
+            let have_size = sizes.iter().all(|x| x.is_finite() && *x > 0.0);
+            if !have_size || grains.body[g] > 2 {
+                let what = "radius and mass must be greater than 0, body 0, 1 or 2";
+                return Err(self.wrong(PARTICLES, format!("grain {g}: {what}")));
+            }
+        }
+        Ok(())
     }
 
     /// The edges of the box at the start (m): L_x, height, 0, or L_x, L_y, height.
@@ -212,26 +234,78 @@ impl<'a> OpenFile<'a> {
         Ok((values, width))
     }
 
-    /// The table of a group, verified by its checksums (`place`): as many rows as every column has.
-    /// Without `has_time` the time is 0.
+    /// What bounds the sample.
+    pub(super) fn boundary(
+        &self,
+        parameters: &Parameters,
+        grains: &GrainConstants,
+    ) -> Result<&'static Boundary> {
+        let Some(stored) = parameters.get("boundary") else {
+            return self.boundary_of_earlier_versions(grains);
+        };
+        let known = match stored {
+            Parameter::Text(name) => Boundary::named(name),
+            _ => None,
+        };
+        // The box of a cell without walls is stored as its three edge vectors.
+        let has_vectors = self.frame_edges(0)?.1 == 9;
+        if let Some(boundary) = known
+            && boundary.is_periodic() != has_vectors
+        {
+            let what = format!("is not of a sample that is bounded by {:?}", boundary.name);
+            return Err(self.wrong(EDGES_VALUE, what));
+        }
+        known.ok_or_else(|| self.wrong("parameters: boundary", "is none that this version knows"))
+    }
+
+    /// What bounds the sample of a file of a version that did not say it.
+    fn boundary_of_earlier_versions(&self, grains: &GrainConstants) -> Result<&'static Boundary> {
+        if self.frame_edges(0)?.1 == 9 {
+            return Ok(&PERIODIC);
+        }
+        let is_flat = grains
+            .body
+            .iter()
+            .all(|body| u32::from(*body) == body::FREE);
+        let is_free = self.has_row(&FlowRow::COLUMNS);
+        Ok(match (is_free, is_flat) {
+            (true, false) => &FREE_SURFACE,
+            (true, true) => &FREE_SURFACE_ABOVE_PLANE,
+            (false, false) => &ROUGH_WALLS,
+            (false, true) => &FLAT_WALLS,
+        })
+    }
+
+    /// Columns of the time series of a shear with this boundary.
+    pub(super) fn columns_of_shear(&self, boundary: &'static Boundary) -> &'static [Column] {
+        boundary.series_columns(self.has_row(&ImposedRow::COLUMNS))
+    }
+
+    /// Whether the time series has the columns of a row, which are there together.
+    fn has_row(&self, row: &[Column]) -> bool {
+        self.exists(&format!("{OBSERVABLES}/{}", row[0]))
+    }
+
+    /// The table of a group, verified by its checksums: as many rows as every column has.
     pub(super) fn table(
         &self,
-        place: (&str, &str),
+        place: TablePlace,
         declared: &'static [Column],
-        has_time: bool,
         finished: bool,
     ) -> Result<Series> {
-        let group = place.0;
+        let group = place.group;
         let of_clock = ["step", "time"].map(|part| format!("{group}/{}/{part}", declared[0]));
         let mut step: Vec<u64> = self.all(&of_clock[0])?;
         let mut lengths = vec![(&*of_clock[0], step.len())];
         let mut time = vec![0.0; step.len()];
-        if has_time {
+        if place.has_time {
             time = self.all(&of_clock[1])?;
             lengths.push((&*of_clock[1], time.len()));
         }
-        let read = |column: &Column| self.all(&format!("{group}/{column}/value"));
-        let mut columns: Vec<Vec<f64>> = declared.iter().map(read).collect::<Result<_, _>>()?;
+        let mut columns: Vec<Vec<f64>> = Vec::new();
+        for column in declared {
+            columns.push(self.all(&format!("{group}/{column}/value"))?);
+        }
         let names = declared.iter().map(|column| column.name);
         lengths.extend(names.zip(columns.iter().map(Vec::len)));
         let rows = self.common_length(&lengths, finished, "rows")?;
@@ -255,12 +329,19 @@ impl<'a> OpenFile<'a> {
         if !self.exists(SCALARS) {
             return Ok(None);
         }
-        let place = (SCALARS, checksums::SCALARS);
-        let table = self.table(place, &FrameScalars::COLUMNS, false, finished)?;
-        let row =
-            |k: usize| FrameScalars::from_columns(std::array::from_fn(|c| table.columns[c][k]));
+        let place = TablePlace {
+            group: SCALARS,
+            sums: checksums::SCALARS,
+            has_time: false,
+        };
+        let table = self.table(place, &FrameScalars::COLUMNS, finished)?;
+        let mut scalars = Vec::with_capacity(table.rows());
+        for k in 0..table.rows() {
+            let row = std::array::from_fn(|c| table.columns[c][k]);
+            scalars.push(FrameScalars::from_columns(row));
+        }
         Ok(Some(StoredScalars {
-            scalars: (0..table.rows()).map(row).collect(),
+            scalars,
             step: table.step,
         }))
     }
@@ -273,9 +354,10 @@ impl<'a> OpenFile<'a> {
         finished: bool,
         what: &str,
     ) -> Result<usize> {
-        let by_length = |of: &&(&str, usize)| of.1;
-        let (shortest, least) = *lengths.iter().min_by_key(by_length).expect("some dataset");
-        let (longest, most) = *lengths.iter().max_by_key(by_length).expect("some dataset");
+        let least = lengths.iter().min_by_key(|(_, length)| length);
+        let most = lengths.iter().max_by_key(|(_, length)| length);
+        let (shortest, least) = *least.expect("some dataset");
+        let (longest, most) = *most.expect("some dataset");
         if finished && least != most {
             let what =
                 format!("holds {least} {what} where {longest} holds {most}: the file is damaged");
@@ -337,11 +419,14 @@ fn open_file(path: &Path) -> Result<OpenPart> {
     }
     part.open().map_err(|e| {
         let reason = one_line(&e);
-        let state = match disk::is_refused(&reason) {
-            _ if reason.contains("lock file") => "is being written",
-            _ if reason.contains("has no group") => "is missing",
-            true => "cannot be opened",
-            false => "is damaged",
+        let state = if reason.contains("lock file") {
+            "is being written"
+        } else if reason.contains("has no group") {
+            "is missing"
+        } else if disk::is_refused(&reason) {
+            "cannot be opened"
+        } else {
+            "is damaged"
         };
         disk::unread(format!("{name}: {state}: {reason}"))
     })

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use super::Parameter;
 use super::open_file::OpenFile;
+use super::{Parameter, Parameters};
 use crate::journal;
 use crate::part::Part;
 use gshear_dem::failure::Result;
@@ -34,13 +34,9 @@ pub fn owner(path: &Path) -> Result<Owner> {
     let file = OpenFile::open(path)?;
     let parameters = file.parameters()?;
     file.close()?;
-    let text = |name: &str| match parameters.get(name) {
-        Some(Parameter::Text(text)) => Some(text.clone()),
-        _ => None,
-    };
     Ok(Owner {
-        run_id: text("run_id"),
-        scene: text("scene").unwrap_or_default(),
+        run_id: text(&parameters, "run_id"),
+        scene: text(&parameters, "scene").unwrap_or_default(),
         // A file with a journal was not closed: a killed program may have left it in any state.
         finished: parameters.contains_key("digest")
             && !journal::path_of(&Part::of(path).file).exists(),
@@ -51,4 +47,11 @@ pub fn owner(path: &Path) -> Result<Owner> {
         },
         replay: parameters.contains_key("replay"),
     })
+}
+
+fn text(parameters: &Parameters, name: &str) -> Option<String> {
+    match parameters.get(name) {
+        Some(Parameter::Text(text)) => Some(text.clone()),
+        _ => None,
+    }
 }

@@ -4,7 +4,7 @@ use bytemuck::Zeroable;
 
 use super::{FrameFields, RunFile};
 use gshear_dem::failure::Result;
-use gshear_dem::state::{ContactSample, ContactState, GrainState};
+use gshear_dem::state::{ContactSample, ContactState, GrainState, body};
 use gshear_scene::Dimensions;
 
 impl RunFile {
@@ -14,36 +14,38 @@ impl RunFile {
     /// # Errors
     /// `Failure::Input` if the file is damaged.
     pub fn state(&self, t: usize) -> Result<(Vec<GrainState>, Vec<ContactState>)> {
-        let position = self.vectors(&self.position, &(t..t + 1))?;
-        let grain = |g: usize| GrainState {
-            id: g as u32,
-            body: self.grains.body[g].into(),
+        let places = self.places(&(t..t + 1))?;
+        let grains = places.iter().enumerate().map(|(g, place)| GrainState {
+            id: place.id,
+            body: match place.removed {
+                0 => self.grains.body[g].into(),
+                _ => body::REMOVED,
+            },
             radius: self.grains.radius[g],
             material: self.material[g].into(),
-            position: position[g],
+            position: place.position,
             ..GrainState::zeroed()
-        };
+        });
         let contacts = self.contacts(&(t..t + 1), FrameFields::All)?;
         let contacts = contacts.of_rows(self.rows(t..t + 1));
-        let history = |c: &ContactSample| match self.dimension {
+        let contacts = contacts.iter().map(|c| self.contact_state(c));
+        Ok((grains.collect(), contacts.collect()))
+    }
+
+    fn contact_state(&self, c: &ContactSample) -> ContactState {
+        let history = match self.dimension {
             Dimensions::Two => [c.tangential_history[0], 0.0, c.rolling_history],
             Dimensions::Three => c.tangential_history,
         };
-        let contact = |c: &ContactSample| ContactState {
-            limits: ContactState::stored(
-                [
-                    Some(c.sliding != 0),
-                    self.has_rolling().then_some(c.rolling != 0),
-                    self.has_twisting().then_some(c.twisting != 0),
-                ],
-                c.idle != 0,
-            ),
+        let limits = [
+            Some(c.sliding != 0),
+            self.has_rolling().then_some(c.rolling != 0),
+            self.has_twisting().then_some(c.twisting != 0),
+        ];
+        ContactState {
+            limits: ContactState::stored(limits, c.idle != 0),
             torques: c.torques,
-            ..ContactState::new(c.i, c.j, history(c))
-        };
-        Ok((
-            (0..self.grains.count()).map(grain).collect(),
-            contacts.iter().map(contact).collect(),
-        ))
+            ..ContactState::new(c.i, c.j, history)
+        }
     }
 }

@@ -1,20 +1,20 @@
 //! Compares what is read with the checksums of the file.
 
 use super::Series;
-use super::open_file::OpenFile;
+use super::open_file::{OpenFile, TablePlace};
 use crate::checksums::{self, CONSTANTS, FRAMES};
-use crate::layout::{Form, frame_columns};
+use crate::layout::{FrameFormat, frame_columns};
 use gshear_dem::failure::{Failure, Result};
 
 /// The checksums of the frames of a file.
-pub struct FrameSums {
+pub(crate) struct FrameSums {
     columns: Vec<&'static str>,
     /// `[T][columns]`.
     sums: Vec<u64>,
 }
 
 impl FrameSums {
-    pub fn read(source: &OpenFile<'_>, form: Form) -> Result<Self> {
+    pub fn read(source: &OpenFile<'_>, form: FrameFormat) -> Result<Self> {
         let columns = frame_columns(form);
         let sums = source.frames(FRAMES, &[columns.len()])?.read_raw();
         Ok(Self {
@@ -24,10 +24,10 @@ impl FrameSums {
     }
 
     /// Whether a checksum of frame t is that of the file.
-    pub fn agrees(&self, t: usize, column: &str, found: u64) -> bool {
+    pub fn agrees(&self, t: usize, column: &str, sum: u64) -> bool {
         let at = self.columns.iter().position(|known| *known == column);
         let stored = at.and_then(|at| self.sums.get(t * self.columns.len() + at));
-        stored.is_none_or(|&stored| stored == found)
+        stored.is_none_or(|&stored| stored == sum)
     }
 }
 
@@ -38,27 +38,26 @@ impl OpenFile<'_> {
     }
 
     /// Compares what never changes with its checksums.
-    pub(super) fn verify_constants(&self, found: [u64; 5]) -> Result<()> {
+    pub(super) fn verify_constants(&self, sums: [u64; 5]) -> Result<()> {
         let names = ["id", "body", "radius", "mass", "box/edges"];
         let stored: Vec<u64> = self.of_length(CONSTANTS, names.len())?;
-        match (0..names.len()).find(|&k| stored[k] != found[k]) {
+        match (0..names.len()).find(|&k| stored[k] != sums[k]) {
             Some(k) => Err(self.damage(&format!("particles/trajectory/{}", names[k]))),
             None => Ok(()),
         }
     }
 
     /// Compares the rows of a table with their checksums.
-    pub(super) fn verify_rows(&self, place: (&str, &str), table: &Series) -> Result<()> {
-        let (group, sums) = place;
-        let stored: Vec<u64> = self.all(sums)?;
-        let found = |k: usize| {
+    pub(super) fn verify_rows(&self, place: TablePlace, table: &Series) -> Result<()> {
+        let stored: Vec<u64> = self.all(place.sums)?;
+        for k in 0..table.rows().min(stored.len()) {
             let names = table.declared.iter().map(|column| column.name);
             let values = table.columns.iter().map(|values| values[k]);
-            checksums::of_row(table.step[k], table.time[k], names.zip(values))
-        };
-        match (0..table.rows().min(stored.len())).find(|&k| found(k) != stored[k]) {
-            Some(k) => Err(self.damage(&format!("{group}: row {k}"))),
-            None => Ok(()),
+            let sum = checksums::of_row(table.step[k], table.time[k], names.zip(values));
+            if sum != stored[k] {
+                return Err(self.damage(&format!("{}: row {k}", place.group)));
+            }
         }
+        Ok(())
     }
 }

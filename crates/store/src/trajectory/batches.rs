@@ -1,13 +1,13 @@
 //! Batches of frames and rows, written by all ranks together.
 
 use super::TrajectoryWriter;
-use crate::batch::{Frames, Share, ShareColumns, Shares, length};
+use crate::batch::{BatchShare, BatchShares, Frames, ShareColumns, length};
 use crate::checksums::of_clock;
 use crate::collective::CollectiveOutcome;
 use crate::contact_quantities::numbers;
 use crate::h5::Slab;
 use crate::h5::by_root;
-use crate::layout::{Form, frame_columns};
+use crate::layout::{FrameFormat, frame_columns};
 use crate::row_table::RowTable;
 use gshear_dem::failure::Result;
 use gshear_dem::state::{ContactSample, GrainSample};
@@ -16,8 +16,10 @@ use gshear_mpi_exchange::Parallel;
 /// Of each frame of a batch the number of contacts, then the checksums of the columns. Collective.
 fn sums_of(
     exchange: &dyn Parallel,
-    (part, share): (&ShareColumns, &Share),
-    (frames, form): (usize, Form),
+    part: &ShareColumns,
+    share: &BatchShare,
+    frames: usize,
+    form: FrameFormat,
 ) -> Vec<i64> {
     let width = frame_columns(form).len();
     let mut sums = vec![0i64; frames * width];
@@ -54,7 +56,7 @@ impl TrajectoryWriter {
             return Ok(());
         }
         let _waiting = exchange.waiting();
-        let shares = Shares {
+        let shares = BatchShares {
             frames: count,
             grains: self.blocks.grains,
             ranks: self.blocks.ranks,
@@ -65,17 +67,17 @@ impl TrajectoryWriter {
         let part = ShareColumns::assemble(&messages, &share, form);
         drop(messages);
         let width = frame_columns(form).len();
-        let sums = sums_of(exchange, (&part, &share), (count as usize, form));
+        let sums = sums_of(exchange, &part, &share, count as usize, form);
         // Shares follow each other in the order of the file, so a rank's contacts are contiguous.
         let counts = sums.iter().step_by(width);
-        let begin = self.contacts_written + exchange.sum_below(part.i.len() as u64);
-        let of_width = |width: usize| Slab::rows(begin, part.i.len() as u64, width as u64);
+        let own = part.i.len() as u64;
+        let begin = self.contacts_written + exchange.sum_below(own);
         let mut end = self.contacts_written;
-        let of_frame = |count: &i64| {
+        let mut ends = Vec::new();
+        for count in counts {
             end += *count as u64;
-            end
-        };
-        let ends: Vec<u64> = counts.map(of_frame).collect();
+            ends.push(end);
+        }
 
         let (before, after) = (self.frames_written, self.frames_written + count);
         let block = Slab {
@@ -93,17 +95,23 @@ impl TrajectoryWriter {
         for (values, column) in part.values.iter().zip(grains.by_ref()) {
             outcome.note(column.append(after, block, values));
         }
-        grains.for_each(|column| outcome.note(column.append(after, block, &part.image)));
+        if let Some(column) = grains.next() {
+            outcome.note(column.append(after, block, &part.image));
+        }
+        if let Some(column) = grains.next() {
+            outcome.note(column.append(after, block, &part.removed));
+        }
         let mut contacts = columns.contacts.iter_mut();
         for (ids, column) in [&part.i, &part.j].into_iter().zip(contacts.by_ref()) {
-            outcome.note(column.append(end, of_width(1), ids));
+            outcome.note(column.append(end, Slab::rows(begin, own, 1), ids));
         }
         let numbers = part.forces.iter().zip(numbers(form));
-        for ((values, of), column) in numbers.zip(contacts.by_ref()) {
-            outcome.note(column.append(end, of_width(of.width(form)), values));
+        for ((values, quantity), column) in numbers.zip(contacts.by_ref()) {
+            let rows = Slab::rows(begin, own, quantity.width(form) as u64);
+            outcome.note(column.append(end, rows, values));
         }
         for (flags, column) in part.flags.iter().zip(contacts) {
-            outcome.note(column.append(end, of_width(1), flags));
+            outcome.note(column.append(end, Slab::rows(begin, own, 1), flags));
         }
         outcome.note(by_root(root, &mut columns.step, before, &self.frames.step));
         outcome.note(by_root(root, &mut columns.time, before, &self.frames.time));
@@ -116,10 +124,13 @@ impl TrajectoryWriter {
         };
         let local = if root { &edges[..] } else { &[] };
         outcome.note(columns.edges.append(after, slab, local));
-        let checksums = root.then(|| checksums(&self.frames, &sums, &edges));
-        let checksums = checksums.unwrap_or_default();
-        let rows = Slab::rows(before, (checksums.len() / width) as u64, width as u64);
-        outcome.note(columns.frame_sums.append(after, rows, &checksums));
+        let mut sums_of_frames = Vec::new();
+        if root {
+            sums_of_frames = checksums(&self.frames, &sums, &edges);
+        }
+        let rows = (sums_of_frames.len() / width) as u64;
+        let rows = Slab::rows(before, rows, width as u64);
+        outcome.note(columns.frame_sums.append(after, rows, &sums_of_frames));
         self.file.agree(exchange, outcome)?;
         (self.frames_written, self.contacts_written) = (after, end);
         self.frames.clear();

@@ -4,15 +4,15 @@ mod batches;
 mod resume;
 
 use crate::batch::{Frames, length};
-use crate::checksums::{self, OF_PARAMETERS, of_parameters};
+use crate::checksums::{self, Constants, OF_PARAMETERS, of_parameters};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, of_root, on_root, told_by_root};
 use crate::existing::{is_of, unlink_foreign};
 use crate::h5::{self, Attribute, H5File, Slab, by_root};
 use crate::journal::{self, Journal};
 use crate::layout::{
-    self, CHUNK_FRAMES, Datasets, MASS, Mode, PARAMETERS, PARTICLES, RADIUS, describe,
+    self, CHUNK_FRAMES, Datasets, MASS, OpenMode, PARAMETERS, PARTICLES, RADIUS, describe,
 };
-pub use crate::layout::{Form, file_bytes, frame_bytes};
+pub use crate::layout::{FileContent, FrameFormat, frame_bytes};
 use crate::part::Part;
 use crate::row_table::RowTable;
 pub use crate::run_header::{GrainShape, RunHeader};
@@ -72,6 +72,7 @@ impl TrajectoryWriter {
         let _waiting = exchange.waiting();
         let grains = total(exchange, header.grains.len() as u64);
         let mut attributes = named(header.attributes);
+        attributes.push(("boundary".into(), header.boundary.name.into()));
         attributes.push(("edges".into(), Attribute::Numbers(header.edges.to_vec())));
         // HDF5 requires equal arguments.
         let attributes = of_root(exchange, &attributes);
@@ -107,7 +108,7 @@ impl TrajectoryWriter {
                 file.attribute(PARAMETERS, name, value)?;
             }
             seal(&file)?;
-            Datasets::new(&file, Mode::Create, grains as usize, header)
+            Datasets::new(&file, OpenMode::Create, grains as usize, header)
         })();
         let columns = agree(exchange, created)?;
         let mut writer = Self::new(file, &part, columns, blocks);
@@ -160,41 +161,55 @@ impl TrajectoryWriter {
         let grains = self.blocks.grains as usize;
         let file = &self.file;
         file.reserve(exchange, size_of::<GrainShape>() * grains)?;
-        let name = |part: &str| format!("{PARTICLES}/{part}");
         let local = Slab::rows(ids.start, length(&ids), 1);
-        let id_of = |g: &GrainShape| header.ids.map_or(g.id, |ids| ids.of(g.id));
-        let id: Vec<u32> = shapes.iter().map(id_of).collect();
+        let id = shapes.iter().map(|g| match header.ids {
+            Some(ids) => ids.of(g.id),
+            None => g.id,
+        });
+        let id: Vec<u32> = id.collect();
         let body: Vec<u8> = shapes.iter().map(|g| g.body as u8).collect();
         let radius: Vec<f64> = shapes.iter().map(|g| g.radius).collect();
         let mass: Vec<f64> = shapes.iter().map(|g| g.mass).collect();
         let material: Vec<u8> = shapes.iter().map(|g| g.material as u8).collect();
-        let several = u64::from(material.iter().any(|of| *of > 0));
+        let several = u64::from(material.iter().any(|material| *material > 0));
         let several = total(exchange, several) > 0;
         let root = exchange.rank() == 0;
         let edges = if root { &header.edges[..] } else { &[] };
 
-        let (kinds, numbers) = ([&body[..], &material], [&radius[..], &mass]);
-        let sums = checksums::of_constants(ids.start, &id, kinds, numbers, edges);
-        let mut sums = sums.map(|sum| sum as i64);
+        let constants = Constants {
+            first: ids.start,
+            id: &id,
+            body: &body,
+            material: &material,
+            radius: &radius,
+            mass: &mass,
+            edges,
+        };
+        let mut sums = constants.checksums().map(|sum| sum as i64);
         exchange.sum(&mut sums);
         let sums = sums.map(|sum| sum as u64);
         let of_root = if root { &sums[..] } else { &[] };
         let places = Slab::rows(0, of_root.len() as u64, 1);
 
         let mut outcome = CollectiveOutcome::default();
-        let place = (checksums::CONSTANTS, sums.len(), None);
-        outcome.note(fixed(file, place, places, of_root));
-        let [of_id, of_body, of_material] = ["id", "body", "material"].map(name);
-        outcome.note(fixed(file, (&of_id, grains, None), local, &id));
-        outcome.note(fixed(file, (&of_body, grains, None), local, &body));
-        outcome.note(file.link(&of_body, &name("species")));
+        let checksums = FixedDataset::new(checksums::CONSTANTS, sums.len());
+        outcome.note(checksums.write(file, places, of_root));
+        let [of_id, of_body, of_species, of_material] =
+            ["id", "body", "species", "material"].map(|name| format!("{PARTICLES}/{name}"));
+        outcome.note(FixedDataset::new(&of_id, grains).write(file, local, &id));
+        outcome.note(FixedDataset::new(&of_body, grains).write(file, local, &body));
+        outcome.note(file.link(&of_body, &of_species));
         if several {
-            outcome.note(fixed(file, (&of_material, grains, None), local, &material));
+            let dataset = FixedDataset::new(&of_material, grains);
+            outcome.note(dataset.write(file, local, &material));
         }
         for (column, values) in [(RADIUS, &radius), (MASS, &mass)] {
-            let unit = column.unit_in(header.form.axes).filter(|_| header.units);
-            let place = (&*name(column.name), grains, unit);
-            outcome.note(fixed(file, place, local, values));
+            let name = format!("{PARTICLES}/{}", column.name);
+            let mut dataset = FixedDataset::new(&name, grains);
+            if header.units {
+                dataset.unit = column.unit_in(header.form.axes);
+            }
+            outcome.note(dataset.write(file, local, values));
         }
         outcome.note(by_root(root, &mut self.columns.offset, 0, &[0u64]));
         self.file.agree(exchange, outcome)?;
@@ -362,14 +377,17 @@ impl TrajectoryWriter {
 /// Reads a file back that has been written, but for the numbers of its frames, and compares it with
 /// its checksums. Not collective.
 fn verify(file: &Path, group: &str) -> Result<()> {
-    let bad = |why: &dyn std::fmt::Display| {
-        let name = file.display();
-        Failure::other(format!("{name}: was not written as it should be: {why}"))
-    };
-    sound::read(file, h5::walk).map_err(|e| bad(&e))?;
+    sound::read(file, h5::walk).map_err(|e| miswritten(file, &e))?;
     let part = file.join(group);
     let part = if group.is_empty() { file } else { &part };
-    RunFile::open_any(part).map(drop).map_err(|e| bad(&e))
+    RunFile::open_any(part)
+        .map(drop)
+        .map_err(|e| miswritten(file, &e))
+}
+
+fn miswritten(file: &Path, why: &dyn std::fmt::Display) -> Failure {
+    let name = file.display();
+    Failure::other(format!("{name}: was not written as it should be: {why}"))
 }
 
 /// Keeps the metadata of a flush, to which the file returns if the program is killed.
@@ -397,18 +415,32 @@ fn seal(file: &H5File) -> Result<()> {
     file.attribute(PARAMETERS, OF_PARAMETERS, &sum)
 }
 
-/// Writes a one-dimensional dataset of fixed size, with its unit if it has one.
-fn fixed<T: H5Type + Copy>(
-    file: &H5File,
-    (name, size, unit): (&str, usize, Option<String>),
-    slab: Slab,
-    data: &[T],
-) -> Result<()> {
-    let dataset = file.dataset(T::type_descriptor(), name, &[size], None)?;
-    let described = unit.map_or(Ok(()), |unit| {
-        dataset.attribute("unit", &Attribute::Word(unit))
-    });
-    described.and(dataset.write(slab, data))
+/// A one-dimensional dataset of fixed size.
+struct FixedDataset<'a> {
+    name: &'a str,
+    size: usize,
+    unit: Option<String>,
+}
+
+impl<'a> FixedDataset<'a> {
+    /// Of pure numbers.
+    fn new(name: &'a str, size: usize) -> Self {
+        Self {
+            name,
+            size,
+            unit: None,
+        }
+    }
+
+    /// Creates it and writes this rank's part. Collective.
+    fn write<T: H5Type + Copy>(self, file: &H5File, slab: Slab, data: &[T]) -> Result<()> {
+        let dataset = file.dataset(T::type_descriptor(), self.name, &[self.size], None)?;
+        let described = match self.unit {
+            Some(unit) => dataset.attribute("unit", &Attribute::Word(unit)),
+            None => Ok(()),
+        };
+        described.and(dataset.write(slab, data))
+    }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use super::{AT_THE_END, RunHeader, TrajectoryWriter, seal, write_journal};
 use crate::collective::{CollectiveOutcome, IdBlocks, agree, told_by_root};
 use crate::existing::inspect;
 use crate::h5::H5File;
-use crate::layout::{Datasets, Mode, PARAMETERS};
+use crate::layout::{Datasets, OpenMode, PARAMETERS};
 use crate::part::{NEWTONIAN, Part};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Result;
@@ -27,22 +27,22 @@ impl TrajectoryWriter {
         let _waiting = exchange.waiting();
         // Only one rank inspects the file: after a failure in a collective call the others could
         // wait for ever.
-        let found = told_by_root(exchange, || inspect(path, series, frames, rows))?;
+        let existing = told_by_root(exchange, || inspect(path, series, frames, rows))?;
 
-        let blocks = IdBlocks::of(exchange, found.grains);
+        let blocks = IdBlocks::of(exchange, existing.grains);
         let part = Part::of(path);
         let mut file = H5File::open(&part.file, exchange)?;
         agree(exchange, file.enter(part.group))?;
         // The rest matters only to new datasets.
         let header = RunHeader {
-            form: found.form,
+            form: existing.form,
             series,
             ..RunHeader::default()
         };
-        let opened = Datasets::new(&file, Mode::Open, found.grains as usize, &header);
+        let opened = Datasets::new(&file, OpenMode::Open, existing.grains as usize, &header);
         let columns = agree(exchange, opened)?;
         let mut writer = Self::new(file, &part, columns, blocks);
-        (writer.frames_written, writer.contacts_written) = (frames, found.contacts);
+        (writer.frames_written, writer.contacts_written) = (frames, existing.contacts);
         // A file that was closed has no journal, and a kill while it is cut would damage it.
         write_journal(&writer.file, &writer.path, exchange)?;
         let mut outcome = CollectiveOutcome::default();
@@ -56,7 +56,7 @@ impl TrajectoryWriter {
         outcome.note(seal(&writer.file));
         writer
             .columns
-            .cut([frames, found.contacts, rows], &mut outcome);
+            .cut(frames, existing.contacts, rows, &mut outcome);
         writer.file.agree(exchange, outcome)?;
         writer.flush_file(exchange)?;
         // The space of removed rows may be used again, which the last journal does not know.

@@ -3,6 +3,6 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    gshear_dem::laws::register(&[&own_law::KIND]);
+    own_law::register();
     gshear_reduce::reduce(option_env!("OWN_LAW_COMMIT").unwrap_or("unknown"))
 }

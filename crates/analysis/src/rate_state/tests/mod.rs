@@ -7,6 +7,10 @@ mod steps_and_holds;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::fit::{chi_squared, fit};
+use super::noise::correlation;
+use super::steps_and_holds::{healing, holds, reload_stiffness, steady_segments, steps};
+use super::window::FitWindow;
 use super::*;
 use crate::time_mean::block_error;
 

@@ -5,23 +5,21 @@ use std::path::Path;
 
 use clap::ValueEnum;
 
-use crate::commands::dmin::{between, is_planar};
 use gshear_analysis::dmin;
 use gshear_analysis::moments::{distinct, extent};
 use gshear_analysis::regions::{GrReading, Regions};
 use gshear_analysis::stress;
-use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::state::{BoxEdges, ContactSample, Frame, FrameRecords};
+use gshear_dem::state::{BoxEdges, ContactSample, Frame};
 use gshear_scene::{Dimensions, atom_type};
 use gshear_store::contact_quantities::of_contacts;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_reader::{Mode, SpectrumFile};
-use gshear_store::trajectory::Form;
+use gshear_store::trajectory::FrameFormat;
 
 /// A number of every grain that is computed for the export.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum GrainField {
+pub(crate) enum GrainField {
     /// D²min since the frame before (m²); NaN where it is undefined
     Dmin,
     /// Contact stress (Pa), compression positive: xx, yy, xy; 3D: xx, yy, zz, xy, xz, yz
@@ -57,7 +55,7 @@ impl GrainField {
 }
 
 /// Eigenvectors that are exported with the state they are of.
-pub struct ExportedModes {
+pub(crate) struct ExportedModes {
     /// The state.
     pub frame: usize,
     /// Name and `[N][3]` values: displacements and rotations, real and imaginary parts.
@@ -71,22 +69,19 @@ impl ExportedModes {
     /// A file of another run or of a state without a frame, an eigenvector that it does not have.
     pub fn read(run: &RunFile, spectrum: &Path, numbers: &[usize]) -> Result<Self> {
         let file = SpectrumFile::open(spectrum)?;
-        let other =
-            |what: &str| Failure::input(format!("--modes: {}: is of {what}", spectrum.display()));
-        if let (Some(id), Some(of)) = (&file.run_id, run.text("run_id"))
-            && id != of
+        if let (Some(id), Some(own)) = (&file.run_id, run.text("run_id"))
+            && id != own
         {
-            return Err(other("another run"));
+            return Err(unfit(spectrum, "another run"));
         }
         if file.stage != run.stage().name() {
-            return Err(other(&format!(
-                "the stage {} of the run, not of {}",
-                file.stage,
-                run.path().display()
-            )));
+            let run = run.path().display();
+            let what = format!("the stage {} of the run, not of {run}", file.stage);
+            return Err(unfit(spectrum, &what));
         }
         let Ok(frame) = run.frame_steps().binary_search(&file.step) else {
-            return Err(other(&format!("step {}, which has no frame", file.step)));
+            let what = format!("step {}, which has no frame", file.step);
+            return Err(unfit(spectrum, &what));
         };
         let mut vectors = Vec::new();
         for k in distinct(numbers.iter().copied()) {
@@ -104,6 +99,11 @@ impl ExportedModes {
     }
 }
 
+/// The failure that refuses eigenvectors of something else.
+fn unfit(spectrum: &Path, what: &str) -> Failure {
+    Failure::input(format!("--modes: {}: is of {what}", spectrum.display()))
+}
+
 /// The name of a number, or those of the components of a vector.
 fn component_names(name: &str, components: usize) -> Vec<String> {
     match components {
@@ -113,7 +113,7 @@ fn component_names(name: &str, components: usize) -> Vec<String> {
 }
 
 /// A run, and what is exported of it.
-pub struct ExportedRun<'a> {
+pub(crate) struct ExportedRun<'a> {
     /// The file of the run.
     pub file: &'a RunFile,
     fields: Vec<GrainField>,
@@ -122,13 +122,13 @@ pub struct ExportedRun<'a> {
 }
 
 /// One frame.
-pub struct ExportedFrame {
+pub(crate) struct ExportedFrame {
     /// Number of the frame in the run.
     pub number: usize,
     /// γ.
     pub strain: f64,
     /// Steps and time (s) since the start of the shear, grains and contacts.
-    pub records: FrameRecords,
+    pub records: Frame,
     /// Rows of the grains that had not been removed.
     pub present: Vec<usize>,
     /// `[N][components]` Values of the computed fields, in the order of [`ExportedRun::shapes`].
@@ -143,9 +143,7 @@ impl<'a> ExportedRun<'a> {
         fields: &[GrainField],
         modes: Option<ExportedModes>,
     ) -> Result<Self> {
-        let is_planar = run.dimension() == Dimensions::Two;
-        let has_regions = is_planar && run.has_walls();
-        if fields.contains(&GrainField::Regions) && !has_regions {
+        if fields.contains(&GrainField::Regions) && !run.has_disks_between_walls() {
             return Err(Failure::input(format!(
                 "--fields regions: {}: needs disks between walls",
                 run.path().display()
@@ -184,26 +182,26 @@ impl<'a> ExportedRun<'a> {
     }
 
     /// Names of their components.
-    pub fn field_names(&self) -> Vec<String> {
+    pub(crate) fn field_names(&self) -> Vec<String> {
         let shapes = self.shapes().into_iter();
         let names = shapes.flat_map(|(name, components)| component_names(&name, components));
         names.collect()
     }
 
     /// Position, velocity, angular velocity, radius and mass of a grain.
-    pub fn state_values(
+    pub(crate) fn state_values(
         &self,
         frame: &ExportedFrame,
         grain: usize,
     ) -> impl Iterator<Item = f64> + use<> {
-        let (of, fixed) = (&frame.records.grains[grain], self.file.grains());
-        let vectors = [of.position, of.velocity, of.angular_velocity];
+        let (sample, fixed) = (&frame.records.grains[grain], self.file.grains());
+        let vectors = [sample.position, sample.velocity, sample.angular_velocity];
         let constants = [fixed.radius[grain], fixed.mass[grain]];
         vectors.into_iter().flatten().chain(constants)
     }
 
     /// The values of the computed fields of a grain.
-    pub fn field_values<'f>(
+    pub(crate) fn field_values<'f>(
         &self,
         frame: &'f ExportedFrame,
         grain: usize,
@@ -222,7 +220,7 @@ impl<'a> ExportedRun<'a> {
 
     /// Which axes are periodic.
     pub fn periodic(&self) -> [bool; 3] {
-        let is_box = !self.file.has_walls();
+        let is_box = self.file.boundary().is_periodic();
         match self.file.dimension() {
             Dimensions::Two => [true, is_box, false],
             Dimensions::Three => [true, true, is_box],
@@ -232,7 +230,7 @@ impl<'a> ExportedRun<'a> {
     /// Displacement along x of the image above (m), by which the box is tilted; `None` between
     /// walls.
     pub fn tilt(&self, frame: &ExportedFrame) -> Option<f64> {
-        let sheared = self.file.cell(frame.number).sheared;
+        let sheared = frame.records.cell.sheared;
         sheared.map(|sheared| sheared.offset)
     }
 
@@ -257,11 +255,14 @@ impl<'a> ExportedRun<'a> {
     pub fn bounds(&self, frame: &ExportedFrame) -> [[f64; 2]; 3] {
         let up = self.axes() - 1;
         let radius = &self.file.grains().radius;
-        let at = |g: usize| frame.records.grains[g].position[up];
-        let ends = frame.present.iter().map(|&g| (at(g), radius[g]));
-        let extent = extent(ends.flat_map(|(at, r)| [at - r, at + r]));
-        let cell = self.file.cell(frame.number);
-        let extent = cell.sheared.map_or(extent, |of| [0.0, of.height]);
+        let cell = frame.records.cell;
+        let extent = match cell.sheared {
+            Some(sheared) => [0.0, sheared.height],
+            None => extent(frame.present.iter().flat_map(|&g| {
+                let (at, r) = (frame.records.grains[g].position[up], radius[g]);
+                [at - r, at + r]
+            })),
+        };
         let periods = cell.periods;
         let largest = radius.iter().copied().fold(0.0, f64::max);
         match self.file.dimension() {
@@ -274,42 +275,36 @@ impl<'a> ExportedRun<'a> {
     /// than the one in the box.
     pub fn nearest_image(&self, frame: &ExportedFrame, i: u32, j: u32) -> ([f64; 3], bool) {
         let [from, to] = [i, j].map(|g| frame.records.grains[g as usize].position);
-        let cell = self.file.cell(frame.number);
-        let apart = match self.file.dimension() {
-            Dimensions::Two => cell.separation::<Two>(&to, &from),
-            Dimensions::Three => cell.separation::<Three>(&to, &from),
-        };
+        let apart = frame.records.separation(i, j);
         let image: [f64; 3] = std::array::from_fn(|axis| from[axis] + apart[axis]);
         // Another image is a period away along some axis.
         let lengths = self.bounds(frame).map(|[low, high]| high - low);
         let periodic = self.periodic();
-        let moved =
-            |axis: usize| periodic[axis] && (image[axis] - to[axis]).abs() > 0.25 * lengths[axis];
-        let moved = (0..self.axes()).any(moved);
+        let moved = (0..self.axes())
+            .any(|axis| periodic[axis] && (image[axis] - to[axis]).abs() > 0.25 * lengths[axis]);
         (if moved { image } else { to }, moved)
     }
 
     /// Calls `each` for these frames, in order.
-    pub fn each_frame(
+    pub(crate) fn each_frame(
         &self,
         numbers: &[usize],
         mut each: impl FnMut(&ExportedFrame) -> Result<()>,
     ) -> Result<()> {
         let compares = self.fields.iter().any(|field| field.compares());
-        let read = |t: usize| Ok(self.file.records(t..t + 1)?.swap_remove(0));
-        let mut last: Option<(usize, FrameRecords)> = None;
+        let mut last: Option<(usize, Frame)> = None;
         for &number in numbers {
-            let records = read(number)?;
-            let before = match number.checked_sub(1).filter(|_| compares) {
-                Some(before) => match last.take() {
+            let records = self.file.frame(number)?;
+            let before = match number.checked_sub(1) {
+                Some(before) if compares => match last.take() {
                     Some((at, frame)) if at == before => Some(frame),
-                    _ => Some(read(before)?),
+                    _ => Some(self.file.frame(before)?),
                 },
-                None => None,
+                _ => None,
             };
             let fields = self.fields(number, before.as_ref(), &records);
             let grains = records.grains.iter().enumerate();
-            let present = grains.filter(|(_, grain)| !self.file.is_removed(&grain.image));
+            let present = grains.filter(|(_, grain)| grain.removed == 0);
             let frame = ExportedFrame {
                 number,
                 strain: self.strains[number],
@@ -323,16 +318,11 @@ impl<'a> ExportedRun<'a> {
         Ok(())
     }
 
-    fn fields(
-        &self,
-        number: usize,
-        before: Option<&FrameRecords>,
-        now: &FrameRecords,
-    ) -> Vec<Vec<f64>> {
+    fn fields(&self, number: usize, before: Option<&Frame>, now: &Frame) -> Vec<Vec<f64>> {
         let material = self.file.material().iter().copied().map(f64::from);
         let columns = self.fields.iter().flat_map(|field| match field {
             GrainField::Dmin => vec![self.dmin(number, before, now)],
-            GrainField::Stress => self.stress(number, now),
+            GrainField::Stress => self.stress(now),
             GrainField::Regions => vec![self.regions(before, now)],
             GrainField::Contacts => vec![self.contacts(now)],
             GrainField::Material => vec![material.clone().collect()],
@@ -342,36 +332,32 @@ impl<'a> ExportedRun<'a> {
         columns.chain(flat).collect()
     }
 
-    fn stress(&self, number: usize, now: &FrameRecords) -> Vec<Vec<f64>> {
-        let (grains, cell) = (self.file.grains(), self.file.cell(number));
-        let (tensors, parts) = match self.file.dimension() {
-            Dimensions::Two => (stress::in_cell::<Two>(grains, cell, now), &[0, 1, 3][..]),
-            Dimensions::Three => {
-                let tensors = stress::in_cell::<Three>(grains, cell, now);
-                (tensors, &[0, 1, 2, 3, 4, 5][..])
-            }
+    fn stress(&self, now: &Frame) -> Vec<Vec<f64>> {
+        let tensors = stress::tensors(self.file.grains(), now);
+        let parts: &[usize] = match now.dimension {
+            Dimensions::Two => &[0, 1, 3],
+            Dimensions::Three => &[0, 1, 2, 3, 4, 5],
         };
-        let column = |part: &usize| tensors.iter().map(|tensor| tensor[*part]).collect();
-        parts.iter().map(column).collect()
+        let columns = parts
+            .iter()
+            .map(|&part| tensors.iter().map(|tensor| tensor[part]).collect());
+        columns.collect()
     }
 
-    fn dmin(&self, number: usize, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
+    fn dmin(&self, number: usize, before: Option<&Frame>, now: &Frame) -> Vec<f64> {
         let grains = self.file.grains();
         let Some(before) = before else {
             return vec![f64::NAN; grains.count()];
         };
-        if is_planar(self.file) {
-            return dmin::between(grains, &planar(before), &planar(now));
-        }
-        let radius = dmin::RADIUS * grains.mean_radius();
-        between(self.file, [number - 1, number], [before, now], radius)
+        let interval = self.file.interval([number - 1, number], [before, now]);
+        dmin::between(grains, &interval)
     }
 
-    fn regions(&self, before: Option<&FrameRecords>, now: &FrameRecords) -> Vec<f64> {
+    fn regions(&self, before: Option<&Frame>, now: &Frame) -> Vec<f64> {
         let mut inside = vec![0.0; self.file.grains().count()];
         if let Some(before) = before {
             let mut regions = Regions::default();
-            regions.find(self.file.grains(), &planar(before), &planar(now));
+            regions.find(self.file.grains(), before, now);
             let reading = GrReading::default();
             let labels = regions.labels(reading);
             for (&grain, label) in regions.grains(reading.reduction).iter().zip(labels) {
@@ -381,7 +367,7 @@ impl<'a> ExportedRun<'a> {
         inside
     }
 
-    fn contacts(&self, now: &FrameRecords) -> Vec<f64> {
+    fn contacts(&self, now: &Frame) -> Vec<f64> {
         let mut count = vec![0.0; self.file.grains().count()];
         for contact in &now.contacts {
             for grain in [contact.i, contact.j] {
@@ -392,33 +378,23 @@ impl<'a> ExportedRun<'a> {
     }
 }
 
-/// A frame of disks.
-fn planar(frame: &FrameRecords) -> Frame {
-    let two = |[x, y, _]: [f64; 3]| [x, y];
-    Frame {
-        step: frame.step,
-        time: frame.time,
-        position: frame.grains.iter().map(|g| two(g.position)).collect(),
-        image: frame.grains.iter().map(|g| g.image[0]).collect(),
-        velocity: frame.grains.iter().map(|g| two(g.velocity)).collect(),
-        angular_velocity: frame.grains.iter().map(|g| g.angular_velocity[2]).collect(),
-        contacts: frame.contacts.clone(),
-    }
-}
-
 /// Names of the components of all quantities of contacts.
-pub fn contact_names(form: Form) -> impl Iterator<Item = String> {
-    of_contacts(form).flat_map(move |of| component_names(of.column.name, of.width(form)))
+pub(crate) fn contact_names(form: FrameFormat) -> impl Iterator<Item = String> {
+    let quantities = of_contacts(form);
+    quantities.flat_map(move |known| component_names(known.column.name, known.width(form)))
 }
 
 /// Their values.
-pub fn contact_values(form: Form, contact: &ContactSample) -> impl Iterator<Item = f64> {
-    of_contacts(form).flat_map(move |of| of.values(form, contact))
+pub(crate) fn contact_values(
+    form: FrameFormat,
+    contact: &ContactSample,
+) -> impl Iterator<Item = f64> {
+    of_contacts(form).flat_map(move |quantity| quantity.values(form, contact))
 }
 
 /// Names of position, velocity and angular velocity of a grain, which [`ExportedRun::state_values`]
 /// begins with.
-pub fn state_names() -> impl Iterator<Item = String> {
+pub(crate) fn state_names() -> impl Iterator<Item = String> {
     let vectors = ["", "velocity_", "angular_velocity_"].into_iter();
-    vectors.flat_map(|of| ["x", "y", "z"].map(|axis| format!("{of}{axis}")))
+    vectors.flat_map(|vector| ["x", "y", "z"].map(|axis| format!("{vector}{axis}")))
 }

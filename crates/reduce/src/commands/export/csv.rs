@@ -12,7 +12,7 @@ use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values, 
 use super::{FrameWriter, contacts_beside};
 
 /// Writes both tables.
-pub struct CsvWriter {
+pub(crate) struct CsvWriter {
     grains: TableStream,
     contacts: TableStream,
     axes: usize,

@@ -10,7 +10,7 @@ use super::content::{ExportedFrame, ExportedRun, contact_names, contact_values};
 use super::{FrameWriter, contacts_beside, write_numbers};
 
 /// Writes both files.
-pub struct DumpWriter {
+pub(crate) struct DumpWriter {
     grains: PartFile,
     contacts: PartFile,
 }
@@ -36,7 +36,9 @@ impl DumpWriter {
         // LAMMPS needs a period along z in 2D.
         let mut periodic = run.periodic();
         periodic[run.axes()..].fill(true);
-        let kinds: String = periodic.map(|of| if of { " pp" } else { " ff" }).concat();
+        let kinds: String = periodic
+            .map(|is_periodic| if is_periodic { " pp" } else { " ff" })
+            .concat();
         let mut bounds = run.bounds(frame);
         let Some(tilt) = run.tilt(frame) else {
             writeln!(file, "ITEM: BOX BOUNDS{kinds}")?;

@@ -9,7 +9,6 @@ use bytemuck::{NoUninit, cast_slice};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use gshear_dem::failure::Result;
-use gshear_dem::state::GrainSample;
 use gshear_store::contact_quantities::of_contacts;
 use gshear_store::text_writer::PartFile;
 
@@ -17,7 +16,7 @@ use super::FrameWriter;
 use super::content::{ExportedFrame, ExportedRun};
 
 /// Collects the frames, and writes them at the end: an archive needs whole arrays.
-pub struct NpzWriter {
+pub(crate) struct NpzWriter {
     path: PathBuf,
     arrays: Vec<Array>,
 }
@@ -179,12 +178,12 @@ impl FrameWriter for NpzWriter {
             self.append("body", n, &[], &shared.body);
             self.append("mass", n, &[], &shared.mass);
         }
-        let vectors = |value: fn(&GrainSample) -> [f64; 3]| -> Vec<f64> {
-            records.grains.iter().flat_map(value).collect()
-        };
-        self.append("position", 1, &[n, 3], &vectors(|g| g.position));
-        self.append("velocity", 1, &[n, 3], &vectors(|g| g.velocity));
-        let spins = vectors(|g| g.angular_velocity);
+        let grains = records.grains.iter();
+        let positions: Vec<f64> = grains.clone().flat_map(|g| g.position).collect();
+        self.append("position", 1, &[n, 3], &positions);
+        let velocities: Vec<f64> = grains.clone().flat_map(|g| g.velocity).collect();
+        self.append("velocity", 1, &[n, 3], &velocities);
+        let spins: Vec<f64> = grains.flat_map(|g| g.angular_velocity).collect();
         self.append("angular_velocity", 1, &[n, 3], &spins);
         let images: Vec<i64> = records.grains.iter().flat_map(|g| g.image).collect();
         self.append("image", 1, &[n, 3], &images);
@@ -206,11 +205,13 @@ impl FrameWriter for NpzWriter {
         let pairs: Vec<u32> = contacts.iter().flat_map(|c| [c.i, c.j]).collect();
         self.append("contact_pair", contacts.len(), &[2], &pairs);
         let form = run.file.form();
-        for of in of_contacts(form) {
-            let width = of.width(form);
+        for quantity in of_contacts(form) {
+            let width = quantity.width(form);
             let shape = if width == 1 { &[][..] } else { &[width] };
-            let values: Vec<f64> = contacts.iter().flat_map(|c| of.values(form, c)).collect();
-            let name = format!("contact_{}", of.column);
+            let values: Vec<f64> = (contacts.iter())
+                .flat_map(|contact| quantity.values(form, contact))
+                .collect();
+            let name = format!("contact_{}", quantity.column);
             self.append(&name, contacts.len(), shape, &values);
         }
         Ok(())

@@ -13,7 +13,6 @@ use hdf5::{Dataset, H5Type, Hyperslab, SliceOrIndex};
 use ndarray::ArrayViewD;
 
 use gshear_dem::failure::Result;
-use gshear_dem::state::GrainSample;
 use gshear_store::checked::CheckedFile;
 use gshear_store::contact_quantities::of_contacts;
 
@@ -37,7 +36,7 @@ const CHUNK: usize = 8 << 10;
 const STEP_CHUNK: usize = 256;
 
 /// Writes the file.
-pub struct VtkWriter {
+pub(crate) struct VtkWriter {
     file: CheckedFile,
     /// Datasets by their paths in the group `VTKHDF`.
     datasets: HashMap<String, Dataset>,
@@ -64,22 +63,19 @@ impl VtkWriter {
         dataset.map_or(0, |dataset| dataset.shape()[0])
     }
 
-    /// Appends entries of `width` numbers to a dataset, which the first call creates; it has one
-    /// axis if `width` is 1.
+    /// Appends entries of `width` numbers to a dataset, which the first call creates, with so many
+    /// numbers in a chunk; it has one axis if `width` is 1.
     fn grow<T: H5Type>(
         &mut self,
         name: &str,
-        (width, chunk): (usize, usize),
+        width: usize,
+        chunk: usize,
         values: &[T],
     ) -> hdf5::Result<()> {
-        let shape = |entries: usize| match width {
-            1 => vec![entries],
-            _ => vec![entries, width],
-        };
         if !self.datasets.contains_key(name) {
-            let (of_row, chunk) = (&shape(0)[1..], (chunk / width).max(1));
+            let row_shape = if width == 1 { &[][..] } else { &[width] };
             let path = format!("{ROOT}/{name}");
-            let dataset = self.file.growing::<T>(&path, of_row, chunk)?;
+            let dataset = (self.file).growing::<T>(&path, row_shape, (chunk / width).max(1))?;
             self.datasets.insert(name.into(), dataset);
         }
         let (first, new) = (self.entries(name), values.len() / width);
@@ -87,33 +83,34 @@ impl VtkWriter {
             return Ok(());
         }
         let dataset = &self.datasets[name];
-        dataset.resize(shape(first + new))?;
+        dataset.resize(shape(first + new, width))?;
         let mut place = vec![SliceOrIndex::from(first..first + new)];
         place.resize(dataset.ndim(), SliceOrIndex::from(..));
-        let view = ArrayViewD::from_shape(shape(new), values).map_err(|e| e.to_string())?;
+        let view = ArrayViewD::from_shape(shape(new, width), values).map_err(|e| e.to_string())?;
         dataset.write_slice(view, Hyperslab::from(place))
     }
 
     /// Appends numbers to a dataset of points or cells.
     fn append<T: H5Type>(&mut self, name: &str, width: usize, values: &[T]) -> hdf5::Result<()> {
-        self.grow(name, (width, CHUNK), values)
+        self.grow(name, width, CHUNK, values)
     }
 
     /// Appends the entry of a step.
     fn append_step<T: H5Type>(&mut self, name: &str, entry: &[T]) -> hdf5::Result<()> {
-        self.grow(name, (entry.len(), STEP_CHUNK), entry)
+        self.grow(name, entry.len(), STEP_CHUNK, entry)
     }
 
     /// Appends data of the points or cells of a frame, and where they begin.
     fn append_data<T: H5Type>(
         &mut self,
-        (of, name): (&str, &str),
+        group: &str,
+        name: &str,
         width: usize,
         values: &[T],
     ) -> hdf5::Result<()> {
-        let path = format!("{of}/{name}");
+        let path = format!("{group}/{name}");
         let before = self.entries(&path) as i64;
-        self.append_step(&format!("Steps/{of}Offsets/{name}"), &[before])?;
+        self.append_step(&format!("Steps/{group}Offsets/{name}"), &[before])?;
         self.append(&path, width, values)
     }
 
@@ -135,8 +132,8 @@ impl VtkWriter {
 
     fn append_frame(&mut self, run: &ExportedRun, frame: &ExportedFrame) -> hdf5::Result<()> {
         self.append_places(frame.records.time)?;
-        let of_point = self.append_geometry(run, frame)?;
-        self.append_point_data(run, frame, &of_point)?;
+        let point_grains = self.append_geometry(run, frame)?;
+        self.append_point_data(run, frame, &point_grains)?;
         let form = run.file.form();
         for quantity in of_contacts(form) {
             let width = quantity.width(form);
@@ -145,7 +142,7 @@ impl VtkWriter {
             let contacts = frame.records.contacts.iter();
             let values = none.chain(contacts.flat_map(|contact| quantity.values(form, contact)));
             let values: Vec<f64> = values.collect();
-            self.append_data(("CellData", quantity.column.name), width, &values)?;
+            self.append_data("CellData", quantity.column.name, width, &values)?;
         }
         Ok(())
     }
@@ -153,11 +150,10 @@ impl VtkWriter {
     /// Appends the places of the next step in the datasets.
     fn append_places(&mut self, time: f64) -> hdf5::Result<()> {
         let points = self.entries("Points") as i64;
-        let of_kinds =
-            |name: &str| KINDS.map(|kind| self.entries(&format!("{kind}/{name}")) as i64);
+        let [offsets, connectivity] = ["Offsets", "Connectivity"]
+            .map(|name| KINDS.map(|kind| self.entries(&format!("{kind}/{name}")) as i64));
         // Offsets have one number more than cells in every step; readers count without it.
-        let cells = of_kinds("Offsets").map(|offsets| offsets - self.frames);
-        let connectivity = of_kinds("Connectivity");
+        let cells = offsets.map(|offsets| offsets - self.frames);
         self.append_step("Steps/Values", &[time])?;
         self.append_step("Steps/PartOffsets", &[self.frames])?;
         self.append_step("Steps/NumberOfParts", &[1i64])?;
@@ -176,50 +172,57 @@ impl VtkWriter {
         frame: &ExportedFrame,
     ) -> hdf5::Result<Vec<usize>> {
         let (grains, contacts) = (&frame.records.grains, &frame.records.contacts);
-        let mut of_point = frame.present.clone();
-        let mut points: Vec<f64> = of_point.iter().flat_map(|&g| grains[g].position).collect();
+        let mut point_grains = frame.present.clone();
+        let mut points: Vec<f64> = point_grains
+            .iter()
+            .flat_map(|&g| grains[g].position)
+            .collect();
         let mut point_of = vec![0; grains.len()];
-        for (point, &g) in of_point.iter().enumerate() {
+        for (point, &g) in point_grains.iter().enumerate() {
             point_of[g] = point;
         }
         let mut lines = Vec::with_capacity(2 * contacts.len());
         for contact in contacts {
             let (image, moved) = run.nearest_image(frame, contact.i, contact.j);
             let end = if moved {
-                of_point.push(contact.j as usize);
+                point_grains.push(contact.j as usize);
                 points.extend(image);
-                of_point.len() - 1
+                point_grains.len() - 1
             } else {
                 point_of[contact.j as usize]
             };
             lines.extend([point_of[contact.i as usize] as i64, end as i64]);
         }
-        self.append_step("NumberOfPoints", &[of_point.len() as i64])?;
+        self.append_step("NumberOfPoints", &[point_grains.len() as i64])?;
         self.append("Points", 3, &points)?;
         let vertices: Vec<i64> = (0..frame.present.len() as i64).collect();
         let cells = [(&vertices[..], 1), (&lines, 2), (&[], 1), (&[], 1)];
         for (kind, (connectivity, corners)) in KINDS.into_iter().zip(cells) {
             self.append_cells(kind, connectivity, corners)?;
         }
-        Ok(of_point)
+        Ok(point_grains)
     }
 
     fn append_point_data(
         &mut self,
         run: &ExportedRun,
         frame: &ExportedFrame,
-        of_point: &[usize],
+        point_grains: &[usize],
     ) -> hdf5::Result<()> {
-        const OF: &str = "PointData";
+        const GROUP: &str = "PointData";
         let (grains, constants) = (&frame.records.grains, run.file.grains());
-        let vectors = |value: fn(&GrainSample) -> [f64; 3]| -> Vec<f64> {
-            of_point.iter().flat_map(|&g| value(&grains[g])).collect()
-        };
-        self.append_data((OF, "velocity"), 3, &vectors(|g| g.velocity))?;
-        let spins = vectors(|g| g.angular_velocity);
-        self.append_data((OF, "angular_velocity"), 3, &spins)?;
+        let velocities: Vec<f64> = point_grains
+            .iter()
+            .flat_map(|&g| grains[g].velocity)
+            .collect();
+        self.append_data(GROUP, "velocity", 3, &velocities)?;
+        let spins = point_grains
+            .iter()
+            .flat_map(|&g| grains[g].angular_velocity);
+        let spins: Vec<f64> = spins.collect();
+        self.append_data(GROUP, "angular_velocity", 3, &spins)?;
         let body: Vec<f64> = constants.body.iter().map(|&body| body.into()).collect();
-        let of_grains = [
+        let constants_by_name = [
             ("radius", &constants.radius),
             ("mass", &constants.mass),
             ("body", &body),
@@ -227,14 +230,27 @@ impl VtkWriter {
         let shapes = run.shapes();
         let fields = shapes.iter().zip(&frame.fields);
         let fields = fields.map(|((name, width), values)| (&**name, *width, values));
-        let constants = of_grains.map(|(name, values)| (name, 1, values));
+        let constants = constants_by_name.map(|(name, values)| (name, 1, values));
         for (name, width, values) in constants.into_iter().chain(fields) {
-            let of_grain = |&g: &usize| values[g * width..][..width].iter().copied();
-            let values: Vec<f64> = of_point.iter().flat_map(of_grain).collect();
-            self.append_data((OF, name), width, &values)?;
+            let points = point_grains.iter();
+            let values: Vec<f64> = points
+                .flat_map(|&g| values[g * width..][..width].iter().copied())
+                .collect();
+            self.append_data(GROUP, name, width, &values)?;
         }
-        let ids: Vec<i64> = of_point.iter().map(|&g| run.file.ids()[g].into()).collect();
-        self.append_data((OF, "id"), 1, &ids)
+        let ids: Vec<i64> = point_grains
+            .iter()
+            .map(|&g| run.file.ids()[g].into())
+            .collect();
+        self.append_data(GROUP, "id", 1, &ids)
+    }
+}
+
+/// The shape of so many entries of `width` numbers.
+fn shape(entries: usize, width: usize) -> Vec<usize> {
+    match width {
+        1 => vec![entries],
+        _ => vec![entries, width],
     }
 }
 

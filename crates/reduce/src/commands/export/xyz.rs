@@ -10,7 +10,7 @@ use super::content::{ExportedFrame, ExportedRun};
 use super::{FrameWriter, write_numbers};
 
 /// Writes the file.
-pub struct XyzWriter(PartFile);
+pub(crate) struct XyzWriter(PartFile);
 
 impl XyzWriter {
     /// # Errors
@@ -25,7 +25,9 @@ impl XyzWriter {
         let lattice = edges.as_flattened().iter();
         let lattice: Vec<String> = lattice.map(|side| format!("{side:?}")).collect();
         let [ox, oy, oz] = run.bounds(frame).map(|[low, _]| low);
-        let pbc = run.periodic().map(|of| if of { "T" } else { "F" });
+        let pbc = run
+            .periodic()
+            .map(|is_periodic| if is_periodic { "T" } else { "F" });
         writeln!(file, "{}", frame.present.len())?;
         write!(
             file,

@@ -38,39 +38,50 @@ pub fn record(run: &RunFile) -> Result<SliderRecord> {
     })?;
     let series = run.series();
     let measured = MEASURED.map(|name| series.column(name));
-    let is_whole = |row: &usize| measured.iter().all(|column| column[*row].is_finite());
-    let whole: Vec<usize> = (0..series.rows()).filter(is_whole).collect();
-    let of_whole = |all: &[f64]| -> Vec<f64> { whole.iter().map(|row| all[*row]).collect() };
-    let column = |name: &str| of_whole(series.column(name));
-    let (time, velocity) = (of_whole(&series.time), column("drive_velocity"));
+    let whole: Vec<usize> = (0..series.rows())
+        .filter(|row| measured.iter().all(|column| column[*row].is_finite()))
+        .collect();
+    let time = chosen(&series.time, &whole);
+    let [
+        friction,
+        normal_force,
+        slip,
+        velocity,
+        displacement,
+        slip_rate,
+        kinetic_energy,
+    ] = measured.map(|column| chosen(column, &whole));
     if let Some(row) = (1..time.len()).find(|&row| time[row] <= time[row - 1]) {
         let name = "observables/stress_ratio/time";
         return Err(run.wrong(format!("{name}: does not increase at row {row}")));
     }
-    let drive = of_drive(&time, &velocity, &column("drive_displacement"))
+    let drive = of_drive(&time, &velocity, &displacement)
         .map_err(|what| run.wrong(format!("observables/drive_velocity: {what}")))?;
     // What comes before the first slide, perhaps under another load, is left out.
-    let normal = column("normal_force");
-    let normal = &normal[velocity.iter().position(|v| *v > 0.0).unwrap_or(0)..];
+    let normal = &normal_force[velocity.iter().position(|v| *v > 0.0).unwrap_or(0)..];
     let force = mean(normal);
     if !time.is_empty() && (force.is_nan() || force <= 0.0) {
         return Err(run.wrong(format!(
             "observables/normal_force: its mean is {force:e} N, must be positive: the slider must press on the sample"
         )));
     }
-    let measured = [time, column("slip"), column("stress_ratio")];
     let record = SliderRecord {
-        load: column("normal_force").iter().map(|n| n / force).collect(),
-        temperature: temperature(run, &column("slip_rate"), &column("kinetic_energy")),
-        ..SliderRecord::of_run(spring / force, drive, measured)
+        load: normal_force.iter().map(|n| n / force).collect(),
+        temperature: temperature(run, &slip_rate, &kinetic_energy),
+        ..SliderRecord::of_run(spring / force, drive, [time, slip, friction])
     };
     let tested = tested(&record).map_err(|what| run.wrong(what))?;
     if series.has(IMPOSED) {
-        let imposed = column(IMPOSED);
+        let imposed = chosen(series.column(IMPOSED), &whole);
         let first = record.time.partition_point(|t| *t < tested.time[0]);
         one_load(&tested, &imposed[first..]).map_err(|what| run.wrong(what))?;
     }
     Ok(tested)
+}
+
+/// The values of a column in some rows.
+fn chosen(column: &[f64], rows: &[usize]) -> Vec<f64> {
+    rows.iter().map(|row| column[*row]).collect()
 }
 
 /// Refuses a load that changes: k̄ and the laws are of one normal force. `imposed` `[L]` (N).
@@ -100,17 +111,22 @@ fn one_load(record: &SliderRecord, imposed: &[f64]) -> Result<(), String> {
 /// contain. NaN without a pressure or free grains.
 fn temperature(run: &RunFile, rate: &[f64], kinetic: &[f64]) -> Vec<f64> {
     let grains = run.grains();
-    let of_free = grains.mass.iter().zip(&grains.body);
-    let of_free = of_free.filter(|(_, body)| **body == 0);
-    let masses: Vec<f64> = of_free.map(|(m, _)| *m).collect();
+    let free = grains.mass.iter().zip(&grains.body);
+    let free = free.filter(|(_, body)| **body == 0);
+    let masses: Vec<f64> = free.map(|(m, _)| *m).collect();
     let count = masses.len() as f64;
     let mass = masses.iter().sum::<f64>() / count;
     let diameter = 2.0 * grains.mean_radius();
     let unit =
         run.number("pressure").unwrap_or(f64::NAN) * diameter.powi(run.dimension().axes() as i32);
-    let streaming = if run.has_walls() { mass / 6.0 } else { 0.0 };
-    let of_row = |(v, energy): (&f64, &f64)| (energy / count - streaming * v * v) / unit;
-    rate.iter().zip(kinetic).map(of_row).collect()
+    let streaming = if run.boundary().has_walls() {
+        mass / 6.0
+    } else {
+        0.0
+    };
+    let rows = rate.iter().zip(kinetic);
+    let temperatures = rows.map(|(v, energy)| (energy / count - streaming * v * v) / unit);
+    temperatures.collect()
 }
 
 /// Cuts the record to start at its first slide, and checks the number of segments and of their

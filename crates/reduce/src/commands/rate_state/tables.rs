@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::Reduction;
 use gshear_analysis::moments::mean;
-use gshear_analysis::rate_state::{Estimate, Evolution, Experiment, Fit, Fitted};
+use gshear_analysis::rate_state::{Estimate, Evolution, Experiment, Fitted};
 use gshear_store::csv_table::Table;
 
 /// Returns the tables with their names.
@@ -34,13 +34,14 @@ fn of_laws(
     number: impl Fn(&Experiment) -> Option<f64>,
 ) -> [Option<f64>; 2] {
     BOTH.map(|law| {
-        let model = models.iter().find(|(of, _)| *of == law);
+        let model = models.iter().find(|(known, _)| *known == law);
         model.and_then(|(_, e)| number(e)).and_then(known)
     })
 }
 
 fn series(reduction: &Reduction) -> String {
-    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
+    let rows = reduction.experiments().flat_map(|numbered| {
+        let (k, experiment) = (numbered.number, numbered.experiment);
         let record = &experiment.record;
         let segments = 0..record.drive.len();
         segments.flat_map(move |segment| {
@@ -64,7 +65,8 @@ fn series(reduction: &Reduction) -> String {
 }
 
 fn segments(reduction: &Reduction) -> String {
-    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
+    let rows = reduction.experiments().flat_map(|numbered| {
+        let (k, experiment) = (numbered.number, numbered.experiment);
         let drive = experiment.record.drive.iter().enumerate();
         drive.map(move |(segment, drive)| (k, experiment, segment, drive))
     });
@@ -92,7 +94,8 @@ fn segments(reduction: &Reduction) -> String {
 }
 
 fn steps(reduction: &Reduction) -> String {
-    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
+    let rows = reduction.experiments().flat_map(|numbered| {
+        let (k, experiment) = (numbered.number, numbered.experiment);
         let steps = experiment.steps.iter().enumerate();
         steps.map(move |(n, step)| (k, n, step))
     });
@@ -130,7 +133,8 @@ fn after_steps(reduction: &Reduction) -> String {
 }
 
 fn holds(reduction: &Reduction) -> String {
-    let rows = reduction.experiments().flat_map(|(k, experiment, _)| {
+    let rows = reduction.experiments().flat_map(|numbered| {
+        let (k, experiment) = (numbered.number, numbered.experiment);
         let holds = experiment.holds.iter().enumerate();
         holds.map(move |(n, hold)| (k, n, hold))
     });
@@ -162,20 +166,22 @@ fn holds(reduction: &Reduction) -> String {
 fn relaxations(reduction: &Reduction) -> String {
     let a = reduction.direct_effect;
     Table::of(reduction.relaxations.iter())
-        .column("velocity_before", |of| known(of.before))
-        .column("t_hold", |of| known(of.duration))
-        .column("time", |of| known(of.time))
-        .column("holds", |of| of.holds)
-        .column("change", |of| known(of.change))
-        .column("error", |of| known(of.error))
-        .column("change_direct_effect", |of| {
-            a.and_then(|a| known(of.of_direct_effect(a, of.stiffness)))
+        .column("velocity_before", |relaxation| known(relaxation.before))
+        .column("t_hold", |relaxation| known(relaxation.duration))
+        .column("time", |relaxation| known(relaxation.time))
+        .column("holds", |relaxation| relaxation.holds)
+        .column("change", |relaxation| known(relaxation.change))
+        .column("error", |relaxation| known(relaxation.error))
+        .column("change_direct_effect", |relaxation| {
+            known(relaxation.of_direct_effect(a?, relaxation.stiffness))
         })
-        .column("reload_stiffness", |of| known(of.reload))
-        .column("change_direct_effect_reload", |of| {
-            a.and_then(|a| known(of.of_direct_effect(a, of.reload)))
+        .column("reload_stiffness", |relaxation| known(relaxation.reload))
+        .column("change_direct_effect_reload", |relaxation| {
+            known(relaxation.of_direct_effect(a?, relaxation.reload))
         })
-        .column("granular_temperature", |of| known(of.temperature))
+        .column("granular_temperature", |relaxation| {
+            known(relaxation.temperature)
+        })
         .csv()
 }
 
@@ -184,10 +190,6 @@ fn fits(reduction: &Reduction) -> String {
         let fits = fitted.fits.iter().zip(&fitted.chi_squared);
         fits.map(move |((law, fit), chi)| (fitted, law, fit, chi))
     });
-    let ends = |e: Estimate| {
-        let [low, high] = e.interval;
-        [e.value, low, high].map(|x| known(x).filter(|_| e.determined))
-    };
     let windows = ["experiment", "first_segment", "last_segment"];
     let estimates = ["a", "b", "a_minus_b", "d_c", "mu_star"]
         .map(|name| ["", "_low", "_high"].map(|end| format!("{name}{end}")));
@@ -199,14 +201,19 @@ fn fits(reduction: &Reduction) -> String {
         })
         .column("law", |(_, law, ..)| law.name())
         .columns(estimates.into_iter().flatten(), |(.., fit, _)| {
-            let found = |fit: &Fit| fit.estimates().map(|(_, estimate)| ends(estimate));
-            let found = fit.as_ref().map_or([[None; 3]; 5], found);
-            found.into_iter().flatten()
+            let cells = match fit {
+                Ok(fit) => fit.estimates().map(|(_, estimate)| determined(estimate)),
+                Err(_) => [[None; 3]; 5],
+            };
+            cells.into_iter().flatten()
         })
-        .columns(["v_star", "rms", "effective_values"], |(.., fit, _)| {
-            let found = |fit: &Fit| [fit.law.v_star, fit.rms, fit.effective].map(known);
-            fit.as_ref().map_or([None; 3], found)
-        })
+        .columns(
+            ["v_star", "rms", "effective_values"],
+            |(.., fit, _)| match fit {
+                Ok(fit) => [fit.law.v_star, fit.rms, fit.effective].map(known),
+                Err(_) => [None; 3],
+            },
+        )
         .column("chi_squared", |(.., fit, chi)| {
             fit.as_ref().ok().and(**chi).and_then(known)
         })
@@ -219,9 +226,19 @@ fn fits(reduction: &Reduction) -> String {
         .csv()
 }
 
+/// An estimate and the ends of its interval, if the data determine it.
+fn determined(estimate: Estimate) -> [Option<f64>; 3] {
+    if !estimate.determined {
+        return [None; 3];
+    }
+    let [low, high] = estimate.interval;
+    [estimate.value, low, high].map(known)
+}
+
 /// Returns the content of `rate-state.json`.
 pub fn json(reduction: &Reduction) -> Value {
     let experiments = reduction.experiments();
+    let experiments = experiments.map(|numbered| experiment(numbered.experiment, numbered.runs));
     let growth = reduction.peak_growth().into_iter().map(|growth| {
         json!({
             "t_hold": growth.duration,
@@ -233,7 +250,7 @@ pub fn json(reduction: &Reduction) -> Value {
     });
     json!({
         "version": env!("CARGO_PKG_VERSION"),
-        "experiments": experiments.map(|(_, e, runs)| experiment(e, runs)).collect::<Vec<_>>(),
+        "experiments": experiments.collect::<Vec<_>>(),
         "peak_growth": growth.collect::<Vec<_>>(),
         "fits": reduction.fitted.iter().map(fit).collect::<Vec<_>>(),
     })
@@ -248,7 +265,6 @@ fn experiment(experiment: &Experiment, runs: &[String]) -> Value {
             "mu_ss": steady.map(|s| json!({ "value": s.friction, "error": s.error, "scatter": s.scatter })),
         })
     });
-    let pair = |[value, error]: [f64; 2]| json!({ "value": value, "error": error });
     let steps = experiment.steps.iter().map(|step| {
         json!({
             "segment": step.segment,
@@ -282,6 +298,12 @@ fn experiment(experiment: &Experiment, runs: &[String]) -> Value {
         "holds": holds.collect::<Vec<_>>(),
         "healing": experiment.healing,
     })
+}
+
+/// A value with its standard error.
+fn pair(estimate: [f64; 2]) -> Value {
+    let [value, error] = estimate;
+    json!({ "value": value, "error": error })
 }
 
 fn fit(fitted: &Fitted) -> Value {

@@ -7,8 +7,8 @@ use crate::printer::Printer;
 use crate::scalars;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::failure::{Failure, Result};
-use gshear_driver::folder::{condition, condition_by_status};
-use gshear_report::sweep::{Sweep, SweepRun};
+use gshear_driver::stored_run::{condition, condition_by_status};
+use gshear_report::sweep::{Heading, Sweep, SweepRun};
 use gshear_store::file_names::{RUN_FILE, STATUS_FILE, folder_of};
 use gshear_store::run_reader::RunFile;
 
@@ -21,9 +21,11 @@ fn has_begun(folder: &Path) -> bool {
 ///
 /// # Errors
 /// A folder that cannot be read, or without runs.
-pub fn runs_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let unread = |e: std::io::Error| Failure::input(format!("{}: {e}", folder.display()));
-    let entries = std::fs::read_dir(folder).map_err(unread)?.flatten();
+pub(crate) fn runs_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder);
+    let entries = entries
+        .map_err(|e| Failure::input(format!("{}: {e}", folder.display())))?
+        .flatten();
     let paths = entries.map(|entry| entry.path());
     let runs = paths.filter(|path| path.is_dir() && has_begun(path));
     let mut runs: Vec<_> = runs.collect();
@@ -38,7 +40,7 @@ pub fn runs_in(folder: &Path) -> Result<Vec<PathBuf>> {
 }
 
 /// Whether a path is a folder of runs, and not of a run.
-pub fn is_of_runs(path: &Path) -> bool {
+pub(crate) fn is_of_runs(path: &Path) -> bool {
     path.is_dir() && !has_begun(path)
 }
 
@@ -86,23 +88,33 @@ pub fn write(
         [first, rest @ .., _] => format!("{} and {} more", first.display(), rest.len() + 1),
         _ => given[0].display().to_string(),
     };
-    let written = sweep.write(&title, start, &skipped, folder)?;
+    let heading = Heading {
+        title: &title,
+        start,
+        skipped: &skipped,
+    };
+    let written = sweep.write(&heading, folder)?;
     written.iter().try_for_each(|path| printer.wrote(path))
 }
 
 /// Names of the folders of runs; the paths if two have the same name.
 fn names(paths: &[PathBuf]) -> Vec<String> {
-    let short = |path: &PathBuf| {
-        let folder = folder_of(path);
-        let whole = folder.canonicalize().unwrap_or_else(|_| folder.into());
-        Some(whole.file_name()?.to_string_lossy().into_owned())
-    };
-    let mut names: Vec<Option<String>> = paths.iter().map(short).collect();
-    names.sort();
-    let unique = names.windows(2).all(|pair| pair[0] != pair[1]);
-    let path = |path: &PathBuf| path.display().to_string();
-    let name = |of: &PathBuf| short(of).filter(|_| unique).unwrap_or_else(|| path(of));
-    paths.iter().map(name).collect()
+    let names: Vec<Option<String>> = paths.iter().map(|path| folder_name(path)).collect();
+    let mut sorted = names.clone();
+    sorted.sort();
+    let unique = sorted.windows(2).all(|pair| pair[0] != pair[1]);
+    let chosen = names.into_iter().zip(paths).map(|(name, path)| match name {
+        Some(name) if unique => name,
+        _ => path.display().to_string(),
+    });
+    chosen.collect()
+}
+
+/// The name of the folder of a run.
+fn folder_name(path: &Path) -> Option<String> {
+    let folder = folder_of(path);
+    let whole = folder.canonicalize().unwrap_or_else(|_| folder.into());
+    Some(whole.file_name()?.to_string_lossy().into_owned())
 }
 
 /// The run, or why it is left out.
@@ -110,7 +122,7 @@ fn names(paths: &[PathBuf]) -> Vec<String> {
 /// # Errors
 /// A path without a run that has not begun either, a damaged file.
 fn unfinished(path: &Path) -> Result<Result<RunFile, String>> {
-    let why = condition_by_status(folder_of(path)).map(|of| of.to_string());
+    let why = condition_by_status(folder_of(path)).map(|condition| condition.to_string());
     match (RunFile::open_any(path), why) {
         (Ok(run), _) if run.digest().is_some() => Ok(Ok(run)),
         (Ok(run), _) => Ok(Err(condition(&run).to_string())),
@@ -120,11 +132,12 @@ fn unfinished(path: &Path) -> Result<Result<RunFile, String>> {
 }
 
 fn read(name: String, run: &RunFile, start: f64, columns: &[String]) -> Result<SweepRun> {
-    let is_of_frames = |name: &String| FrameScalars::COLUMNS.iter().any(|of| of.name == name);
-    let asked = columns.iter().any(is_of_frames);
-    let scalars = asked
-        .then(|| scalars::of_any(run))
-        .transpose()?
-        .unwrap_or_default();
+    let frame_columns = FrameScalars::COLUMNS.map(|column| column.name);
+    let are_asked = columns.iter().any(|name| frame_columns.contains(&&**name));
+    let scalars = if are_asked {
+        scalars::of_any(run)?
+    } else {
+        Vec::new()
+    };
     Ok(SweepRun::of(name, run, start, columns, &scalars))
 }

@@ -1,0 +1,359 @@
+//! What bounds a sample along its last axis, and what follows from it. Along the others every
+//! sample is periodic.
+//!
+//! A [`Boundary`] says what is at each [`End`] of the sample, and the words for it. The scene
+//! chooses one of [`KINDS`], [`crate::drive::MovingBoundary`] moves it, `run.h5` stores its name,
+//! and analysis and reports ask it.
+
+use std::sync::LazyLock;
+
+use crate::columns::Column;
+use crate::protocol::Protocol;
+use crate::state::{FlowRow, ImposedRow, SeriesRow, StressRow, body};
+
+/// What is at one end of a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum End {
+    /// A rigid wall of frozen grains.
+    Grains,
+    /// A rigid plane.
+    Plane,
+    /// Nothing: a free surface.
+    Nothing,
+    /// The sample's own images.
+    Images,
+}
+
+impl End {
+    fn is_wall(self) -> bool {
+        matches!(self, End::Grains | End::Plane)
+    }
+}
+
+/// A kind of boundary.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Boundary {
+    /// The name, as `run.h5` stores it.
+    pub name: &'static str,
+    /// The value of the key `sample.boundary`.
+    pub key: &'static str,
+    /// The values of the key `sample.walls` with it.
+    pub walls_keys: &'static [&'static str],
+    /// What is below the sample.
+    pub bottom: End,
+    /// What is above it.
+    pub top: End,
+    /// What a run with it is called.
+    pub title: &'static str,
+    /// What a packed sample is, where `{height}` stands for its height in metres.
+    pub packed: &'static str,
+    /// What the drive moves.
+    pub driven: &'static str,
+    /// Where the stresses of the time series act.
+    pub place: &'static str,
+}
+
+/// Two walls of frozen grains.
+pub static ROUGH_WALLS: Boundary = Boundary {
+    name: "rough walls",
+    key: "walls",
+    walls_keys: &["layers", "types"],
+    bottom: End::Grains,
+    top: End::Grains,
+    title: "Shear between walls",
+    packed: "walls frozen, {height} m between them",
+    driven: "top wall",
+    place: "on the top wall",
+};
+
+/// Two rigid planes.
+pub static FLAT_WALLS: Boundary = Boundary {
+    name: "flat walls",
+    walls_keys: &["flat"],
+    bottom: End::Plane,
+    top: End::Plane,
+    packed: "{height} m between flat walls",
+    ..ROUGH_WALLS
+};
+
+/// A bottom of frozen grains, and a rigid plane above.
+pub static FLAT_TOP: Boundary = Boundary {
+    name: "flat top",
+    walls_keys: &["flat-top"],
+    top: End::Plane,
+    packed: "bottom frozen, {height} m between it and the flat top",
+    ..ROUGH_WALLS
+};
+
+/// A bottom of frozen grains, and nothing above.
+pub static FREE_SURFACE: Boundary = Boundary {
+    name: "free surface",
+    key: "free",
+    walls_keys: &["layers", "types"],
+    bottom: End::Grains,
+    top: End::Nothing,
+    title: "Flow below a free surface",
+    packed: "bottom frozen, {height} m above it",
+    driven: "bottom wall",
+    place: "on the bottom wall",
+};
+
+/// A flat bottom, and nothing above.
+pub static FREE_SURFACE_ABOVE_PLANE: Boundary = Boundary {
+    name: "free surface above a plane",
+    walls_keys: &["flat"],
+    bottom: End::Plane,
+    packed: "{height} m above a flat bottom",
+    ..FREE_SURFACE
+};
+
+/// A cell that is periodic along its last axis, too; sheared, or strained.
+pub static PERIODIC: Boundary = Boundary {
+    name: "periodic",
+    key: "periodic",
+    walls_keys: &[],
+    bottom: End::Images,
+    top: End::Images,
+    title: "Shear without walls",
+    packed: "{height} m high, without walls",
+    driven: "image above the cell",
+    place: "of the cell",
+};
+
+/// All kinds. The first with a value of `sample.boundary` is its default.
+pub static KINDS: [&Boundary; 6] = [
+    &ROUGH_WALLS,
+    &FLAT_WALLS,
+    &FLAT_TOP,
+    &PERIODIC,
+    &FREE_SURFACE,
+    &FREE_SURFACE_ABOVE_PLANE,
+];
+
+/// The values of the key `sample.boundary`.
+pub const KEYS: [&str; 3] = ["walls", "periodic", "free"];
+/// Those of the key `sample.walls`.
+pub const WALLS_KEYS: [&str; 4] = ["layers", "types", "flat", "flat-top"];
+
+impl Boundary {
+    /// The kind of this name.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        KINDS.into_iter().find(|kind| kind.name == name)
+    }
+
+    /// The kind of these values of `sample.boundary` and `sample.walls`.
+    pub fn of_keys(boundary: &str, walls: Option<&str>) -> Option<&'static Self> {
+        let kinds = KINDS.into_iter().filter(|kind| kind.key == boundary);
+        let kinds: Vec<_> = kinds.collect();
+        let chosen = walls.and_then(|walls| {
+            let mut kinds = kinds.iter();
+            kinds.find(|kind| kind.walls_keys.contains(&walls))
+        });
+        chosen.or(kinds.first()).copied()
+    }
+
+    /// The number of walls.
+    pub fn walls(&self) -> usize {
+        [self.bottom, self.top]
+            .into_iter()
+            .filter(|end| end.is_wall())
+            .count()
+    }
+
+    /// Whether there is a wall.
+    pub fn has_walls(&self) -> bool {
+        self.walls() > 0
+    }
+
+    /// Whether a wall is of grains.
+    pub fn has_grains(&self) -> bool {
+        [self.bottom, self.top].contains(&End::Grains)
+    }
+
+    /// Whether a wall is a plane.
+    pub fn has_planes(&self) -> bool {
+        [self.bottom, self.top].contains(&End::Plane)
+    }
+
+    /// Whether the sample is periodic along its last axis, too.
+    pub fn is_periodic(&self) -> bool {
+        self.top == End::Images
+    }
+
+    /// Whether something is above the sample, which a load presses and a drive moves.
+    pub fn has_top(&self) -> bool {
+        self.top != End::Nothing
+    }
+
+    /// The bodies of the walls of grains.
+    pub fn bodies(&self) -> impl Iterator<Item = u32> {
+        [(self.bottom, body::BOTTOM), (self.top, body::TOP)]
+            .into_iter()
+            .filter(|(end, _)| *end == End::Grains)
+            .map(|(_, body)| body)
+    }
+
+    /// The heights (m) of the ends of which `is_there` holds, of `heights` below and above;
+    /// infinite where it does not.
+    fn heights_where(&self, is_there: impl Fn(End) -> bool, heights: [f64; 2]) -> [f64; 2] {
+        let [mut low, mut high] = heights;
+        if !is_there(self.bottom) {
+            low = f64::NEG_INFINITY;
+        }
+        if !is_there(self.top) {
+            high = f64::INFINITY;
+        }
+        [low, high]
+    }
+
+    /// The heights (m) of the ends, of `heights` below and above; infinite where nothing is.
+    pub fn ends(&self, heights: [f64; 2]) -> [f64; 2] {
+        self.heights_where(|end| end != End::Nothing, heights)
+    }
+
+    /// The heights (m) at which walls of grains are cut from the sample, of `heights` below and
+    /// above; infinite where no wall is of grains.
+    pub fn cuts(&self, heights: [f64; 2]) -> [f64; 2] {
+        self.heights_where(|end| end == End::Grains, heights)
+    }
+
+    /// The heights (m) of the planes, of `heights` below and above, infinite where there is none;
+    /// `None` without planes.
+    pub fn planes(&self, heights: [f64; 2]) -> Option<[f64; 2]> {
+        if !self.has_planes() {
+            return None;
+        }
+        Some(self.heights_where(|end| end == End::Plane, heights))
+    }
+
+    /// The heights (m) of the edges of a packing: of its box where there are planes, else of its
+    /// grains.
+    pub fn edges(&self, box_edges: [f64; 2], grain_edges: [f64; 2]) -> [f64; 2] {
+        let [mut low, mut high] = grain_edges;
+        if self.bottom == End::Plane {
+            low = box_edges[0];
+        }
+        if self.top == End::Plane {
+            high = box_edges[1];
+        }
+        [low, high]
+    }
+
+    /// The body of the wall whose forces are in the time series: the top, or the bottom where
+    /// nothing is above.
+    pub(crate) fn measured_body(&self) -> u32 {
+        if self.has_top() {
+            body::TOP
+        } else {
+            body::BOTTOM
+        }
+    }
+
+    /// Whether rows of the time series have the columns of what a protocol imposes: of a top, if
+    /// that is more than its velocity along x, and of a bottom that vibrates.
+    pub fn shows_imposed(&self, protocol: &Protocol) -> bool {
+        if self.has_top() {
+            protocol.is_more_than_velocities()
+        } else {
+            protocol.has_bottom()
+        }
+    }
+
+    /// The further columns of the time series: of the stress of a cell without walls, and of the
+    /// flow below a free surface.
+    fn further_columns(&self) -> &'static [Column] {
+        if self.is_periodic() {
+            &StressRow::COLUMNS
+        } else if self.has_top() {
+            &[]
+        } else {
+            &FlowRow::COLUMNS
+        }
+    }
+
+    /// Columns of the time series: those of [`SeriesRow`], of [`ImposedRow`] if `imposed`
+    /// ([`Boundary::shows_imposed`]), of [`StressRow`] if there are no walls, and of [`FlowRow`]
+    /// below a free surface.
+    pub fn series_columns(&self, imposed: bool) -> &'static [Column] {
+        static ALL: LazyLock<Vec<[Vec<Column>; 2]>> = LazyLock::new(|| {
+            let kinds = KINDS.into_iter();
+            kinds
+                .map(|kind| {
+                    [&[][..], &ImposedRow::COLUMNS].map(|imposed| {
+                        [&SeriesRow::COLUMNS, imposed, kind.further_columns()].concat()
+                    })
+                })
+                .collect()
+        });
+        let kind = KINDS.iter().position(|kind| *kind == self);
+        &ALL[kind.unwrap_or_default()][usize::from(imposed)]
+    }
+
+    /// The columns of the time series of all kinds.
+    pub fn all_series_columns() -> Vec<Column> {
+        let mut columns = ROUGH_WALLS.series_columns(true).to_vec();
+        for kind in KINDS {
+            for column in kind.further_columns() {
+                if !columns.contains(column) {
+                    columns.push(*column);
+                }
+            }
+        }
+        columns
+    }
+}
+
+/// That of a scene that names none.
+impl Default for &Boundary {
+    fn default() -> Self {
+        &ROUGH_WALLS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_kind_is_found_by_its_name_and_by_its_keys() {
+        for kind in KINDS {
+            assert!(KEYS.contains(&kind.key));
+            assert_eq!(Boundary::named(kind.name), Some(kind));
+            for walls in kind.walls_keys {
+                assert!(WALLS_KEYS.contains(walls));
+                assert_eq!(Boundary::of_keys(kind.key, Some(walls)), Some(kind));
+            }
+        }
+        assert_eq!(Boundary::of_keys("walls", None), Some(&ROUGH_WALLS));
+        assert_eq!(Boundary::of_keys("free", None), Some(&FREE_SURFACE));
+        // Nothing is flat in a periodic cell.
+        assert_eq!(Boundary::of_keys("periodic", Some("flat")), Some(&PERIODIC));
+        assert_eq!(Boundary::of_keys("walls of glass", None), None);
+    }
+
+    #[test]
+    fn ends_are_where_something_is() {
+        let heights = [1.0, 2.0];
+        assert_eq!(ROUGH_WALLS.ends(heights), heights);
+        assert_eq!(FREE_SURFACE.ends(heights), [1.0, f64::INFINITY]);
+        assert_eq!(FREE_SURFACE.cuts(heights), [1.0, f64::INFINITY]);
+        assert_eq!(FLAT_WALLS.cuts(heights), [f64::NEG_INFINITY, f64::INFINITY]);
+        assert_eq!(ROUGH_WALLS.planes(heights), None);
+        assert_eq!(FLAT_WALLS.planes(heights), Some(heights));
+        let below = FREE_SURFACE_ABOVE_PLANE.planes(heights);
+        assert_eq!(below, Some([1.0, f64::INFINITY]));
+        let bodies: Vec<u32> = KINDS.into_iter().flat_map(Boundary::bodies).collect();
+        assert_eq!(
+            bodies,
+            [body::BOTTOM, body::TOP, body::BOTTOM, body::BOTTOM]
+        );
+        assert_eq!(FLAT_TOP.cuts(heights), [1.0, f64::INFINITY]);
+        assert_eq!(FLAT_TOP.planes(heights), Some([f64::NEG_INFINITY, 2.0]));
+        // A plane is where the box ends, which is not where its grains do.
+        let grains = [1.25, 1.75];
+        assert_eq!(ROUGH_WALLS.edges(heights, grains), grains);
+        assert_eq!(FLAT_WALLS.edges(heights, grains), heights);
+        assert_eq!(FLAT_TOP.edges(heights, grains), [1.25, 2.0]);
+        assert_eq!(FREE_SURFACE_ABOVE_PLANE.edges(heights, grains), [1.0, 1.75]);
+    }
+}

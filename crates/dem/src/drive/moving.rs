@@ -1,0 +1,84 @@
+//! The boundary of a sample that is sheared.
+
+use super::{Drive, GrainWalls, Images, Top, WallForces};
+use crate::boundary::Boundary;
+use crate::dimension::Dimension;
+
+/// A boundary, and how it moves.
+#[derive(Debug)]
+pub struct MovingBoundary {
+    kind: &'static Boundary,
+    /// The lower edge of the sample at the start (m), from which heights count.
+    floor: f64,
+    ends: Ends,
+}
+
+/// What moves.
+#[derive(Debug)]
+enum Ends {
+    /// Walls. Nothing is a wall without grains, which rests.
+    Walls(GrainWalls),
+    /// The images of the sample.
+    Images(Images),
+}
+
+impl MovingBoundary {
+    /// A boundary whose top moves like this; `floor` (m): the lower edge of the sample at the
+    /// start.
+    pub fn new(kind: &'static Boundary, motion: Top, floor: f64) -> Self {
+        let ends = if kind.is_periodic() {
+            Ends::Images(Images::new(motion))
+        } else {
+            let mut walls = GrainWalls::new(motion);
+            walls.flat = kind.planes([floor; 2]);
+            Ends::Walls(walls)
+        };
+        Self { kind, floor, ends }
+    }
+
+    /// What it is.
+    pub fn kind(&self) -> &'static Boundary {
+        self.kind
+    }
+
+    /// The motion of the top, and what is imposed on the walls.
+    pub fn top(&self) -> &Top {
+        match &self.ends {
+            Ends::Walls(walls) => &walls.motion,
+            Ends::Images(images) => &images.motion,
+        }
+    }
+
+    /// As the time step calls it.
+    pub fn drive<D: Dimension>(&mut self) -> &mut dyn Drive<D> {
+        match &mut self.ends {
+            Ends::Walls(walls) => walls,
+            Ends::Images(images) => images,
+        }
+    }
+
+    /// The height (m) of the lower edge of the sample, or of the upper plane of a bottom wall of
+    /// this thickness (m).
+    pub fn bottom(&self, thickness: f64) -> f64 {
+        self.floor + thickness + self.top().bottom_displacement()
+    }
+
+    /// The heights (m) of the outer planes of the walls, which no free grain is to pass; infinite
+    /// where nothing is, `None` without walls.
+    pub fn heights(&self) -> Option<[f64; 2]> {
+        if !self.kind.has_walls() {
+            return None;
+        }
+        let top = self.floor + self.top().piston.height;
+        Some(self.kind.ends([self.bottom(0.0), top]))
+    }
+
+    /// The stress of a cell without walls, times its base, which stands for the forces on a wall;
+    /// that of the last step at which it was measured.
+    pub fn stress(&self) -> Option<WallForces> {
+        match &self.ends {
+            Ends::Walls(_) => None,
+            Ends::Images(images) => Some(images.felt),
+        }
+    }
+}
