@@ -49,7 +49,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
         ),
         "spheres without walls": ("../../configs/flow-volume-3d.toml", 1, periodic | thick),
         "jamming": ("../../configs/jamming-2d.toml", 1, {"sample.grains": 60}),
-        "disks in a box": ("periodic.toml", 1, {"dimension": 2, "box.solid_fraction": 0.9}),
+        "disks in a box": ("periodic.toml", 1, {"dimension": 2, "sample.solid_fraction": 0.9}),
     }
 
     def folder(name: str) -> Path:

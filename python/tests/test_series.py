@@ -128,7 +128,7 @@ def test_scene_and_parameters(disks: Run, box: Run) -> None:
     assert "# effective modulus" in disks.scene.text
     assert disks.parameters["ranks"] == 2
     assert len(disks.parameters["run_id"]) == 32
-    assert box.scene["box.solid_fraction"] == 0.72
+    assert box.scene["sample.solid_fraction"] == 0.72
     assert (disks.dimension, box.dimension) == (2, 3)
 
 

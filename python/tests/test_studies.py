@@ -318,7 +318,7 @@ def test_several_boxes(boxes: list[Path], tmp_path: Path) -> None:
 
 
 def test_boxes_of_a_packing(originals: Originals, tmp_path: Path) -> None:
-    of_file: dict[str, object] = {"box.solid_fraction": None, "aqs.steps": 1}
+    of_file: dict[str, object] = {"sample.solid_fraction": None, "aqs.steps": 1}
     of_file |= {f"sample.{key}": None for key in ("sizes", "large_fraction", "grains")}
     of_file |= {f"sample.radius_{end}": None for end in ("min", "max")}
     of_file |= {f"newtonian.{key}": None for key in ("growth_times", "rows", "frames")}

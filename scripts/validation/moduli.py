@@ -105,7 +105,7 @@ def main() -> None:
     predictions = []
     for folder in parser.parse_args().runs:
         with Run(folder) as run:
-            axes, strain = run.dimension, run.scene["box.deformation"]
+            axes, strain = run.dimension, run.scene["aqs.deformation"]
             series = run.series
             if strain == "simple-shear":
                 slope = np.diff(series.shear_stress) / np.diff(series.strain)

@@ -13,14 +13,14 @@ use gshear_store::run_reader::RunFile;
 const SCENE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/periodic.toml");
 
 const COMPRESSION: [&str; 3] = [
-    "--set=box.deformation=compression",
+    "--set=aqs.deformation=compression",
     "--set=aqs.steps=none",
     "--set=aqs.pressures=[0.009, 0.01, 0.0095, 0.011]",
 ];
-const PURE_SHEAR: [&str; 2] = ["--set=box.deformation=pure-shear", "--set=aqs.steps=4"];
+const PURE_SHEAR: [&str; 2] = ["--set=aqs.deformation=pure-shear", "--set=aqs.steps=4"];
 const BIAXIAL: [&str; 3] = [
-    "--set=box.deformation=biaxial",
-    "--set=box.pressure=0.008",
+    "--set=aqs.deformation=biaxial",
+    "--set=aqs.pressure=0.008",
     "--set=aqs.steps=4",
 ];
 const NO_LAST_STAGE: [&str; 3] = [
@@ -94,10 +94,10 @@ fn a_compression_reaches_its_pressures() {
     let wanted = [0.01, 0.0101, 0.0102, 0.008, 0.0081];
     let pressures = format!("--set=aqs.pressures={wanted:?}");
     let more = [
-        "--set=box.deformation=compression",
+        "--set=aqs.deformation=compression",
         "--set=aqs.steps=none",
         &pressures,
-        "--set=box.pressure_tolerance=1e-8",
+        "--set=aqs.pressure_tolerance=1e-8",
         "--set=contact.friction=0.0",
         "--set=relax.tolerance=1e-12",
         "--set=aqs.frame_every=1",
@@ -138,12 +138,12 @@ fn pure_shear_keeps_the_volume() {
     for (dimension, fraction, up) in [
         (
             "--set=dimension=3",
-            "--set=box.solid_fraction=0.72",
+            "--set=sample.solid_fraction=0.72",
             "length_z",
         ),
         (
             "--set=dimension=2",
-            "--set=box.solid_fraction=0.9",
+            "--set=sample.solid_fraction=0.9",
             "length_y",
         ),
     ] {
@@ -189,7 +189,7 @@ fn pure_shear_keeps_the_volume() {
 #[test]
 fn info_has_the_lengths_at_the_end() {
     let folder = tempfile::tempdir().expect("a folder");
-    let disks = ["--set=dimension=2", "--set=box.solid_fraction=0.9"];
+    let disks = ["--set=dimension=2", "--set=sample.solid_fraction=0.9"];
     for every in [0, 3] {
         let more = [format!("--set=aqs.frame_every={every}")];
         let more: Vec<&str> = more.iter().map(String::as_str).collect();
@@ -204,7 +204,7 @@ fn info_has_the_lengths_at_the_end() {
 fn a_biaxial_test_holds_the_lateral_stress() {
     let folder = tempfile::tempdir().expect("a folder");
     let tolerance = [
-        "--set=box.pressure_tolerance=1e-6",
+        "--set=aqs.pressure_tolerance=1e-6",
         "--set=aqs.frame_every=2",
     ];
     let run = finished(folder.path(), &[&BIAXIAL, &tolerance, &NO_LAST_STAGE]);
@@ -240,7 +240,7 @@ fn every_deformation_is_reported() {
     let small = [
         "--set=title=Box <1>",
         "--set=dimension=2",
-        "--set=box.solid_fraction=0.9",
+        "--set=sample.solid_fraction=0.9",
         "--set=sample.grains=60",
         "--set=contact.friction=0.0",
         "--set=aqs.strain_step=1e-5",
@@ -253,7 +253,7 @@ fn every_deformation_is_reported() {
     ];
     // The lateral stress is not that of the first row: the box needs room to correct it.
     let lateral = [
-        "--set=box.pressure=0.05",
+        "--set=aqs.pressure=0.05",
         "--set=aqs.strain_step=3e-4",
         "--set=aqs.steps=3",
     ];
@@ -404,14 +404,14 @@ fn a_compression_keeps_the_contracts() {
 
 #[test]
 fn a_compression_of_disks_keeps_the_contracts() {
-    let disks = ["--set=dimension=2", "--set=box.solid_fraction=0.9"];
+    let disks = ["--set=dimension=2", "--set=sample.solid_fraction=0.9"];
     keeps_the_contracts(&COMPRESSION, &disks);
 }
 
 #[test]
 fn pure_shear_keeps_the_contracts() {
     keeps_the_contracts(
-        &[&PURE_SHEAR[..], &["--set=box.pressure=0.008"]].concat(),
+        &[&PURE_SHEAR[..], &["--set=aqs.pressure=0.008"]].concat(),
         &SPHERES,
     );
 }
@@ -423,7 +423,7 @@ fn a_biaxial_test_keeps_the_contracts() {
 
 #[test]
 fn simple_shear_at_a_pressure_keeps_the_contracts() {
-    keeps_the_contracts(&["--set=aqs.steps=4", "--set=box.pressure=0.008"], &SPHERES);
+    keeps_the_contracts(&["--set=aqs.steps=4", "--set=aqs.pressure=0.008"], &SPHERES);
 }
 
 /// Strain steps that stop after every part of a relaxation and go on, on other ranks each time: the
@@ -436,7 +436,7 @@ fn strain_steps_stop_within() {
     let overdamped = ["--set=relax.method=overdamped", loose, "--set=aqs.steps=2"];
     let birth = [
         "--set=dimension=2",
-        "--set=box.solid_fraction=0.9",
+        "--set=sample.solid_fraction=0.9",
         "--set=aqs.spectrum=true",
         "--set=aqs.birth_precision=5e-4",
         "--set=aqs.steps=3",

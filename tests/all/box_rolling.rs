@@ -14,8 +14,7 @@ fn scene(dimension: usize, law: &str, material: &str) -> String {
          material = {{ density = 1.0{material} }}\n\
          contact = {{ {law}, damping_ratio = 0.1, friction = 0.5, rolling_friction = 0.2 }}\n\
          sample = {{ grains = 60, sizes = \"binary\", radius_min = 0.5, radius_max = 0.7, \
-         large_fraction = 0.5 }}\n\
-         box = {{ solid_fraction = {solid_fraction} }}\n\
+         large_fraction = 0.5, boundary = \"periodic\", solid_fraction = {solid_fraction} }}\n\
          relax = {{ tolerance = 1e-9, drag = 0.1 }}\n\
          aqs = {{ strain_step = 1e-3, steps = 5, frame_every = 5 }}\n\
          newtonian = {{ growth_times = 1.0, rows = 5, frames = 2 }}\n"

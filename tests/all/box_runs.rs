@@ -133,7 +133,7 @@ fn random_places_that_do_not_settle_are_refused() {
         (
             "crowded",
             &[
-                "--set=box.solid_fraction=1.19",
+                "--set=sample.solid_fraction=1.19",
                 "--set=sample.radius_min=0.3",
                 "--set=sample.large_fraction=0.2",
                 "--set=time.step=0.02",
@@ -251,8 +251,8 @@ fn a_preparation_stops_when_it_is_asked_to() {
         "--set=relax.max_steps=1000000000",
     ];
     let pressed = [
-        "--set=box.pressure=1e-3",
-        "--set=box.pressure_tolerance=1e-9",
+        "--set=aqs.pressure=1e-3",
+        "--set=aqs.pressure_tolerance=1e-9",
         "--set=aqs.strain_step=1e-9",
     ];
     let stops = |name: &str, ranks: usize, more: &[&str], file: &str| {

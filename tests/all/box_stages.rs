@@ -104,8 +104,7 @@ fn a_box_is_at_rest_under_its_attraction() {
         dimension = 3
         material.density = 1.0
         contact = { law = 'hooke', friction = 0.0, normal_stiffness = 1.0, damping_ratio = 0.1, attraction = 0.005 }
-        sample = { grains = 160, radius_min = 0.5, radius_max = 0.7 }
-        box = { solid_fraction = 0.68, deformation = 'simple-shear' }
+        sample = { grains = 160, radius_min = 0.5, radius_max = 0.7, boundary = 'periodic', solid_fraction = 0.68 }
         relax = { tolerance = 1e-11, drag = 0.1 }
         aqs = { strain_step = 1e-7, steps = 2 }
         ";
@@ -131,31 +130,21 @@ fn dampers_do_not_act_in_strain_steps() {
             "
             material.density = 1.0
             contact = {{ law = 'hooke', friction = 10.0, normal_stiffness = 1.0, damping_ratio = {damping} }}
-            sample = {{ {sample} }}
+            sample = {{ {sample}, boundary = 'periodic' }}
             relax = {{ tolerance = 1e-12, drag = 0.1 }}
             aqs = {{ strain_step = 1e-4, steps = 3, frame_every = 1 }}
-            box = {{ deformation = 'simple-shear'"
+            "
         )
     };
-    let drawn = scene("grains = 100, radius_min = 0.5, radius_max = 0.7", 0.0);
-    run_scene(
-        folder.path(),
-        "first",
-        &(drawn + ", solid_fraction = 0.88 }"),
-        &[],
-    );
+    let drawn = "grains = 100, radius_min = 0.5, radius_max = 0.7, solid_fraction = 0.88";
+    run_scene(folder.path(), "first", &scene(drawn, 0.0), &[]);
     let [still, damped] = [0.0, 0.8].map(|damping| {
         let packing = format!(
             "packing = '{}'",
             folder.path().join("first/run.h5@0").display()
         );
         let name = format!("damping-{damping}");
-        run_scene(
-            folder.path(),
-            &name,
-            &(scene(&packing, damping) + " }"),
-            &[],
-        )
+        run_scene(folder.path(), &name, &scene(&packing, damping), &[])
     });
     let [still, damped] = [&still, &damped].map(|run| run.series().column("shear_stress").to_vec());
     let change = still[3] - still[0];

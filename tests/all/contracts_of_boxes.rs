@@ -133,5 +133,5 @@ fn spheres_in_a_box_keep_the_contracts() {
 /// At their own fraction, and in a box long enough for three slabs.
 #[test]
 fn disks_in_a_box_keep_the_contracts() {
-    keeps_the_contracts("--set=dimension=2", "--set=box.solid_fraction=0.9");
+    keeps_the_contracts("--set=dimension=2", "--set=sample.solid_fraction=0.9");
 }

@@ -204,7 +204,7 @@ fn seconds(text: &str) -> f64 {
 fn a_time_is_said_for_strain_steps() {
     let disks = [
         "--set=dimension=2",
-        "--set=box.solid_fraction=0.9",
+        "--set=sample.solid_fraction=0.9",
         "--set=sample.grains=600",
     ];
     for more in [&[][..], &["--set=aqs.spectrum=true"], &disks] {
@@ -229,11 +229,11 @@ fn a_time_is_said_for_the_search_for_a_pressure() {
     let words = [
         OF_A_BOX,
         "--set=aqs.steps=0",
-        "--set=box.solid_fraction=0.5",
-        "--set=box.pressure=1e-4",
+        "--set=sample.solid_fraction=0.5",
+        "--set=aqs.pressure=1e-4",
     ];
     let time = |more: &[&str]| lines(&said(&[&words[..], more].concat()))["time"].clone();
-    let fine = time(&["--set=box.pressure_step=1e-7"]);
+    let fine = time(&["--set=aqs.pressure_step=1e-7"]);
     let (_, said) = fine.split_once("aqs very roughly ").expect(&fine);
     assert!(
         seconds(said.split(',').next().expect("a time")) > 60.0,

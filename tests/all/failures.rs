@@ -515,8 +515,7 @@ const DENSE: &str = "
     dimension = 2
     material = { density = 1.0, young_modulus = 6.0, poisson_ratio = 0.0 }
     contact = { law = 'lee-hurley', damping_ratio = 0.1, friction = 0.3 }
-    sample = { grains = 60, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5 }
-    box = { solid_fraction = 0.9 }
+    sample = { grains = 60, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5, boundary = 'periodic', solid_fraction = 0.9 }
     relax = { tolerance = 1e-9, drag = 0.1 }
     aqs = { strain_step = 2e-3, steps = 0 }
 ";
@@ -536,14 +535,14 @@ fn a_box_is_compressed_more_slowly_before_its_preparation_fails() {
     };
     assert_eq!(digest(1), digest(2));
     // No packing of these disks is as dense within the law.
-    let denser = [path.clone(), "--set=box.solid_fraction=1.1".into()];
+    let denser = [path.clone(), "--set=sample.solid_fraction=1.1".into()];
     let failed = gshear_mpi(1, &folder.path().join("denser"), &denser);
     assert_eq!(failed.code, 3, "{}", failed.text);
     let said = message(&failed.text);
     for part in [
         "preparing the packing in a box ",
         "solid fraction 0.9",
-        "outside the contact law, after 6 halvings of the compression step; give a lower box.solid_fraction, or another seed",
+        "outside the contact law, after 6 halvings of the compression step; give a lower sample.solid_fraction, or another seed",
     ] {
         assert!(said.contains(part), "{said}");
     }
@@ -561,7 +560,7 @@ fn a_box_is_compressed_more_slowly_before_its_preparation_fails() {
     let taken = [
         path,
         format!("--set=sample.packing={:?}", left.display()),
-        "--set=box.solid_fraction=none".into(),
+        "--set=sample.solid_fraction=none".into(),
     ];
     let mut taken = taken.to_vec();
     for key in [
@@ -590,7 +589,7 @@ fn linear_springs_take_great_overlaps() {
     let digest = |ranks: usize| {
         let soft = [
             path.display().to_string(),
-            "--set=box.solid_fraction=1.15".into(),
+            "--set=sample.solid_fraction=1.15".into(),
             "--set=aqs.steps=3".into(),
             "--set=aqs.strain_step=0.02".into(),
         ];
@@ -612,12 +611,12 @@ fn a_strain_step_out_of_the_law_names_its_grains() {
     let sets = [
         [
             "aqs.strain_step=0.1",
-            "box.deformation=simple-shear",
+            "aqs.deformation=simple-shear",
             "aqs.steps=20",
         ],
         [
             "aqs.strain_step=0.2",
-            "box.deformation=pure-shear",
+            "aqs.deformation=pure-shear",
             "aqs.steps=3",
         ],
     ];

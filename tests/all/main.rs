@@ -45,6 +45,7 @@ mod replay;
 mod runs_of_protocols;
 mod scalars;
 mod spectrum_of_runs;
+mod stages_in_turn;
 mod stiffness_of_laws;
 mod stress;
 mod sweep;

@@ -179,8 +179,7 @@ fn a_packing_in_a_box_is_strained() {
         )
     };
     let inserted = "
-        sample = { grains = 150, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5 }
-        box.solid_fraction = 0.72";
+        sample = { grains = 150, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5, boundary = 'periodic', solid_fraction = 0.72 }";
     std::fs::write(at("first.toml"), scene(inserted, 4)).expect("written");
     let run = |name: &str, ranks, out: &str, more: &[&str]| {
         let mut arguments = vec![at(name).display().to_string()];
@@ -190,8 +189,7 @@ fn a_packing_in_a_box_is_strained() {
     run("first.toml", 1, "first", &[]).digest();
     let from = |packing: &str, more: &str| {
         let packing = at(packing).display().to_string();
-        let sample =
-            format!("sample.packing = {packing:?}\n{more}\nbox.deformation = 'simple-shear'");
+        let sample = format!("sample.packing = {packing:?}\n{more}\nsample.boundary = 'periodic'");
         std::fs::write(at("from.toml"), scene(&sample, 2)).expect("written");
         run("from.toml", 2, "from", &["--overwrite"]).digest()
     };
@@ -280,7 +278,7 @@ fn a_packing_in_a_box_is_brought_to_rest_first() {
                 material.density = 1.0
                 contact = {{ law = 'hooke', normal_stiffness = 1.0, friction = 0.5, damping_ratio = 0.1 }}
                 sample.packing = 'two.data'
-                box.deformation = 'simple-shear'
+                sample.boundary = 'periodic'
                 relax = {{ tolerance = 1e-9, drag = 0.05, method = '{method}' }}
                 aqs = {{ strain_step = 1e-3, steps = 1, frame_every = 1 }}
                 "

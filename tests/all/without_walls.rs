@@ -178,8 +178,7 @@ fn a_jammed_packing_of_a_box_is_sheared() {
     let boxed = "
         material.density = 1
         contact = { law = 'hooke', normal_stiffness = 1, friction = 0, damping_ratio = 0.1 }
-        sample = { grains = 80, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5 }
-        box = { solid_fraction = 0.86 }
+        sample = { grains = 80, sizes = 'binary', radius_min = 0.5, radius_max = 0.7, large_fraction = 0.5, boundary = 'periodic', solid_fraction = 0.86 }
         relax = { tolerance = 1e-12, drag = 0.05 }
         aqs = { strain_step = 1e-3, steps = 3, frame_every = 1 }
     ";

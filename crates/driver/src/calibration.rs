@@ -1,6 +1,7 @@
 //! Short measurements on this machine, of lattices of equal grains: the speed of the steps and the
 //! time of a strain step, for what a run will take.
 
+use std::cell::OnceCell;
 use std::time::Instant;
 
 use bytemuck::Zeroable;
@@ -12,7 +13,7 @@ use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::LawSpace;
 use gshear_dem::state::{Cell, GrainState, Sheared};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Deformation, Dimensions, Method, Sample, Scene, Stages};
+use gshear_scene::{Deformation, Dimensions, Method, Sample, Scene};
 
 use crate::estimate::{StrainStepTime, index};
 use crate::launch::Task;
@@ -53,8 +54,8 @@ pub(crate) fn strain_step(
     task: &Task,
     options: &Options,
 ) -> Result<Option<StrainStepTime>> {
-    match &task.scene.stages {
-        Stages::Strain(periodic) if periodic.relax.method == Method::Newton => {
+    match &task.scene.stages.strain {
+        Some(quasi_static) if quasi_static.relax.method == Method::Newton => {
             let measurement = Measurement {
                 disks: strain_step_on_lattices::<Two>,
                 spheres: strain_step_on_lattices::<Three>,
@@ -90,7 +91,8 @@ fn measured<T>(
         verbosity: Verbosity::Quiet,
         ..options.clone()
     };
-    let run = Run::new(exchange, scene, task.record.clone(), &options)?;
+    let later = OnceCell::new();
+    let run = Run::new(exchange, scene, &later, task.record.clone(), &options)?;
     let cell = scene.cell();
     let result = match scene.dimension {
         Dimensions::Two => {
@@ -188,9 +190,9 @@ impl Lattice {
 
 /// Overlap over d̄ of the grains of a lattice.
 fn overlap(scene: &Scene) -> f64 {
-    match &scene.stages {
-        Stages::Shear(walls) => (1.0 / walls.load.stiffness_number).min(0.01),
-        Stages::Strain(_) => 0.01,
+    match scene.shear() {
+        Some(shear) => (1.0 / shear.load.stiffness_number).min(0.01),
+        None => 0.01,
     }
 }
 
@@ -259,9 +261,8 @@ const FACTORISATION_POWER: [f64; 2] = [1.5, 2.0];
 /// as in a packing. Collective.
 fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<StrainStepTime> {
     let (exchange, scene) = (run.exchange, run.scene);
-    let Stages::Strain(periodic) = &scene.stages else {
-        unreachable!("strain steps are those of a box")
-    };
+    let quasi_static = scene.stages.strain.as_ref();
+    let quasi_static = quasi_static.expect("a scene with strain steps");
     let all = scene.sample.grains;
     let law = scene.force::<D>();
     let law = law.as_ref();
@@ -277,14 +278,14 @@ fn strain_step_on_lattices<D: LawSpace>(run: &Run<'_>) -> Result<StrainStepTime>
         }
         grains = all.min(grains.saturating_mul(4));
     };
-    let relaxations = match periodic.deformation {
+    let relaxations = match quasi_static.deformation {
         Deformation::SimpleShear | Deformation::PureShear => RELAXATIONS[0],
         Deformation::Biaxial => RELAXATIONS[1],
         Deformation::Compression(_) => RELAXATIONS[2],
     };
     let relaxation = FACTORISATIONS * relaxation;
     let mut step = relaxations * relaxation;
-    if periodic.aqs.spectrum {
+    if quasi_static.aqs.spectrum {
         let lattice = Lattice::dense::<D>(run, all.min(FEW));
         let mut assembly = lattice.assembly(run, law)?;
         let one = timed(exchange, || assembly.eigenvalues().map(drop))?;

@@ -5,7 +5,7 @@
 //! the very time and place of the checkpoint.
 
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Motion, PlaneShear, Scene, Stages, WallSpeed};
+use gshear_scene::{Motion, PlaneShear, Scene, WallSpeed};
 
 use crate::header::{Header, ShearHeader, TimeOrigin};
 
@@ -13,15 +13,13 @@ use crate::header::{Header, ShearHeader, TimeOrigin};
 /// not the one of the scene `before`.
 pub(crate) fn count_anew(header: &mut Header, before: &Scene, now: &Scene) {
     let [old, new] = [before, now].map(|scene| scene.time_step.step);
-    match (header, &before.stages, &now.stages) {
-        (Header::Shear(shear), Stages::Shear(former), Stages::Shear(walls)) => {
-            let former = WallScene {
-                scene: before,
-                walls: former,
-            };
-            count_shear_anew(shear, former, WallScene { scene: now, walls });
+    match header {
+        Header::Shear(shear) => {
+            if let (Some(former), Some(now)) = (WallScene::of(before), WallScene::of(now)) {
+                count_shear_anew(shear, former, now);
+            }
         }
-        (Header::Newtonian(newtonian), ..) if old != new => {
+        Header::Newtonian(newtonian) if old != new => {
             let time = newtonian.origin.time(newtonian.step, old);
             let step = (newtonian.step as f64 * (old / new)).round() as u64;
             newtonian.step = step;
@@ -31,14 +29,20 @@ pub(crate) fn count_anew(header: &mut Header, before: &Scene, now: &Scene) {
     }
 }
 
-/// A scene between walls.
+/// A scene with a shear.
 #[derive(Clone, Copy)]
 pub(crate) struct WallScene<'a> {
     pub scene: &'a Scene,
     pub walls: &'a PlaneShear,
 }
 
-impl WallScene<'_> {
+impl<'a> WallScene<'a> {
+    /// `None` without a shear.
+    pub(crate) fn of(scene: &'a Scene) -> Option<Self> {
+        let walls = scene.shear()?;
+        Some(Self { scene, walls })
+    }
+
     /// The schedule of a sheared layer of this height (m).
     pub(crate) fn schedule(self, height: f64) -> Schedule {
         Schedule::new(self.scene, self.walls, height)

@@ -3,7 +3,7 @@
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{PeriodicBox, Stages};
+use gshear_scene::{RunStage, Scene, Stages};
 
 use crate::continuation::{WallScene, has_another_speed};
 use crate::header::Header;
@@ -17,7 +17,7 @@ use crate::task::{Start, Task};
 pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<()> {
     let (header, before) = match &task.start {
         Start::Checkpoint(saved, before) => (Some(&saved.header), before.as_deref()),
-        Start::Insertion | Start::Grains(_) => (None, None),
+        Start::Insertion | Start::Grains(_) | Start::StageBefore(_) => (None, None),
     };
     let scene = &task.scene;
     if let Some(stop) = stop_at {
@@ -26,20 +26,36 @@ pub(crate) fn check(task: &Task, stop_at: Option<u64>) -> Result<()> {
     let (Some(header), Some(before)) = (header, before) else {
         return Ok(());
     };
-    match (&scene.stages, &before.stages) {
-        (Stages::Shear(walls), Stages::Shear(former)) => {
-            let former = WallScene {
-                scene: before,
-                walls: former,
-            };
-            between_walls(header, WallScene { scene, walls }, former)
-        }
-        (Stages::Strain(periodic), Stages::Strain(former)) => {
-            in_a_box(header, scene.time_step.step, periodic, former)
-        }
-        // A scene of the other kind is refused where its stages begin.
-        _ => Ok(()),
+    // A stage that a scene does not have is refused where its stages begin.
+    if let Some(stage) = header.run_stage() {
+        ended(header, stage, scene, before)?;
     }
+    if let (Some(now), Some(former)) = (WallScene::of(scene), WallScene::of(before)) {
+        check_shear(header, now, former)?;
+    }
+    check_strain(header, scene)
+}
+
+/// Refuses another end of a stage before the one of the checkpoint.
+fn ended(header: &Header, stage: RunStage, scene: &Scene, before: &Scene) -> Result<()> {
+    let [now, former] = [scene, before].map(|scene| &scene.stages);
+    let end_of_strain = |stages: &Stages| {
+        let aqs = stages.strain.as_ref().map(|strain| strain.aqs);
+        aqs.map(|aqs| (aqs.steps, aqs.until_imaginary))
+    };
+    if now.after(RunStage::Strain).contains(&stage) && end_of_strain(now) != end_of_strain(former) {
+        return past(header, "aqs", "another strain step");
+    }
+    let motion_of = |stages: &Stages| {
+        stages
+            .shear
+            .as_ref()
+            .map(|shear| shear.shear.motion.clone())
+    };
+    if now.after(RunStage::Shear).contains(&stage) && motion_of(now) != motion_of(former) {
+        return past(header, "shear", "another step of it");
+    }
+    Ok(())
 }
 
 fn check_stop(header: Option<&Header>, stop: u64) -> Result<()> {
@@ -63,7 +79,7 @@ fn past(header: &Header, key: &str, end: impl std::fmt::Display) -> Result<()> {
     )))
 }
 
-fn between_walls(header: &Header, now: WallScene<'_>, former: WallScene<'_>) -> Result<()> {
+fn check_shear(header: &Header, now: WallScene<'_>, former: WallScene<'_>) -> Result<()> {
     let most_steps = now.walls.pack.max_steps;
     match header {
         Header::Pack(pack) if most_steps < pack.step => {
@@ -120,15 +136,13 @@ fn same_drive(schedule: &Schedule, earlier: &Schedule, step: u64) -> Result<()> 
     Ok(())
 }
 
-fn in_a_box(
-    header: &Header,
-    time_step: f64,
-    periodic: &PeriodicBox,
-    former: &PeriodicBox,
-) -> Result<()> {
+fn check_strain(header: &Header, scene: &Scene) -> Result<()> {
+    let Some(quasi_static) = &scene.stages.strain else {
+        return Ok(());
+    };
     match header {
         Header::Strain(strain) => {
-            let steps = periodic.aqs.steps;
+            let steps = quasi_static.aqs.steps;
             let unfinished = strain.unfinished.as_ref();
             let is_begun = unfinished.is_some_and(|unfinished| unfinished.work.is_step());
             if steps < strain.progress.steps + u64::from(is_begun) {
@@ -136,15 +150,11 @@ fn in_a_box(
             }
         }
         Header::Newtonian(checkpoint) => {
-            let (aqs, aqs_before) = (&periodic.aqs, &former.aqs);
-            if aqs.steps != aqs_before.steps || aqs.until_imaginary != aqs_before.until_imaginary {
-                return past(header, "aqs", "another strain step");
-            }
-            let Some(newtonian) = &periodic.newtonian else {
+            let Some(newtonian) = &scene.stages.newtonian else {
                 return past(header, "newtonian", "the last strain step");
             };
             let pair = checkpoint.progress.pair.as_ref();
-            let steps = steps_of_newtonian(newtonian, pair, time_step);
+            let steps = steps_of_newtonian(newtonian, pair, scene.time_step.step);
             if steps < checkpoint.step {
                 return past(header, "newtonian.growth_times", format!("step {steps}"));
             }

@@ -7,11 +7,11 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::derived;
 use gshear_scene::schedule::{Schedule, packing_steps};
 use gshear_scene::{
-    Deformation, Method, Motion, PeriodicBox, PlaneShear, Sample, Scene, Stages, WallSpeed,
+    Deformation, Method, Motion, Origin, PlaneShear, QuasiStatic, RunStage, Sample, Scene,
+    WallSpeed,
 };
 use gshear_store::box_columns::{AqsRow, NewtonianRow};
-use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, RUN_FILE};
-use gshear_store::run_reader::RunStage;
+use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, part_of};
 use gshear_store::trajectory::{self, FileContent, FrameFormat, waiting_bytes};
 
 use crate::header::Header;
@@ -108,10 +108,7 @@ impl Estimate {
         let (scene, ranks) = (&task.scene, exchange.size());
         let header = task.saved().map(|saved| &saved.header);
         let last = stop_at.unwrap_or(u64::MAX);
-        let (stages, files) = match &scene.stages {
-            Stages::Shear(walls) => of_walls(scene, walls, header, last),
-            Stages::Strain(periodic) => of_box(scene, periodic, header, last),
-        };
+        let Parts { stages, files, .. } = Parts::of(scene, header, last);
         let writes = stages.iter().any(|stage| stage.output.0 > 0.0);
         let frame = if writes { frame_bytes(scene) } else { 0.0 };
         Self {
@@ -123,9 +120,9 @@ impl Estimate {
             files,
             speed: None,
             strain_step: None,
-            slower: match &scene.stages {
-                Stages::Shear(walls) if walls.boundary.is_periodic() => WITHOUT_WALLS,
-                Stages::Shear(walls) if walls.output.energy => BUDGET,
+            slower: match scene.shear() {
+                Some(walls) if walls.boundary.is_periodic() => WITHOUT_WALLS,
+                Some(walls) if walls.output.energy => BUDGET,
                 _ => 1.0,
             },
         }
@@ -296,21 +293,21 @@ fn memory_of(scene: &Scene, ranks: usize, frame: f64) -> f64 {
     memory::PROCESS_BYTES
         + memory::GRAIN_BYTES[index(scene)] * grains
         + memory::FRAME_COPIES * waiting_bytes(frame) * part
-        + match &scene.stages {
-            Stages::Shear(_) => 0.0,
-            Stages::Strain(periodic) => memory_of_k(scene, periodic),
+        + match &scene.stages.strain {
+            None => 0.0,
+            Some(quasi_static) => memory_of_k(scene, quasi_static),
         }
 }
 
 /// Bytes of rank 0 for K of a box.
-fn memory_of_k(scene: &Scene, periodic: &PeriodicBox) -> f64 {
+fn memory_of_k(scene: &Scene, quasi_static: &QuasiStatic) -> f64 {
     let (k, grains) = (index(scene), f64::from(scene.sample.grains));
-    let factors = match periodic.relax.method {
+    let factors = match quasi_static.relax.method {
         Method::Newton => memory::FACTOR_BYTES[k] * grains.powf(memory::FACTOR_POWER[k]),
         Method::Overdamped => 0.0,
     };
-    let moving = (periodic.newtonian).is_some_and(|newtonian| newtonian.spectra > 0);
-    let dense = if periodic.aqs.spectrum || moving {
+    let moving = (scene.stages.newtonian).is_some_and(|newtonian| newtonian.spectra > 0);
+    let dense = if quasi_static.aqs.spectrum || moving {
         memory::DENSE_COPIES * 8.0 * ([3.0, 6.0][k] * grains).powi(2)
     } else {
         0.0
@@ -345,73 +342,184 @@ fn file_of(
 const NUMBER: f64 = 19.0;
 
 /// What is estimated of the stages and files of a scene.
-type Parts = (Vec<StageEstimate>, Vec<FileEstimate>);
+struct Parts<'a> {
+    scene: &'a Scene,
+    header: Option<&'a Header>,
+    /// Steps that are left up to the one at which the run is to stop.
+    last: u64,
+    stages: Vec<StageEstimate>,
+    files: Vec<FileEstimate>,
+    /// Checkpoints that stay.
+    checkpoints: u64,
+}
 
-/// Up to the step `last` of the shear.
-fn of_walls(scene: &Scene, walls: &PlaneShear, header: Option<&Header>, last: u64) -> Parts {
-    let mut stages = Vec::new();
-    let sample = &scene.sample;
-    let packs = match header {
-        Some(header) => matches!(header, Header::Pack(_)),
-        None => !walls.pack.skip,
-    };
-    let known = match header {
-        Some(Header::Shear(shear)) => Some(shear.height),
-        _ => None,
-    };
-    let packed = match walls.origin.file() {
-        Some(file) if walls.pack.skip => file.height(),
-        _ => dense_height(scene),
-    };
-    let height = known.unwrap_or_else(|| height_between(walls, sample, packed));
-    let schedule = Schedule::new(scene, walls, height);
-    let done = match header {
-        Some(header @ (Header::Pack(_) | Header::Shear(_))) => header.step(),
-        _ => 0,
-    };
-    if packs {
-        let guess = packing_steps(scene, &walls.load).min(walls.pack.max_steps as f64) as u64;
-        let steps = guess.saturating_sub(done).max(guess / 10);
-        stages.push(StageEstimate::moving(PACK, steps, false));
-    }
-    let last = schedule.total.min(last);
-    let counts = schedule.counts(last);
-    let left = last.saturating_sub(if packs { 0 } else { done });
-    let share = left as f64 / last.max(1) as f64;
-    let frames = counts.frames as f64 * frame_bytes(scene);
-    // A velocity becomes a strain by the height, which is that of the packed sample.
-    let by_velocity = matches!(
-        &walls.shear.motion,
-        Motion::Strain {
-            drive: WallSpeed::Velocity(_),
-            ..
+impl<'a> Parts<'a> {
+    /// Up to the step `last`, which counts those of all stages.
+    fn of(scene: &'a Scene, header: Option<&'a Header>, last: u64) -> Self {
+        let mut parts = Self {
+            scene,
+            header,
+            last,
+            stages: Vec::new(),
+            files: Vec::new(),
+            checkpoints: 0,
+        };
+        let stages = &scene.stages;
+        let begun = header.and_then(Header::run_stage);
+        for stage in &stages.order {
+            // That of the checkpoint comes later.
+            let is_done = begun.is_some_and(|begun| stages.after(*stage).contains(&begun));
+            match (stage, &stages.shear, &stages.strain) {
+                (RunStage::Shear, Some(walls), _) => parts.add_shear(walls, is_done),
+                (RunStage::Strain, _, Some(strain)) => parts.add_strain(strain, is_done),
+                (RunStage::Newtonian, _, Some(strain)) => parts.add_newtonian(strain),
+                _ => {}
+            }
         }
-    );
-    let exact = !by_velocity || known.is_some() || last < schedule.total;
-    stages.push(StageEstimate {
-        output: (frames * share, (counts.rows as f64 * share) as u64),
-        ..StageEstimate::moving(RunStage::Shear.name(), left, exact)
-    });
-    let columns = schedule.columns.len();
-    let run = file_of(scene, RUN_FILE, counts.frames, counts.rows, columns);
-    let log = FileEstimate {
-        name: LOG_FILE,
-        bytes: NUMBER * (columns + 1) as f64 * counts.rows as f64,
-        content: format!("{} rows", counts.rows),
-    };
-    let kept = if scene.keep_checkpoints {
-        counts.checkpoints + 1
-    } else {
-        2.min(counts.checkpoints)
-    };
-    (stages, vec![run, log, checkpoints(scene, kept)])
+        parts.files.push(checkpoints(scene, parts.checkpoints));
+        parts
+    }
+
+    /// The shear, and what packs its sample.
+    fn add_shear(&mut self, walls: &PlaneShear, is_done: bool) {
+        let (scene, header) = (self.scene, self.header);
+        let sample = &scene.sample;
+        let packs = match header {
+            Some(header) => matches!(header, Header::Pack(_)),
+            None => !walls.pack.skip,
+        };
+        let known = match header {
+            Some(Header::Shear(shear)) => Some(shear.height),
+            _ => None,
+        };
+        let packed = match &walls.origin {
+            Origin::Packing(file) if walls.pack.skip => file.height(),
+            Origin::StageBefore { height } => *height,
+            _ => dense_height(scene),
+        };
+        let height = known.unwrap_or_else(|| height_between(walls, sample, packed));
+        let schedule = Schedule::new(scene, walls, height);
+        let done = match header {
+            Some(header @ (Header::Pack(_) | Header::Shear(_))) => header.step(),
+            _ => 0,
+        };
+        if packs {
+            let guess = packing_steps(scene, &walls.load).min(walls.pack.max_steps as f64) as u64;
+            let steps = guess.saturating_sub(done).max(guess / 10);
+            self.stages.push(StageEstimate::moving(PACK, steps, false));
+        }
+        let last = schedule.total.min(self.last);
+        self.last -= last;
+        let counts = schedule.counts(last);
+        let left = last.saturating_sub(if packs { 0 } else { done });
+        let share = left as f64 / last.max(1) as f64;
+        let frames = counts.frames as f64 * frame_bytes(scene);
+        // A velocity becomes a strain by the height, which is that of the packed sample.
+        let by_velocity = matches!(
+            &walls.shear.motion,
+            Motion::Strain {
+                drive: WallSpeed::Velocity(_),
+                ..
+            }
+        );
+        let exact = !by_velocity || known.is_some() || last < schedule.total;
+        if !is_done && last > 0 {
+            self.stages.push(StageEstimate {
+                output: (frames * share, (counts.rows as f64 * share) as u64),
+                ..StageEstimate::moving(RunStage::Shear.name(), left, exact)
+            });
+        }
+        let columns = schedule.columns.len();
+        let name = part_of(&scene.stages, RunStage::Shear);
+        let run = file_of(scene, name, counts.frames, counts.rows, columns);
+        let log = FileEstimate {
+            name: LOG_FILE,
+            bytes: NUMBER * (columns + 1) as f64 * counts.rows as f64,
+            content: format!("{} rows", counts.rows),
+        };
+        self.files.extend([run, log]);
+        let kept = if scene.keep_checkpoints {
+            counts.checkpoints + 1
+        } else {
+            2.min(counts.checkpoints)
+        };
+        self.checkpoints = self.checkpoints.max(kept);
+    }
+
+    /// The strain steps, and what prepares their sample.
+    fn add_strain(&mut self, quasi_static: &QuasiStatic, is_done: bool) {
+        let scene = self.scene;
+        let strained = match self.header {
+            Some(Header::Strain(strain)) => Some(strain.progress.steps),
+            _ if is_done => Some(quasi_static.aqs.steps),
+            _ => None,
+        };
+        if strained.is_none() && matches!(quasi_static.origin, Origin::Insertion(_)) {
+            let steps = prepare::steps(scene, quasi_static);
+            self.stages
+                .push(StageEstimate::moving(PREPARE, steps, false));
+        }
+        let aqs = &quasi_static.aqs;
+        let steps = aqs.steps.min(self.last);
+        self.last -= steps;
+        let frames = StrainSchedule::new(aqs).frames_up_to(steps);
+        let strains = steps.saturating_sub(strained.unwrap_or(0));
+        let searches = searches(scene, quasi_static, strained);
+        if strains > 0 || searches > 0.0 {
+            self.stages.push(StageEstimate {
+                name: RunStage::Strain.name(),
+                steps: strains,
+                // Ends earlier with the growth of a pair.
+                exact: aqs.until_imaginary == 0.0,
+                moves: false,
+                searches,
+                output: (frames as f64 * frame_bytes(scene), steps),
+            });
+        }
+        let columns = AqsRow::COLUMNS.len();
+        let name = part_of(&scene.stages, RunStage::Strain);
+        let file = file_of(scene, name, frames, steps + 1, columns);
+        self.files.push(file);
+        self.checkpoints = self.checkpoints.max(2);
+    }
+
+    /// Newton's equations after strain steps.
+    fn add_newtonian(&mut self, strain: &QuasiStatic) {
+        let (scene, header) = (self.scene, self.header);
+        let Some(newtonian) = &scene.stages.newtonian else {
+            return;
+        };
+        if self.last == 0 {
+            return;
+        }
+        let (moved, pair) = match header {
+            Some(Header::Strain(strain)) => (0, strain.progress.pair),
+            Some(Header::Newtonian(newtonian)) => (newtonian.step, newtonian.progress.pair),
+            _ => (0, None),
+        };
+        // A complex pair, which the strain steps may find, decides how many.
+        let may_differ = strain.aqs.spectrum && !matches!(header, Some(Header::Newtonian(_)));
+        let all = steps_of_newtonian(newtonian, pair.as_ref(), scene.time_step.step);
+        let steps = all.min(self.last);
+        let share = steps as f64 / all.max(1) as f64;
+        let [frames, rows] =
+            [newtonian.frames, newtonian.rows].map(|count| (count as f64 * share) as u64);
+        let left = steps.saturating_sub(moved);
+        self.stages.push(StageEstimate {
+            output: (frames as f64 * frame_bytes(scene), rows),
+            ..StageEstimate::moving(RunStage::Newtonian.name(), left, !may_differ)
+        });
+        let columns = NewtonianRow::COLUMNS.len();
+        let file = file_of(scene, NEWTONIAN_PART, frames + 1, rows + 1, columns);
+        self.files.push(file);
+    }
 }
 
 /// Relaxations in which a box is brought to its pressures after `strained` strain steps, as a
 /// guess: lengths change from where grains are loose to where they are dense, and then by the
 /// overlaps that the pressures need. Those of every strain step are in its time.
-fn searches(scene: &Scene, periodic: &PeriodicBox, strained: Option<u64>) -> f64 {
-    let pressures = match (&periodic.deformation, periodic.pressure, strained) {
+fn searches(scene: &Scene, quasi_static: &QuasiStatic, strained: Option<u64>) -> f64 {
+    let pressures = match (&quasi_static.deformation, quasi_static.pressure, strained) {
         (Deformation::Compression(pressures), ..) => {
             let done = (strained.unwrap_or(0) as usize).min(pressures.len());
             pressures[done..].to_vec()
@@ -421,7 +529,7 @@ fn searches(scene: &Scene, periodic: &PeriodicBox, strained: Option<u64>) -> f64
     };
     let axes = scene.dimension.axes() as f64;
     let sample = &scene.sample;
-    let fraction = periodic.solid_fraction / DENSE[index(scene)];
+    let fraction = quasi_static.solid_fraction / DENSE[index(scene)];
     // The logarithm of the length over that of a dense packing.
     let mut length = if strained.is_none() {
         -fraction.ln() / axes
@@ -434,7 +542,7 @@ fn searches(scene: &Scene, periodic: &PeriodicBox, strained: Option<u64>) -> f64
         let kappa = derived::stiffness_number(&scene.law, sample, pressure);
         let overlap = kappa.map_or(0.0, |kappa| 1.0 / kappa);
         let change = (length + overlap).abs();
-        searches += change / periodic.aqs.pressure_step;
+        searches += change / quasi_static.aqs.pressure_step;
         length = -overlap;
     }
     searches
@@ -458,67 +566,6 @@ pub(crate) fn height_between(walls: &PlaneShear, sample: &Sample, height: f64) -
 pub(crate) fn dense_height(scene: &Scene) -> f64 {
     let sample = &scene.sample;
     f64::from(sample.grains) * sample.mean_volume / sample.base() / DENSE[index(scene)]
-}
-
-/// Up to the step `last`, which counts strain steps, then steps of Newton's equations.
-fn of_box(scene: &Scene, periodic: &PeriodicBox, header: Option<&Header>, last: u64) -> Parts {
-    let (mut stages, mut files) = (Vec::new(), Vec::new());
-    let (strained, moved, pair) = match header {
-        Some(Header::Strain(strain)) => (Some(strain.progress.steps), 0, strain.progress.pair),
-        Some(Header::Newtonian(newtonian)) => {
-            let pair = newtonian.progress.pair;
-            (Some(periodic.aqs.steps), newtonian.step, pair)
-        }
-        _ => (None, 0, None),
-    };
-    if strained.is_none() && periodic.packing.is_none() {
-        let steps = prepare::steps(scene, periodic);
-        stages.push(StageEstimate::moving(PREPARE, steps, false));
-    }
-    let aqs = &periodic.aqs;
-    let steps = aqs.steps.min(last);
-    let frames = StrainSchedule::new(aqs).frames_up_to(steps);
-    let strains = steps.saturating_sub(strained.unwrap_or(0));
-    let searches = searches(scene, periodic, strained);
-    if strains > 0 || searches > 0.0 {
-        stages.push(StageEstimate {
-            name: RunStage::Strain.name(),
-            steps: strains,
-            // Ends earlier with the growth of a pair.
-            exact: aqs.until_imaginary == 0.0,
-            moves: false,
-            searches,
-            output: (frames as f64 * frame_bytes(scene), steps),
-        });
-    }
-    let columns = AqsRow::COLUMNS.len();
-    files.push(file_of(scene, RUN_FILE, frames, steps + 1, columns));
-    if let Some(newtonian) = &periodic.newtonian
-        && last > aqs.steps
-    {
-        // A complex pair, which the strain steps may find, decides how many.
-        let may_differ = aqs.spectrum && header.is_none_or(|h| matches!(h, Header::Strain(_)));
-        let all = steps_of_newtonian(newtonian, pair.as_ref(), scene.time_step.step);
-        let steps = all.min(last - aqs.steps);
-        let share = steps as f64 / all.max(1) as f64;
-        let [frames, rows] =
-            [newtonian.frames, newtonian.rows].map(|count| (count as f64 * share) as u64);
-        let left = steps.saturating_sub(moved);
-        stages.push(StageEstimate {
-            output: (frames as f64 * frame_bytes(scene), rows),
-            ..StageEstimate::moving(RunStage::Newtonian.name(), left, !may_differ)
-        });
-        let columns = NewtonianRow::COLUMNS.len();
-        files.push(file_of(
-            scene,
-            NEWTONIAN_PART,
-            frames + 1,
-            rows + 1,
-            columns,
-        ));
-    }
-    files.push(checkpoints(scene, 2));
-    (stages, files)
 }
 
 #[cfg(test)]

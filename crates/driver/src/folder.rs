@@ -12,14 +12,14 @@ use rustix::fs::Access;
 use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Scene, Stages};
+use gshear_scene::{RunStage, Scene};
 use gshear_store::collective::{agree, on_root};
 use gshear_store::csv_table::rows_up_to;
 use gshear_store::file_names::{
     LOG_FILE, LOG_METADATA_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE, STATUS_FILE, is_reduced,
 };
 use gshear_store::log::Log;
-use gshear_store::run_reader::{self, RunFile, RunStage};
+use gshear_store::run_reader::{self, RunFile};
 use gshear_store::{checkpoint, existing, part, probe, text_writer};
 
 use crate::header::{ContinuedFile, Header, NewtonianHeader, Position, Saved, Written};
@@ -51,6 +51,8 @@ pub(crate) struct RunFolder {
     cut_back_to: Cell<Option<PathBuf>>,
     /// Folders that were made for this run, the innermost first.
     made: Vec<PathBuf>,
+    /// The stages of the run, in order.
+    order: Vec<RunStage>,
 }
 
 /// Refuses a folder that holds another run, or one that a new run would replace.
@@ -76,6 +78,7 @@ impl RunFolder {
             clear: Cell::new(false),
             cut_back_to: Cell::default(),
             made: Vec::new(),
+            order: task.scene.stages.order.clone(),
         };
         let mut notes = Vec::new();
         on_root(exchange, || folder.take_on_root(task, options, &mut notes))?;
@@ -137,7 +140,7 @@ impl RunFolder {
         let (Entry::Resume, Some(saved), Some(notes)) = (task.entry, task.saved(), notes) else {
             return Ok(());
         };
-        let Some(file) = saved.header.continued_file() else {
+        let Some(file) = saved.header.continued_file(&task.scene.stages) else {
             return Ok(());
         };
         let path = self.path.join(file.name);
@@ -155,8 +158,8 @@ impl RunFolder {
     /// Checks that the files fit the checkpoint, so that a resume that fails writes nothing.
     fn check_files(&self, saved: &Saved, file: &ContinuedFile<'_>, scene: &Scene) -> Result<()> {
         let header = &saved.header;
-        let columns = match (header, &scene.stages) {
-            (Header::Shear(shear), Stages::Shear(walls)) => {
+        let columns = match (header, scene.shear()) {
+            (Header::Shear(shear), Some(walls)) => {
                 Schedule::new(scene, walls, shear.height).columns
             }
             _ => file.columns,
@@ -206,13 +209,8 @@ impl RunFolder {
     /// Checks that the file of eigenvalues, if it is still written, has the lines that the
     /// checkpoint counts.
     fn check_spectra(&self, header: &NewtonianHeader, scene: &Scene) -> Result<()> {
-        let is_wanted = match &scene.stages {
-            Stages::Strain(periodic) => periodic
-                .newtonian
-                .is_some_and(|newtonian| newtonian.spectra > 0),
-            Stages::Shear(_) => false,
-        };
-        if !is_wanted {
+        let newtonian = scene.stages.newtonian;
+        if newtonian.is_none_or(|newtonian| newtonian.spectra == 0) {
             return Ok(());
         }
         let spectra = self.path.join(SPECTRA_FILE);
@@ -253,6 +251,12 @@ impl RunFolder {
         checkpoint::make_newest(path, &self.path)
     }
 
+    /// The stages of the run after the one of this name: all of them after what prepares the sample.
+    fn stages_after(&self, stage: &str) -> &[RunStage] {
+        let at = self.order.iter().position(|known| known.name() == stage);
+        &self.order[at.map_or(0, |at| at + 1)..]
+    }
+
     /// Removes the kept checkpoints after this one: the run may go on in another way, and makes
     /// them again if it does not.
     fn remove_later(&self, path: &Path) -> Result<()> {
@@ -261,8 +265,8 @@ impl RunFolder {
         let Position { stage, step } = header.position();
         let mut later = checkpoint::kept(&self.path, stage);
         later.retain(|(kept, _)| *kept > step);
-        if stage == RunStage::Strain.name() {
-            later.extend(checkpoint::kept(&self.path, RunStage::Newtonian.name()));
+        for stage in self.stages_after(stage) {
+            later.extend(checkpoint::kept(&self.path, stage.name()));
         }
         for (_, path) in later {
             removed(&path, fs::remove_file(&path))?;

@@ -13,10 +13,10 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, Sheared, Snapshot};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{PackingFile, PeriodicBox, Sample, Scene, Source, Stages};
+use gshear_scene::{Origin, PackingFile, RunStage, Sample, Scene, Source, Stages};
 use gshear_store::checkpoint;
-use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
-use gshear_store::run_reader::RunStage;
+use gshear_store::file_names::part_of;
+use gshear_store::run_reader::series_columns;
 
 use crate::run_record::RunRecord;
 use crate::stages::{PACK, PREPARE};
@@ -31,14 +31,14 @@ const PACKING: &str = "packing";
 pub enum Header {
     /// Compression between smooth planes.
     Pack(PackHeader),
-    /// Shear between walls.
+    /// Shear at a rate.
     Shear(ShearHeader),
-    /// The preparation of a box that has failed, from which no run goes on.
+    /// The preparation of a cell that has failed, from which no run goes on.
     Prepare(PrepareHeader),
-    /// Strain steps of a periodic box.
+    /// Quasi-static strain steps.
     #[serde(rename = "aqs")]
     Strain(StrainHeader),
-    /// Newton's equations in a periodic box.
+    /// Newton's equations.
     Newtonian(NewtonianHeader),
 }
 
@@ -71,6 +71,9 @@ pub struct PrepareHeader {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StrainHeader {
+    /// Steps of the stages before.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub before: u64,
     /// The progress of the strain steps.
     pub progress: StrainProgress,
     /// Number of frames and rows in the files.
@@ -89,6 +92,9 @@ pub struct NewtonianHeader {
     /// From where their time counts.
     #[serde(default, skip_serializing_if = "TimeOrigin::is_start")]
     pub origin: TimeOrigin,
+    /// Steps of the stages before the strain steps.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub before: u64,
     /// The progress of the strain steps before.
     pub progress: StrainProgress,
     /// Number of frames and rows in the files.
@@ -98,11 +104,12 @@ pub struct NewtonianHeader {
 }
 
 impl NewtonianHeader {
-    /// The start after the strain steps.
-    pub(crate) fn after(progress: StrainProgress) -> Self {
+    /// The start after the strain steps, and so many steps of the stages before these.
+    pub(crate) fn after(before: u64, progress: StrainProgress) -> Self {
         Self {
             step: 0,
             origin: TimeOrigin::default(),
+            before,
             progress,
             written: Written::default(),
             lines: 0,
@@ -134,6 +141,13 @@ pub struct ShearHeader {
     /// From where their time counts.
     #[serde(default, skip_serializing_if = "TimeOrigin::is_start")]
     pub origin: TimeOrigin,
+    /// Steps of the stages before.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub before: u64,
+    /// Lengths of the cell (m; the second is 1 in 2D) in which strain steps left the sample, if
+    /// they came before.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_in: Option<[f64; 3]>,
     /// The top.
     pub piston: Piston,
     /// `None` before the first step.
@@ -178,9 +192,9 @@ impl ShearHeader {
     }
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it")]
-fn is_zero(starts: &u32) -> bool {
-    *starts == 0
+/// Whether a number is 0, as serde asks.
+fn is_zero<N: Default + PartialEq>(number: &N) -> bool {
+    *number == N::default()
 }
 
 impl Header {
@@ -252,17 +266,20 @@ impl Header {
         self.position().step
     }
 
-    /// Number by which `--stop-at` counts the last step: of a box, strain steps and then steps of
-    /// Newton's equations.
+    /// Number by which `--stop-at` counts the last step: those of all stages that write a time
+    /// series, one after the other.
     pub(crate) fn counted_steps(&self) -> u64 {
         match self {
             Header::Pack(_) | Header::Prepare(_) => 0,
-            Header::Shear(_) | Header::Strain(_) => self.step(),
-            Header::Newtonian(newtonian) => newtonian.progress.steps + newtonian.step,
+            Header::Shear(shear) => shear.before + shear.step,
+            Header::Strain(strain) => strain.before + strain.progress.steps,
+            Header::Newtonian(newtonian) => {
+                newtonian.before + newtonian.progress.steps + newtonian.step
+            }
         }
     }
 
-    /// The progress of the strain steps of a box.
+    /// The progress of the strain steps, in or after these.
     pub(crate) fn strain_progress(&self) -> Option<&StrainProgress> {
         match self {
             Header::Pack(_) | Header::Shear(_) | Header::Prepare(_) => None,
@@ -273,19 +290,20 @@ impl Header {
 
     /// The file of frames that the stage continues; `None` before there is one, and of a checkpoint
     /// with which a stage begins, which makes its files anew.
-    pub(crate) fn continued_file(&self) -> Option<ContinuedFile<'_>> {
+    pub(crate) fn continued_file(&self, stages: &Stages) -> Option<ContinuedFile<'_>> {
         if self.step() == 0 {
             return None;
         }
-        let (name, written) = match self {
+        let stage = self.run_stage()?;
+        let written = match self {
             Header::Pack(_) | Header::Prepare(_) => return None,
-            Header::Shear(shear) => (RUN_FILE, &shear.written),
-            Header::Strain(strain) => (RUN_FILE, &strain.written),
-            Header::Newtonian(newtonian) => (NEWTONIAN_PART, &newtonian.written),
+            Header::Shear(shear) => &shear.written,
+            Header::Strain(strain) => &strain.written,
+            Header::Newtonian(newtonian) => &newtonian.written,
         };
         Some(ContinuedFile {
-            name,
-            columns: self.run_stage()?.columns(),
+            name: part_of(stages, stage),
+            columns: series_columns(stage),
             written,
         })
     }
@@ -365,11 +383,19 @@ impl Saved {
                     "the grains are those of the checkpoint; leave it as it was",
                 )),
             })?;
-        if let (Some(progress), Stages::Strain(PeriodicBox { packing: None, .. })) =
-            (self.header.strain_progress(), &scene.stages)
+        if let (Some(progress), Origin::Insertion(_)) =
+            (self.header.strain_progress(), scene.stages.origin())
+            && scene.stages.first() == RunStage::Strain
         {
             let length = progress.length.unwrap_or(scene.sample.length);
             scene.sample = scene.sample.in_box(scene.dimension, length);
+        }
+        if let Header::Shear(ShearHeader {
+            left_in: Some(lengths),
+            ..
+        }) = &self.header
+        {
+            scene = scene.in_cell(*lengths);
         }
         Ok(scene)
     }

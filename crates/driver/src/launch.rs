@@ -1,14 +1,14 @@
 //! The start of a run: from a scene and its grains, or from a checkpoint.
 
+use std::cell::OnceCell;
 use std::path::Path;
 use std::time::Instant;
 
 use gshear_dem::dimension::{Three, Two};
 use gshear_dem::failure::{Failure, Result};
-use gshear_dem::laws::LawSpace;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::identity::{KeyChange, changes};
-use gshear_scene::{Change, Dimensions, Scene, Source, Stages};
+use gshear_scene::{Change, Dimensions, Scene, Source};
 use gshear_store::checkpoint;
 use gshear_store::collective::{agree, exists, of_root, on_root, told_by_root};
 
@@ -21,7 +21,7 @@ use crate::options::{Options, Outcome};
 use crate::run::Run;
 use crate::run_record::{Continuation, RunRecord};
 use crate::say::say_error;
-use crate::stages::{between_walls, in_a_box};
+use crate::stages::sequence;
 use crate::stored_run::{Ends, StoredRun};
 pub use crate::task::Task;
 use crate::task::{Entry, Start};
@@ -48,7 +48,8 @@ impl Task {
     pub fn run(self, exchange: &dyn Parallel, options: &Options) -> Result<Outcome> {
         let scene = &self.scene;
         let record = self.record.clone();
-        let mut run = Run::new(exchange, scene, record, options)?;
+        let later = OnceCell::new();
+        let mut run = Run::new(exchange, scene, &later, record, options)?;
         if options.replay.is_none() {
             ends::check(&self, options.stop_at)?;
             run.folder = Some(RunFolder::take(exchange, &self, options)?);
@@ -71,20 +72,12 @@ impl Task {
             run.terminal.warn(warning);
         }
         let outcome = match scene.dimension {
-            Dimensions::Two => stages::<Two>(&mut run, self.start),
-            Dimensions::Three => stages::<Three>(&mut run, self.start),
+            Dimensions::Two => sequence::run::<Two>(&mut run, self.start),
+            Dimensions::Three => sequence::run::<Three>(&mut run, self.start),
         };
         let outcome = outcome.map_err(|failure| run.leave_sound_state(failure));
         run.terminal.run_ended(&outcome);
         outcome
-    }
-}
-
-fn stages<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<Outcome> {
-    let scene = run.scene;
-    match &scene.stages {
-        Stages::Shear(plane_shear) => between_walls::run::<D>(run, plane_shear, start),
-        Stages::Strain(periodic) => in_a_box::run::<D>(run, periodic, start),
     }
 }
 

@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Dimensions, Scene, Stages, unlikely};
+use gshear_scene::{Dimensions, RunStage, Scene, unlikely};
 
 use crate::estimate::{Estimate, bytes, cores, dense_height, height_between};
 use crate::folder::{self, free};
@@ -100,9 +100,9 @@ fn prospects(
 /// What is allowed and unlikely about the scene of a task and its grains, on rank 0.
 pub(crate) fn doubts(task: &Task) -> Vec<String> {
     let scene = &task.scene;
-    let height = match &scene.stages {
-        Stages::Shear(walls) => height_between(walls, &scene.sample, dense_height(scene)),
-        Stages::Strain(_) => dense_height(scene),
+    let height = match scene.shear() {
+        Some(walls) => height_between(walls, &scene.sample, dense_height(scene)),
+        None => dense_height(scene),
     };
     let mut doubts = unlikely::unlikely(scene, height);
     doubts.extend(task.not_at_load());
@@ -174,9 +174,11 @@ const STEP: f64 = 20.0;
 pub(crate) fn sensible_ranks(scene: &Scene) -> usize {
     let sample = &scene.sample;
     let diameter = sample.mean_diameter;
-    let height = match &scene.stages {
-        Stages::Shear(_) => dense_height(scene),
-        Stages::Strain(periodic) => periodic.lengths(sample)[2],
+    let height = match &scene.stages.strain {
+        Some(quasi_static) if scene.stages.first() == RunStage::Strain => {
+            quasi_static.lengths(sample)[2]
+        }
+        _ => dense_height(scene),
     };
     let across = match scene.dimension {
         Dimensions::Two => 1.0,

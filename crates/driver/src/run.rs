@@ -1,5 +1,6 @@
 //! A run: its ranks, its checkpoints, and when it is to stop.
 
+use std::cell::OnceCell;
 use std::time::{Duration, Instant};
 
 use gshear_dem::failure::{Failure, Result};
@@ -45,14 +46,18 @@ pub(crate) struct Run<'a> {
     pub(crate) saved_at: Option<Position>,
     /// Time between checkpoints (s), if there is one.
     checkpoint_time: Option<f64>,
+    later: &'a OnceCell<Scene>,
 }
 
 impl<'a> Run<'a> {
+    /// `later`: the place of the scene of a later stage, whose cell is another one.
+    ///
     /// # Errors
     /// This processor lacks the instruction set, or signals cannot be caught.
     pub fn new(
         exchange: &'a dyn Parallel,
         scene: &'a Scene,
+        later: &'a OnceCell<Scene>,
         record: RunRecord,
         options: &'a Options,
     ) -> Result<Self> {
@@ -82,7 +87,13 @@ impl<'a> Run<'a> {
             sound: None,
             saved_at: None,
             checkpoint_time: (scene.checkpoint_time > 0.0).then_some(scene.checkpoint_time),
+            later,
         })
+    }
+
+    /// Goes on with the scene of a shear in a cell of these lengths (m; the second is 1 in 2D).
+    pub(crate) fn enter_cell(&mut self, lengths: [f64; 3]) {
+        self.scene = self.later.get_or_init(|| self.scene.in_cell(lengths));
     }
 
     /// Removes the files of an earlier run, if that is still to be done; collective.

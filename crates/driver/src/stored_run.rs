@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use gshear_dem::failure::{Failure, Result};
 use gshear_scene::identity::changes;
 use gshear_scene::{Change, PackingFile, Scene};
-use gshear_store::file_names::{LOG_FILE, NEWTONIAN_PART, RUN_FILE, SCENE_FILE, SPECTRA_FILE};
+use gshear_store::file_names::{ALL_PARTS, LOG_FILE, RUN_FILE, SCENE_FILE, SPECTRA_FILE};
 use gshear_store::run_reader::{self, RunFile};
 use gshear_store::status::{RunCondition, RunState, Status};
 use gshear_store::{checkpoint, disk, text_writer};
@@ -53,7 +53,7 @@ pub fn condition_by_status(folder: &Path) -> Option<RunCondition> {
     Some(RunCondition::of(is_done, Some(&status), is_left))
 }
 
-/// The run of a folder, as its files say: `run.h5` and its part, two checkpoints and `scene.toml`
+/// The run of a folder, as its files say: `run.h5` and its parts, two checkpoints and `scene.toml`
 /// each say which run they are of.
 #[derive(Debug, Default)]
 pub(crate) struct StoredRun {
@@ -128,7 +128,7 @@ impl StoredRun {
         let scene = text_writer::read(&folder.join(SCENE_FILE));
         let scene = readable(scene.map_err(|e| unread(folder, &e)))?.unwrap_or_default();
         stored.list_files(&scene)?;
-        for name in [RUN_FILE, NEWTONIAN_PART] {
+        for name in ALL_PARTS {
             stored.read_run_file(name)?;
         }
         for name in [checkpoint::NAME, checkpoint::PREVIOUS] {

@@ -1,11 +1,12 @@
 //! What a run is to do: its scene, and where it starts.
 
 use gshear_dem::state::GrainState;
-use gshear_scene::{Scene, Stages, unlikely};
-use gshear_store::file_names::{NEWTONIAN_PART, RUN_FILE};
+use gshear_scene::{Scene, unlikely};
+use gshear_store::file_names::part_of;
 
 use crate::header::Saved;
 use crate::run_record::RunRecord;
+use crate::stages::sequence::LeftState;
 
 /// A scene, and the state from which its run starts.
 pub struct Task {
@@ -28,6 +29,8 @@ pub enum Start {
     Grains(Vec<GrainState>),
     /// A checkpoint, and its scene, where that of the run may differ.
     Checkpoint(Box<Saved>, Option<Box<Scene>>),
+    /// What the stage before left.
+    StageBefore(Box<LeftState>),
 }
 
 /// How a run enters its folder.
@@ -47,7 +50,7 @@ impl Task {
     pub(crate) fn saved(&self) -> Option<&Saved> {
         match &self.start {
             Start::Checkpoint(saved, _) => Some(saved),
-            Start::Insertion | Start::Grains(_) => None,
+            Start::Insertion | Start::Grains(_) | Start::StageBefore(_) => None,
         }
     }
 
@@ -75,9 +78,7 @@ impl Task {
 
     /// The file, or its part, of the last stage, whose attribute `digest` marks a finished run.
     pub(crate) fn last_file(&self) -> &'static str {
-        match &self.scene.stages {
-            Stages::Strain(periodic) if periodic.newtonian.is_some() => NEWTONIAN_PART,
-            _ => RUN_FILE,
-        }
+        let stages = &self.scene.stages;
+        part_of(stages, stages.last())
     }
 }

@@ -11,7 +11,7 @@ use gshear_dem::domain::Solo;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{Cell, ContactState, FlatWalls, GrainState, Ids};
 use gshear_driver::header::{Header, Saved};
-use gshear_scene::{Arrangement, Dimensions, PackingFile, Scene, Source, Stages, identity};
+use gshear_scene::{Arrangement, Dimensions, PackingFile, Scene, Source, identity};
 use gshear_store::checkpoint;
 use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::spectrum_writer::StateOrigin;
@@ -202,25 +202,25 @@ fn of_checkpoint(path: &Path, selection: Option<StateSelection>) -> Result<Store
         return Err(unfit(path, what));
     };
     let step = header.step();
-    let (cell, what) = match (&header, &scene.stages) {
-        (Header::Strain(strain), _) if strain.unfinished.is_some() => {
+    if !scene.stages.has(stage) {
+        let what = "the checkpoint is of a stage that its scene does not have";
+        return Err(unfit(path, what));
+    }
+    let (cell, what) = match &header {
+        Header::Strain(strain) if strain.unfinished.is_some() => {
             let what = format!(
                 "the run was stopped within strain step {}, so the checkpoint's state is not at rest; continue the run, or give run.h5 and a frame of it",
                 step + 1
             );
             return Err(unfit(path, &what));
         }
-        (Header::Strain(_) | Header::Newtonian(_), Stages::Strain(_)) => {
-            let what = format!("{} step {step} in {shown}", header.stage());
-            (header.cell_in(&scene), what)
-        }
-        (Header::Shear(shear), Stages::Shear(_)) => (
+        Header::Shear(shear) => (
             shear.cell(&scene.sample),
             format!("step {step} of the shear in {shown}"),
         ),
         _ => {
-            let what = "the checkpoint is of a stage that its scene does not have";
-            return Err(unfit(path, what));
+            let what = format!("{} step {step} in {shown}", header.stage());
+            (header.cell_in(&scene), what)
         }
     };
     let flat = match &header {

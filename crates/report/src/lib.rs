@@ -1,6 +1,6 @@
 //! Reports on runs: figures as SVG, tables as CSV and JSON, and HTML pages that show them.
 //!
-//! [`write()`] makes the report of a single run between walls, [`write_box`] of one in a box, and
+//! [`write()`] makes the report of a shear, [`write_box`] of quasi-static strain, and
 //! [`rate_state`] that of slide-hold-slide and velocity-step tests.
 //! Figures are made of [`plot`] (axes, lines, markers), [`colour`] and [`ticks`].
 //!
@@ -54,7 +54,7 @@ use self::summary::{DropFrames, EventFrames, Summary};
 pub use self::summary::{drop_without_frames, shows_drops};
 use gshear_dem::failure::Result;
 use gshear_dem::state::GrainConstants;
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::status::RunCondition;
 use gshear_store::{dictionary, text_writer};
 
@@ -87,6 +87,8 @@ pub struct Sources<'a> {
     pub rearranging: Option<Rearranging<'a>>,
     /// Address of the page of its rate-and-state friction, from the folder of the report.
     pub rate_state: Option<&'a str>,
+    /// A later stage, whose page is in a folder of its name within that of the report.
+    pub later: Option<RunStage>,
 }
 
 impl<'a> Sources<'a> {
@@ -97,6 +99,7 @@ impl<'a> Sources<'a> {
             drop: None,
             rearranging: None,
             rate_state: None,
+            later: None,
         }
     }
 }
@@ -122,6 +125,7 @@ pub fn write(run: &RunFile, sources: &Sources<'_>, folder: &Path) -> Result<Path
         let link = format!("<a href=\"{page}\">velocity steps, holds and fits</a>");
         ("Rate and state", link)
     }));
+    facts.extend(sources.later.map(page::link_to));
     let mut figures = figures(run, &summary);
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(last_frame::figures(run)?);
@@ -137,8 +141,9 @@ pub fn write(run: &RunFile, sources: &Sources<'_>, folder: &Path) -> Result<Path
     write_files(run.dimension().axes(), &figures, &page, folder)
 }
 
-/// Writes the report of a run in a periodic box, as [`write()`]. `files`: of its strain steps and
-/// of Newton's equations, or one of them; `conditions`: of each what has become of it.
+/// Writes the report of strain steps, as [`write()`]. `files`: of the strain steps and of Newton's
+/// equations, or one of them; `conditions`: of each what has become of it; `later`: a later stage,
+/// whose page is in a folder of its name within that of the report.
 ///
 /// # Errors
 /// If the run is damaged or a file cannot be written.
@@ -148,6 +153,7 @@ pub fn write(run: &RunFile, sources: &Sources<'_>, folder: &Path) -> Result<Path
 pub fn write_box(
     files: &[&RunFile],
     conditions: &[RunCondition],
+    later: Option<RunStage>,
     folder: &Path,
 ) -> Result<PathBuf> {
     let run = files[0];
@@ -158,6 +164,7 @@ pub fn write_box(
         names.push(name);
         figures.extend(drawn);
     }
+    facts.extend(later.map(page::link_to));
     figures.extend(structure::figures(run, &mut facts)?);
     figures.extend(last_frame::figures(run)?);
     let unfinished = conditions

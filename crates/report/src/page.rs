@@ -6,7 +6,7 @@ use super::text::escape;
 use gshear_analysis::moments::extent;
 use gshear_analysis::phases::PhaseKind;
 use gshear_analysis::time_mean::TimeMean;
-use gshear_store::run_reader::RunFile;
+use gshear_store::run_reader::{RunFile, RunStage};
 use gshear_store::status::RunCondition;
 
 /// Names and values of the table at the top, in HTML.
@@ -54,6 +54,17 @@ pub fn html(run: &RunFile, page: Page<'_>) -> String {
         escape(run.scene())
     );
     document(&title, &lead, &body)
+}
+
+/// The fact that leads to the page of a later stage, in a folder of its name.
+pub(crate) fn link_to(stage: RunStage) -> (&'static str, String) {
+    let what = match stage {
+        RunStage::Shear => "shear at a rate",
+        RunStage::Strain => "quasi-static strain",
+        RunStage::Newtonian => "Newton's equations",
+    };
+    let link = format!("<a href=\"{}/index.html\">{what}</a>", stage.name());
+    ("Then", link)
 }
 
 /// Says why there are no maps, or not of the largest drop.

@@ -81,7 +81,7 @@ pub(crate) struct Compared {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Deformation {
-    /// Value of `box.deformation`.
+    /// Value of `aqs.deformation`.
     pub key: String,
     pub name: String,
     /// Column, label and factor of what the figures are drawn over.
@@ -96,7 +96,7 @@ impl Deformation {
     pub fn of(run: &RunFile) -> &'static Self {
         let scene = run.scene().parse::<toml::Table>().unwrap_or_default();
         let key = scene
-            .get("box")
+            .get("aqs")
             .and_then(|table| table.get("deformation")?.as_str());
         let known = &PANELS.deformations;
         let deformation = known.iter().find(|known| Some(&*known.key) == key);

@@ -7,12 +7,13 @@ use gshear_dem::system::THICKEST_SKIN;
 
 use crate::checker::Checker;
 use crate::derived;
+use crate::grains::Sample;
 use crate::load::WAYS;
 use crate::output::OUTPUT;
-use crate::periodic::{AQS, BOX, NEWTONIAN, PeriodicBox};
 use crate::protocol::{Motion, SHEAR};
+use crate::quasi_static::{AQS, NEWTONIAN, Newtonian, QuasiStatic};
 use crate::sample::SAMPLE;
-use crate::scene::{Scene, Stages};
+use crate::scene::Scene;
 use crate::schedule::{MOST_STEPS, STEPS_WITHOUT_A_PAIR, Schedule};
 use crate::time::TIME;
 use crate::walls::PlaneShear;
@@ -64,40 +65,47 @@ const MOST_BYTES: f64 = 1e15;
 /// Refuses a scene whose run could not end, or whose coordinates do not resolve its overlaps.
 pub(crate) fn check(c: &mut Checker<'_>, scene: &Scene) -> Result<()> {
     resolution(c, scene);
-    match &scene.stages {
-        Stages::Shear(walls) => check_shear(c, scene, walls),
-        Stages::Strain(periodic) => check_box(c, scene, periodic),
+    let stages = &scene.stages;
+    if let Some(walls) = &stages.shear {
+        check_shear(c, scene, walls);
+    }
+    if let Some(strain) = &stages.strain {
+        check_strain(c, scene, strain);
+    }
+    if let Some(newtonian) = &stages.newtonian {
+        check_newtonian(c, scene, newtonian);
     }
     c.settle()
 }
 
 /// Refuses coordinates whose rounding is more than a millionth of the least mean overlap: contacts
 /// would be lost, or their forces be those of other overlaps. Coordinates along the periodic axes
-/// stay in the cell however far grains move. Of a box without a pressure the overlaps are not known
-/// before.
+/// stay in the cell however far grains move. Of strain steps without a pressure the overlaps are not
+/// known before.
 fn resolution(c: &mut Checker<'_>, scene: &Scene) {
     let sample = &scene.sample;
-    let (height, kappa, keys) = match &scene.stages {
-        Stages::Shear(walls) => {
-            let farthest = walls.origin.file().map_or(0.0, |file| file.farthest);
-            let height = farthest.max(walls.height(sample));
-            let keys = [&[&SAMPLE.packing][..], &WAYS].concat();
-            (height, walls.load.stiffness_number, keys)
-        }
-        Stages::Strain(periodic) => {
-            let Some(least) = periodic.least_pressure() else {
-                return;
-            };
-            let most = derived::STIFFNESS_NUMBER_MAX;
-            let kappa = match derived::stiffness_number(&scene.law, sample, least) {
-                Some(kappa) => kappa,
-                None if derived::pressure(&scene.law, sample, most) > least => most,
-                // Overlaps beyond those of the least κ.
-                None => return,
-            };
-            (sample.length, kappa, vec![&AQS.pressures, &BOX.pressure])
-        }
-    };
+    if let Some(walls) = scene.shear() {
+        let farthest = walls.origin.file().map_or(0.0, |file| file.farthest);
+        let height = farthest.max(walls.height(sample));
+        let keys = [&[&SAMPLE.packing][..], &WAYS].concat();
+        check_rounding(c, sample, height, walls.load.stiffness_number, &keys);
+    }
+    if let Some(least) = (scene.stages.strain.as_ref()).and_then(QuasiStatic::least_pressure) {
+        let most = derived::STIFFNESS_NUMBER_MAX;
+        let kappa = match derived::stiffness_number(&scene.law, sample, least) {
+            Some(kappa) => kappa,
+            None if derived::pressure(&scene.law, sample, most) > least => most,
+            // Overlaps beyond those of the least κ.
+            None => return,
+        };
+        let keys = [&AQS.pressures, &AQS.pressure];
+        check_rounding(c, sample, sample.length, kappa, &keys);
+    }
+}
+
+/// Refuses coordinates up to this height (m) and the lengths of the cell, at this κ, whose rounding
+/// is too coarse; `keys` set them.
+fn check_rounding(c: &mut Checker<'_>, sample: &Sample, height: f64, kappa: f64, keys: &[&Key]) {
     let lengths = [height, sample.length, sample.width];
     let lengths = lengths.into_iter().filter(|x| x.is_finite());
     let farthest = lengths.fold(0.0, f64::max);
@@ -112,7 +120,7 @@ fn resolution(c: &mut Checker<'_>, scene: &Scene) {
             overlap * coarse,
             kappa / coarse,
         );
-        c.refuse_among(&keys, &what);
+        c.refuse_among(keys, &what);
     }
 }
 
@@ -265,8 +273,8 @@ fn check_output(c: &mut Checker<'_>, scene: &Scene, schedule: &Schedule) {
     ROW.check(c, &keys, counts.rows as f64);
 }
 
-fn check_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
-    let aqs = &periodic.aqs;
+fn check_strain(c: &mut Checker<'_>, scene: &Scene, strain: &QuasiStatic) {
+    let aqs = &strain.aqs;
     if aqs.steps > MOST_STEPS {
         let what = format!(
             "must be at most {MOST_STEPS}, which is as far as steps are counted, found {}",
@@ -284,13 +292,12 @@ fn check_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
         );
         c.refuse(&AQS.birth_precision, &what);
     }
-    let frame = Record::frame(scene);
     ROW.check(c, &[&AQS.steps], aqs.steps as f64);
     let frames = aqs.steps.checked_div(aqs.frame_every).unwrap_or(0) as f64;
-    frame.check(c, &[&AQS.frame_every], frames);
-    let Some(newtonian) = &periodic.newtonian else {
-        return;
-    };
+    Record::frame(scene).check(c, &[&AQS.frame_every], frames);
+}
+
+fn check_newtonian(c: &mut Checker<'_>, scene: &Scene, newtonian: &Newtonian) {
     let longest = MOST_STEPS as f64 / STEPS_WITHOUT_A_PAIR;
     if newtonian.growth_times > longest {
         let what = format!(
@@ -305,5 +312,5 @@ fn check_box(c: &mut Checker<'_>, scene: &Scene, periodic: &PeriodicBox) {
     let rows = (newtonian.rows as f64).min(most);
     ROW.check(c, &[&NEWTONIAN.rows], rows);
     let frames = (newtonian.frames as f64).min(most);
-    frame.check(c, &[&NEWTONIAN.frames], frames);
+    Record::frame(scene).check(c, &[&NEWTONIAN.frames], frames);
 }

@@ -13,7 +13,7 @@ table! {
     SCENE: SceneKeys Never {
         /// name of the run
         title: Text(&[]) {
-            otherwise: "`\"Plane shear\"`, of a box `\"Periodic box\"`",
+            otherwise: "`\"Plane shear\"`, without `[shear]` `\"Periodic box\"`",
             change: Change::Resume,
         },
         /// who made the run, as the HDF5 files name the author
@@ -25,6 +25,12 @@ table! {
         seed: Whole(FROM_ZERO) { default: "1" },
         /// 2: disks, 3: spheres
         dimension: Whole(Integers { from: 2, to: 3 }) { default: "2" },
+        /// the order in which the stages run, where a scene both shears (`"shear"`) and strains
+        /// quasi-statically (`"aqs"`, and `"newtonian"` after it)
+        stages: Names {
+            condition: "the tables that are there",
+            otherwise: "`[\"shear\", \"aqs\", \"newtonian\"]`",
+        },
     }
 }
 

@@ -8,12 +8,13 @@ use toml::{Table, Value};
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::keys::key;
-use crate::periodic::AQS;
 use crate::protocol::SHEAR;
+use crate::quasi_static::AQS;
 use crate::sample::SAMPLE;
-use crate::scene::{Scene, Stages};
+use crate::scene::Scene;
+use crate::stages::RunStage;
 use crate::value::Value as KeyValue;
-use gshear_dem::laws::keys::Change;
+use gshear_dem::laws::keys::{Change, Key};
 
 /// Returns whether any pair of materials of a scene, given as TOML, has sliding friction.
 pub fn has_friction(scene: &str) -> bool {
@@ -61,18 +62,20 @@ pub fn identity(scene: &Scene) -> String {
 
 /// Whether a key belongs to the identity of the scene.
 fn counts(path: &str, scene: &Scene) -> bool {
-    let before_the_last_stage = match &scene.stages {
-        // Its parts are the drive; a protocol is only ever continued.
-        Stages::Shear(_) => path == SHEAR.protocol.path,
-        // Newton's equations begin where the strain steps end.
-        Stages::Strain(periodic) => {
-            periodic.newtonian.is_some()
-                && [AQS.steps.path, AQS.until_imaginary.path].contains(&path)
-        }
-    };
+    // Its parts are the drive; a protocol is only ever continued.
+    let is_drive = path == SHEAR.protocol.path;
+    // A stage begins where the one before it ends.
+    let ends_before_the_last = scene.stages.order.iter().any(|stage| {
+        let ends: &[&Key] = match stage {
+            RunStage::Shear => &[&SHEAR.strain],
+            RunStage::Strain => &[&AQS.steps, &AQS.until_imaginary],
+            RunStage::Newtonian => &[],
+        };
+        *stage != scene.stages.last() && ends.iter().any(|key| key.path == path)
+    });
     // The packing counts by its content.
     let is_path = path == SAMPLE.packing.path;
-    !is_path && (change_of(path).is_physics() || before_the_last_stage)
+    !is_path && (change_of(path).is_physics() || is_drive || ends_before_the_last)
 }
 
 /// A key whose value differs between two scenes.

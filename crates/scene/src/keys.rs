@@ -11,11 +11,11 @@ use crate::law::ContactKeys;
 use crate::load::LoadKeys;
 use crate::materials::{MaterialKeys, OTHERS};
 use crate::output::{AnalysisKeys, OutputKeys};
-use crate::periodic::{AqsKeys, BoxKeys, NewtonianKeys, RelaxKeys};
 use crate::protocol::ShearKeys;
+use crate::quasi_static::{AqsKeys, NewtonianKeys, RelaxKeys};
 use crate::sample::SampleKeys;
 use crate::source::Input;
-use crate::table::{Scenes, Table};
+use crate::table::Table;
 use crate::time::TimeKeys;
 use crate::value::Value;
 use crate::walls::PackKeys;
@@ -25,7 +25,7 @@ use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, known_names, meant, nearest};
 pub(crate) static TOP: Table = SceneKeys::TABLE;
 
 /// Every table.
-pub(crate) static TABLES: [Table; 14] = [
+pub(crate) static TABLES: [Table; 13] = [
     MaterialKeys::TABLE,
     ContactKeys::TABLE,
     SampleKeys::TABLE,
@@ -34,7 +34,6 @@ pub(crate) static TABLES: [Table; 14] = [
     PackKeys::TABLE,
     ShearKeys::TABLE,
     OutputKeys::TABLE,
-    BoxKeys::TABLE,
     RelaxKeys::TABLE,
     AqsKeys::TABLE,
     NewtonianKeys::TABLE,
@@ -109,27 +108,6 @@ fn read_value(
     let value = value.map_err(|what| input.failure(at, key.path, &what))?;
     given.insert(key.path, (at, value));
     Ok(())
-}
-
-/// Refuses the tables of scenes with walls in a scene with a box, and the other way round.
-pub(crate) fn refuse_others(tree: &DeTable<'_>, input: &Input<'_>, boxed: bool) -> Result<()> {
-    let (others, why) = if boxed {
-        let why = "is for scenes with walls, but this one has a [box]";
-        (Scenes::Walls, why)
-    } else {
-        let why = "is for scenes with a [box], but this one has none";
-        (Scenes::Box, why)
-    };
-    let refused = tree
-        .iter()
-        .filter(|(key, _)| table(key.get_ref()).is_some_and(|table| table.scenes == others));
-    match refused.min_by_key(|(key, _)| key.span().start) {
-        Some((key, _)) => {
-            let table = format!("[{}]", key.get_ref());
-            Err(input.failure(key.span().start, &table, &format!("{why}; leave it out")))
-        }
-        None => Ok(()),
-    }
 }
 
 /// Refuses the first key of the file that the configuration does not know, and values where tables
@@ -299,6 +277,9 @@ fn unknown_key(table: &str, key: &str) -> String {
     known_names(format!("unknown key{hint}"), &intro, &keys)
 }
 
+/// How the keys of a table of earlier versions are given now.
+const BOX: &str = "is not a table any more: give sample.boundary = \"periodic\", box.solid_fraction as sample.solid_fraction, and deformation, pressure, pressure_tolerance and pressure_step under [aqs]";
+
 fn unknown_key_of_a_part(key: &str, known: &[&'static Key]) -> String {
     let names: Vec<&str> = known.iter().map(|known| known.name()).collect();
     let unknown = format!("unknown key {key}{}", meant(key, &names));
@@ -306,6 +287,9 @@ fn unknown_key_of_a_part(key: &str, known: &[&'static Key]) -> String {
 }
 
 fn unknown_table(table: &str) -> String {
+    if table == "box" {
+        return BOX.into();
+    }
     let mut names: Vec<&str> = TABLES.iter().map(|table| table.name).collect();
     names.push(SWEEP);
     let near = nearest(table, &names);

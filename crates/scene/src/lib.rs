@@ -38,7 +38,8 @@
 //! | `merge` | merges a file with those that it `extends` |
 //! | `overrides`, `units` | applies `--set`, converts values with units |
 //! | `table`, `keys` | what is declared of a table; all tables, unknown keys, values of the tree |
-//! | `general`, `materials`, `law`, `sample`, `load`, `time`, `walls`, `protocol`, `output`, `periodic` | the tables |
+//! | `general`, `materials`, `law`, `sample`, `load`, `time`, `walls`, `protocol`, `output`, `quasi_static` | the tables |
+//! | `stages` | what is done to the sample, and in which order |
 //! | `check`, `checker` | checks the tables in their order; values, defaults and problems |
 //! | `extent` | refuses a run that would not end or not fit on a disk |
 //! | `write` | writes the values that the checks left as TOML again |
@@ -64,13 +65,14 @@ mod merge;
 mod output;
 mod overrides;
 pub mod packing;
-mod periodic;
 mod protocol;
+mod quasi_static;
 pub mod reference;
 mod sample;
 mod scene;
 pub mod schedule;
 mod source;
+mod stages;
 pub mod sweep;
 mod table;
 #[cfg(test)]
@@ -99,17 +101,19 @@ pub use keys::key;
 pub use load::{Control, Load};
 pub use materials::{Materials, atom_type};
 pub use output::{Analysis, Output};
-pub use periodic::{Aqs, Deformation, Method, Newtonian, PeriodicBox, Relax};
 pub use protocol::{Motion, Shear, WallSpeed};
+pub use quasi_static::{Aqs, Deformation, Method, Newtonian, QuasiStatic, Relax};
 pub use sample::{Arrangement, Origin, PackingFile, Placement, ReadPacking, Walls};
-pub use scene::{Scene, Stages};
+pub use scene::Scene;
 pub use source::Source;
+pub use stages::{RunStage, Stages};
 pub use time::TimeStep;
 pub use walls::{Pack, PlaneShear};
 
 use checker::Checker;
 use packing::{GrainLimit, Packing};
 use source::Input;
+use stages::GivenStages;
 
 /// Reads the configuration of a run, replaces values by the overrides (`key.path=value`, as `--set`
 /// gives them), checks it and derives the rest.
@@ -152,10 +156,10 @@ pub fn load_within(
     let numbers = units::numbers(&mut tree, &input)?;
     units::put(&mut tree, &numbers);
 
-    let boxed = tree.contains_key("box");
-    keys::refuse_others(&tree, &input, boxed)?;
+    let stages = GivenStages::of(&tree);
+    stages.refuse_others(&tree, &input)?;
     let given = keys::read(tree, &input)?;
-    check::scene(Checker::new(input, tables, given), boxed, limit, packing)
+    check::scene(Checker::new(input, tables, given), stages, limit, packing)
 }
 
 /// Whether a text sets a key, such as `shear.protocol`; not if it is no TOML.

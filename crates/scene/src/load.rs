@@ -20,7 +20,7 @@ const CONTROL_NAMES: [&str; 3] = ["mass", "servo", "volume"];
 
 table! {
     /// The load on the top wall.
-    LOAD: LoadKeys "load" Walls Branch {
+    LOAD: LoadKeys "load" Sheared Branch {
         /// κ = d̄/δ̄, mean diameter over mean overlap; in 2D that is k_n/P
         stiffness_number: Number(from_to(STIFFNESS_NUMBER_MIN, STIFFNESS_NUMBER_MAX)) {},
         /// pressure P

@@ -37,7 +37,7 @@ table! {
 
 table! {
     /// What the run computes of its frames.
-    ANALYSIS: AnalysisKeys "analysis" Walls Resume {
+    ANALYSIS: AnalysisKeys "analysis" Sheared Resume {
         /// compute the scalars of frames during the run (docs/reduction.md), so that frames need
         /// not be written; 2D only
         scalars: Flag { default: "false" },
@@ -124,9 +124,9 @@ pub(crate) fn check(c: &mut Checker<'_>, protocol: bool) -> Output {
     }
 }
 
-/// The intervals of output of a box are those of `[aqs]` and `[newtonian]`.
-pub(crate) fn check_box(c: &mut Checker<'_>) {
-    let why = "applies to scenes with walls only; a [box] has aqs.frame_every, newtonian.frames and newtonian.rows";
+/// The intervals of output of strain steps are those of `[aqs]` and `[newtonian]`.
+pub(crate) fn check_without_shear(c: &mut Checker<'_>) {
+    let why = "is of a shear at a rate; strain steps have aqs.frame_every, newtonian.frames and newtonian.rows";
     let keys = OutputKeys::TABLE.own.iter();
     let common = [OUTPUT.keep_checkpoints.path, OUTPUT.checkpoint_time.path];
     for key in keys.filter(|key| !common.contains(&key.path)) {

@@ -20,8 +20,9 @@ use crate::insertion::{finish_walls, freeze_walls};
 use crate::lammps_data::{self, Atom, DataFile};
 use crate::materials::Materials;
 use crate::sample::{Arrangement, PackingFile, Walls};
-use crate::scene::{Scene, Stages};
+use crate::scene::Scene;
 use crate::source::read_bytes;
+use crate::stages::RunStage;
 use crate::walls::PlaneShear;
 
 use cell::{PackingBox, check_ids, check_neighbours, check_periodic, check_room};
@@ -177,8 +178,8 @@ impl Packing {
     }
 
     /// The grains as the first stage of the scene takes them: sheared as they are, with walls, or
-    /// to be compressed between planes, all free, at rest and with the lowest edge at y = 0; in a
-    /// box at rest.
+    /// to be compressed between planes, all free, at rest and with the lowest edge at y = 0; for
+    /// strain steps at rest.
     ///
     /// # Errors
     /// `Failure::Input` where types are no walls, no grain is free, or an overlap is outside the
@@ -186,14 +187,17 @@ impl Packing {
     pub fn grains(self, scene: &Scene) -> Result<Vec<GrainState>> {
         let up = scene.dimension.axes() - 1;
         let mut grains = self.grains_at_rest(scene)?;
-        let Stages::Shear(plane_shear) = &scene.stages else {
-            self.check_overlaps(scene, &grains)?;
-            return Ok(grains);
-        };
-        let PlaneShear { walls, pack, .. } = plane_shear;
-        if plane_shear.origin.file().is_none() {
+        if scene.packing().is_none() {
             return Ok(Vec::new());
         }
+        let plane_shear = match scene.shear() {
+            Some(shear) if scene.stages.first() == RunStage::Shear => shear,
+            _ => {
+                self.check_overlaps(scene, &grains)?;
+                return Ok(grains);
+            }
+        };
+        let PlaneShear { walls, pack, .. } = plane_shear;
         for (grain, atom) in grains.iter_mut().zip(&self.atoms) {
             if pack.skip {
                 grain.velocity = atom.velocity;

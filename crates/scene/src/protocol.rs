@@ -17,7 +17,7 @@ use crate::words::show;
 
 table! {
     /// The shear.
-    SHEAR: ShearKeys "shear" Walls Branch {
+    SHEAR: ShearKeys "shear" Sheared Branch {
         /// inertial number I = γ̇ √(m̄/P) with m̄ per depth, in 3D γ̇ d̄ √(ρ/P)
         inertial_number: Number(POSITIVE) {},
         /// V of the top wall

@@ -53,13 +53,18 @@ pub enum Origin {
     Insertion(Sizes),
     /// A file has them, and this is in it.
     Packing(PackingFile),
+    /// The stage before leaves them, in a cell of about this height (m).
+    StageBefore {
+        /// As far as it is known before the run.
+        height: f64,
+    },
 }
 
 impl Origin {
     /// The file of the packing, if the grains come from one.
     pub fn file(&self) -> Option<&PackingFile> {
         match self {
-            Origin::Insertion(_) => None,
+            Origin::Insertion(_) | Origin::StageBefore { .. } => None,
             Origin::Packing(file) => Some(file),
         }
     }
@@ -150,8 +155,8 @@ pub(crate) fn check(c: &mut Checker<'_>) -> Grains {
         let why = "is L_y (m) of three dimensions, and dimension = 2";
         c.useless(&keys.width, why);
     }
-    let why = "applies to the grains of a [box]; between walls they fall from above";
-    c.useless(&keys.placement, why);
+    let why = "is of a cell whose first stage is quasi-static strain; this sample is packed under its load";
+    c.all_useless(&[&keys.solid_fraction, &keys.placement], why);
     if c.is_given(&keys.packing) {
         check_filed(c);
         return Grains::File(arrangement);
@@ -247,19 +252,21 @@ fn periodic_axes(c: &Checker<'_>, boxed: bool) -> usize {
     c.dimension.axes() - usize::from(!boxed)
 }
 
-/// The keys of grains in a box, whose size follows from its solid fraction or from a file.
+/// The keys of grains in a cell that is strained first, whose size follows from its solid fraction
+/// or from a file.
 pub(crate) fn check_boxed(c: &mut Checker<'_>) -> Grains {
     let keys = &SAMPLE;
-    let why = "applies to scenes with walls only";
-    c.useless(&keys.boundary, why);
-    c.all_useless(&WALL_KEYS, why);
+    let why = format!("is of walls, but sample.boundary = {:?}", PERIODIC.key);
+    c.all_useless(&WALL_KEYS, &why);
     let arrangement = arrangement(c, &PERIODIC);
     if c.is_given(&keys.packing) {
         c.useless(&keys.placement, FOR_INSERTED);
+        c.useless(&keys.solid_fraction, "follows from sample.packing");
         check_filed(c);
         return Grains::File(arrangement);
     }
-    let why = "follows from box.solid_fraction";
+    c.required(&keys.solid_fraction);
+    let why = "follows from sample.solid_fraction";
     c.all_useless(&[&keys.length, &keys.width], why);
     sizes::check_limits(c);
     Grains::Inserted(sizes::check_distribution(c))
@@ -348,13 +355,25 @@ fn inserted(c: &mut Checker<'_>, sizes: &Sizes) -> Result<Sample> {
     })
 }
 
-/// A sample between walls, and what it is made of.
+/// A sample that is sheared, and what its walls are made of.
 pub(crate) struct Walled {
     pub(crate) sample: Sample,
     pub(crate) origin: Origin,
     pub(crate) walls: Walls,
     /// Thickness of each wall over d̄.
     pub(crate) wall_layers: f64,
+}
+
+impl Walled {
+    /// A sample that a stage before leaves in its cell.
+    pub(crate) fn left(sample: Sample, height: f64) -> Self {
+        Self {
+            sample,
+            origin: Origin::StageBefore { height },
+            walls: Walls::Layers,
+            wall_layers: 0.0,
+        }
+    }
 }
 
 /// The sample between its walls; `skip`: it is not compressed.

@@ -1,5 +1,5 @@
-//! The checked scene: every default filled in, every contradiction refused. SI units throughout; in
-//! a periodic box any consistent units, such as BO's reduced ones.
+//! The checked scene: every default filled in, every contradiction refused. SI units throughout;
+//! without a shear at a rate any consistent units, such as BO's reduced ones.
 
 use gshear_dem::boundary::{Boundary, PERIODIC};
 use gshear_dem::dimension::Dimensions;
@@ -12,8 +12,8 @@ use gshear_dem::state::{Cell, FlatWalls, Sheared};
 use crate::general::Bookkeeping;
 use crate::grains::Sample;
 use crate::materials::Materials;
-use crate::periodic::PeriodicBox;
-use crate::sample::PackingFile;
+use crate::sample::{Origin, PackingFile};
+use crate::stages::{RunStage, Stages};
 use crate::time::TimeStep;
 use crate::walls::PlaneShear;
 
@@ -35,7 +35,7 @@ pub struct Scene {
     pub contact: Contact,
     /// The materials, and the laws of their pairs.
     pub materials: Materials,
-    /// The grains and their cell. In a periodic box, length and width are those of the box.
+    /// The grains and their cell, as the first stage takes them.
     pub sample: Sample,
     /// Δt and its limit.
     pub time_step: TimeStep,
@@ -81,7 +81,7 @@ impl Scene {
 
     /// The shear, if the sample is sheared.
     pub fn shear(&self) -> Option<&PlaneShear> {
-        self.stages.shear()
+        self.stages.shear.as_ref()
     }
 
     /// Whether a grain that passes a wall is removed.
@@ -92,13 +92,10 @@ impl Scene {
     /// The shear; messages call the scene `name`.
     ///
     /// # Errors
-    /// `Failure::Input` for a scene in a periodic box.
+    /// `Failure::Input` for a scene without one.
     pub fn plane_shear(&self, name: &str) -> Result<&PlaneShear> {
-        self.shear().ok_or_else(|| {
-            Failure::input(format!(
-                "{name}: is a scene in a periodic box; this needs one of plane shear, without [box]"
-            ))
-        })
+        self.shear()
+            .ok_or_else(|| Failure::input(format!("{name}: has no shear at a rate ([shear])")))
     }
 
     /// The flat walls of a shear between such.
@@ -115,9 +112,9 @@ impl Scene {
     /// The cell in which the grains begin.
     pub fn cell(&self) -> Cell {
         let file_box = self.packing().and_then(|file| file.boxed);
-        let height_and_offset = match self.stages {
-            Stages::Strain(_) => file_box.or(Some([self.sample.length, 0.0])),
-            Stages::Shear(_) => file_box,
+        let height_and_offset = match self.stages.first() {
+            RunStage::Shear => file_box,
+            _ => file_box.or(Some([self.sample.length, 0.0])),
         };
         let sheared = height_and_offset.map(|[height, offset]| Sheared {
             offset,
@@ -131,28 +128,23 @@ impl Scene {
 
     /// The file that the grains come from, if they do.
     pub fn packing(&self) -> Option<&PackingFile> {
-        match &self.stages {
-            Stages::Shear(shear) => shear.origin.file(),
-            Stages::Strain(periodic) => periodic.packing.as_ref(),
-        }
+        self.stages.origin().file()
     }
-}
 
-/// What is done to the sample.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Stages {
-    /// It is packed, if it comes loose, and sheared.
-    Shear(PlaneShear),
-    /// It is strained in a periodic cell: with a table `[box]`.
-    Strain(PeriodicBox),
-}
-
-impl Stages {
-    /// The shear, if there is one.
-    pub(crate) fn shear(&self) -> Option<&PlaneShear> {
-        match self {
-            Stages::Shear(shear) => Some(shear),
-            Stages::Strain(_) => None,
+    /// The scene of a shear that begins in a cell of these lengths (m; the second is 1 in 2D), as
+    /// strain steps have left it: under the same pressure.
+    #[must_use]
+    pub fn in_cell(&self, lengths: [f64; 3]) -> Self {
+        let mut scene = self.clone();
+        let [length, width, height] = lengths;
+        scene.sample.length = length;
+        if self.dimension == Dimensions::Three {
+            scene.sample.width = width;
         }
+        if let Some(shear) = &mut scene.stages.shear {
+            shear.origin = Origin::StageBefore { height };
+            shear.load.normal_force = shear.load.pressure * scene.sample.base();
+        }
+        scene
     }
 }

@@ -19,8 +19,10 @@ pub(crate) struct Table {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Scenes {
     All,
-    Walls,
-    Box,
+    /// With a shear at a rate.
+    Sheared,
+    /// With quasi-static strain.
+    Strained,
 }
 
 impl Table {

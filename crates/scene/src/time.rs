@@ -8,8 +8,8 @@ use crate::checker::Checker;
 use crate::derived;
 use crate::grains::Sample;
 use crate::materials::Materials;
+use crate::stages::Stages;
 use crate::table::table;
-use crate::walls::PlaneShear;
 use crate::words::show;
 
 table! {
@@ -42,18 +42,19 @@ pub struct TimeStep {
     pub limit: f64,
 }
 
-/// Overlap over d̄ that packings in a box are expected to have, of which ten times bounds Δt.
-const BOX_OVERLAP: f64 = 0.03;
+/// Overlap over d̄ that packings are expected to have in strain steps, of which ten times bounds Δt.
+const STRAINED_OVERLAP: f64 = 0.03;
 
-/// Checks each key by itself. `boxed`: the scene has a `[box]`.
-pub(crate) fn check(c: &mut Checker<'_>, law: &Law, boxed: bool) {
+/// Checks each key by itself. `shears`: the scene shears at a rate.
+pub(crate) fn check(c: &mut Checker<'_>, law: &Law, shears: bool) {
     let keys = &TIME;
     c.number(&keys.step);
-    if boxed {
-        c.useless(&keys.collision_speed, "applies to scenes with walls only");
-    } else {
+    if shears {
         c.at_most_one(&[&keys.step, &keys.collision_speed]);
         c.number(&keys.collision_speed);
+    } else {
+        let why = "is of a shear at a rate, and this scene has no [shear]";
+        c.useless(&keys.collision_speed, why);
     }
     let is_given = [&keys.step, &keys.collision_speed].map(|key| c.is_given(key));
     if c.flag_or_default(&keys.force) && is_given == [false; 2] {
@@ -74,19 +75,23 @@ fn rounded_down(time: f64) -> f64 {
     (time / digit).floor() * digit
 }
 
-/// Δt and its limit. `walls`: of a scene between walls.
+/// Δt and its limit.
 pub(crate) fn derive(
     c: &mut Checker<'_>,
     materials: &Materials,
     sample: &Sample,
-    walls: Option<&PlaneShear>,
+    stages: &Stages,
 ) -> Result<TimeStep> {
+    let walls = stages.shear.as_ref();
     let (mut limit, mut contact_time) = (f64::INFINITY, f64::INFINITY);
     for (law, contact) in &materials.laws {
-        let mean_overlap = match walls {
-            Some(walls) => walls.greatest_overlap(law, contact, sample),
-            None => BOX_OVERLAP * sample.mean_diameter,
-        };
+        let mut mean_overlap: f64 = 0.0;
+        if let Some(walls) = walls {
+            mean_overlap = walls.greatest_overlap(law, contact, sample);
+        }
+        if stages.strain.is_some() {
+            mean_overlap = mean_overlap.max(STRAINED_OVERLAP * sample.mean_diameter);
+        }
         let friction =
             contact.friction > 0.0 || walls.is_some_and(|walls| walls.pack.friction > 0.0);
         limit = limit.min(derived::step_limit(

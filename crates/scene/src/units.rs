@@ -606,9 +606,9 @@ mod tests {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../configs/bonfanti.toml");
         let source = Source::read(path).expect("a scene");
         let toml = |sets: [&str; 3]| load(&source, &sets.map(Into::into)).expect("a scene").toml;
-        let plain = ["box.pressure=1e7", "relax.tolerance=2e-3", "relax.drag=50"];
+        let plain = ["aqs.pressure=1e7", "relax.tolerance=2e-3", "relax.drag=50"];
         let units = [
-            "box.pressure=10 MPa",
+            "aqs.pressure=10 MPa",
             "relax.tolerance=2 mN",
             "relax.drag=50 Hz",
         ];

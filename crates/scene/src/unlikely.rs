@@ -6,9 +6,9 @@ use gshear_dem::state::GrainState;
 
 use crate::load::Control;
 use crate::packing::force_on_top;
-use crate::periodic::{Newtonian, PeriodicBox};
 use crate::protocol::{Motion, WallSpeed};
-use crate::scene::{Scene, Stages};
+use crate::quasi_static::Newtonian;
+use crate::scene::Scene;
 use crate::schedule::{STEPS_WITHOUT_A_PAIR, Schedule, mean_mass};
 use crate::walls::PlaneShear;
 use crate::words::show;
@@ -116,10 +116,10 @@ pub fn unlikely(scene: &Scene, height: f64) -> Vec<String> {
         doubts.extend(MATERIAL.iter().filter_map(|likely| likely.doubt_in(&table)));
     }
     doubts.extend(CONTACT.iter().filter_map(|likely| likely.doubt_in(&table)));
-    match &scene.stages {
-        Stages::Shear(walls) => add_doubts_of_walls(scene, walls, height, &mut doubts),
-        Stages::Strain(periodic) => doubts.extend(intervals_of_box(periodic)),
+    if let Some(walls) = scene.shear() {
+        add_doubts_of_walls(scene, walls, height, &mut doubts);
     }
+    doubts.extend(intervals_without_a_pair(scene));
     doubts
 }
 
@@ -199,11 +199,11 @@ pub fn intervals(walls: &PlaneShear, schedule: &Schedule) -> Option<String> {
 }
 
 /// [`intervals`] of Newton's equations without a complex pair, which strain steps may find.
-fn intervals_of_box(periodic: &PeriodicBox) -> Option<String> {
-    if periodic.aqs.spectrum {
+fn intervals_without_a_pair(scene: &Scene) -> Option<String> {
+    if scene.stages.strain.as_ref()?.aqs.spectrum {
         return None;
     }
-    let newtonian = periodic.newtonian?;
+    let newtonian = scene.stages.newtonian?;
     let steps = (newtonian.growth_times * STEPS_WITHOUT_A_PAIR).ceil() as u64;
     intervals_of_newtonian(&newtonian, steps)
 }

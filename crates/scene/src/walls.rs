@@ -13,12 +13,12 @@ use crate::grains::Sample;
 use crate::load::{self, Control, LOAD, Load};
 use crate::output::{self, ANALYSIS, Analysis, OUTPUT, Output};
 use crate::protocol::{self, SHEAR, Shear};
-use crate::sample::{self, Origin, ReadPacking, SAMPLE, Walled, Walls};
+use crate::sample::{Origin, SAMPLE, Walled, Walls};
 use crate::table::table;
 
 table! {
     /// The compression of the sample.
-    PACK: PackKeys "pack" Walls Branch {
+    PACK: PackKeys "pack" Sheared Branch {
         /// shear the grains of `sample.packing` as they are
         skip: Flag {
             condition: "true with `sample.packing` only",
@@ -129,6 +129,7 @@ impl PlaneShear {
         match &self.origin {
             Origin::Insertion(_) => derived::packed_height(sample),
             Origin::Packing(file) => file.height(),
+            Origin::StageBefore { height } => *height,
         }
     }
 
@@ -156,17 +157,28 @@ impl PlaneShear {
     }
 }
 
-/// Checks every key by itself, then those that must agree, and derives the sample and its shear.
+/// What the keys of a shear say by themselves.
+pub(crate) struct ShearTables {
+    boundary: &'static Boundary,
+    removes: bool,
+    pub(crate) pack: Pack,
+    output: Output,
+    analysis: Analysis,
+}
+
+/// Checks each key by itself. `is_first`: no other stage comes before the shear.
 pub(crate) fn check(
     c: &mut Checker<'_>,
     law: &Law,
-    masses: &Masses,
-    packing: ReadPacking<'_>,
-) -> Result<(Sample, PlaneShear)> {
-    let boundary = sample::boundary(c);
-    let grains = sample::check(c);
+    boundary: &'static Boundary,
+    is_first: bool,
+) -> ShearTables {
     load::check(c, boundary);
-    let pack = check_pack(c);
+    let pack = if is_first {
+        check_pack(c)
+    } else {
+        check_after_strain(c)
+    };
     protocol::check(c, boundary);
     if !boundary.is_periodic() {
         let why = "applies to sample.boundary = \"periodic\"";
@@ -183,7 +195,7 @@ pub(crate) fn check(
         c.refuse(&SAMPLE.walls, &what);
     }
     if !boundary.has_walls() {
-        refuse_walls(c, boundary);
+        refuse_walls(c, boundary, is_first);
     }
     if boundary.walls() < 2 {
         refuse_scalars(c, boundary);
@@ -193,7 +205,7 @@ pub(crate) fn check(
         let what = "says what the top wall does, and so do the parts of shear.protocol; leave it out, and give them wall_velocity = 0";
         c.refuse(&LOAD.control, what);
     }
-    let removes = boundary.has_walls() && sample::removes(c);
+    let removes = boundary.has_walls() && crate::sample::removes(c);
     if removes {
         refuse_with_removal(c);
     }
@@ -203,14 +215,36 @@ pub(crate) fn check(
         c.fill(&OUTPUT.energy, false);
     }
     let analysis = output::check_analysis(c, has_protocol, &output);
-    c.settle()?;
+    ShearTables {
+        boundary,
+        removes,
+        pack,
+        output,
+        analysis,
+    }
+}
 
+/// The shear of this sample.
+pub(crate) fn derive(
+    c: &mut Checker<'_>,
+    tables: ShearTables,
+    law: &Law,
+    masses: &Masses,
+    walled: Walled,
+) -> Result<(Sample, PlaneShear)> {
+    let ShearTables {
+        boundary,
+        removes,
+        pack,
+        output,
+        analysis,
+    } = tables;
     let Walled {
         sample,
         origin,
         walls,
         wall_layers,
-    } = sample::derive(c, grains, pack.skip, packing)?;
+    } = walled;
     let load = load::derive(c, law, masses, &sample)?;
     if !pack.skip {
         load::check_packable(c, law, &sample, &load);
@@ -271,8 +305,8 @@ fn refuse_with_removal(c: &mut Checker<'_>) {
     }
 }
 
-/// Refuses what needs a wall.
-fn refuse_walls(c: &mut Checker<'_>, boundary: &Boundary) {
+/// Refuses what needs a wall. `is_first`: no other stage comes before the shear.
+fn refuse_walls(c: &mut Checker<'_>, boundary: &Boundary, is_first: bool) {
     if c.number(&LOAD.gravity).is_some_and(|g| g > 0.0) {
         let what = format!(
             "needs walls, but sample.boundary = {:?}; leave it out",
@@ -280,9 +314,33 @@ fn refuse_walls(c: &mut Checker<'_>, boundary: &Boundary) {
         );
         c.refuse(&LOAD.gravity, &what);
     }
-    if c.is_given(&SAMPLE.packing) && c.flag(&PACK.skip) == Some(false) {
+    if is_first && c.is_given(&SAMPLE.packing) && c.flag(&PACK.skip) == Some(false) {
         let what = "a packing in a periodic cell is sheared as it is; leave it out";
         c.refuse(&PACK.skip, what);
+    }
+}
+
+/// The keys of a shear whose sample strain steps leave, in a cell whose lengths they may change.
+fn check_after_strain(c: &mut Checker<'_>) -> Pack {
+    let why = "packs a sample, and the strain steps before the shear leave one; leave [pack] out";
+    for key in PackKeys::TABLE.own {
+        c.refuse_useless(key, why);
+    }
+    let why = "is by the lengths of the cell, which the strain steps before the shear may change";
+    for (key, other) in [
+        (&LOAD.normal_force, &LOAD.pressure),
+        (&SHEAR.spring_number, &SHEAR.spring_stiffness),
+    ] {
+        c.refuse_useless(key, &format!("{why}; give {}", other.path));
+    }
+    let why = "stretches a packed sample, and strain steps come before the shear";
+    c.useless(&LOAD.solid_fraction, why);
+    Pack {
+        skip: true,
+        friction: 0.0,
+        drag: 0.0,
+        tolerance: 0.0,
+        max_steps: 0,
     }
 }
 

@@ -7,6 +7,7 @@ use crate::derived::mean_attraction;
 use crate::keys::tables;
 use crate::materials::{MaterialKeys, OTHERS};
 use crate::scene::Scene;
+use crate::stages::RunStage;
 use crate::value::Value;
 
 /// The configuration of a scene: the values that the checks left, in the order of the declarations.
@@ -62,7 +63,9 @@ fn derived(scene: &Scene) -> Vec<(&'static str, f64, &'static str)> {
         derived.push(("cohesion number F_c/(P d)", number, ""));
     }
     derived.push(("pressure P", load.pressure, "Pa"));
-    derived.push(("normal force N", load.normal_force, force_unit));
+    if scene.stages.first() == RunStage::Shear {
+        derived.push(("normal force N", load.normal_force, force_unit));
+    }
     if let Some(spring) = walls.shear.spring {
         let number = spring * scene.sample.mean_diameter / load.normal_force;
         derived.push(("stiffness of the spring k", spring, stiffness_unit));

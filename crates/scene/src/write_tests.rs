@@ -17,6 +17,11 @@ fn with(sets: &str) -> Scene {
     embedded(sets).unwrap()
 }
 
+/// The default scene without walls, strained after its shear.
+const BOTH: &str = "
+    sample.boundary=periodic relax.tolerance=1e-9 relax.drag=1e3 aqs.strain_step=1e-4
+    aqs.steps=3";
+
 fn boxed(sets: &str) -> Scene {
     let text = include_str!("../../../configs/bonfanti.toml");
     load(&Source::new("box.toml", text), &overrides(sets)).unwrap()
@@ -62,6 +67,9 @@ fn every_choice_reads_back_as_the_same_scene() {
         "load.control=servo",
         "load.control=servo load.servo_gain=1e-7 load.servo_speed_max=0.1",
         SPHERES,
+        BOTH,
+        "sample.boundary=periodic relax.tolerance=1e-9 relax.drag=1e3",
+        "sample.boundary=periodic relax.tolerance=1e-9 relax.drag=1e3 newtonian.growth_times=1",
     ] {
         reads_back(&with(sets));
     }
@@ -98,7 +106,7 @@ const SPHERES: &str = "
 fn every_constant_default_is_written() {
     let binary = "sample.sizes=binary sample.large_fraction=0.25";
     let mut scenes = ["", GRADED, binary, SPHERES].map(with).to_vec();
-    scenes.push(boxed("box.pressure=1e-2"));
+    scenes.push(boxed("aqs.pressure=1e-2"));
     for table in tables() {
         for key in table.keys().iter().filter(|key| !key.default.is_empty()) {
             let line = format!("\n{} = ", key.name());
@@ -120,20 +128,29 @@ fn every_constant_default_is_written() {
 #[test]
 fn scenes_in_boxes_read_back() {
     let without_spectra = "aqs.spectrum=none aqs.until_imaginary=none ";
+    let turned = "
+        stages=['aqs','shear'] load.pressure=1e-2 shear.velocity=1e-3 shear.strain=0.1
+        newtonian.growth_times=none newtonian.frames=none
+        newtonian.spectra=none";
     for (first, more) in [
+        ("", turned),
+        (
+            "",
+            "aqs.strain_step=none aqs.steps=none aqs.spectrum=none aqs.until_imaginary=none",
+        ),
         ("", "seed=2"),
         ("", "dimension=2"),
         ("", "time.step=0.01"),
         ("", "aqs.spectrum=false aqs.until_imaginary=none"),
         (
             without_spectra,
-            "box.deformation=simple-shear box.pressure=1e-2",
+            "aqs.deformation=simple-shear aqs.pressure=1e-2",
         ),
-        (without_spectra, "box.deformation=pure-shear"),
-        (without_spectra, "box.deformation=biaxial box.pressure=1e-2"),
+        (without_spectra, "aqs.deformation=pure-shear"),
+        (without_spectra, "aqs.deformation=biaxial aqs.pressure=1e-2"),
         (
             without_spectra,
-            "box.deformation=compression box.pressure_tolerance=1e-3 aqs.steps=none
+            "aqs.deformation=compression aqs.pressure_tolerance=1e-3 aqs.steps=none
              aqs.pressures=[1e-3,2e-3]",
         ),
     ] {
@@ -179,11 +196,12 @@ fn a_default_that_is_written_down_changes_nothing() {
         "sample.boundary=periodic",
         "sample.boundary=periodic load.control=volume",
         &flat,
+        BOTH,
     ];
     sources.extend(of_default.map(|sets| (default.into(), overrides(sets))));
     sources.push((MIXTURE.into(), Vec::new()));
     let of_box = include_str!("../../../configs/bonfanti.toml");
-    for sets in ["", "box.pressure=1e-2"] {
+    for sets in ["", "aqs.pressure=1e-2"] {
         sources.push((of_box.into(), overrides(sets)));
     }
     for (text, sets) in &sources {
@@ -263,12 +281,20 @@ fn what_follows_from_other_keys_is_written() {
         "sample.large_material",
         "aqs.steps",
     ];
-    let mut scenes = ["", GRADED, SPHERES, HOOKE, MINDLIN, "load.control=servo"]
-        .map(with)
-        .to_vec();
+    let mut scenes = [
+        "",
+        GRADED,
+        SPHERES,
+        HOOKE,
+        MINDLIN,
+        BOTH,
+        "load.control=servo",
+    ]
+    .map(with)
+    .to_vec();
     let of_flow = "sample.boundary=periodic load.control=servo";
     scenes.push(with(of_flow));
-    scenes.push(boxed("box.pressure=1e-2"));
+    scenes.push(boxed("aqs.pressure=1e-2"));
     let tsuji = "contact.law=hertz-tsuji contact.normal_damping=none contact.restitution=0.5";
     for sets in ["", tsuji] {
         let mixture = Source::new("mixture.toml", MIXTURE);

@@ -2,10 +2,28 @@
 
 use std::path::Path;
 
-/// Frames and time series of the shear, or of the strain steps of a box.
+use gshear_scene::{RunStage, Stages};
+
+/// Frames and time series of a run: of its first stage, and in parts of its later ones.
 pub const RUN_FILE: &str = "run.h5";
-/// Its part with Newton's equations of a box, which follow the strain steps.
+/// Its part with Newton's equations, which follow strain steps.
 pub const NEWTONIAN_PART: &str = "run.h5/newtonian";
+
+/// The file and all its parts.
+pub const ALL_PARTS: [&str; 4] = [RUN_FILE, STRAIN_PART, SHEAR_PART, NEWTONIAN_PART];
+/// Its parts with strain steps and with a shear, where another stage came before.
+const STRAIN_PART: &str = "run.h5/aqs";
+const SHEAR_PART: &str = "run.h5/shear";
+
+/// The file, or its part, of a stage.
+pub fn part_of(stages: &Stages, stage: RunStage) -> &'static str {
+    match stage {
+        _ if stage == stages.first() => RUN_FILE,
+        RunStage::Shear => SHEAR_PART,
+        RunStage::Strain => STRAIN_PART,
+        RunStage::Newtonian => NEWTONIAN_PART,
+    }
+}
 /// The time series of the shear as text.
 pub const LOG_FILE: &str = "log.csv";
 /// Units and meaning of its columns.

@@ -1,5 +1,5 @@
-//! The parts of a `run.h5`: the root of the file holds the strain steps of a box or the shear, the
-//! group `newtonian` what follows the strain steps by Newton's equations.
+//! The parts of a `run.h5`: the root of the file holds the first stage of the run, a group of its
+//! name each later one: `aqs`, `newtonian` or `shear`.
 
 use std::ops::Deref;
 use std::path::{Path, PathBuf};
@@ -9,8 +9,17 @@ use hdf5::Group;
 
 use crate::sound::{self, ReadFile};
 
-/// The group of Newton's equations.
-pub(crate) const NEWTONIAN: &str = "newtonian";
+/// The groups of later stages.
+pub(crate) const GROUPS: [&str; 3] = ["aqs", "shear", "newtonian"];
+
+/// The groups of the stages that may come after that of a group; all after the root, which is "".
+pub(crate) fn groups_after(group: &str) -> &'static [&'static str] {
+    match group {
+        "" => &GROUPS,
+        "aqs" => &GROUPS[1..],
+        _ => &[],
+    }
+}
 
 /// A file and the group in it that holds a stage.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,10 +63,11 @@ impl Deref for OpenPart {
 impl Part {
     /// That of a path: `run.h5`, or `run.h5/newtonian`.
     pub fn of(path: &Path) -> Self {
-        match path.parent() {
-            Some(file) if path.ends_with(NEWTONIAN) && !path.exists() && !file.is_dir() => Self {
+        let group = GROUPS.into_iter().find(|group| path.ends_with(group));
+        match (path.parent(), group) {
+            (Some(file), Some(group)) if !path.exists() && !file.is_dir() => Self {
                 file: file.into(),
-                group: NEWTONIAN,
+                group,
             },
             _ => Self {
                 file: path.into(),
@@ -66,17 +76,19 @@ impl Part {
         }
     }
 
-    /// Opens the group for reading. Of a file that holds only the other part, as a replay's, that.
+    /// Opens the group for reading. Of a file that holds only another part, as a replay's, that.
     pub fn open(&self) -> hdf5::Result<OpenPart> {
         let file = sound::open(&self.file)?;
-        let group = match self.group {
-            "" if !file.link_exists("particles") && file.link_exists(NEWTONIAN) => {
-                file.group(NEWTONIAN)
-            }
+        let mut group = self.group;
+        if group.is_empty() && !file.link_exists("particles") {
+            let only = GROUPS.into_iter().find(|group| file.link_exists(group));
+            group = only.unwrap_or_default();
+        }
+        let group = match group {
             "" => file.as_group(),
             group if file.link_exists(group) => file.group(group),
             group => Err(format!(
-                "the file has no group {group}: its scene has no [newtonian], or the run has not come to it"
+                "the file has no group {group}: its scene has no [{group}], or the run has not come to it"
             )
             .into()),
         }?;

@@ -11,7 +11,7 @@ use gshear_dem::failure::Result;
 use gshear_dem::state::GrainState;
 use gshear_scene::insertion::Lattice;
 use gshear_scene::packing::Packing;
-use gshear_scene::{Arrangement, Origin, Scene, Source, Stages, lammps_data, load, sweep};
+use gshear_scene::{Arrangement, Origin, Scene, Source, lammps_data, load, sweep};
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 use proptest::test_runner::{FileFailurePersistence, TestCaseResult, TestRng, TestRunner};
@@ -96,7 +96,7 @@ const VALUES: [&str; 26] = [
 ];
 
 /// Text to put anywhere.
-const SNIPPETS: [&str; 20] = [
+const SNIPPETS: [&str; 21] = [
     "\n",
     "=",
     "[",
@@ -116,7 +116,8 @@ const SNIPPETS: [&str; 20] = [
     "\n[sample]\n",
     "\n[[shear.protocol]]\nvelocity = 1\n",
     "\n[sweep]\nseed = [1, 2]\n",
-    "\n[box]\nsolid_fraction = 0.7\n",
+    "\n[aqs]\nstrain_step = 0.001\n",
+    "\n[relax]\ntolerance = 1e-9\ndrag = 0.1\n",
 ];
 
 /// A change of a text.
@@ -399,7 +400,7 @@ fn configuration(path: &Path, text: &[u8], sets: &[String]) -> Result<Scene, Str
     let again = again.unwrap_or_else(|e| panic!("{e}\n{}", scene.toml));
     assert_eq!(again, scene);
     assert_eq!(format!("{again:?}"), format!("{scene:?}"));
-    if let Stages::Shear(walls) = &scene.stages
+    if let Some(walls) = scene.shear()
         && let Origin::Insertion(sizes) = &walls.origin
         && scene.sample.grains <= 2000
     {
@@ -548,9 +549,7 @@ fn data_file(folder: &Path, dimension: u8, text: &[u8]) -> Result<(), String> {
     let elapsed = begun.elapsed();
     assert!(elapsed < LONGEST, "{elapsed:?}");
     let (scene, grains) = message(read)?;
-    let Stages::Shear(walls) = &scene.stages else {
-        panic!("a box")
-    };
+    let walls = scene.plane_shear("the scene").expect("a shear");
     let edges = walls.origin.file().expect("a packing").edges;
     let sample = &scene.sample;
     assert_eq!(grains.len(), sample.grains as usize);

@@ -14,7 +14,7 @@ use gshear_dem::step::{StepRequest, advance, initial_forces};
 use gshear_dem::system::{Setup, System};
 use gshear_dem::tuning;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{SIMD_NAMES, Scene, Stages};
+use gshear_scene::{PlaneShear, SIMD_NAMES, Scene};
 
 use crate::run::Run;
 
@@ -124,12 +124,9 @@ impl<'a, D: Dimension> Assembly<'a, D> {
 /// The system of the scene in a cell, without its grains.
 pub(crate) fn system<D: Dimension>(run: &Run<'_>, scene: &Scene, cell: Cell) -> Result<System<D>> {
     let sample = &scene.sample;
-    let (gravity, typical_force) = match &scene.stages {
-        Stages::Shear(plane_shear) => {
-            let load = &plane_shear.load;
-            (load.gravity_components(), load.normal_force)
-        }
-        Stages::Strain(_) => {
+    let (gravity, typical_force) = match scene.shear() {
+        Some(PlaneShear { load, .. }) => (load.gravity_components(), load.normal_force),
+        None => {
             let radius = 0.5 * sample.mean_diameter;
             let overlap = 0.01 * sample.mean_diameter;
             let stiffness = scene.law.normal_stiffness(radius, radius, overlap);

@@ -6,9 +6,9 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::{Failure, Result};
 
 use super::assembly::RestState;
-use super::box_state::{Observed, volume};
+use super::box_state::{Observed, volume as volume_of_cell};
 use super::relax::{DisplacementResult, LONGEST};
-use super::strain::Strain;
+use super::strain::{SolidFraction, Strain};
 use crate::header::{Beyond, Correction, Pressing, Search, Stretched};
 use gshear_scene::Deformation;
 
@@ -20,17 +20,17 @@ const FINEST: f64 = 1e-13;
 const MOST_CORRECTIONS: usize = 60;
 
 impl<D: Dimension> Strain<'_, D> {
-    /// Volume of the grains over that of the box.
+    /// Volume of the grains over that of the cell.
     pub(super) fn solid_fraction(&self) -> f64 {
-        let at_start: f64 = self.periodic.lengths(&self.scene.sample).iter().product();
-        self.periodic.solid_fraction * (at_start / volume(&self.assembly.system))
+        let SolidFraction { value, volume } = self.at_start;
+        value * (volume / volume_of_cell(&self.assembly.system))
     }
 
     /// Notes the lengths before the first strain step, if they change in this scene.
     pub(super) fn begin_stretching(&mut self) {
-        let simple = self.periodic.deformation == Deformation::SimpleShear;
+        let simple = self.quasi_static.deformation == Deformation::SimpleShear;
         let lengths = self.assembly.system.cell.lengths::<D>();
-        if !simple || self.periodic.pressure.is_some() {
+        if !simple || self.quasi_static.pressure.is_some() {
             self.progress.stretched = Some(Stretched::new(lengths));
         }
     }
@@ -99,7 +99,7 @@ impl<D: Dimension> Strain<'_, D> {
     pub(super) fn pure_shear(&mut self, step: u64) -> Result<Option<Search>> {
         let mut lengths = self.stretched().initial;
         let area = lengths[0] * lengths[D::UP];
-        let strain = self.periodic.aqs.strain_step * step as f64;
+        let strain = self.quasi_static.aqs.strain_step * step as f64;
         lengths[0] /= portable_exp(-0.5 * strain);
         lengths[D::UP] = area / lengths[0];
         self.stretch_within(lengths)?;
@@ -115,7 +115,7 @@ impl<D: Dimension> Strain<'_, D> {
     /// change by one factor until the mean stress along them is the wanted one.
     pub(super) fn biaxial(&mut self, step: u64) -> Result<Option<Search>> {
         let before = self.stretched();
-        let strain = self.periodic.aqs.strain_step * step as f64;
+        let strain = self.quasi_static.aqs.strain_step * step as f64;
         let mut lengths = self.assembly.system.cell.lengths::<D>();
         lengths[D::UP] = before.initial[D::UP] * portable_exp(-strain);
         let correction = Correction {
@@ -131,8 +131,8 @@ impl<D: Dimension> Strain<'_, D> {
 
     /// Begins the next correction of the lateral stress; `None` if it is the wanted one.
     pub(super) fn correct(&mut self, mut correction: Correction) -> Result<Option<Search>> {
-        let wanted = self.periodic.pressure.unwrap_or(f64::NAN);
-        let most = self.periodic.aqs.pressure_step;
+        let wanted = self.quasi_static.pressure.unwrap_or(f64::NAN);
+        let most = self.quasi_static.aqs.pressure_step;
         let excess = self.lateral_excess(wanted);
         let modulus = &mut correction.modulus;
         if let Some(before) = correction.excess {
@@ -144,7 +144,7 @@ impl<D: Dimension> Strain<'_, D> {
                 4.0 * *modulus
             };
         }
-        if excess.abs() <= self.periodic.pressure_tolerance * wanted {
+        if excess.abs() <= self.quasi_static.pressure_tolerance * wanted {
             self.progress.stretched = Some(Stretched {
                 lateral_modulus: Some(*modulus),
                 lateral_strain: correction.total.clamp(-2.0 * most, 2.0 * most),
@@ -154,8 +154,8 @@ impl<D: Dimension> Strain<'_, D> {
         }
         if correction.count == MOST_CORRECTIONS {
             return Err(Failure::numbers(format!(
-                "strain step {}: the lateral stress differs from box.pressure = {wanted:.4e} by {excess:.1e} after \
-                 {MOST_CORRECTIONS} corrections; give a greater box.pressure_tolerance, or a smaller aqs.strain_step or box.pressure_step",
+                "strain step {}: the lateral stress differs from aqs.pressure = {wanted:.4e} by {excess:.1e} after \
+                 {MOST_CORRECTIONS} corrections; give a greater aqs.pressure_tolerance, or a smaller aqs.strain_step or aqs.pressure_step",
                 self.progress.steps + 1
             )));
         }
@@ -197,7 +197,7 @@ impl<D: Dimension> Strain<'_, D> {
             wanted,
             toward: if pressure < wanted { 1.0 } else { -1.0 },
             pressure,
-            change: self.periodic.aqs.pressure_step,
+            change: self.quasi_static.aqs.pressure_step,
             slope: None,
             beyond: None,
         })
@@ -206,7 +206,7 @@ impl<D: Dimension> Strain<'_, D> {
     /// Begins the next trial, or ends the search.
     fn press(&mut self, mut pressing: Pressing) -> Result<Option<Search>> {
         let wanted = pressing.wanted;
-        while (pressing.pressure - wanted).abs() > self.periodic.pressure_tolerance * wanted {
+        while (pressing.pressure - wanted).abs() > self.quasi_static.pressure_tolerance * wanted {
             let Pressing {
                 pressure, change, ..
             } = pressing;
@@ -215,7 +215,7 @@ impl<D: Dimension> Strain<'_, D> {
                 let jump = jump.unwrap_or(f64::NAN);
                 return Err(Failure::numbers(format!(
                     "strain step {}: the pressure jumps from {pressure:.4e} to {jump:.4e} when the box changes by {change:.0e} \
-                     of its length, over the wanted {wanted:.4e}; give another pressure, a greater box.pressure_tolerance \
+                     of its length, over the wanted {wanted:.4e}; give another pressure, a greater aqs.pressure_tolerance \
                      or another seed",
                     self.progress.steps + 1
                 )));
@@ -243,8 +243,8 @@ impl<D: Dimension> Strain<'_, D> {
     /// Keeps the packing of a trial with the pressure `now`, or gives it up; `None`: it is outside
     /// the law. Chooses how far to change the lengths next.
     fn judge(&mut self, pressing: &mut Pressing, now: Option<f64>) -> Result<()> {
-        let allowed = self.periodic.pressure_tolerance * pressing.wanted;
-        if pressing.judge(now, allowed, self.periodic.aqs.pressure_step) {
+        let allowed = self.quasi_static.pressure_tolerance * pressing.wanted;
+        if pressing.judge(now, allowed, self.quasi_static.aqs.pressure_step) {
             self.held.pop();
             self.held.push(RestState::of(&mut self.assembly));
             return Ok(());

@@ -11,12 +11,11 @@ use gshear_dem::system::System;
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::MOST_STEPS;
 use gshear_scene::unlikely::intervals_of_newtonian;
-use gshear_scene::{PeriodicBox, Scene};
+use gshear_scene::{QuasiStatic, RunStage, Scene};
 use gshear_store::box_columns::NewtonianRow;
 use gshear_store::collective::gathered;
 use gshear_store::file_names::NEWTONIAN_PART;
 use gshear_store::h5::Attribute;
-use gshear_store::run_reader::RunStage;
 use gshear_store::status::StageProgress;
 
 use super::assembly::Assembly;
@@ -41,6 +40,8 @@ pub(super) struct NewtonianStage<'a, D: Dimension> {
     step: u64,
     /// From where the time counts.
     origin: TimeOrigin,
+    /// Steps of the stages before the strain steps.
+    before: u64,
     schedule: NewtonianSchedule,
     /// Shear stress of the last row.
     latest: Option<f64>,
@@ -50,7 +51,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
     /// The stage from its start, or as it was stopped, with the displacements up to there.
     pub fn new(
         run: &Run<'a>,
-        periodic: &PeriodicBox,
+        quasi_static: &QuasiStatic,
         mut assembly: Assembly<'a, D>,
         header: NewtonianHeader,
         displacements: Option<Vec<Displacement>>,
@@ -59,11 +60,12 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
         let NewtonianHeader {
             step,
             origin,
+            before,
             progress,
             ..
         } = header;
-        let newtonian = periodic.newtonian.expect("a scene with this stage");
-        let strain = strain::reached::<D>(periodic, &progress);
+        let newtonian = scene.stages.newtonian.expect("a scene with this stage");
+        let strain = strain::reached::<D>(quasi_static, &progress);
         let mut schedule = NewtonianSchedule::new(&newtonian, progress.pair.as_ref(), time_step);
         if schedule.steps() > MOST_STEPS {
             let rate = progress.pair.map_or(0.0, |pair| pair.omega_i);
@@ -103,6 +105,7 @@ impl<'a, D: Dimension> NewtonianStage<'a, D> {
             progress,
             step,
             origin,
+            before,
             schedule,
             latest: None,
         })
@@ -151,7 +154,7 @@ impl<'a, D: Dimension> Stage<'a, D> for NewtonianStage<'a, D> {
 
     /// Newton's equations follow the strain steps.
     fn count(&self) -> Option<u64> {
-        Some(self.progress.steps + self.step + 1)
+        Some(self.before + self.progress.steps + self.step + 1)
     }
 
     fn assembly(&self) -> &Assembly<'a, D> {
@@ -214,6 +217,7 @@ impl<'a, D: Dimension> Stage<'a, D> for NewtonianStage<'a, D> {
             header: Header::Newtonian(NewtonianHeader {
                 step: self.step,
                 origin: self.origin,
+                before: self.before,
                 progress: self.progress,
                 written: self.files.written(),
                 lines: self.files.spectra_lines(),

@@ -20,7 +20,7 @@ use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::{self, radius, stream};
-use gshear_scene::{PeriodicBox, Placement, Scene, Sizes};
+use gshear_scene::{Origin, Placement, QuasiStatic, Scene, Sizes};
 use gshear_store::status::StageProgress;
 
 /// Lattice constant over the greatest diameter.
@@ -46,26 +46,36 @@ const CLOSEST: f64 = 0.9;
 /// checkpoints of a preparation. Collective.
 pub(super) fn prepare<D: Dimension>(
     run: &mut Run<'_>,
-    periodic: &PeriodicBox,
+    quasi_static: &QuasiStatic,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>> {
-    match periodic.placement {
-        Placement::Lattice => compress(run, periodic, law),
+    match quasi_static.placement {
+        Placement::Lattice => compress(run, quasi_static, law),
         Placement::Random => {
             let progress = StageProgress {
                 stage: super::PREPARE.into(),
                 ..StageProgress::default()
             };
             run.terminal.begin(&progress);
-            part(run, periodic, law)
+            part(run, quasi_static, law)
+        }
+    }
+}
+
+/// The sizes of the grains that are inserted.
+fn sizes_of(quasi_static: &QuasiStatic) -> &Sizes {
+    match &quasi_static.origin {
+        Origin::Insertion(sizes) => sizes,
+        Origin::Packing(_) | Origin::StageBefore { .. } => {
+            unreachable!("only inserted grains are prepared")
         }
     }
 }
 
 /// A guess how many steps a preparation takes. How long the grains take to come to rest is not
 /// known in advance, nor how often a compression step is halved.
-pub(crate) fn steps(scene: &Scene, periodic: &PeriodicBox) -> u64 {
-    let boxes = match periodic.placement {
+pub(crate) fn steps(scene: &Scene, quasi_static: &QuasiStatic) -> u64 {
+    let boxes = match quasi_static.placement {
         Placement::Lattice => {
             let (side, room) = lattice(scene);
             let loosest = room * f64::from(side);
@@ -80,14 +90,15 @@ pub(crate) fn steps(scene: &Scene, periodic: &PeriodicBox) -> u64 {
 /// The packing of grains that begin at random places of the box; `None` if asked to stop.
 fn part<D: Dimension>(
     run: &Run<'_>,
-    periodic: &PeriodicBox,
+    quasi_static: &QuasiStatic,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>> {
     let (exchange, scene) = (run.exchange, run.scene);
     let length = scene.sample.length;
     let cell = scene.sample.box_cell(length);
-    let remedy = "give a lower box.solid_fraction, another seed, or sample.placement = \"lattice\"";
-    let mut placed = random_places(scene, &periodic.sizes);
+    let remedy =
+        "give a lower sample.solid_fraction, another seed, or sample.placement = \"lattice\"";
+    let mut placed = random_places(scene, sizes_of(quasi_static));
     // All ranks take the same steps.
     let moved = move_apart::<D>(
         &mut placed,
@@ -127,7 +138,7 @@ fn part<D: Dimension>(
     assembly.replace(&mut NoWalls, grains, Vec::new())?;
     let packing = match settle(run, &mut assembly, 10 * SETTLING) {
         Ok(true) => return Ok(None),
-        Ok(false) => rest(run, periodic, &mut assembly),
+        Ok(false) => rest(run, quasi_static, &mut assembly),
         Err(failure) => Err(failure),
     };
     packing.map_err(|failure| match failure {
@@ -140,12 +151,12 @@ fn part<D: Dimension>(
 /// asked to stop.
 fn rest<D: Dimension>(
     run: &Run<'_>,
-    periodic: &PeriodicBox,
+    quasi_static: &QuasiStatic,
     assembly: &mut Assembly<'_, D>,
 ) -> Result<Option<Snapshot>> {
     let mut steps = 0;
-    assembly.begin_overdamped(&periodic.relax)?;
-    while !assembly.overdamped(&periodic.relax, &mut steps)? {
+    assembly.begin_overdamped(&quasi_static.relax)?;
+    while !assembly.overdamped(&quasi_static.relax, &mut steps)? {
         if run.should_stop() {
             return Ok(None);
         }
@@ -157,12 +168,17 @@ fn rest<D: Dimension>(
 /// The packing of grains that begin on a lattice; `None` if asked to stop.
 fn compress<D: Dimension>(
     run: &mut Run<'_>,
-    periodic: &PeriodicBox,
+    quasi_static: &QuasiStatic,
     law: &dyn PairForce<D>,
 ) -> Result<Option<Snapshot>> {
     let (exchange, scene) = (run.exchange, run.scene);
     let target = scene.sample.length;
-    let (mut length, mut grains) = insert(scene, &periodic.sizes, exchange.rank(), exchange.size());
+    let (mut length, mut grains) = insert(
+        scene,
+        sizes_of(quasi_static),
+        exchange.rank(),
+        exchange.size(),
+    );
     length = length.max(target);
     // The last box in which the grains settled, and the grains there.
     let mut settled: Option<(f64, Vec<GrainState>)> = None;
@@ -190,7 +206,7 @@ fn compress<D: Dimension>(
             return Ok(None);
         }
         if moved.is_ok() && length == target {
-            match rest(run, periodic, &mut assembly) {
+            match rest(run, quasi_static, &mut assembly) {
                 Ok(state) => return Ok(state),
                 Err(Failure::Numbers(m)) if m.starts_with(NOT_AT_REST) => {
                     keep(run, boxes, settled);
@@ -207,7 +223,7 @@ fn compress<D: Dimension>(
             (Err(Failure::Numbers(_)), Some(_)) if halvings < MOST_HALVINGS => halvings += 1,
             (Err(Failure::Numbers(m)), _) => {
                 let what = format!(
-                    "{m}, after {halvings} halvings of the compression step; give a lower box.solid_fraction, or another seed"
+                    "{m}, after {halvings} halvings of the compression step; give a lower sample.solid_fraction, or another seed"
                 );
                 keep(run, boxes, settled);
                 return Err(in_preparation(scene, length, &what));
@@ -394,7 +410,7 @@ mod tests {
     use super::*;
     use gshear_dem::dimension::{Three, Two};
     use gshear_dem::state::length;
-    use gshear_scene::{Dimensions, Source, Stages, load};
+    use gshear_scene::{Dimensions, Source, load};
 
     const TEXT: &str = include_str!("../../../../configs/bonfanti.toml");
 
@@ -402,10 +418,7 @@ mod tests {
     fn scene(text: &str, sets: &[&str]) -> (Scene, Sizes) {
         let sets: Vec<String> = sets.iter().map(ToString::to_string).collect();
         let scene = load(&Source::new("a box", text), &sets).unwrap();
-        let Stages::Strain(PeriodicBox { sizes, .. }) = &scene.stages else {
-            panic!("walls")
-        };
-        let sizes = sizes.clone();
+        let sizes = sizes_of(scene.stages.strain.as_ref().unwrap()).clone();
         (scene, sizes)
     }
 
@@ -445,7 +458,7 @@ mod tests {
             for (seed, axes) in [(1, 2), (2, 2), (3, 3), (4, 3)] {
                 let seed = format!("seed={seed}");
                 let dimension = format!("dimension={axes}");
-                let sets = [sizes, &[&seed, &dimension, "box.solid_fraction=0.6"]].concat();
+                let sets = [sizes, &[&seed, &dimension, "sample.solid_fraction=0.6"]].concat();
                 let (scene, sizes) = scene(text, &sets);
                 let (_, grains) = insert(&scene, &sizes, 0, 1);
                 let volume = |g: &GrainState| scene.dimension.volume(g.radius);

@@ -14,9 +14,8 @@ use gshear_dem::observe::{self, RowInput, SampleConstants};
 use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
-use gshear_scene::{Motion, PlaneShear, Scene};
+use gshear_scene::{Motion, PlaneShear, RunStage, Scene};
 use gshear_store::h5::Attribute;
-use gshear_store::run_reader::RunStage;
 
 use super::assembly::Assembly;
 use super::top_wall::mass_of;
@@ -26,7 +25,7 @@ use crate::options::Outcome;
 use crate::output_schedule::OutputSchedule;
 use crate::run::{Checkpoint, Run};
 use crate::stage::{Save, Stage};
-use gshear_store::file_names::RUN_FILE;
+use gshear_store::file_names::part_of;
 use gshear_store::status::StageProgress;
 
 /// Steps between looks for grains that have passed a wall, where these are removed.
@@ -46,11 +45,22 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     files: Files,
     step: u64,
     first: u64,
+    /// Steps of the stages before.
+    before: u64,
+    /// Lengths of the cell in which strain steps left the sample, if they came before.
+    left_in: Option<[f64; 3]>,
     /// From where the time counts.
     origin: TimeOrigin,
     started: Instant,
     /// The last row of the time series.
     latest: Option<SeriesRow>,
+}
+
+/// A sample after its shear, or up to a stop.
+pub(super) struct Sheared<'a, D: Dimension> {
+    pub assembly: Assembly<'a, D>,
+    pub steps: u64,
+    pub outcome: Outcome,
 }
 
 impl<'a, D: Dimension> ShearStage<'a, D> {
@@ -108,7 +118,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         run.terminal
             .shearing(scene, plane_shear, &schedule, from.step);
         let format = Format {
-            name: RUN_FILE,
+            name: part_of(&scene.stages, RunStage::Shear),
             columns: schedule.columns,
             attributes: attributes(scene, plane_shear, &schedule),
             height: Some(schedule.height),
@@ -128,14 +138,16 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             files,
             step: from.step,
             first: from.step,
+            before: from.before,
+            left_in: from.left_in,
             origin: from.origin,
             started: Instant::now(),
             latest: None,
         })
     }
 
-    /// Closes the files; a run that is done is marked as finished.
-    pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Outcome> {
+    /// Closes the files; a shear that is done is marked as finished.
+    pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Sheared<'a, D>> {
         let exchange = run.exchange;
         let images = self.images();
         let (files, outcome) = self.files.unless_failed(exchange, outcome)?;
@@ -155,10 +167,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let out = &run.options.out;
         run.terminal
             .end(exchange, system, done / seconds, &digest, out);
-        if outcome == Outcome::Done {
-            run.terminal.go_on(out);
-        }
-        Ok(outcome)
+        Ok(Sheared {
+            assembly: self.assembly,
+            steps: self.step,
+            outcome,
+        })
     }
 
     /// Ends the run if a free grain has passed a wall, unless such grains are removed. Collective.
@@ -299,6 +312,10 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         self.step
     }
 
+    fn count(&self) -> Option<u64> {
+        Some(self.before + self.step + 1)
+    }
+
     fn assembly(&self) -> &Assembly<'a, D> {
         &self.assembly
     }
@@ -368,6 +385,8 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         let header = ShearHeader {
             step: self.step,
             origin: self.origin,
+            before: self.before,
+            left_in: self.left_in,
             piston: top.piston,
             images: self.images(),
             slider: (self.step > 0).then_some(top.slider.state),

@@ -4,16 +4,16 @@
 use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::Result;
 use gshear_dem::state::{HeldState, Snapshot};
-use gshear_scene::{Deformation, PeriodicBox, Scene};
+use gshear_scene::{Deformation, Origin, QuasiStatic, RunStage, Scene};
 use gshear_store::box_columns::AqsRow;
-use gshear_store::file_names::RUN_FILE;
+use gshear_store::file_names::part_of;
 use gshear_store::h5::Attribute;
-use gshear_store::run_reader::RunStage;
 
 use super::assembly::{Assembly, RestState};
 use super::box_state::Observed;
 use super::eigenvalues::Eigenvalues;
 use super::relax::{LONGEST, NOT_AT_REST, Relaxation};
+use super::top_wall::volume_of_grains;
 use crate::files::{Files, Format, TimePoint};
 use crate::header::{
     Birth, Header, RelaxationStatistics, Search, Shape, StrainHeader, StrainProgress, Unfinished,
@@ -27,22 +27,26 @@ use gshear_store::status::StageProgress;
 
 /// The strain that the box has reached: γ of a shear, ε along the last axis of a biaxial box, and
 /// of a compression the part by which the volume has decreased.
-pub(super) fn reached<D: Dimension>(periodic: &PeriodicBox, progress: &StrainProgress) -> f64 {
-    match (&periodic.deformation, &progress.stretched) {
+pub(super) fn reached<D: Dimension>(quasi_static: &QuasiStatic, progress: &StrainProgress) -> f64 {
+    match (&quasi_static.deformation, &progress.stretched) {
         (Deformation::Compression(_), Some(stretched)) => stretched.volume_strain::<D>(),
         (Deformation::Compression(_), None) => 0.0,
-        _ => periodic.aqs.strain_step * progress.steps as f64,
+        _ => quasi_static.aqs.strain_step * progress.steps as f64,
     }
 }
 
 /// The stage of the strain steps.
 pub(super) struct Strain<'a, D: Dimension> {
     pub(super) scene: &'a Scene,
-    pub(super) periodic: &'a PeriodicBox,
+    pub(super) quasi_static: &'a QuasiStatic,
     pub(super) assembly: Assembly<'a, D>,
     relaxation: Relaxation,
     files: Files,
     schedule: StrainSchedule,
+    /// The solid fraction in a cell of a known volume.
+    pub(super) at_start: SolidFraction,
+    /// Steps of the stages before.
+    before: u64,
     pub(super) progress: StrainProgress,
     /// What goes on after the last strain step.
     work: Option<Work>,
@@ -57,7 +61,13 @@ pub(super) struct Strain<'a, D: Dimension> {
     latest: Option<[f64; 2]>,
 }
 
-/// A box after its strain steps, or those before a stop.
+/// A solid fraction, and the volume of the cell that has it.
+pub(super) struct SolidFraction {
+    pub value: f64,
+    pub volume: f64,
+}
+
+/// A cell after its strain steps, or those before a stop.
 pub(super) struct Strained<'a, D: Dimension> {
     pub assembly: Assembly<'a, D>,
     pub progress: StrainProgress,
@@ -68,13 +78,14 @@ impl<'a, D: Dimension> Strain<'a, D> {
     /// The strain steps from their start, or as they were stopped, with the states that are held.
     pub fn new(
         run: &Run<'a>,
-        periodic: &'a PeriodicBox,
+        quasi_static: &'a QuasiStatic,
         mut assembly: Assembly<'a, D>,
         header: StrainHeader,
         held: Vec<HeldState>,
     ) -> Result<Self> {
         let scene = run.scene;
         let StrainHeader {
+            before,
             progress,
             written,
             unfinished,
@@ -88,7 +99,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             state,
         });
         let format = Format {
-            name: RUN_FILE,
+            name: part_of(&scene.stages, RunStage::Strain),
             columns: &AqsRow::COLUMNS,
             attributes: vec![("mean_diameter", scene.sample.mean_diameter.into())],
             height: None,
@@ -99,12 +110,24 @@ impl<'a, D: Dimension> Strain<'a, D> {
             step: progress.steps,
             last: (written.rows > 0).then_some(progress.steps),
         };
+        let at_start = match &quasi_static.origin {
+            Origin::StageBefore { .. } => SolidFraction {
+                value: volume_of_grains(run, scene, &assembly.system.grain_states()),
+                volume: 1.0,
+            },
+            Origin::Insertion(_) | Origin::Packing(_) => SolidFraction {
+                value: quasi_static.solid_fraction,
+                volume: quasi_static.lengths(&scene.sample).iter().product(),
+            },
+        };
         Ok(Self {
             files: Files::open(run, &mut assembly, format, checkpoint)?,
-            relaxation: Relaxation::new(periodic.relax, &scene.sample),
-            schedule: StrainSchedule::new(&periodic.aqs),
+            at_start,
+            before,
+            relaxation: Relaxation::new(quasi_static.relax, &scene.sample),
+            schedule: StrainSchedule::new(&quasi_static.aqs),
             scene,
-            periodic,
+            quasi_static,
             assembly,
             progress,
             work,
@@ -141,7 +164,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
 
     /// Whether the pair ends the strain steps.
     fn has_grown(&self) -> bool {
-        let until = self.periodic.aqs.until_imaginary;
+        let until = self.quasi_static.aqs.until_imaginary;
         let pair = self.progress.pair;
         until > 0.0 && self.progress.pairs == 1 && pair.is_some_and(|pair| pair.lambda_i >= until)
     }
@@ -154,9 +177,9 @@ impl<'a, D: Dimension> Strain<'a, D> {
     /// Begins a strain step. Returns what follows the relaxation; `None` if there is none.
     fn deform(&mut self) -> Result<Option<Search>> {
         let step = self.progress.steps + 1;
-        match &self.periodic.deformation {
+        match &self.quasi_static.deformation {
             Deformation::SimpleShear => {
-                self.shear(self.periodic.aqs.strain_step)?;
+                self.shear(self.quasi_static.aqs.strain_step)?;
                 Ok(Some(Search::Rest))
             }
             Deformation::PureShear => self.pure_shear(step),
@@ -189,7 +212,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
 
     /// What follows a relaxation that is done, if not another one: `None`.
     fn search(&mut self, run: &Run<'_>, work: &Work) -> Result<Option<Search>> {
-        match (work.search, self.periodic.pressure) {
+        match (work.search, self.quasi_static.pressure) {
             (Search::Rest, Some(pressure)) if work.prepares => self.begin_to_press(pressure),
             (Search::Rest, _) => Ok(None),
             (Search::Pressure(pressing), _) => self.press_on(pressing),
@@ -256,7 +279,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
             None => SpectrumColumns::UNKNOWN,
         };
         AqsRow {
-            strain: reached::<D>(self.periodic, &self.progress),
+            strain: reached::<D>(self.quasi_static, &self.progress),
             image_offset: self.progress.offset,
             shear_stress: observed.shear_stress,
             pressure: observed.pressure,
@@ -287,7 +310,7 @@ impl<'a, D: Dimension> Strain<'a, D> {
     /// Begins the next step of the bisection of the strain of the birth, between these strains from
     /// the state before the last strain step on, or ends it.
     fn bisect(&mut self, run: &Run<'_>, low: f64, high: f64) -> Result<Option<Search>> {
-        let aqs = self.periodic.aqs;
+        let aqs = self.quasi_static.aqs;
         if high - low > aqs.birth_precision {
             let before = self.held[0].clone();
             before.put_back(&mut self.assembly)?;
@@ -393,13 +416,14 @@ impl<'a, D: Dimension> Stage<'a, D> for Strain<'a, D> {
                 self.work = Some(work);
             }
         } else {
-            if self.periodic.aqs.spectrum && self.progress.birth.is_none() {
+            if self.quasi_static.aqs.spectrum && self.progress.birth.is_none() {
                 self.held.push(RestState::of(&mut self.assembly));
             }
             let next = self.deform()?;
             self.relax(false, RelaxationStatistics::default(), next)?;
         }
-        let last = self.work.is_none() && run.options.stop_at == Some(self.progress.steps);
+        let counted = self.before + self.progress.steps;
+        let last = self.work.is_none() && run.options.stop_at == Some(counted);
         Ok(run.should_stop() || last)
     }
 
@@ -435,7 +459,7 @@ impl<'a, D: Dimension> Stage<'a, D> for Strain<'a, D> {
         self.files.frame(&mut self.assembly, due, at, 0.0)?;
         if self.progress.birth.is_none() && self.progress.pairs > 0 && !self.held.is_empty() {
             self.held.push(RestState::of(&mut self.assembly));
-            let first = self.bisect(run, 0.0, self.periodic.aqs.strain_step)?;
+            let first = self.bisect(run, 0.0, self.quasi_static.aqs.strain_step)?;
             if first.is_some() {
                 self.relax(false, RelaxationStatistics::default(), first)?;
             }
@@ -476,6 +500,7 @@ impl<'a, D: Dimension> Stage<'a, D> for Strain<'a, D> {
         });
         Ok(Checkpoint {
             header: Header::Strain(StrainHeader {
+                before: self.before,
                 progress: self.progress,
                 written: self.files.written(),
                 unfinished,

@@ -50,6 +50,12 @@ pub(super) fn mass_of(run: &Run<'_>, scene: &Scene, grains: &[GrainState], body:
     total(run, mean_mass(scene), masses)
 }
 
+/// Volume (m³; in 2D m²) of all grains, summed over the ranks; collective.
+pub(super) fn volume_of_grains(run: &Run<'_>, scene: &Scene, grains: &[GrainState]) -> f64 {
+    let volumes = grains.iter().map(|g| scene.dimension.volume(g.radius));
+    total(run, scene.sample.mean_volume, volumes)
+}
+
 /// The sum over the ranks of terms of this magnitude, in any order; collective.
 fn total(run: &Run<'_>, magnitude: f64, terms: impl Iterator<Item = f64>) -> f64 {
     let fixed = FixedPoint::new(magnitude);
@@ -71,11 +77,7 @@ pub(super) fn stretch(
     let Some(wanted) = plane_shear.load.solid_fraction else {
         return Ok(());
     };
-    let volumes = state
-        .grains
-        .iter()
-        .map(|g| scene.dimension.volume(g.radius));
-    let volume = total(run, scene.sample.mean_volume, volumes);
+    let volume = volume_of_grains(run, scene, &state.grains);
     let height = volume / (scene.sample.base() * wanted);
     if height < piston.height {
         return Err(Failure::numbers(format!(

@@ -23,7 +23,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::derived::mean_attraction;
 use gshear_scene::schedule::{Interval, Schedule, definition_of_inertial_number};
 use gshear_scene::{
-    Control, Dimensions, Motion, Origin, PlaneShear, Scene, Stages, TimeStep, WallSpeed, Walls,
+    Control, Dimensions, Motion, Origin, PlaneShear, RunStage, Scene, TimeStep, WallSpeed, Walls,
     unlikely,
 };
 use gshear_store::box_columns::AqsRow;
@@ -154,27 +154,32 @@ impl Terminal {
         );
         let law = law(scene);
         let TimeStep { step, limit, .. } = scene.time_step;
-        let plane_shear = match &scene.stages {
-            Stages::Shear(plane_shear) => plane_shear,
-            Stages::Strain(periodic) => {
-                self.say(format!(
-                    "{grains} in a periodic box {:.4e} long, solid fraction {:.4}",
-                    sample.length, periodic.solid_fraction
-                ));
-                if let Some(file) = &periodic.packing {
-                    self.say(format!("grains from {}", file.path.display()));
-                }
-                self.say(format!(
-                    "law:   {law}; step:  dt = {step:.4e}, limit {limit:.4e}"
-                ));
-                return;
+        let strained_first = match &scene.stages.strain {
+            Some(strain) if scene.stages.first() == RunStage::Strain => Some(strain),
+            _ => None,
+        };
+        if let Some(quasi_static) = strained_first {
+            self.say(format!(
+                "{grains} in a periodic box {:.4e} long, solid fraction {:.4}",
+                sample.length, quasi_static.solid_fraction
+            ));
+            if let Some(file) = scene.packing() {
+                self.say(format!("grains from {}", file.path.display()));
             }
+        }
+        let Some(plane_shear) = scene.shear() else {
+            self.say(format!(
+                "law:   {law}; step:  dt = {step:.4e}, limit {limit:.4e}"
+            ));
+            return;
         };
         let (width, unit) = match scene.dimension {
             Dimensions::Two => (String::new(), "N/m"),
             Dimensions::Three => (format!(", L_y = {:.4e} m", sample.width), "N"),
         };
-        self.say(format!("{grains}, L_x = {:.4e} m{width}", sample.length));
+        if strained_first.is_none() {
+            self.say(format!("{grains}, L_x = {:.4e} m{width}", sample.length));
+        }
         if let Origin::Packing(file) = &plane_shear.origin {
             let what = if plane_shear.pack.skip {
                 walls_of_file(plane_shear)
@@ -190,9 +195,14 @@ impl Terminal {
         } else {
             " of the weight"
         };
+        let force = match strained_first {
+            // By a cell that is not known yet.
+            Some(_) => String::new(),
+            None => format!(", N = {:.6e} {unit}", load.normal_force),
+        };
         self.say(format!(
-            "load:  kappa = {:.4e}, P = {:.6e} Pa, N = {:.6e} {unit}{suffix}",
-            load.stiffness_number, load.pressure, load.normal_force,
+            "load:  kappa = {:.4e}, P = {:.6e} Pa{force}{suffix}",
+            load.stiffness_number, load.pressure,
         ));
         if load.gravity > 0.0 {
             self.say(format!(
@@ -534,7 +544,7 @@ pub(crate) fn ranks(n: usize) -> String {
     }
 }
 
-/// Output of runs in a periodic box.
+/// Output of strain steps and of Newton's equations.
 impl Terminal {
     /// End of the preparation, after `steps` of overdamped dynamics.
     pub fn prepared(&self, steps: u64) {
@@ -589,7 +599,6 @@ impl Terminal {
             "done:  digest {digest}\n       results in {}",
             out.display()
         ));
-        self.go_on(out);
     }
 }
 

@@ -35,8 +35,8 @@ pub struct Arguments {
     /// series in it
     #[arg(long, value_name = "A..B", value_parser = range, required_unless_present = "time")]
     strain: Option<Ends>,
-    /// Range of time in s, as 0.1..0.2: as --strain, for a strain that returns. Of a run in a box
-    /// that of Newton's equations
+    /// Range of time in s, as 0.1..0.2: as --strain, for a strain that returns. Of a run that does
+    /// not shear at a rate that of Newton's equations
     #[arg(long, value_name = "A..B", value_parser = range, conflicts_with = "strain")]
     time: Option<Ends>,
     /// Steps between frames, from the first row on [default: one frame per row]
@@ -72,14 +72,12 @@ impl Arguments {
         let (rows, [from, to], kind, run) = match (self.strain, self.time) {
             (Some(ends), _) => (Rows::Strain(ends), ends, "", RunFile::open(&self.run)?),
             (None, Some(ends)) => {
-                let run = RunFile::open_any(&self.run)?;
-                if run.stage() == RunStage::Shear {
-                    (Rows::Time(ends), ends, "time-", run)
-                } else {
-                    let moving = folder_of(&self.run).join(NEWTONIAN_PART);
-                    let moving = RunFile::open_any(&moving)?;
-                    (Rows::Time(ends), ends, "newtonian-", moving)
-                }
+                let run = moving(&self.run)?;
+                let kind = match run.stage() {
+                    RunStage::Shear => "time-",
+                    _ => "newtonian-",
+                };
+                (Rows::Time(ends), ends, kind, run)
             }
             (None, None) => {
                 return Err(Failure::input("replay: give --strain A..B or --time A..B"));
@@ -106,6 +104,18 @@ impl Arguments {
             run.path().display()
         )
     }
+}
+
+/// The first stage of a run, from the one at this path on, that moves by the equations of motion.
+fn moving(run: &Path) -> Result<RunFile> {
+    let file = RunFile::open_any(run)?;
+    if file.stage() == RunStage::Shear {
+        return Ok(file);
+    }
+    if let Some(shear) = file.part(RunStage::Shear)? {
+        return Ok(shear);
+    }
+    RunFile::open_any(&folder_of(run).join(NEWTONIAN_PART))
 }
 
 /// The rows of the time series that are replayed: from the first to the last in a range.
@@ -164,13 +174,10 @@ pub fn window(
             out.display()
         )));
     }
-    let (stage, file, set) = match run.stage() {
-        RunStage::Newtonian => ("newtonian", NEWTONIAN_PART, &["newtonian.spectra=0"][..]),
-        _ => (
-            "shear",
-            RUN_FILE,
-            &["analysis.scalars=false", "output.progress_lines=0"][..],
-        ),
+    let stage = run.stage();
+    let set = match stage {
+        RunStage::Newtonian => &["newtonian.spectra=0"][..],
+        _ => &["analysis.scalars=false", "output.progress_lines=0"],
     };
     let options = Options {
         out: out.to_path_buf(),
@@ -178,8 +185,9 @@ pub fn window(
         replay: Some(window),
         ..Options::default()
     };
-    let from = again(run.folder(), stage, window.first, set, options)?;
-    let again = RunFile::open_any(&out.join(file))?;
+    let from = again(run.folder(), stage.name(), window.first, set, options)?;
+    // Of a file that holds one part only, that is opened.
+    let again = RunFile::open_any(&out.join(RUN_FILE))?;
     let rows = equal_rows(run, &again)?;
     Ok(Replayed {
         run: again,

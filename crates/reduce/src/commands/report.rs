@@ -14,7 +14,7 @@ use gshear_driver::estimate::bytes;
 use gshear_driver::progress::duration;
 use gshear_driver::stored_run::condition;
 use gshear_report::{Rearranging, Sources};
-use gshear_store::file_names::{NEWTONIAN_PART, folder_of};
+use gshear_store::file_names::folder_of;
 use gshear_store::part;
 use gshear_store::run_reader::{RunFile, RunStage};
 
@@ -23,8 +23,8 @@ use gshear_store::run_reader::{RunFile, RunStage};
 /// Of disks between walls the maps show the states right before and after the largest drop of τ,
 /// and the greatest D²min. Unless frames show them, these parts are computed again from the
 /// checkpoint before them (output.keep_checkpoints), with a frame per row, if that takes less than
-/// two minutes and 1 GB. The page of a run in a periodic box shows what its deformation and
-/// Newton's equations have measured.
+/// two minutes and 1 GB. The page of quasi-static strain shows what it and Newton's equations have
+/// measured. Of a run with both, the first stage has the first page, with a link to the other.
 ///
 /// Several runs, or the folder of a sweep, are compared: their curves over each other, and means
 /// with standard errors over seeds against the keys in which their scenes differ. Writes means.csv,
@@ -82,17 +82,26 @@ impl Arguments {
         }
         let run = RunFile::open_any(first)?;
         let folder = Results::path(self.out.as_deref(), run.folder(), "report")?;
-        let page = match run.stage() {
-            RunStage::Shear => {
-                let choice = match (self.replay, self.no_replay) {
-                    (true, _) => Choice::All,
-                    (_, true) => Choice::None,
-                    _ => Choice::Short,
-                };
-                between_walls(&run, &folder, &Replays { choice, threads }, printer)?
-            }
-            _ => in_a_box(&run, first, &folder)?,
+        let choice = match (self.replay, self.no_replay) {
+            (true, _) => Choice::All,
+            (_, true) => Choice::None,
+            _ => Choice::Short,
         };
+        let again = Replays { choice, threads };
+        // A later stage has a page of its own; Newton's equations are on that of the strain steps.
+        let mut later = None;
+        let is_whole = part::file_of(first) == *first;
+        for stage in [RunStage::Shear, RunStage::Strain] {
+            if is_whole
+                && stage != run.stage()
+                && let Some(file) = run.part(stage)?
+            {
+                let folder = folder.join(stage.name());
+                page_of(&file, None, &folder, &again, printer)?;
+                later = Some(stage);
+            }
+        }
+        let page = page_of(&run, later, &folder, &again, printer)?;
         printer.wrote(&page)
     }
 
@@ -105,20 +114,36 @@ impl Arguments {
     }
 }
 
-/// The page of a box: of its strain steps and, if its folder is given, of Newton's equations.
-fn in_a_box(run: &RunFile, given: &Path, folder: &Path) -> Result<PathBuf> {
-    let moving = given.join(NEWTONIAN_PART);
-    let moving = (run.stage() == RunStage::Strain && part::exists(&moving)).then_some(moving);
-    let moving = moving.map(|path| RunFile::open_any(&path)).transpose()?;
-    let files: Vec<&RunFile> = [run].into_iter().chain(&moving).collect();
-    let conditions: Vec<_> = files.iter().map(|file| condition(file)).collect();
-    gshear_report::write_box(&files, &conditions, folder)
+/// The page of a stage. `later`: a stage after it whose page is in a folder of its name.
+fn page_of(
+    run: &RunFile,
+    later: Option<RunStage>,
+    folder: &Path,
+    again: &Replays,
+    printer: &mut Printer,
+) -> Result<PathBuf> {
+    match run.stage() {
+        RunStage::Shear => of_shear(run, later, folder, again, printer),
+        RunStage::Strain | RunStage::Newtonian => of_strain(run, later, folder),
+    }
 }
 
-/// The page of a run between walls or under a free surface. Velocity steps and holds under a spring
-/// are reduced into `folder`/rate-state.
-fn between_walls(
+/// The page of strain steps and of Newton's equations after them.
+fn of_strain(run: &RunFile, later: Option<RunStage>, folder: &Path) -> Result<PathBuf> {
+    let moving = match run.stage() {
+        RunStage::Strain => run.part(RunStage::Newtonian)?,
+        _ => None,
+    };
+    let files: Vec<&RunFile> = [run].into_iter().chain(&moving).collect();
+    let conditions: Vec<_> = files.iter().map(|file| condition(file)).collect();
+    gshear_report::write_box(&files, &conditions, later, folder)
+}
+
+/// The page of a shear. Velocity steps and holds under a spring are reduced into
+/// `folder`/rate-state.
+fn of_shear(
     run: &RunFile,
+    later: Option<RunStage>,
     folder: &Path,
     again: &Replays,
     printer: &mut Printer,
@@ -153,6 +178,7 @@ fn between_walls(
             shown: finer.as_ref().unwrap_or(run),
         }),
         rate_state,
+        later,
     };
     gshear_report::write(run, &sources, folder)
 }

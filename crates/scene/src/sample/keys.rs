@@ -1,5 +1,7 @@
 //! The keys of `[sample]`, and what the names among their values mean.
 
+use std::ops::Bound;
+
 use gshear_dem::boundary::{KEYS, WALLS_KEYS};
 use gshear_dem::laws::keys::{Bounds, Integers, POSITIVE, SHARE, UNIT};
 
@@ -102,9 +104,16 @@ table! {
             what: "the radii, each as likely as the others",
             example: "[1e-3, 1.5e-3]",
         },
-        /// where the grains of a box begin
+        /// φ, the grains' volume over that of the cell, a cube (in 2D a square), in which they
+        /// come to rest without friction; where strain steps come first, instead of a load
+        solid_fraction: Number(Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) }) {
+            condition: "with `\"periodic\"`; without `packing`",
+            what: "phi, the grains' volume over that of the cell",
+            example: "0.7",
+        },
+        /// where the grains of such a cell begin
         placement: Text(&PLACEMENT_NAMES) {
-            condition: "with `[box]`",
+            condition: "with `solid_fraction`",
             default: PLACEMENT_NAMES[0],
         },
         /// L_x, periodic
@@ -124,7 +133,7 @@ table! {
         /// file with the grains, instead of insertion: LAMMPS data or dump, a list, or a run
         packing: Text(&[]) { condition: "a path, from the folder of this file", otherwise: "none" },
         /// copies of the packing beside each other along its periodic axes: `[n_x]`, in 3D
-        /// `[n_x, n_y]`; in a box one more
+        /// `[n_x, n_y]`; in a cell that is periodic along its last axis, too, one more
         replicate: Numbers(COPIES) { condition: "whole numbers", otherwise: "once" },
         /// what bounds the sample below and above: walls of its grains; its own images, which
         /// move as a top wall does (Lees and Edwards); `"free"`, a wall below and nothing above
@@ -188,7 +197,7 @@ impl Walls {
     pub const NAMES: [(&str, Walls); 2] = [("layers", Walls::Layers), ("types", Walls::Types)];
 }
 
-/// Where the grains of a box begin, before it is brought to rest without friction.
+/// Where the grains of a cell of a given solid fraction begin, before it is brought to rest without friction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Placement {
     /// On a loose lattice, jittered, in a larger box that is compressed step by step.

@@ -28,6 +28,7 @@ use crate::layout::{
     grain_dataset, of_grain,
 };
 pub use crate::parameter::{Parameter, Parameters};
+use crate::part;
 use crate::sound::ReadFile;
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_analysis::interval::Interval;
@@ -36,60 +37,28 @@ use gshear_dem::boundary::Boundary;
 use gshear_dem::columns::Column;
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::state::{BoxEdges, Cell, Frame, GrainConstants, SeriesRow, Sheared};
+pub use gshear_scene::RunStage;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Dimensions, ReadPacking, Source, Stages};
+use gshear_scene::{Dimensions, ReadPacking, Source};
 
-/// The stage of a run whose frames and time series a file holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum RunStage {
-    /// Shear between walls.
-    Shear,
-    /// Strain steps of a periodic box; time is strain.
-    Strain,
-    /// Newton's equations in a periodic box.
-    Newtonian,
+/// Columns of the time series of a stage, of a shear those that all have.
+pub fn series_columns(stage: RunStage) -> &'static [Column] {
+    match stage {
+        RunStage::Shear => &SeriesRow::COLUMNS,
+        RunStage::Strain => &AqsRow::COLUMNS,
+        RunStage::Newtonian => &NewtonianRow::COLUMNS,
+    }
 }
 
-impl RunStage {
-    /// In the order in which a file is tried.
-    const ALL: [Self; 3] = [Self::Newtonian, Self::Strain, Self::Shear];
-
-    /// Columns of the time series, of a shear those that all have.
-    pub fn columns(self) -> &'static [Column] {
-        match self {
-            Self::Shear => &SeriesRow::COLUMNS,
-            Self::Strain => &AqsRow::COLUMNS,
-            Self::Newtonian => &NewtonianRow::COLUMNS,
-        }
-    }
-
-    /// Name, as messages and checkpoints have it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Shear => "shear",
-            Self::Strain => "aqs",
-            Self::Newtonian => "newtonian",
-        }
-    }
-
-    /// The name of a file made of this stage, which is `name` for a shear.
-    pub fn named(self, name: &str) -> String {
-        match self {
-            Self::Shear => name.into(),
-            _ => format!("{}-{name}", self.name()),
-        }
-    }
-
-    /// The stage whose columns a file has; [`RunStage::Shear`] if none fits, so that messages name
-    /// the columns of that.
-    fn of(source: &OpenFile<'_>) -> Self {
-        let mut stages = Self::ALL.into_iter();
-        let stage = stages.find(|stage| {
-            let mut columns = stage.columns().iter();
-            columns.all(|column| source.exists(&format!("{OBSERVABLES}/{column}")))
-        });
-        stage.unwrap_or(Self::Shear)
-    }
+/// The stage whose columns a file has; [`RunStage::Shear`] if none fits, so that messages name the
+/// columns of that.
+fn stage_of(source: &OpenFile<'_>) -> RunStage {
+    let stages = [RunStage::Newtonian, RunStage::Strain];
+    let stage = stages.into_iter().find(|stage| {
+        let mut columns = series_columns(*stage).iter();
+        columns.all(|column| source.exists(&format!("{OBSERVABLES}/{column}")))
+    });
+    stage.unwrap_or(RunStage::Shear)
 }
 
 /// The time series: L rows, as many as every column has.
@@ -204,7 +173,8 @@ pub struct RunFile {
 }
 
 impl RunFile {
-    /// Opens the shear of a run: a `run.h5`, or the folder that holds one.
+    /// Opens the shear of a run: a `run.h5`, or the folder that holds one; where another stage came
+    /// before it, its part `run.h5/shear`.
     ///
     /// A run that was stopped early is read as far as all of its datasets go.
     ///
@@ -213,9 +183,14 @@ impl RunFile {
     /// wrong shape; a file of another stage.
     pub fn open(run: &Path) -> Result<Self> {
         let file = Self::open_any(run)?;
-        match file.stage {
-            RunStage::Shear => Ok(file),
-            _ => Err(file.wrong("is of a scene with [box]; this command needs the shear of a run")),
+        if file.stage == RunStage::Shear {
+            return Ok(file);
+        }
+        match file.part(RunStage::Shear)? {
+            Some(shear) => Ok(shear),
+            None => Err(file.wrong(
+                "has no shear at a rate ([shear] of its scene); this command needs that of a run",
+            )),
         }
     }
 
@@ -249,8 +224,8 @@ impl RunFile {
         )))
     }
 
-    /// Opens any stage: a `run.h5` or the folder that holds one, of a box its strain steps;
-    /// `run.h5/newtonian`: Newton's equations after them.
+    /// Opens any stage: a `run.h5` or the folder that holds one, its first stage;
+    /// `run.h5/aqs`, `run.h5/newtonian`, `run.h5/shear`: a later one.
     ///
     /// # Errors
     /// [`Failure::Input`] that names the file and the object that is missing, damaged or of the
@@ -262,7 +237,7 @@ impl RunFile {
         }
         hdf5::silence_errors(true);
         let source = OpenFile::open(&path)?;
-        let stage = RunStage::of(&source);
+        let stage = stage_of(&source);
         let parameters = source.parameters()?;
         source.is_of_one_run(&parameters)?;
         let edges = source.edges(&parameters)?;
@@ -275,7 +250,7 @@ impl RunFile {
         let finished = parameters.contains_key("digest");
         let columns = match stage {
             RunStage::Shear => source.columns_of_shear(boundary),
-            _ => stage.columns(),
+            _ => series_columns(stage),
         };
         let place = TablePlace {
             group: OBSERVABLES,
@@ -327,6 +302,18 @@ impl RunFile {
         };
         file.cut_to_whole_frames(&source, finished)?;
         Ok(file)
+    }
+
+    /// Opens the part of the file with a stage that is not the first; `None` if it is not there.
+    ///
+    /// # Errors
+    /// As of [`RunFile::open_any`].
+    pub fn part(&self, stage: RunStage) -> Result<Option<Self>> {
+        let path = part::file_of(&self.path).join(stage.name());
+        if !part::exists(&path) {
+            return Ok(None);
+        }
+        Self::open_any(&path).map(Some)
     }
 
     /// What its contacts are.
@@ -647,12 +634,8 @@ impl RunFile {
         let packing: ReadPacking<'_> =
             &mut |path: &Path, _| Err(Failure::input(format!("{} is not read", path.display())));
         let scene = gshear_scene::load_with(&source, &[], packing).ok()?;
-        match &scene.stages {
-            Stages::Shear(walls) => {
-                Some(Schedule::new(&scene, walls, self.number("height_start")?))
-            }
-            Stages::Strain(_) => None,
-        }
+        let height = self.number("height_start")?;
+        Some(Schedule::new(&scene, scene.shear()?, height))
     }
 
     fn interpolated_strains(&self) -> Vec<f64> {

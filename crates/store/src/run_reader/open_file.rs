@@ -17,7 +17,7 @@ use crate::layout::{
     contact_dataset, grain_dataset, of_contact,
 };
 use crate::parameter::attributes;
-use crate::part::{NEWTONIAN, OpenPart, Part};
+use crate::part::{GROUPS, OpenPart, Part};
 use crate::sound::{self, ReadFile};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::boundary::{
@@ -105,7 +105,7 @@ impl<'a> OpenFile<'a> {
         let dataset = self.dataset(name)?;
         if dataset.ndim() != 1 {
             let what = format!("has {} dimensions instead of 1: {FOREIGN}", dataset.ndim());
-            return Err(self.wrong(name, what));
+            return Err(self.wrong(&name, what));
         }
         self.whole(name, &dataset)
     }
@@ -120,7 +120,7 @@ impl<'a> OpenFile<'a> {
         let values = self.all(name)?;
         if values.len() != length {
             let what = format!("has {} rows instead of {length}", values.len());
-            return Err(self.wrong(name, what));
+            return Err(self.wrong(&name, what));
         }
         Ok(values)
     }
@@ -131,7 +131,7 @@ impl<'a> OpenFile<'a> {
         let shape = dataset.shape();
         if shape.len() != inner.len() + 1 || shape[1..] != *inner {
             let what = format!("has the shape {shape:?} instead of [any] + {inner:?}");
-            return Err(self.wrong(name, what));
+            return Err(self.wrong(&name, what));
         }
         Ok(dataset)
     }
@@ -366,27 +366,27 @@ impl<'a> OpenFile<'a> {
         Ok(least)
     }
 
-    /// Refuses a file whose strain steps and Newton's equations are of different runs. `own`:
-    /// parameters of this part.
+    /// Refuses a file whose stages are of different runs. `own`: parameters of this part.
     pub(super) fn is_of_one_run(&self, own: &Parameters) -> Result<()> {
-        let file = self.file.file();
-        let others = match &*self.file.name() {
-            "/" if file.link_exists(NEWTONIAN) => format!("{NEWTONIAN}/{PARAMETERS}"),
-            "/" => return Ok(()),
-            _ => PARAMETERS.into(),
+        let Some(Parameter::Text(own)) = own.get("run_id") else {
+            return Ok(());
         };
-        let other = file.group(&others).and_then(|group| group.attr("run_id"));
-        let other = other.and_then(|id| id.read_scalar::<VarLenUnicode>());
-        match (own.get("run_id"), other) {
-            (Some(Parameter::Text(own)), Ok(other)) if own != other.as_str() => {
+        let file = self.file.file();
+        let groups = GROUPS.into_iter().filter(|group| file.link_exists(group));
+        let groups = groups.map(|group| format!("{group}/{PARAMETERS}"));
+        for name in groups.chain([PARAMETERS.to_string()]) {
+            let other = file.group(&name).and_then(|group| group.attr("run_id"));
+            let other = other.and_then(|id| id.read_scalar::<VarLenUnicode>());
+            if let Ok(other) = other
+                && own != other.as_str()
+            {
                 let what = format!(
-                    "strain steps and Newton's equations are of different runs (run_id {own} and {other}); \
-                     give the file as one run wrote it"
+                    "stages of one file are of different runs (run_id {own} and {other}); give the file as one run wrote it"
                 );
-                Err(self.wrong(&others, what))
+                return Err(self.wrong(&name, what));
             }
-            _ => Ok(()),
         }
+        Ok(())
     }
 
     pub(super) fn parameters(&self) -> Result<Parameters> {

@@ -13,7 +13,7 @@ use crate::layout::{
     self, CHUNK_FRAMES, Datasets, MASS, OpenMode, PARAMETERS, PARTICLES, RADIUS, describe,
 };
 pub use crate::layout::{FileContent, FrameFormat, frame_bytes};
-use crate::part::Part;
+use crate::part::{Part, groups_after};
 use crate::row_table::RowTable;
 pub use crate::run_header::{GrainShape, RunHeader};
 use crate::run_reader::RunFile;
@@ -102,6 +102,9 @@ impl TrajectoryWriter {
         let created = (|| {
             if is_added {
                 file.remove(part.group)?;
+                for group in groups_after(part.group) {
+                    file.remove(group)?;
+                }
             }
             describe(&file, header, &author)?;
             for (name, value) in &attributes {

@@ -5,7 +5,7 @@ use crate::collective::{CollectiveOutcome, IdBlocks, agree, told_by_root};
 use crate::existing::inspect;
 use crate::h5::H5File;
 use crate::layout::{Datasets, OpenMode, PARAMETERS};
-use crate::part::{NEWTONIAN, Part};
+use crate::part::{Part, groups_after};
 use gshear_dem::columns::Column;
 use gshear_dem::failure::Result;
 use gshear_mpi_exchange::Parallel;
@@ -46,9 +46,9 @@ impl TrajectoryWriter {
         // A file that was closed has no journal, and a kill while it is cut would damage it.
         write_journal(&writer.file, &writer.path, exchange)?;
         let mut outcome = CollectiveOutcome::default();
-        if part.group.is_empty() {
-            // What follows is made anew.
-            outcome.note(writer.file.remove(NEWTONIAN));
+        // What follows is made anew.
+        for group in groups_after(part.group) {
+            outcome.note(writer.file.remove(group));
         }
         for name in AT_THE_END {
             outcome.note(writer.file.remove_attribute(PARAMETERS, name));

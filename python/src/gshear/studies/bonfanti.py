@@ -337,7 +337,7 @@ def _numbers_of_run(run: Studied, folder: Path) -> dict[str, object]:
     if "packing" in sample:
         made = f"packing {sample['packing']}"
     else:
-        made = f"φ = {scene['box.solid_fraction']:g} {sample.get('placement', 'lattice')}"
+        made = f"φ = {scene['sample.solid_fraction']:g} {sample.get('placement', 'lattice')}"
     family = f"{made} N = {sample['grains']}"
     ours, paper = (first_pair(run.strain, folder, paper_form=form) for form in (False, True))
     lambda_i, omega_i = run.pair("lambda_i"), run.pair("omega_i")

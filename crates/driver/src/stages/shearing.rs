@@ -1,17 +1,18 @@
-//! Runs of scenes between walls: packing, then shear.
+//! Shear at a rate: packing, if the sample comes loose, then shear.
 
 use gshear_dem::drive::Piston;
-use gshear_dem::failure::{Failure, Result};
+use gshear_dem::failure::Result;
 use gshear_dem::kernel::PairForce;
 use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::{GrainState, Snapshot};
 use gshear_scene::insertion::Lattice;
 use gshear_scene::schedule::Schedule;
-use gshear_scene::{Load, Origin, PlaneShear, Scene, Sizes};
+use gshear_scene::{Load, Origin, PlaneShear, RunStage, Scene, Sizes};
 use gshear_store::checkpoint;
 
 use super::pack::{PackStage, falling_drag};
-use super::shear::ShearStage;
+use super::sequence::{LeftState, StageEnd};
+use super::shear::{ShearStage, Sheared};
 use super::top_wall::{height_between, mass_of_layer, mass_of_top, stretch};
 use crate::header::{Header, PackHeader, ShearHeader, TimeOrigin, Written};
 use crate::options::Outcome;
@@ -24,33 +25,46 @@ use crate::task::Start;
 /// sample starts with the fraction of the load that gives the same overlaps.
 const BEARS_ALL: [f64; 2] = [1e3, 1e4];
 
-/// Runs the scene from `start` to its last step; collective.
+/// Runs the shear from `start` to its last step; collective.
 ///
 /// # Errors
 /// Numbers that fail, or a file that cannot be written.
-pub fn run<D: LawSpace>(
-    run: &mut Run<'_>,
-    plane_shear: &PlaneShear,
-    start: Start,
-) -> Result<Outcome> {
+pub(super) fn run<D: LawSpace>(run: &mut Run<'_>, start: Start) -> Result<StageEnd> {
+    let plane_shear = run.scene.plane_shear("the scene")?;
     let (header, state) = begin(run, plane_shear, start)?;
     let (from, state) = match header {
         Header::Pack(header) => match packed::<D>(run, plane_shear, header, state)? {
             Some(packed) => packed,
-            None => return Ok(Outcome::Stopped),
+            None => return Ok(StageEnd::Stopped),
         },
         Header::Shear(header) => (header, state),
         Header::Prepare(_) | Header::Strain(_) | Header::Newtonian(_) => {
-            return Err(Failure::input(
-                "the checkpoint is of a periodic box, and its scene has none",
-            ));
+            unreachable!("a checkpoint of this stage, as was checked")
         }
     };
     let law = run.scene.force::<D>();
-    let begins = from.step == 0;
+    let (begins, before) = (from.step == 0, from.before);
     let mut shear = ShearStage::new(run, plane_shear, law.as_ref(), from, state)?;
     let outcome = run.drive(&mut shear, begins);
-    shear.finish(run, outcome)
+    let Sheared {
+        mut assembly,
+        steps,
+        outcome,
+    } = shear.finish(run, outcome)?;
+    if outcome == Outcome::Stopped {
+        return Ok(StageEnd::Stopped);
+    }
+    let stage = RunStage::Shear;
+    if run.scene.stages.after(stage).is_empty() {
+        return Ok(StageEnd::Last);
+    }
+    Ok(StageEnd::Left(Box::new(LeftState {
+        stage,
+        steps,
+        counted: before + steps,
+        cell: assembly.system.cell,
+        state: assembly.snapshot(),
+    })))
 }
 
 /// The shear of the packed sample, and its state; `None` if the run was stopped before. Where the
@@ -70,7 +84,7 @@ fn packed<D: LawSpace>(
             Ok(Outcome::Done) => {
                 let (mut piston, mut state) = pack.finish(run);
                 stretch(run, plane_shear, &mut piston, &mut state)?;
-                let header = sheared(scene, plane_shear, piston);
+                let header = sheared_from(scene, plane_shear, piston);
                 return Ok(Some((header, state)));
             }
             Ok(Outcome::Stopped) => return Ok(None),
@@ -107,9 +121,12 @@ fn begin(run: &Run<'_>, plane_shear: &PlaneShear, start: Start) -> Result<(Heade
             }
             return Ok((saved.header, saved.state));
         }
+        (Start::StageBefore(left), _) => return Ok(after_strain(run, plane_shear, *left)),
         (Start::Grains(grains), Origin::Packing(file)) => (file.height(), grains),
-        (_, Origin::Packing(_)) => unreachable!("a packing that was not read"),
         (_, Origin::Insertion(sizes)) => inserted(run, sizes),
+        (_, Origin::Packing(_) | Origin::StageBefore { .. }) => {
+            unreachable!("grains that were not read")
+        }
     };
     let mut header = falling(scene, plane_shear, height, 0);
     let mut state = of_grains(grains);
@@ -117,11 +134,43 @@ fn begin(run: &Run<'_>, plane_shear: &PlaneShear, start: Start) -> Result<(Heade
         header.piston.mass = mass_of_top(run, scene, plane_shear, &state.grains, height);
         header.piston.load = plane_shear.load.normal_force;
         stretch(run, plane_shear, &mut header.piston, &mut state)?;
-        Header::Shear(sheared(scene, plane_shear, header.piston))
+        Header::Shear(sheared_from(scene, plane_shear, header.piston))
     } else {
         Header::Pack(header)
     };
     Ok((header, state))
+}
+
+/// The shear of a sample that strain steps have left in its cell. Collective.
+fn after_strain(run: &Run<'_>, plane_shear: &PlaneShear, left: LeftState) -> (Header, Snapshot) {
+    let LeftState {
+        counted,
+        cell,
+        state,
+        ..
+    } = left;
+    let scene = run.scene;
+    let sheared = cell.sheared.expect("strain steps are those of a cell");
+    let height = sheared.height;
+    let piston = Piston {
+        height,
+        velocity: 0.0,
+        acceleration: 0.0,
+        mass: mass_of_top(run, scene, plane_shear, &state.grains, height),
+        load: plane_shear.load.normal_force,
+    };
+    let width = if scene.sample.width.is_finite() {
+        scene.sample.width
+    } else {
+        1.0
+    };
+    let header = ShearHeader {
+        before: counted,
+        left_in: Some([scene.sample.length, width, height]),
+        images: Some([sheared.offset, 0.0]),
+        ..sheared_from(scene, plane_shear, piston)
+    };
+    (Header::Shear(header), state)
 }
 
 /// Gives a branch what its changes mean for the top: its mass, by the densities, and where its
@@ -195,12 +244,14 @@ fn falling(scene: &Scene, plane_shear: &PlaneShear, height: f64, starts: u32) ->
 }
 
 /// The shear of a sample with this top, from its first step.
-fn sheared(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHeader {
+fn sheared_from(scene: &Scene, plane_shear: &PlaneShear, piston: Piston) -> ShearHeader {
     let offset = scene.cell().sheared.map_or(0.0, |sheared| sheared.offset);
     let stream = scene.packing().map_or(0.0, |file| file.stream);
     ShearHeader {
         step: 0,
         origin: TimeOrigin::default(),
+        before: 0,
+        left_in: None,
         images: (plane_shear.boundary.is_periodic()).then_some([offset, stream]),
         height: height_between(scene, plane_shear, &piston),
         piston,

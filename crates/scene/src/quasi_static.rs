@@ -1,5 +1,5 @@
-//! Grains in a periodic box that is deformed quasi-statically (BO section III): `[box]`, `[relax]`,
-//! `[aqs]` and `[newtonian]`.
+//! Relaxation and quasi-static strain of a periodic cell (BO section III), and Newton's equations
+//! afterwards: `[relax]`, `[aqs]` and `[newtonian]`.
 
 use std::ops::Bound;
 
@@ -10,9 +10,8 @@ use gshear_dem::laws::keys::{
 };
 
 use crate::checker::Checker;
-use crate::grains::{Sample, Sizes};
-use crate::output;
-use crate::sample::{self, Grains, PackingFile, Placement, ReadPacking, SAMPLE};
+use crate::grains::Sample;
+use crate::sample::{self, Grains, Origin, Placement, ReadPacking, SAMPLE};
 use crate::table::{names, table};
 
 /// Names of [`Deformation`].
@@ -26,38 +25,8 @@ const METHODS: [(&str, Method); 2] = [
 const METHOD_NAMES: [&str; 2] = names(&METHODS);
 
 table! {
-    /// The periodic box.
-    BOX: BoxKeys "box" Box Never {
-        /// φ, the grains' volume (area in 2D) over that of the box; not with `sample.packing`,
-        /// whose box it is
-        solid_fraction: Number(Bounds { from: Bound::Excluded(0.3), to: Bound::Excluded(1.2) }) {
-            what: "phi, the grains' volume over that of the box",
-            example: "0.7",
-        },
-        /// what a strain step does to the box
-        deformation: Text(&DEFORMATION_NAMES) { default: DEFORMATION_NAMES[0] },
-        /// the packing is compressed or expanded to this pressure, with the scene's friction,
-        /// before the first strain step; with `"biaxial"` the lateral stress, too
-        pressure: Number(POSITIVE) {
-            unit: "pressure",
-            otherwise: "that of the solid fraction; required with `\"biaxial\"`",
-            what: "the lateral stress",
-            example: "1e-3",
-        },
-        /// greatest relative error of these pressures, and of `aqs.pressures`
-        pressure_tolerance: Number(Bounds { from: Bound::Excluded(0.0), to: Bound::Excluded(1.0) }) {
-            default: "1e-4",
-            change: Change::Branch,
-        },
-        /// greatest relative change of a length between two relaxations while such a pressure is
-        /// looked for
-        pressure_step: Number(UNIT) { otherwise: "`aqs.strain_step`", change: Change::Branch },
-    }
-}
-
-table! {
-    /// How mechanical equilibrium is found in a box.
-    RELAX: RelaxKeys "relax" Box Branch {
+    /// How mechanical equilibrium is found.
+    RELAX: RelaxKeys "relax" Strained Branch {
         /// `"newton"`: Newton's method with the exact K, and overdamped dynamics if it does not
         /// converge; `"overdamped"`: overdamped dynamics only
         method: Text(&METHOD_NAMES) { default: METHOD_NAMES[0] },
@@ -75,9 +44,14 @@ table! {
 }
 
 table! {
-    /// Athermal quasi-static deformation of a box.
-    AQS: AqsKeys "aqs" Box Branch {
-        /// δγ, or δε of a biaxial box
+    /// Quasi-static strain of a periodic cell; without this table it only comes to rest.
+    AQS: AqsKeys "aqs" Strained Branch {
+        /// what a strain step does to the cell
+        deformation: Text(&DEFORMATION_NAMES) {
+            default: DEFORMATION_NAMES[0],
+            change: Change::Never,
+        },
+        /// δγ, or δε of a biaxial cell
         strain_step: Number(UNIT) { what: "delta gamma", example: "1e-4" },
         /// number of strain steps
         steps: Whole(FROM_ZERO) {
@@ -94,6 +68,22 @@ table! {
             what: "the pressures that the packing is to reach",
             example: "[1e-4, 1e-3]",
         },
+        /// the cell is compressed or expanded to this pressure, with the scene's friction, before
+        /// the first strain step; with `"biaxial"` the lateral stress, too
+        pressure: Number(POSITIVE) {
+            unit: "pressure",
+            otherwise: "that of the sample; required with `\"biaxial\"`",
+            what: "the lateral stress",
+            example: "1e-3",
+            change: Change::Never,
+        },
+        /// greatest relative error of these pressures
+        pressure_tolerance: Number(Bounds { from: Bound::Excluded(0.0), to: Bound::Excluded(1.0) }) {
+            default: "1e-4",
+        },
+        /// greatest relative change of a length between two relaxations while such a pressure is
+        /// looked for
+        pressure_step: Number(UNIT) { otherwise: "`strain_step`" },
         /// strain steps between frames; 0 is never
         frame_every: Whole(FROM_ZERO) { default: "0", change: Change::Resume },
         /// find all eigenvalues after every step, and the birth of the first complex pair; simple
@@ -116,8 +106,8 @@ table! {
 }
 
 table! {
-    /// Newton's equations in a box, after the strain steps.
-    NEWTONIAN: NewtonianKeys "newtonian" Box Resume {
+    /// Newton's equations without any drag, after the strain steps.
+    NEWTONIAN: NewtonianKeys "newtonian" Strained Resume {
         /// duration of the last stage, in 1/ω_i of the complex pair that grows fastest (without
         /// one, in 1000 Δt); without `[newtonian]` there is none
         growth_times: Number(POSITIVE) {
@@ -135,21 +125,19 @@ table! {
     }
 }
 
-/// Quasi-static deformation of a periodic box, and Newton's equations afterwards.
+/// Relaxation and quasi-static strain of a periodic cell.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PeriodicBox {
-    /// How the radii of inserted grains are distributed.
-    pub sizes: Sizes,
-    /// The file that the grains and the box come from, if they are not inserted.
-    pub packing: Option<PackingFile>,
+pub struct QuasiStatic {
+    /// Where the grains come from.
+    pub origin: Origin,
     /// Where inserted grains begin.
     pub placement: Placement,
-    /// φ: volume of the grains (area in 2D) over that of the box.
+    /// φ: volume of the grains (area in 2D) over that of the cell. Of the cell of a shear that was
+    /// before only a guess.
     pub solid_fraction: f64,
     /// What a strain step does.
     pub deformation: Deformation,
-    /// The pressure of the packing before the first strain step; `None`: that of the solid
-    /// fraction.
+    /// The pressure of the packing before the first strain step; `None`: that of the sample.
     pub pressure: Option<f64>,
     /// Greatest relative error of a pressure.
     pub pressure_tolerance: f64,
@@ -157,17 +145,18 @@ pub struct PeriodicBox {
     pub relax: Relax,
     /// The strain steps.
     pub aqs: Aqs,
-    /// `None`: the run ends with the last strain step.
-    pub newtonian: Option<Newtonian>,
 }
 
-impl PeriodicBox {
-    /// Its lengths before the first strain step: L_x, in three dimensions L_y, else 1, and that
-    /// along the last axis.
+impl QuasiStatic {
+    /// Lengths of the cell before the first strain step (m): L_x, in three dimensions L_y, else 1,
+    /// and that along the last axis. Those of the cell of a shear are only expected.
     pub fn lengths(&self, sample: &Sample) -> [f64; 3] {
-        let boxed = self.packing.as_ref().and_then(|file| file.boxed);
         let width = sample.by_dimension(1.0, sample.width);
-        let height = boxed.map_or(sample.length, |[height, _]| height);
+        let height = match &self.origin {
+            Origin::Insertion(_) => sample.length,
+            Origin::Packing(file) => file.boxed.map_or(sample.length, |[height, _]| height),
+            Origin::StageBefore { height } => *height,
+        };
         [sample.length, width, height]
     }
 
@@ -182,7 +171,7 @@ impl PeriodicBox {
     }
 }
 
-/// What a strain step does to the lengths of the box and to its images.
+/// What a strain step does to the lengths of the cell and to its images.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Deformation {
     /// Displaces the images above along x (Lees and Edwards).
@@ -237,6 +226,19 @@ pub struct Aqs {
     pub until_imaginary: f64,
 }
 
+impl Aqs {
+    /// No strain step: the sample comes to rest, and a frame shows it.
+    const REST: Self = Self {
+        strain_step: 0.0,
+        pressure_step: 0.0,
+        steps: 0,
+        frame_every: 1,
+        spectrum: false,
+        birth_precision: 0.0,
+        until_imaginary: 0.0,
+    };
+}
+
 /// Newton's equations without any drag, from the last state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Newtonian {
@@ -253,32 +255,27 @@ pub struct Newtonian {
 /// Of whose dense matrix all eigenvalues are found after every strain step.
 const MOST_UNKNOWNS: u64 = 6000;
 
-/// Checks every key by itself, then those that must agree, and derives the sample.
-pub(crate) fn check(
-    c: &mut Checker<'_>,
-    seed: u64,
-    packing: ReadPacking<'_>,
-) -> Result<(Sample, PeriodicBox)> {
-    let grains = sample::check_boxed(c);
+/// What the keys of relaxation and strain steps say by themselves.
+pub(crate) struct StrainKeys {
+    placement: Placement,
+    deformation: Deformation,
+    pressure: Option<f64>,
+    pressure_tolerance: f64,
+    relax: Relax,
+    aqs: Aqs,
+}
+
+/// Checks each key by itself.
+pub(crate) fn check(c: &mut Checker<'_>) -> StrainKeys {
     let deformation = check_deformation(c);
-    let solid_fraction = match &grains {
-        Grains::Inserted(_) => c.required(&BOX.solid_fraction),
-        Grains::File(_) => {
-            c.useless(&BOX.solid_fraction, "follows from sample.packing");
-            0.0
-        }
-    };
     let pressure = check_pressure(c, &deformation);
     let has_pressure = pressure.is_some() || matches!(deformation, Deformation::Compression(_));
-    let mut periodic = PeriodicBox {
-        sizes: Sizes::Uniform,
-        packing: None,
+    StrainKeys {
         placement: c
             .named(&SAMPLE.placement, &Placement::NAMES)
             .unwrap_or(Placement::Lattice),
-        solid_fraction,
         pressure,
-        pressure_tolerance: c.number_or_default(&BOX.pressure_tolerance),
+        pressure_tolerance: c.number_or_default(&AQS.pressure_tolerance),
         relax: Relax {
             method: c.named(&RELAX.method, &METHODS).unwrap_or(Method::Newton),
             tolerance: c.required(&RELAX.tolerance),
@@ -287,27 +284,57 @@ pub(crate) fn check(
         },
         aqs: check_aqs(c, &deformation, has_pressure),
         deformation,
-        newtonian: check_newtonian(c),
-    };
-    output::check_box(c);
-    c.settle()?;
+    }
+}
 
-    let sample = match grains {
+/// The sample of a scene whose first stage this is.
+pub(crate) fn sample(
+    c: &mut Checker<'_>,
+    seed: u64,
+    grains: Grains,
+    packing: ReadPacking<'_>,
+) -> Result<(Sample, Origin, f64)> {
+    match grains {
         Grains::Inserted(sizes) => {
+            let solid_fraction = c.known(&SAMPLE.solid_fraction);
             let sample = sample::derive_boxed(c, seed, &sizes, solid_fraction)?;
-            periodic.sizes = sizes;
-            sample
+            Ok((sample, Origin::Insertion(sizes), solid_fraction))
         }
         Grains::File(arrangement) => {
             let (sample, file) = sample::derive_filed(c, arrangement, packing)?;
-            periodic.packing = Some(file);
-            let volume: f64 = periodic.lengths(&sample).iter().product();
-            periodic.solid_fraction = f64::from(sample.grains) * sample.mean_volume / volume;
-            sample
+            let [height, _] = file.boxed.unwrap_or([sample.length, 0.0]);
+            let volume = [
+                sample.length,
+                sample.by_dimension(1.0, sample.width),
+                height,
+            ];
+            let volume: f64 = volume.iter().product();
+            let solid_fraction = f64::from(sample.grains) * sample.mean_volume / volume;
+            Ok((sample, Origin::Packing(file), solid_fraction))
         }
+    }
+}
+
+/// The strain steps of this sample.
+pub(crate) fn derive(
+    c: &Checker<'_>,
+    keys: StrainKeys,
+    sample: &Sample,
+    origin: Origin,
+    solid_fraction: f64,
+) -> Result<QuasiStatic> {
+    let strain = QuasiStatic {
+        origin,
+        placement: keys.placement,
+        solid_fraction,
+        deformation: keys.deformation,
+        pressure: keys.pressure,
+        pressure_tolerance: keys.pressure_tolerance,
+        relax: keys.relax,
+        aqs: keys.aqs,
     };
     let per_grain = sample.by_dimension(3, 6);
-    if periodic.aqs.spectrum && u64::from(sample.grains) * per_grain > MOST_UNKNOWNS {
+    if strain.aqs.spectrum && u64::from(sample.grains) * per_grain > MOST_UNKNOWNS {
         return Err(c.out_of_range(&format!(
             "aqs.spectrum finds all eigenvalues at once, of up to {} grains in this dimension; leave it out, and take gshear-reduce spectrum \
              of checkpoints or frames",
@@ -315,30 +342,30 @@ pub(crate) fn check(
         )));
     }
     let least = sample.least_box_length();
-    let shortest = shortest(&sample, &periodic);
+    let shortest = shortest(sample, &strain);
     if shortest < least {
         return Err(c.out_of_range(&format!(
             "the box would become {shortest:.3e} long, so that grains would touch their own images; give fewer strain steps or more grains, for a length of at least {least:.3e}"
         )));
     }
-    Ok((sample, periodic))
+    Ok(strain)
 }
 
 /// The least length of the box, as far as it follows from the number of strain steps.
-fn shortest(sample: &Sample, periodic: &PeriodicBox) -> f64 {
-    let strain = periodic.aqs.strain_step * periodic.aqs.steps as f64;
-    let shrinks = match periodic.deformation {
+fn shortest(sample: &Sample, stage: &QuasiStatic) -> f64 {
+    let strain = stage.aqs.strain_step * stage.aqs.steps as f64;
+    let shrinks = match stage.deformation {
         Deformation::PureShear => 0.5 * strain,
         Deformation::Biaxial => strain,
         Deformation::SimpleShear | Deformation::Compression(_) => 0.0,
     };
-    let [length, _, height] = periodic.lengths(sample);
+    let [length, _, height] = stage.lengths(sample);
     length.min(height * portable_exp(-shrinks))
 }
 
 /// What a strain step does, with the pressures of a compression.
 fn check_deformation(c: &mut Checker<'_>) -> Deformation {
-    let deformation = match c.choice(&BOX.deformation) {
+    let deformation = match c.choice(&AQS.deformation) {
         Some("compression") => {
             return Deformation::Compression(c.required_list(&AQS.pressures, "pressure"));
         }
@@ -346,7 +373,7 @@ fn check_deformation(c: &mut Checker<'_>) -> Deformation {
         Some("biaxial") => Deformation::Biaxial,
         _ => Deformation::SimpleShear,
     };
-    let why = "applies to box.deformation = \"compression\"";
+    let why = "applies to aqs.deformation = \"compression\"";
     c.useless(&AQS.pressures, why);
     deformation
 }
@@ -354,18 +381,19 @@ fn check_deformation(c: &mut Checker<'_>) -> Deformation {
 /// The pressure of the packing before the first strain step.
 fn check_pressure(c: &mut Checker<'_>, deformation: &Deformation) -> Option<f64> {
     match deformation {
-        Deformation::Biaxial => Some(c.required(&BOX.pressure)),
+        Deformation::Biaxial => Some(c.required(&AQS.pressure)),
         Deformation::Compression(_) => {
             let why = "is the first of aqs.pressures in a compression";
-            c.useless(&BOX.pressure, why);
+            c.useless(&AQS.pressure, why);
             None
         }
         Deformation::SimpleShear | Deformation::PureShear => {
-            if !c.is_given(&BOX.pressure) {
-                let why = "applies to a box at a pressure, and there is no box.pressure";
-                c.all_useless(&[&BOX.pressure_tolerance, &BOX.pressure_step], why);
+            if !c.is_given(&AQS.pressure) {
+                let why =
+                    "applies to a cell that is brought to a pressure, and there is no aqs.pressure";
+                c.all_useless(&[&AQS.pressure_tolerance, &AQS.pressure_step], why);
             }
-            c.number(&BOX.pressure)
+            c.number(&AQS.pressure)
         }
     }
 }
@@ -373,6 +401,10 @@ fn check_pressure(c: &mut Checker<'_>, deformation: &Deformation) -> Option<f64>
 /// `has_pressure`: the box is brought to some pressure.
 fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation, has_pressure: bool) -> Aqs {
     let keys = &AQS;
+    if !AqsKeys::TABLE.own.iter().any(|key| c.is_given(key)) {
+        c.omit(AqsKeys::TABLE.own);
+        return Aqs::REST;
+    }
     let spectrum = c.flag_or_default(&keys.spectrum);
     if !spectrum {
         let why = "applies to the eigenvalues, which need aqs.spectrum = true";
@@ -381,7 +413,7 @@ fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation, has_pressure: bool)
     if spectrum && *deformation != Deformation::SimpleShear {
         c.refuse(
             &keys.spectrum,
-            "applies to box.deformation = \"simple-shear\"; leave it out, and take gshear-reduce spectrum of checkpoints or frames",
+            "applies to aqs.deformation = \"simple-shear\"; leave it out, and take gshear-reduce spectrum of checkpoints or frames",
         );
     }
     let steps = match deformation {
@@ -392,9 +424,9 @@ fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation, has_pressure: bool)
         _ => c.required_count(&keys.steps),
     };
     let strain_step = c.required(&keys.strain_step);
-    let pressure_step = c.number(&BOX.pressure_step).unwrap_or(strain_step);
+    let pressure_step = c.number(&AQS.pressure_step).unwrap_or(strain_step);
     if has_pressure {
-        c.fill(&BOX.pressure_step, pressure_step);
+        c.fill(&AQS.pressure_step, pressure_step);
     }
     Aqs {
         strain_step,
@@ -408,7 +440,7 @@ fn check_aqs(c: &mut Checker<'_>, deformation: &Deformation, has_pressure: bool)
 }
 
 /// `None` if no key of the table is given.
-fn check_newtonian(c: &mut Checker<'_>) -> Option<Newtonian> {
+pub(crate) fn check_newtonian(c: &mut Checker<'_>) -> Option<Newtonian> {
     let keys = &NEWTONIAN;
     if !NewtonianKeys::TABLE.own.iter().any(|key| c.is_given(key)) {
         return None;
