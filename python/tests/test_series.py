@@ -108,6 +108,27 @@ def test_series_of_a_box_is_that_of_the_file(box: Run) -> None:
     assert box.series.attrs["units"] == {}
 
 
+def test_later_stages_are_parts(tmp_path: Path) -> None:
+    values: dict[str, object] = {"stages": ["aqs", "shear"], "aqs.steps": 1, "dimension": 2}
+    values |= {"sample.solid_fraction": 0.86, "load.pressure": 1e-2, "contact.law": "hooke"}
+    values |= {"material.mass": None, "material.density": 1.0, "contact.damping_ratio": 0.3}
+    values |= {"shear.velocity": 1e-2, "shear.strain": 5e-3, "output.frame_strain": 1e-3}
+    values |= {f"newtonian.{key}": None for key in ("growth_times", "rows", "frames")}
+    folder = simulate(SCENES / "periodic.toml", tmp_path, ranks=1, values=values, quiet=True)
+    with Run(folder, quiet=True) as run, Run(folder / "run.h5/shear", quiet=True) as shear:
+        part = run.part("shear")
+        assert part is not None
+        with part:
+            assert (run.stage, part.stage, shear.stage) == ("aqs", "shear", "shear")
+            assert part.path == shear.path
+            assert len(part.frames) == len(shear.frames) == 6
+            np.testing.assert_array_equal(part.series["strain"], shear.series["strain"])
+        assert run.part("aqs") is None
+        assert run.newtonian is None
+        with pytest.raises(ValueError, match="one of aqs, shear, newtonian, not 'pack'"):
+            run.part("pack")
+
+
 @pytest.mark.parametrize(("name", "force"), [("disks", "N m-1"), ("spheres", "N")])
 def test_units_are_those_of_the_file(
     name: str, force: str, originals: Callable[[str], Path]

@@ -251,7 +251,8 @@ impl RunFolder {
         checkpoint::make_newest(path, &self.path)
     }
 
-    /// The stages of the run after the one of this name: all of them after what prepares the sample.
+    /// The stages of the run after the one of this name; all of them after what prepares the
+    /// sample.
     fn stages_after(&self, stage: &str) -> &[RunStage] {
         let at = self.order.iter().position(|known| known.name() == stage);
         &self.order[at.map_or(0, |at| at + 1)..]

@@ -1,12 +1,11 @@
 //! What a run is to do: its scene, and where it starts.
 
-use gshear_dem::state::GrainState;
-use gshear_scene::{Scene, unlikely};
+use gshear_dem::state::{Cell, GrainState, Snapshot};
+use gshear_scene::{RunStage, Scene, unlikely};
 use gshear_store::file_names::part_of;
 
 use crate::header::Saved;
 use crate::run_record::RunRecord;
-use crate::stages::sequence::LeftState;
 
 /// A scene, and the state from which its run starts.
 pub struct Task {
@@ -31,6 +30,21 @@ pub enum Start {
     Checkpoint(Box<Saved>, Option<Box<Scene>>),
     /// What the stage before left.
     StageBefore(Box<LeftState>),
+}
+
+/// What a stage leaves to the next one.
+#[derive(Debug, Clone)]
+pub struct LeftState {
+    /// The stage.
+    pub stage: RunStage,
+    /// Its steps.
+    pub steps: u64,
+    /// Steps of the stages up to this one, as `--stop-at` counts them.
+    pub counted: u64,
+    /// The cell.
+    pub cell: Cell,
+    /// This rank's part of the state, each contact on the ranks that have its grains.
+    pub state: Snapshot,
 }
 
 /// How a run enters its folder.

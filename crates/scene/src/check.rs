@@ -21,8 +21,8 @@ use crate::walls::{PACK, PlaneShear};
 use crate::{extent, law, materials, output, quasi_static, sample, time, walls, write};
 
 /// Checks every value by itself, then those that must agree, and derives what follows. `given`: the
-/// stages whose tables are there; `limit`: of inserted grains; `packing` is called for the file of a
-/// packing, if the scene has one.
+/// stages whose tables are there; `limit`: of inserted grains; `packing` is called for the file of
+/// a packing, if the scene has one.
 pub(crate) fn scene(
     mut c: Checker<'_>,
     given: GivenStages,

@@ -80,8 +80,8 @@ pub(crate) fn check(c: &mut Checker<'_>, scene: &Scene) -> Result<()> {
 
 /// Refuses coordinates whose rounding is more than a millionth of the least mean overlap: contacts
 /// would be lost, or their forces be those of other overlaps. Coordinates along the periodic axes
-/// stay in the cell however far grains move. Of strain steps without a pressure the overlaps are not
-/// known before.
+/// stay in the cell however far grains move. Of strain steps without a pressure the overlaps are
+/// not known before.
 fn resolution(c: &mut Checker<'_>, scene: &Scene) {
     let sample = &scene.sample;
     if let Some(walls) = scene.shear() {

@@ -15,7 +15,7 @@ use crate::protocol::ShearKeys;
 use crate::quasi_static::{AqsKeys, NewtonianKeys, RelaxKeys};
 use crate::sample::SampleKeys;
 use crate::source::Input;
-use crate::table::Table;
+use crate::table::{Scenes, Table};
 use crate::time::TimeKeys;
 use crate::value::Value;
 use crate::walls::PackKeys;
@@ -108,6 +108,20 @@ fn read_value(
     let value = value.map_err(|what| input.failure(at, key.path, &what))?;
     given.insert(key.path, (at, value));
     Ok(())
+}
+
+/// Refuses the tables of a shear at a rate in a scene without one. Those of strain steps make the
+/// stage.
+pub(crate) fn refuse_tables_of_shear(tree: &DeTable<'_>, input: &Input<'_>) -> Result<()> {
+    let refused = tree.iter().filter(|(key, _)| {
+        table(key.get_ref()).is_some_and(|table| table.scenes == Scenes::Sheared)
+    });
+    let Some((key, _)) = refused.min_by_key(|(key, _)| key.span().start) else {
+        return Ok(());
+    };
+    let table = format!("[{}]", key.get_ref());
+    let what = "is of a shear at a rate, and this scene has no [shear]; leave it out";
+    Err(input.failure(key.span().start, &table, what))
 }
 
 /// Refuses the first key of the file that the configuration does not know, and values where tables

@@ -157,7 +157,9 @@ pub fn load_within(
     units::put(&mut tree, &numbers);
 
     let stages = GivenStages::of(&tree);
-    stages.refuse_others(&tree, &input)?;
+    if !stages.shears {
+        keys::refuse_tables_of_shear(&tree, &input)?;
+    }
     let given = keys::read(tree, &input)?;
     check::scene(Checker::new(input, tables, given), stages, limit, packing)
 }

@@ -1,17 +1,13 @@
 //! What is done to a sample, in the order in which it is done.
 
 use gshear_dem::boundary::Boundary;
-use gshear_dem::failure::Result;
 use gshear_dem::laws::keys::KeyReader;
 use toml::de::DeTable;
 
 use crate::checker::Checker;
 use crate::general::SCENE;
-use crate::keys;
 use crate::quasi_static::{Newtonian, QuasiStatic};
 use crate::sample::{Origin, SAMPLE};
-use crate::source::Input;
-use crate::table::Scenes;
 use crate::value::Value;
 use crate::walls::PlaneShear;
 use crate::words::{list, quoted_list};
@@ -117,23 +113,6 @@ impl GivenStages {
             shears: !strains || has("shear"),
             strains,
         }
-    }
-
-    /// Refuses the tables that belong to a stage that is not there.
-    pub fn refuse_others(self, tree: &DeTable<'_>, input: &Input<'_>) -> Result<()> {
-        // Those of strain steps make the stage.
-        if self.shears {
-            return Ok(());
-        }
-        let refused = tree.iter().filter(|(key, _)| {
-            keys::table(key.get_ref()).is_some_and(|table| table.scenes == Scenes::Sheared)
-        });
-        let Some((key, _)) = refused.min_by_key(|(key, _)| key.span().start) else {
-            return Ok(());
-        };
-        let table = format!("[{}]", key.get_ref());
-        let what = "is of a shear at a rate, and this scene has no [shear]; leave it out";
-        Err(input.failure(key.span().start, &table, what))
     }
 
     /// The order of the stages, by the key `stages` if it is given.

@@ -42,7 +42,8 @@ pub struct TimeStep {
     pub limit: f64,
 }
 
-/// Overlap over d̄ that packings are expected to have in strain steps, of which ten times bounds Δt.
+/// Overlap over d̄ that packings are expected to have in strain steps, of which ten times bounds
+/// Δt.
 const STRAINED_OVERLAP: f64 = 0.03;
 
 /// Checks each key by itself. `shears`: the scene shears at a rate.

@@ -12,8 +12,8 @@ import h5py
 
 from .errors import RunError
 
-# The group of a run.h5 with Newton's equations of a box; all else is in the root.
-NEWTONIAN = "newtonian"
+# The groups of a run.h5 with its later stages; the first one is in the root.
+PARTS = ("aqs", "shear", "newtonian")
 # A program that writes the file may be in the middle of a flush.
 ATTEMPTS = 20
 PAUSE = 0.1  # s
@@ -74,33 +74,32 @@ def numbers(
 
 def part_of(path: Path) -> tuple[Path, str]:
     """Returns the file and the group in it of a path such as `run.h5` or `run.h5/newtonian`."""
-    is_part = path.name == NEWTONIAN and path.parent.is_file()
-    return (path.parent, NEWTONIAN) if is_part else (path, "/")
+    is_part = path.name in PARTS and path.parent.is_file()
+    return (path.parent, path.name) if is_part else (path, "/")
 
 
 def group_of(file: h5py.File, group: str) -> h5py.Group:
-    """Returns a group of a file; of one that holds Newton's equations alone, those.
+    """Returns a group of a file; of one that holds one later stage alone, as a replay's, that.
 
     Raises:
         RunError: The file has no such group.
     """
-    if group == "/" and "particles" not in file and NEWTONIAN in file:
-        group = NEWTONIAN
+    if group == "/" and "particles" not in file:
+        group = next((part for part in PARTS if part in file), group)
     if group not in file:
-        raise RunError(f"{file.filename}: has no Newton's equations of a box")
+        raise RunError(f"{file.filename}: has no later stage {group}")
     _check_runs(file)
     return file[group]
 
 
 def _check_runs(file: h5py.File) -> None:
-    """Raises RunError if strain steps and Newton's equations are of different runs."""
-    parts = [f"{group}parameters" for group in ("", f"{NEWTONIAN}/")]
+    """Raises RunError if stages of a file are of different runs."""
+    parts = ["parameters", *(f"{group}/parameters" for group in PARTS)]
     attributes = [file[part].attrs for part in parts if part in file]
     runs = [text(of["run_id"]) for of in attributes if "run_id" in of]
     if len(set(runs)) > 1:
         raise RunError(
-            f"{file.filename}: strain steps and Newton's equations are of different runs "
-            f"(run_id {' and '.join(runs)})"
+            f"{file.filename}: stages are of different runs (run_id {' and '.join(runs)})"
         )
 
 

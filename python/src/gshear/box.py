@@ -13,7 +13,7 @@ Vectors = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Box:
-    """The cell of a frame. Lengths have the unit of the file: m, or that of a scene with `[box]`.
+    """The cell of a frame. Lengths have the unit of the file: m, or of a scene without `[shear]`.
 
     Attributes:
         edges: [3], lengths of the edges; for disks the last one is the unit depth. Between walls

@@ -79,15 +79,14 @@ class Run:
     Use it in a `with` statement, or call `close`.
 
     Args:
-        path: Folder of a run, or its `run.h5`. Of a box that is strained step by step that are the
-            strain steps; `newtonian`, or the path `run.h5/newtonian`, is what followed them by
-            Newton's equations.
+        path: Folder of a run, or its `run.h5`: its first stage, a shear or strain steps. `part`, or
+            a path such as `run.h5/newtonian`, has a later one.
         results: Folder for what gshear-reduce writes, for runs in folders that cannot be written.
             Default: that of the run.
         quiet: Do not print the commands that are run.
 
     Attributes:
-        path: The HDF5 file, or the part of it, `run.h5/newtonian`.
+        path: The HDF5 file, or the part of it, such as `run.h5/newtonian`.
         folder: The folder of the file.
         results: Folder for what gshear-reduce writes.
     """
@@ -134,7 +133,7 @@ class Run:
 
     @property
     def stage(self) -> str:
-        """`shear`, `aqs` (strain steps of a box) or `newtonian` (Newton's equations after them)."""
+        """`shear`, `aqs` (strain steps) or `newtonian` (Newton's equations after them)."""
         columns = self._series_units()
         return (
             "newtonian" if "msd" in columns else "aqs" if "factorisations" in columns else "shear"
@@ -142,13 +141,26 @@ class Run:
 
     @property
     def newtonian(self) -> Run | None:
-        """What followed the strain steps of a box by Newton's equations; None without.
+        """What followed the strain steps by Newton's equations; None without.
 
         Each use opens the file: close it, too.
         """
-        if _hdf5.NEWTONIAN not in self.hdf5:
+        return self.part("newtonian")
+
+    def part(self, stage: str) -> Run | None:
+        """A later stage of the run: `aqs`, `shear` or `newtonian`; None without.
+
+        Each use opens the file: close it, too.
+
+        Raises:
+            ValueError: No stage has this name.
+        """
+        if stage not in _hdf5.PARTS:
+            names = ", ".join(_hdf5.PARTS)
+            raise ValueError(f"a later stage is one of {names}, not {stage!r}")
+        if stage not in self.hdf5.file:
             return None
-        path = self._name / _hdf5.NEWTONIAN
+        path = _hdf5.part_of(self._name)[0] / stage
         return Run(path, results=self.results, quiet=self.quiet)
 
     # What the file says of the run

@@ -12,14 +12,14 @@ use gshear_store::checkpoint;
 use super::assembly::{Assembly, RestState};
 use super::newtonian::NewtonianStage;
 use super::prepare;
-use super::sequence::{LeftState, StageEnd};
+use super::sequence::StageEnd;
 use super::strain::Strain;
 use crate::header::{
     Header, NewtonianHeader, Shape, StrainHeader, StrainProgress, Stretched, Written,
 };
 use crate::options::Outcome;
 use crate::run::Run;
-use crate::task::Start;
+use crate::task::{LeftState, Start};
 
 /// Runs the strain steps and Newton's equations from `start` to their last step; collective.
 ///

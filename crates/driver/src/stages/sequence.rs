@@ -2,29 +2,13 @@
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::laws::LawSpace;
-use gshear_dem::state::{Cell, Snapshot};
 use gshear_scene::RunStage;
 
 use super::{quasi_static, shearing};
 use crate::header::Header;
 use crate::options::Outcome;
 use crate::run::Run;
-use crate::task::Start;
-
-/// What a stage leaves to the next one.
-#[derive(Debug, Clone)]
-pub struct LeftState {
-    /// The stage.
-    pub stage: RunStage,
-    /// Its steps.
-    pub steps: u64,
-    /// Steps of the stages up to this one, as `--stop-at` counts them.
-    pub counted: u64,
-    /// The cell.
-    pub cell: Cell,
-    /// This rank's part of the state, each contact on the ranks that have its grains.
-    pub state: Snapshot,
-}
+use crate::task::{LeftState, Start};
 
 /// How a stage ends.
 pub(super) enum StageEnd {

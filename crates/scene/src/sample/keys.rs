@@ -197,7 +197,8 @@ impl Walls {
     pub const NAMES: [(&str, Walls); 2] = [("layers", Walls::Layers), ("types", Walls::Types)];
 }
 
-/// Where the grains of a cell of a given solid fraction begin, before it is brought to rest without friction.
+/// Where the grains of a cell of a given solid fraction begin, before it is brought to rest without
+/// friction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Placement {
     /// On a loose lattice, jittered, in a larger box that is compressed step by step.

@@ -188,9 +188,10 @@ impl RunFile {
         }
         match file.part(RunStage::Shear)? {
             Some(shear) => Ok(shear),
-            None => Err(file.wrong(
-                "has no shear at a rate ([shear] of its scene); this command needs that of a run",
-            )),
+            None => Err(file.wrong(format!(
+                "is of the stage {}; this command needs a shear at a rate ([shear] of a scene)",
+                file.stage.name()
+            ))),
         }
     }
 

@@ -105,7 +105,7 @@ impl<'a> OpenFile<'a> {
         let dataset = self.dataset(name)?;
         if dataset.ndim() != 1 {
             let what = format!("has {} dimensions instead of 1: {FOREIGN}", dataset.ndim());
-            return Err(self.wrong(&name, what));
+            return Err(self.wrong(name, what));
         }
         self.whole(name, &dataset)
     }
@@ -120,7 +120,7 @@ impl<'a> OpenFile<'a> {
         let values = self.all(name)?;
         if values.len() != length {
             let what = format!("has {} rows instead of {length}", values.len());
-            return Err(self.wrong(&name, what));
+            return Err(self.wrong(name, what));
         }
         Ok(values)
     }
@@ -131,7 +131,7 @@ impl<'a> OpenFile<'a> {
         let shape = dataset.shape();
         if shape.len() != inner.len() + 1 || shape[1..] != *inner {
             let what = format!("has the shape {shape:?} instead of [any] + {inner:?}");
-            return Err(self.wrong(&name, what));
+            return Err(self.wrong(name, what));
         }
         Ok(dataset)
     }
