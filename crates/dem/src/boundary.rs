@@ -51,6 +51,30 @@ pub struct Boundary {
     pub driven: &'static str,
     /// Where the stresses of the time series act.
     pub place: &'static str,
+    /// Columns of the time series that hold something else than between walls of grains, and what.
+    meanings: &'static [Meaning],
+    /// What the mass of the top is, unless a scene gives it.
+    pub top_mass: TopMass,
+}
+
+/// What a column holds.
+#[derive(Debug, PartialEq, Eq)]
+struct Meaning {
+    column: &'static str,
+    doc: &'static str,
+}
+
+/// The mass of the top of a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TopMass {
+    /// That of its grains.
+    OfItsGrains,
+    /// About that of a layer of grains: a plane has none.
+    OfALayer,
+    /// All grains times (d̄/h)² in a cell of height h: as the cell is stretched through all layers,
+    /// its frequency is then about that of a contact, which the time step resolves and the dampers
+    /// of the contacts damp.
+    OfTheCell,
 }
 
 /// Two walls of frozen grains.
@@ -64,6 +88,8 @@ pub static ROUGH_WALLS: Boundary = Boundary {
     packed: "walls frozen, {height} m between them",
     driven: "top wall",
     place: "on the top wall",
+    meanings: &[],
+    top_mass: TopMass::OfItsGrains,
 };
 
 /// Two rigid planes.
@@ -73,6 +99,11 @@ pub static FLAT_WALLS: Boundary = Boundary {
     bottom: End::Plane,
     top: End::Plane,
     packed: "{height} m between flat walls",
+    meanings: &[Meaning {
+        column: "wall_height",
+        doc: "h, distance between the walls",
+    }],
+    top_mass: TopMass::OfALayer,
     ..ROUGH_WALLS
 };
 
@@ -82,6 +113,11 @@ pub static FLAT_TOP: Boundary = Boundary {
     walls_keys: &["flat-top"],
     top: End::Plane,
     packed: "bottom frozen, {height} m between it and the flat top",
+    meanings: &[Meaning {
+        column: "wall_height",
+        doc: "h, distance of the top wall from the plane at which the bottom wall was cut",
+    }],
+    top_mass: TopMass::OfALayer,
     ..ROUGH_WALLS
 };
 
@@ -96,6 +132,65 @@ pub static FREE_SURFACE: Boundary = Boundary {
     packed: "bottom frozen, {height} m above it",
     driven: "bottom wall",
     place: "on the bottom wall",
+    meanings: &[
+        Meaning {
+            column: "strain",
+            doc: "0: nothing above the sample moves",
+        },
+        Meaning {
+            column: "stress_ratio",
+            doc: "τ = S/N; NaN while nothing touches the bottom wall",
+        },
+        Meaning {
+            column: "normal_force",
+            doc: "N, normal force of the free grains on the bottom wall",
+        },
+        Meaning {
+            column: "shear_force",
+            doc: "S, force of the free grains on the bottom wall along x",
+        },
+        Meaning {
+            column: "wall_height",
+            doc: "h, twice the height of the centre of mass of the free grains above the bottom wall",
+        },
+        Meaning {
+            column: "wall_velocity",
+            doc: "velocity at which that height grows",
+        },
+        Meaning {
+            column: "slip",
+            doc: "0: nothing above the sample moves",
+        },
+        Meaning {
+            column: "slip_rate",
+            doc: "0: nothing above the sample moves",
+        },
+        Meaning {
+            column: "drive_displacement",
+            doc: "0: nothing above the sample moves",
+        },
+        Meaning {
+            column: "drive_velocity",
+            doc: "0: nothing above the sample moves",
+        },
+        Meaning {
+            column: "work_load",
+            doc: "work of gravity, and of a bottom wall that vibrates, on the sample",
+        },
+        Meaning {
+            column: "imposed_normal_force",
+            doc: "NaN: nothing is above the sample",
+        },
+        Meaning {
+            column: "imposed_shear_force",
+            doc: "NaN: nothing is above the sample",
+        },
+        Meaning {
+            column: "bottom_displacement",
+            doc: "displacement of the bottom wall upwards",
+        },
+    ],
+    ..ROUGH_WALLS
 };
 
 /// A flat bottom, and nothing above.
@@ -104,6 +199,7 @@ pub static FREE_SURFACE_ABOVE_PLANE: Boundary = Boundary {
     walls_keys: &["flat"],
     bottom: End::Plane,
     packed: "{height} m above a flat bottom",
+    top_mass: TopMass::OfALayer,
     ..FREE_SURFACE
 };
 
@@ -118,6 +214,65 @@ pub static PERIODIC: Boundary = Boundary {
     packed: "{height} m high, without walls",
     driven: "image above the cell",
     place: "of the cell",
+    meanings: &[
+        Meaning {
+            column: "strain",
+            doc: "γ, displacement of the images above over the height at the start",
+        },
+        Meaning {
+            column: "stress_ratio",
+            doc: "τ = S/N",
+        },
+        Meaning {
+            column: "normal_force",
+            doc: "N, normal stress of the cell along its height, times its base",
+        },
+        Meaning {
+            column: "shear_force",
+            doc: "S, shear stress of the cell against the motion of the images, times its base",
+        },
+        Meaning {
+            column: "wall_height",
+            doc: "h, height of the cell",
+        },
+        Meaning {
+            column: "wall_velocity",
+            doc: "velocity at which the height of the cell grows",
+        },
+        Meaning {
+            column: "slip",
+            doc: "displacement of the images above along x",
+        },
+        Meaning {
+            column: "slip_rate",
+            doc: "velocity of the images above along x",
+        },
+        Meaning {
+            column: "drive_displacement",
+            doc: "displacement of the far end of the spring, or of the images themselves",
+        },
+        Meaning {
+            column: "drive_velocity",
+            doc: "velocity of the far end of the spring, or of the images themselves",
+        },
+        Meaning {
+            column: "work_load",
+            doc: "work of the load on the sample, or of a height that is driven",
+        },
+        Meaning {
+            column: "imposed_normal_force",
+            doc: "N imposed on the cell; NaN while the velocity of its height is imposed",
+        },
+        Meaning {
+            column: "imposed_shear_force",
+            doc: "S imposed on the cell along x; NaN while the images move with the drive",
+        },
+        Meaning {
+            column: "bottom_displacement",
+            doc: "0: there is no wall",
+        },
+    ],
+    top_mass: TopMass::OfTheCell,
 };
 
 /// All kinds. The first with a value of `sample.boundary` is its default.
@@ -259,6 +414,21 @@ impl Boundary {
         }
     }
 
+    /// A column of the time series, as what it holds with this boundary.
+    fn meant(&self, column: Column) -> Column {
+        let meaning = self
+            .meanings
+            .iter()
+            .find(|known| known.column == column.name);
+        match meaning {
+            Some(meaning) => Column {
+                doc: meaning.doc,
+                ..column
+            },
+            None => column,
+        }
+    }
+
     /// The further columns of the time series: of the stress of a cell without walls, and of the
     /// flow below a free surface.
     fn further_columns(&self) -> &'static [Column] {
@@ -280,7 +450,9 @@ impl Boundary {
             kinds
                 .map(|kind| {
                     [&[][..], &ImposedRow::COLUMNS].map(|imposed| {
-                        [&SeriesRow::COLUMNS, imposed, kind.further_columns()].concat()
+                        let columns = [&SeriesRow::COLUMNS, imposed, kind.further_columns()];
+                        let columns = columns.into_iter().flatten();
+                        columns.map(|column| kind.meant(*column)).collect()
                     })
                 })
                 .collect()
@@ -329,6 +501,28 @@ mod tests {
         // Nothing is flat in a periodic cell.
         assert_eq!(Boundary::of_keys("periodic", Some("flat")), Some(&PERIODIC));
         assert_eq!(Boundary::of_keys("walls of glass", None), None);
+    }
+
+    /// No column is said to be of a wall that is not there, and no meaning is of a column that is
+    /// not.
+    #[test]
+    fn columns_are_of_what_is_there() {
+        for kind in KINDS {
+            let columns = kind.series_columns(true);
+            for meaning in kind.meanings {
+                assert!(columns.iter().any(|column| column.name == meaning.column));
+            }
+            for Column { name, doc, .. } in columns {
+                for (end, wall) in [(kind.top, "top wall"), (kind.bottom, "bottom wall")] {
+                    assert!(
+                        end.is_wall() || !doc.contains(wall),
+                        "{}: {name}",
+                        kind.name
+                    );
+                }
+                assert!(kind.has_walls() || !doc.contains("walls"), "{name}");
+            }
+        }
     }
 
     #[test]

@@ -102,7 +102,7 @@ impl Format<'_> {
                 on_root(exchange, || {
                     let names = Log::names(self.columns);
                     let axes = run.scene.dimension.axes();
-                    dictionary::write_metadata(LOG_FILE, &path, &names, axes)
+                    dictionary::write_metadata_with(LOG_FILE, &path, &names, self.columns, axes)
                 })?;
                 Log::create(exchange, &path, self.columns)?
             }

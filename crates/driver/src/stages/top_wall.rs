@@ -1,5 +1,6 @@
 //! The top of a packed sample: a wall, or the images above.
 
+use gshear_dem::boundary::TopMass;
 use gshear_dem::domain::{Accumulator, FixedPoint};
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::{Failure, Result};
@@ -11,11 +12,7 @@ use crate::run::Run;
 
 /// Mass of the top (kg; kg/m in 2D), summed over the ranks; collective.
 ///
-/// That of the scene, if it gives one. Else that of a wall is the mass of its grains, of a flat one
-/// about as much. Images above a cell of
-/// height h get that of all grains times (d̄/h)²: as the cell is stretched through all layers, its
-/// frequency is then about that of a contact, which the time step resolves and the dampers of the
-/// contacts damp.
+/// That of the scene, if it gives one, else that of its boundary.
 pub(super) fn mass_of_top(
     run: &Run<'_>,
     scene: &Scene,
@@ -24,14 +21,15 @@ pub(super) fn mass_of_top(
     height: f64,
 ) -> f64 {
     if let Some(mass) = plane_shear.load.wall_mass {
-        mass
-    } else if plane_shear.boundary.is_periodic() {
-        let layer = scene.sample.mean_diameter / height;
-        mass_of(run, scene, grains, body::FREE) * layer * layer
-    } else if plane_shear.boundary.has_planes() {
-        mass_of_layer(scene)
-    } else {
-        mass_of(run, scene, grains, body::TOP)
+        return mass;
+    }
+    match plane_shear.boundary.top_mass {
+        TopMass::OfItsGrains => mass_of(run, scene, grains, body::TOP),
+        TopMass::OfALayer => mass_of_layer(scene),
+        TopMass::OfTheCell => {
+            let layer = scene.sample.mean_diameter / height;
+            mass_of(run, scene, grains, body::FREE) * layer * layer
+        }
     }
 }
 

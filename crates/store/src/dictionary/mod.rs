@@ -17,12 +17,14 @@ pub use tables::{TableDescription, tables};
 /// Returns the metadata of a table `kind`, such as `log.csv`, in a file of the name `file`, if the
 /// dictionary has all its columns. A component is described as its vector: `velocity_x` as
 /// `velocity`; an eigenvector without its number: `mode12_rotation_re_x` as `modeK_rotation_re`.
-fn metadata(kind: &str, file: &str, names: &[&str], axes: usize) -> Option<String> {
+///
+/// `own`: columns that say more exactly what the table of the kind says.
+fn metadata(kind: &str, file: &str, names: &[&str], own: &[Column], axes: usize) -> Option<String> {
     let all = tables(axes);
     let table = all.iter().find(|table| table.file == kind)?;
     let mut known = KnownColumns {
         axes,
-        columns: table.columns.iter().collect(),
+        columns: own.iter().chain(&table.columns).collect(),
         // These have columns of other tables.
         is_of_all: OF_ALL.contains(&kind),
     };
@@ -112,8 +114,22 @@ pub fn column(name: &str) -> Option<Column> {
 /// # Errors
 /// `Failure::Other` if the file cannot be written.
 pub fn write_metadata(kind: &str, table: &Path, names: &[&str], axes: usize) -> Result<()> {
+    write_metadata_with(kind, table, names, &[], axes)
+}
+
+/// [`write_metadata`] of a table whose columns say more exactly what the dictionary says.
+///
+/// # Errors
+/// Likewise.
+pub fn write_metadata_with(
+    kind: &str,
+    table: &Path,
+    names: &[&str],
+    own: &[Column],
+    axes: usize,
+) -> Result<()> {
     let file = table.file_name().unwrap_or_default().to_string_lossy();
-    match metadata(kind, &file, names, axes) {
+    match metadata(kind, &file, names, own, axes) {
         Some(text) => text_writer::write(&table.with_file_name(format!("{file}{ENDING}")), &text),
         None => Ok(()),
     }
@@ -162,7 +178,7 @@ mod tests {
     fn components_are_described_as_their_vector() {
         let mode = "mode12_rotation_im_z";
         let names = ["frame", "x", "angular_velocity_z", "stress_xy", mode];
-        let text = metadata("frames.csv", "a.csv", &names, 2).expect("described");
+        let text = metadata("frames.csv", "a.csv", &names, &[], 2).expect("described");
         let found: Value = serde_json::from_str(&text).expect("JSON");
         let column = |k: usize| &found["tableSchema"]["columns"][k];
         assert_eq!(found["url"], "a.csv");
@@ -173,14 +189,18 @@ mod tests {
         assert_eq!(column(4)["name"], mode);
         let doc = column(4)["dc:description"].as_str().unwrap_or_default();
         assert!(doc.starts_with("rotation"), "{doc}");
-        assert_eq!(metadata("frames.csv", "a.csv", &["positions"], 2), None);
-        assert_eq!(metadata("other.csv", "a.csv", &["step"], 2), None);
+        assert_eq!(
+            metadata("frames.csv", "a.csv", &["positions"], &[], 2),
+            None
+        );
+        assert_eq!(metadata("other.csv", "a.csv", &["step"], &[], 2), None);
     }
 
     #[test]
     fn forces_of_disks_are_per_unit_depth() {
         let unit = |axes| {
-            let text = metadata("log.csv", "log.csv", &["shear_force"], axes).expect("described");
+            let text =
+                metadata("log.csv", "log.csv", &["shear_force"], &[], axes).expect("described");
             let found: Value = serde_json::from_str(&text).expect("JSON");
             found["tableSchema"]["columns"][0]["schema:unitText"].clone()
         };
