@@ -40,7 +40,7 @@ pub struct EnergyBudget {
 /// all ranks. It needs no load, so that jumps of the load and of a wall's velocity leave nothing
 /// out; the kinetic energy of the top does not belong to the sample then.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct NormalWork {
+pub(crate) struct NormalWork {
     /// Work done on the sample (J; J/m in 2D).
     pub work: f64,
     /// Forces on top and bottom in the last step, upwards (N; N/m in 2D).

@@ -319,7 +319,7 @@ fn split_off<'a, F>(
 }
 
 /// The share of a thread, for the kicks and the drift; see [`Grains`].
-pub struct OwnedPart<'a, D: Dimension> {
+pub(crate) struct OwnedPart<'a, D: Dimension> {
     /// Their records.
     pub record: &'a mut [D::Record],
     /// Their forces and torques.

@@ -14,7 +14,7 @@ const HINTS: [(&CStr, &CStr); 2] = [
 ];
 
 /// An object of hints, while MPI is up.
-pub struct Hints(ffi::MPI_Info);
+pub(crate) struct Hints(ffi::MPI_Info);
 
 impl Hints {
     /// `None` if the user has hints.

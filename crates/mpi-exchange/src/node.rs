@@ -187,7 +187,7 @@ struct SharedSlot {
 }
 
 /// The shared memory of the ranks on this node.
-pub struct Node {
+pub(crate) struct Node {
     /// By rank in the job; null for ranks on other nodes.
     slots: Vec<*mut SharedSlot>,
     rank: usize,

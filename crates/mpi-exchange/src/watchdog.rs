@@ -104,7 +104,7 @@ pub struct Ranks {
 }
 
 /// The thread of a rank.
-pub struct Watchdog {
+pub(crate) struct Watchdog {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }

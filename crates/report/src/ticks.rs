@@ -4,7 +4,7 @@
 //! the step.
 
 /// A tick: its position and its label.
-pub type Tick = (f64, String);
+pub(crate) type Tick = (f64, String);
 
 /// Returns about `wanted` round numbers within `low` … `high`, in steps of 1, 2 or 5 times a power
 /// of ten.

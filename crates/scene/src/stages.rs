@@ -38,7 +38,7 @@ impl RunStage {
     }
 
     /// The stage of this name.
-    pub fn by_name(name: &str) -> Option<Self> {
+    pub(crate) fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|stage| stage.name() == name)
     }
 
@@ -152,7 +152,7 @@ impl GivenStages {
     }
 
     /// Refuses quasi-static strain of a sample that is not periodic along all axes.
-    pub fn check_boundary(self, c: &mut Checker<'_>, boundary: &Boundary) {
+    pub(crate) fn check_boundary(self, c: &mut Checker<'_>, boundary: &Boundary) {
         if !self.strains || boundary.is_periodic() {
             return;
         }

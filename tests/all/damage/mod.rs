@@ -583,7 +583,10 @@ fn change_attribute(file: &hdf5::File, group: &str, name: &str) {
     match kind.expect("a type") {
         TypeDescriptor::VarLenUnicode => {
             let text = attribute.read_scalar::<VarLenUnicode>().expect("text");
-            let other: VarLenUnicode = text.replacen(['1', 'a', '0', ' ', 'o'], "2", 1).parse().unwrap();
+            let other: VarLenUnicode = text
+                .replacen(['1', 'a', '0', ' ', 'o'], "2", 1)
+                .parse()
+                .unwrap();
             attribute.write_scalar(&other).expect("written");
         }
         TypeDescriptor::FixedAscii(_) => {

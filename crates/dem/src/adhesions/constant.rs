@@ -19,7 +19,7 @@ pub const KIND: AdhesionKind = AdhesionKind {
 };
 
 /// F_c, which acts beside other adhesions, too.
-pub const ATTRACTION: Key = Key {
+pub(crate) const ATTRACTION: Key = Key {
     default: "0.0",
     ..Key::number("contact.attraction", NOT_NEGATIVE)
         .such_as("F_c", "N, in 2D N/m", "1e-3")

@@ -37,7 +37,7 @@ pub const KIND: AdhesionKind = AdhesionKind {
 };
 
 /// γ.
-pub const SURFACE_ENERGY: Key = Key {
+pub(crate) const SURFACE_ENERGY: Key = Key {
     default: "0.0",
     ..Key::number("contact.surface_energy", NOT_NEGATIVE)
         .such_as("gamma", "J/m²", "0.05")

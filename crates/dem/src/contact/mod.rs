@@ -394,7 +394,7 @@ impl<L: Lanes> PairRadii<L> {
 
     /// Pairs of two grains.
     #[inline(always)]
-    pub fn is_curved(&self) -> L::Mask {
+    pub(crate) fn is_curved(&self) -> L::Mask {
         self.sum.abs().greater(self.first.abs())
     }
 
@@ -501,7 +501,7 @@ impl<L: Lanes> LimitedSpring<L> {
 
     /// Where the spring is set back for its damper: no work was done on it.
     #[inline(always)]
-    pub fn is_set_back(&self, token: L::Token) -> L::Mask {
+    pub(crate) fn is_set_back(&self, token: L::Token) -> L::Mask {
         self.beyond.greater(L::splat(token, 0.0)).and(self.at_limit)
     }
 }
@@ -615,7 +615,7 @@ pub(crate) mod tests {
 
     /// The response of two grains of these radii in a step, which updates their history. `motion`
     /// is in the order of [`PairMotion`], without the normal increment.
-    pub fn response_of<C: ContactLaw>(
+    pub(crate) fn response_of<C: ContactLaw>(
         law: &C,
         radii: [f64; 2],
         motion: [f64; 6],

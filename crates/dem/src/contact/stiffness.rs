@@ -8,7 +8,7 @@ use super::TORQUES;
 
 /// Fraction of a limit from which a contact counts as being at it. Less than 1, because its force
 /// was cut to μF_n of a step in which F_n was slightly different.
-pub const AT_LIMIT: f64 = 1.0 - 1e-6;
+pub(crate) const AT_LIMIT: f64 = 1.0 - 1e-6;
 
 /// The elastic forces of a contact of grains i and j and their derivatives (per unit depth in 2D).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

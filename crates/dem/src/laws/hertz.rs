@@ -227,7 +227,12 @@ impl Constants for Spheres {
 ///
 /// With δ = vT x, t = T s and T^(5/2) = m*/(k_n √(R* v)), the impact is x'' = -max(0, √x (x + β
 /// x')) with β = γ_n √(R* v T) T.
-pub fn impact_damping(spheres: &Spheres, restitution: f64, speed: f64, diameter: f64) -> f64 {
+pub(crate) fn impact_damping(
+    spheres: &Spheres,
+    restitution: f64,
+    speed: f64,
+    diameter: f64,
+) -> f64 {
     let radius = 0.25 * diameter;
     let mass = 0.5 * spheres.density * Three::volume(0.5 * diameter);
     let time = two_fifths(mass / (spheres.normal_stiffness() * (radius * speed).sqrt()));
@@ -638,7 +643,7 @@ impl<const FRICTION: bool, D: Damper> Stiffness for Hertz<FRICTION, D> {
 /// The law whose contacts remember the force of their tangential spring, not its displacement:
 /// `tangential_history = "force"`, of [`super::tsuji`], too.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rescaled<D: Damper> {
+pub(crate) struct Rescaled<D: Damper> {
     normal: Hertz<false, D>,
 }
 

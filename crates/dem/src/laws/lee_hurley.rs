@@ -160,7 +160,7 @@ impl Constants for Material {
 
 /// Largest a/R of the smaller grain: a little beyond it the penalty factor of A9, a fit, changes
 /// sign.
-pub const LARGEST_CONTACT: f64 = 0.3;
+pub(crate) const LARGEST_CONTACT: f64 = 0.3;
 
 /// Constants of the law, the same for all contacts. Both grains are of one material.
 #[derive(Debug, Clone, Copy, PartialEq)]

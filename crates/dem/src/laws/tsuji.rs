@@ -86,7 +86,7 @@ pub struct TsujiSpheres {
 }
 
 /// α of a coefficient of restitution e, 0 < e ≤ 1.
-pub fn damping_factor(e: f64) -> f64 {
+pub(crate) fn damping_factor(e: f64) -> f64 {
     const COEFFICIENTS: [f64; 7] = [1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218];
     if e == 1.0 {
         // The fit leaves 3e-4 there.

@@ -99,7 +99,7 @@ impl Pairs {
 
 /// Clears a vector, and makes room for so many elements and few more: growing by itself it would
 /// double.
-pub fn clear_for<T>(vector: &mut Vec<T>, count: usize) {
+pub(crate) fn clear_for<T>(vector: &mut Vec<T>, count: usize) {
     vector.clear();
     let more = count + count / 16;
     if vector.capacity() < count || vector.capacity() / 2 > more {
@@ -128,7 +128,7 @@ impl PairList {
     }
 
     /// Removes all blocks, and makes room for so many.
-    pub fn clear_for(&mut self, blocks: usize) {
+    pub(crate) fn clear_for(&mut self, blocks: usize) {
         clear_for(&mut self.blocks, blocks);
         clear_for(&mut self.below, blocks);
     }
@@ -308,7 +308,7 @@ pub fn prefetch<T>(elements: &[T], pairs: PairBlock<'_>) {
 
 /// [`prefetch`] of a whole slice.
 #[inline(always)]
-pub fn prefetch_all<T>(elements: &[T]) {
+pub(crate) fn prefetch_all<T>(elements: &[T]) {
     for line in (0..size_of_val(elements)).step_by(64) {
         prefetch_line(elements.as_ptr().cast::<i8>().wrapping_add(line));
     }
@@ -393,7 +393,7 @@ impl Isa {
     ///
     /// # Errors
     /// The work, if this instruction set has none.
-    pub fn run_with_vectors<W: Work>(self, work: W) -> Result<W::Output, W> {
+    pub(crate) fn run_with_vectors<W: Work>(self, work: W) -> Result<W::Output, W> {
         match self {
             Isa::Avx512(token) => Ok(avx512::run(token, work)),
             Isa::Avx2(token) => Ok(avx2::run(token, work)),

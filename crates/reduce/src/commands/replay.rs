@@ -130,7 +130,7 @@ pub enum Rows {
 }
 
 /// Result of a replay.
-pub struct Replayed {
+pub(crate) struct Replayed {
     /// The replayed part.
     pub run: RunFile,
     /// Step of the checkpoint that the replay started from.
