@@ -79,14 +79,18 @@ def relaxation(net: Springs, axes: int, strain: str, matrix: csc_array, places: 
         places: Where the unknowns of K stand in [N, 6] when flattened, [U].
     """
     forces = net.on_grains(net.change(*affine_motion(net, axes, strain))).ravel()[places]
+    # Rotations count as the way of the surface, so that no unit makes them soft.
+    scale = np.where(places % 6 < 3, 1.0, 1.0 / np.mean(net.radius))
+    matrix = csc_array(matrix.multiply(scale[:, None]).multiply(scale[None, :]))
+    forces = scale * forces
     # Translations, and grains without contacts, have no stiffness.
     softer = 1e-10 * abs(matrix).max() * eye_array(len(places))
     factors = splu((matrix + softer).tocsc())
     found = factors.solve(forces)
-    for _ in range(3):
+    for _ in range(10):
         found += factors.solve(forces - matrix @ found)
     motion = np.zeros(6 * len(net.radius))
-    motion[places] = found
+    motion[places] = scale * found
     return motion.reshape(-1, 6)
 
 
