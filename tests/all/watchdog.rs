@@ -51,7 +51,8 @@ fn end(mut child: Child) -> (Option<i32>, String) {
 #[test]
 fn a_stopped_rank_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
-    let (child, [_, stopped]) = begun(folder.path(), 3);
+    // Long enough for a start on a busy machine.
+    let (child, [_, stopped]) = begun(folder.path(), 8);
     signal(stopped, "STOP");
     let (code, text) = end(child);
     assert_eq!(code, Some(1), "{text}");
