@@ -85,8 +85,8 @@ pub struct CommandLine {
     /// Threads per rank, worth it from about 50,000 grains per rank
     #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: u16,
-    /// Stop at a checkpoint after this step of the shear; in a box, steps of Newton's equations
-    /// count after the strain steps
+    /// Stop at a checkpoint after this step; those of a shear, of strain steps and of Newton's
+    /// equations are counted one after the other
     #[arg(long, value_name = "STEP")]
     pub stop_at: Option<u64>,
 }

@@ -17,7 +17,7 @@ use proptest::sample::{Index, select};
 use proptest::test_runner::{FileFailurePersistence, TestCaseResult, TestRng, TestRunner};
 
 /// Nothing may take longer.
-const LONGEST: Duration = Duration::from_secs(60);
+const LONGEST: Duration = Duration::from_mins(1);
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 

@@ -20,7 +20,8 @@ use gshear_store::trajectory::FrameFormat;
 /// order, contacts by their ids. Exit code 0 if everything is equal, 1 if anything differs.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
+    /// A run.h5, or the folder of a run; run.h5/aqs, run.h5/newtonian or run.h5/shear for a later
+    /// stage
     pub(super) a: PathBuf,
     /// Another one
     pub(super) b: PathBuf,

@@ -57,7 +57,7 @@ pub(crate) enum ExportFormat {
 /// Everything is in SI units, of a run in a box in its own ones.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, the folder of a run, run.h5/newtonian for Newton's equations of a box, or a
+    /// A run.h5, the folder of a run, run.h5/newtonian or another later stage, or a
     /// checkpoint
     pub run: PathBuf,
     /// Format of the file

@@ -17,7 +17,8 @@ use gshear_store::run_reader::{RunFile, RunStage};
 /// Show the content of a run
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
+    /// A run.h5, or the folder of a run; run.h5/aqs, run.h5/newtonian or run.h5/shear for a later
+    /// stage
     pub run: PathBuf,
 }
 

@@ -17,7 +17,8 @@ use gshear_store::run_reader::RunFile;
 /// folder of the same name with its frames 00000.png, 00001.png and so on.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
+    /// A run.h5, or the folder of a run; run.h5/aqs, run.h5/newtonian or run.h5/shear for a later
+    /// stage
     pub run: PathBuf,
     /// Frames A to B, both included, every Nth of them; .. is all [default: all]
     #[arg(

@@ -23,7 +23,8 @@ const MOST_UNKNOWNS: usize = 6000;
 /// of the time of spectrum --dense: up to 6,000 unknowns.
 #[derive(Debug, clap::Args)]
 pub struct Arguments {
-    /// A run.h5, or the folder of a run; run.h5/newtonian for Newton's equations of a box
+    /// A run.h5, or the folder of a run; run.h5/aqs, run.h5/newtonian or run.h5/shear for a later
+    /// stage
     pub run: PathBuf,
     /// Frames A to B, both included, every Nth of them; .. is all
     #[arg(long, value_name = "A..B[:N]", default_value = "..")]
