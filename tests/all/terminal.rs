@@ -461,6 +461,45 @@ fn a_box_is_watched_from_its_start() {
 
 /// Titles, keys, names and messages that other people wrote reach the terminal without control
 /// characters, which would move its cursor, change its title or hide a line.
+/// Strain steps after a shear are what is drawn while they go on.
+#[test]
+fn strain_steps_after_a_shear_are_watched() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/configs/sheared-modulus-2d.toml"
+    );
+    let small = [
+        "sample.grains=100",
+        "sample.length=10 mm",
+        "shear.strain=0.01",
+    ];
+    let looser = ["relax.tolerance=1e-6", "aqs.steps=20"];
+    let sets = small.into_iter().chain(looser);
+    let mut arguments = vec![scene.to_string()];
+    arguments.extend(sets.map(|set| format!("--set={set}")));
+    let out = folder.path().join("out");
+    let watched = || {
+        let shown = on_a_terminal(80, &format!("{REDUCER} watch {}", out.display()));
+        plain(&shown)
+    };
+    arguments.push("--stop-at=30".into());
+    assert_eq!(gshear_mpi(1, &out, &arguments).code, 75);
+    let of_shear = watched();
+    assert!(
+        of_shear.contains("phi") && !of_shear.contains("stress"),
+        "{of_shear}"
+    );
+    arguments.pop();
+    arguments.push("--resume=auto".into());
+    assert_eq!(gshear_mpi(1, &out, &arguments).code, 0);
+    let of_strain = watched();
+    assert!(
+        of_strain.contains("stress") && !of_strain.contains("phi"),
+        "{of_strain}"
+    );
+}
+
 #[test]
 fn control_characters_of_files_are_escaped() {
     let folder = tempfile::tempdir().expect("a folder");

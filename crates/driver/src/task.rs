@@ -47,6 +47,16 @@ pub struct LeftState {
     pub state: Snapshot,
 }
 
+/// How a stage ends.
+pub(crate) enum StageEnd {
+    /// The run stops within it, or has said that it stops at its end.
+    Stopped,
+    /// It is the last one.
+    Last,
+    /// Another one follows.
+    Left(Box<LeftState>),
+}
+
 /// How a run enters its folder.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Entry {

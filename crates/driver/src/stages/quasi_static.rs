@@ -12,14 +12,13 @@ use gshear_store::checkpoint;
 use super::assembly::{Assembly, RestState};
 use super::newtonian::NewtonianStage;
 use super::prepare;
-use super::sequence::StageEnd;
 use super::strain::Strain;
 use crate::header::{
     Header, NewtonianHeader, Shape, StrainHeader, StrainProgress, Stretched, Written,
 };
 use crate::options::Outcome;
 use crate::run::Run;
-use crate::task::{LeftState, Start};
+use crate::task::{LeftState, StageEnd, Start};
 
 /// Runs the strain steps and Newton's equations from `start` to their last step; collective.
 ///

@@ -8,17 +8,7 @@ use super::{quasi_static, shearing};
 use crate::header::Header;
 use crate::options::Outcome;
 use crate::run::Run;
-use crate::task::{LeftState, Start};
-
-/// How a stage ends.
-pub(super) enum StageEnd {
-    /// The run stops within it, or has said that it stops at its end.
-    Stopped,
-    /// It is the last one.
-    Last,
-    /// Another one follows.
-    Left(Box<LeftState>),
-}
+use crate::task::{StageEnd, Start};
 
 /// Runs the stages of the scene from `start` to the end of the last one; collective.
 ///

@@ -11,14 +11,13 @@ use gshear_scene::{Load, Origin, PlaneShear, RunStage, Scene, Sizes};
 use gshear_store::checkpoint;
 
 use super::pack::{PackStage, falling_drag};
-use super::sequence::StageEnd;
 use super::shear::{ShearStage, Sheared};
 use super::top_wall::{height_between, mass_of_layer, mass_of_top, stretch};
 use crate::header::{Header, PackHeader, ShearHeader, TimeOrigin, Written};
 use crate::options::Outcome;
 use crate::run::Run;
 use crate::stage::Stage;
-use crate::task::{LeftState, Start};
+use crate::task::{LeftState, StageEnd, Start};
 
 /// κ from which the whole load is applied to the loose sample at once, for disks and for spheres.
 /// At first few grains bear it, each about fifteen times its share in 2D and more in 3D. A softer

@@ -185,7 +185,9 @@ impl Curves {
     /// Reads what is new.
     fn read(&mut self, status: Option<&Status>) -> Result<()> {
         self.log.read();
-        if !self.log.rows.is_empty() {
+        // Strain steps write no log, but may follow a shear.
+        let strains = status.is_some_and(|status| status.progress.stage == RunStage::Strain.name());
+        if !self.log.rows.is_empty() && !strains {
             let names = ["strain", "time", "stress_ratio", "solid_fraction"];
             let [strain, time, tau, phi] = names.map(|name| self.log.column(name));
             let (over, x) = if returns(&strain) || stands_still(&strain) {
@@ -197,7 +199,6 @@ impl Curves {
             self.points = [tau, phi].map(|y| x.iter().zip(y).map(|(x, y)| [*x, y]).collect());
             return Ok(());
         }
-        // A box writes no log.
         let Some(status) = status else { return Ok(()) };
         self.strains.read(status)?;
         let [step, strain, stress] =
@@ -284,8 +285,12 @@ impl StrainSteps {
                 std::thread::sleep(PAUSE);
                 opened = RunFile::open_any(&self.path);
             }
+            let opened = opened.and_then(|run| match run.stage() {
+                RunStage::Strain => Ok(Some(run)),
+                _ => run.part(RunStage::Strain),
+            });
             match opened {
-                Ok(run) if run.stage() == RunStage::Strain => {
+                Ok(Some(run)) => {
                     self.signature = signature;
                     let series = run.series();
                     let (strain, stress) = (series.column("strain"), series.column("shear_stress"));
@@ -293,7 +298,7 @@ impl StrainSteps {
                         .map(|(k, step)| [*step as f64, strain[k], stress[k]])
                         .collect();
                 }
-                Ok(_) => {}
+                Ok(None) => {}
                 // Another look finds it whole.
                 Err(_) if status.state == RunState::Running => {}
                 Err(failure) => return Err(failure),
