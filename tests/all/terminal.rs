@@ -483,7 +483,7 @@ fn strain_steps_after_a_shear_are_watched() {
         let shown = on_a_terminal(80, &format!("{REDUCER} watch {}", out.display()));
         plain(&shown)
     };
-    arguments.push("--stop-at=30".into());
+    arguments.push("--stop-at=600".into());
     assert_eq!(gshear_mpi(1, &out, &arguments).code, 75);
     let of_shear = watched();
     assert!(
