@@ -52,7 +52,7 @@ fn gamma_ratio(a: f64) -> f64 {
     factor * a.sqrt() * sum
 }
 
-/// The value, or a tiny one in place of values that would make the next division overflow.
+/// The value; a tiny one instead of 0, by which the next step divides.
 fn away_from_zero(value: f64) -> f64 {
     const TINY: f64 = 1e-300;
     if value.abs() < TINY { TINY } else { value }

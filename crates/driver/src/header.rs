@@ -383,9 +383,9 @@ impl Saved {
                     "the grains are those of the checkpoint; leave it as it was",
                 )),
             })?;
-        if let (Some(progress), Origin::Insertion(_)) =
-            (self.header.strain_progress(), scene.stages.origin())
-            && scene.stages.first() == RunStage::Strain
+        if let (Some(progress), Some(strain)) =
+            (self.header.strain_progress(), scene.stages.first_strain())
+            && let Origin::Insertion(_) = strain.origin
         {
             let length = progress.length.unwrap_or(scene.sample.length);
             scene.sample = scene.sample.in_box(scene.dimension, length);

@@ -2,7 +2,7 @@
 
 use gshear_dem::failure::{Failure, Result};
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{Dimensions, RunStage, Scene, unlikely};
+use gshear_scene::{Dimensions, Scene, unlikely};
 
 use crate::estimate::{Estimate, bytes, cores, dense_height, height_between};
 use crate::folder::{self, free};
@@ -174,11 +174,9 @@ const STEP: f64 = 20.0;
 pub(crate) fn sensible_ranks(scene: &Scene) -> usize {
     let sample = &scene.sample;
     let diameter = sample.mean_diameter;
-    let height = match &scene.stages.strain {
-        Some(quasi_static) if scene.stages.first() == RunStage::Strain => {
-            quasi_static.lengths(sample)[2]
-        }
-        _ => dense_height(scene),
+    let height = match scene.stages.first_strain() {
+        Some(quasi_static) => quasi_static.lengths(sample)[2],
+        None => dense_height(scene),
     };
     let across = match scene.dimension {
         Dimensions::Two => 1.0,

@@ -334,7 +334,7 @@ fn filled_circle(line: &str) -> Option<(&str, &str, &str)> {
         .then_some((before, colour, after))
 }
 
-/// A colour of six hexadecimal digits mixed with a grey, of which it takes a part.
+/// A mixture of a colour (six hexadecimal digits) and a grey (0 to 255), whose share is `part`.
 fn mixed(colour: &str, grey: f64, part: f64) -> String {
     let channels = [0, 2, 4].map(|at| {
         let value = u8::from_str_radix(&colour[at..at + 2], 16).map_or(0.0, f64::from);

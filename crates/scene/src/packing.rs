@@ -22,7 +22,6 @@ use crate::materials::Materials;
 use crate::sample::{Arrangement, PackingFile, Walls};
 use crate::scene::Scene;
 use crate::source::read_bytes;
-use crate::stages::RunStage;
 use crate::walls::PlaneShear;
 
 use cell::{PackingBox, check_ids, check_neighbours, check_periodic, check_room};
@@ -190,12 +189,9 @@ impl Packing {
         if scene.packing().is_none() {
             return Ok(Vec::new());
         }
-        let plane_shear = match scene.shear() {
-            Some(shear) if scene.stages.first() == RunStage::Shear => shear,
-            _ => {
-                self.check_overlaps(scene, &grains)?;
-                return Ok(grains);
-            }
+        let Some(plane_shear) = scene.stages.first_shear() else {
+            self.check_overlaps(scene, &grains)?;
+            return Ok(grains);
         };
         let PlaneShear { walls, pack, .. } = plane_shear;
         for (grain, atom) in grains.iter_mut().zip(&self.atoms) {

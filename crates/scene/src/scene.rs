@@ -13,7 +13,7 @@ use crate::general::Bookkeeping;
 use crate::grains::Sample;
 use crate::materials::Materials;
 use crate::sample::{Origin, PackingFile};
-use crate::stages::{RunStage, Stages};
+use crate::stages::Stages;
 use crate::time::TimeStep;
 use crate::walls::PlaneShear;
 
@@ -112,9 +112,9 @@ impl Scene {
     /// The cell in which the grains begin.
     pub fn cell(&self) -> Cell {
         let file_box = self.packing().and_then(|file| file.boxed);
-        let height_and_offset = match self.stages.first() {
-            RunStage::Shear => file_box,
-            _ => file_box.or(Some([self.sample.length, 0.0])),
+        let height_and_offset = match self.stages.first_strain() {
+            None => file_box,
+            Some(_) => file_box.or(Some([self.sample.length, 0.0])),
         };
         let sheared = height_and_offset.map(|[height, offset]| Sheared {
             offset,

@@ -86,11 +86,29 @@ impl Stages {
         at.map_or(&[], |at| &self.order[at + 1..])
     }
 
+    /// The shear, if it comes first.
+    pub(crate) fn first_shear(&self) -> Option<&PlaneShear> {
+        if self.first() == RunStage::Shear {
+            self.shear.as_ref()
+        } else {
+            None
+        }
+    }
+
+    /// The strain steps, if they come first.
+    pub fn first_strain(&self) -> Option<&QuasiStatic> {
+        if self.first() == RunStage::Strain {
+            self.strain.as_ref()
+        } else {
+            None
+        }
+    }
+
     /// Where the grains of the first stage come from.
     pub fn origin(&self) -> &Origin {
-        match (self.first(), &self.shear, &self.strain) {
-            (RunStage::Shear, Some(shear), _) => &shear.origin,
-            (_, _, Some(strain)) => &strain.origin,
+        match (self.first_shear(), self.first_strain()) {
+            (Some(shear), _) => &shear.origin,
+            (_, Some(strain)) => &strain.origin,
             _ => unreachable!("the first stage is one that the scene has"),
         }
     }

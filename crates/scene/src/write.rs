@@ -7,7 +7,6 @@ use crate::derived::mean_attraction;
 use crate::keys::tables;
 use crate::materials::{MaterialKeys, OTHERS};
 use crate::scene::Scene;
-use crate::stages::RunStage;
 use crate::value::Value;
 
 /// The configuration of a scene: the values that the checks left, in the order of the declarations.
@@ -63,7 +62,8 @@ fn derived(scene: &Scene) -> Vec<(&'static str, f64, &'static str)> {
         derived.push(("cohesion number F_c/(P d)", number, ""));
     }
     derived.push(("pressure P", load.pressure, "Pa"));
-    if scene.stages.first() == RunStage::Shear {
+    // After strain steps it is by a cell that is not known yet.
+    if scene.stages.first_shear().is_some() {
         derived.push(("normal force N", load.normal_force, force_unit));
     }
     if let Some(spring) = walls.shear.spring {

@@ -251,7 +251,7 @@ struct Polynomial<'a> {
 }
 
 impl Polynomial<'_> {
-    /// x ← T_degree x. `rows`: those of A or of Aᵀ, of which the modes are known.
+    /// x ← T_degree x. `rows`: of A or of Aᵀ; `known`: the modes of the same matrix that were found.
     fn apply(&mut self, rows: &Rows, known: &Known, mut x: MatMut<'_, f64>) {
         let (n, columns) = (x.nrows(), x.ncols());
         self.products += self.degree * columns;

@@ -5,19 +5,23 @@ use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use gshear_scene::RunStage;
 use hdf5::Group;
 
 use crate::sound::{self, ReadFile};
 
-/// The groups of later stages.
-pub(crate) const GROUPS: [&str; 3] = ["aqs", "shear", "newtonian"];
+/// The groups of later stages, which have their names.
+pub(crate) fn groups() -> impl Iterator<Item = &'static str> {
+    RunStage::ALL.into_iter().map(RunStage::name)
+}
 
-/// The groups of the stages that may come after that of a group; all after the root, which is "".
-pub(crate) fn groups_after(group: &str) -> &'static [&'static str] {
-    match group {
-        "" => &GROUPS,
-        "aqs" => &GROUPS[1..],
-        _ => &[],
+/// The groups of the stages that may come after that of a group: any after the root, which is "",
+/// and any but itself after strain steps. Nothing follows the others where they are not first.
+pub(crate) fn groups_after(group: &str) -> Vec<&'static str> {
+    if group.is_empty() || group == RunStage::Strain.name() {
+        groups().filter(|later| *later != group).collect()
+    } else {
+        Vec::new()
     }
 }
 
@@ -63,7 +67,7 @@ impl Deref for OpenPart {
 impl Part {
     /// That of a path: `run.h5`, or `run.h5/newtonian`.
     pub fn of(path: &Path) -> Self {
-        let group = GROUPS.into_iter().find(|group| path.ends_with(group));
+        let group = groups().find(|group| path.ends_with(group));
         match (path.parent(), group) {
             (Some(file), Some(group)) if !path.exists() && !file.is_dir() => Self {
                 file: file.into(),
@@ -81,7 +85,7 @@ impl Part {
         let file = sound::open(&self.file)?;
         let mut group = self.group;
         if group.is_empty() && !file.link_exists("particles") {
-            let only = GROUPS.into_iter().find(|group| file.link_exists(group));
+            let only = groups().find(|group| file.link_exists(group));
             group = only.unwrap_or_default();
         }
         let group = match group {

@@ -90,7 +90,7 @@ impl Motion {
     }
 }
 
-/// The multiples of the cell's edges that `near` is away from a - b, of which it is an image.
+/// The multiples of the cell's edges between a - b and `near`, the nearest of its images.
 fn images<D: Dimension>(cell: &Cell, near: [f64; 3], a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
     let edges = cell.edges::<D>(f64::INFINITY);
     let mut counts = [0.0; 3];

@@ -65,7 +65,7 @@ impl<D: Dimension> Assembly<'_, D> {
         (system.contacts.limits, system.contacts.limits_are_known) = limits;
         let shares = shares(system, self.law, &self.samples);
         let all = gathered(self.exchange, &shares, |c| (c.i, c.j));
-        let volume = volume(system);
+        let volume = volume_of_cell(system);
         let count = all.len() as f64;
         let mut normal_stress = [0.0; 3];
         for (axis, stress) in normal_stress.iter_mut().enumerate() {
@@ -87,8 +87,8 @@ impl<D: Dimension> Assembly<'_, D> {
     }
 }
 
-/// The volume of the box (m³; area in 2D, m²).
-pub(super) fn volume<D: Dimension>(system: &System<D>) -> f64 {
+/// The volume of the cell (m³; area in 2D, m²).
+pub(super) fn volume_of_cell<D: Dimension>(system: &System<D>) -> f64 {
     system.cell.lengths::<D>()[..D::AXES].iter().product()
 }
 

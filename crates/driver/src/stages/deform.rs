@@ -6,7 +6,7 @@ use gshear_dem::dimension::Dimension;
 use gshear_dem::failure::{Failure, Result};
 
 use super::assembly::RestState;
-use super::box_state::{Observed, volume as volume_of_cell};
+use super::box_state::{Observed, volume_of_cell};
 use super::relax::{DisplacementResult, LONGEST};
 use super::strain::{SolidFraction, Strain};
 use crate::header::{Beyond, Correction, Pressing, Search, Stretched};

@@ -23,8 +23,7 @@ use gshear_mpi_exchange::Parallel;
 use gshear_scene::derived::mean_attraction;
 use gshear_scene::schedule::{Interval, Schedule, definition_of_inertial_number};
 use gshear_scene::{
-    Control, Dimensions, Motion, Origin, PlaneShear, RunStage, Scene, TimeStep, WallSpeed, Walls,
-    unlikely,
+    Control, Dimensions, Motion, Origin, PlaneShear, Scene, TimeStep, WallSpeed, Walls, unlikely,
 };
 use gshear_store::box_columns::AqsRow;
 use gshear_store::provenance;
@@ -154,11 +153,8 @@ impl Terminal {
         );
         let law = law(scene);
         let TimeStep { step, limit, .. } = scene.time_step;
-        let strained_first = match &scene.stages.strain {
-            Some(strain) if scene.stages.first() == RunStage::Strain => Some(strain),
-            _ => None,
-        };
-        if let Some(quasi_static) = strained_first {
+        let first_strain = scene.stages.first_strain();
+        if let Some(quasi_static) = first_strain {
             self.say(format!(
                 "{grains} in a periodic box {:.4e} long, solid fraction {:.4}",
                 sample.length, quasi_static.solid_fraction
@@ -177,7 +173,7 @@ impl Terminal {
             Dimensions::Two => (String::new(), "N/m"),
             Dimensions::Three => (format!(", L_y = {:.4e} m", sample.width), "N"),
         };
-        if strained_first.is_none() {
+        if first_strain.is_none() {
             self.say(format!("{grains}, L_x = {:.4e} m{width}", sample.length));
         }
         if let Origin::Packing(file) = &plane_shear.origin {
@@ -195,7 +191,7 @@ impl Terminal {
         } else {
             " of the weight"
         };
-        let force = match strained_first {
+        let force = match first_strain {
             // By a cell that is not known yet.
             Some(_) => String::new(),
             None => format!(", N = {:.6e} {unit}", load.normal_force),

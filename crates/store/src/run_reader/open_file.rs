@@ -17,7 +17,7 @@ use crate::layout::{
     contact_dataset, grain_dataset, of_contact,
 };
 use crate::parameter::attributes;
-use crate::part::{GROUPS, OpenPart, Part};
+use crate::part::{OpenPart, Part, groups};
 use crate::sound::{self, ReadFile};
 use gshear_analysis::frame_scalars::FrameScalars;
 use gshear_dem::boundary::{
@@ -372,9 +372,9 @@ impl<'a> OpenFile<'a> {
             return Ok(());
         };
         let file = self.file.file();
-        let groups = GROUPS.into_iter().filter(|group| file.link_exists(group));
-        let groups = groups.map(|group| format!("{group}/{PARAMETERS}"));
-        for name in groups.chain([PARAMETERS.to_string()]) {
+        let stored = groups().filter(|group| file.link_exists(group));
+        let stored = stored.map(|group| format!("{group}/{PARAMETERS}"));
+        for name in stored.chain([PARAMETERS.to_string()]) {
             let other = file.group(&name).and_then(|group| group.attr("run_id"));
             let other = other.and_then(|id| id.read_scalar::<VarLenUnicode>());
             if let Ok(other) = other
