@@ -251,7 +251,7 @@ struct Polynomial<'a> {
 }
 
 impl Polynomial<'_> {
-    /// x ← T_degree x. `rows`: of A or of Aᵀ; `known`: the modes of the same matrix that were found.
+    /// x ← T_degree x. `rows`: of A or of Aᵀ; `known`: the modes of that matrix found so far.
     fn apply(&mut self, rows: &Rows, known: &Known, mut x: MatMut<'_, f64>) {
         let (n, columns) = (x.nrows(), x.ncols());
         self.products += self.degree * columns;
