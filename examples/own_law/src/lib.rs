@@ -11,6 +11,7 @@ pub mod liquid_bridge;
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+use gshear_dem::contact::parts::{self, NormalSpring, SpringAndDamper, SpringWork};
 use gshear_dem::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use gshear_dem::contact::{Blocks, ContactLaw, dissipation};
 use gshear_dem::dimension::{Dimensions, Two};
@@ -105,7 +106,9 @@ impl Constants for Stiffening {
     }
     fn disks(&self, contact: &Contact) -> Option<Box<dyn PairForce<Two>>> {
         let (law, friction) = (*self, contact.friction);
-        let per_area = contact.relative_densities.map(|part| part * PI * self.density);
+        let per_area = contact
+            .relative_densities
+            .map(|part| part * PI * self.density);
         Some(if friction > 0.0 {
             Box::new(Disks::<true> {
                 law,
@@ -164,40 +167,51 @@ impl<const FRICTION: bool> ContactLaw for Disks<FRICTION> {
 
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        let c = |x| L::splat(token, x);
-        let load = |lanes: &Lanes16| L::load(token, lanes);
-        let zero = c(0.0);
+        let zero = L::splat(token, 0.0);
         let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
         let pairs = parameters.zip(blocks.motion).zip(&mut *blocks.response);
         for (k, ((p, motion), response)) in pairs.enumerate() {
-            let overlap = load(&motion.overlap);
-            let touching = overlap.greater(zero);
-            let v_n = load(&motion.normal_velocity);
-            let stiffness = c(self.law.k_n) * load(&p[PER_LENGTH]).mul_add(overlap, c(1.0));
-            let elastic = stiffness * overlap;
-            let normal = (elastic - load(&p[DAMPING]) * v_n).max(zero);
+            let overlap = L::load(token, &motion.overlap);
+            let stiffening = L::load(token, &p[PER_LENGTH]).mul_add(overlap, L::splat(token, 1.0));
+            let spring = NormalSpring {
+                stiffness: L::splat(token, self.law.k_n) * stiffening,
+                damping: L::load(token, &p[DAMPING]),
+                overlap,
+                velocity: L::load(token, &motion.normal_velocity),
+            };
+            let normal = spring.force(token);
             normal.store(&mut response.normal);
-            response.beyond = overlap.greater(load(&p[LARGEST])).bits();
+            response.beyond = overlap.greater(L::load(token, &p[LARGEST])).bits();
             if BUDGET {
-                let power = ((elastic - normal) * v_n).select(touching, zero);
+                let power = spring.dissipated_power(token, normal);
                 power.store(&mut response.dissipated[dissipation::DAMPING]);
             }
             if FRICTION {
-                let history = &mut blocks.history[k];
-                let (before, slip) = (load(history), load(&motion.tangential_increment[0]));
-                let trial = c(-self.law.k_t).mul_add(slip, before);
-                let limit = c(self.friction) * normal;
-                let slides = trial.abs().greater(limit);
-                let force = limit.copy_sign(trial).select(slides, trial);
-                force.store(&mut response.tangential[0]);
-                response.sliding = slides.bits();
-                let after = force.select(touching, zero);
+                let before = L::load(token, &blocks.history[k]);
+                let slip = L::load(token, &motion.tangential_increment[0]);
+                let elastic = L::splat(token, -self.law.k_t).mul_add(slip, before);
+                let touching = overlap.greater(zero);
+                let slid_before = L::mask(token, response.sliding);
+                let spring = SpringAndDamper::scalar(before, elastic, zero, slid_before, touching);
+                let limit = L::splat(token, self.friction) * normal;
+                let slid = spring.slide_together(token, limit);
+                slid.force[0].store(&mut response.tangential[0]);
+                response.sliding = slid.at_limit.bits();
+                let after = slid.elastic[0].select(touching, zero);
+                after.store(&mut blocks.history[k]);
                 if BUDGET {
-                    let gained = (after - before) * (after + before) * c(1.0 / self.law.k_t);
-                    let lost = c(-0.5) * (before + after).mul_add(slip, gained);
-                    lost.store(&mut response.dissipated[dissipation::FRICTION]);
+                    parts::FRICTION.clear(response);
+                    let work = SpringWork {
+                        stored: spring.before,
+                        force_before: spring.force_before,
+                        way: [slip; 3],
+                        compliance: L::splat(token, 1.0 / self.law.k_t),
+                        limit,
+                        power: zero,
+                        was_at_limit: spring.was_at_limit,
+                    };
+                    spring.count_slider(token, &slid, &work, &parts::FRICTION, response);
                 }
-                after.store(history);
             }
         }
     }

@@ -36,10 +36,13 @@ use super::keys::{
 };
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::parts::{
+    self, CutDamper, LimitedSpring, SpringAndDamper, exceeds, reaches, set_back,
+};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, CutDamper, LimitedSpring, Sliding, Trial, difference, dissipation, exceeds,
-    norm, portable_exp, portable_ln, reaches, scaled, set_back, sum, vector, velocity_before,
+    Blocks, ContactLaw, difference, dissipation, norm, portable_exp, portable_ln, scaled, sum,
+    vector, velocity_before,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Vector, scaled_sum};
 use crate::kernel::PairForce;
@@ -607,10 +610,9 @@ impl<const FRICTION: bool, D: Damper> Hertz<FRICTION, D> {
                 let is_spring = L::mask(token, touching.bits() & !is_set_back.bits());
                 let stiffness = stiffness.select(is_spring, zero);
                 stiffness.store(&mut response.dissipated[dissipation::STIFFNESS]);
+                parts::FRICTION.clear(response);
                 (work - gained - stiffness).store(&mut response.dissipated[dissipation::FRICTION]);
-                response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
-                response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
-                damper.count(token, response, false);
+                damper.count(token, response, &parts::FRICTION);
             }
         }
     }
@@ -710,32 +712,37 @@ impl<D: Damper> ContactLaw for Rescaled<D> {
             let damping = D::per_root(token, load(&p[DAMPING]), root);
             let gamma_t = c(law.tangential_damping) * damping * root;
             let kept = scaled(&before, rescaled);
-            let trial = Trial {
+            let elastic = scaled_sum(-stiffness, &slip, &kept);
+            let viscous = scaled(&v_t, gamma_t);
+            let v_before = velocity_before(token, blocks.per_step, &slip, &v_t);
+            let viscous_before = scaled(&v_before, gamma_t);
+            let spring = SpringAndDamper {
+                components: 3,
                 before: kept,
-                elastic: scaled_sum(-stiffness, &slip, &kept),
-                viscous: scaled(&v_t, gamma_t),
-                viscous_before: scaled(
-                    &velocity_before(token, blocks.per_step, &slip, &v_t),
-                    gamma_t,
-                ),
+                force_before: difference(&kept, &viscous_before),
+                elastic,
+                viscous,
+                force: difference(&elastic, &viscous),
+                was_at_limit: L::mask(token, response.sliding),
+                touching,
             };
             let limit = c(law.friction) * load(&response.normal);
-            let slid = L::mask(token, response.sliding);
-            let mut f = Sliding::vector(token, &trial, limit, slid, touching);
-            if D::BOUNDS_SPRING && f.at_limit.bits() != 0 {
+            let mut slid = spring.slide_together(token, limit);
+            if D::BOUNDS_SPRING && slid.at_limit.bits() != 0 {
                 let (speed, per_speed) = norm(token, &v_t);
                 let bound = c(law.friction * law.normal_stiffness) * overlap * root;
-                let damped = (gamma_t * speed).greater(limit + bound).and(f.at_limit);
+                let exceeds = (gamma_t * speed).greater(limit + bound);
+                let damped = exceeds.and(slid.at_limit);
                 for (k, v) in v_t.iter().enumerate() {
                     let along = *v * per_speed;
-                    f.force[k] = (-(limit * along)).select(damped, f.force[k]);
-                    f.elastic[k] = (bound * along).select(damped, f.elastic[k]);
+                    slid.force[k] = (-(limit * along)).select(damped, slid.force[k]);
+                    slid.elastic[k] = (bound * along).select(damped, slid.elastic[k]);
                 }
             }
-            response.sliding = f.at_limit.bits();
-            let mut after = f.elastic;
+            response.sliding = slid.at_limit.bits();
+            let mut after = slid.elastic;
             for k in 0..3 {
-                f.force[k].store(&mut response.tangential[k]);
+                slid.force[k].store(&mut response.tangential[k]);
                 after[k] = after[k].select(touching, zero);
                 after[k].store(&mut history[k]);
             }
@@ -750,37 +757,35 @@ impl<D: Damper> ContactLaw for Rescaled<D> {
                 for k in 0..3 {
                     work = (half * (before[k] + after[k])).mul_add(-slip[k], work);
                     let mean = half * (kept[k] + after[k]);
-                    lengths = mean.mul_add(trial.elastic[k] - after[k], lengths);
+                    lengths = mean.mul_add(elastic[k] - after[k], lengths);
                 }
                 let lost = work - (energy - stored);
-                let viscous = difference(&f.elastic, &f.force);
-                let damper_before = &trial.viscous_before;
-                let force_before = difference(&before, damper_before);
-                let square = Three::dot(&f.force, &f.force);
+                let viscous = difference(&slid.elastic, &slid.force);
+                let force_before = difference(&before, &viscous_before);
+                let square = Three::dot(&slid.force, &slid.force);
                 let damper = CutDamper {
                     power: Three::dot(&viscous, &v_t).select(touching, zero),
                     before: LimitedSpring {
                         energy: stored,
-                        beyond: Three::dot(damper_before, damper_before)
+                        beyond: Three::dot(&viscous_before, &viscous_before)
                             - Three::dot(&force_before, &force_before),
-                        at_limit: slid.and(touching),
+                        at_limit: spring.was_at_limit.and(touching),
                     },
                     after: LimitedSpring {
                         energy,
                         beyond: Three::dot(&viscous, &viscous) - square,
-                        at_limit: reaches(token, f.at_limit, square, limit).and(touching),
+                        at_limit: reaches(token, slid.at_limit, square, limit).and(touching),
                     },
                 };
                 // A contact that opens has slid until F was 0.
-                let friction = (lengths * inverse(token, stiffness)).select(f.at_limit, zero);
+                let friction = (lengths * inverse(token, stiffness)).select(slid.at_limit, zero);
                 let is_set_back = damper.after.is_set_back(token);
                 let is_spring = L::mask(token, touching.bits() & !is_set_back.bits());
                 let friction = friction.select(is_spring, lost);
+                parts::FRICTION.clear(response);
                 friction.store(&mut response.dissipated[dissipation::FRICTION]);
                 (lost - friction).store(&mut response.dissipated[dissipation::STIFFNESS]);
-                response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
-                response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
-                damper.count(token, response, false);
+                damper.count(token, response, &parts::FRICTION);
             }
         }
     }

@@ -45,10 +45,10 @@ use super::keys::{
 use super::rolling::{self, Rolling, rolling_force};
 use super::rolling_spheres::between_spheres;
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::parts::{self, NormalSpring, SpringAndDamper, SpringWork, add_damping};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, ContactLaw, CutDamper, LimitedSpring, Sliding, Trial, add_damping, dissipation,
-    reaches, scaled, vector, velocity_before,
+    Blocks, ContactLaw, difference, dissipation, scaled, vector, velocity_before,
 };
 use crate::dimension::{Dimension, Dimensions, Three, Two, scaled_sum};
 use crate::kernel::PairForce;
@@ -277,89 +277,9 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
 
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
-        let c = |v| L::splat(token, v);
-        let load = |lanes: &Lanes16| L::load(token, lanes);
-        let zero = c(0.0);
-        let parameters = || blocks.parameters.chunks_exact(Self::PARAMETERS);
-        let pairs = parameters().zip(blocks.motion);
-        for ((p, motion), response) in pairs.zip(&mut *blocks.response) {
-            let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
-            let k_n = c(self.normal_stiffness);
-            let normal = k_n.mul_add(overlap, -(load(&p[DAMPING]) * v_n)).max(zero);
-            normal.store(&mut response.normal);
-            if BUDGET {
-                let power = k_n.mul_add(overlap, -normal) * v_n;
-                let power = power.select(overlap.greater(zero), zero);
-                power.store(&mut response.dissipated[dissipation::DAMPING]);
-                response.dissipated[dissipation::STIFFNESS] = Lanes16::ZERO;
-            }
-        }
+        self.normal_force::<L, BUDGET>(token, blocks);
         if FRICTION {
-            let kept = parameters().zip(blocks.history.chunks_exact_mut(Self::HISTORY));
-            let pairs = kept.zip(blocks.motion);
-            for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
-                let touching = load(&motion.overlap).greater(zero);
-                let n = D::SPINS;
-                let k_t = c(self.tangential_stiffness);
-                let before = vector(token, history, n);
-                let slip = vector(token, &motion.tangential_increment, n);
-                let v_t = vector(token, &motion.tangential_velocity, n);
-                let gamma_t = c(self.tangential_damping) * load(&p[DAMPING]);
-                let beside = c(self.sliding_damping) * gamma_t;
-                let cut = c(1.0 - self.sliding_damping) * gamma_t;
-                let limit = c(self.friction) * load(&response.normal);
-                let trial = Trial {
-                    before,
-                    elastic: scaled_sum(-k_t, &slip, &before),
-                    viscous: scaled(&v_t, cut),
-                    viscous_before: scaled(
-                        &velocity_before(token, blocks.per_step, &slip, &v_t),
-                        cut,
-                    ),
-                };
-                let slid = L::mask(token, response.sliding);
-                let f = if n == 1 {
-                    Sliding::scalar(&trial, limit, touching)
-                } else {
-                    Sliding::vector(token, &trial, limit, slid, touching)
-                };
-                response.sliding = f.at_limit.bits();
-                let (mut lost, mut power, mut square) = (zero, zero, zero);
-                let mut spring_before = LimitedSpring::at(token, slid.and(touching));
-                let mut spring_after = LimitedSpring::at(token, touching);
-                for k in 0..n {
-                    (-beside)
-                        .mul_add(v_t[k], f.force[k])
-                        .store(&mut response.tangential[k]);
-                    let (before, after) = (before[k], f.elastic[k].select(touching, zero));
-                    if BUDGET {
-                        let per_k = c(1.0 / self.tangential_stiffness);
-                        let gained = (after - before) * (after + before) * per_k;
-                        lost = c(-0.5).mul_add((before + after).mul_add(slip[k], gained), lost);
-                        power = v_t[k].mul_add(v_t[k], power);
-                        square = f.force[k].mul_add(f.force[k], square);
-                        let half_k = c(0.5) * per_k;
-                        spring_before.add(half_k, before, before - trial.viscous_before[k]);
-                        spring_after.add(half_k, after, f.force[k]);
-                    }
-                    after.store(&mut history[k]);
-                }
-                if BUDGET {
-                    lost.store(&mut response.dissipated[dissipation::FRICTION]);
-                    response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
-                    response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
-                    let power = power.select(touching, zero);
-                    add_damping(token, response, beside * power);
-                    let reaches = reaches(token, f.at_limit, square, limit);
-                    spring_after.at_limit = reaches.and(touching);
-                    let damper = CutDamper {
-                        power: cut * power,
-                        before: spring_before,
-                        after: spring_after,
-                    };
-                    damper.count(token, response, false);
-                }
-            }
+            self.tangential_force::<L, BUDGET>(token, blocks);
         }
         if ROLLING {
             rolling_force::<Self, L, BUDGET>(token, blocks);
@@ -390,6 +310,97 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> ContactLaw
             rolling = c(0.5) * torque * torque / load(&parameters[PLAIN]);
         }
         [normal, tangential, rolling]
+    }
+}
+
+impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION, ROLLING> {
+    /// Computes F_n.
+    #[inline(always)]
+    fn normal_force<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
+        let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let pairs = parameters.zip(blocks.motion);
+        for ((p, motion), response) in pairs.zip(&mut *blocks.response) {
+            let spring = NormalSpring {
+                stiffness: L::splat(token, self.normal_stiffness),
+                damping: L::load(token, &p[DAMPING]),
+                overlap: L::load(token, &motion.overlap),
+                velocity: L::load(token, &motion.normal_velocity),
+            };
+            let normal = spring.force(token);
+            normal.store(&mut response.normal);
+            if BUDGET {
+                let power = spring.dissipated_power(token, normal);
+                power.store(&mut response.dissipated[dissipation::DAMPING]);
+                response.dissipated[dissipation::STIFFNESS] = Lanes16::ZERO;
+            }
+        }
+    }
+
+    /// Computes F_t.
+    #[inline(always)]
+    fn tangential_force<L: Lanes, const BUDGET: bool>(
+        &self,
+        token: L::Token,
+        blocks: &mut Blocks<'_>,
+    ) {
+        let zero = L::splat(token, 0.0);
+        let k_t = L::splat(token, self.tangential_stiffness);
+        let damping_ratio = L::splat(token, self.tangential_damping);
+        let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
+        let kept = parameters.zip(blocks.history.chunks_exact_mut(Self::HISTORY));
+        let pairs = kept.zip(blocks.motion);
+        for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
+            let components = D::SPINS;
+            let touching = L::load(token, &motion.overlap).greater(zero);
+            let slip = vector(token, &motion.tangential_increment, components);
+            let v_t = vector(token, &motion.tangential_velocity, components);
+            let gamma_t = damping_ratio * L::load(token, &p[DAMPING]);
+            // The part of the damper that is cut with the spring, and the part beside the slider.
+            let cut = L::splat(token, 1.0 - self.sliding_damping) * gamma_t;
+            let beside = L::splat(token, self.sliding_damping) * gamma_t;
+            let limit = L::splat(token, self.friction) * L::load(token, &response.normal);
+            let before = vector(token, history, components);
+            let elastic = scaled_sum(-k_t, &slip, &before);
+            let viscous = scaled(&v_t, cut);
+            let v_before = velocity_before(token, blocks.per_step, &slip, &v_t);
+            let spring = SpringAndDamper {
+                components,
+                before,
+                force_before: difference(&before, &scaled(&v_before, cut)),
+                elastic,
+                viscous,
+                force: difference(&elastic, &viscous),
+                was_at_limit: L::mask(token, response.sliding),
+                touching,
+            };
+            let slid = spring.slide_together(token, limit);
+            response.sliding = slid.at_limit.bits();
+            for k in 0..components {
+                let force = (-beside).mul_add(v_t[k], slid.force[k]);
+                force.store(&mut response.tangential[k]);
+                let elastic = slid.elastic[k].select(touching, zero);
+                elastic.store(&mut history[k]);
+            }
+            if BUDGET {
+                parts::FRICTION.clear(response);
+                let mut square = zero;
+                for v in &v_t[..components] {
+                    square = v.mul_add(*v, square);
+                }
+                let square = square.select(touching, zero);
+                add_damping(token, response, beside * square);
+                let work = SpringWork {
+                    stored: before,
+                    force_before: spring.force_before,
+                    way: slip,
+                    compliance: L::splat(token, 1.0 / self.tangential_stiffness),
+                    limit,
+                    power: cut * square,
+                    was_at_limit: spring.was_at_limit,
+                };
+                spring.count(token, &slid, &work, &parts::FRICTION, response);
+            }
+        }
     }
 }
 

@@ -33,8 +33,9 @@ use super::keys::{
 };
 use super::rolling::{self, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity};
+use crate::contact::parts::{NormalSpring, Slid, add_damping};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
-use crate::contact::{Blocks, ContactLaw, Limited, add_damping, dissipation, portable_ln, scalar};
+use crate::contact::{Blocks, ContactLaw, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
 use crate::kernel::PairForce;
 use crate::simd::{Lanes, Lanes16, Mask, Portable, inverse, inverse_sqrt, ln};
@@ -397,14 +398,16 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let x = load(&carry[Y]) * per_m;
             let root_x = x * inverse_sqrt(token, x);
             root_x.store(&mut carry[ROOT_X]);
-            let k_n = c(self.stiffness) * per_m;
-            let gamma_n = load(&p[DAMPING]) * inverse_sqrt(token, m);
-            let (overlap, v_n) = (load(&motion.overlap), load(&motion.normal_velocity));
-            let normal = k_n.mul_add(overlap, -(gamma_n * v_n)).max(c(0.0));
+            let spring = NormalSpring {
+                stiffness: c(self.stiffness) * per_m,
+                damping: load(&p[DAMPING]) * inverse_sqrt(token, m),
+                overlap: load(&motion.overlap),
+                velocity: load(&motion.normal_velocity),
+            };
+            let normal = spring.force(token);
             normal.store(&mut response.normal);
             if BUDGET {
-                let power = k_n.mul_add(overlap, -normal) * v_n;
-                let power = power.select(overlap.greater(c(0.0)), c(0.0));
+                let power = spring.dissipated_power(token, normal);
                 power.store(&mut response.dissipated[dissipation::DAMPING]);
             }
             let beyond = if FRICTION {
@@ -460,27 +463,27 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             // Since the touch k_t has grown about as δ^(1/(m-1)), whose mean is (1 - 1/m) k_t.
             let first = (c(-2.0) * k_t).mul_add(load(&carry[PER_M]), k_t);
             let last = last.select(last.greater(zero), first);
-            let trial = (c(-0.5) * (last + k_t))
-                .mul_add(load(&motion.tangential_increment[0]), load(&history[0]));
-            let limit = c(self.friction) * load(&response.normal);
+            let before = load(&history[0]);
+            let slip = load(&motion.tangential_increment[0]);
             let v_t = load(&motion.tangential_velocity[0]);
-            let damping = load(&p[DAMPING]) * root * v_t;
-            let f = Limited::scalar(token, trial, limit, damping, self.sliding_damping);
-            let (elastic, viscous) = (f.elastic, f.viscous);
-            (elastic - viscous).store(&mut response.tangential[0]);
-            response.sliding = f.at_limit.bits();
-            let (before, after) = (load(&history[0]), elastic.select(touching, zero));
+            let elastic = (c(-0.5) * (last + k_t)).mul_add(slip, before);
+            let viscous = load(&p[DAMPING]) * root * v_t;
+            let limit = c(self.friction) * load(&response.normal);
+            let slid = Slid::spring_alone(token, elastic, viscous, limit, self.sliding_damping);
+            slid.force[0].store(&mut response.tangential[0]);
+            response.sliding = slid.at_limit.bits();
+            let after = slid.elastic[0].select(touching, zero);
             if BUDGET {
-                let work = c(-0.5) * (before + after) * load(&motion.tangential_increment[0]);
+                let work = c(-0.5) * (before + after) * slip;
                 let per_k = load(&carry[COMPLIANCE]) * c(1.0 / self.stiffness);
                 let per_last = inverse(token, last);
                 let gained = c(0.5) * after * after * per_k - c(0.5) * before * before * per_last;
                 let dissipated = work - gained;
-                let slid = dissipated.select(f.at_limit, zero);
-                slid.store(&mut response.dissipated[dissipation::FRICTION]);
-                let stuck = zero.select(f.at_limit, dissipated);
+                let friction = dissipated.select(slid.at_limit, zero);
+                friction.store(&mut response.dissipated[dissipation::FRICTION]);
+                let stuck = zero.select(slid.at_limit, dissipated);
                 stuck.store(&mut response.dissipated[dissipation::STIFFNESS]);
-                let viscous = viscous.select(touching, zero);
+                let viscous = slid.viscous[0].select(touching, zero);
                 add_damping(token, response, viscous * v_t);
             }
             after.store(&mut history[0]);

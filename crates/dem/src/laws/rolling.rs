@@ -20,19 +20,18 @@ use std::f64::consts::PI;
 
 use super::{Constants, Contact};
 use crate::contact::adhesion::reduced_radius;
+use crate::contact::parts::{self, Slid, SpringAndDamper, SpringWork, add_damping};
 use crate::contact::stiffness::{Derivatives, SpringForce};
-use crate::contact::{
-    Blocks, ContactLaw, CutDamper, Limited, LimitedSpring, Sliding, Trial, add_damping,
-    dissipation, reaches, velocity_before,
-};
+use crate::contact::{Blocks, ContactLaw};
+use crate::dimension::Vector;
 use crate::simd::{Lanes, Lanes16, Mask, inverse};
 
 /// Number of quantities that [`Resistance::parameters`] computes.
 pub const PARAMETERS: usize = 3;
-// Their places: k (N m; N in 2D), C (N m s; N s in 2D), μ R_r (m).
-pub(super) const STIFFNESS: usize = 0;
-pub(super) const DAMPING: usize = 1;
-pub(super) const ARM: usize = 2;
+// Their places, as in [`PairResistance`].
+const STIFFNESS: usize = 0;
+const DAMPING: usize = 1;
+const ARM: usize = 2;
 
 /// A torque of a spring, a damper and a slider: with R_r = R_i R_j/(R_i+R_j) and the reduced moment
 /// of inertia I
@@ -80,6 +79,85 @@ impl Resistance {
         let limit = normal.limit(self.friction * r_r);
         SpringForce::new(trial, self.stiffness * r_r * r_r, limit, at_limit)
     }
+}
+
+/// A resistance of pairs of known radii.
+#[derive(Clone, Copy)]
+pub(super) struct PairResistance<L> {
+    /// k (N m; N in 2D).
+    pub stiffness: L,
+    /// C (N m s; N s in 2D).
+    pub damping: L,
+    /// μ R_r (m).
+    pub arm: L,
+}
+
+impl<L: Lanes> PairResistance<L> {
+    /// By the parameters that [`Resistance::parameters`] has computed.
+    #[inline(always)]
+    pub fn load(token: L::Token, parameters: &[Lanes16]) -> Self {
+        Self {
+            stiffness: L::load(token, &parameters[STIFFNESS]),
+            damping: L::load(token, &parameters[DAMPING]),
+            arm: L::load(token, &parameters[ARM]),
+        }
+    }
+
+    /// 1/k; the energy of a spring without stiffness is 0.
+    #[inline(always)]
+    pub fn compliance(&self, token: L::Token) -> L {
+        inverse(token, self.stiffness.max(L::splat(token, SOFTEST)))
+    }
+
+    /// Spring and damper over a step, without their limit.
+    #[inline(always)]
+    pub fn turned(&self, token: L::Token, turn: &Turn<L>) -> SpringAndDamper<L> {
+        let per_half_step = L::splat(token, 2.0 * turn.per_step);
+        let moves = L::splat(token, if turn.per_step > 0.0 { 2.0 } else { 0.0 });
+        let mut spring = SpringAndDamper {
+            components: turn.components,
+            before: turn.before,
+            force_before: turn.before,
+            elastic: turn.before,
+            viscous: turn.before,
+            force: turn.before,
+            was_at_limit: turn.was_at_limit,
+            touching: turn.touching,
+        };
+        for k in 0..turn.components {
+            let (angle, velocity) = (turn.angle[k], turn.velocity[k]);
+            let elastic = (-self.stiffness).mul_add(angle, turn.before[k]);
+            let force = (-self.damping).mul_add(velocity, elastic);
+            let gained = moves * velocity - per_half_step * angle;
+            spring.elastic[k] = elastic;
+            spring.viscous[k] = self.damping * velocity;
+            spring.force[k] = force;
+            spring.force_before[k] = force + self.stiffness.mul_add(angle, self.damping * gained);
+        }
+        spring
+    }
+}
+
+/// Lower bound of a stiffness (N m; N in 2D), by which energies are divided.
+pub(super) const SOFTEST: f64 = 1e-200;
+
+/// The rotation of i against j in a step, of one component, the first, or of three in the tangent
+/// plane, and the spring that it meets.
+pub(super) struct Turn<L: Lanes> {
+    /// Number of components: 1 or 3.
+    pub components: usize,
+    /// The spring's torque before the step.
+    pub before: Vector<L>,
+    /// (ω_i - ω_j)(t + ½Δt) Δt (rad).
+    pub angle: Vector<L>,
+    /// ω_i - ω_j at the end (rad/s).
+    pub velocity: Vector<L>,
+    /// 1/Δt as in [`Blocks::per_step`].
+    pub per_step: f64,
+    /// Where the torque was at its limit before the step.
+    pub was_at_limit: L::Mask,
+    /// Where the grains touch.
+    pub touching: L::Mask,
 }
 
 /// Resistance of disks to rolling.
@@ -135,68 +213,51 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     token: L::Token,
     blocks: &mut Blocks<'_>,
 ) {
-    let load = |lanes: &Lanes16| L::load(token, lanes);
     let zero = L::splat(token, 0.0);
     let (at, place) = (C::PARAMETERS - PARAMETERS, C::HISTORY - 1);
     let parameters = blocks.parameters.chunks_exact(C::PARAMETERS);
     let kept = parameters.zip(blocks.history.chunks_exact_mut(C::HISTORY));
     let pairs = kept.zip(blocks.motion);
     for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
-        let touching = load(&motion.overlap).greater(zero);
-        let before = load(&history[place]);
-        let increment = load(&motion.rolling_increment);
-        let trial = (-load(&p[at + STIFFNESS])).mul_add(increment, before);
-        let limit = load(&p[at + ARM]) * load(&response.normal);
-        let speed = load(&motion.rolling_velocity);
-        let damping = load(&p[at + DAMPING]) * speed;
-        let [speed_before, ..] =
-            velocity_before(token, blocks.per_step, &[increment; 3], &[speed; 3]);
-        let damping_before = load(&p[at + DAMPING]) * speed_before;
-        let rolled = L::mask(token, response.rolls);
-        let (torque, elastic, viscous, at_limit);
-        if C::CUTS_DAMPERS {
-            let trial = Trial {
-                before: [before; 3],
-                elastic: [trial; 3],
-                viscous: [damping; 3],
-                viscous_before: [damping_before; 3],
-            };
-            let m = Sliding::scalar(&trial, limit, touching);
-            (torque, elastic, viscous, at_limit) = (m.force[0], m.elastic[0], damping, m.at_limit);
+        let resistance = PairResistance::<L>::load(token, &p[at..]);
+        let turn = Turn {
+            components: 1,
+            before: [L::load(token, &history[place]); 3],
+            angle: [L::load(token, &motion.rolling_increment); 3],
+            velocity: [L::load(token, &motion.rolling_velocity); 3],
+            per_step: blocks.per_step,
+            was_at_limit: L::mask(token, response.rolls),
+            touching: L::load(token, &motion.overlap).greater(zero),
+        };
+        let spring = resistance.turned(token, &turn);
+        let limit = resistance.arm * L::load(token, &response.normal);
+        let slid = if C::CUTS_DAMPERS {
+            spring.slide_together(token, limit)
         } else {
-            let m = Limited::scalar(token, trial, limit, damping, 0.0);
-            torque = m.elastic - m.viscous;
-            (elastic, viscous, at_limit) = (m.elastic, m.viscous, m.at_limit);
-        }
-        torque.store(&mut response.rolling);
-        response.rolls = at_limit.bits();
-        let after = elastic.select(touching, zero);
+            Slid::spring_alone(token, spring.elastic[0], spring.viscous[0], limit, 0.0)
+        };
+        slid.force[0].store(&mut response.rolling);
+        response.rolls = slid.at_limit.bits();
+        let elastic = slid.elastic[0].select(turn.touching, zero);
+        elastic.store(&mut history[place]);
         if BUDGET {
-            let work = (before + after) * increment;
-            let compliance = inverse(token, load(&p[at + STIFFNESS]));
-            let gained = (after - before) * (after + before) * compliance;
-            let dissipated = L::splat(token, -0.5) * (work + gained);
-            dissipated.store(&mut response.dissipated[dissipation::ROLLING]);
-            let power = viscous.select(touching, zero) * speed;
+            parts::ROLLING.clear(response);
+            let power = slid.viscous[0].select(turn.touching, zero) * turn.velocity[0];
+            let work = SpringWork {
+                stored: turn.before,
+                force_before: spring.force_before,
+                way: turn.angle,
+                compliance: resistance.compliance(token),
+                limit,
+                power,
+                was_at_limit: turn.was_at_limit,
+            };
             if C::CUTS_DAMPERS {
-                response.dissipated[dissipation::CUT_ROLLING] = Lanes16::ZERO;
-                response.dissipated[dissipation::SET_BACK_ROLLING] = Lanes16::ZERO;
-                let half_compliance = L::splat(token, 0.5) * compliance;
-                let reaches = reaches(token, at_limit, torque * torque, limit);
-                let mut damper = CutDamper {
-                    power,
-                    before: LimitedSpring::at(token, rolled.and(touching)),
-                    after: LimitedSpring::at(token, reaches.and(touching)),
-                };
-                damper
-                    .before
-                    .add(half_compliance, before, before - damping_before);
-                damper.after.add(half_compliance, after, torque);
-                damper.count(token, response, true);
+                spring.count(token, &slid, &work, &parts::ROLLING, response);
             } else {
+                spring.count_slider(token, &slid, &work, &parts::ROLLING, response);
                 add_damping(token, response, power);
             }
         }
-        after.store(&mut history[place]);
     }
 }

@@ -25,16 +25,16 @@
 //! against the present twisting velocity, also where the spring is still loaded the other way; here
 //! it keeps its sign.
 
-use super::rolling::{self, ARM, DAMPING, Resistance, STIFFNESS};
+use super::rolling::{self, PairResistance, Resistance, Turn};
 use super::{Constants, Contact};
+use crate::contact::parts::{self, SpringWork};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
 use crate::contact::{
-    Blocks, CARRY, ContactLaw, CutDamper, Jump, LimitedSpring, PairMotion, Response, TORQUES,
-    Turning, dissipation, exceeds, reaches, set_back, vector,
+    Blocks, CARRY, ContactLaw, Jump, PairMotion, Response, TORQUES, Turning, dissipation, vector,
 };
 use crate::dimension::{Dimension, Three};
 use crate::kernel::PairForce;
-use crate::simd::{Lanes, Lanes16, Mask, inverse};
+use crate::simd::{Lanes, Lanes16, Mask};
 use crate::state::Masses;
 
 /// The law `rough`, `smooth` without friction, or with rolling and twisting resistance, as the
@@ -100,9 +100,6 @@ const MOST: usize = 4;
 /// Blocks whose parameters and histories are put in a row at a time.
 const TOGETHER: usize = 4;
 
-/// Lower bound of a stiffness (N m), by which energies are divided.
-const SOFTEST: f64 = 1e-200;
-
 impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     type Space = Three;
     const PARAMETERS: usize = C::PARAMETERS + OWN;
@@ -147,11 +144,6 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
     #[inline(always)]
     fn evaluate<L: Lanes, const BUDGET: bool>(&self, token: L::Token, blocks: &mut Blocks<'_>) {
         self.evaluate_law::<L, BUDGET>(token, blocks);
-        let c = |v| L::splat(token, v);
-        let load = |lanes: &Lanes16| L::load(token, lanes);
-        let zero = c(0.0);
-        let per_half_step = c(2.0 * blocks.per_step);
-        let moves = c(if blocks.per_step > 0.0 { 2.0 } else { 0.0 });
         let parameters = blocks.parameters.chunks_exact(Self::PARAMETERS);
         let kept = parameters.zip(blocks.history.chunks_exact_mut(Self::HISTORY));
         let moving = kept.zip(blocks.motion).zip(&mut *blocks.turning);
@@ -161,117 +153,32 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
                 response.tangential = [Lanes16::ZERO; 3];
                 response.sliding = 0;
             }
-            if BUDGET && !C::FRICTION {
-                response.dissipated[dissipation::STIFFNESS] = Lanes16::ZERO;
-            }
-            if BUDGET && !(C::FRICTION && C::CUTS_DAMPERS) {
-                response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
-                response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
-            }
-            let (all, p, history) = (p, &p[C::PARAMETERS..], &mut history[C::HISTORY..]);
-            let touching = load(&motion.overlap).greater(zero);
-            let normal = load(&response.normal);
-            let jumps = blocks.jumps.iter().filter(|jump| jump.block == block);
-            // Of the spring and of spring and damper, at the beginning of the step and at its end
-            // without limit.
-            let begins = begins_at(token, motion, turning, history, blocks.per_step, jumps);
-            let (normal, set_back) = self.at_first::<L>(token, all, normal, motion, &begins);
-            let begun = [set_back[0].greater(zero), set_back[1].greater(zero)];
-            let mut sprung = [zero; TORQUES];
-            let (mut before, mut earlier, mut trial, mut at_first) =
-                (sprung, sprung, sprung, sprung);
-            for k in 0..TORQUES {
-                let own = &p[k / 3 * rolling::PARAMETERS..];
-                let (stiffness, damping) = (load(&own[STIFFNESS]), load(&own[DAMPING]));
-                let (increment, velocity) =
-                    (load(&turning.increment[k]), load(&turning.velocity[k]));
-                let gained = moves * velocity - per_half_step * increment;
-                let set_back = set_back[k / 3] * begins.velocity[k];
-                before[k] = load(&history[k]) + damping * set_back;
-                at_first[k] = damping * (set_back - begins.velocity[k]);
-                sprung[k] = (-stiffness).mul_add(increment, before[k]);
-                trial[k] = (-damping).mul_add(velocity, sprung[k]);
-                earlier[k] = trial[k] + stiffness.mul_add(increment, damping * gained);
-            }
-            let limits = [
-                load(&p[ARM]) * normal,
-                load(&p[rolling::PARAMETERS + ARM]) * normal,
-            ];
-            let rolled = L::mask(token, response.rolls);
-            let twisted = L::mask(token, response.twists);
-            let step = TorqueStep {
-                earlier,
-                trial,
-                rolled,
-                touching,
-            };
-            let (cut, [rolls, twists]) = step.cut(token, limits);
-            (response.rolls, response.twists) = (rolls.bits(), twists.bits());
-            let mut dissipated = zero;
-            let [x, y, z, twist] = cut;
-            let of_rolling = Three::dot(&[x, y, z], &[x, y, z]);
-            let rolls_or_nearly = reaches(token, rolls, of_rolling, limits[0]);
-            let twists_or_nearly = reaches(token, twists, twist * twist, limits[1]);
-            // What is subtracted of a pair that has opened is of the kind of the last step.
-            let rolls_or_nearly = choose::<L>(token, touching, [rolls_or_nearly, rolled]);
-            let twists_or_nearly = choose::<L>(token, touching, [twists_or_nearly, twisted]);
-            let mut dampers = [
-                CutDamper {
-                    power: zero,
-                    before: LimitedSpring::at(
-                        token,
-                        either::<L>(token, [rolled, begun[0]]).and(touching),
-                    ),
-                    after: LimitedSpring::at(token, rolls_or_nearly),
-                },
-                CutDamper {
-                    power: zero,
-                    before: LimitedSpring::at(
-                        token,
-                        either::<L>(token, [twisted, begun[1]]).and(touching),
-                    ),
-                    after: LimitedSpring::at(token, twists_or_nearly),
-                },
-            ];
-            for k in 0..TORQUES {
-                // A torque that begins with a jump acts for ½ + θ of the step.
-                let torque = begins.beyond_a_step.mul_add(at_first[k], cut[k]);
-                torque.store(&mut turning.torque[k]);
-                let own = &p[k / 3 * rolling::PARAMETERS..];
-                let (stiffness, damping) = (load(&own[STIFFNESS]), load(&own[DAMPING]));
-                let viscous = damping * load(&turning.velocity[k]);
-                let at_limit = if k / 3 == 0 { rolls } else { twists };
-                let after = (cut[k] + viscous).select(at_limit, sprung[k]);
-                let after = after.select(touching, zero);
-                if BUDGET {
-                    let stored = load(&history[k]);
-                    let per_stiffness = inverse(token, stiffness.max(c(SOFTEST)));
-                    let gained = (after - stored) * (after + stored) * per_stiffness;
-                    let way = load(&turning.increment[k]).select(touching, zero);
-                    let lost = (before[k] + after).mul_add(way, gained);
-                    dissipated = c(-0.5).mul_add(lost, dissipated);
-                    let power = viscous * load(&turning.velocity[k]);
-                    // Of a pair that has opened, half of the last step's was too much.
-                    let too_much = c(-0.5).select(stored.abs().greater(zero), zero);
-                    let share = begins.share.select(touching, too_much);
-                    let counts = share.abs().greater(zero);
-                    let damper = &mut dampers[k / 3];
-                    damper.power = damper.power + (share * power).select(counts, zero);
-                    let half_compliance = c(0.5) * per_stiffness;
-                    let earlier = at_first[k].select(begun[k / 3], earlier[k]);
-                    damper.before.add(half_compliance, before[k], earlier);
-                    damper.after.add(half_compliance, after, cut[k]);
-                }
-                after.store(&mut history[k]);
-            }
             if BUDGET {
-                dissipated.store(&mut response.dissipated[dissipation::ROLLING]);
-                response.dissipated[dissipation::CUT_ROLLING] = Lanes16::ZERO;
-                response.dissipated[dissipation::SET_BACK_ROLLING] = Lanes16::ZERO;
-                for damper in &dampers {
-                    damper.count(token, response, true);
+                if !C::FRICTION {
+                    response.dissipated[dissipation::STIFFNESS] = Lanes16::ZERO;
                 }
+                if !(C::FRICTION && C::CUTS_DAMPERS) {
+                    response.dissipated[dissipation::CUT_FRICTION] = Lanes16::ZERO;
+                    response.dissipated[dissipation::SET_BACK_TANGENTIAL] = Lanes16::ZERO;
+                }
+                parts::ROLLING.clear(response);
             }
+            let torques = &mut history[C::HISTORY..];
+            let jumps = blocks.jumps.iter().filter(|jump| jump.block == block);
+            let begins = begins_at(token, motion, turning, torques, blocks.per_step, jumps);
+            let normal = L::load(token, &response.normal);
+            let (normal, set_back) = self.at_first::<L>(token, p, normal, motion, &begins);
+            let step = TurningStep {
+                parameters: &p[C::PARAMETERS..],
+                normal,
+                begins,
+                set_back,
+                per_step: blocks.per_step,
+                touching: L::load(token, &motion.overlap).greater(L::splat(token, 0.0)),
+            };
+            // Not a loop, so that each has its numbers as constants.
+            step.resist::<BUDGET>(token, &ROLLING, torques, turning, response);
+            step.resist::<BUDGET>(token, &TWISTING, torques, turning, response);
         }
     }
 
@@ -290,8 +197,10 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             .elastic_energies(token, parameters, overlap, history);
         let torques = &history[C::HISTORY..];
         let own = &parameters[C::PARAMETERS..];
-        let k_r = L::load(token, &own[STIFFNESS]).max(c(SOFTEST));
-        let k_w = L::load(token, &own[rolling::PARAMETERS + STIFFNESS]).max(c(SOFTEST));
+        let [k_r, k_w] = [&ROLLING, &TWISTING].map(|torque| {
+            let resistance = PairResistance::<L>::load(token, &own[torque.parameters..]);
+            resistance.stiffness.max(c(rolling::SOFTEST))
+        });
         let moment = vector::<L>(token, torques, 3);
         let twist = L::load(token, &torques[3]);
         let rolling = c(0.5) * Three::dot(&moment, &moment) / k_r;
@@ -334,10 +243,10 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
         let own = &parameters[C::PARAMETERS..];
         let mut parts = [squares.sqrt(), twist.abs()];
         for k in 0..2 {
-            let own = &own[k * rolling::PARAMETERS..];
-            let limit = L::load(token, &own[ARM]) * begun;
-            let size = L::load(token, &own[DAMPING]) * parts[k];
-            let within = limit / size.max(c(SOFTEST));
+            let own = PairResistance::<L>::load(token, &own[k * rolling::PARAMETERS..]);
+            let limit = own.arm * begun;
+            let size = own.damping * parts[k];
+            let within = limit / size.max(c(rolling::SOFTEST));
             let part = (c(1.0) - within).max(c(0.0));
             // None of the torques that do not begin here, whatever else is in the block.
             parts[k] = part.select(size.greater(c(0.0)), c(0.0));
@@ -409,31 +318,129 @@ impl<C: ContactLaw<Space = Three>> Resisting<C> {
     }
 }
 
-/// Torques without a limit over a step.
-struct TorqueStep<L: Lanes> {
-    /// At its beginning.
-    earlier: [L; TORQUES],
-    /// At its end.
-    trial: [L; TORQUES],
-    /// Contacts that rolled at the limit before it.
-    rolled: L::Mask,
+/// One of the two torques of a pair: where its numbers are.
+struct Torque {
+    /// The first of its components among those of both, and their number.
+    first: usize,
+    components: usize,
+    /// The first of its parameters.
+    parameters: usize,
+    /// Its place among the two.
+    place: usize,
+}
+
+/// M_r.
+const ROLLING: Torque = Torque {
+    first: 0,
+    components: 3,
+    parameters: 0,
+    place: 0,
+};
+
+/// T_n.
+const TWISTING: Torque = Torque {
+    first: 3,
+    components: 1,
+    parameters: rolling::PARAMETERS,
+    place: 1,
+};
+
+impl Torque {
+    /// The lanes of a response at its limit.
+    #[inline(always)]
+    fn at_limit<'r>(&self, response: &'r mut Response) -> &'r mut u16 {
+        match self.place {
+            0 => &mut response.rolls,
+            _ => &mut response.twists,
+        }
+    }
+}
+
+/// How pairs turn in a step, and what they are.
+struct TurningStep<'a, L: Lanes> {
+    /// Of rolling, then of twisting.
+    parameters: &'a [Lanes16],
+    /// F_n that limits the torques.
+    normal: L,
+    begins: Begins<L>,
+    /// The parts of the dampers by which the springs are set back where they begin.
+    set_back: [L; 2],
+    /// 1/Δt as in [`Blocks::per_step`].
+    per_step: f64,
     touching: L::Mask,
 }
 
-impl<L: Lanes> TorqueStep<L> {
-    /// The torques at the end cut to the limits of rolling and of twisting, and where they were.
+impl<L: Lanes> TurningStep<'_, L> {
+    /// Computes one of the torques and its spring.
     #[inline(always)]
-    fn cut(&self, token: L::Token, limits: [L; 2]) -> ([L; TORQUES], [L::Mask; 2]) {
-        let ([x, y, z, twist], [a, b, c, _]) = (self.trial, self.earlier);
-        let mut cut = [x, y, z];
-        let rolls = exceeds(&cut, limits[0]).and(self.touching);
-        if rolls.bits() != 0 {
-            cut = set_back(token, &[a, b, c], &cut, limits[0], self.rolled, rolls);
+    fn resist<const BUDGET: bool>(
+        &self,
+        token: L::Token,
+        torque: &Torque,
+        history: &mut [Lanes16],
+        turning: &mut Turning,
+        response: &mut Response,
+    ) {
+        let zero = L::splat(token, 0.0);
+        let (first, components) = (torque.first, torque.components);
+        let resistance = PairResistance::<L>::load(token, &self.parameters[torque.parameters..]);
+        let set_back = self.set_back[torque.place];
+        let has_begun = set_back.greater(zero);
+        let stored = vector(token, &history[first..], components);
+        // The spring, and spring and damper, where the torque begins.
+        let (mut before, mut at_first) = (stored, stored);
+        for k in 0..components {
+            let velocity = self.begins.velocity[first + k];
+            let part = set_back * velocity;
+            before[k] = stored[k] + resistance.damping * part;
+            at_first[k] = resistance.damping * (part - velocity);
         }
-        let twists = twist.abs().greater(limits[1]);
-        let twist = limits[1].copy_sign(twist).select(twists, twist);
-        let [x, y, z] = cut;
-        ([x, y, z, twist], [rolls, twists])
+        let turn = Turn {
+            components,
+            before,
+            angle: vector(token, &turning.increment[first..], components),
+            velocity: vector(token, &turning.velocity[first..], components),
+            per_step: self.per_step,
+            was_at_limit: L::mask(token, *torque.at_limit(response)),
+            touching: self.touching,
+        };
+        let spring = resistance.turned(token, &turn);
+        let limit = resistance.arm * self.normal;
+        let slid = spring.slide_together(token, limit);
+        *torque.at_limit(response) = slid.at_limit.bits();
+        for k in 0..components {
+            // A torque that begins with a jump acts for ½ + θ of the step.
+            let acting = self
+                .begins
+                .beyond_a_step
+                .mul_add(at_first[k], slid.force[k]);
+            acting.store(&mut turning.torque[first + k]);
+            let elastic = slid.elastic[k].select(self.touching, zero);
+            elastic.store(&mut history[first + k]);
+        }
+        if BUDGET {
+            let mut work = SpringWork {
+                stored,
+                force_before: spring.force_before,
+                way: turn.angle,
+                compliance: resistance.compliance(token),
+                limit,
+                power: zero,
+                was_at_limit: either::<L>(token, [turn.was_at_limit, has_begun]),
+            };
+            for k in 0..components {
+                work.way[k] = turn.angle[k].select(self.touching, zero);
+                work.force_before[k] = at_first[k].select(has_begun, spring.force_before[k]);
+                let power = spring.viscous[k] * turn.velocity[k];
+                // Of a pair that has opened, half of the last step's was too much.
+                let is_loaded = stored[k].abs().greater(zero);
+                let too_much = L::splat(token, -0.5).select(is_loaded, zero);
+                let share = self.begins.share.select(self.touching, too_much);
+                let counts = share.abs().greater(zero);
+                work.power = work.power + (share * power).select(counts, zero);
+            }
+            spring.count(token, &slid, &work, &parts::ROLLING, response);
+        }
     }
 }
 
@@ -441,13 +448,6 @@ impl<L: Lanes> TorqueStep<L> {
 #[inline(always)]
 fn either<L: Lanes>(token: L::Token, masks: [L::Mask; 2]) -> L::Mask {
     L::mask(token, masks[0].bits() | masks[1].bits())
-}
-
-/// The first of two masks where `condition`, the second elsewhere.
-#[inline(always)]
-fn choose<L: Lanes>(token: L::Token, condition: L::Mask, masks: [L::Mask; 2]) -> L::Mask {
-    let (condition, [one, other]) = (condition.bits(), [masks[0].bits(), masks[1].bits()]);
-    L::mask(token, (one & condition) | (other & !condition))
 }
 
 /// Where torques begin, in contacts without history.
