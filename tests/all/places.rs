@@ -114,8 +114,14 @@ impl Reference {
 
 /// Starts a run and waits until it has written its second checkpoint.
 fn begun(out: &Path, ranks: usize, said: &Path) -> Child {
+    begun_with(out, ranks, said, &[])
+}
+
+/// The same with further arguments.
+fn begun_with(out: &Path, ranks: usize, said: &Path, further: &[&str]) -> Child {
     let log = std::fs::File::create(said).expect("a file");
     let mut command = command(out, ranks);
+    command.args(further);
     command.env("GSHEAR_TEST", out);
     command.stdout(log.try_clone().expect("a file")).stderr(log);
     let mut child = command.spawn().expect("the program starts");
@@ -256,7 +262,8 @@ fn a_stopped_process_loses_nothing() {
     assert_eq!(end(child, &said).digest(), reference.digest);
     for rank in [0, 2] {
         let out = reference.path(&format!("rank-{rank}"));
-        let child = begun(&out, 3, &said);
+        // Nothing is asked of the ranks in this time but to wait.
+        let child = begun_with(&out, 3, &said, &["--set=bookkeeping.watchdog=8"]);
         let ranks = processes("GSHEAR_TEST", &out);
         let (_, process) = ranks.iter().find(|(r, _)| *r == rank).expect("the rank");
         signal(*process, "STOP");

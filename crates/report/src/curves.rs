@@ -132,11 +132,11 @@ mod tests {
         let kept = decimate(&points, 1.0);
         assert_eq!(kept.len(), 40);
         for column in 0..10 {
-            let of = |points: &[[f64; 2]]| -> Vec<f64> {
+            let heights = |points: &[[f64; 2]]| -> Vec<f64> {
                 let here = points.iter().filter(|p| p[0].floor() == f64::from(column));
                 here.map(|p| p[1]).collect()
             };
-            let (all, few) = (of(&points), of(&kept));
+            let (all, few) = (heights(&points), heights(&kept));
             assert_eq!(extent(all.iter().copied()), extent(few.iter().copied()));
             assert_eq!((all[0], all[all.len() - 1]), (few[0], few[few.len() - 1]));
         }

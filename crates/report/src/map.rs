@@ -389,6 +389,9 @@ mod tests {
         let view = view_of(&grains, &frame, [99.0, 20.0]);
         let ends = view.as_flattened();
         let mut pairs = ends.iter().zip([50.0, 100.0, 9.95, 30.05]);
-        assert!(pairs.all(|(end, of)| (end - of).abs() < 1e-9), "{view:?}");
+        assert!(
+            pairs.all(|(end, expected)| (end - expected).abs() < 1e-9),
+            "{view:?}"
+        );
     }
 }

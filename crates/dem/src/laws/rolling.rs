@@ -111,22 +111,22 @@ impl<L: Lanes> PairResistance<L> {
 
     /// Spring and damper over a step, without their limit.
     #[inline(always)]
-    pub fn turned(&self, token: L::Token, turn: &Turn<L>) -> SpringAndDamper<L> {
-        let per_half_step = L::splat(token, 2.0 * turn.per_step);
-        let moves = L::splat(token, if turn.per_step > 0.0 { 2.0 } else { 0.0 });
+    pub fn turned(&self, token: L::Token, rotation: &Rotation<L>) -> SpringAndDamper<L> {
+        let per_half_step = L::splat(token, 2.0 * rotation.per_step);
+        let moves = L::splat(token, if rotation.per_step > 0.0 { 2.0 } else { 0.0 });
         let mut spring = SpringAndDamper {
-            components: turn.components,
-            before: turn.before,
-            force_before: turn.before,
-            elastic: turn.before,
-            viscous: turn.before,
-            force: turn.before,
-            was_at_limit: turn.was_at_limit,
-            touching: turn.touching,
+            components: rotation.components,
+            before: rotation.before,
+            force_before: rotation.before,
+            elastic: rotation.before,
+            viscous: rotation.before,
+            force: rotation.before,
+            was_at_limit: rotation.was_at_limit,
+            touching: rotation.touching,
         };
-        for k in 0..turn.components {
-            let (angle, velocity) = (turn.angle[k], turn.velocity[k]);
-            let elastic = (-self.stiffness).mul_add(angle, turn.before[k]);
+        for k in 0..rotation.components {
+            let (angle, velocity) = (rotation.angle[k], rotation.velocity[k]);
+            let elastic = (-self.stiffness).mul_add(angle, rotation.before[k]);
             let force = (-self.damping).mul_add(velocity, elastic);
             let gained = moves * velocity - per_half_step * angle;
             spring.elastic[k] = elastic;
@@ -143,7 +143,7 @@ pub(super) const SOFTEST: f64 = 1e-200;
 
 /// The rotation of i against j in a step, of one component, the first, or of three in the tangent
 /// plane, and the spring that it meets.
-pub(super) struct Turn<L: Lanes> {
+pub(super) struct Rotation<L: Lanes> {
     /// Number of components: 1 or 3.
     pub components: usize,
     /// The spring's torque before the step.
@@ -220,7 +220,7 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
     let pairs = kept.zip(blocks.motion);
     for (((p, history), motion), response) in pairs.zip(&mut *blocks.response) {
         let resistance = PairResistance::<L>::load(token, &p[at..]);
-        let turn = Turn {
+        let rotation = Rotation {
             components: 1,
             before: [L::load(token, &history[place]); 3],
             angle: [L::load(token, &motion.rolling_increment); 3],
@@ -229,7 +229,7 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             was_at_limit: L::mask(token, response.rolls),
             touching: L::load(token, &motion.overlap).greater(zero),
         };
-        let spring = resistance.turned(token, &turn);
+        let spring = resistance.turned(token, &rotation);
         let limit = resistance.arm * L::load(token, &response.normal);
         let slid = if C::CUTS_DAMPERS {
             spring.slide_together(token, limit)
@@ -238,19 +238,19 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         };
         slid.force[0].store(&mut response.rolling);
         response.rolls = slid.at_limit.bits();
-        let elastic = slid.elastic[0].select(turn.touching, zero);
+        let elastic = slid.elastic[0].select(rotation.touching, zero);
         elastic.store(&mut history[place]);
         if BUDGET {
             parts::ROLLING.clear(response);
-            let power = slid.viscous[0].select(turn.touching, zero) * turn.velocity[0];
+            let power = slid.viscous[0].select(rotation.touching, zero) * rotation.velocity[0];
             let work = SpringWork {
-                stored: turn.before,
+                stored: rotation.before,
                 force_before: spring.force_before,
-                way: turn.angle,
+                way: rotation.angle,
                 compliance: resistance.compliance(token),
                 limit,
                 power,
-                was_at_limit: turn.was_at_limit,
+                was_at_limit: rotation.was_at_limit,
             };
             if C::CUTS_DAMPERS {
                 spring.count(token, &slid, &work, &parts::ROLLING, response);

@@ -13,7 +13,7 @@
 //! with R_r = R_i R_j/(R_i+R_j), I = I_i I_j/(I_i+I_j), and of a sphere I = (7/5) mR² for rolling,
 //! about the contact, and (2/5) mR² for twisting. A torque beyond its limit is cut to it, and its
 //! spring set back so that spring and damper together give the limit; that of rolling turns as a
-//! spring that slides (`contact::set_back`). The histories, M and T, turn with the pair as that of
+//! spring that slides (`contact::parts`). The histories, M and T, turn with the pair as that of
 //! F_t.
 //!
 //! Where two spheres touch, the spring begins unloaded, but not the dashpot. If that is beyond the
@@ -25,7 +25,7 @@
 //! against the present twisting velocity, also where the spring is still loaded the other way; here
 //! it keeps its sign.
 
-use super::rolling::{self, PairResistance, Resistance, Turn};
+use super::rolling::{self, PairResistance, Resistance, Rotation};
 use super::{Constants, Contact};
 use crate::contact::parts::{self, SpringWork};
 use crate::contact::stiffness::{Derivatives, SpringState, Stiffness};
@@ -197,10 +197,10 @@ impl<C: ContactLaw<Space = Three>> ContactLaw for Resisting<C> {
             .elastic_energies(token, parameters, overlap, history);
         let torques = &history[C::HISTORY..];
         let own = &parameters[C::PARAMETERS..];
-        let [k_r, k_w] = [&ROLLING, &TWISTING].map(|torque| {
-            let resistance = PairResistance::<L>::load(token, &own[torque.parameters..]);
-            resistance.stiffness.max(c(rolling::SOFTEST))
-        });
+        let rolling = PairResistance::<L>::load(token, &own[ROLLING.parameters..]);
+        let twisting = PairResistance::<L>::load(token, &own[TWISTING.parameters..]);
+        let k_r = rolling.stiffness.max(c(rolling::SOFTEST));
+        let k_w = twisting.stiffness.max(c(rolling::SOFTEST));
         let moment = vector::<L>(token, torques, 3);
         let twist = L::load(token, &torques[3]);
         let rolling = c(0.5) * Three::dot(&moment, &moment) / k_r;
@@ -395,7 +395,7 @@ impl<L: Lanes> TurningStep<'_, L> {
             before[k] = stored[k] + resistance.damping * part;
             at_first[k] = resistance.damping * (part - velocity);
         }
-        let turn = Turn {
+        let rotation = Rotation {
             components,
             before,
             angle: vector(token, &turning.increment[first..], components),
@@ -404,7 +404,7 @@ impl<L: Lanes> TurningStep<'_, L> {
             was_at_limit: L::mask(token, *torque.at_limit(response)),
             touching: self.touching,
         };
-        let spring = resistance.turned(token, &turn);
+        let spring = resistance.turned(token, &rotation);
         let limit = resistance.arm * self.normal;
         let slid = spring.slide_together(token, limit);
         *torque.at_limit(response) = slid.at_limit.bits();
@@ -422,16 +422,16 @@ impl<L: Lanes> TurningStep<'_, L> {
             let mut work = SpringWork {
                 stored,
                 force_before: spring.force_before,
-                way: turn.angle,
+                way: rotation.angle,
                 compliance: resistance.compliance(token),
                 limit,
                 power: zero,
-                was_at_limit: either::<L>(token, [turn.was_at_limit, has_begun]),
+                was_at_limit: either::<L>(token, [rotation.was_at_limit, has_begun]),
             };
             for k in 0..components {
-                work.way[k] = turn.angle[k].select(self.touching, zero);
+                work.way[k] = rotation.angle[k].select(self.touching, zero);
                 work.force_before[k] = at_first[k].select(has_begun, spring.force_before[k]);
-                let power = spring.viscous[k] * turn.velocity[k];
+                let power = spring.viscous[k] * rotation.velocity[k];
                 // Of a pair that has opened, half of the last step's was too much.
                 let is_loaded = stored[k].abs().greater(zero);
                 let too_much = L::splat(token, -0.5).select(is_loaded, zero);
