@@ -2,7 +2,7 @@
 
 use gshear_dem::dimension::{Dimension, Two};
 
-use gshear_dem::drive::{Drive, Felt, WallForces, WallSteps, WallSums};
+use gshear_dem::drive::{Drive, Felt, WallForces, WallGrains, WallSteps, WallSums, WallVelocities};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
 use gshear_dem::tuning::PassSettings;
@@ -47,12 +47,30 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.start(load);
     }
 
-    fn drift(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<Two>) {
-        self.walls.drift(step, cell, grains);
+    fn drift(
+        &mut self,
+        step: f64,
+        cell: &mut Cell,
+        grains: &Grains<Two>,
+    ) -> Option<WallVelocities> {
+        self.walls.drift(step, cell, grains)
     }
 
-    fn predict(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<Two>) {
-        self.walls.predict(step, cell, grains);
+    fn wall_grains(&self) -> WallGrains<'_> {
+        self.walls.wall_grains()
+    }
+
+    fn predict(&mut self, step: f64, cell: &mut Cell) -> Option<WallVelocities> {
+        self.walls.predict(step, cell)
+    }
+
+    fn forces(
+        &mut self,
+        settings: PassSettings,
+        cell: Cell,
+        step: f64,
+        grains: &mut Grains<Two>,
+    ) -> Option<usize> {
         if self.dampers == Dampers::HalfStep {
             for record in &mut grains.record {
                 let r = Two::fields_mut(record);
@@ -63,24 +81,15 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
                 r.copy_within(Two::HALF_SPIN..=Two::HALF_SPIN, Two::SPIN);
             }
         }
-    }
-
-    fn forces(
-        &mut self,
-        settings: PassSettings,
-        cell: Cell,
-        step: f64,
-        grains: &mut Grains<Two>,
-    ) -> Option<usize> {
         self.walls.forces(settings, cell, step, grains)
     }
 
-    fn load(&self, felt: &Felt<'_, Two>, sums: &mut WallSums) {
-        self.walls.load(felt, sums);
+    fn load(&self, felt: &Felt<'_, Two>, walls: WallGrains<'_>, sums: &mut WallSums) {
+        self.walls.load(felt, walls, sums);
     }
 
-    fn kick(&mut self, step: f64, load: WallForces, grains: &mut Grains<Two>) {
-        self.walls.kick(step, load, grains);
+    fn kick(&mut self, step: f64, load: WallForces) -> Option<WallVelocities> {
+        self.walls.kick(step, load)
     }
 
     fn moved(&self) -> WallSteps {

@@ -11,7 +11,8 @@ use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::{
-    Drive, Felt, FlowSum, MomentumFlow, Streaming, WallForces, WallSteps, WallSums,
+    Drive, Felt, FlowSum, MomentumFlow, Streaming, WallForces, WallGrains, WallSteps, WallSums,
+    WallVelocities,
 };
 use crate::failure::Result;
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
@@ -63,7 +64,7 @@ pub fn advance<D: Dimension>(
         system.rebuild(exchange, law, drive)?;
         system.clock.end(StepPhase::Rebuild);
     }
-    drive.drift(step, &mut system.cell, &mut system.grains);
+    let wall_velocities = drive.drift(step, &mut system.cell, &system.grains);
     if let Some(Sheared { half_velocity, .. }) = system.cell.sheared
         && half_velocity != 0.0
     {
@@ -72,16 +73,25 @@ pub fn advance<D: Dimension>(
     let (isa, cell) = (system.tuning.passes().isa, system.cell);
     let mut fastest = drive.speed();
     let second_kick_deferred = std::mem::take(&mut system.second_kick_deferred);
+    // Those of the last step: the walls have others now.
+    system.wall_velocities = None;
     let streaming = drive.streaming();
-    let motion = (
+    let motion = Motion {
         step,
         cell,
         streaming,
-        drive.needs_stress(request.samples.is_some()),
-    );
+        is_stressed: drive.needs_stress(request.samples.is_some()),
+        wall_velocities,
+        predicted_wall_velocities: drive.predict(step, &mut system.cell),
+    };
+    let mut walls = drive.wall_grains();
+    let feet = walls.split_off(system.grains.owned);
+    motion.give_first::<D>(feet, 0, &mut system.grains.record);
+    motion.give_predicted::<D>(feet, 0, &mut system.grains.record);
     let mut flow = FlowSum::default();
     system.pool.over_owned(
         &mut system.grains,
+        walls,
         |part| match (second_kick_deferred, streaming.is_some()) {
             (true, false) => isa.run(HalfKickAndDrift::<_, true, false> { part, motion }),
             (false, false) => isa.run(HalfKickAndDrift::<_, false, false> { part, motion }),
@@ -93,7 +103,6 @@ pub fn advance<D: Dimension>(
             flow.merge(of_share);
         },
     );
-    drive.predict(step, &mut system.cell, &mut system.grains);
     let planes = drive.planes();
     if let Some(planes) = planes {
         system.grains.put_feet(planes);
@@ -120,8 +129,7 @@ pub fn advance<D: Dimension>(
     }
     system.clock.end(StepPhase::Walls);
 
-    // Last, because the second kick leaves grains of walls at the velocity of the half step.
-    drive.kick(step, load, &mut system.grains);
+    system.wall_velocities = drive.kick(step, load);
     system.clock.end(StepPhase::Motion);
     system.tuning.end_step(exchange, system.clock.worked());
 
@@ -174,13 +182,16 @@ fn sum_over_ranks<D: Dimension, const K: usize>(
     flags: [bool; K],
     meanwhile: impl Fn(&mut Grains<D>),
 ) -> Result<(WallForces, [bool; K])> {
-    let mut load = WallSums::default();
     let felt = Felt {
         grains: &system.grains,
         stress: system.stress,
         fixed: &system.fixed,
     };
-    drive.load(&felt, &mut load);
+    let load = system.pool.over_walls(drive.wall_grains(), |walls| {
+        let mut sums = WallSums::default();
+        drive.load(&felt, walls, &mut sums);
+        sums
+    });
     let mut message = [0i64; MESSAGE];
     message[0] = i64::from(outside.is_some());
     for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
@@ -307,8 +318,49 @@ fn add_forces<D: Dimension>(
 /// `STREAMS`: grains do what [`Drive::streaming`] says.
 struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> {
     part: OwnedPart<'a, D>,
-    /// Δt (s), the cell, how grains stream, and whether the flow of momentum is needed.
-    motion: (f64, Cell, Option<Streaming>, bool),
+    motion: Motion,
+}
+
+/// What moves the grains in a step beside the forces.
+#[derive(Clone, Copy)]
+struct Motion {
+    /// Δt (s).
+    step: f64,
+    cell: Cell,
+    streaming: Option<Streaming>,
+    /// Whether the flow of momentum is needed.
+    is_stressed: bool,
+    /// With which the grains of walls move.
+    wall_velocities: Option<WallVelocities>,
+    /// Which they have then.
+    predicted_wall_velocities: Option<WallVelocities>,
+}
+
+impl Motion {
+    /// Gives grains of walls the velocities with which they move, also as those of the half step,
+    /// from which the deferred second kick starts.
+    fn give_first<D: Dimension>(
+        &self,
+        walls: WallGrains<'_>,
+        first: usize,
+        record: &mut [D::Record],
+    ) {
+        if let Some(velocities) = self.wall_velocities {
+            velocities.give::<D>(walls, &[D::VELOCITY, D::HALF_VELOCITY], first, record);
+        }
+    }
+
+    /// Gives grains of walls that have moved their predicted velocities.
+    fn give_predicted<D: Dimension>(
+        &self,
+        walls: WallGrains<'_>,
+        first: usize,
+        record: &mut [D::Record],
+    ) {
+        if let Some(velocities) = self.predicted_wall_velocities {
+            velocities.give::<D>(walls, &[D::VELOCITY], first, record);
+        }
+    }
 }
 
 impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
@@ -318,8 +370,15 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
 
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) -> (f64, FlowSum) {
-        let (part, (step, cell, streaming, is_stressed)) = (self.part, self.motion);
-        let streaming = if STREAMS { streaming } else { None };
+        let (part, motion) = (self.part, self.motion);
+        let Motion {
+            step,
+            cell,
+            is_stressed,
+            ..
+        } = motion;
+        let streaming = if STREAMS { motion.streaming } else { None };
+        motion.give_first::<D>(part.walls, part.first, part.record);
         let mut flow = FlowSum::default();
         // The bits of the squared speed, which are greatest for NaN: integers are compared in one
         // cycle, a chain of floating-point maxima would wait for each result.
@@ -351,6 +410,7 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
             *force = Zeroable::zeroed();
             fastest = speed.to_bits().max(fastest);
         }
+        motion.give_predicted::<D>(part.walls, part.first, part.record);
         (f64::from_bits(fastest).sqrt(), flow)
     }
 }

@@ -5,7 +5,7 @@ use crate::clock::{Clock, StepPhase};
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
-use crate::drive::{Drive, FlowSum};
+use crate::drive::{Drive, FlowSum, WallGrains, WallVelocities};
 use crate::failure::{Failure, Result};
 use crate::kernel::PairForce;
 use crate::neighbour::{self, LocalExtent};
@@ -55,6 +55,8 @@ pub struct System<D: Dimension> {
     /// next step gives it with its own first kick; the accessors of the grains give it before they
     /// return.
     pub(crate) second_kick_deferred: bool,
+    /// The velocities of the grains of walls at the end of the last step, which are given with it.
+    pub(crate) wall_velocities: Option<WallVelocities>,
     /// The time spent in each phase.
     pub clock: Clock,
     /// The threads of this rank.
@@ -397,6 +399,7 @@ impl<D: Dimension> System<D> {
             contacts: Contacts::default(),
             slabs: Slabs::new(exchange, setup.cell.periods[0]),
             second_kick_deferred: false,
+            wall_velocities: None,
             clock: Clock::default(),
             pool: ThreadPool::new(setup.threads)?,
             tuning: Tuning::new(setup.tuning, setup.isa),
@@ -445,11 +448,33 @@ impl<D: Dimension> System<D> {
     /// Gives the deferred second kick, if it is due, by the same operations as the next step would,
     /// so with the same bits.
     pub(crate) fn finish_step(&mut self) {
-        if std::mem::take(&mut self.second_kick_deferred) {
-            let isa = self.isa;
-            self.pool
-                .over_owned(&mut self.grains, |part| isa.run(SecondKick(part)), |()| ());
+        if !std::mem::take(&mut self.second_kick_deferred) {
+            return;
         }
+        let Self {
+            grains, pool, isa, ..
+        } = self;
+        // First, because the second kick starts from the velocities of the half step.
+        if let Some(velocities) = self.wall_velocities.take() {
+            let top: Vec<u32> = grains.of_body(body::TOP).collect();
+            let bottom: Vec<u32> = grains.of_body(body::BOTTOM).collect();
+            let walls = WallGrains {
+                top: &top,
+                bottom: &bottom,
+            };
+            velocities.give::<D>(
+                walls,
+                &[D::VELOCITY, D::HALF_VELOCITY],
+                0,
+                &mut grains.record,
+            );
+        }
+        pool.over_owned(
+            grains,
+            WallGrains::default(),
+            |part| isa.run(SecondKick(part)),
+            |()| (),
+        );
     }
 
     /// Adds the flow of momentum to the stress, if that is counted.
@@ -561,6 +586,7 @@ impl<D: Dimension> System<D> {
             .redistribute(exchange, self.cell, grains, contacts, cutoff, worked)?;
         self.list.worked = self.clock.worked();
         self.second_kick_deferred = false;
+        self.wall_velocities = None;
         let extent = self.extent(exchange);
         // A thread's share is contiguous, and should hold the walls beside its grains.
         let by_bodies = self.pool.threads() == 1;

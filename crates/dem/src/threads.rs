@@ -8,10 +8,11 @@ use std::ops::Range;
 use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
+use crate::drive::{WallGrains, WallSums};
 use crate::failure::Result;
 use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Scratch};
 use crate::state::{CandidatePair, Contacts, Grains, Image};
-use crate::workers::{Workers, tail, tail_mut};
+use crate::workers::{self, Workers, tail, tail_mut};
 
 /// Number of grains whose forces a thread clears and adds together.
 const PAGE: usize = 256;
@@ -31,8 +32,6 @@ pub struct ThreadPool<D: Dimension> {
     shares: Vec<Range<usize>>,
     scratch: Box<Scratch<D>>,
     partial: Vec<PartialForces<D>>,
-    /// The first page that each thread gathers, so that all have as much to add.
-    gathered_from: Vec<usize>,
 }
 
 /// The forces on all local grains by those contacts of one thread that are not within its share;
@@ -56,7 +55,6 @@ impl<D: Dimension> ThreadPool<D> {
             shares: vec![0..0; threads.max(1)],
             scratch: Box::default(),
             partial: (1..threads).map(|_| PartialForces::default()).collect(),
-            gathered_from: Vec::new(),
         })
     }
 
@@ -119,19 +117,6 @@ impl<D: Dimension> ThreadPool<D> {
             partial.force.clear();
             partial.force.resize(local, D::Force::zeroed());
         }
-        let sums_of = |page: usize| self.partial.iter().filter(|p| p.used[page]).count();
-        let sums: Vec<usize> = (0..local.div_ceil(PAGE)).map(sums_of).collect();
-        let all: usize = sums.iter().sum();
-        let begin = |thread: usize| {
-            let mut before = 0;
-            let is_before = |&&more: &&usize| {
-                let is_before = before < all * thread / threads;
-                before += more;
-                is_before
-            };
-            sums.iter().take_while(is_before).count()
-        };
-        self.gathered_from = (0..threads).map(begin).collect();
     }
 
     /// Adds the forces of the pairs within the shares.
@@ -200,48 +185,65 @@ impl<D: Dimension> ThreadPool<D> {
         compute(self.workers.as_ref(), law, passes)
     }
 
-    /// Adds the partial forces to the forces on the grains, and clears them.
+    /// Adds the partial forces to the forces on the grains, and clears them. Each thread adds those
+    /// on its share, whose forces stay in the cache of its core; the last one those on ghosts, too.
     pub fn gather(&mut self, force: &mut [D::Force]) {
-        let Some(workers) = &self.workers else {
+        if self.workers.is_none() {
             return;
-        };
-        let gathered_from = &self.gathered_from;
-        let mut partial: Vec<_> = self
-            .partial
-            .iter_mut()
-            .map(|partial| (&mut partial.force[..], &partial.used[..]))
-            .collect();
+        }
+        let mut partial: Vec<PartialSums<'_, D>> = Vec::new();
+        for of_thread in &mut self.partial {
+            partial.push(PartialSums {
+                force: &mut of_thread.force,
+                used: &of_thread.used,
+            });
+        }
         let mut rest = force;
-        let add = |force: &mut [D::Force], partial: Vec<(&mut [D::Force], &[bool])>| {
-            for (more, used) in partial {
-                let pages = force.chunks_mut(PAGE).zip(more.chunks_mut(PAGE)).zip(used);
-                for ((sums, page), _) in pages.filter(|(_, used)| **used) {
-                    for (sum, more) in sums.iter_mut().zip(page) {
-                        for (sum, more) in sum.iter_mut().zip(&more[..]) {
-                            *sum += more;
-                        }
-                        *more = D::Force::zeroed();
-                    }
-                }
-            }
-        };
-        workers.region(|scope| {
-            let add = &add;
-            // From the last part to the first, which this thread adds.
-            for &first in gathered_from[1..].iter().rev() {
-                let begin = (first * PAGE).min(rest.len());
-                let sums = tail_mut(&mut rest, begin);
-                let of_others = split_off(&mut partial, first);
-                scope.spawn(move |_| add(sums, of_others));
-            }
-            add(rest, partial);
-        });
+        let mut parts = Vec::new();
+        for share in self.shares.iter().rev() {
+            let first = share.start;
+            let partial = partial.iter_mut().map(|sums| sums.split_off(first));
+            parts.push(GatheredPart {
+                first,
+                partial: partial.collect(),
+                force: tail_mut(&mut rest, first),
+            });
+        }
+        // The calling thread has the first share.
+        parts.reverse();
+        workers::each(self.workers.as_ref(), &mut parts, |_, part| part.add());
     }
 
-    /// Runs `work` on the share of each thread, and calls `each` with every result.
+    /// The sums of what `work` finds of the grains of walls in each share; feet are with the last.
+    pub(crate) fn over_walls(
+        &self,
+        mut walls: WallGrains<'_>,
+        work: impl Fn(WallGrains<'_>) -> WallSums + Sync,
+    ) -> WallSums {
+        if self.workers.is_none() || walls.is_empty() {
+            return work(walls);
+        }
+        let mut parts = Vec::new();
+        for share in self.shares.iter().rev() {
+            parts.push((walls.split_off(share.start), WallSums::default()));
+        }
+        parts.reverse();
+        workers::each(self.workers.as_ref(), &mut parts, |_, (walls, sums)| {
+            *sums = work(*walls);
+        });
+        let mut sums = WallSums::default();
+        for (_, of_share) in parts {
+            sums.merge(of_share);
+        }
+        sums
+    }
+
+    /// Runs `work` on the share of each thread, and calls `each` with every result. Each share has
+    /// its own grains of `walls`, which must be owned.
     pub(crate) fn over_owned<R: Send + Default>(
         &self,
         grains: &mut Grains<D>,
+        walls: WallGrains<'_>,
         work: impl Fn(OwnedPart<'_, D>) -> R + Sync,
         mut each: impl FnMut(R),
     ) {
@@ -252,12 +254,14 @@ impl<D: Dimension> ThreadPool<D> {
             half_kick: &grains.half_kick,
             image: &mut grains.image,
             mass: &grains.mass,
+            first: 0,
+            walls,
         };
         let Some(workers) = &self.workers else {
             return each(work(rest));
         };
         let mut results: Vec<R> = self.shares.iter().map(|_| R::default()).collect();
-        workers.region(|scope| {
+        workers.region(|region| {
             let work = &work;
             let (first, others) = results.split_at_mut(1);
             // From the last share to the first, which this thread computes.
@@ -268,8 +272,10 @@ impl<D: Dimension> ThreadPool<D> {
                     half_kick: tail(&mut rest.half_kick, share.start),
                     image: tail_mut(&mut rest.image, share.start),
                     mass: tail(&mut rest.mass, share.start),
+                    first: share.start,
+                    walls: rest.walls.split_off(share.start),
                 };
-                scope.spawn(move |_| *result = work(part));
+                region.spawn(move || *result = work(part));
             }
             first[0] = work(rest);
         });
@@ -297,25 +303,61 @@ fn compute<D: Dimension>(
     };
     let mut outcomes = vec![PassOutcome::default(); parts.len()];
     let mut outcome = PassOutcome::default();
-    workers.region(|scope| {
+    workers.region(|region| {
         for ((part, scratch), outcome) in parts.into_iter().zip(&mut outcomes) {
-            scope.spawn(move |_| *outcome = law.pass(part, scratch));
+            region.spawn(move || *outcome = law.pass(part, scratch));
         }
         outcome = law.pass(first, scratch_of_first);
     });
     outcomes.into_iter().rev().fold(outcome, PassOutcome::merge)
 }
 
-/// The partial forces of every thread, from this page on; leaves those before it.
-fn split_off<'a, F>(
-    partial: &mut [(&'a mut [F], &'a [bool])],
-    page: usize,
-) -> Vec<(&'a mut [F], &'a [bool])> {
-    let split = |(force, used): &mut (&'a mut [F], &'a [bool])| {
-        let begin = (page * PAGE).min(force.len());
-        (tail_mut(force, begin), tail(used, page))
-    };
-    partial.iter_mut().map(split).collect()
+/// The partial forces of a thread on the grains of some shares.
+struct PartialSums<'a, D: Dimension> {
+    force: &'a mut [D::Force],
+    /// Of all pages of the rank.
+    used: &'a [bool],
+}
+
+impl<'a, D: Dimension> PartialSums<'a, D> {
+    /// Splits off those from a grain on.
+    fn split_off(&mut self, first: usize) -> PartialSums<'a, D> {
+        PartialSums {
+            force: tail_mut(&mut self.force, first),
+            used: self.used,
+        }
+    }
+}
+
+/// The forces on the grains of a share, and what is added to them.
+struct GatheredPart<'a, D: Dimension> {
+    /// The local index of the first grain.
+    first: usize,
+    force: &'a mut [D::Force],
+    partial: Vec<PartialSums<'a, D>>,
+}
+
+impl<D: Dimension> GatheredPart<'_, D> {
+    /// Adds the partial forces, and clears them.
+    fn add(&mut self) {
+        let (first, end) = (self.first, self.first + self.force.len());
+        for partial in &mut self.partial {
+            for page in first / PAGE..end.div_ceil(PAGE) {
+                if !partial.used[page] {
+                    continue;
+                }
+                let grains = (page * PAGE).max(first)..((page + 1) * PAGE).min(end);
+                let place = grains.start - first..grains.end - first;
+                let sums = &mut self.force[place.clone()];
+                for (sum, more) in sums.iter_mut().zip(&mut partial.force[place]) {
+                    for (sum, more) in sum.iter_mut().zip(&more[..]) {
+                        *sum += more;
+                    }
+                    *more = D::Force::zeroed();
+                }
+            }
+        }
+    }
 }
 
 /// The share of a thread, for the kicks and the drift; see [`Grains`].
@@ -330,4 +372,8 @@ pub(crate) struct OwnedPart<'a, D: Dimension> {
     pub image: &'a mut [Image],
     /// Their masses (kg).
     pub mass: &'a [f64],
+    /// The local index of the first of them.
+    pub first: usize,
+    /// Those that belong to walls.
+    pub walls: WallGrains<'a>,
 }

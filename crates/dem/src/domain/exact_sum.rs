@@ -114,6 +114,12 @@ impl From<Accumulator> for i128 {
 }
 
 impl Accumulator {
+    /// Adds another sum.
+    pub(crate) fn merge(&mut self, other: Self) {
+        self.sum += other.sum;
+        self.outside += other.outside;
+    }
+
     /// This sum less another.
     #[must_use]
     pub fn less(self, other: Self) -> Self {

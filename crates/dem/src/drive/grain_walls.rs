@@ -1,6 +1,8 @@
 //! Walls of frozen grains, or flat ones.
 
-use super::{Drive, Felt, Slider, Top, WallForces, WallSteps, WallSums};
+use super::{
+    Drive, Felt, Slider, Top, WallForces, WallGrains, WallSteps, WallSums, WallVelocities,
+};
 use crate::dimension::Dimension;
 use crate::protocol::Protocol;
 use crate::simd::Isa;
@@ -32,45 +34,20 @@ impl GrainWalls {
         }
     }
 
-    /// Gives the grains of the top these velocities, and those of a bottom that vibrates that
-    /// upwards, in the fields that begin at `at`.
-    fn impose<D: Dimension>(
-        &self,
-        at: &[usize],
-        velocity: [f64; 2],
-        bottom: impl FnOnce(&Protocol) -> f64,
-        grains: &mut Grains<D>,
-    ) {
-        for &g in &self.top {
-            let r = grains.fields_mut(g as usize);
-            for at in at {
-                r[*at] = velocity[0];
-                r[at + D::UP] = velocity[1];
-            }
-        }
+    /// The velocities of the walls, where the bottom has this one (m/s), which is asked for only if
+    /// it vibrates.
+    fn velocities(&self, top: [f64; 2], bottom: impl FnOnce(&Protocol) -> f64) -> WallVelocities {
         let protocol = &self.motion.slider.protocol;
-        if !protocol.has_bottom() {
-            return;
-        }
-        let up = bottom(protocol);
-        for &g in &self.bottom {
-            let r = grains.fields_mut(g as usize);
-            for at in at {
-                r[at + D::UP] = up;
-            }
+        WallVelocities {
+            top,
+            bottom: protocol.has_bottom().then(|| bottom(protocol)),
         }
     }
 
-    /// Gives the wall grains the velocities of the walls, also as those of the half step, from
-    /// which the deferred second kick starts. `bottom` (m/s) is asked for only if it vibrates.
-    fn impose_velocities<D: Dimension>(
-        &self,
-        bottom: impl FnOnce(&Protocol) -> f64,
-        grains: &mut Grains<D>,
-    ) {
+    /// The present velocity of the top, along x and upwards (m/s).
+    fn velocity_of_top(&self) -> [f64; 2] {
         let Top { slider, piston, .. } = &self.motion;
-        let velocity = [slider.state.velocity, piston.velocity];
-        self.impose(&[D::VELOCITY, D::HALF_VELOCITY], velocity, bottom, grains);
+        [slider.state.velocity, piston.velocity]
     }
 }
 
@@ -100,42 +77,53 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         self.motion.start(load);
     }
 
-    fn drift(&mut self, step: f64, _: &mut Cell, grains: &mut Grains<D>) {
+    fn drift(&mut self, step: f64, _: &mut Cell, _: &Grains<D>) -> Option<WallVelocities> {
         let now = self.motion.slider.state.step;
         self.motion.drift(step);
-        self.impose_velocities(|protocol| protocol.bottom_velocity(now), grains);
+        Some(self.velocities(self.velocity_of_top(), |protocol| {
+            protocol.bottom_velocity(now)
+        }))
     }
 
-    fn predict(&mut self, step: f64, _: &mut Cell, grains: &mut Grains<D>) {
+    fn wall_grains(&self) -> WallGrains<'_> {
+        WallGrains {
+            top: &self.top,
+            bottom: &self.bottom,
+        }
+    }
+
+    fn predict(&mut self, step: f64, _: &mut Cell) -> Option<WallVelocities> {
         let now = self.motion.slider.state.step;
-        let bottom = |protocol: &Protocol| protocol.full_bottom_velocity(now);
-        let velocity = self.motion.predicted(step);
-        self.impose(&[D::VELOCITY], velocity, bottom, grains);
+        Some(self.velocities(self.motion.predicted(step), |protocol| {
+            protocol.full_bottom_velocity(now)
+        }))
     }
 
     fn has_bottom_force(&self) -> bool {
         self.motion.slider.protocol.has_bottom()
     }
 
-    fn load(&self, felt: &Felt<'_, D>, sums: &mut WallSums) {
+    fn load(&self, felt: &Felt<'_, D>, walls: WallGrains<'_>, sums: &mut WallSums) {
         let Felt { grains, fixed, .. } = felt;
-        for &g in &self.top {
+        for &g in walls.top {
             fixed.add(&mut sums.up, grains.force[g as usize][D::UP]);
         }
         if self.motion.along {
-            for &g in &self.top {
+            for &g in walls.top {
                 fixed.add(&mut sums.along, grains.force[g as usize][0]);
             }
         }
-        for &g in &self.bottom {
+        for &g in walls.bottom {
             fixed.add(&mut sums.bottom, grains.force[g as usize][D::UP]);
         }
     }
 
-    fn kick(&mut self, step: f64, forces: WallForces, grains: &mut Grains<D>) {
+    fn kick(&mut self, step: f64, forces: WallForces) -> Option<WallVelocities> {
         let now = self.motion.slider.state.step;
         self.motion.kick(step, forces);
-        self.impose_velocities(|protocol| protocol.full_bottom_velocity(now), grains);
+        Some(self.velocities(self.velocity_of_top(), |protocol| {
+            protocol.full_bottom_velocity(now)
+        }))
     }
 
     fn moved(&self) -> WallSteps {
@@ -150,7 +138,12 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         if self.flat.is_some() {
             // New feet are at rest.
             let now = self.motion.slider.state.step;
-            self.impose_velocities(|protocol| protocol.full_bottom_velocity(now), grains);
+            let velocities = self.velocities(self.velocity_of_top(), |protocol| {
+                protocol.full_bottom_velocity(now)
+            });
+            let walls = Drive::<D>::wall_grains(self);
+            let at = [D::VELOCITY, D::HALF_VELOCITY];
+            velocities.give::<D>(walls, &at, 0, &mut grains.record);
         }
     }
 }

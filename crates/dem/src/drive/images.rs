@@ -1,6 +1,6 @@
 //! A cell without walls: its images above move.
 
-use super::{Drive, Felt, Top, WallForces, WallSteps, WallSums};
+use super::{Drive, Felt, Top, WallForces, WallGrains, WallSteps, WallSums, WallVelocities};
 use crate::dimension::Dimension;
 use crate::domain::{MOST_COUNTED, nearest_whole};
 use crate::state::{Cell, Grains, Sheared, Stretching};
@@ -135,11 +135,9 @@ impl<D: Dimension> Drive<D> for Images {
         self.motion.start(load);
     }
 
-    fn drift(&mut self, step: f64, cell: &mut Cell, grains: &mut Grains<D>) {
+    fn drift(&mut self, step: f64, cell: &mut Cell, grains: &Grains<D>) -> Option<WallVelocities> {
         self.motion.drift(step);
-        let Some(sheared) = &mut cell.sheared else {
-            return;
-        };
+        let sheared = cell.sheared.as_mut()?;
         let velocity = self.motion.slider.state.velocity;
         let [predicted, _] = self.motion.predicted(step);
         let (before, height) = (sheared.height, self.motion.piston.height);
@@ -164,37 +162,38 @@ impl<D: Dimension> Drive<D> for Images {
             changes,
             flow: MomentumFlow::new(Cell { sheared, ..*cell }, grains.units.force),
         });
+        None
     }
 
     fn streaming(&self) -> Option<Streaming> {
         self.streaming
     }
 
-    fn predict(&mut self, step: f64, cell: &mut Cell, _: &mut Grains<D>) {
-        let Some(sheared) = &mut cell.sheared else {
-            return;
-        };
+    fn predict(&mut self, step: f64, cell: &mut Cell) -> Option<WallVelocities> {
+        let sheared = cell.sheared.as_mut()?;
         let [along, up] = self.motion.predicted(step);
         if let Some(stretching) = &mut sheared.stretching {
             stretching.full[D::UP] = up / sheared.height;
         }
         sheared.velocity = along;
+        None
     }
 
     fn needs_stress(&self, sampled: bool) -> bool {
         self.needs_stress || sampled
     }
 
-    fn load(&self, felt: &Felt<'_, D>, sums: &mut WallSums) {
+    fn load(&self, felt: &Felt<'_, D>, _: WallGrains<'_>, sums: &mut WallSums) {
         let unit = felt.grains.units.force;
         let [up, along] = felt.stress.unwrap_or_default();
         felt.fixed.add_whole(&mut sums.up, up, unit);
         felt.fixed.add_whole(&mut sums.along, along, unit);
     }
 
-    fn kick(&mut self, step: f64, forces: WallForces, _: &mut Grains<D>) {
+    fn kick(&mut self, step: f64, forces: WallForces) -> Option<WallVelocities> {
         self.felt = forces;
         self.motion.kick(step, forces);
+        None
     }
 
     fn moved(&self) -> WallSteps {

@@ -12,6 +12,7 @@ use crate::domain::{Accumulator, FixedPoint};
 use crate::simd::Isa;
 use crate::state::{Cell, Grains};
 use crate::tuning::PassSettings;
+use crate::workers::tail;
 
 pub use grain_walls::GrainWalls;
 pub use images::{FlowSum, Images, MomentumFlow, Streaming};
@@ -42,6 +43,15 @@ pub struct WallSums {
     pub bottom: Accumulator,
 }
 
+impl WallSums {
+    /// Adds the sums of other grains.
+    pub(crate) fn merge(&mut self, other: Self) {
+        self.up.merge(other.up);
+        self.along.merge(other.along);
+        self.bottom.merge(other.bottom);
+    }
+}
+
 /// How far the walls moved in the last step (m).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WallSteps {
@@ -62,9 +72,75 @@ pub struct Felt<'a, D: Dimension> {
     pub fixed: &'a FixedPoint,
 }
 
+/// The local indices of the owned grains of walls that move as a drive says, and of feet on flat
+/// walls; in order.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct WallGrains<'a> {
+    /// Of the top.
+    pub top: &'a [u32],
+    /// Of the bottom, if it vibrates.
+    pub bottom: &'a [u32],
+}
+
+impl WallGrains<'_> {
+    /// Whether there are none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.top.is_empty() && self.bottom.is_empty()
+    }
+
+    /// Splits off those from an index on.
+    pub(crate) fn split_off(&mut self, first: usize) -> Self {
+        let top = self.top.partition_point(|&g| (g as usize) < first);
+        let bottom = self.bottom.partition_point(|&g| (g as usize) < first);
+        Self {
+            top: tail(&mut self.top, top),
+            bottom: tail(&mut self.bottom, bottom),
+        }
+    }
+}
+
+/// The velocities of the grains of walls (m/s).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WallVelocities {
+    /// Of the top, along x and upwards.
+    pub top: [f64; 2],
+    /// Of the bottom upwards, if it vibrates.
+    pub bottom: Option<f64>,
+}
+
+impl WallVelocities {
+    /// Gives them to grains of walls, in the fields that begin at `at`, of the records of the
+    /// grains from `first` on.
+    pub(crate) fn give<D: Dimension>(
+        &self,
+        walls: WallGrains<'_>,
+        at: &[usize],
+        first: usize,
+        record: &mut [D::Record],
+    ) {
+        let [along, up] = self.top;
+        for &g in walls.top {
+            let r = D::fields_mut(&mut record[g as usize - first]);
+            for at in at {
+                r[*at] = along;
+                r[at + D::UP] = up;
+            }
+        }
+        let Some(up) = self.bottom else {
+            return;
+        };
+        for &g in walls.bottom {
+            let r = D::fields_mut(&mut record[g as usize - first]);
+            for at in at {
+                r[at + D::UP] = up;
+            }
+        }
+    }
+}
+
 /// The walls and the drag, as the time step calls them. The default methods are those of a scene
 /// without walls.
-pub trait Drive<D: Dimension> {
+pub trait Drive<D: Dimension>: Sync {
     /// The drag c (1/s) on translations and on rotations: forces -c m v and torques -c I ω.
     fn drag(&self) -> Option<[f64; 2]> {
         None
@@ -75,14 +151,24 @@ pub trait Drive<D: Dimension> {
     }
     /// Computes the accelerations before the first step.
     fn start(&mut self, _: WallForces) {}
-    /// First half kick and drift of the walls, or of the cell.
-    fn drift(&mut self, _step: f64, _: &mut Cell, _: &mut Grains<D>) {}
+    /// First half kick and drift of the walls, or of the cell. Returns the velocities with which the
+    /// grains of walls move in this step.
+    fn drift(&mut self, _step: f64, _: &mut Cell, _: &Grains<D>) -> Option<WallVelocities> {
+        None
+    }
+    /// The grains of the walls.
+    fn wall_grains(&self) -> WallGrains<'_> {
+        WallGrains::default()
+    }
     /// What the step does to all grains beside their own motion, after [`Drive::drift`].
     fn streaming(&self) -> Option<Streaming> {
         None
     }
-    /// Gives the wall grains, or the cell, their predicted velocities, after the drift.
-    fn predict(&mut self, _step: f64, _: &mut Cell, _: &mut Grains<D>) {}
+    /// Gives the cell its predicted velocity, after [`Drive::drift`]. Returns those that the grains
+    /// of walls have after their motion.
+    fn predict(&mut self, _step: f64, _: &mut Cell) -> Option<WallVelocities> {
+        None
+    }
     /// Adds forces of the walls on the grains that are not contacts between grains. Returns a grain
     /// whose overlap is outside the law.
     fn forces(&mut self, _: PassSettings, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
@@ -96,15 +182,19 @@ pub trait Drive<D: Dimension> {
     fn has_bottom_force(&self) -> bool {
         false
     }
-    /// Adds this rank's part of the forces on the walls.
-    fn load(&self, _: &Felt<'_, D>, _: &mut WallSums) {}
+    /// Adds the forces on these grains of [`Drive::wall_grains`], and on what else bounds the sample.
+    /// With threads each has its own grains; without grains it is called once.
+    fn load(&self, _: &Felt<'_, D>, _: WallGrains<'_>, _: &mut WallSums) {}
     /// Whether it needs the stress of the contacts; `sampled`: their forces are measured in this
     /// step.
     fn needs_stress(&self, _sampled: bool) -> bool {
         false
     }
-    /// Second half kick, by the forces on the walls.
-    fn kick(&mut self, _step: f64, _: WallForces, _: &mut Grains<D>) {}
+    /// Second half kick, by the forces on the walls. Returns the velocities of the grains of walls at
+    /// the end of the step.
+    fn kick(&mut self, _step: f64, _: WallForces) -> Option<WallVelocities> {
+        None
+    }
     /// How far the walls moved in the last step.
     fn moved(&self) -> WallSteps {
         WallSteps::default()

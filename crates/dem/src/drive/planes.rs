@@ -2,7 +2,7 @@
 
 use bytemuck::Zeroable;
 
-use super::{Drive, Felt, Piston, WallForces, WallSums};
+use super::{Drive, Felt, Piston, WallForces, WallGrains, WallSums, WallVelocities};
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, PassInput, Scratch};
@@ -73,8 +73,9 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
     }
 
-    fn drift(&mut self, step: f64, _: &mut Cell, _: &mut Grains<D>) {
+    fn drift(&mut self, step: f64, _: &mut Cell, _: &Grains<D>) -> Option<WallVelocities> {
         self.piston.half_kick_and_drift(step);
+        None
     }
 
     fn forces(
@@ -123,12 +124,13 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         })
     }
 
-    fn load(&self, felt: &Felt<'_, D>, sums: &mut WallSums) {
+    fn load(&self, felt: &Felt<'_, D>, _: WallGrains<'_>, sums: &mut WallSums) {
         self.load_on(true, felt.fixed, &mut sums.up);
     }
 
-    fn kick(&mut self, step: f64, load: WallForces, _: &mut Grains<D>) {
+    fn kick(&mut self, step: f64, load: WallForces) -> Option<WallVelocities> {
         self.piston.full_kick(step, load.up, self.drag);
+        None
     }
 
     fn renumber(&mut self, isa: Isa, grains: &mut Grains<D>, skin: f64) {
