@@ -82,7 +82,7 @@ pub struct CommandLine {
     /// Stop at a checkpoint after this time: 3h50m, 90s, 2:30:00, or minutes
     #[arg(long, value_name = "TIME", value_parser = wall_time)]
     pub walltime: Option<Duration>,
-    /// Threads per rank, worth it from about 50,000 grains per rank
+    /// Threads per rank, worth it from about 5,000 grains per rank
     #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: u16,
     /// Stop at a checkpoint after this step; those of a shear, of strain steps and of Newton's

@@ -151,8 +151,8 @@ pub trait Drive<D: Dimension>: Sync {
     }
     /// Computes the accelerations before the first step.
     fn start(&mut self, _: WallForces) {}
-    /// First half kick and drift of the walls, or of the cell. Returns the velocities with which the
-    /// grains of walls move in this step.
+    /// First half kick and drift of the walls, or of the cell. Returns the velocities with which
+    /// the grains of walls move in this step.
     fn drift(&mut self, _step: f64, _: &mut Cell, _: &Grains<D>) -> Option<WallVelocities> {
         None
     }
@@ -182,16 +182,16 @@ pub trait Drive<D: Dimension>: Sync {
     fn has_bottom_force(&self) -> bool {
         false
     }
-    /// Adds the forces on these grains of [`Drive::wall_grains`], and on what else bounds the sample.
-    /// With threads each has its own grains; without grains it is called once.
+    /// Adds the forces on these grains of [`Drive::wall_grains`], and on what else bounds the
+    /// sample. With threads each has its own grains; without grains it is called once.
     fn load(&self, _: &Felt<'_, D>, _: WallGrains<'_>, _: &mut WallSums) {}
     /// Whether it needs the stress of the contacts; `sampled`: their forces are measured in this
     /// step.
     fn needs_stress(&self, _sampled: bool) -> bool {
         false
     }
-    /// Second half kick, by the forces on the walls. Returns the velocities of the grains of walls at
-    /// the end of the step.
+    /// Second half kick, by the forces on the walls. Returns the velocities of the grains of walls
+    /// at the end of the step.
     fn kick(&mut self, _step: f64, _: WallForces) -> Option<WallVelocities> {
         None
     }
