@@ -3,6 +3,7 @@
 use std::cell::OnceCell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use crate::failure::{Failure, Result};
@@ -12,10 +13,20 @@ use crate::failure::{Failure, Result};
 pub struct Workers {
     threads: usize,
     pool: Arc<rayon::ThreadPool>,
+    shared: Arc<Shared>,
+}
+
+/// What the threads tell each other.
+#[derive(Debug, Default)]
+struct Shared {
     /// Number of regions of parallel work that have begun.
-    regions: Arc<AtomicU64>,
-    /// Number of pieces of work of the present region that are not done, of other threads.
+    regions: AtomicU64,
+    /// Number of pieces of work of the present region that other threads were given and that are
+    /// not done.
     pending: AtomicUsize,
+    /// Number of regions that are to come in which no thread yields its core: other processes want
+    /// it.
+    crowded: AtomicU64,
 }
 
 thread_local! {
@@ -30,6 +41,13 @@ const AWAKE: Duration = Duration::from_micros(500);
 
 /// Polls between two yields of a thread that waits: about a microsecond.
 const POLLS: usize = 32;
+/// Polls before it sleeps, where others want its core.
+const POLLS_CROWDED: usize = 128;
+
+/// A yield that takes so long has given the core to another process.
+const LONG_YIELD: Duration = Duration::from_micros(200);
+/// Number of regions without yields after a long one, so that it costs little a region.
+const WITHOUT_YIELDS: u64 = 5000;
 
 impl Workers {
     /// Starts so many threads, the calling one included; `None`: it is the only one.
@@ -54,61 +72,101 @@ impl Workers {
         Ok(Some(Self {
             threads,
             pool,
-            regions: Arc::default(),
-            pending: AtomicUsize::new(0),
+            shared: Arc::default(),
         }))
     }
 
     /// Runs `work`, which may spawn, and waits for what it spawned.
     pub fn region<'scope>(&'scope self, work: impl FnOnce(&Region<'scope, '_>)) {
-        self.regions.fetch_add(1, Ordering::Release);
+        let shared = &self.shared;
+        let here = 1 + shared.regions.fetch_add(1, Ordering::Release);
+        let crowded = shared.crowded.load(Ordering::Relaxed);
+        shared
+            .crowded
+            .store(crowded.saturating_sub(1), Ordering::Relaxed);
         self.pool.in_place_scope(|scope| {
-            let workers = self;
-            work(&Region { workers, scope });
-            // The pool would have this thread sleep after some microseconds.
-            wait_while(|| self.pending.load(Ordering::Acquire) > 0);
+            work(&Region {
+                shared,
+                caller: std::thread::current(),
+                scope,
+            });
+            // What no thread has begun: they have no core.
+            while rayon::yield_local() == Some(rayon::Yield::Executed) {}
+            let is_pending = || shared.pending.load(Ordering::Acquire) > 0;
+            shared.wait_while(is_pending);
+            // The pool would have this thread yield its core.
+            while is_pending() {
+                std::thread::park();
+            }
         });
-        let here = self.regions.load(Ordering::Relaxed);
         for _ in 1..self.threads {
-            let regions = Arc::clone(&self.regions);
-            self.pool
-                .spawn(move || wait_while(|| regions.load(Ordering::Acquire) == here));
+            let shared = Arc::clone(shared);
+            self.pool.spawn(move || {
+                shared.wait_while(|| shared.regions.load(Ordering::Acquire) == here);
+            });
+        }
+    }
+}
+
+impl Shared {
+    /// Waits while this holds, but not longer than [`AWAKE`]: by polls, and yielding the core while
+    /// only fellow threads want it.
+    fn wait_while(&self, holds: impl Fn() -> bool) {
+        let end = Instant::now() + AWAKE;
+        loop {
+            let is_crowded = self.crowded.load(Ordering::Relaxed) > 0;
+            for _ in 0..if is_crowded { POLLS_CROWDED } else { POLLS } {
+                if !holds() {
+                    return;
+                }
+                std::hint::spin_loop();
+            }
+            let before = Instant::now();
+            if is_crowded || before >= end {
+                return;
+            }
+            std::thread::yield_now();
+            if before.elapsed() >= LONG_YIELD {
+                self.crowded.store(WITHOUT_YIELDS, Ordering::Relaxed);
+            }
         }
     }
 }
 
 /// A region of parallel work.
 pub struct Region<'scope, 'pool> {
-    workers: &'scope Workers,
+    shared: &'scope Shared,
+    /// The thread that waits for its end.
+    caller: Thread,
     scope: &'pool rayon::Scope<'scope>,
 }
 
 impl<'scope> Region<'scope, '_> {
     /// Lets another thread do this work.
     pub fn spawn(&self, work: impl FnOnce() + Send + 'scope) {
-        let pending = &self.workers.pending;
-        pending.fetch_add(1, Ordering::Relaxed);
+        self.shared.pending.fetch_add(1, Ordering::Relaxed);
+        let piece = Piece {
+            pending: &self.shared.pending,
+            caller: self.caller.clone(),
+        };
         self.scope.spawn(move |_| {
+            let _piece = piece;
             work();
-            pending.fetch_sub(1, Ordering::Release);
         });
     }
 }
 
-/// Waits while this holds, but not longer than [`AWAKE`].
-fn wait_while(holds: impl Fn() -> bool) {
-    let end = Instant::now() + AWAKE;
-    loop {
-        for _ in 0..POLLS {
-            if !holds() {
-                return;
-            }
-            std::hint::spin_loop();
+/// A piece of work of a region, which is done when this is dropped, after a panic, too.
+struct Piece<'a> {
+    pending: &'a AtomicUsize,
+    caller: Thread,
+}
+
+impl Drop for Piece<'_> {
+    fn drop(&mut self) {
+        if self.pending.fetch_sub(1, Ordering::Release) == 1 {
+            self.caller.unpark();
         }
-        if Instant::now() >= end {
-            return;
-        }
-        std::thread::yield_now();
     }
 }
 
@@ -174,6 +232,21 @@ mod tests {
                 assert_eq!(numbers, expected, "{threads} threads");
             }
         }
+    }
+
+    /// A piece that panics ends the region with it, and leaves nothing to wait for.
+    #[test]
+    fn a_panic_ends_the_region() {
+        let workers = Workers::start(2).expect("threads");
+        for _ in 0..2 {
+            let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+                each(workers.as_ref(), &mut [0; 4], |k, _| assert_ne!(k, 2));
+            }));
+            assert!(outcome.is_err());
+        }
+        let mut numbers = [0; 4];
+        each(workers.as_ref(), &mut numbers, |k, number| *number = k);
+        assert_eq!(numbers, [0, 1, 2, 3]);
     }
 
     /// They are done as well where the threads were started by another one.
