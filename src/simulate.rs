@@ -184,7 +184,8 @@ fn finished(world: &World, folder: &Path) -> Outcome {
 fn is_within(packing: &Path, folder: &Path) -> bool {
     let (file, _) = split_frame(packing);
     let name = file.file_name().and_then(|name| name.to_str());
-    let of_a_run = file.extension().is_some_and(|of| of == "h5") || name.is_some_and(is_reduced);
+    let is_h5 = file.extension().is_some_and(|extension| extension == "h5");
+    let of_a_run = is_h5 || name.is_some_and(is_reduced);
     let place = if file.is_dir() {
         Some(&*file)
     } else if of_a_run {

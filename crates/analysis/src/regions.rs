@@ -236,7 +236,7 @@ mod tests {
         }));
         // Grain 101: -6; 200: -5; then 100 and 102: -3 each, of which the lower id counts.
         assert_eq!(regions.grains(NET), [100, 101, 200]);
-        let labels = MinPoints::ALL.map(|of| regions.labels(reading(NET, of)));
+        let labels = MinPoints::ALL.map(|points| regions.labels(reading(NET, points)));
         assert_eq!(labels[0], [Some(0), Some(0), Some(1)]);
         assert_eq!(labels[1], [Some(0), Some(0), None]);
         assert_eq!(counts(&regions, NET), [2, 1]);

@@ -196,7 +196,7 @@ fn reason(ranks: &Ranks, seen: &[Seen]) -> String {
             // They tell which rank is behind.
             let begun = here
                 .iter()
-                .map(|(_, of)| of.operations.load(Ordering::Relaxed));
+                .map(|(_, progress)| progress.operations.load(Ordering::Relaxed));
             let begun: Vec<String> = begun.take(8).map(|n| n.to_string()).collect();
             format!(
                 "the ranks wait for each other, or for a file operation (operations begun, by rank: {})",
