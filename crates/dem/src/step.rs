@@ -76,7 +76,7 @@ pub fn advance<D: Dimension>(
     // Those of the last step: the walls have others now.
     system.wall_velocities = None;
     let streaming = drive.streaming();
-    let motion = Motion {
+    let motion = GrainMotion {
         step,
         cell,
         streaming,
@@ -318,12 +318,12 @@ fn add_forces<D: Dimension>(
 /// `STREAMS`: grains do what [`Drive::streaming`] says.
 struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> {
     part: OwnedPart<'a, D>,
-    motion: Motion,
+    motion: GrainMotion,
 }
 
 /// What moves the grains in a step beside the forces.
 #[derive(Clone, Copy)]
-struct Motion {
+struct GrainMotion {
     /// Δt (s).
     step: f64,
     cell: Cell,
@@ -336,7 +336,7 @@ struct Motion {
     predicted_wall_velocities: Option<WallVelocities>,
 }
 
-impl Motion {
+impl GrainMotion {
     /// Gives grains of walls the velocities with which they move, also as those of the half step,
     /// from which the deferred second kick starts.
     fn give_first<D: Dimension>(
@@ -371,7 +371,7 @@ impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
     #[inline(always)]
     fn run<L: Lanes>(self, _: L::Token) -> (f64, FlowSum) {
         let (part, motion) = (self.part, self.motion);
-        let Motion {
+        let GrainMotion {
             step,
             cell,
             is_stressed,

@@ -457,7 +457,10 @@ impl<D: Dimension> System<D> {
         // First, because the second kick starts from the velocities of the half step.
         if let Some(velocities) = self.wall_velocities.take() {
             let top: Vec<u32> = grains.of_body(body::TOP).collect();
-            let bottom: Vec<u32> = grains.of_body(body::BOTTOM).collect();
+            let mut bottom: Vec<u32> = Vec::new();
+            if velocities.bottom.is_some() {
+                bottom.extend(grains.of_body(body::BOTTOM));
+            }
             let walls = WallGrains {
                 top: &top,
                 bottom: &bottom,

@@ -204,7 +204,7 @@ impl<const FRICTION: bool> ContactLaw for Disks<FRICTION> {
                     let work = SpringWork {
                         stored: spring.before,
                         force_before: spring.force_before,
-                        way: [slip; 3],
+                        increment: [slip; 3],
                         compliance: L::splat(token, 1.0 / self.law.k_t),
                         limit,
                         power: zero,

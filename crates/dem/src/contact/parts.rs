@@ -59,7 +59,7 @@ pub struct SpringAndDamper<L: Lanes> {
 }
 
 /// A spring and the damper parallel to it under the limit of a slider in series.
-pub struct Slid<L: Lanes> {
+pub struct SlidingForce<L: Lanes> {
     /// The spring's force; it is stored as the history.
     pub elastic: Vector<L>,
     /// The damper's, which is subtracted from it.
@@ -70,7 +70,7 @@ pub struct Slid<L: Lanes> {
     pub at_limit: L::Mask,
 }
 
-impl<L: Lanes> Slid<L> {
+impl<L: Lanes> SlidingForce<L> {
     /// A spring that alone is cut to the limit, where `share` of its damper acts: their sum jumps
     /// there. Of one component.
     #[inline(always)]
@@ -112,8 +112,8 @@ impl<L: Lanes> SpringAndDamper<L> {
     /// The sum of spring and damper is cut to the limit, and does not jump there: the spring is set
     /// back so that the two together give the limit.
     #[inline(always)]
-    pub fn slide_together(&self, token: L::Token, limit: L) -> Slid<L> {
-        let mut slid = Slid {
+    pub fn slide_together(&self, token: L::Token, limit: L) -> SlidingForce<L> {
+        let mut slid = SlidingForce {
             elastic: self.elastic,
             viscous: self.viscous,
             force: self.force,
@@ -149,7 +149,7 @@ impl<L: Lanes> SpringAndDamper<L> {
     pub fn count_slider(
         &self,
         token: L::Token,
-        slid: &Slid<L>,
+        slid: &SlidingForce<L>,
         work: &SpringWork<L>,
         counts: &SliderCounts,
         response: &mut Response,
@@ -160,7 +160,7 @@ impl<L: Lanes> SpringAndDamper<L> {
             let stored = work.stored[k];
             let elastic = slid.elastic[k].select(self.touching, zero);
             let gained = (elastic - stored) * (elastic + stored) * work.compliance;
-            let lost = (self.before[k] + elastic).mul_add(work.way[k], gained);
+            let lost = (self.before[k] + elastic).mul_add(work.increment[k], gained);
             dissipated = (-half).mul_add(lost, dissipated);
         }
         add_dissipation(token, response, counts.slider, dissipated);
@@ -171,7 +171,7 @@ impl<L: Lanes> SpringAndDamper<L> {
     pub fn count(
         &self,
         token: L::Token,
-        slid: &Slid<L>,
+        slid: &SlidingForce<L>,
         work: &SpringWork<L>,
         counts: &SliderCounts,
         response: &mut Response,
@@ -209,7 +209,7 @@ pub struct SpringWork<L: Lanes> {
     /// Spring and damper before the step, under their limit.
     pub force_before: Vector<L>,
     /// By how much the spring is stretched in the step (m or rad).
-    pub way: Vector<L>,
+    pub increment: Vector<L>,
     /// 1/k.
     pub compliance: L,
     /// The limit.
@@ -454,7 +454,8 @@ mod tests {
     #[test]
     fn a_damper_acts_below_the_limit_and_its_share_at_it() {
         let limited = |trial: f64, viscous: f64, share: f64| {
-            let slid = Slid::spring_alone(PortableToken, c(trial), c(viscous), c(2.0), share);
+            let slid =
+                SlidingForce::spring_alone(PortableToken, c(trial), c(viscous), c(2.0), share);
             assert_eq!(
                 first(slid.force[0]),
                 first(slid.elastic[0]) - first(slid.viscous[0])

@@ -392,7 +392,7 @@ impl<D: Dimension, const FRICTION: bool, const ROLLING: bool> Hooke<D, FRICTION,
                 let work = SpringWork {
                     stored: before,
                     force_before: spring.force_before,
-                    way: slip,
+                    increment: slip,
                     compliance: L::splat(token, 1.0 / self.tangential_stiffness),
                     limit,
                     power: cut * square,

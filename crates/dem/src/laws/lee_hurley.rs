@@ -33,7 +33,7 @@ use super::keys::{
 };
 use super::rolling::{self, Rolling, rolling_force};
 use super::{Constants, Contact, LawKind, Rigidity};
-use crate::contact::parts::{NormalSpring, Slid, add_damping};
+use crate::contact::parts::{NormalSpring, SlidingForce, add_damping};
 use crate::contact::stiffness::{Derivatives, SpringForce, SpringState, Stiffness};
 use crate::contact::{Blocks, ContactLaw, dissipation, portable_ln, scalar};
 use crate::dimension::{Dimensions, Two};
@@ -469,7 +469,8 @@ impl<const FRICTION: bool, const ROLLING: bool> LeeHurley<FRICTION, ROLLING> {
             let elastic = (c(-0.5) * (last + k_t)).mul_add(slip, before);
             let viscous = load(&p[DAMPING]) * root * v_t;
             let limit = c(self.friction) * load(&response.normal);
-            let slid = Slid::spring_alone(token, elastic, viscous, limit, self.sliding_damping);
+            let slid =
+                SlidingForce::spring_alone(token, elastic, viscous, limit, self.sliding_damping);
             slid.force[0].store(&mut response.tangential[0]);
             response.sliding = slid.at_limit.bits();
             let after = slid.elastic[0].select(touching, zero);

@@ -20,7 +20,7 @@ use std::f64::consts::PI;
 
 use super::{Constants, Contact};
 use crate::contact::adhesion::reduced_radius;
-use crate::contact::parts::{self, Slid, SpringAndDamper, SpringWork, add_damping};
+use crate::contact::parts::{self, SlidingForce, SpringAndDamper, SpringWork, add_damping};
 use crate::contact::stiffness::{Derivatives, SpringForce};
 use crate::contact::{Blocks, ContactLaw};
 use crate::dimension::Vector;
@@ -234,7 +234,7 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         let slid = if C::CUTS_DAMPERS {
             spring.slide_together(token, limit)
         } else {
-            Slid::spring_alone(token, spring.elastic[0], spring.viscous[0], limit, 0.0)
+            SlidingForce::spring_alone(token, spring.elastic[0], spring.viscous[0], limit, 0.0)
         };
         slid.force[0].store(&mut response.rolling);
         response.rolls = slid.at_limit.bits();
@@ -246,7 +246,7 @@ pub fn rolling_force<C: ContactLaw, L: Lanes, const BUDGET: bool>(
             let work = SpringWork {
                 stored: rotation.before,
                 force_before: spring.force_before,
-                way: rotation.angle,
+                increment: rotation.angle,
                 compliance: resistance.compliance(token),
                 limit,
                 power,

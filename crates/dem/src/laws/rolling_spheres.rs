@@ -422,14 +422,14 @@ impl<L: Lanes> TurningStep<'_, L> {
             let mut work = SpringWork {
                 stored,
                 force_before: spring.force_before,
-                way: rotation.angle,
+                increment: rotation.angle,
                 compliance: resistance.compliance(token),
                 limit,
                 power: zero,
                 was_at_limit: either::<L>(token, [rotation.was_at_limit, has_begun]),
             };
             for k in 0..components {
-                work.way[k] = rotation.angle[k].select(self.touching, zero);
+                work.increment[k] = rotation.angle[k].select(self.touching, zero);
                 work.force_before[k] = at_first[k].select(has_begun, spring.force_before[k]);
                 let power = spring.viscous[k] * rotation.velocity[k];
                 // Of a pair that has opened, half of the last step's was too much.
