@@ -277,11 +277,14 @@ impl<'a, C: ContactLaw> PassWork<'a, C, false> {
     }
 }
 
-/// Size of the records (bytes) beyond which the next chunk is prefetched unless the settings say
+/// Size of the records (bytes) beyond which the next chunks are prefetched unless the settings say
 /// otherwise: with their contacts, six times as much, they fill a last-level cache. Prefetching
 /// makes larger packings a third faster, and costs some 5 % where the cache holds all
 /// (docs/lab/speed.md).
 const CACHED: usize = 3 << 20;
+
+/// How many chunks after the present one a pass prefetches: those of one take less time than memory.
+const AHEAD: usize = 2;
 
 /// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
 /// reuse its memory.
@@ -343,12 +346,20 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
         let fills_a_cache = size_of_val(pass.record) > CACHED;
         let prefetches = settings.choice.prefetch.unwrap_or(fills_a_cache);
         let blocks = settings.choice.blocks.clamp(1, CHUNK);
-        let mut next = pass.part.awake(0, blocks, travelled);
-        while !next.is_empty() {
-            let chunk = next;
-            next = pass.part.awake(chunk.end, blocks, travelled);
+        // The present chunk and the next ones.
+        let mut chunks = [const { 0..0 }; 1 + AHEAD];
+        let mut end = 0;
+        for chunk in &mut chunks {
+            *chunk = pass.part.awake(end, blocks, travelled);
+            end = chunk.end;
+        }
+        while !chunks[0].is_empty() {
+            let chunk = chunks[0].clone();
+            chunks.rotate_left(1);
+            chunks[AHEAD] = pass.part.awake(end, blocks, travelled);
+            end = chunks[AHEAD].end;
             if prefetches {
-                prefetch_blocks(pass, next.clone());
+                prefetch_blocks(pass, chunks[AHEAD].clone());
             }
             load_differences::<C, L>(token, pass, chunk.clone(), scratch);
             let active = relative_motion::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
@@ -404,6 +415,12 @@ fn prefetch_blocks<D: Dimension>(pass: &Pass<'_, D>, blocks: Range<usize>) {
     if D::RADIUS.is_none() {
         prefetch_all(&part.geometry[blocks.clone()]);
     }
+    prefetch_all(&part.kinds[blocks.clone()]);
+    prefetch_all(&part.touching[blocks.clone()]);
+    prefetch_all(&part.limits[blocks.clone()]);
+    // Of the next ones, whose grains are prefetched then.
+    let pairs = &part.pairs.blocks()[part.first + blocks.end..];
+    prefetch_all(&pairs[..pairs.len().min(CHUNK)]);
     for block in blocks {
         prefetch(pass.record, part.pairs(block));
         prefetch(pass.force, part.pairs(block));
