@@ -123,6 +123,7 @@ impl Sample {
             gravity: [0.0; 2],
             typical_force: self.load().normal_force,
             threads: 1,
+            sweep: scene.bookkeeping.sweep,
             tuning: gshear_dem::tuning::Plan::default(),
         };
         let mut system = System::new(&Solo, setup).expect("one rank is not too many");

@@ -1,8 +1,10 @@
 //! What the dampers are given: the scheme of this program, and that of LAMMPS, for comparison.
 
 use gshear_dem::dimension::{Dimension, Two};
-
-use gshear_dem::drive::{Drive, Felt, WallForces, WallGrains, WallSteps, WallSums, WallVelocities};
+use gshear_dem::domain::FixedPoint;
+use gshear_dem::drive::{
+    Drive, WallForces, WallGrains, WallMotion, WallSteps, WallSums, WallVelocities,
+};
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
 use gshear_dem::tuning::PassSettings;
@@ -47,21 +49,12 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.start(load);
     }
 
-    fn drift(
-        &mut self,
-        step: f64,
-        cell: &mut Cell,
-        grains: &Grains<Two>,
-    ) -> Option<WallVelocities> {
-        self.walls.drift(step, cell, grains)
+    fn drift(&mut self, step: f64) -> Option<WallMotion> {
+        self.walls.drift(step)
     }
 
     fn wall_grains(&self) -> WallGrains<'_> {
         self.walls.wall_grains()
-    }
-
-    fn predict(&mut self, step: f64, cell: &mut Cell) -> Option<WallVelocities> {
-        self.walls.predict(step, cell)
     }
 
     fn forces(
@@ -84,8 +77,14 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
         self.walls.forces(settings, cell, step, grains)
     }
 
-    fn load(&self, felt: &Felt<'_, Two>, walls: WallGrains<'_>, sums: &mut WallSums) {
-        self.walls.load(felt, walls, sums);
+    fn load_on_grains(
+        &self,
+        grains: &Grains<Two>,
+        fixed: &FixedPoint,
+        walls: WallGrains<'_>,
+        sums: &mut WallSums,
+    ) {
+        self.walls.load_on_grains(grains, fixed, walls, sums);
     }
 
     fn kick(&mut self, step: f64, load: WallForces) -> Option<WallVelocities> {

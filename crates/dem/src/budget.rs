@@ -355,11 +355,11 @@ fn add_elastic(
     sums: &mut [Accumulator; ELASTIC],
 ) {
     let contacts = sample.contacts;
-    let owned = contacts.owned_blocks;
-    let mut energies = vec![[Lanes16::ZERO; ELASTIC]; owned];
+    let mut energies = vec![[Lanes16::ZERO; ELASTIC]; contacts.blocks()];
     law.energies(isa, &contacts.elastic(sample.overlap), &mut energies);
-    for (energies, touching) in energies.iter().zip(&contacts.touching) {
-        for (sum, lanes) in sums.iter_mut().zip(energies) {
+    for block in contacts.owned_blocks() {
+        let touching = contacts.touching[block];
+        for (sum, lanes) in sums.iter_mut().zip(&energies[block]) {
             for lane in (0..LANES).filter(|lane| touching >> lane & 1 == 1) {
                 unit.add(sum, lanes.0[lane]);
             }

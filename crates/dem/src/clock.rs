@@ -50,10 +50,14 @@ impl Default for Clock {
 }
 
 impl Clock {
-    /// Begins a step: the time before this call belongs to no phase.
+    /// Begins one or several steps: the time before this call belongs to no phase.
     pub fn start(&mut self) {
-        self.steps += 1;
         self.since = Instant::now();
+    }
+
+    /// Counts a step.
+    pub(crate) fn count_step(&mut self) {
+        self.steps += 1;
     }
 
     /// Adds the time since the last call to `phase`.

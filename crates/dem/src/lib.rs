@@ -98,6 +98,7 @@
 //! | [`contact`] | the interfaces of a law and of an adhesion |
 //! | [`kernel`] | the loop over the contacts, sixteen at a time |
 //! | [`simd`], [`threads`] | instruction sets with the same bits, threads of a rank |
+//! | [`bands`] | layers of grains through which steps follow each other in the cache |
 //! | [`tuning`] | settings that are tried while a run goes on |
 //! | [`dimension`] | the differences between 2D and 3D |
 //! | [`state`], [`system`] | grains, contacts and the cell; their upkeep between two steps |
@@ -146,6 +147,7 @@
 //! from a hash map.
 
 pub mod adhesions;
+pub mod bands;
 pub mod boundary;
 pub mod budget;
 pub mod clock;
@@ -157,6 +159,7 @@ pub mod drive;
 pub mod failure;
 pub mod kernel;
 pub mod laws;
+mod motion;
 pub mod neighbour;
 pub mod observe;
 pub mod protocol;

@@ -3,6 +3,11 @@
 //! Velocity Verlet: when the forces are computed, positions are at t+Δt and velocities at t+½Δt.
 //! Damping forces use the full-step velocity predicted from the last acceleration, so the scheme is
 //! of second order with damping, too (docs/scheme.md).
+//!
+//! A step goes through the bands of the grains ([`Bands`](crate::bands::Bands)): a band moves, then
+//! the forces of its pairs are computed, which are complete with those of the next band. So a second
+//! step can follow a band behind the first one, and a third one behind that: a sweep of several
+//! steps, in which a band is in the cache for all of them. Small samples have one band.
 
 use bytemuck::Zeroable;
 
@@ -10,24 +15,34 @@ use crate::budget::EnergyBudget;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{
-    Drive, Felt, FlowSum, MomentumFlow, Streaming, WallForces, WallGrains, WallSteps, WallSums,
-    WallVelocities,
-};
+use crate::drive::{Drive, Felt, FlowSum, MomentumFlow, WallForces, WallSteps, WallSums};
 use crate::failure::Result;
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
-use crate::simd::{Lanes, Work};
-use crate::state::{Cell, Grains, Sheared, Units, body};
+use crate::motion::{GrainMotion, HalfKickAndDrift, greater_or_nan, slow_down, weigh};
+use crate::state::Sheared;
 use crate::system::{Outside, System};
-use crate::threads::OwnedPart;
+use crate::threads::BandForces;
 
-/// Options of a step.
-#[derive(Debug, Default)]
+/// Options of a step, or of several.
+#[derive(Debug)]
 pub struct StepRequest<'a> {
     /// Receives the contact forces.
     pub samples: Option<&'a mut ContactForces>,
     /// Whether this rank was asked to stop.
     pub stop: bool,
+    /// Number of steps that may be taken at once; with samples it is one.
+    pub most: u64,
+}
+
+impl Default for StepRequest<'_> {
+    /// One step.
+    fn default() -> Self {
+        Self {
+            samples: None,
+            stop: false,
+            most: 1,
+        }
+    }
 }
 
 impl<'a> StepRequest<'a> {
@@ -35,12 +50,21 @@ impl<'a> StepRequest<'a> {
     pub fn sampled(samples: &'a mut ContactForces) -> Self {
         Self {
             samples: Some(samples),
-            stop: false,
+            ..Self::default()
         }
     }
 }
 
-/// Advances everything by Δt. Returns whether some rank was asked to stop; collective.
+/// What was done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Advanced {
+    /// Number of steps.
+    pub steps: u64,
+    /// Whether some rank was asked to stop.
+    pub stop: bool,
+}
+
+/// Advances everything by Δt, or by several steps. Collective.
 ///
 /// The second kick is deferred to the first kick of the next step, in one pass over the grains;
 /// [`System::grains`] gives it before.
@@ -53,87 +77,332 @@ pub fn advance<D: Dimension>(
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
     request: StepRequest<'_>,
-) -> Result<bool> {
-    let step = system.step;
+) -> Result<Advanced> {
     system.steps += 1;
     system.clock.start();
-
     // Not at the end of the last step, because its samples are indexed by the blocks of the old
     // list.
     if system.list.due {
         system.rebuild(exchange, law, drive)?;
         system.clock.end(StepPhase::Rebuild);
     }
-    let wall_velocities = drive.drift(step, &mut system.cell, &system.grains);
-    if let Some(Sheared { half_velocity, .. }) = system.cell.sheared
-        && half_velocity != 0.0
-    {
-        system.shear(step * half_velocity);
-    }
-    let (isa, cell) = (system.tuning.passes().isa, system.cell);
-    let mut fastest = drive.speed();
-    let second_kick_deferred = std::mem::take(&mut system.second_kick_deferred);
+    let count = steps_at_once(system, drive, &request);
     // Those of the last step: the walls have others now.
     system.wall_velocities = None;
-    let streaming = drive.streaming();
-    let motion = GrainMotion {
-        step,
-        cell,
-        streaming,
-        is_stressed: drive.needs_stress(request.samples.is_some()),
-        wall_velocities,
-        predicted_wall_velocities: drive.predict(step, &mut system.cell),
+    let mut sweep = Sweep {
+        second_kick_deferred: std::mem::take(&mut system.second_kick_deferred),
+        exchange,
+        system,
+        law,
+        drive,
+        request,
+        count,
+        steps: Vec::with_capacity(count),
+        drifts: 0,
+        rebuild: false,
+        stop: false,
     };
-    let mut walls = drive.wall_grains();
-    let feet = walls.split_off(system.grains.owned);
-    motion.give_first::<D>(feet, 0, &mut system.grains.record);
-    motion.give_predicted::<D>(feet, 0, &mut system.grains.record);
-    let mut flow = FlowSum::default();
-    system.pool.over_owned(
-        &mut system.grains,
-        walls,
-        |part| match (second_kick_deferred, streaming.is_some()) {
-            (true, false) => isa.run(HalfKickAndDrift::<_, true, false> { part, motion }),
-            (false, false) => isa.run(HalfKickAndDrift::<_, false, false> { part, motion }),
-            (true, true) => isa.run(HalfKickAndDrift::<_, true, true> { part, motion }),
-            (false, true) => isa.run(HalfKickAndDrift::<_, false, true> { part, motion }),
-        },
-        |(speed, of_share)| {
-            fastest = greater_or_nan(fastest, speed);
-            flow.merge(of_share);
-        },
-    );
-    let planes = drive.planes();
-    if let Some(planes) = planes {
-        system.grains.put_feet(planes);
-    }
-    let rebuild = (system.list).moved(fastest, step, &system.grains, &cell, planes);
-    system.clock.end(StepPhase::Motion);
-
-    let travelled = Some(system.list.travelled);
-    let samples = request.samples;
-    let outside = add_forces(exchange, system, law, drive, step, travelled, samples);
-    system.add_flow(flow);
-
-    let rebuild = rebuild || system.list.forced(system.steps);
-    let flags = [rebuild, request.stop];
-    let (load, [due, stop]) = sum_over_ranks(exchange, system, drive, outside, flags, |grains| {
-        if let Some(drag) = drive.drag() {
-            slow_down(grains, drag);
+    let bands = sweep.system.bands.count();
+    for position in 0..bands + count - 1 {
+        for step in 0..count {
+            if let Some(band) = position.checked_sub(step)
+                && band < bands
+            {
+                sweep.band_of_step(step, band)?;
+            }
         }
-    })?;
-    system.list.due = due;
-    system.second_kick_deferred = true;
-    if let Some(budget) = &mut system.budget {
-        budget.push(&load, drive.moved());
     }
-    system.clock.end(StepPhase::Walls);
+    let stop = sweep.stop;
+    system.list.due = sweep.rebuild;
+    system.second_kick_deferred = true;
+    system
+        .tuning
+        .end_steps(exchange, count as u64, system.clock.worked());
+    Ok(Advanced {
+        steps: count as u64,
+        stop,
+    })
+}
 
-    system.wall_velocities = drive.kick(step, load);
-    system.clock.end(StepPhase::Motion);
-    system.tuning.end_step(exchange, system.clock.worked());
+/// Number of steps of a sweep: one where each step needs a sum over all grains before the next, is
+/// measured, or moves what all bands have in common.
+fn steps_at_once<D: Dimension>(
+    system: &System<D>,
+    drive: &dyn Drive<D>,
+    request: &StepRequest<'_>,
+) -> usize {
+    let is_alone = system.bands.count() == 1
+        || request.samples.is_some()
+        || system.cell.sheared.is_some()
+        || drive.drag().is_some()
+        || drive.planes().is_some()
+        || drive.needs_stress(false);
+    if is_alone {
+        return 1;
+    }
+    let most = request.most.min(system.sweep.steps);
+    system.list.lasts(system.steps, most) as usize
+}
 
-    Ok(stop)
+/// Steps that follow each other through the bands.
+struct Sweep<'a, D: Dimension> {
+    exchange: &'a dyn Exchange,
+    system: &'a mut System<D>,
+    law: &'a dyn PairForce<D>,
+    drive: &'a mut dyn Drive<D>,
+    request: StepRequest<'a>,
+    /// Number of steps.
+    count: usize,
+    /// Whether the first step begins with the second kick of the one before the sweep.
+    second_kick_deferred: bool,
+    /// The steps that have begun.
+    steps: Vec<StepUnderWay>,
+    /// Number of steps in which the walls have drifted.
+    drifts: usize,
+    /// Whether the list must be rebuilt after the sweep.
+    rebuild: bool,
+    /// Whether some rank was asked to stop.
+    stop: bool,
+}
+
+/// A step, and what it has found in the bands so far.
+struct StepUnderWay {
+    motion: GrainMotion,
+    input: PassInput,
+    /// The greatest speed (m/s).
+    fastest: f64,
+    /// How far the grains of the last band moved at most (m).
+    way: f64,
+    flow: FlowSum,
+    outcome: PassOutcome,
+    load: WallSums,
+    failure: Option<(Outside, String)>,
+}
+
+impl StepUnderWay {
+    /// Keeps what failed, if nothing of more weight has.
+    fn fail<D: Dimension>(&mut self, system: &System<D>, outside: Option<Outside>) {
+        let Some(outside) = outside else {
+            return;
+        };
+        let is_known = self.failure.as_ref();
+        if is_known.is_none_or(|(known, _)| outside.rank() < known.rank()) {
+            // Now, because bands before this one may go on.
+            self.failure = Some((outside, system.describe(outside)));
+        }
+    }
+}
+
+impl<D: Dimension> Sweep<'_, D> {
+    /// Moves a band, and computes the forces of its pairs.
+    fn band_of_step(&mut self, step: usize, band: usize) -> Result<()> {
+        // What follows a step that failed is not looked at.
+        let mut before = self.steps[..step.min(self.steps.len())].iter();
+        if before.any(|step| step.failure.is_some()) {
+            return Ok(());
+        }
+        if band == 0 {
+            self.begin(step);
+        }
+        let is_last = band + 1 == self.system.bands.count();
+        if is_last {
+            self.move_walls(step);
+        }
+        self.move_band(step, band);
+        if is_last {
+            self.end_motion(step);
+        }
+        self.add_forces(step, band);
+        if band > 0 {
+            self.complete(step, band - 1);
+        }
+        if is_last {
+            self.complete(step, band);
+            self.end(step)?;
+        }
+        Ok(())
+    }
+
+    /// Moves the cell.
+    fn begin(&mut self, step: usize) {
+        let Self { system, drive, .. } = self;
+        let time_step = system.step;
+        drive.drift_cell(time_step, &mut system.cell, &system.grains);
+        if let Some(Sheared { half_velocity, .. }) = system.cell.sheared
+            && half_velocity != 0.0
+        {
+            system.shear(time_step * half_velocity);
+        }
+        let is_stressed = drive.needs_stress(self.request.samples.is_some());
+        let motion = GrainMotion {
+            step: time_step,
+            cell: system.cell,
+            streaming: drive.streaming(),
+            is_stressed,
+            walls: drive.bottom((step - self.drifts) as u64),
+        };
+        drive.predict_cell(time_step, &mut system.cell);
+        let samples = self.request.samples.as_deref_mut();
+        let input = begin_forces(system, time_step, is_stressed, samples);
+        self.steps.push(StepUnderWay {
+            motion,
+            input,
+            fastest: 0.0,
+            way: 0.0,
+            flow: FlowSum::default(),
+            outcome: PassOutcome::default(),
+            load: WallSums::default(),
+            failure: None,
+        });
+    }
+
+    /// Moves the walls, and the feet on them.
+    fn move_walls(&mut self, step: usize) {
+        let Self { system, drive, .. } = self;
+        let motion = &mut self.steps[step].motion;
+        motion.walls = drive.drift(system.step);
+        self.drifts += 1;
+        let mut walls = drive.wall_grains();
+        let feet = walls.split_off(system.grains.owned);
+        motion.give_first::<D>(feet, 0, &mut system.grains.record);
+        motion.give_predicted::<D>(feet, 0, &mut system.grains.record);
+    }
+
+    /// Moves the grains of a band, which then have no force but their weight.
+    fn move_band(&mut self, step: usize, band: usize) {
+        let Self { system, drive, .. } = self;
+        let under_way = &mut self.steps[step];
+        let motion = under_way.motion;
+        let isa = under_way.input.settings.isa;
+        let grains = system.bands.grains(band);
+        let walls = drive.wall_grains().within(grains.clone());
+        let second_kick_deferred = self.second_kick_deferred || step > 0;
+        let mut fastest = drive.speed();
+        system.pool.over_owned(
+            &mut system.grains,
+            grains.clone(),
+            walls,
+            |part| match (second_kick_deferred, motion.streaming.is_some()) {
+                (true, false) => isa.run(HalfKickAndDrift::<_, true, false> { part, motion }),
+                (false, false) => isa.run(HalfKickAndDrift::<_, false, false> { part, motion }),
+                (true, true) => isa.run(HalfKickAndDrift::<_, true, true> { part, motion }),
+                (false, true) => isa.run(HalfKickAndDrift::<_, false, true> { part, motion }),
+            },
+            |(speed, flow)| {
+                fastest = greater_or_nan(fastest, speed);
+                under_way.flow.merge(flow);
+            },
+        );
+        if system.gravity != [0.0; 2] {
+            weigh(&mut system.grains, grains, system.gravity);
+        }
+        let way = system.list.way(fastest, motion.step, &motion.cell);
+        // A pair may be with a grain of the band before.
+        system.list.travel(band, greater_or_nan(way, under_way.way));
+        under_way.way = way;
+        under_way.fastest = greater_or_nan(under_way.fastest, fastest);
+        if fastest.is_nan() {
+            under_way.fail(system, Some(Outside::Number));
+        }
+        system.clock.end(StepPhase::Motion);
+    }
+
+    /// Ends the motion of all grains.
+    fn end_motion(&mut self, step: usize) {
+        let Self { system, drive, .. } = self;
+        let under_way = &mut self.steps[step];
+        let motion = &under_way.motion;
+        let planes = drive.planes();
+        if let Some(planes) = planes {
+            system.grains.put_feet(planes);
+        }
+        let way = system
+            .list
+            .way(under_way.fastest, motion.step, &motion.cell);
+        let looks = step + 1 == self.count;
+        self.rebuild |= system
+            .list
+            .moved(way, motion, &system.grains, planes, looks);
+        let unsound = system.list.unsound.then_some(Outside::Number);
+        let PassInput { settings, cell, .. } = under_way.input;
+        let at_plane = drive.forces(settings, cell, motion.step, &mut system.grains);
+        under_way.fail(system, unsound);
+        under_way.fail(system, at_plane.map(Outside::Plane));
+        system.clock.end(StepPhase::Motion);
+    }
+
+    /// Adds the forces of the pairs of a band.
+    fn add_forces(&mut self, step: usize, band: usize) {
+        let Self { system, .. } = self;
+        let under_way = &mut self.steps[step];
+        let input = PassInput {
+            travelled: Some(system.list.travelled[band]),
+            // The first step brings the band into the cache for those that follow.
+            is_cold: under_way.input.is_cold && step == 0,
+            ..under_way.input
+        };
+        let samples = self.request.samples.as_deref_mut();
+        let forces = BandForces {
+            law: self.law,
+            band,
+            input,
+        };
+        let outcome = forces_of_band(self.exchange, system, forces, samples);
+        under_way.outcome = under_way.outcome.merge(outcome);
+        for outside in outcome.failures() {
+            under_way.fail(system, Some(outside));
+        }
+    }
+
+    /// The forces on a band are complete: sums those on grains of walls, and adds the drag.
+    fn complete(&mut self, step: usize, band: usize) {
+        let Self { system, drive, .. } = self;
+        let load = &mut self.steps[step].load;
+        let grains = system.bands.grains(band);
+        let mut walls = drive.wall_grains();
+        // The feet are with the last band.
+        if band + 1 < system.bands.count() {
+            walls = walls.within(grains.clone());
+        } else {
+            walls = walls.split_off(grains.start);
+        }
+        let (felt, fixed) = (&system.grains, &system.fixed);
+        system.pool.over_walls(walls, load, |walls, sums| {
+            drive.load_on_grains(felt, fixed, walls, sums);
+        });
+        if let Some(drag) = drive.drag() {
+            slow_down(&mut system.grains, grains, drag);
+        }
+        system.clock.end(StepPhase::Walls);
+    }
+
+    /// Sums over all grains, and gives the walls their second kick.
+    fn end(&mut self, step: usize) -> Result<()> {
+        let Self { system, drive, .. } = self;
+        let under_way = &mut self.steps[step];
+        let motion = &under_way.motion;
+        system.count(&under_way.outcome, motion.is_stressed);
+        system.add_flow(under_way.flow);
+        self.rebuild |= system.list.forced(system.steps);
+        let flags = [self.rebuild, self.request.stop];
+        let load = std::mem::take(&mut under_way.load);
+        let failure = under_way.failure.take().map(|(_, message)| message);
+        let (load, [rebuild, stop]) =
+            sum_over_ranks(self.exchange, system, *drive, load, failure, flags)?;
+        self.rebuild = rebuild;
+        self.stop |= stop;
+        if let Some(budget) = &mut system.budget {
+            budget.push(&load, drive.moved());
+        }
+        system.clock.end(StepPhase::Walls);
+        system.wall_velocities = drive.kick(motion.step, load);
+        system.clock.end(StepPhase::Motion);
+        system.clock.count_step();
+        if step + 1 < self.count {
+            system.steps += 1;
+        }
+        Ok(())
+    }
 }
 
 /// Computes the forces and the wall's acceleration at the start of a stage, without moving anything
@@ -152,7 +421,15 @@ pub fn initial_forces<D: Dimension>(
     system.clock.end(StepPhase::Rebuild);
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     system.add_flow(MomentumFlow::over(&system.cell, &system.grains));
-    let (load, []) = sum_over_ranks(exchange, system, drive, outside, [], |_| ())?;
+    let mut load = WallSums::default();
+    let (felt, fixed) = (&system.grains, &system.fixed);
+    system
+        .pool
+        .over_walls(drive.wall_grains(), &mut load, |walls, sums| {
+            drive.load_on_grains(felt, fixed, walls, sums);
+        });
+    let failure = outside.map(|outside| system.describe(outside));
+    let (load, []) = sum_over_ranks(exchange, system, drive, load, failure, [])?;
     if let Some(budget) = &mut system.budget {
         let at_rest = WallSteps {
             along: 0.0,
@@ -164,6 +441,11 @@ pub fn initial_forces<D: Dimension>(
     Ok(())
 }
 
+/// Size of the records (bytes) beyond which passes prefetch: with their contacts, six times as much,
+/// they fill a last-level cache. Prefetching makes larger packings a third faster, and costs some 5 %
+/// where the cache holds all (docs/lab/speed.md).
+const CACHED: usize = 3 << 20;
+
 /// Room for two flags.
 const FORCES_AT: usize = 3;
 const FORCE: usize = LIMBS + 1;
@@ -172,28 +454,24 @@ const MESSAGE: usize = FORCES_AT + 3 * FORCE;
 pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
 
 /// Sums over the ranks in one message: whether something failed, K flags that are set if they are
-/// set on some rank, and the forces on the walls. That on the bottom is last, and left out if the
-/// drive does not ask for it. Runs `meanwhile` during the sum.
+/// set on some rank, and the forces on the walls, which are `load` and what the drive adds. That on
+/// the bottom is last, and left out if the drive does not ask for it.
 fn sum_over_ranks<D: Dimension, const K: usize>(
     exchange: &dyn Exchange,
-    system: &mut System<D>,
+    system: &System<D>,
     drive: &dyn Drive<D>,
-    outside: Option<Outside>,
+    mut load: WallSums,
+    failure: Option<String>,
     flags: [bool; K],
-    meanwhile: impl Fn(&mut Grains<D>),
 ) -> Result<(WallForces, [bool; K])> {
     let felt = Felt {
         grains: &system.grains,
         stress: system.stress,
         fixed: &system.fixed,
     };
-    let load = system.pool.over_walls(drive.wall_grains(), |walls| {
-        let mut sums = WallSums::default();
-        drive.load(&felt, walls, &mut sums);
-        sums
-    });
+    drive.load(&felt, &mut load);
     let mut message = [0i64; MESSAGE];
-    message[0] = i64::from(outside.is_some());
+    message[0] = i64::from(failure.is_some());
     for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
         *to = i64::from(flag);
     }
@@ -202,15 +480,14 @@ fn sum_over_ranks<D: Dimension, const K: usize>(
         sum.write(limbs);
     }
     let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
-    let sent = &mut message[..MESSAGE - left_out];
-    exchange.sum_during(sent, &mut || meanwhile(&mut system.grains));
+    exchange.sum(&mut message[..MESSAGE - left_out]);
     let force = |k: usize| {
         let limbs = &message[FORCES_AT + k * FORCE..][..FORCE];
         system.fixed.value(Accumulator::read(limbs))
     };
     let forces @ [up, along, bottom] = [0, 1, 2].map(force);
     if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
-        return Err(system.explain(exchange, outside));
+        return Err(system.fail(exchange, failure));
     }
     let flags = std::array::from_fn(|k| message[1 + k] > 0);
     Ok((WallForces { up, along, bottom }, flags))
@@ -224,37 +501,44 @@ pub fn forces<D: Dimension>(
     law: &dyn PairForce<D>,
     drive: &mut dyn Drive<D>,
     step: f64,
-    samples: Option<&mut ContactForces>,
+    mut samples: Option<&mut ContactForces>,
 ) -> Option<Outside> {
     system.finish_step();
     let owned = system.grains.owned;
     system.grains.force[..owned].fill(Zeroable::zeroed());
     // The grains may have been put elsewhere.
     system.contacts.wake();
-    add_forces(exchange, system, law, drive, step, None, samples)
+    let is_stressed = drive.needs_stress(samples.is_some());
+    let input = begin_forces(system, step, is_stressed, samples.as_deref_mut());
+    if system.gravity != [0.0; 2] {
+        weigh(&mut system.grains, 0..owned, system.gravity);
+    }
+    let at_plane = drive.forces(input.settings, input.cell, step, &mut system.grains);
+    let mut outcome = PassOutcome::default();
+    for band in 0..system.bands.count() {
+        let samples = samples.as_deref_mut();
+        let forces = BandForces { law, band, input };
+        outcome = outcome.merge(forces_of_band(exchange, system, forces, samples));
+    }
+    system.count(&outcome, is_stressed);
+    let unsound = system.list.unsound.then_some(Outside::Number);
+    let of_pairs = outcome.failures().next();
+    at_plane.map(Outside::Plane).or(of_pairs).or(unsound)
 }
 
-/// [`forces`] without clearing those on the owned grains. `travelled`: [`PassInput::travelled`].
-fn add_forces<D: Dimension>(
-    exchange: &dyn Exchange,
+/// Clears the forces on ghosts, and makes room for samples. Returns what the passes of a step have
+/// in common, which advance the histories by `step` (s).
+fn begin_forces<D: Dimension>(
     system: &mut System<D>,
-    law: &dyn PairForce<D>,
-    drive: &mut dyn Drive<D>,
     step: f64,
-    travelled: Option<f64>,
-    mut samples: Option<&mut ContactForces>,
-) -> Option<Outside> {
+    is_stressed: bool,
+    samples: Option<&mut ContactForces>,
+) -> PassInput {
     let System {
         cell,
         grains,
         contacts,
-        slabs,
-        clock,
-        list,
-        pool,
         budget,
-        gravity,
-        stress,
         step: full_step,
         tuning,
         ..
@@ -264,20 +548,16 @@ fn add_forces<D: Dimension>(
         // Friction of spheres depends on them; a checkpoint does not hold what is not known.
         contacts.limits.fill([0; 4]);
     }
-    if *gravity != [0.0; 2] {
-        weigh(grains, *gravity);
-    }
-    let at_plane = drive.forces(tuning.passes(), *cell, step, grains);
-    let is_stressed = drive.needs_stress(samples.is_some());
-    if let Some(samples) = &mut samples {
+    if let Some(samples) = samples {
         samples.prepare(contacts.blocks());
     }
-    let input = PassInput {
+    PassInput {
         settings: tuning.passes(),
         units: grains.units,
         cell: *cell,
         step,
-        travelled,
+        travelled: None,
+        is_cold: size_of_val(&grains.record[..]) > CACHED,
         counting: (is_stressed || budget.is_some()).then(|| Counting {
             unit: budget.as_ref().map(EnergyBudget::unit),
             step: *full_step,
@@ -286,231 +566,36 @@ fn add_forces<D: Dimension>(
                 _ => None,
             },
         }),
-    };
+    }
+}
+
+/// Adds the forces of the pairs of a band. With several ranks there is one band, and those of inner
+/// contacts are computed during the exchange of the ghosts' records.
+fn forces_of_band<D: Dimension>(
+    exchange: &dyn Exchange,
+    system: &mut System<D>,
+    forces: BandForces<'_, D>,
+    mut samples: Option<&mut ContactForces>,
+) -> PassOutcome {
+    let System {
+        grains,
+        contacts,
+        slabs,
+        clock,
+        pool,
+        ..
+    } = system;
     let (record, force) = (&mut grains.record, &mut grains.force);
     let mut outcome = PassOutcome::default();
     slabs.exchange(exchange, record, grains.owned, |owned| {
         clock.end(StepPhase::Exchange);
         let samples = samples.as_deref_mut();
-        outcome = pool.forces_within_shares(law, input, owned, force, contacts, samples);
+        outcome = pool.forces_within_shares(forces, owned, force, contacts, samples);
         clock.end(StepPhase::Contacts);
     });
     clock.end(StepPhase::Exchange);
-    outcome = outcome.merge(pool.other_forces(law, input, record, force, contacts, samples));
+    outcome = outcome.merge(pool.other_forces(forces, record, force, contacts, samples));
     pool.gather(&mut grains.force);
     clock.end(StepPhase::Contacts);
-
-    *stress = is_stressed.then_some(outcome.stress);
-    if let Some(budget) = budget {
-        budget.step(outcome.dissipated, outcome.uncounted);
-    }
-    let pair = |at: Option<(usize, usize)>, why: fn(usize, usize) -> Outside| {
-        at.map(|(block, lane)| why(block, lane))
-    };
-    let at_pair = pair(outcome.outside, Outside::Pair).or(pair(outcome.too_strong, Outside::Force));
-    let unsound = list.unsound.then_some(Outside::Number);
-    at_plane.map(Outside::Plane).or(at_pair).or(unsound)
-}
-
-/// Computes v(t+½Δt), x(t+Δt) wrapped into the cell, and the predicted v(t+Δt); clears the forces.
-/// Returns the greatest speed (m/s), or NaN if one is NaN, and the flow of momentum where grains
-/// stream. `SECOND_KICK_DEFERRED`: gives the deferred second kick of the last step first.
-/// `STREAMS`: grains do what [`Drive::streaming`] says.
-struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> {
-    part: OwnedPart<'a, D>,
-    motion: GrainMotion,
-}
-
-/// What moves the grains in a step beside the forces.
-#[derive(Clone, Copy)]
-struct GrainMotion {
-    /// Δt (s).
-    step: f64,
-    cell: Cell,
-    streaming: Option<Streaming>,
-    /// Whether the flow of momentum is needed.
-    is_stressed: bool,
-    /// With which the grains of walls move.
-    wall_velocities: Option<WallVelocities>,
-    /// Which they have then.
-    predicted_wall_velocities: Option<WallVelocities>,
-}
-
-impl GrainMotion {
-    /// Gives grains of walls the velocities with which they move, also as those of the half step,
-    /// from which the deferred second kick starts.
-    fn give_first<D: Dimension>(
-        &self,
-        walls: WallGrains<'_>,
-        first: usize,
-        record: &mut [D::Record],
-    ) {
-        if let Some(velocities) = self.wall_velocities {
-            velocities.give::<D>(walls, &[D::VELOCITY, D::HALF_VELOCITY], first, record);
-        }
-    }
-
-    /// Gives grains of walls that have moved their predicted velocities.
-    fn give_predicted<D: Dimension>(
-        &self,
-        walls: WallGrains<'_>,
-        first: usize,
-        record: &mut [D::Record],
-    ) {
-        if let Some(velocities) = self.predicted_wall_velocities {
-            velocities.give::<D>(walls, &[D::VELOCITY], first, record);
-        }
-    }
-}
-
-impl<D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> Work
-    for HalfKickAndDrift<'_, D, SECOND_KICK_DEFERRED, STREAMS>
-{
-    type Output = (f64, FlowSum);
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, _: L::Token) -> (f64, FlowSum) {
-        let (part, motion) = (self.part, self.motion);
-        let GrainMotion {
-            step,
-            cell,
-            is_stressed,
-            ..
-        } = motion;
-        let streaming = if STREAMS { motion.streaming } else { None };
-        motion.give_first::<D>(part.walls, part.first, part.record);
-        let mut flow = FlowSum::default();
-        // The bits of the squared speed, which are greatest for NaN: integers are compared in one
-        // cycle, a chain of floating-point maxima would wait for each result.
-        let mut fastest = 0;
-        let grains = part.record.iter_mut().zip(part.force).zip(part.half_kick);
-        for ((((record, force), kick), image), mass) in grains.zip(part.image).zip(part.mass) {
-            let r = D::fields_mut(record);
-            let [linear, angular] = *kick;
-            let speed = translate::<D, SECOND_KICK_DEFERRED>(r, force, linear, step, streaming)
-                + turn::<D, SECOND_KICK_DEFERRED>(r, force, angular);
-            let along = r[..D::UP].iter_mut().zip(cell.periods).zip(&mut *image);
-            for ((x, period), image) in along {
-                if *x < 0.0 || *x >= period {
-                    *image += Cell::wrap(x, period);
-                }
-            }
-            cell.wrap_last_axis::<D>(r, image);
-            if let Some(streaming) = streaming {
-                let change = streaming.changes[1];
-                if change != 0.0 {
-                    let more = change * r[D::UP];
-                    r[D::VELOCITY] += more;
-                    r[D::HALF_VELOCITY] += more;
-                }
-                if is_stressed && let Some(momentum) = &streaming.flow {
-                    flow.add(momentum.of::<D>(*mass, r));
-                }
-            }
-            *force = Zeroable::zeroed();
-            fastest = speed.to_bits().max(fastest);
-        }
-        motion.give_predicted::<D>(part.walls, part.first, part.record);
-        (f64::from_bits(fastest).sqrt(), flow)
-    }
-}
-
-/// Kicks, moves and, where grains stream, stretches; returns the square of the speed. One short
-/// loop per quantity, which the compiler vectorises.
-#[inline(always)]
-fn translate<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
-    r: &mut [f64],
-    force: &[f64],
-    half_kick: f64,
-    step: f64,
-    streaming: Option<Streaming>,
-) -> f64 {
-    let (mut dv, mut v) = ([0.0; 3], [0.0; 3]);
-    for axis in 0..D::AXES {
-        dv[axis] = half_kick * force[axis];
-        v[axis] = if SECOND_KICK_DEFERRED {
-            r[D::HALF_VELOCITY + axis] + dv[axis]
-        } else {
-            r[D::VELOCITY + axis]
-        };
-    }
-    if let Some(streaming) = streaming
-        && streaming.changes[0] != 0.0
-    {
-        v[0] += streaming.changes[0] * r[D::UP];
-    }
-    for axis in 0..D::AXES {
-        v[axis] += dv[axis];
-    }
-    r[D::HALF_VELOCITY..][..D::AXES].copy_from_slice(&v[..D::AXES]);
-    for axis in 0..D::AXES {
-        r[D::VELOCITY + axis] = v[axis] + dv[axis];
-    }
-    if let Some(streaming) = streaming {
-        r[D::UP] *= streaming.stretches[0];
-    }
-    for axis in 0..D::AXES {
-        r[axis] += step * v[axis];
-    }
-    if let Some(streaming) = streaming {
-        r[D::VELOCITY + D::UP] *= streaming.stretches[1];
-        r[D::HALF_VELOCITY + D::UP] *= streaming.stretches[1];
-    }
-    v[..D::AXES].iter().map(|v| v * v).sum()
-}
-
-/// Kicks the spins; returns NaN if one is not finite, else 0.
-#[inline(always)]
-fn turn<D: Dimension, const SECOND_KICK_DEFERRED: bool>(
-    r: &mut [f64],
-    force: &[f64],
-    half_kick: f64,
-) -> f64 {
-    let (mut dw, mut w) = ([0.0; 3], [0.0; 3]);
-    for k in 0..D::SPINS {
-        dw[k] = half_kick * force[D::TORQUE + k];
-        w[k] = if SECOND_KICK_DEFERRED {
-            (r[D::HALF_SPIN + k] + dw[k]) + dw[k]
-        } else {
-            r[D::SPIN + k] + dw[k]
-        };
-    }
-    r[D::HALF_SPIN..][..D::SPINS].copy_from_slice(&w[..D::SPINS]);
-    for k in 0..D::SPINS {
-        r[D::SPIN + k] = w[k] + dw[k];
-    }
-    w[..D::SPINS].iter().map(|w| 0.0 * w).sum()
-}
-
-fn greater_or_nan(a: f64, b: f64) -> f64 {
-    if b > a || b.is_nan() { b } else { a }
-}
-
-/// Adds the weights to free grains, rounded like the contact forces.
-fn weigh<D: Dimension>(grains: &mut Grains<D>, gravity: [f64; 2]) {
-    let [along, down] = gravity;
-    let shift = Units::shift(grains.units.force);
-    for g in 0..grains.owned {
-        if grains.body[g] == body::FREE {
-            let mass = grains.mass[g];
-            grains.force[g][0] = (shift + mass * along) - shift;
-            grains.force[g][D::UP] = (shift - mass * down) - shift;
-        }
-    }
-}
-
-/// Adds the drag (1/s) on translations and on rotations.
-fn slow_down<D: Dimension>(grains: &mut Grains<D>, drag: [f64; 2]) {
-    let [linear, angular] = drag;
-    for g in 0..grains.owned {
-        let r = D::fields(&grains.record[g]);
-        let (mass, radius) = (grains.mass[g], grains.radius[g]);
-        let force = &mut grains.force[g];
-        for axis in 0..D::AXES {
-            force[axis] -= linear * mass * r[D::VELOCITY + axis];
-        }
-        for k in 0..D::SPINS {
-            force[D::TORQUE + k] -= angular * D::INERTIA * mass * radius * radius * r[D::SPIN + k];
-        }
-    }
+    outcome
 }

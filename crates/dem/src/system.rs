@@ -1,5 +1,6 @@
 //! The state of a rank between two steps, and the upkeep of its lists.
 
+use crate::bands::Bands;
 use crate::budget::EnergyBudget;
 use crate::clock::{Clock, StepPhase};
 use crate::contact::model::PairModel;
@@ -7,7 +8,8 @@ use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::{Drive, FlowSum, WallGrains, WallVelocities};
 use crate::failure::{Failure, Result};
-use crate::kernel::PairForce;
+use crate::kernel::{PairForce, PassOutcome};
+use crate::motion::GrainMotion;
 use crate::neighbour::{self, LocalExtent};
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
@@ -22,6 +24,8 @@ const THINNEST_SKIN: f64 = 0.002;
 /// The greatest adaptive skin over d̄.
 pub const THICKEST_SKIN: f64 = 0.4;
 const FIRST_SKIN: f64 = 0.02;
+/// By how much bands are thicker than the cutoff, over the greatest diameter.
+const SLACK: f64 = 0.25;
 
 /// The grains and contacts of this rank, and the bookkeeping for them.
 #[derive(Debug)]
@@ -41,6 +45,10 @@ pub struct System<D: Dimension> {
     /// Fixed-point numbers for sums of forces on walls.
     pub fixed: FixedPoint,
     pub(crate) grains: Grains<D>,
+    /// The bands of the owned grains.
+    pub(crate) bands: Bands,
+    /// How steps go through them.
+    pub(crate) sweep: SweepSettings,
     /// What messages call the grains.
     pub ids: Ids,
     /// Flat walls, where the drive has planes.
@@ -92,8 +100,10 @@ pub struct List {
     pub due: bool,
     /// Upper bound of the displacements since the last rebuild (m).
     bound: f64,
-    /// Upper bound of the lengths of the paths since then (m).
-    pub(crate) travelled: f64,
+    /// Upper bound of the lengths of the paths since then (m), for the pairs of each band.
+    pub(crate) travelled: Vec<f64>,
+    /// How far the grains moved in the last step, at most (m).
+    way: f64,
     /// [`Clock::worked`] when the grains last migrated (s).
     worked: f64,
     /// The seconds of computing and of lists, before the present one.
@@ -102,6 +112,8 @@ pub struct List {
     /// for which the grains were last sorted.
     reach: f64,
     reach_when_sorted: f64,
+    /// Whether grains have left their bands since then.
+    scattered: bool,
     /// By how much rounding may move a grain in a step (m).
     rounding: f64,
     /// How far the images have moved since then along x (m), and the height of the cell then (m).
@@ -166,41 +178,65 @@ impl List {
         Ok(range)
     }
 
-    /// Grains moved by up to `fastest` (m/s) for `step` (s). Returns whether the list must be
-    /// rebuilt after this step.
-    pub fn moved<D: Dimension>(
-        &mut self,
-        fastest: f64,
-        step: f64,
-        grains: &Grains<D>,
-        cell: &Cell,
-        planes: Option<[f64; 2]>,
-    ) -> bool {
-        let images_step = step * cell.sheared.map_or(0.0, |s| s.half_velocity);
-        self.images_moved += images_step;
-        let half = 0.5 * self.skin;
+    /// How far (m) grains of up to `fastest` (m/s) come in a `step` (s), with what a moving cell adds.
+    pub(crate) fn way(&self, fastest: f64, step: f64, cell: &Cell) -> f64 {
         // Half of it for a pair across the top, and all of it for a grain that was wrapped there.
         // Pairs near the cutoff are stretched by as much as the cell.
-        let more = 1.5 * images_step.abs() + 0.5 * self.cutoff() * cell.stretched_by(step);
-        let way = step * fastest + more;
+        let more =
+            1.5 * images_step(step, cell).abs() + 0.5 * self.cutoff() * cell.stretched_by(step);
+        step * fastest + more
+    }
+
+    /// The grains of the pairs of a band moved by up to `way` (m) in a step.
+    pub(crate) fn travel(&mut self, band: usize, way: f64) {
+        self.travelled[band] += way + self.rounding;
+    }
+
+    /// All grains moved by up to `way` (m) in a step. Returns whether the list must be rebuilt.
+    /// `looks`: whether it may look at them, because they are all at this step.
+    pub(crate) fn moved<D: Dimension>(
+        &mut self,
+        way: f64,
+        motion: &GrainMotion,
+        grains: &Grains<D>,
+        planes: Option<[f64; 2]>,
+        looks: bool,
+    ) -> bool {
+        let cell = &motion.cell;
+        self.images_moved += images_step(motion.step, cell);
+        let half = 0.5 * self.skin;
         self.bound += way;
-        self.travelled += way + self.rounding;
+        self.way = way;
         // The next step may be up to twice as fast.
-        let margin = 2.0 * (step * fastest + more);
+        let margin = 2.0 * way;
         let is_near = |bound: f64, part: f64| bound + margin > part * half;
-        let looks = is_near(self.bound, 0.9);
-        if looks {
-            // One at infinity moves by a NaN, which `max` leaves out.
-            let planes = planes.into_iter().flatten().zip(self.planes);
-            let of_planes = planes.fold(0.0, |most: f64, (now, then)| most.max((now - then).abs()));
-            let of_grains = self.displacement(grains, cell).max(of_planes);
-            let exact = of_grains + 0.5 * self.cutoff() * self.strain(cell);
-            self.bound = exact;
-            self.unsound = exact.is_nan() || exact > half;
+        self.unsound |= way.is_nan();
+        if !is_near(self.bound, 0.9) || !looks {
+            return is_near(self.bound, 0.9);
         }
-        self.unsound |= fastest.is_nan();
+        // One at infinity moves by a NaN, which `max` leaves out.
+        let planes = planes.into_iter().flatten().zip(self.planes);
+        let of_planes = planes.fold(0.0, |most: f64, (now, then)| most.max((now - then).abs()));
+        let of_grains = self.displacement(grains, cell).max(of_planes);
+        let exact = of_grains + 0.5 * self.cutoff() * self.strain(cell);
+        self.bound = exact;
+        self.unsound |= exact.is_nan() || exact > half;
         // Slightly early, which avoids looking at every grain in every step.
-        looks && is_near(self.bound, 0.8)
+        is_near(self.bound, 0.8)
+    }
+
+    /// For how many steps from this one on, at most so many and at least one, the list will do, also
+    /// if the grains become twice as fast.
+    pub(crate) fn lasts(&self, step: u64, most: u64) -> u64 {
+        let room = 0.9 * 0.5 * self.skin - self.bound;
+        let steps = room / (2.0 * self.way) - 1.0;
+        let until_forced = match self.every {
+            0 => most,
+            every => (self.built + every).saturating_sub(step),
+        };
+        // A number that is not finite is no number of steps.
+        let steps = if steps.is_finite() { steps as u64 } else { 1 };
+        steps.min(most).min(until_forced).max(1)
     }
 
     /// The strain of the cell since the last rebuild, at most: by this part a pair may have
@@ -292,8 +328,8 @@ impl List {
     }
 
     /// Whether neighbours have drifted apart in memory since the grains were sorted.
-    fn scattered(&self) -> bool {
-        self.reach > 1.5 * self.reach_when_sorted
+    fn is_scattered(&self) -> bool {
+        self.scattered || self.reach > 1.5 * self.reach_when_sorted
     }
 
     /// Adapts the skin to lists that last so many steps: with a thicker one pairs that do not
@@ -304,6 +340,11 @@ impl List {
             self.skin = self.skin.clamp(self.range[0], self.range[1]);
         }
     }
+}
+
+/// How far the images above move along x in a `step` (s, m).
+fn images_step(step: f64, cell: &Cell) -> f64 {
+    step * cell.sheared.map_or(0.0, |s| s.half_velocity)
 }
 
 /// Mean distance in memory of the two grains of a pair of one body, in grains.
@@ -325,6 +366,24 @@ pub struct ListSettings {
     pub skin: Option<f64>,
     /// Greatest number of steps between rebuilds; 0 for no limit.
     pub rebuild_every: u64,
+}
+
+/// How steps go through the bands. They change the speed of a run and not its numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SweepSettings {
+    /// Grains of a band; `None`: few enough for the cache, and all of a packing that fits into it.
+    pub band: Option<usize>,
+    /// Steps that follow each other through the bands, at most.
+    pub steps: u64,
+}
+
+impl Default for SweepSettings {
+    fn default() -> Self {
+        Self {
+            band: None,
+            steps: 4,
+        }
+    }
 }
 
 /// Parameters of a [`System`]. SI units.
@@ -350,6 +409,8 @@ pub struct Setup {
     pub typical_force: f64,
     /// Threads of this rank.
     pub threads: usize,
+    /// Bands, and steps that follow each other through them.
+    pub sweep: SweepSettings,
     /// Which settings are tried while the run goes on.
     pub tuning: tuning::Plan,
 }
@@ -368,6 +429,7 @@ impl Setup {
             gravity: [0.0; 2],
             typical_force: 1.0,
             threads: 1,
+            sweep: SweepSettings::default(),
             tuning: tuning::Plan::default(),
         }
     }
@@ -396,6 +458,8 @@ impl<D: Dimension> System<D> {
             steps: 0,
             fixed: FixedPoint::new(setup.typical_force),
             grains: Grains::default(),
+            bands: Bands::one(0),
+            sweep: setup.sweep,
             contacts: Contacts::default(),
             slabs: Slabs::new(exchange, setup.cell.periods[0]),
             second_kick_deferred: false,
@@ -474,10 +538,20 @@ impl<D: Dimension> System<D> {
         }
         pool.over_owned(
             grains,
+            0..grains.owned,
             WallGrains::default(),
             |part| isa.run(SecondKick(part)),
             |()| (),
         );
+    }
+
+    /// Adds what the passes of a step found to the energy budget, and keeps the stress if it is
+    /// counted.
+    pub(crate) fn count(&mut self, outcome: &PassOutcome, is_stressed: bool) {
+        self.stress = is_stressed.then_some(outcome.stress);
+        if let Some(budget) = &mut self.budget {
+            budget.step(outcome.dissipated, outcome.uncounted);
+        }
     }
 
     /// Adds the flow of momentum to the stress, if that is counted.
@@ -552,7 +626,7 @@ impl<D: Dimension> System<D> {
             self.tuning.end_list(exchange, per_step);
         }
         self.list.adapt(lasted, self.tuning.life());
-        if exchange.size() > 1 || self.list.scattered() {
+        if exchange.size() > 1 || self.list.is_scattered() {
             let (grains, contacts) = (self.grain_states(), self.contact_states(law));
             return self.replace(exchange, law, drive, grains, contacts);
         }
@@ -594,6 +668,7 @@ impl<D: Dimension> System<D> {
         // A thread's share is contiguous, and should hold the walls beside its grains.
         let by_bodies = self.pool.threads() == 1;
         neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff, by_bodies);
+        self.bands = self.sort_into_bands(exchange, &mut owned, cutoff);
         self.grains.replace(&owned, &self.masses, self.step);
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
@@ -603,6 +678,24 @@ impl<D: Dimension> System<D> {
         });
         self.list.reach_when_sorted = self.list.reach;
         Ok(())
+    }
+
+    /// Sorts the grains into bands, if that pays. `cutoff`: of the next list (m).
+    fn sort_into_bands(
+        &self,
+        exchange: &dyn Exchange,
+        owned: &mut [GrainState],
+        cutoff: f64,
+    ) -> Bands {
+        // Each foot is with the wall, not with its grain.
+        let is_possible = exchange.size() == 1 && self.pool.threads() == 1 && self.flat.is_none();
+        let wanted = self.sweep.band.unwrap_or(usize::MAX);
+        if !is_possible || wanted >= owned.len() {
+            return Bands::one(owned.len());
+        }
+        // Grains may come nearer to the next band but one before they are sorted again.
+        let thickness = cutoff + SLACK * self.list.diameter;
+        Bands::sort::<D>(owned, &self.cell, thickness, wanted.max(1))
     }
 
     /// The part of the cell that holds the local grains.
@@ -641,6 +734,10 @@ impl<D: Dimension> System<D> {
         if let (Some(flat), Some(planes)) = (self.flat, drive.planes()) {
             candidates.extend(self.grains.stand_on(flat, planes, cutoff.skin));
         }
+        self.list.scattered = !self.bands.hold(&candidates);
+        if self.list.scattered {
+            self.bands = Bands::one(self.grains.owned);
+        }
         let grains = &self.grains;
         self.pool.divide(&candidates, grains.owned);
         self.contacts.replace(
@@ -656,6 +753,7 @@ impl<D: Dimension> System<D> {
                 owned: grains.owned,
                 has_feet: !grains.feet.is_empty(),
                 shares: self.pool.shares(),
+                bands: &self.bands,
                 ghosts_move: 0.5 * self.list.skin,
             },
         );
@@ -664,7 +762,8 @@ impl<D: Dimension> System<D> {
 
         self.list.due = false;
         self.list.bound = 0.0;
-        self.list.travelled = 0.0;
+        self.list.travelled.clear();
+        self.list.travelled.resize(self.bands.count(), 0.0);
         self.list.images_moved = 0.0;
         let sheared = self.cell.sheared;
         self.list.height = sheared.map_or(f64::INFINITY, |sheared| sheared.height);
@@ -704,6 +803,21 @@ impl<D: Dimension> System<D> {
 
     /// The failure that some ranks found, with the same message on all ranks; collective.
     pub fn explain(&self, exchange: &dyn Exchange, outside: Option<Outside>) -> Failure {
+        self.fail(exchange, outside.map(|outside| self.describe(outside)))
+    }
+
+    /// [`System::explain`] of what this rank found.
+    pub(crate) fn fail(&self, exchange: &dyn Exchange, message: Option<String>) -> Failure {
+        let said = exchange.gather(message.unwrap_or_default().as_bytes());
+        let first = said.iter().find(|m| !m.is_empty());
+        Failure::numbers(first.map_or_else(
+            || "a global sum is out of range".into(),
+            |m| format!("step {}: {}", self.steps, String::from_utf8_lossy(m)),
+        ))
+    }
+
+    /// What failed, in words.
+    pub(crate) fn describe(&self, outside: Outside) -> String {
         let place = |g: usize| self.place(g);
         let velocity = |fields: &[f64]| -> [f64; 3] {
             std::array::from_fn(|axis| {
@@ -714,9 +828,8 @@ impl<D: Dimension> System<D> {
                 }
             })
         };
-        let message = match outside {
-            None => String::new(),
-            Some(why @ (Outside::Pair(block, lane) | Outside::Force(block, lane))) => {
+        match outside {
+            why @ (Outside::Pair(block, lane) | Outside::Force(block, lane)) => {
                 let pairs = self.contacts.grains(block);
                 let (i, j) = (pairs.i[lane] as usize, pairs.j[lane] as usize);
                 let (a, b) = (self.grains.fields(i), self.grains.fields(j));
@@ -739,13 +852,13 @@ impl<D: Dimension> System<D> {
                     )
                 }
             }
-            Some(Outside::Plane(g)) => format!(
+            Outside::Plane(g) => format!(
                 "grain {} of radius {:.4e} m at {} overlaps a wall too much: outside the contact law",
                 self.id(g),
                 self.grains.radius[g],
                 place(g),
             ),
-            Some(Outside::Number) => {
+            Outside::Number => {
                 let bad = (0..self.grains.owned)
                     .find(|&g| !self.grains.fields(g).iter().all(|x| x.is_finite()));
                 if let Some(g) = bad {
@@ -773,13 +886,7 @@ impl<D: Dimension> System<D> {
                     )
                 }
             }
-        };
-        let said = exchange.gather(message.as_bytes());
-        let first = said.iter().find(|m| !m.is_empty());
-        Failure::numbers(first.map_or_else(
-            || "a global sum is out of range".into(),
-            |m| format!("step {}: {}", self.steps, String::from_utf8_lossy(m)),
-        ))
+        }
     }
 
     /// Heap in use on this rank (bytes).
@@ -803,6 +910,18 @@ pub enum Outside {
     Force(usize, usize),
     /// A position or velocity is NaN, or a grain moved further than the list allows.
     Number,
+}
+
+impl Outside {
+    /// Of several in a step, that of the lowest rank is told.
+    pub(crate) fn rank(self) -> u8 {
+        match self {
+            Self::Plane(_) => 0,
+            Self::Pair(..) => 1,
+            Self::Force(..) => 2,
+            Self::Number => 3,
+        }
+    }
 }
 
 /// Replaces the predicted v(t+Δt) by that of the second kick.

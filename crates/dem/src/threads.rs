@@ -11,7 +11,7 @@ use crate::dimension::Dimension;
 use crate::drive::{WallGrains, WallSums};
 use crate::failure::Result;
 use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Scratch};
-use crate::state::{CandidatePair, Contacts, Grains, Image};
+use crate::state::{BandBlocks, CandidatePair, Contacts, Grains, Image};
 use crate::workers::{self, Workers, tail, tail_mut};
 
 /// Number of grains whose forces a thread clears and adds together.
@@ -104,7 +104,8 @@ impl<D: Dimension> ThreadPool<D> {
     /// uses. Must be called for every new list.
     pub(crate) fn assign(&mut self, contacts: &Contacts, local: usize) {
         let threads = self.threads();
-        let others = contacts.shared_blocks()..contacts.blocks();
+        // With several threads there is one band.
+        let others = contacts.bands.first().map_or(0..0, BandBlocks::others);
         for (k, partial) in self.partial.iter_mut().enumerate() {
             partial.used.clear();
             partial.used.resize(local.div_ceil(PAGE), false);
@@ -119,18 +120,19 @@ impl<D: Dimension> ThreadPool<D> {
         }
     }
 
-    /// Adds the forces of the pairs within the shares.
+    /// Adds the forces of the pairs of a band that are within the shares.
     pub(crate) fn forces_within_shares(
         &mut self,
-        law: &dyn PairForce<D>,
-        input: PassInput,
+        forces: BandForces<'_, D>,
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
         samples: Option<&mut ContactForces>,
     ) -> PassOutcome {
-        let shares = std::mem::take(&mut contacts.shares);
-        let blocks = 0..shares.last().map_or(0, |share| share.blocks.end);
+        let BandForces { law, band, input } = forces;
+        let shares = std::mem::take(&mut contacts.bands[band].shares);
+        let blocks = shares[0].blocks.start..shares[shares.len() - 1].blocks.end;
+        let first_block = blocks.start;
         let mut samples = samples.map(|s| s.part(blocks.clone()));
         let mut part = contacts.part(blocks);
         let mut rest = force;
@@ -145,26 +147,26 @@ impl<D: Dimension> ThreadPool<D> {
                 &mut force[..share.grains.len()],
             );
             let pass = Pass::new(input, record, force, part.split_off(begin));
-            let samples = samples.as_mut().map(|s| s.split_off(begin));
+            let samples = samples.as_mut().map(|s| s.split_off(begin - first_block));
             passes.push((pass.sampled(samples), &mut **scratch));
         }
         let outcome = compute(self.workers.as_ref(), law, passes);
-        contacts.shares = shares;
+        contacts.bands[band].shares = shares;
         outcome
     }
 
-    /// Computes the forces of the pairs that are within no share. The first thread adds its part to
-    /// `force`, each other thread to its partial forces.
+    /// Computes the forces of the pairs of a band that are within no share. The first thread adds its
+    /// part to `force`, each other thread to its partial forces.
     pub(crate) fn other_forces(
         &mut self,
-        law: &dyn PairForce<D>,
-        input: PassInput,
+        forces: BandForces<'_, D>,
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
         samples: Option<&mut ContactForces>,
     ) -> PassOutcome {
-        let group = contacts.shared_blocks()..contacts.blocks();
+        let BandForces { law, band, input } = forces;
+        let group = contacts.bands[band].others();
         if group.is_empty() {
             return PassOutcome::default();
         }
@@ -214,14 +216,15 @@ impl<D: Dimension> ThreadPool<D> {
         workers::each(self.workers.as_ref(), &mut parts, |_, part| part.add());
     }
 
-    /// The sums of what `work` finds of the grains of walls in each share; feet are with the last.
+    /// Adds what `work` finds of the grains of walls in each share; feet are with the last.
     pub(crate) fn over_walls(
         &self,
         mut walls: WallGrains<'_>,
-        work: impl Fn(WallGrains<'_>) -> WallSums + Sync,
-    ) -> WallSums {
+        sums: &mut WallSums,
+        work: impl Fn(WallGrains<'_>, &mut WallSums) + Sync,
+    ) {
         if self.workers.is_none() || walls.is_empty() {
-            return work(walls);
+            return work(walls, sums);
         }
         let mut parts = Vec::new();
         for share in self.shares.iter().rev() {
@@ -229,32 +232,30 @@ impl<D: Dimension> ThreadPool<D> {
         }
         parts.reverse();
         workers::each(self.workers.as_ref(), &mut parts, |_, (walls, sums)| {
-            *sums = work(*walls);
+            work(*walls, sums);
         });
-        let mut sums = WallSums::default();
         for (_, of_share) in parts {
             sums.merge(of_share);
         }
-        sums
     }
 
-    /// Runs `work` on the share of each thread, and calls `each` with every result. Each share has
-    /// its own grains of `walls`, which must be owned.
+    /// Runs `work` on the part of each thread of these owned grains, which with several threads are
+    /// all, and calls `each` with every result. Each part has its own grains of `walls`.
     pub(crate) fn over_owned<R: Send + Default>(
         &self,
         grains: &mut Grains<D>,
+        owned: Range<usize>,
         walls: WallGrains<'_>,
         work: impl Fn(OwnedPart<'_, D>) -> R + Sync,
         mut each: impl FnMut(R),
     ) {
-        let owned = grains.owned;
         let mut rest = OwnedPart {
-            record: &mut grains.record[..owned],
-            force: &mut grains.force[..owned],
-            half_kick: &grains.half_kick,
-            image: &mut grains.image,
-            mass: &grains.mass,
-            first: 0,
+            record: &mut grains.record[owned.clone()],
+            force: &mut grains.force[owned.clone()],
+            half_kick: &grains.half_kick[owned.clone()],
+            image: &mut grains.image[owned.clone()],
+            mass: &grains.mass[owned.clone()],
+            first: owned.start,
             walls,
         };
         let Some(workers) = &self.workers else {
@@ -289,6 +290,17 @@ impl<D: Dimension> ThreadPool<D> {
             .map(|partial| partial.force.capacity() * size_of::<D::Force>())
             .sum()
     }
+}
+
+/// The forces of the pairs of a band.
+#[derive(Clone, Copy)]
+pub(crate) struct BandForces<'a, D: Dimension> {
+    /// The law.
+    pub law: &'a dyn PairForce<D>,
+    /// The band.
+    pub band: usize,
+    /// What all passes of a step share.
+    pub input: PassInput,
 }
 
 /// Computes all parts of a pass, from the last to the first, which the calling thread computes.

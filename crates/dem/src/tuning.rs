@@ -304,9 +304,9 @@ impl Tuning {
         self.lists.now.0
     }
 
-    /// Ends a step. `worked`: [`Clock::worked`](crate::clock::Clock::worked). Collective.
-    pub fn end_step(&mut self, exchange: &dyn Exchange, worked: f64) {
-        self.steps += 1;
+    /// Ends so many steps. `worked`: [`Clock::worked`](crate::clock::Clock::worked). Collective.
+    pub fn end_steps(&mut self, exchange: &dyn Exchange, steps: u64, worked: f64) {
+        self.steps += steps;
         match self.tune {
             Tune::Never => return,
             Tune::Every(steps) if self.steps < steps => return,
@@ -418,9 +418,9 @@ mod tests {
         };
         let mut tuning = Tuning::new(plan, Isa::Portable);
         let before_the_last = u64::from(WARM_UP - 1) * FIRST_TURN;
-        (1..=before_the_last).for_each(|k| tuning.end_step(&Solo, k as f64));
+        (1..=before_the_last).for_each(|k| tuning.end_steps(&Solo, 1, k as f64));
         tuning.restart();
-        (1..=FIRST_TURN).for_each(|k| tuning.end_step(&Solo, 3e-4 * k as f64));
+        (1..=FIRST_TURN).for_each(|k| tuning.end_steps(&Solo, 1, 3e-4 * k as f64));
         assert_eq!(tuning.turn, 7, "2 ms of steps of 0.3 ms");
     }
 

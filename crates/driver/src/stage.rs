@@ -10,7 +10,7 @@ use crate::run::{Checkpoint, Run};
 use crate::stages::assembly::Assembly;
 
 /// Steps of Newton's equations after which a stage looks whether the last checkpoint is old.
-const CHECKPOINT_INTERVAL: u64 = 100;
+pub(crate) const CHECKPOINT_INTERVAL: u64 = 100;
 
 /// Steps of Newton's equations between two states that are kept in memory: a copy takes as long as
 /// some tens of steps.

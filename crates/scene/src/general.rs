@@ -1,8 +1,10 @@
 //! The keys above all tables, and `[bookkeeping]`.
 
-use gshear_dem::laws::keys::{Change, FROM_ZERO, Integers, KeyReader, NOT_NEGATIVE, UNIT};
+use gshear_dem::laws::keys::{
+    Change, FROM_ONE, FROM_ZERO, Integers, KeyReader, NOT_NEGATIVE, UNIT,
+};
 use gshear_dem::simd::Isa;
-use gshear_dem::system::ListSettings;
+use gshear_dem::system::{ListSettings, SweepSettings};
 use gshear_dem::tuning::Tune;
 
 use crate::checker::Checker;
@@ -41,6 +43,10 @@ table! {
         skin: Number(UNIT) { otherwise: "adapted" },
         /// rebuild the list at least every so many steps; 0 is when needed
         rebuild_every: Whole(FROM_ZERO) { default: "0" },
+        /// grains of a band, a layer along the last axis; changes speed, not results
+        band_grains: Whole(FROM_ONE) { otherwise: "by the cache" },
+        /// steps that follow each other through the bands, at most; changes speed, not results
+        steps_at_once: Whole(FROM_ONE) { default: "4" },
         /// instruction set of the kernel; changes speed, not results
         simd: Text(&SIMD_NAMES) { default: SIMD_NAMES[0] },
         /// try other settings of speed while the run goes on, and keep the fastest
@@ -57,6 +63,8 @@ table! {
 pub struct Bookkeeping {
     /// Skin and rebuilds of the neighbour list.
     pub list: ListSettings,
+    /// Bands, and steps through them.
+    pub sweep: SweepSettings,
     /// Instruction set of the kernel: one of `SIMD_NAMES`.
     pub simd: &'static str,
     /// Whether settings are tried while the run goes on.
@@ -72,6 +80,12 @@ pub(crate) fn check_bookkeeping(c: &mut Checker<'_>) -> Bookkeeping {
     let keys = &BOOKKEEPING;
     let skin = c.number(&keys.skin);
     let rebuild_every = c.count(&keys.rebuild_every);
+    let sweep = SweepSettings {
+        band: c
+            .whole(&keys.band_grains)
+            .map(|n| n.unsigned_abs() as usize),
+        steps: c.count(&keys.steps_at_once),
+    };
     let simd = c.choice(&keys.simd);
     let tune = c.flag_or_default(&keys.tune);
     let tune_every = c.count(&keys.tune_every);
@@ -86,6 +100,7 @@ pub(crate) fn check_bookkeeping(c: &mut Checker<'_>) -> Bookkeeping {
             skin,
             rebuild_every,
         },
+        sweep,
         simd: simd.unwrap_or("auto"),
         tune: match tune_every {
             _ if !tune => Tune::Never,

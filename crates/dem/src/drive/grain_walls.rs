@@ -1,12 +1,13 @@
 //! Walls of frozen grains, or flat ones.
 
 use super::{
-    Drive, Felt, Slider, Top, WallForces, WallGrains, WallSteps, WallSums, WallVelocities,
+    Drive, Slider, Top, WallForces, WallGrains, WallMotion, WallSteps, WallSums, WallVelocities,
 };
 use crate::dimension::Dimension;
+use crate::domain::FixedPoint;
 use crate::protocol::Protocol;
 use crate::simd::Isa;
-use crate::state::{Cell, Grains, body};
+use crate::state::{Grains, body};
 
 /// Walls of frozen grains, or flat walls, whose feet stand for these. The bottom is fixed, or
 /// vibrates along its normal. The top is rigid and moves as `motion` says.
@@ -44,6 +45,19 @@ impl GrainWalls {
         }
     }
 
+    /// How the grains of the bottom move in the step that begins in `ahead` steps. Velocities of the
+    /// top are NaN.
+    fn bottom_motion(&self, ahead: u64) -> WallMotion {
+        let begin = self.motion.slider.state.step + ahead;
+        let of_bottom = |velocity: fn(&Protocol, u64) -> f64, step: u64| {
+            self.velocities([f64::NAN; 2], |protocol| velocity(protocol, step))
+        };
+        WallMotion {
+            moving: of_bottom(Protocol::bottom_velocity, begin),
+            predicted: of_bottom(Protocol::full_bottom_velocity, begin + 1),
+        }
+    }
+
     /// The present velocity of the top, along x and upwards (m/s).
     fn velocity_of_top(&self) -> [f64; 2] {
         let Top { slider, piston, .. } = &self.motion;
@@ -77,12 +91,23 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         self.motion.start(load);
     }
 
-    fn drift(&mut self, step: f64, _: &mut Cell, _: &Grains<D>) -> Option<WallVelocities> {
-        let now = self.motion.slider.state.step;
+    fn drift(&mut self, step: f64) -> Option<WallMotion> {
+        let bottom = self.bottom_motion(0);
         self.motion.drift(step);
-        Some(self.velocities(self.velocity_of_top(), |protocol| {
-            protocol.bottom_velocity(now)
-        }))
+        Some(WallMotion {
+            moving: WallVelocities {
+                top: self.velocity_of_top(),
+                ..bottom.moving
+            },
+            predicted: WallVelocities {
+                top: self.motion.predicted(step),
+                ..bottom.predicted
+            },
+        })
+    }
+
+    fn bottom(&self, ahead: u64) -> Option<WallMotion> {
+        Some(self.bottom_motion(ahead))
     }
 
     fn wall_grains(&self) -> WallGrains<'_> {
@@ -92,19 +117,17 @@ impl<D: Dimension> Drive<D> for GrainWalls {
         }
     }
 
-    fn predict(&mut self, step: f64, _: &mut Cell) -> Option<WallVelocities> {
-        let now = self.motion.slider.state.step;
-        Some(self.velocities(self.motion.predicted(step), |protocol| {
-            protocol.full_bottom_velocity(now)
-        }))
-    }
-
     fn has_bottom_force(&self) -> bool {
         self.motion.slider.protocol.has_bottom()
     }
 
-    fn load(&self, felt: &Felt<'_, D>, walls: WallGrains<'_>, sums: &mut WallSums) {
-        let Felt { grains, fixed, .. } = felt;
+    fn load_on_grains(
+        &self,
+        grains: &Grains<D>,
+        fixed: &FixedPoint,
+        walls: WallGrains<'_>,
+        sums: &mut WallSums,
+    ) {
         for &g in walls.top {
             fixed.add(&mut sums.up, grains.force[g as usize][D::UP]);
         }

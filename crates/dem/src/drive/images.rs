@@ -1,6 +1,6 @@
 //! A cell without walls: its images above move.
 
-use super::{Drive, Felt, Top, WallForces, WallGrains, WallSteps, WallSums, WallVelocities};
+use super::{Drive, Felt, Top, WallForces, WallSteps, WallSums, WallVelocities};
 use crate::dimension::Dimension;
 use crate::domain::{MOST_COUNTED, nearest_whole};
 use crate::state::{Cell, Grains, Sheared, Stretching};
@@ -24,7 +24,7 @@ pub struct Images {
     pub felt: WallForces,
     /// Whether the stress is needed in every step.
     needs_stress: bool,
-    /// Of the step between [`Drive::drift`] and [`Drive::predict`].
+    /// Of the step between [`Drive::drift_cell`] and [`Drive::predict_cell`].
     streaming: Option<Streaming>,
 }
 
@@ -135,9 +135,11 @@ impl<D: Dimension> Drive<D> for Images {
         self.motion.start(load);
     }
 
-    fn drift(&mut self, step: f64, cell: &mut Cell, grains: &Grains<D>) -> Option<WallVelocities> {
+    fn drift_cell(&mut self, step: f64, cell: &mut Cell, grains: &Grains<D>) {
         self.motion.drift(step);
-        let sheared = cell.sheared.as_mut()?;
+        let Some(sheared) = cell.sheared.as_mut() else {
+            return;
+        };
         let velocity = self.motion.slider.state.velocity;
         let [predicted, _] = self.motion.predicted(step);
         let (before, height) = (sheared.height, self.motion.piston.height);
@@ -162,28 +164,28 @@ impl<D: Dimension> Drive<D> for Images {
             changes,
             flow: MomentumFlow::new(Cell { sheared, ..*cell }, grains.units.force),
         });
-        None
     }
 
     fn streaming(&self) -> Option<Streaming> {
         self.streaming
     }
 
-    fn predict(&mut self, step: f64, cell: &mut Cell) -> Option<WallVelocities> {
-        let sheared = cell.sheared.as_mut()?;
+    fn predict_cell(&mut self, step: f64, cell: &mut Cell) {
+        let Some(sheared) = cell.sheared.as_mut() else {
+            return;
+        };
         let [along, up] = self.motion.predicted(step);
         if let Some(stretching) = &mut sheared.stretching {
             stretching.full[D::UP] = up / sheared.height;
         }
         sheared.velocity = along;
-        None
     }
 
     fn needs_stress(&self, sampled: bool) -> bool {
         self.needs_stress || sampled
     }
 
-    fn load(&self, felt: &Felt<'_, D>, _: WallGrains<'_>, sums: &mut WallSums) {
+    fn load(&self, felt: &Felt<'_, D>, sums: &mut WallSums) {
         let unit = felt.grains.units.force;
         let [up, along] = felt.stress.unwrap_or_default();
         felt.fixed.add_whole(&mut sums.up, up, unit);

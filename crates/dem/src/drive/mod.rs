@@ -7,6 +7,8 @@ mod moving;
 mod planes;
 mod top;
 
+use std::ops::Range;
+
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::simd::Isa;
@@ -83,6 +85,12 @@ pub struct WallGrains<'a> {
 }
 
 impl WallGrains<'_> {
+    /// Those of some indices.
+    pub(crate) fn within(mut self, grains: Range<usize>) -> Self {
+        self.split_off(grains.end);
+        self.split_off(grains.start)
+    }
+
     /// Whether there are none.
     pub(crate) fn is_empty(&self) -> bool {
         self.top.is_empty() && self.bottom.is_empty()
@@ -138,6 +146,15 @@ impl WallVelocities {
     }
 }
 
+/// The velocities of the grains of walls in a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WallMotion {
+    /// With which they move, also those of the half step.
+    pub moving: WallVelocities,
+    /// Which they have then.
+    pub predicted: WallVelocities,
+}
+
 /// The walls and the drag, as the time step calls them. The default methods are those of a scene
 /// without walls.
 pub trait Drive<D: Dimension>: Sync {
@@ -151,22 +168,26 @@ pub trait Drive<D: Dimension>: Sync {
     }
     /// Computes the accelerations before the first step.
     fn start(&mut self, _: WallForces) {}
-    /// First half kick and drift of the walls, or of the cell. Returns the velocities with which
-    /// the grains of walls move in this step.
-    fn drift(&mut self, _step: f64, _: &mut Cell, _: &Grains<D>) -> Option<WallVelocities> {
+    /// First half kick and drift of the cell, before any grain moves.
+    fn drift_cell(&mut self, _step: f64, _: &mut Cell, _: &Grains<D>) {}
+    /// Gives the cell its predicted velocity, after [`Drive::drift_cell`].
+    fn predict_cell(&mut self, _step: f64, _: &mut Cell) {}
+    /// First half kick and drift of the walls, before the last band of grains moves, which has all
+    /// of the top. Returns how the grains of walls move in this step.
+    fn drift(&mut self, _step: f64) -> Option<WallMotion> {
+        None
+    }
+    /// How the grains of the bottom move in a step before [`Drive::drift`] is called for it, and for
+    /// `ahead` steps before it. Velocities of the top are NaN.
+    fn bottom(&self, _ahead: u64) -> Option<WallMotion> {
         None
     }
     /// The grains of the walls.
     fn wall_grains(&self) -> WallGrains<'_> {
         WallGrains::default()
     }
-    /// What the step does to all grains beside their own motion, after [`Drive::drift`].
+    /// What the step does to all grains beside their own motion, after [`Drive::drift_cell`].
     fn streaming(&self) -> Option<Streaming> {
-        None
-    }
-    /// Gives the cell its predicted velocity, after [`Drive::drift`]. Returns those that the grains
-    /// of walls have after their motion.
-    fn predict(&mut self, _step: f64, _: &mut Cell) -> Option<WallVelocities> {
         None
     }
     /// Adds forces of the walls on the grains that are not contacts between grains. Returns a grain
@@ -182,9 +203,10 @@ pub trait Drive<D: Dimension>: Sync {
     fn has_bottom_force(&self) -> bool {
         false
     }
-    /// Adds the forces on these grains of [`Drive::wall_grains`], and on what else bounds the
-    /// sample. With threads each has its own grains; without grains it is called once.
-    fn load(&self, _: &Felt<'_, D>, _: WallGrains<'_>, _: &mut WallSums) {}
+    /// Adds the forces on these grains of [`Drive::wall_grains`].
+    fn load_on_grains(&self, _: &Grains<D>, _: &FixedPoint, _: WallGrains<'_>, _: &mut WallSums) {}
+    /// Adds the forces on what else bounds the sample.
+    fn load(&self, _: &Felt<'_, D>, _: &mut WallSums) {}
     /// Whether it needs the stress of the contacts; `sampled`: their forces are measured in this
     /// step.
     fn needs_stress(&self, _sampled: bool) -> bool {

@@ -2,7 +2,8 @@
 
 use bytemuck::Zeroable;
 
-use super::{Drive, Felt, Piston, WallForces, WallGrains, WallSums, WallVelocities};
+use super::{Drive, Felt, Piston, WallForces, WallMotion, WallSums, WallVelocities};
+use crate::bands::Bands;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, PassInput, Scratch};
@@ -73,7 +74,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         self.piston.acceleration = (load.up - self.piston.load) / self.piston.mass;
     }
 
-    fn drift(&mut self, step: f64, _: &mut Cell, _: &Grains<D>) -> Option<WallVelocities> {
+    fn drift(&mut self, step: f64) -> Option<WallMotion> {
         self.piston.half_kick_and_drift(step);
         None
     }
@@ -111,6 +112,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             cell,
             step,
             travelled: None,
+            is_cold: false,
             counting: None,
         };
         let pass = Pass::new(input, &self.record, &mut self.force, part);
@@ -124,7 +126,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         })
     }
 
-    fn load(&self, felt: &Felt<'_, D>, _: WallGrains<'_>, sums: &mut WallSums) {
+    fn load(&self, felt: &Felt<'_, D>, sums: &mut WallSums) {
         self.load_on(true, felt.fixed, &mut sums.up);
     }
 
@@ -170,6 +172,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
                 owned: radius.len(),
                 has_feet: false,
                 shares: std::slice::from_ref(&(0..radius.len())),
+                bands: &Bands::one(radius.len()),
                 ghosts_move: 0.0,
             },
         );

@@ -26,6 +26,7 @@ use crate::simd::{
     LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
 };
 use crate::state::{BlockRange, Cell, Units, length};
+use crate::system::Outside;
 use crate::tuning::PassSettings;
 use crate::workers::tail_mut;
 
@@ -179,6 +180,9 @@ pub struct PassInput {
     /// How far the grains have travelled since the list was made (m): blocks that cannot touch yet
     /// are left out. `None`: unknown, and all blocks are looked at.
     pub travelled: Option<f64>,
+    /// Whether its data is probably in no cache, so that it prefetches the next chunks unless the
+    /// settings say otherwise.
+    pub is_cold: bool,
     /// Makes the pass count the dissipation for the energy budget, and the stress.
     pub counting: Option<Counting>,
 }
@@ -211,6 +215,14 @@ pub struct PassOutcome {
 }
 
 impl PassOutcome {
+    /// What was outside the law, the overlap first.
+    pub(crate) fn failures(&self) -> impl Iterator<Item = Outside> {
+        let [overlap, force] = [self.outside, self.too_strong];
+        let overlap = overlap.map(|(block, lane)| Outside::Pair(block, lane));
+        let force = force.map(|(block, lane)| Outside::Force(block, lane));
+        overlap.into_iter().chain(force)
+    }
+
     /// Combines two outcomes; of two pairs it keeps the first.
     pub fn merge(mut self, other: Self) -> Self {
         self.outside = self.outside.or(other.outside);
@@ -277,12 +289,6 @@ impl<'a, C: ContactLaw> PassWork<'a, C, false> {
     }
 }
 
-/// Size of the records (bytes) beyond which the next chunks are prefetched unless the settings say
-/// otherwise: with their contacts, six times as much, they fill a last-level cache. Prefetching
-/// makes larger packings a third faster, and costs some 5 % where the cache holds all
-/// (docs/lab/speed.md).
-const CACHED: usize = 3 << 20;
-
 /// How many chunks after the present one a pass prefetches: those of one take less time than memory.
 const AHEAD: usize = 2;
 
@@ -343,8 +349,7 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
             travelled,
             ..
         } = pass.input;
-        let fills_a_cache = size_of_val(pass.record) > CACHED;
-        let prefetches = settings.choice.prefetch.unwrap_or(fills_a_cache);
+        let prefetches = settings.choice.prefetch.unwrap_or(pass.input.is_cold);
         let blocks = settings.choice.blocks.clamp(1, CHUNK);
         // The present chunk and the next ones.
         let mut chunks = [const { 0..0 }; 1 + AHEAD];

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use crate::bands::Bands;
 use crate::contact::TORQUES;
 use crate::contact::model::{Elastic, PairModel};
 use crate::simd::{Isa, LANES, Lanes16, PairBlock, PairList, Pairs, clear_for};
@@ -12,10 +13,10 @@ use super::ContactState;
 
 /// Candidate pairs of local grains, each once, with the lower id as i.
 ///
-/// There are groups of blocks. First come inner pairs, of which this rank owns both grains: for
-/// each thread those between two grains of its [share](LocalGrains::shares), then those between
-/// grains of two threads. Then come pairs of which this rank owns i, then pairs of which it owns j.
-/// In a group the pairs are in the order of the cells. Within every run of 1,024 of them, those of
+/// The blocks of a [band](Bands) follow each other, in groups. First come inner pairs, of which this
+/// rank owns both grains: for each thread those between two grains of its
+/// [share](LocalGrains::shares), then those between grains of two threads. Then come pairs of which
+/// this rank owns i, then pairs of which it owns j. In a group the pairs are in the order of the cells. Within every run of 1,024 of them, those of
 /// the same two materials follow each other, in blocks of their own. Of these, contacts come
 /// first, those that slide before the others, followed by the other pairs in classes of their gaps,
 /// so that blocks in which nothing touches follow each other, and in most blocks nothing
@@ -26,14 +27,10 @@ use super::ContactState;
 /// that do not touch add nothing.
 #[derive(Debug, Default)]
 pub struct Contacts {
-    /// The pairs within the share of each thread, which come first.
-    pub shares: Vec<Share>,
-    /// Blocks of inner pairs, those of the shares included.
-    pub inner: usize,
-    /// Blocks of pairs of which this rank owns i, the inner ones included.
-    pub owned_blocks: usize,
-    /// The pairs. Those of a share count its grains from its first one, so that a thread needs no
-    /// more than its own records and forces; others are local indices. See [`Contacts::grains`].
+    /// The blocks of each band.
+    pub bands: Vec<BandBlocks>,
+    /// The pairs. Those of a share count its grains from its first one, so that no more than its own
+    /// records and forces are needed; others are local indices. See [`Contacts::grains`].
     pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Lanes16; 2]>,
@@ -61,12 +58,40 @@ pub struct Contacts {
     pub asleep_until: Vec<f64>,
 }
 
+/// The blocks of a band, one group after the other.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BandBlocks {
+    /// The pairs within the share of each thread, which come first.
+    pub shares: Vec<Share>,
+    /// The end of the inner pairs.
+    pub inner: usize,
+    /// The end of the pairs of which this rank owns i.
+    pub owned: usize,
+    /// The end of the band.
+    pub end: usize,
+}
+
+impl BandBlocks {
+    /// The blocks of the shares.
+    pub fn within_shares(&self) -> Range<usize> {
+        match (self.shares.first(), self.shares.last()) {
+            (Some(first), Some(last)) => first.blocks.start..last.blocks.end,
+            _ => self.end..self.end,
+        }
+    }
+
+    /// The blocks that are within no share.
+    pub fn others(&self) -> Range<usize> {
+        self.within_shares().end..self.end
+    }
+}
+
 /// The pairs between two grains of one thread.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Share {
     /// Its blocks.
     pub blocks: Range<usize>,
-    /// Its owned grains.
+    /// The owned grains of its pairs.
     pub grains: Range<usize>,
 }
 
@@ -85,8 +110,46 @@ pub struct LocalGrains<'a> {
     pub has_feet: bool,
     /// The owned grains of each thread, one range after the other.
     pub shares: &'a [Range<usize>],
+    /// Their bands; a single one with several threads.
+    pub bands: &'a Bands,
     /// Until the next list no ghost is further from its place than this (m).
     pub ghosts_move: f64,
+}
+
+/// Groups of a band beside the shares: between two of these, pairs of which this rank owns i, and j.
+const OTHER_GROUPS: usize = 3;
+
+impl LocalGrains<'_> {
+    /// Number of groups of a band.
+    fn groups_of_a_band(&self) -> usize {
+        self.shares.len() + OTHER_GROUPS
+    }
+
+    /// The grains of the pairs of a share in a band.
+    fn grains_of_pairs(&self, band: usize, share: usize) -> Range<usize> {
+        if self.shares.len() == 1 {
+            self.bands.grains_of_pairs(band)
+        } else {
+            self.shares[share].clone()
+        }
+    }
+
+    /// The group of a pair.
+    fn group(&self, pair: &CandidatePair) -> usize {
+        let [i, j] = pair.grains.map(|g| g as usize);
+        let share_of = |g: usize| self.shares.partition_point(|share| share.end <= g);
+        let shares = self.shares.len();
+        let (band, group) = match (i < self.owned, j < self.owned) {
+            (true, true) => {
+                let [of_i, of_j] = [i, j].map(share_of);
+                let group = if of_i == of_j { of_i } else { shares };
+                (self.bands.of(i).max(self.bands.of(j)), group)
+            }
+            (true, false) => (self.bands.of(i), shares + 1),
+            (false, _) => (self.bands.of(j), shares + 2),
+        };
+        band * self.groups_of_a_band() + group
+    }
 }
 
 /// Two local grains closer than the cutoff, the one of lower id first.
@@ -110,7 +173,6 @@ impl Contacts {
         remembered: &Remembered,
         grains: LocalGrains<'_>,
     ) {
-        let shares = grains.shares;
         let groups = grouped(candidates, grains);
         let layout = law.layout();
         self.has_feet = grains.has_feet;
@@ -147,13 +209,25 @@ impl Contacts {
         let mut parts = parts.into_iter().map(|(part, _)| part);
         *self = parts.next().unwrap_or_default();
         parts.for_each(|part| self.append(part));
-        let share = |(k, grains): (usize, &Range<usize>)| Share {
-            blocks: k.checked_sub(1).map_or(0, |before| ends[before])..ends[k],
-            grains: grains.clone(),
-        };
-        self.shares = shares.iter().enumerate().map(share).collect();
-        self.inner = ends[shares.len()];
-        self.owned_blocks = ends[shares.len() + 1];
+        let (shares, per_band) = (grains.shares.len(), grains.groups_of_a_band());
+        self.bands.clear();
+        let mut begin = 0;
+        for (band, ends) in ends.chunks(per_band).enumerate() {
+            let starts = std::iter::once(&begin).chain(ends);
+            let share = |(k, (start, end)): (usize, (&usize, &usize))| Share {
+                blocks: *start..*end,
+                grains: grains.grains_of_pairs(band, k),
+            };
+            let of_shares = starts.zip(&ends[..shares]).enumerate().map(share);
+            let blocks = BandBlocks {
+                shares: of_shares.collect(),
+                inner: ends[shares],
+                owned: ends[shares + 1],
+                end: ends[shares + 2],
+            };
+            begin = blocks.end;
+            self.bands.push(blocks);
+        }
         let blocks = self.geometry.len();
         clear_for(&mut self.parameters, blocks * self.parameter_lanes);
         self.parameters
@@ -195,10 +269,10 @@ impl Contacts {
             id,
             radius,
             material,
-            shares,
             ghosts_move,
             ..
         } = grains;
+        let (shares, per_band) = (grains.shares.len(), grains.groups_of_a_band());
         // Those of the first material alone are of kind 0.
         let several = material.iter().any(|k| *k != 0);
         let kind = |pair: &Listed| {
@@ -208,8 +282,13 @@ impl Contacts {
         let mut ordered = Ordered::default();
         let mut push_run = |run: &Run<'_>| {
             let before = self.geometry.len();
-            let first_grain = shares.get(run.group).map_or(0, |share| share.start as u32);
-            let inner = run.group <= shares.len();
+            let (band, group) = (run.group / per_band, run.group % per_band);
+            let first_grain = if group < shares {
+                grains.grains_of_pairs(band, group).start as u32
+            } else {
+                0
+            };
+            let inner = group <= shares;
             let pairs = ordered.contacts_first(run.pairs, remembered, id);
             if several {
                 pairs.sort_by_key(kind);
@@ -260,12 +339,14 @@ impl Contacts {
         self.limits.push(limits);
     }
 
-    /// Borrows some blocks, for the kernel.
+    /// Borrows some blocks of a band, for the kernel.
     pub fn part(&mut self, blocks: Range<usize>) -> BlockRange<'_> {
         let lanes = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
+        let band = self.band_of(blocks.start);
+        let [inner, owned_blocks] = band.map_or([0; 2], |band| [band.inner, band.owned]);
         BlockRange {
             first: blocks.start,
-            owned_blocks: self.owned_blocks,
+            owned_blocks,
             parameter_lanes: self.parameter_lanes,
             history_lanes: self.history_lanes,
             pairs: &self.pairs,
@@ -276,19 +357,27 @@ impl Contacts {
             touching: &mut self.touching[blocks.clone()],
             limits: &mut self.limits[blocks.clone()],
             asleep_until: &mut self.asleep_until[blocks.clone()],
-            inner: self.inner,
+            inner,
             has_feet: self.has_feet,
         }
     }
 
-    /// Blocks of the shares of all threads.
-    pub fn shared_blocks(&self) -> usize {
-        self.shares.last().map_or(0, |share| share.blocks.end)
+    /// The blocks of pairs of which this rank owns i.
+    pub fn owned_blocks(&self) -> impl Iterator<Item = usize> + '_ {
+        let owned = |band: &BandBlocks| band.within_shares().start..band.owned;
+        self.bands.iter().flat_map(owned)
+    }
+
+    /// The band of a block.
+    fn band_of(&self, block: usize) -> Option<&BandBlocks> {
+        let band = self.bands.partition_point(|band| band.end <= block);
+        self.bands.get(band)
     }
 
     /// The local indices of the grains of a block.
     pub fn grains(&self, block: usize) -> Pairs {
-        let share = self.shares.iter().find(|share| block < share.blocks.end);
+        let shares = self.band_of(block).map_or(&[][..], |band| &band.shares);
+        let share = shares.iter().find(|share| block < share.blocks.end);
         let first = share.map_or(0, |share| share.grains.start as u32);
         let mut pairs = self.pairs.blocks()[block];
         for g in pairs.i.iter_mut().chain(&mut pairs.j) {
@@ -516,29 +605,19 @@ struct Run<'a> {
 /// enough that their data stay in the cache.
 const SORTED_TOGETHER: usize = 64 * LANES;
 
-/// The pairs of each share, then of the other groups, in the order of the list.
+/// The pairs of each group, in the order of the list.
 fn grouped<'a>(
     candidates: &'a [CandidatePair],
     grains: LocalGrains<'_>,
 ) -> Vec<Cow<'a, [CandidatePair]>> {
-    let LocalGrains {
-        id, owned, shares, ..
-    } = grains;
-    let mut groups = vec![Cow::default(); shares.len() + 3];
-    if shares.len() == 1 && id.len() == owned {
+    let count = grains.bands.count() * grains.groups_of_a_band();
+    let mut groups = vec![Cow::default(); count];
+    if count == 1 + OTHER_GROUPS && grains.id.len() == grains.owned {
         groups[0] = candidates.into();
         return groups;
     }
-    let share_of = |g: usize| shares.partition_point(|share| share.end <= g);
     for pair in candidates {
-        let [i, j] = pair.grains.map(|g| g as usize);
-        let group = match (i < owned, j < owned) {
-            (true, true) if share_of(i) == share_of(j) => share_of(i),
-            (true, true) => shares.len(),
-            (true, false) => shares.len() + 1,
-            (false, _) => shares.len() + 2,
-        };
-        groups[group].to_mut().push(*pair);
+        groups[grains.group(pair)].to_mut().push(*pair);
     }
     groups
 }
@@ -608,7 +687,7 @@ pub(crate) fn way_to_touch(gap: f64) -> f64 {
 pub struct BlockRange<'a> {
     /// The first of them in the list.
     pub first: usize,
-    /// [`Contacts::owned_blocks`].
+    /// [`BandBlocks::owned`].
     pub owned_blocks: usize,
     /// [`Contacts::parameter_lanes`].
     pub parameter_lanes: usize,
@@ -630,7 +709,7 @@ pub struct BlockRange<'a> {
     pub limits: &'a mut [[u16; 4]],
     /// [`Contacts::asleep_until`] of these blocks.
     pub asleep_until: &'a mut [f64],
-    /// [`Contacts::inner`].
+    /// [`BandBlocks::inner`].
     pub inner: usize,
     /// [`Contacts::has_feet`].
     pub has_feet: bool,

@@ -26,7 +26,9 @@ mod records;
 mod snapshot;
 
 pub use cell::{BoxEdges, Cell, Image, Sheared, Stretching, length, nearest_image};
-pub use contacts::{BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Touching};
+pub use contacts::{
+    BandBlocks, BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Touching,
+};
 pub(crate) use contacts::{FILLER, way_to_touch};
 pub use frame::{Frame, GrainConstants};
 pub use grains::{FlatWalls, Foot, Grains, Masses, Units};

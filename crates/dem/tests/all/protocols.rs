@@ -10,7 +10,7 @@ use gshear_dem::laws::LawSpace;
 use gshear_dem::laws::hooke::Springs;
 use gshear_dem::protocol::{Along, Course, Imposed, Normal, Protocol};
 use gshear_dem::state::{Cell, Masses, body};
-use gshear_dem::step::{StepRequest, advance};
+use gshear_dem::step::{Advanced, StepRequest, advance};
 use gshear_dem::system::Setup;
 use gshear_dem::wave::Wave;
 
@@ -458,7 +458,11 @@ fn a_wall_that_leaves_the_list_says_what_to_change() {
         let (law, request) = (rig.law.as_ref(), StepRequest::default());
         advance(&Solo, &mut rig.system, law, &mut rig.walls, request)
     };
-    assert_eq!(first(0.99 * half / STEP), Ok(false));
+    let one = Advanced {
+        steps: 1,
+        stop: false,
+    };
+    assert_eq!(first(0.99 * half / STEP), Ok(one));
     let failure = first(1.01 * half / STEP).expect_err("too fast");
     assert_eq!(failure.exit_code(), 3);
     let words = failure.to_string();

@@ -31,13 +31,15 @@ fn run<D: LawSpace>(side: usize, threads: usize) -> String {
 /// share is between two of its grains.
 fn check_shares<D: Dimension>(system: &System<D>, threads: usize) {
     let (contacts, owned) = (&system.contacts, system.owned());
-    assert_eq!(contacts.shares.len(), threads);
+    assert_eq!(contacts.bands.len(), 1);
+    let band = &contacts.bands[0];
+    assert_eq!(band.shares.len(), threads);
     let mut end = 0;
-    for share in &contacts.shares {
-        assert_eq!(share.grains.start, end, "{:?}", contacts.shares);
+    for share in &band.shares {
+        assert_eq!(share.grains.start, end, "{:?}", band.shares);
         end = share.grains.end;
         let few = 0.5 * owned as f64 / threads as f64;
-        assert!(share.grains.len() as f64 > few, "{:?}", contacts.shares);
+        assert!(share.grains.len() as f64 > few, "{:?}", band.shares);
         for block in share.blocks.clone() {
             let pairs = contacts.grains(block);
             for g in pairs.i.iter().chain(&pairs.j) {
@@ -46,7 +48,7 @@ fn check_shares<D: Dimension>(system: &System<D>, threads: usize) {
         }
     }
     assert_eq!(end, owned);
-    assert_eq!(contacts.shared_blocks() == contacts.blocks(), threads == 1);
+    assert_eq!(band.others().is_empty(), threads == 1);
 }
 
 fn any_number_gives_the_bits_of_one<D: LawSpace>(side: usize, numbers: &[usize]) {

@@ -10,7 +10,7 @@ use gshear_dem::observe;
 use gshear_dem::state::{
     Cell, ContactSample, ContactState, GrainSample, GrainState, HeldState, Snapshot, length,
 };
-use gshear_dem::step::{StepRequest, advance, initial_forces};
+use gshear_dem::step::{Advanced, StepRequest, advance, initial_forces};
 use gshear_dem::system::{Setup, System};
 use gshear_dem::tuning;
 use gshear_mpi_exchange::Parallel;
@@ -80,6 +80,18 @@ impl<'a, D: Dimension> Assembly<'a, D> {
         let request = StepRequest {
             samples: sampled.then_some(&mut self.samples),
             stop,
+            most: 1,
+        };
+        let advanced = advance(self.exchange, &mut self.system, self.law, drive, request)?;
+        Ok(advanced.stop)
+    }
+
+    /// Takes so many steps at once, or fewer, of which nothing is measured.
+    pub fn sweep(&mut self, drive: &mut dyn Drive<D>, most: u64, stop: bool) -> Result<Advanced> {
+        let request = StepRequest {
+            samples: None,
+            stop,
+            most,
         };
         advance(self.exchange, &mut self.system, self.law, drive, request)
     }
@@ -136,6 +148,7 @@ pub(crate) fn system<D: Dimension>(run: &Run<'_>, scene: &Scene, cell: Cell) -> 
     let setup = Setup {
         isa: run.isa,
         list: scene.bookkeeping.list,
+        sweep: scene.bookkeeping.sweep,
         cell,
         largest_radius: sample.radius_max,
         mean_diameter: sample.mean_diameter,

@@ -101,7 +101,7 @@ fn shares<D: Dimension>(
     let (isa, cell) = (system.isa, system.cell);
     let (grains, contacts) = system.grains_and_contacts();
     let (axes, up) = (D::AXES, D::UP);
-    let mut energies = vec![[Lanes16::ZERO; 3]; contacts.owned_blocks];
+    let mut energies = vec![[Lanes16::ZERO; 3]; contacts.blocks()];
     law.energies(isa, &contacts.elastic(&samples.overlap), &mut energies);
     let owned = contacts.touching().filter(|at| at.i < grains.owned);
     let mut terms = Vec::new();

@@ -24,7 +24,7 @@ use crate::header::{Header, ShearHeader, TimeOrigin, UpToCheckpoint};
 use crate::options::Outcome;
 use crate::output_schedule::OutputSchedule;
 use crate::run::{Checkpoint, Run};
-use crate::stage::{Save, Stage};
+use crate::stage::{CHECKPOINT_INTERVAL, Save, Stage};
 use gshear_store::file_names::part_of;
 use gshear_store::status::StageProgress;
 
@@ -199,6 +199,41 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         run.terminal.warn(format!("{message}; removed"));
     }
 
+    /// Number of steps from this one on that may be taken at once: nothing is looked at between them.
+    fn unwatched_steps(&self, run: &Run<'_>) -> u64 {
+        let (step, schedule) = (self.step, &self.schedule);
+        let begins_part = |step: u64| schedule.protocol.segment(step).first == step;
+        // The speeds of the last step say how far grains come, and which wall may leave.
+        if begins_part(step) || self.may_lose_top() {
+            return 1;
+        }
+        let before_stop = match (run.options.stop_at, self.count()) {
+            (Some(last), Some(next)) => last.saturating_sub(next),
+            _ => u64::MAX,
+        };
+        let is_watched = |step: u64| {
+            step >= schedule.steps()
+                || begins_part(step)
+                || schedule.due(step + 1).any()
+                || schedule.checkpoint_due(step)
+                || schedule.progress_due(step)
+                || step.is_multiple_of(CHECKPOINT_INTERVAL)
+        };
+        let most = self.scene.bookkeeping.sweep.steps;
+        let next = (1..most).find(|steps| is_watched(step + steps));
+        next.unwrap_or(most).min(before_stop).max(1)
+    }
+
+    /// Whether the top wall may leave the sample within some steps.
+    fn may_lose_top(&self) -> bool {
+        let motion = self.boundary.top();
+        let piston = &motion.piston;
+        let rise = 0.5 * piston.velocity * piston.velocity * piston.mass / piston.load;
+        let layer = piston.height - self.frame.walls - motion.bottom_displacement();
+        let near = 0.1 * self.scene.sample.mean_diameter;
+        self.boundary.kind().walls() == 2 && (rise > near || layer < near)
+    }
+
     /// Ends the run if the top wall has left the sample: nothing touches it, and it flies on by
     /// more than half a mean diameter, or it has come down to the bottom. A top that moves at an
     /// imposed velocity or by a servo does not fly, and a vibrating bottom may throw it on purpose.
@@ -342,10 +377,16 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         }
         let sampled = self.schedule.due(self.step + 1).any();
         let stop = stop || run.asked_to_stop();
-        let stop = self
-            .assembly
-            .advance(self.boundary.drive(), sampled, stop)?;
-        self.step += 1;
+        let most = self.unwatched_steps(run);
+        let drive = self.boundary.drive();
+        let stop = if sampled {
+            self.step += 1;
+            self.assembly.advance(drive, true, stop)?
+        } else {
+            let advanced = self.assembly.sweep(drive, most, stop)?;
+            self.step += advanced.steps;
+            advanced.stop
+        };
         self.check_top()?;
         Ok(stop)
     }
