@@ -42,6 +42,14 @@ fn bookkeeping_never_reaches_the_numbers() {
         (1, &["bookkeeping.tune_every=1"]),
         (3, &["bookkeeping.tune_every=1"]),
         (
+            1,
+            &["bookkeeping.band_grains=20", "bookkeeping.steps_at_once=7"],
+        ),
+        (
+            1,
+            &["bookkeeping.band_grains=20", "bookkeeping.tune_every=1"],
+        ),
+        (
             3,
             &["bookkeeping.simd=portable", "bookkeeping.rebuild_every=13"],
         ),
@@ -53,6 +61,10 @@ fn bookkeeping_never_reaches_the_numbers() {
         assert_eq!(beyond_the_digest(&other), beyond, "{ranks} ranks, {set:?}");
         if set[0] == "bookkeeping.tune_every=1" {
             assert!(changes(&outcome.text) > 4000, "{}", outcome.text);
+        }
+        if set == ["bookkeeping.band_grains=20", "bookkeeping.tune_every=1"] {
+            let said = &outcome.text;
+            assert!(said.contains(" steps at once"), "no bands: {said}");
         }
     }
     for (ranks, threads) in [(1, 3), (2, 2)] {

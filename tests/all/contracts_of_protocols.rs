@@ -44,12 +44,15 @@ fn keeps_the_contracts(case: &Case) -> TempDir {
         "--set=output.series_rows=3",
         "--set=output.frame_rows=none",
         "--set=output.energy=false",
+        "--set=bookkeeping.band_grains=30",
+        "--set=bookkeeping.steps_at_once=9",
         common::avx2(),
     ];
     assert_eq!(on("other", 1, &other).digest(), expected);
     for (k, step) in case.stops().into_iter().enumerate() {
         let stop = format!("--stop-at={step}");
-        let outcome = on("broken", 1 + k % 3, &[&stop]);
+        let bands = "--set=bookkeeping.band_grains=30";
+        let outcome = on("broken", 1 + k % 3, &[&stop, bands]);
         assert_eq!(outcome.code, 75, "step {step}: {}", outcome.text);
     }
     let portable = ["--set=bookkeeping.simd=portable"];

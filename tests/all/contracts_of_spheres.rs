@@ -60,6 +60,13 @@ fn spheres_under_a_spring_keep_the_contracts() {
                 "--set=output.energy=false",
             ],
         ),
+        (
+            1,
+            &[
+                "--set=bookkeeping.band_grains=40",
+                "--set=bookkeeping.tune_every=1",
+            ],
+        ),
     ] {
         let mut arguments = vec![format!("--resume={}", start.display())];
         arguments.extend(further.iter().map(ToString::to_string));

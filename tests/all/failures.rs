@@ -191,18 +191,24 @@ fn a_failing_shear_keeps_what_led_to_it() {
     );
     assert_eq!(stopped.code, 75, "{}", stopped.text);
     let mut said = None;
-    for (name, ranks, resumes) in [
-        ("one", 1, false),
-        ("two", 2, false),
-        ("of one", 1, true),
-        ("of two", 2, true),
-        ("of three", 3, true),
+    let single = "--set=bookkeeping.steps_at_once=1";
+    // Steps that follow each other in bands: those after the failure have begun.
+    let bands = "--set=bookkeeping.band_grains=20";
+    for (name, ranks, resumes, set) in [
+        ("one", 1, false, single),
+        ("two", 2, false, single),
+        ("of one", 1, true, single),
+        ("of two", 2, true, single),
+        ("of three", 3, true, single),
+        ("bands", 1, false, bands),
+        ("bands of one", 1, true, bands),
     ] {
         let mut arguments = fresh.clone();
         if resumes {
             common::copy_folder(&at("stopped"), &at(name));
             arguments = vec![format!("--resume={}", at(name).display())];
         }
+        arguments.push(set.into());
         let failed = gshear_mpi(ranks, &at(name), &arguments);
         assert_eq!(failed.code, 3, "{name}: {}", failed.text);
         let why = message(&failed.text);

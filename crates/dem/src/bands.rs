@@ -3,6 +3,7 @@
 //! still in the cache from their motion, and several steps can follow each other through the bands.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use crate::dimension::Dimension;
 use crate::state::{CandidatePair, Cell, GrainState, body};
@@ -54,13 +55,14 @@ impl Bands {
         self.count() == 1 || pairs.iter().all(is_held)
     }
 
-    /// Sorts grains by bands of about so many, each at least this thick (m); in a band they keep
-    /// their order. All grains of the top wall are in the last band.
+    /// Sorts grains by bands of this size, each at least this thick (m); in a band they keep their
+    /// order. All grains of the top wall are in the last band. A single band, if others would be too
+    /// large.
     pub(crate) fn sort<D: Dimension>(
         grains: &mut [GrainState],
         cell: &Cell,
         thickness: f64,
-        wanted: usize,
+        size: BandSize,
     ) -> Self {
         let mut heights: Vec<f64> = grains.iter().map(|g| height::<D>(cell, g)).collect();
         heights.sort_unstable_by(f64::total_cmp);
@@ -70,7 +72,7 @@ impl Bands {
         let mut bounds = Vec::new();
         let mut low = heights.first().copied().unwrap_or_default();
         let mut below = 0;
-        while let Some(after) = heights.get(below + wanted) {
+        while let Some(after) = heights.get(below + size.wanted) {
             let bound = after.max(low + thickness);
             below = heights.partition_point(|height| *height < bound);
             if bound > top || below == heights.len() {
@@ -92,11 +94,71 @@ impl Bands {
             end += *count;
             *count = end;
         }
-        if ends.len() > 1 {
-            grains.sort_by_key(band_of);
+        let bands = Self { ends };
+        let largest = (0..bands.count()).map(|band| bands.grains(band).len());
+        if bands.count() == 1 || largest.max() > Some(size.most) {
+            return Self::one(grains.len());
         }
-        Self { ends }
+        grains.sort_by_key(band_of);
+        bands
     }
+}
+
+/// How many grains a band has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct BandSize {
+    /// A sample of so many grains has one band.
+    pub least: usize,
+    /// About so many, if the band is thick enough then.
+    pub wanted: usize,
+    /// At most so many.
+    pub most: usize,
+}
+
+impl BandSize {
+    /// As the scene says.
+    pub fn given(wanted: usize) -> Self {
+        Self {
+            least: wanted,
+            wanted,
+            most: usize::MAX,
+        }
+    }
+
+    /// For the last-level cache: where all grains fit into half of it bands would gain nothing, nor
+    /// where three of them do not fit into it, which two steps that follow each other need.
+    pub fn by_cache<D: Dimension>() -> Self {
+        let grains = cache_size() / bytes_of_a_grain::<D>();
+        Self {
+            least: grains / 2,
+            wanted: 1000,
+            most: grains / 3,
+        }
+    }
+}
+
+/// About how many bytes a step reads of a grain and its pairs.
+fn bytes_of_a_grain<D: Dimension>() -> usize {
+    match D::AXES {
+        2 => 500,
+        _ => 750,
+    }
+}
+
+/// Bytes of the last-level cache, if they are not known.
+const USUAL_CACHE: usize = 32 << 20;
+
+/// Bytes of the last-level cache of this processor.
+fn cache_size() -> usize {
+    static SIZE: OnceLock<usize> = OnceLock::new();
+    *SIZE.get_or_init(|| {
+        let told = std::fs::read_to_string("/sys/devices/system/cpu/cpu0/cache/index3/size");
+        let kibibytes = told.ok().and_then(|size| {
+            let number = size.trim().strip_suffix('K')?;
+            number.parse::<usize>().ok()
+        });
+        kibibytes.map_or(USUAL_CACHE, |kibibytes| kibibytes << 10)
+    })
 }
 
 /// The height of a grain (m); in a cell that is periodic along its last axis the distance from the
@@ -133,7 +195,8 @@ mod tests {
 
     fn sorted(cell: Cell, thickness: f64, wanted: usize) -> (Vec<GrainState>, Bands) {
         let mut grains = column(20);
-        let bands = Bands::sort::<Two>(&mut grains, &cell, thickness, wanted);
+        let size = BandSize::given(wanted);
+        let bands = Bands::sort::<Two>(&mut grains, &cell, thickness, size);
         assert_eq!(bands.ends.last(), Some(&20));
         (grains, bands)
     }

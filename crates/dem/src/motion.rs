@@ -209,14 +209,10 @@ pub(crate) fn weigh<D: Dimension>(
     }
 }
 
-/// Adds the drag (1/s) on translations and on rotations of these grains.
-pub(crate) fn slow_down<D: Dimension>(
-    grains: &mut Grains<D>,
-    slowed: Range<usize>,
-    drag: [f64; 2],
-) {
+/// Adds the drag (1/s) on translations and on rotations.
+pub(crate) fn slow_down<D: Dimension>(grains: &mut Grains<D>, drag: [f64; 2]) {
     let [linear, angular] = drag;
-    for g in slowed {
+    for g in 0..grains.owned {
         let r = D::fields(&grains.record[g]);
         let (mass, radius) = (grains.mass[g], grains.radius[g]);
         let force = &mut grains.force[g];

@@ -19,7 +19,7 @@ use crate::drive::{Drive, Felt, FlowSum, MomentumFlow, WallForces, WallSteps, Wa
 use crate::failure::Result;
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::motion::{GrainMotion, HalfKickAndDrift, greater_or_nan, slow_down, weigh};
-use crate::state::Sheared;
+use crate::state::{Grains, Sheared};
 use crate::system::{Outside, System};
 use crate::threads::BandForces;
 
@@ -140,8 +140,9 @@ fn steps_at_once<D: Dimension>(
     if is_alone {
         return 1;
     }
-    let most = request.most.min(system.sweep.steps);
-    system.list.lasts(system.steps, most) as usize
+    let given = system.sweep.steps.unwrap_or(1);
+    let most = system.tuning.passes().choice.steps.unwrap_or(given);
+    system.list.lasts(system.steps, most.min(request.most)) as usize
 }
 
 /// Steps that follow each other through the bands.
@@ -347,14 +348,14 @@ impl<D: Dimension> Sweep<'_, D> {
             band,
             input,
         };
-        let outcome = forces_of_band(self.exchange, system, forces, samples);
+        let outcome = forces_of_band(self.exchange, system, &forces, samples);
         under_way.outcome = under_way.outcome.merge(outcome);
         for outside in outcome.failures() {
             under_way.fail(system, Some(outside));
         }
     }
 
-    /// The forces on a band are complete: sums those on grains of walls, and adds the drag.
+    /// The forces of contacts on a band are complete: sums those on grains of walls.
     fn complete(&mut self, step: usize, band: usize) {
         let Self { system, drive, .. } = self;
         let load = &mut self.steps[step].load;
@@ -370,9 +371,6 @@ impl<D: Dimension> Sweep<'_, D> {
         system.pool.over_walls(walls, load, |walls, sums| {
             drive.load_on_grains(felt, fixed, walls, sums);
         });
-        if let Some(drag) = drive.drag() {
-            slow_down(&mut system.grains, grains, drag);
-        }
         system.clock.end(StepPhase::Walls);
     }
 
@@ -387,8 +385,20 @@ impl<D: Dimension> Sweep<'_, D> {
         let flags = [self.rebuild, self.request.stop];
         let load = std::mem::take(&mut under_way.load);
         let failure = under_way.failure.take().map(|(_, message)| message);
-        let (load, [rebuild, stop]) =
-            sum_over_ranks(self.exchange, system, *drive, load, failure, flags)?;
+        let (load, [rebuild, stop]) = sum_over_ranks(
+            self.exchange,
+            system,
+            *drive,
+            load,
+            failure,
+            flags,
+            |grains| {
+                // Its forces are no whole multiples of a unit: after all others.
+                if let Some(drag) = drive.drag() {
+                    slow_down(grains, drag);
+                }
+            },
+        )?;
         self.rebuild = rebuild;
         self.stop |= stop;
         if let Some(budget) = &mut system.budget {
@@ -429,7 +439,7 @@ pub fn initial_forces<D: Dimension>(
             drive.load_on_grains(felt, fixed, walls, sums);
         });
     let failure = outside.map(|outside| system.describe(outside));
-    let (load, []) = sum_over_ranks(exchange, system, drive, load, failure, [])?;
+    let (load, []) = sum_over_ranks(exchange, system, drive, load, failure, [], |_| ())?;
     if let Some(budget) = &mut system.budget {
         let at_rest = WallSteps {
             along: 0.0,
@@ -455,14 +465,15 @@ pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
 
 /// Sums over the ranks in one message: whether something failed, K flags that are set if they are
 /// set on some rank, and the forces on the walls, which are `load` and what the drive adds. That on
-/// the bottom is last, and left out if the drive does not ask for it.
+/// the bottom is last, and left out if the drive does not ask for it. Runs `meanwhile` during the sum.
 fn sum_over_ranks<D: Dimension, const K: usize>(
     exchange: &dyn Exchange,
-    system: &System<D>,
+    system: &mut System<D>,
     drive: &dyn Drive<D>,
     mut load: WallSums,
     failure: Option<String>,
     flags: [bool; K],
+    meanwhile: impl Fn(&mut Grains<D>),
 ) -> Result<(WallForces, [bool; K])> {
     let felt = Felt {
         grains: &system.grains,
@@ -480,7 +491,8 @@ fn sum_over_ranks<D: Dimension, const K: usize>(
         sum.write(limbs);
     }
     let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
-    exchange.sum(&mut message[..MESSAGE - left_out]);
+    let sent = &mut message[..MESSAGE - left_out];
+    exchange.sum_during(sent, &mut || meanwhile(&mut system.grains));
     let force = |k: usize| {
         let limbs = &message[FORCES_AT + k * FORCE..][..FORCE];
         system.fixed.value(Accumulator::read(limbs))
@@ -518,7 +530,7 @@ pub fn forces<D: Dimension>(
     for band in 0..system.bands.count() {
         let samples = samples.as_deref_mut();
         let forces = BandForces { law, band, input };
-        outcome = outcome.merge(forces_of_band(exchange, system, forces, samples));
+        outcome = outcome.merge(forces_of_band(exchange, system, &forces, samples));
     }
     system.count(&outcome, is_stressed);
     let unsound = system.list.unsound.then_some(Outside::Number);
@@ -574,7 +586,7 @@ fn begin_forces<D: Dimension>(
 fn forces_of_band<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
-    forces: BandForces<'_, D>,
+    forces: &BandForces<'_, D>,
     mut samples: Option<&mut ContactForces>,
 ) -> PassOutcome {
     let System {

@@ -1,6 +1,6 @@
 //! The state of a rank between two steps, and the upkeep of its lists.
 
-use crate::bands::Bands;
+use crate::bands::{BandSize, Bands};
 use crate::budget::EnergyBudget;
 use crate::clock::{Clock, StepPhase};
 use crate::contact::model::PairModel;
@@ -369,21 +369,12 @@ pub struct ListSettings {
 }
 
 /// How steps go through the bands. They change the speed of a run and not its numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct SweepSettings {
-    /// Grains of a band; `None`: few enough for the cache, and all of a packing that fits into it.
+    /// Grains of a band; `None`: few, and all of a packing that fits into the cache.
     pub band: Option<usize>,
-    /// Steps that follow each other through the bands, at most.
-    pub steps: u64,
-}
-
-impl Default for SweepSettings {
-    fn default() -> Self {
-        Self {
-            band: None,
-            steps: 4,
-        }
-    }
+    /// Steps that follow each other through the bands, at most; `None`: as many as is fastest.
+    pub steps: Option<u64>,
 }
 
 /// Parameters of a [`System`]. SI units.
@@ -669,6 +660,8 @@ impl<D: Dimension> System<D> {
         let by_bodies = self.pool.threads() == 1;
         neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff, by_bodies);
         self.bands = self.sort_into_bands(exchange, &mut owned, cutoff);
+        self.tuning
+            .set_bands(self.bands.count() > 1 && self.sweep.steps.is_none());
         self.grains.replace(&owned, &self.masses, self.step);
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
@@ -689,13 +682,16 @@ impl<D: Dimension> System<D> {
     ) -> Bands {
         // Each foot is with the wall, not with its grain.
         let is_possible = exchange.size() == 1 && self.pool.threads() == 1 && self.flat.is_none();
-        let wanted = self.sweep.band.unwrap_or(usize::MAX);
-        if !is_possible || wanted >= owned.len() {
+        let size = match self.sweep.band {
+            Some(wanted) => BandSize::given(wanted),
+            None => BandSize::by_cache::<D>(),
+        };
+        if !is_possible || owned.len() <= size.least {
             return Bands::one(owned.len());
         }
         // Grains may come nearer to the next band but one before they are sorted again.
         let thickness = cutoff + SLACK * self.list.diameter;
-        Bands::sort::<D>(owned, &self.cell, thickness, wanted.max(1))
+        Bands::sort::<D>(owned, &self.cell, thickness, size)
     }
 
     /// The part of the cell that holds the local grains.

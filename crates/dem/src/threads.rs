@@ -123,13 +123,13 @@ impl<D: Dimension> ThreadPool<D> {
     /// Adds the forces of the pairs of a band that are within the shares.
     pub(crate) fn forces_within_shares(
         &mut self,
-        forces: BandForces<'_, D>,
+        forces: &BandForces<'_, D>,
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
         samples: Option<&mut ContactForces>,
     ) -> PassOutcome {
-        let BandForces { law, band, input } = forces;
+        let BandForces { law, band, input } = *forces;
         let shares = std::mem::take(&mut contacts.bands[band].shares);
         let blocks = shares[0].blocks.start..shares[shares.len() - 1].blocks.end;
         let first_block = blocks.start;
@@ -159,13 +159,13 @@ impl<D: Dimension> ThreadPool<D> {
     /// part to `force`, each other thread to its partial forces.
     pub(crate) fn other_forces(
         &mut self,
-        forces: BandForces<'_, D>,
+        forces: &BandForces<'_, D>,
         record: &[D::Record],
         force: &mut [D::Force],
         contacts: &mut Contacts,
         samples: Option<&mut ContactForces>,
     ) -> PassOutcome {
-        let BandForces { law, band, input } = forces;
+        let BandForces { law, band, input } = *forces;
         let group = contacts.bands[band].others();
         if group.is_empty() {
             return PassOutcome::default();

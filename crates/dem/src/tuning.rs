@@ -55,6 +55,10 @@ pub struct PassChoice {
     pub prefetch: Option<bool>,
     /// AVX2 instead of AVX-512.
     pub narrow: bool,
+    /// Steps that follow each other through the bands; `None`: there is one band, or the scene says
+    /// how many.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub steps: Option<u64>,
 }
 
 impl Default for PassChoice {
@@ -64,12 +68,16 @@ impl Default for PassChoice {
             blocks: 4,
             prefetch: None,
             narrow: false,
+            steps: None,
         }
     }
 }
 
 /// Number of variations of a [`PassChoice`].
-const VARIATIONS: usize = 8;
+const VARIATIONS: usize = 10;
+/// The steps that follow each other at first, and at most.
+const STEPS: u64 = 8;
+const MOST_STEPS: u64 = 16;
 
 impl Tunable for PassChoice {
     fn variation(self, k: usize) -> Self {
@@ -80,6 +88,14 @@ impl Tunable for PassChoice {
             },
             5..7 => Self {
                 prefetch: Some(k == 6),
+                ..self
+            },
+            7 => Self {
+                steps: self.steps.map(|steps| (2 * steps).min(MOST_STEPS)),
+                ..self
+            },
+            8 => Self {
+                steps: self.steps.map(|steps| (steps / 2).max(1)),
                 ..self
             },
             // Last, so that it is left out where the scene gives the instruction set.
@@ -290,6 +306,17 @@ impl Tuning {
         (self.steps, self.worked) = (0, 0.0);
     }
 
+    /// The grains have bands, through which as many steps may follow each other as is fastest, or
+    /// have none.
+    pub(crate) fn set_bands(&mut self, has_bands: bool) {
+        let steps = self.passes.kept.steps;
+        if has_bands != steps.is_some() {
+            let steps = has_bands.then_some(STEPS);
+            self.passes.kept.steps = steps;
+            self.passes.now.steps = steps;
+        }
+    }
+
     /// How the next pass works.
     pub fn passes(&self) -> PassSettings {
         let choice = self.passes.now;
@@ -353,6 +380,7 @@ impl std::fmt::Display for Tuning {
             blocks,
             prefetch,
             narrow,
+            steps,
         } = self.passes.kept;
         let prefetching = match prefetch {
             None => "prefetch beyond a cache",
@@ -362,9 +390,10 @@ impl std::fmt::Display for Tuning {
         let (name, life) = (self.isas[usize::from(narrow)].name(), self.lists.kept.0);
         let tried = self.passes.trials + self.lists.trials;
         let changes = self.passes.changes + self.lists.changes;
+        let at_once = steps.map_or_else(String::new, |steps| format!("{steps} steps at once, "));
         write!(
             f,
-            "settings: {name}, {blocks} blocks at a time, {prefetching}, lists of {life:.0} steps; {tried} others tried, {changes} kept",
+            "settings: {name}, {blocks} blocks at a time, {at_once}{prefetching}, lists of {life:.0} steps; {tried} others tried, {changes} kept",
         )
     }
 }
@@ -430,6 +459,7 @@ mod tests {
             blocks: CHUNK,
             prefetch: Some(true),
             narrow,
+            steps: None,
         };
         let begun = |isa_is_given, tune| {
             let passes = PassChoice {

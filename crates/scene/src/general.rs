@@ -46,7 +46,7 @@ table! {
         /// grains of a band, a layer along the last axis; changes speed, not results
         band_grains: Whole(FROM_ONE) { otherwise: "by the cache" },
         /// steps that follow each other through the bands, at most; changes speed, not results
-        steps_at_once: Whole(FROM_ONE) { default: "4" },
+        steps_at_once: Whole(FROM_ONE) { otherwise: "as many as is fastest" },
         /// instruction set of the kernel; changes speed, not results
         simd: Text(&SIMD_NAMES) { default: SIMD_NAMES[0] },
         /// try other settings of speed while the run goes on, and keep the fastest
@@ -84,7 +84,7 @@ pub(crate) fn check_bookkeeping(c: &mut Checker<'_>) -> Bookkeeping {
         band: c
             .whole(&keys.band_grains)
             .map(|n| n.unsigned_abs() as usize),
-        steps: c.count(&keys.steps_at_once),
+        steps: c.whole(&keys.steps_at_once).map(i64::unsigned_abs),
     };
     let simd = c.choice(&keys.simd);
     let tune = c.flag_or_default(&keys.tune);

@@ -1,6 +1,7 @@
 //! Laws, scheme and bookkeeping of the crate, without MPI and files.
 
 mod attraction;
+mod bands;
 mod bridges;
 mod common;
 mod deferred_kick;

@@ -219,9 +219,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
                 || schedule.progress_due(step)
                 || step.is_multiple_of(CHECKPOINT_INTERVAL)
         };
-        let most = self.scene.bookkeeping.sweep.steps;
-        let next = (1..most).find(|steps| is_watched(step + steps));
-        next.unwrap_or(most).min(before_stop).max(1)
+        let next = (1..CHECKPOINT_INTERVAL).find(|steps| is_watched(step + steps));
+        next.unwrap_or(CHECKPOINT_INTERVAL).min(before_stop).max(1)
     }
 
     /// Whether the top wall may leave the sample within some steps.
