@@ -25,7 +25,7 @@ pub(crate) struct HalfKickAndDrift<
 }
 
 /// What moves the grains in a step beside the forces.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct GrainMotion {
     /// Δt (s).
     pub step: f64,

@@ -87,6 +87,8 @@ pub fn advance<D: Dimension>(
         system.clock.end(StepPhase::Rebuild);
     }
     let count = steps_at_once(system, drive, &request);
+    let mut under_way = std::mem::take(&mut system.under_way);
+    under_way.clear();
     // Those of the last step: the walls have others now.
     system.wall_velocities = None;
     let mut sweep = Sweep {
@@ -97,7 +99,7 @@ pub fn advance<D: Dimension>(
         drive,
         request,
         count,
-        steps: Vec::with_capacity(count),
+        steps: under_way,
         drifts: 0,
         rebuild: false,
         stop: false,
@@ -112,8 +114,14 @@ pub fn advance<D: Dimension>(
             }
         }
     }
-    let stop = sweep.stop;
-    system.list.due = sweep.rebuild;
+    let Sweep {
+        steps,
+        stop,
+        rebuild,
+        ..
+    } = sweep;
+    system.under_way = steps;
+    system.list.due = rebuild;
     system.second_kick_deferred = true;
     system
         .tuning
@@ -131,7 +139,8 @@ fn steps_at_once<D: Dimension>(
     drive: &dyn Drive<D>,
     request: &StepRequest<'_>,
 ) -> usize {
-    let is_alone = system.bands.count() == 1
+    let is_alone = request.most == 1
+        || system.bands.count() == 1
         || request.samples.is_some()
         || system.cell.sheared.is_some()
         || drive.drag().is_some()
@@ -140,9 +149,8 @@ fn steps_at_once<D: Dimension>(
     if is_alone {
         return 1;
     }
-    let given = system.sweep.steps.unwrap_or(1);
-    let most = system.tuning.passes().choice.steps.unwrap_or(given);
-    system.list.lasts(system.steps, most.min(request.most)) as usize
+    let most = system.most_at_once().min(request.most);
+    system.list.lasts(system.steps, most) as usize
 }
 
 /// Steps that follow each other through the bands.
@@ -167,7 +175,8 @@ struct Sweep<'a, D: Dimension> {
 }
 
 /// A step, and what it has found in the bands so far.
-struct StepUnderWay {
+#[derive(Debug)]
+pub(crate) struct StepUnderWay {
     motion: GrainMotion,
     input: PassInput,
     /// The greatest speed (m/s).
@@ -213,6 +222,7 @@ impl<D: Dimension> Sweep<'_, D> {
         if is_last {
             self.end_motion(step);
         }
+        self.system.clock.end(StepPhase::Motion);
         self.add_forces(step, band);
         if band > 0 {
             self.complete(step, band - 1);
@@ -220,6 +230,8 @@ impl<D: Dimension> Sweep<'_, D> {
         if is_last {
             self.complete(step, band);
             self.end(step)?;
+        } else {
+            self.system.clock.end(StepPhase::Walls);
         }
         Ok(())
     }
@@ -240,7 +252,11 @@ impl<D: Dimension> Sweep<'_, D> {
             cell: system.cell,
             streaming: drive.streaming(),
             is_stressed,
-            walls: drive.bottom((step - self.drifts) as u64),
+            // Those of a single band are told when the walls drift.
+            walls: match system.bands.count() {
+                1 => None,
+                _ => drive.bottom((step - self.drifts) as u64),
+            },
         };
         drive.predict_cell(time_step, &mut system.cell);
         let samples = self.request.samples.as_deref_mut();
@@ -305,7 +321,6 @@ impl<D: Dimension> Sweep<'_, D> {
         if fastest.is_nan() {
             under_way.fail(system, Some(Outside::Number));
         }
-        system.clock.end(StepPhase::Motion);
     }
 
     /// Ends the motion of all grains.
@@ -329,7 +344,6 @@ impl<D: Dimension> Sweep<'_, D> {
         let at_plane = drive.forces(settings, cell, motion.step, &mut system.grains);
         under_way.fail(system, unsound);
         under_way.fail(system, at_plane.map(Outside::Plane));
-        system.clock.end(StepPhase::Motion);
     }
 
     /// Adds the forces of the pairs of a band.
@@ -371,7 +385,6 @@ impl<D: Dimension> Sweep<'_, D> {
         system.pool.over_walls(walls, load, |walls, sums| {
             drive.load_on_grains(felt, fixed, walls, sums);
         });
-        system.clock.end(StepPhase::Walls);
     }
 
     /// Sums over all grains, and gives the walls their second kick.

@@ -16,6 +16,7 @@ use crate::state::{
     CandidatePair, Cell, ContactState, Contacts, FlatWalls, GrainState, Grains, Ids, LocalGrains,
     Masses, Remembered, Units, body, length,
 };
+use crate::step::StepUnderWay;
 use crate::threads::{OwnedPart, ThreadPool};
 use crate::tuning::{self, Tuning};
 
@@ -65,6 +66,8 @@ pub struct System<D: Dimension> {
     pub(crate) second_kick_deferred: bool,
     /// The velocities of the grains of walls at the end of the last step, which are given with it.
     pub(crate) wall_velocities: Option<WallVelocities>,
+    /// Room for the steps of a sweep.
+    pub(crate) under_way: Vec<StepUnderWay>,
     /// The time spent in each phase.
     pub clock: Clock,
     /// The threads of this rank.
@@ -455,6 +458,7 @@ impl<D: Dimension> System<D> {
             slabs: Slabs::new(exchange, setup.cell.periods[0]),
             second_kick_deferred: false,
             wall_velocities: None,
+            under_way: Vec::new(),
             clock: Clock::default(),
             pool: ThreadPool::new(setup.threads)?,
             tuning: Tuning::new(setup.tuning, setup.isa),
@@ -543,6 +547,15 @@ impl<D: Dimension> System<D> {
         if let Some(budget) = &mut self.budget {
             budget.step(outcome.dissipated, outcome.uncounted);
         }
+    }
+
+    /// Number of steps that may follow each other through the bands now, at most.
+    pub fn most_at_once(&self) -> u64 {
+        if self.bands.count() == 1 {
+            return 1;
+        }
+        let given = self.sweep.steps.unwrap_or(1);
+        self.tuning.passes().choice.steps.unwrap_or(given)
     }
 
     /// Adds the flow of momentum to the stress, if that is counted.

@@ -289,7 +289,7 @@ impl<'a, C: ContactLaw> PassWork<'a, C, false> {
     }
 }
 
-/// How many chunks after the present one a pass prefetches: those of one take less time than memory.
+/// How many chunks ahead a pass prefetches: one takes less time than to read the next from memory.
 const AHEAD: usize = 2;
 
 /// Intermediate results between the phases of a pass, per block. Kept from pass to pass only to
@@ -351,20 +351,19 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
         } = pass.input;
         let prefetches = settings.choice.prefetch.unwrap_or(pass.input.is_cold);
         let blocks = settings.choice.blocks.clamp(1, CHUNK);
-        // The present chunk and the next ones.
-        let mut chunks = [const { 0..0 }; 1 + AHEAD];
-        let mut end = 0;
-        for chunk in &mut chunks {
-            *chunk = pass.part.awake(end, blocks, travelled);
-            end = chunk.end;
+        let mut next = pass.part.awake(0, blocks, travelled);
+        let mut prefetched = next.clone();
+        if prefetches {
+            for _ in 1..AHEAD {
+                prefetched = pass.part.awake(prefetched.end, blocks, travelled);
+            }
         }
-        while !chunks[0].is_empty() {
-            let chunk = chunks[0].clone();
-            chunks.rotate_left(1);
-            chunks[AHEAD] = pass.part.awake(end, blocks, travelled);
-            end = chunks[AHEAD].end;
+        while !next.is_empty() {
+            let chunk = next;
+            next = pass.part.awake(chunk.end, blocks, travelled);
             if prefetches {
-                prefetch_blocks(pass, chunks[AHEAD].clone());
+                prefetched = pass.part.awake(prefetched.end, blocks, travelled);
+                prefetch_blocks(pass, prefetched.clone());
             }
             load_differences::<C, L>(token, pass, chunk.clone(), scratch);
             let active = relative_motion::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);

@@ -201,6 +201,10 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
 
     /// Number of steps from this one on that may be taken at once: nothing is looked at between them.
     fn unwatched_steps(&self, run: &Run<'_>) -> u64 {
+        let most = self.assembly.system.most_at_once();
+        if most == 1 {
+            return 1;
+        }
         let (step, schedule) = (self.step, &self.schedule);
         let begins_part = |step: u64| schedule.protocol.segment(step).first == step;
         // The speeds of the last step say how far grains come, and which wall may leave.
@@ -219,8 +223,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
                 || schedule.progress_due(step)
                 || step.is_multiple_of(CHECKPOINT_INTERVAL)
         };
-        let next = (1..CHECKPOINT_INTERVAL).find(|steps| is_watched(step + steps));
-        next.unwrap_or(CHECKPOINT_INTERVAL).min(before_stop).max(1)
+        let next = (1..most).find(|steps| is_watched(step + steps));
+        next.unwrap_or(most).min(before_stop).max(1)
     }
 
     /// Whether the top wall may leave the sample within some steps.
