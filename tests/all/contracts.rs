@@ -46,7 +46,15 @@ fn bookkeeping_never_reaches_the_numbers() {
             &["bookkeeping.band_grains=20", "bookkeeping.steps_at_once=7"],
         ),
         (
+            3,
+            &["bookkeeping.band_grains=20", "bookkeeping.steps_at_once=16"],
+        ),
+        (
             1,
+            &["bookkeeping.band_grains=20", "bookkeeping.tune_every=1"],
+        ),
+        (
+            2,
             &["bookkeeping.band_grains=20", "bookkeeping.tune_every=1"],
         ),
         (

@@ -45,8 +45,9 @@ fn spheres_under_a_spring_keep_the_contracts() {
         (
             2,
             &[
-                "--set=bookkeeping.rebuild_every=7",
+                "--set=bookkeeping.rebuild_every=40",
                 "--set=bookkeeping.tune_every=1",
+                "--set=bookkeeping.band_grains=40",
                 "--set=output.frame_rows=500",
                 "--set=output.series_rows=1",
             ][..],

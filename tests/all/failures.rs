@@ -202,6 +202,7 @@ fn a_failing_shear_keeps_what_led_to_it() {
         ("of three", 3, true, single),
         ("bands", 1, false, bands),
         ("bands of one", 1, true, bands),
+        ("bands of two", 2, true, bands),
     ] {
         let mut arguments = fresh.clone();
         if resumes {

@@ -6,19 +6,26 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use crate::dimension::Dimension;
-use crate::state::{CandidatePair, Cell, GrainState, body};
+use crate::state::{CandidatePair, Cell, GrainState, Grains, body};
 
 /// The owned grains of each band, one range after the other. Every pair of the list is within a
 /// band, or between one and the next.
 #[derive(Debug, Clone, Default)]
 pub struct Bands {
     ends: Vec<usize>,
+    /// The lowest heights of the bands but the first (m), the same on all ranks.
+    bounds: Vec<f64>,
+    /// The bands of the ghosts.
+    ghosts: Vec<usize>,
 }
 
 impl Bands {
     /// A single band of so many grains.
     pub fn one(grains: usize) -> Self {
-        Self { ends: vec![grains] }
+        Self {
+            ends: vec![grains],
+            ..Self::default()
+        }
     }
 
     /// Number of bands.
@@ -32,60 +39,55 @@ impl Bands {
         start..self.ends[band]
     }
 
-    /// The grains of a band and of the one before it, which is all that its pairs have: a pair of
-    /// two bands is a pair of the later one.
+    /// The owned grains of a band and of the one before it, which is all that its pairs have: a pair
+    /// of two bands is a pair of the later one.
     pub fn grains_of_pairs(&self, band: usize) -> Range<usize> {
         self.grains(band.saturating_sub(1)).start..self.ends[band]
     }
 
-    /// The band of an owned grain.
+    /// The band of a local grain.
     pub(crate) fn of(&self, grain: usize) -> usize {
-        self.ends.partition_point(|&end| end <= grain)
+        let owned = self.ends.last().copied().unwrap_or_default();
+        match grain.checked_sub(owned) {
+            None => self.ends.partition_point(|&end| end <= grain),
+            // With feet there is one band.
+            Some(ghost) => self.ghosts.get(ghost).copied().unwrap_or_default(),
+        }
     }
 
-    /// Whether every pair of owned grains is within a band, or between one and the next.
+    /// The bands of the ghosts, which their owners have sorted by the same bounds.
+    pub(crate) fn set_ghosts<D: Dimension>(&mut self, cell: &Cell, grains: &Grains<D>) {
+        let ghosts = grains.owned..grains.local();
+        let band = |g| self.of_height(height::<D>(cell, &grains.position(g)));
+        self.ghosts = ghosts.map(band).collect();
+    }
+
+    fn of_height(&self, height: f64) -> usize {
+        self.bounds.partition_point(|bound| *bound <= height)
+    }
+
+    /// Whether every pair is within a band, or between one and the next.
     pub(crate) fn hold(&self, pairs: &[CandidatePair]) -> bool {
-        let Some(&owned) = self.ends.last() else {
-            return true;
-        };
         let is_held = |pair: &CandidatePair| {
-            let [i, j] = pair.grains.map(|g| g as usize);
-            i >= owned || j >= owned || self.of(i).abs_diff(self.of(j)) <= 1
+            let [i, j] = pair.grains.map(|g| self.of(g as usize));
+            i.abs_diff(j) <= 1
         };
         self.count() == 1 || pairs.iter().all(is_held)
     }
 
-    /// Sorts grains by bands of this size, each at least this thick (m); in a band they keep their
-    /// order. All grains of the top wall are in the last band. A single band, if others would be too
-    /// large.
+    /// Sorts grains into bands with these bounds (m); in a band they keep their order.
     pub(crate) fn sort<D: Dimension>(
         grains: &mut [GrainState],
         cell: &Cell,
-        thickness: f64,
-        size: BandSize,
+        bounds: Vec<f64>,
     ) -> Self {
-        let mut heights: Vec<f64> = grains.iter().map(|g| height::<D>(cell, g)).collect();
-        heights.sort_unstable_by(f64::total_cmp);
-        let of_top = grains.iter().filter(|grain| grain.body == body::TOP);
-        let top = of_top.map(|g| height::<D>(cell, g));
-        let top = top.fold(f64::INFINITY, f64::min);
-        let mut bounds = Vec::new();
-        let mut low = heights.first().copied().unwrap_or_default();
-        let mut below = 0;
-        while let Some(after) = heights.get(below + size.wanted) {
-            let bound = after.max(low + thickness);
-            below = heights.partition_point(|height| *height < bound);
-            if bound > top || below == heights.len() {
-                break;
-            }
-            bounds.push(bound);
-            low = bound;
-        }
-        let band_of = |grain: &GrainState| {
-            let height = height::<D>(cell, grain);
-            bounds.partition_point(|bound| *bound <= height)
+        let mut bands = Self {
+            ends: vec![0; bounds.len() + 1],
+            bounds,
+            ghosts: Vec::new(),
         };
-        let mut ends = vec![0; bounds.len() + 1];
+        let band_of = |grain: &GrainState| bands.of_height(height::<D>(cell, &grain.position));
+        let mut ends = bands.ends.clone();
         for grain in &*grains {
             ends[band_of(grain)] += 1;
         }
@@ -94,13 +96,53 @@ impl Bands {
             end += *count;
             *count = end;
         }
-        let bands = Self { ends };
-        let largest = (0..bands.count()).map(|band| bands.grains(band).len());
-        if bands.count() == 1 || largest.max() > Some(size.most) {
-            return Self::one(grains.len());
+        if ends.len() > 1 {
+            grains.sort_by_key(band_of);
         }
-        grains.sort_by_key(band_of);
+        bands.ends = ends;
         bands
+    }
+
+    /// Bounds (m) of bands of this size for these grains, each at least this thick (m). None of them
+    /// is above `top` (m), so that all grains there are in the last band. There are none if the
+    /// bands would be too large.
+    pub(crate) fn bounds<D: Dimension>(
+        grains: &[GrainState],
+        cell: &Cell,
+        thickness: f64,
+        size: BandSize,
+        top: f64,
+    ) -> Vec<f64> {
+        if grains.len() <= size.least {
+            return Vec::new();
+        }
+        let heights = grains.iter().map(|g| height::<D>(cell, &g.position));
+        let mut heights: Vec<f64> = heights.collect();
+        heights.sort_unstable_by(f64::total_cmp);
+        let mut bounds = Vec::new();
+        let mut low = heights.first().copied().unwrap_or_default();
+        let (mut below, mut largest) = (0, 0);
+        while let Some(after) = heights.get(below + size.wanted) {
+            let bound = after.max(low + thickness);
+            let next = heights.partition_point(|height| *height < bound);
+            if bound > top || next == heights.len() {
+                break;
+            }
+            largest = largest.max(next - below);
+            bounds.push(bound);
+            (low, below) = (bound, next);
+        }
+        if largest.max(heights.len() - below) > size.most {
+            bounds.clear();
+        }
+        bounds
+    }
+
+    /// The lowest height of a grain of the top wall (m); infinite if there is none.
+    pub(crate) fn lowest_of_top<D: Dimension>(grains: &[GrainState], cell: &Cell) -> f64 {
+        let of_top = grains.iter().filter(|grain| grain.body == body::TOP);
+        let heights = of_top.map(|grain| height::<D>(cell, &grain.position));
+        heights.fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -125,14 +167,15 @@ impl BandSize {
         }
     }
 
-    /// For the last-level cache: where all grains fit into half of it bands would gain nothing, nor
-    /// where three of them do not fit into it, which two steps that follow each other need.
-    pub fn by_cache<D: Dimension>() -> Self {
-        let grains = cache_size() / bytes_of_a_grain::<D>();
+    /// For the last-level cache: where all grains fit into it bands would gain nothing, nor where
+    /// several bands do not, which steps that follow each other need. So many `ranks` share it.
+    pub fn by_cache<D: Dimension>(ranks: usize) -> Self {
+        let (cache, cores) = cache_and_its_cores();
+        let grains = cache / ranks.clamp(1, cores) / bytes_of_a_grain::<D>();
         Self {
-            least: grains / 2,
+            least: grains,
             wanted: 1000,
-            most: grains / 3,
+            most: grains / 10,
         }
     }
 }
@@ -148,23 +191,33 @@ fn bytes_of_a_grain<D: Dimension>() -> usize {
 /// Bytes of the last-level cache, if they are not known.
 const USUAL_CACHE: usize = 32 << 20;
 
-/// Bytes of the last-level cache of this processor.
-fn cache_size() -> usize {
-    static SIZE: OnceLock<usize> = OnceLock::new();
-    *SIZE.get_or_init(|| {
-        let told = std::fs::read_to_string("/sys/devices/system/cpu/cpu0/cache/index3/size");
-        let kibibytes = told.ok().and_then(|size| {
-            let number = size.trim().strip_suffix('K')?;
-            number.parse::<usize>().ok()
-        });
-        kibibytes.map_or(USUAL_CACHE, |kibibytes| kibibytes << 10)
+/// Bytes of the last-level cache of this processor, and how many of its virtual cores have it.
+fn cache_and_its_cores() -> (usize, usize) {
+    static CACHE: OnceLock<(usize, usize)> = OnceLock::new();
+    let told = |name: &str| {
+        let path = format!("/sys/devices/system/cpu/cpu0/cache/index3/{name}");
+        std::fs::read_to_string(path).ok()
+    };
+    let bytes = || -> Option<usize> {
+        let kibibytes = told("size")?.trim().strip_suffix('K')?.parse::<usize>();
+        Some(kibibytes.ok()? << 10)
+    };
+    // A mask in hexadecimal digits, in groups of eight.
+    let cores = || -> Option<usize> {
+        let mask = told("shared_cpu_map")?;
+        let digits = mask.chars().filter_map(|digit| digit.to_digit(16));
+        Some(digits.map(|digit| digit.count_ones() as usize).sum())
+    };
+    *CACHE.get_or_init(|| {
+        let cores = cores().unwrap_or(1).max(1);
+        (bytes().unwrap_or(USUAL_CACHE), cores)
     })
 }
 
-/// The height of a grain (m); in a cell that is periodic along its last axis the distance from the
+/// The height of a place (m); in a cell that is periodic along its last axis the distance from the
 /// nearer of both edges, so that bands at both edges are one.
-fn height<D: Dimension>(cell: &Cell, grain: &GrainState) -> f64 {
-    let height = grain.position[D::UP];
+fn height<D: Dimension>(cell: &Cell, place: &[f64; 3]) -> f64 {
+    let height = place[D::UP];
     match &cell.sheared {
         None => height,
         Some(sheared) => height.min(sheared.height - height),
@@ -195,8 +248,10 @@ mod tests {
 
     fn sorted(cell: Cell, thickness: f64, wanted: usize) -> (Vec<GrainState>, Bands) {
         let mut grains = column(20);
+        let top = Bands::lowest_of_top::<Two>(&grains, &cell);
         let size = BandSize::given(wanted);
-        let bands = Bands::sort::<Two>(&mut grains, &cell, thickness, size);
+        let bounds = Bands::bounds::<Two>(&grains, &cell, thickness, size, top);
+        let bands = Bands::sort::<Two>(&mut grains, &cell, bounds);
         assert_eq!(bands.ends.last(), Some(&20));
         (grains, bands)
     }

@@ -150,7 +150,7 @@ fn steps_at_once<D: Dimension>(
         return 1;
     }
     let most = system.most_at_once().min(request.most);
-    system.list.lasts(system.steps, most) as usize
+    most.min(system.list.lasting) as usize
 }
 
 /// Steps that follow each other through the bands.
@@ -206,9 +206,9 @@ impl StepUnderWay {
 impl<D: Dimension> Sweep<'_, D> {
     /// Moves a band, and computes the forces of its pairs.
     fn band_of_step(&mut self, step: usize, band: usize) -> Result<()> {
-        // What follows a step that failed is not looked at.
+        // What follows a step that failed is not looked at, but other ranks wait for its messages.
         let mut before = self.steps[..step.min(self.steps.len())].iter();
-        if before.any(|step| step.failure.is_some()) {
+        if self.exchange.size() == 1 && before.any(|step| step.failure.is_some()) {
             return Ok(());
         }
         if band == 0 {
@@ -395,10 +395,11 @@ impl<D: Dimension> Sweep<'_, D> {
         system.count(&under_way.outcome, motion.is_stressed);
         system.add_flow(under_way.flow);
         self.rebuild |= system.list.forced(system.steps);
-        let flags = [self.rebuild, self.request.stop];
+        let [some, many] = LASTING.map(|steps| system.list.lasts(system.steps + 1, steps));
+        let flags = [self.rebuild, self.request.stop, !some, !many];
         let load = std::mem::take(&mut under_way.load);
         let failure = under_way.failure.take().map(|(_, message)| message);
-        let (load, [rebuild, stop]) = sum_over_ranks(
+        let (load, [rebuild, stop, not_for_some, not_for_many]) = sum_over_ranks(
             self.exchange,
             system,
             *drive,
@@ -414,6 +415,11 @@ impl<D: Dimension> Sweep<'_, D> {
         )?;
         self.rebuild = rebuild;
         self.stop |= stop;
+        system.list.lasting = match (not_for_some, not_for_many) {
+            (true, _) => 1,
+            (false, true) => LASTING[0],
+            (false, false) => LASTING[1],
+        };
         if let Some(budget) = &mut system.budget {
             budget.push(&load, drive.moved());
         }
@@ -469,8 +475,11 @@ pub fn initial_forces<D: Dimension>(
 /// where the cache holds all (docs/lab/speed.md).
 const CACHED: usize = 3 << 20;
 
-/// Room for two flags.
-const FORCES_AT: usize = 3;
+/// Numbers of steps of which the ranks say whether their lists last for them.
+const LASTING: [u64; 2] = [4, 16];
+
+/// Room for four flags.
+const FORCES_AT: usize = 5;
 const FORCE: usize = LIMBS + 1;
 const MESSAGE: usize = FORCES_AT + 3 * FORCE;
 /// Size of the message that the ranks sum in every step (bytes), without the force on the bottom.
@@ -594,8 +603,8 @@ fn begin_forces<D: Dimension>(
     }
 }
 
-/// Adds the forces of the pairs of a band. With several ranks there is one band, and those of inner
-/// contacts are computed during the exchange of the ghosts' records.
+/// Adds the forces of the pairs of a band, those of inner contacts during the exchange of the ghosts'
+/// records.
 fn forces_of_band<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -612,7 +621,7 @@ fn forces_of_band<D: Dimension>(
     } = system;
     let (record, force) = (&mut grains.record, &mut grains.force);
     let mut outcome = PassOutcome::default();
-    slabs.exchange(exchange, record, grains.owned, |owned| {
+    slabs.exchange(exchange, forces.band, record, grains.owned, |owned| {
         clock.end(StepPhase::Exchange);
         let samples = samples.as_deref_mut();
         outcome = pool.forces_within_shares(forces, owned, force, contacts, samples);

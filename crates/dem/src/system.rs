@@ -117,6 +117,8 @@ pub struct List {
     reach_when_sorted: f64,
     /// Whether grains have left their bands since then.
     scattered: bool,
+    /// For how many steps from the next one on it will do on every rank.
+    pub(crate) lasting: u64,
     /// By how much rounding may move a grain in a step (m).
     rounding: f64,
     /// How far the images have moved since then along x (m), and the height of the cell then (m).
@@ -228,18 +230,12 @@ impl List {
         is_near(self.bound, 0.8)
     }
 
-    /// For how many steps from this one on, at most so many and at least one, the list will do, also
-    /// if the grains become twice as fast.
-    pub(crate) fn lasts(&self, step: u64, most: u64) -> u64 {
+    /// Whether the list will do for so many steps from this one on, also if the grains become twice
+    /// as fast.
+    pub(crate) fn lasts(&self, step: u64, steps: u64) -> bool {
         let room = 0.9 * 0.5 * self.skin - self.bound;
-        let steps = room / (2.0 * self.way) - 1.0;
-        let until_forced = match self.every {
-            0 => most,
-            every => (self.built + every).saturating_sub(step),
-        };
-        // A number that is not finite is no number of steps.
-        let steps = if steps.is_finite() { steps as u64 } else { 1 };
-        steps.min(most).min(until_forced).max(1)
+        let is_forced = self.every > 0 && step + steps > self.built + self.every;
+        !is_forced && room > 2.0 * self.way * (steps + 1) as f64
     }
 
     /// The strain of the cell since the last rebuild, at most: by this part a pair may have
@@ -694,17 +690,21 @@ impl<D: Dimension> System<D> {
         cutoff: f64,
     ) -> Bands {
         // Each foot is with the wall, not with its grain.
-        let is_possible = exchange.size() == 1 && self.pool.threads() == 1 && self.flat.is_none();
-        let size = match self.sweep.band {
-            Some(wanted) => BandSize::given(wanted),
-            None => BandSize::by_cache::<D>(),
-        };
-        if !is_possible || owned.len() <= size.least {
+        if self.pool.threads() > 1 || self.flat.is_some() {
             return Bands::one(owned.len());
         }
+        let size = match self.sweep.band {
+            Some(wanted) => BandSize::given(wanted),
+            None => BandSize::by_cache::<D>(exchange.size()),
+        };
         // Grains may come nearer to the next band but one before they are sorted again.
         let thickness = cutoff + SLACK * self.list.diameter;
-        Bands::sort::<D>(owned, &self.cell, thickness, size)
+        let top = -exchange.maximum(-Bands::lowest_of_top::<D>(owned, &self.cell));
+        let bounds = Bands::bounds::<D>(owned, &self.cell, thickness, size, top);
+        // Those of the first rank, because all have to be the same.
+        let bounds = exchange.broadcast(bytemuck::cast_slice(&bounds).to_vec());
+        let bounds = bytemuck::allocation::pod_collect_to_vec(&bounds);
+        Bands::sort::<D>(owned, &self.cell, bounds)
     }
 
     /// The part of the cell that holds the local grains.
@@ -743,10 +743,16 @@ impl<D: Dimension> System<D> {
         if let (Some(flat), Some(planes)) = (self.flat, drive.planes()) {
             candidates.extend(self.grains.stand_on(flat, planes, cutoff.skin));
         }
-        self.list.scattered = !self.bands.hold(&candidates);
-        if self.list.scattered {
-            self.bands = Bands::one(self.grains.owned);
+        self.list.scattered = false;
+        if self.bands.count() > 1 {
+            self.bands.set_ghosts(&self.cell, &self.grains);
+            let is_scattered = u8::from(!self.bands.hold(&candidates));
+            self.list.scattered = exchange.maximum(is_scattered.into()) > 0.0;
+            if self.list.scattered {
+                self.bands = Bands::one(self.grains.owned);
+            }
         }
+        self.slabs.divide(&self.bands);
         let grains = &self.grains;
         self.pool.divide(&candidates, grains.owned);
         self.contacts.replace(
@@ -770,6 +776,8 @@ impl<D: Dimension> System<D> {
         drive.renumber(self.isa, &mut self.grains, self.list.skin);
 
         self.list.due = false;
+        // How fast its grains are is not known yet.
+        self.list.lasting = 1;
         self.list.bound = 0.0;
         self.list.travelled.clear();
         self.list.travelled.resize(self.bands.count(), 0.0);

@@ -5,6 +5,7 @@ use std::ops::Range;
 use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
 
 use super::{Exchange, Link};
+use crate::bands::Bands;
 use crate::dimension::Dimension;
 use crate::failure::{Failure, Result};
 use crate::neighbour::LocalExtent;
@@ -39,6 +40,8 @@ struct Neighbour<D: Dimension> {
     buffer: Vec<D::Record>,
     /// Local indices of the ghosts that it owns.
     ghosts: Range<usize>,
+    /// Of each band the grains in `send`, and the ghosts, counted from the first of these.
+    bands: Vec<[Range<usize>; 2]>,
 }
 
 /// The greatest number of slabs wider than `cutoff` (m) in a cell of this `length` (m).
@@ -243,6 +246,7 @@ impl<D: Dimension> Slabs<D> {
                 buffer: vec![D::Record::zeroed(); send.len()],
                 send,
                 ghosts: 0..0,
+                bands: Vec::new(),
             });
         }
         let received = exchange.all_to_all(as_bytes(&states));
@@ -294,11 +298,26 @@ impl<D: Dimension> Slabs<D> {
         }
     }
 
-    /// Sends the records of the border grains and receives those of the ghosts; runs `meanwhile`
-    /// with the records of the owned grains, the first `owned` of `record`, during the exchange.
+    /// Finds which grains and ghosts are of each band. Must be called for every new list.
+    pub(crate) fn divide(&mut self, bands: &Bands) {
+        for link in &mut self.links {
+            let ghosts: Vec<u32> = link.ghosts.clone().map(|g| g as u32).collect();
+            let of_band = |grains: &[u32], band: usize| {
+                let until = |band: usize| grains.partition_point(|&g| bands.of(g as usize) < band);
+                until(band)..until(band + 1)
+            };
+            let both = |band| [of_band(&link.send, band), of_band(&ghosts, band)];
+            link.bands = (0..bands.count()).map(both).collect();
+        }
+    }
+
+    /// Sends the records of the border grains of a band and receives those of its ghosts; runs
+    /// `meanwhile` with the records of the owned grains, the first `owned` of `record`, during the
+    /// exchange.
     pub fn exchange(
         &mut self,
         exchange: &dyn Exchange,
+        band: usize,
         record: &mut [D::Record],
         owned: usize,
         mut meanwhile: impl FnMut(&[D::Record]),
@@ -311,13 +330,14 @@ impl<D: Dimension> Slabs<D> {
         for link in &mut self.links {
             let (receive, rest) = ghosts.split_at_mut(link.ghosts.len());
             ghosts = rest;
+            let [sent, received] = link.bands[band].clone();
             messages.push(Link {
                 rank: link.rank,
                 width: size_of::<D::Record>() / size_of::<f64>(),
                 records: cast_slice(owned_records),
-                chosen: &link.send,
-                buffer: cast_slice_mut(&mut link.buffer),
-                receive: cast_slice_mut(receive),
+                chosen: &link.send[sent.clone()],
+                buffer: cast_slice_mut(&mut link.buffer[sent]),
+                receive: cast_slice_mut(&mut receive[received]),
             });
         }
         exchange.halo(&mut messages, &mut || meanwhile(owned_records));
@@ -341,7 +361,8 @@ impl<D: Dimension> Slabs<D> {
     /// Bytes and messages that this rank sends per step.
     pub fn traffic(&self) -> (usize, usize) {
         let records: usize = self.links.iter().map(|l| l.send.len()).sum();
-        (records * size_of::<D::Record>(), self.links.len())
+        let messages = self.links.iter().map(|link| link.bands.len());
+        (records * size_of::<D::Record>(), messages.sum())
     }
 }
 

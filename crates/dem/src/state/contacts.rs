@@ -139,15 +139,15 @@ impl LocalGrains<'_> {
         let [i, j] = pair.grains.map(|g| g as usize);
         let share_of = |g: usize| self.shares.partition_point(|share| share.end <= g);
         let shares = self.shares.len();
-        let (band, group) = match (i < self.owned, j < self.owned) {
+        let group = match (i < self.owned, j < self.owned) {
             (true, true) => {
                 let [of_i, of_j] = [i, j].map(share_of);
-                let group = if of_i == of_j { of_i } else { shares };
-                (self.bands.of(i).max(self.bands.of(j)), group)
+                if of_i == of_j { of_i } else { shares }
             }
-            (true, false) => (self.bands.of(i), shares + 1),
-            (false, _) => (self.bands.of(j), shares + 2),
+            (true, false) => shares + 1,
+            (false, _) => shares + 2,
         };
+        let band = self.bands.of(i).max(self.bands.of(j));
         band * self.groups_of_a_band() + group
     }
 }
