@@ -298,7 +298,12 @@ mod tests {
     fn bands_of_a_periodic_cell_close_at_its_edges() {
         let mut cell = Cell::between_walls([40.0, f64::INFINITY]);
         cell.sheared = Some(Sheared::upright(20.0));
-        let (grains, bands) = sorted(cell, 2.0, 4);
+        // There is no top.
+        let mut grains = column(20);
+        grains.iter_mut().for_each(|grain| grain.body = body::FREE);
+        let size = BandSize::given(4);
+        let bounds = Bands::bounds::<Two>(&grains, &cell, 2.0, size, f64::INFINITY);
+        let bands = Bands::sort::<Two>(&mut grains, &cell, bounds);
         assert!(bands.count() > 1);
         check(&grains, &bands, &cell, 2.0);
     }

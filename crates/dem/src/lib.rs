@@ -126,8 +126,8 @@
 //!
 //! The program keeps six contracts. None is traded for speed.
 //!
-//! 1. **Bookkeeping never reaches the numbers.** Ranks, slab cuts, skin, list rebuilds, threads,
-//!    instruction set and tuning do not change a bit.
+//! 1. **Bookkeeping never reaches the numbers.** Ranks, slab cuts, bands, skin, list rebuilds,
+//!    threads, instruction set, steps at once and tuning do not change a bit.
 //! 2. **Output changes nothing.** More frames or rows, analysis on or off: the digest is the same.
 //! 3. **Exact restart.** A run stopped at any step and resumed, on any number of ranks, ends with
 //!    the
