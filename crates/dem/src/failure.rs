@@ -82,6 +82,32 @@ fn escaped(text: &str, is_bad: fn(char) -> bool) -> Cow<'_, str> {
 /// Exit code of a run that was stopped early and left a checkpoint to resume from.
 pub const STOPPED_EARLY: i32 = 75;
 
+/// Where the numbers failed on this rank.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Outside {
+    /// This grain overlaps a plane too much.
+    Plane(usize),
+    /// The contact in this block and lane overlaps too much.
+    Pair(usize, usize),
+    /// The force of the contact in this block and lane is greater than any that the law should
+    /// have.
+    Force(usize, usize),
+    /// A position or velocity is NaN, or a grain moved further than the list allows.
+    Number,
+}
+
+impl Outside {
+    /// Of several in a step, that of the lowest rank is told.
+    pub(crate) fn rank(self) -> u8 {
+        match self {
+            Self::Plane(_) => 0,
+            Self::Pair(..) => 1,
+            Self::Force(..) => 2,
+            Self::Number => 3,
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -98,7 +98,6 @@
 //! | [`contact`] | the interfaces of a law and of an adhesion |
 //! | [`kernel`] | the loop over the contacts, sixteen at a time |
 //! | [`simd`], [`threads`] | instruction sets with the same bits, threads of a rank |
-//! | [`bands`] | layers of grains through which steps follow each other in the cache |
 //! | [`tuning`] | settings that are tried while a run goes on |
 //! | [`dimension`] | the differences between 2D and 3D |
 //! | [`state`], [`system`] | grains, contacts and the cell; their upkeep between two steps |
@@ -147,7 +146,6 @@
 //! from a hash map.
 
 pub mod adhesions;
-pub mod bands;
 pub mod boundary;
 pub mod budget;
 pub mod clock;
@@ -169,5 +167,6 @@ pub mod step;
 pub mod system;
 pub mod threads;
 pub mod tuning;
+mod under_way;
 pub mod wave;
 pub mod workers;

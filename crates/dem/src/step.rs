@@ -4,10 +4,10 @@
 //! Damping forces use the full-step velocity predicted from the last acceleration, so the scheme is
 //! of second order with damping, too (docs/scheme.md).
 //!
-//! A step goes through the bands of the grains ([`Bands`](crate::bands::Bands)): a band moves, then
-//! the forces of its pairs are computed, which are complete with those of the next band. So a second
-//! step can follow a band behind the first one, and a third one behind that: a sweep of several
-//! steps, in which a band is in the cache for all of them. Small samples have one band.
+//! A step goes through the bands of the grains ([`Bands`](crate::state::Bands)): a band moves, then
+//! the forces of its pairs are computed, which are complete with those of the next band. So a
+//! second step can follow a band behind the first one, and a third one behind that: a sweep of
+//! several steps, in which a band is in the cache for all of them. Small samples have one band.
 
 use bytemuck::Zeroable;
 
@@ -16,12 +16,13 @@ use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::{Drive, Felt, FlowSum, MomentumFlow, WallForces, WallSteps, WallSums};
-use crate::failure::Result;
+use crate::failure::{Outside, Result};
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::motion::{GrainMotion, HalfKickAndDrift, greater_or_nan, slow_down, weigh};
 use crate::state::{Grains, Sheared};
-use crate::system::{Outside, System};
+use crate::system::System;
 use crate::threads::BandForces;
+use crate::under_way::StepUnderWay;
 
 /// Options of a step, or of several.
 #[derive(Debug)]
@@ -174,35 +175,6 @@ struct Sweep<'a, D: Dimension> {
     stop: bool,
 }
 
-/// A step, and what it has found in the bands so far.
-#[derive(Debug)]
-pub(crate) struct StepUnderWay {
-    motion: GrainMotion,
-    input: PassInput,
-    /// The greatest speed (m/s).
-    fastest: f64,
-    /// How far the grains of the last band moved at most (m).
-    way: f64,
-    flow: FlowSum,
-    outcome: PassOutcome,
-    load: WallSums,
-    failure: Option<(Outside, String)>,
-}
-
-impl StepUnderWay {
-    /// Keeps what failed, if nothing of more weight has.
-    fn fail<D: Dimension>(&mut self, system: &System<D>, outside: Option<Outside>) {
-        let Some(outside) = outside else {
-            return;
-        };
-        let is_known = self.failure.as_ref();
-        if is_known.is_none_or(|(known, _)| outside.rank() < known.rank()) {
-            // Now, because bands before this one may go on.
-            self.failure = Some((outside, system.describe(outside)));
-        }
-    }
-}
-
 impl<D: Dimension> Sweep<'_, D> {
     /// Moves a band, and computes the forces of its pairs.
     fn band_of_step(&mut self, step: usize, band: usize) -> Result<()> {
@@ -319,7 +291,7 @@ impl<D: Dimension> Sweep<'_, D> {
         under_way.way = way;
         under_way.fastest = greater_or_nan(under_way.fastest, fastest);
         if fastest.is_nan() {
-            under_way.fail(system, Some(Outside::Number));
+            under_way.fail(Outside::Number, |outside| system.describe(outside));
         }
     }
 
@@ -342,8 +314,9 @@ impl<D: Dimension> Sweep<'_, D> {
         let unsound = system.list.unsound.then_some(Outside::Number);
         let PassInput { settings, cell, .. } = under_way.input;
         let at_plane = drive.forces(settings, cell, motion.step, &mut system.grains);
-        under_way.fail(system, unsound);
-        under_way.fail(system, at_plane.map(Outside::Plane));
+        for outside in unsound.into_iter().chain(at_plane.map(Outside::Plane)) {
+            under_way.fail(outside, |outside| system.describe(outside));
+        }
     }
 
     /// Adds the forces of the pairs of a band.
@@ -365,7 +338,7 @@ impl<D: Dimension> Sweep<'_, D> {
         let outcome = forces_of_band(self.exchange, system, &forces, samples);
         under_way.outcome = under_way.outcome.merge(outcome);
         for outside in outcome.failures() {
-            under_way.fail(system, Some(outside));
+            under_way.fail(outside, |outside| system.describe(outside));
         }
     }
 
@@ -470,9 +443,9 @@ pub fn initial_forces<D: Dimension>(
     Ok(())
 }
 
-/// Size of the records (bytes) beyond which passes prefetch: with their contacts, six times as much,
-/// they fill a last-level cache. Prefetching makes larger packings a third faster, and costs some 5 %
-/// where the cache holds all (docs/lab/speed.md).
+/// Size of the records (bytes) beyond which passes prefetch: with their contacts, six times as
+/// much, they fill a last-level cache. Prefetching makes larger packings a third faster, and costs
+/// some 5 % where the cache holds all (docs/lab/speed.md).
 const CACHED: usize = 3 << 20;
 
 /// Numbers of steps of which the ranks say whether their lists last for them.
@@ -487,7 +460,8 @@ pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
 
 /// Sums over the ranks in one message: whether something failed, K flags that are set if they are
 /// set on some rank, and the forces on the walls, which are `load` and what the drive adds. That on
-/// the bottom is last, and left out if the drive does not ask for it. Runs `meanwhile` during the sum.
+/// the bottom is last, and left out if the drive does not ask for it. Runs `meanwhile` during the
+/// sum.
 fn sum_over_ranks<D: Dimension, const K: usize>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -603,8 +577,8 @@ fn begin_forces<D: Dimension>(
     }
 }
 
-/// Adds the forces of the pairs of a band, those of inner contacts during the exchange of the ghosts'
-/// records.
+/// Adds the forces of the pairs of a band, those of inner contacts during the exchange of the
+/// ghosts' records.
 fn forces_of_band<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,

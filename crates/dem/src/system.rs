@@ -1,24 +1,23 @@
 //! The state of a rank between two steps, and the upkeep of its lists.
 
-use crate::bands::{BandSize, Bands};
 use crate::budget::EnergyBudget;
 use crate::clock::{Clock, StepPhase};
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
 use crate::drive::{Drive, FlowSum, WallGrains, WallVelocities};
-use crate::failure::{Failure, Result};
+use crate::failure::{Failure, Outside, Result};
 use crate::kernel::{PairForce, PassOutcome};
 use crate::motion::GrainMotion;
 use crate::neighbour::{self, LocalExtent};
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
-    CandidatePair, Cell, ContactState, Contacts, FlatWalls, GrainState, Grains, Ids, LocalGrains,
-    Masses, Remembered, Units, body, length,
+    BandSize, Bands, CandidatePair, Cell, ContactState, Contacts, FlatWalls, GrainState, Grains,
+    Ids, LocalGrains, Masses, Remembered, Units, body, length,
 };
-use crate::step::StepUnderWay;
 use crate::threads::{OwnedPart, ThreadPool};
 use crate::tuning::{self, Tuning};
+use crate::under_way::StepUnderWay;
 
 /// Bounds of an adaptive skin over d̄.
 const THINNEST_SKIN: f64 = 0.002;
@@ -183,7 +182,8 @@ impl List {
         Ok(range)
     }
 
-    /// How far (m) grains of up to `fastest` (m/s) come in a `step` (s), with what a moving cell adds.
+    /// How far (m) grains of up to `fastest` (m/s) come in a `step` (s), with what a moving cell
+    /// adds.
     pub(crate) fn way(&self, fastest: f64, step: f64, cell: &Cell) -> f64 {
         // Half of it for a pair across the top, and all of it for a grain that was wrapped there.
         // Pairs near the cutoff are stretched by as much as the cell.
@@ -745,8 +745,10 @@ impl<D: Dimension> System<D> {
         }
         self.list.scattered = false;
         if self.bands.count() > 1 {
-            self.bands.set_ghosts(&self.cell, &self.grains);
-            let is_scattered = u8::from(!self.bands.hold(&candidates));
+            let (grains, pairs) = (&self.grains, candidates.iter());
+            let ghosts = (grains.owned..grains.local()).map(|g| grains.position(g));
+            self.bands.set_ghosts::<D>(&self.cell, ghosts);
+            let is_scattered = u8::from(!self.bands.hold(pairs.map(|pair| pair.grains)));
             self.list.scattered = exchange.maximum(is_scattered.into()) > 0.0;
             if self.list.scattered {
                 self.bands = Bands::one(self.grains.owned);
@@ -912,32 +914,6 @@ impl<D: Dimension> System<D> {
             + self.contacts.memory()
             + self.pool.memory()
             + self.list.origin.capacity() * size_of::<[f64; 3]>()
-    }
-}
-
-/// Where the numbers failed on this rank.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Outside {
-    /// This grain overlaps a plane too much.
-    Plane(usize),
-    /// The contact in this block and lane overlaps too much.
-    Pair(usize, usize),
-    /// The force of the contact in this block and lane is greater than any that the law should
-    /// have.
-    Force(usize, usize),
-    /// A position or velocity is NaN, or a grain moved further than the list allows.
-    Number,
-}
-
-impl Outside {
-    /// Of several in a step, that of the lowest rank is told.
-    pub(crate) fn rank(self) -> u8 {
-        match self {
-            Self::Plane(_) => 0,
-            Self::Pair(..) => 1,
-            Self::Force(..) => 2,
-            Self::Number => 3,
-        }
     }
 }
 

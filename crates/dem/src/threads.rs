@@ -155,8 +155,8 @@ impl<D: Dimension> ThreadPool<D> {
         outcome
     }
 
-    /// Computes the forces of the pairs of a band that are within no share. The first thread adds its
-    /// part to `force`, each other thread to its partial forces.
+    /// Computes the forces of the pairs of a band that are within no share. The first thread adds
+    /// its part to `force`, each other thread to its partial forces.
     pub(crate) fn other_forces(
         &mut self,
         forces: &BandForces<'_, D>,

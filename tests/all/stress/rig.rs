@@ -6,11 +6,12 @@ use gshear_dem::contact::stiffness::Stiffness;
 use gshear_dem::dimension::{Dimension, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::{Drive, NoWalls};
+use gshear_dem::failure::Outside;
 use gshear_dem::failure::Result;
 use gshear_dem::kernel::ContactForces;
 use gshear_dem::state::{Cell, ContactState, GrainState, Masses};
 use gshear_dem::step::{StepRequest, advance, forces, initial_forces};
-use gshear_dem::system::{ListSettings, Outside, Setup, System};
+use gshear_dem::system::{ListSettings, Setup, System};
 
 /// Grains on one rank, with a law, and with or without walls.
 pub struct Rig<C: ContactLaw, D = NoWalls> {

@@ -5,11 +5,10 @@ use std::ops::Range;
 use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
 
 use super::{Exchange, Link};
-use crate::bands::Bands;
 use crate::dimension::Dimension;
 use crate::failure::{Failure, Result};
 use crate::neighbour::LocalExtent;
-use crate::state::{CandidatePair, Cell, ContactState, GrainState, Grains};
+use crate::state::{Bands, CandidatePair, Cell, ContactState, GrainState, Grains};
 
 /// Bins per rank of the histogram that balances the cuts, and the number of ranks beyond which no
 /// bins are added.

@@ -45,8 +45,8 @@ impl GrainWalls {
         }
     }
 
-    /// How the grains of the bottom move in the step that begins in `ahead` steps. Velocities of the
-    /// top are NaN.
+    /// How the grains of the bottom move in the step that begins in `ahead` steps. Velocities of
+    /// the top are NaN.
     fn bottom_motion(&self, ahead: u64) -> WallMotion {
         let begin = self.motion.slider.state.step + ahead;
         let of_bottom = |velocity: fn(&Protocol, u64) -> f64, step: u64| {

@@ -177,8 +177,8 @@ pub trait Drive<D: Dimension>: Sync {
     fn drift(&mut self, _step: f64) -> Option<WallMotion> {
         None
     }
-    /// How the grains of the bottom move in a step before [`Drive::drift`] is called for it, and for
-    /// `ahead` steps before it. Velocities of the top are NaN.
+    /// How the grains of the bottom move in a step before [`Drive::drift`] is called for it, and
+    /// for `ahead` steps before it. Velocities of the top are NaN.
     fn bottom(&self, _ahead: u64) -> Option<WallMotion> {
         None
     }

@@ -3,12 +3,11 @@
 use bytemuck::Zeroable;
 
 use super::{Drive, Felt, Piston, WallForces, WallMotion, WallSums, WallVelocities};
-use crate::bands::Bands;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, PassInput, Scratch};
 use crate::simd::Isa;
-use crate::state::{CandidatePair, Cell, Contacts, Grains, LocalGrains, Remembered};
+use crate::state::{Bands, CandidatePair, Cell, Contacts, Grains, LocalGrains, Remembered};
 use crate::tuning::PassSettings;
 
 /// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed

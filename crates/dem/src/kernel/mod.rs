@@ -22,11 +22,11 @@ use crate::contact::{
     CARRY, CHUNK, ContactLaw, Jump, PairMotion, PairRadii, Response, Turning, dissipation, vector,
 };
 use crate::dimension::{Dimension, PairForces, Vector};
+use crate::failure::Outside;
 use crate::simd::{
     LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
 };
 use crate::state::{BlockRange, Cell, Units, length};
-use crate::system::Outside;
 use crate::tuning::PassSettings;
 use crate::workers::tail_mut;
 

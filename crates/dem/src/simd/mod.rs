@@ -281,8 +281,9 @@ pub trait Lanes:
     fn add_forces_3d(terms: [[Self; 3]; 3], sums: &mut [CacheLine], pairs: PairBlock<'_>);
 }
 
-/// Prefetches a cache line into all caches: lines of a chunk that were in the second-level cache alone
-/// would cost a quarter of the speed of a large packing. Does nothing on processors other than x86-64.
+/// Prefetches a cache line into all caches: lines of a chunk that were in the second-level cache
+/// alone would cost a quarter of the speed of a large packing. Does nothing on processors other
+/// than x86-64.
 #[inline(always)]
 fn prefetch_line(line: *const i8) {
     #[cfg(target_arch = "x86_64")]

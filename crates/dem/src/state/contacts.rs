@@ -3,24 +3,23 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use crate::bands::Bands;
 use crate::contact::TORQUES;
 use crate::contact::model::{Elastic, PairModel};
 use crate::simd::{Isa, LANES, Lanes16, PairBlock, PairList, Pairs, clear_for};
 use crate::workers::{self, Workers, tail, tail_mut};
 
-use super::ContactState;
+use super::{Bands, ContactState};
 
 /// Candidate pairs of local grains, each once, with the lower id as i.
 ///
-/// The blocks of a [band](Bands) follow each other, in groups. First come inner pairs, of which this
-/// rank owns both grains: for each thread those between two grains of its
+/// The blocks of a [band](Bands) follow each other, in groups. First come inner pairs, of which
+/// this rank owns both grains: for each thread those between two grains of its
 /// [share](LocalGrains::shares), then those between grains of two threads. Then come pairs of which
-/// this rank owns i, then pairs of which it owns j. In a group the pairs are in the order of the cells. Within every run of 1,024 of them, those of
-/// the same two materials follow each other, in blocks of their own. Of these, contacts come
-/// first, those that slide before the others, followed by the other pairs in classes of their gaps,
-/// so that blocks in which nothing touches follow each other, and in most blocks nothing
-/// slides.
+/// this rank owns i, then pairs of which it owns j. In a group the pairs are in the order of the
+/// cells. Within every run of 1,024 of them, those of the same two materials follow each other, in
+/// blocks of their own. Of these, contacts come first, those that slide before the others, followed
+/// by the other pairs in classes of their gaps, so that blocks in which nothing touches follow each
+/// other, and in most blocks nothing slides.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
 /// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs
@@ -29,8 +28,8 @@ use super::ContactState;
 pub struct Contacts {
     /// The blocks of each band.
     pub bands: Vec<BandBlocks>,
-    /// The pairs. Those of a share count its grains from its first one, so that no more than its own
-    /// records and forces are needed; others are local indices. See [`Contacts::grains`].
+    /// The pairs. Those of a share count its grains from its first one, so that no more than its
+    /// own records and forces are needed; others are local indices. See [`Contacts::grains`].
     pub pairs: PairList,
     /// R_i + R_j and R_i (m) of every block.
     pub geometry: Vec<[Lanes16; 2]>,
@@ -116,7 +115,8 @@ pub struct LocalGrains<'a> {
     pub ghosts_move: f64,
 }
 
-/// Groups of a band beside the shares: between two of these, pairs of which this rank owns i, and j.
+/// Groups of a band beside the shares: between two of these, pairs of which this rank owns i, and
+/// j.
 const OTHER_GROUPS: usize = 3;
 
 impl LocalGrains<'_> {

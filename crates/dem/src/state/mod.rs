@@ -16,6 +16,7 @@
 //! In the same way [`ContactState`] is the state of a contact, [`Contacts`] stores the contacts of
 //! one rank, and [`ContactSample`] and [`ContactForce`] are views.
 
+mod bands;
 pub mod body;
 mod cell;
 mod contacts;
@@ -25,6 +26,8 @@ mod ids;
 mod records;
 mod snapshot;
 
+pub(crate) use bands::BandSize;
+pub use bands::Bands;
 pub use cell::{BoxEdges, Cell, Image, Sheared, Stretching, length, nearest_image};
 pub use contacts::{
     BandBlocks, BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Touching,

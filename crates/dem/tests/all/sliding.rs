@@ -5,6 +5,7 @@
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::domain::Solo;
 use gshear_dem::drive::NoWalls;
+use gshear_dem::failure::Outside;
 use gshear_dem::laws::hertz::{self, Spheres};
 use gshear_dem::laws::hooke::{self, Springs};
 use gshear_dem::laws::mindlin::{self, MindlinSprings};
@@ -12,7 +13,6 @@ use gshear_dem::laws::tsuji::{self, TsujiSpheres};
 use gshear_dem::laws::{Contact, Law, LawSpace};
 use gshear_dem::state::{ContactState, Masses};
 use gshear_dem::step::forces;
-use gshear_dem::system::Outside;
 
 use crate::common::{
     Rig, Vector, assert_order, cross, dot, elastic, frictional, minus, norm, plus, undamped,

@@ -199,7 +199,8 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         run.terminal.warn(format!("{message}; removed"));
     }
 
-    /// Number of steps from this one on that may be taken at once: nothing is looked at between them.
+    /// Number of steps from this one on that may be taken at once: nothing is looked at between
+    /// them.
     fn unwatched_steps(&self, run: &Run<'_>) -> u64 {
         let most = self.assembly.system.most_at_once();
         if most == 1 {

@@ -6,7 +6,8 @@ use std::ops::Range;
 use std::sync::OnceLock;
 
 use crate::dimension::Dimension;
-use crate::state::{CandidatePair, Cell, GrainState, Grains, body};
+
+use super::{Cell, GrainState, body};
 
 /// The owned grains of each band, one range after the other. Every pair of the list is within a
 /// band, or between one and the next.
@@ -39,8 +40,8 @@ impl Bands {
         start..self.ends[band]
     }
 
-    /// The owned grains of a band and of the one before it, which is all that its pairs have: a pair
-    /// of two bands is a pair of the later one.
+    /// The owned grains of a band and of the one before it, which is all that its pairs have: a
+    /// pair of two bands is a pair of the later one.
     pub fn grains_of_pairs(&self, band: usize) -> Range<usize> {
         self.grains(band.saturating_sub(1)).start..self.ends[band]
     }
@@ -55,10 +56,14 @@ impl Bands {
         }
     }
 
-    /// The bands of the ghosts, which their owners have sorted by the same bounds.
-    pub(crate) fn set_ghosts<D: Dimension>(&mut self, cell: &Cell, grains: &Grains<D>) {
-        let ghosts = grains.owned..grains.local();
-        let band = |g| self.of_height(height::<D>(cell, &grains.position(g)));
+    /// Finds the bands of the ghosts, which have these positions (m), and which their owners have
+    /// sorted by the same bounds.
+    pub(crate) fn set_ghosts<D: Dimension>(
+        &mut self,
+        cell: &Cell,
+        ghosts: impl Iterator<Item = [f64; 3]>,
+    ) {
+        let band = |place: [f64; 3]| self.of_height(height::<D>(cell, &place));
         self.ghosts = ghosts.map(band).collect();
     }
 
@@ -66,13 +71,12 @@ impl Bands {
         self.bounds.partition_point(|bound| *bound <= height)
     }
 
-    /// Whether every pair is within a band, or between one and the next.
-    pub(crate) fn hold(&self, pairs: &[CandidatePair]) -> bool {
-        let is_held = |pair: &CandidatePair| {
-            let [i, j] = pair.grains.map(|g| self.of(g as usize));
+    /// Whether every pair of local grains is within a band, or between one and the next.
+    pub(crate) fn hold(&self, mut pairs: impl Iterator<Item = [u32; 2]>) -> bool {
+        pairs.all(|pair| {
+            let [i, j] = pair.map(|g| self.of(g as usize));
             i.abs_diff(j) <= 1
-        };
-        self.count() == 1 || pairs.iter().all(is_held)
+        })
     }
 
     /// Sorts grains into bands with these bounds (m); in a band they keep their order.
@@ -103,9 +107,9 @@ impl Bands {
         bands
     }
 
-    /// Bounds (m) of bands of this size for these grains, each at least this thick (m). None of them
-    /// is above `top` (m), so that all grains there are in the last band. There are none if the
-    /// bands would be too large.
+    /// Bounds (m) of bands of this size for these grains, each at least this thick (m). None of
+    /// them is above `top` (m), so that all grains there are in the last band. There are none if
+    /// the bands would be too large.
     pub(crate) fn bounds<D: Dimension>(
         grains: &[GrainState],
         cell: &Cell,
@@ -263,14 +267,11 @@ mod tests {
             for j in 0..i {
                 let apart = cell.separation::<Two>(&grains[i].position, &grains[j].position);
                 if apart[1].abs() < reach {
-                    pairs.push(CandidatePair {
-                        grains: [i as u32, j as u32],
-                        gap: 0.0,
-                    });
+                    pairs.push([i as u32, j as u32]);
                 }
             }
         }
-        assert!(bands.hold(&pairs));
+        assert!(bands.hold(pairs.into_iter()));
     }
 
     #[test]
@@ -287,11 +288,7 @@ mod tests {
             assert!(of.is_sorted());
         }
         let (_, bands) = sorted(cell, 1.0, 5);
-        let far = CandidatePair {
-            grains: [0, 19],
-            gap: 0.0,
-        };
-        assert!(!bands.hold(&[far]));
+        assert!(!bands.hold([[0, 19]].into_iter()));
     }
 
     #[test]

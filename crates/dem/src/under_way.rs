@@ -1,0 +1,38 @@
+//! A step that goes through the bands.
+
+use crate::drive::{FlowSum, WallSums};
+use crate::failure::Outside;
+use crate::kernel::{PassInput, PassOutcome};
+use crate::motion::GrainMotion;
+
+/// A step, and what it has found in the bands so far.
+#[derive(Debug)]
+pub(crate) struct StepUnderWay {
+    /// What moves the grains.
+    pub motion: GrainMotion,
+    /// What its passes share.
+    pub input: PassInput,
+    /// The greatest speed (m/s).
+    pub fastest: f64,
+    /// How far the grains of the last band moved at most (m).
+    pub way: f64,
+    /// The flow of momentum.
+    pub flow: FlowSum,
+    /// What the passes found.
+    pub outcome: PassOutcome,
+    /// The forces on grains of walls.
+    pub load: WallSums,
+    /// What failed, and that in words.
+    pub failure: Option<(Outside, String)>,
+}
+
+impl StepUnderWay {
+    /// Keeps what failed, if nothing of more weight has. It is described now, because bands before
+    /// this one may go on.
+    pub fn fail(&mut self, outside: Outside, describe: impl FnOnce(Outside) -> String) {
+        let known = self.failure.as_ref();
+        if known.is_none_or(|(known, _)| outside.rank() < known.rank()) {
+            self.failure = Some((outside, describe(outside)));
+        }
+    }
+}
