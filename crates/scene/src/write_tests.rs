@@ -50,6 +50,7 @@ fn every_choice_reads_back_as_the_same_scene() {
         MINDLIN,
         "time.step=1e-6 time.force=true",
         "bookkeeping.skin=0.3 bookkeeping.rebuild_every=17",
+        "bookkeeping.band_grains=300 bookkeeping.steps_at_once=3",
         "output.frame_strain=0 output.frame_start=0.01",
         "analysis.scalars=true analysis.start=0.02",
         "analysis.scalars=true analysis.strain=7e-5 output.frame_strain=0",
@@ -268,9 +269,11 @@ fn what_follows_from_other_keys_is_written() {
         "contact.twisting_stiffness",
     ];
     // Without them nothing is said: other keys, files or whoever runs the scene decide.
-    const NOTHING: [&str; 11] = [
+    const NOTHING: [&str; 13] = [
         "author",
         "bookkeeping.skin",
+        "bookkeeping.band_grains",
+        "bookkeeping.steps_at_once",
         "load.solid_fraction",
         "load.wall_mass",
         "material.fraction",
