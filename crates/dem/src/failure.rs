@@ -97,8 +97,8 @@ pub enum Outside {
 }
 
 impl Outside {
-    /// Of several in a step, that of the lowest rank is told.
-    pub(crate) fn rank(self) -> u8 {
+    /// A step reports the failure of the lowest precedence.
+    pub(crate) fn precedence(self) -> u8 {
         match self {
             Self::Plane(_) => 0,
             Self::Pair(..) => 1,

@@ -178,7 +178,8 @@ struct Sweep<'a, D: Dimension> {
 impl<D: Dimension> Sweep<'_, D> {
     /// Moves a band, and computes the forces of its pairs.
     fn band_of_step(&mut self, step: usize, band: usize) -> Result<()> {
-        // What follows a step that failed is not looked at, but other ranks wait for its messages.
+        // Skips the steps after one that failed; with several ranks the others wait for their
+        // messages.
         let mut before = self.steps[..step.min(self.steps.len())].iter();
         if self.exchange.size() == 1 && before.any(|step| step.failure.is_some()) {
             return Ok(());
@@ -224,7 +225,7 @@ impl<D: Dimension> Sweep<'_, D> {
             cell: system.cell,
             streaming: drive.streaming(),
             is_stressed,
-            // Those of a single band are told when the walls drift.
+            // With a single band, the walls drift before any grain moves.
             walls: match system.bands.count() {
                 1 => None,
                 _ => drive.bottom((step - self.drifts) as u64),
@@ -354,9 +355,9 @@ impl<D: Dimension> Sweep<'_, D> {
         } else {
             walls = walls.split_off(grains.start);
         }
-        let (felt, fixed) = (&system.grains, &system.fixed);
+        let (grains, fixed) = (&system.grains, &system.fixed);
         system.pool.over_walls(walls, load, |walls, sums| {
-            drive.load_on_grains(felt, fixed, walls, sums);
+            drive.load_on_grains(grains, fixed, walls, sums);
         });
     }
 
@@ -424,11 +425,11 @@ pub fn initial_forces<D: Dimension>(
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     system.add_flow(MomentumFlow::over(&system.cell, &system.grains));
     let mut load = WallSums::default();
-    let (felt, fixed) = (&system.grains, &system.fixed);
+    let (grains, fixed) = (&system.grains, &system.fixed);
     system
         .pool
         .over_walls(drive.wall_grains(), &mut load, |walls, sums| {
-            drive.load_on_grains(felt, fixed, walls, sums);
+            drive.load_on_grains(grains, fixed, walls, sums);
         });
     let failure = outside.map(|outside| system.describe(outside));
     let (load, []) = sum_over_ranks(exchange, system, drive, load, failure, [], |_| ())?;
@@ -448,7 +449,7 @@ pub fn initial_forces<D: Dimension>(
 /// some 5 % where the cache holds all (docs/lab/speed.md).
 const CACHED: usize = 3 << 20;
 
-/// Numbers of steps of which the ranks say whether their lists last for them.
+/// In every step each rank says whether its list lasts for these numbers of steps.
 const LASTING: [u64; 2] = [4, 16];
 
 /// Room for four flags.

@@ -102,6 +102,8 @@ pub struct List {
     pub due: bool,
     /// Upper bound of the displacements since the last rebuild (m).
     bound: f64,
+    /// The bound when it first exceeded half the skin in a step of this sweep but the last (m).
+    exceeded: Option<f64>,
     /// Upper bound of the lengths of the paths since then (m), for the pairs of each band.
     pub(crate) travelled: Vec<f64>,
     /// How far the grains moved in the last step, at most (m).
@@ -116,7 +118,7 @@ pub struct List {
     reach_when_sorted: f64,
     /// Whether grains have left their bands since then.
     scattered: bool,
-    /// For how many steps from the next one on it will do on every rank.
+    /// Number of steps from the next one on for which the lists of all ranks last.
     pub(crate) lasting: u64,
     /// By how much rounding may move a grain in a step (m).
     rounding: f64,
@@ -215,23 +217,30 @@ impl List {
         // The next step may be up to twice as fast.
         let margin = 2.0 * way;
         let is_near = |bound: f64, part: f64| bound + margin > part * half;
-        self.unsound |= way.is_nan();
-        if !is_near(self.bound, 0.9) || !looks {
-            return is_near(self.bound, 0.9);
+        let is_unsure = is_near(self.bound, 0.9);
+        if !(is_unsure && looks) {
+            self.unsound |= way.is_nan();
+            if self.bound > half {
+                self.exceeded.get_or_insert(self.bound);
+            }
+            return is_unsure;
         }
+        // Where the bound exceeded half the skin, a grain may have been further away than it is
+        // now, by the paths since then.
+        let since = self.exceeded.take().map_or(0.0, |bound| self.bound - bound);
         // One at infinity moves by a NaN, which `max` leaves out.
         let planes = planes.into_iter().flatten().zip(self.planes);
         let of_planes = planes.fold(0.0, |most: f64, (now, then)| most.max((now - then).abs()));
         let of_grains = self.displacement(grains, cell).max(of_planes);
         let exact = of_grains + 0.5 * self.cutoff() * self.strain(cell);
         self.bound = exact;
-        self.unsound |= exact.is_nan() || exact > half;
+        self.unsound = way.is_nan() || exact.is_nan() || exact + since > half;
         // Slightly early, which avoids looking at every grain in every step.
         is_near(self.bound, 0.8)
     }
 
-    /// Whether the list will do for so many steps from this one on, also if the grains become twice
-    /// as fast.
+    /// Whether the list lasts for so many steps from this one on even if the grains become twice as
+    /// fast.
     pub(crate) fn lasts(&self, step: u64, steps: u64) -> bool {
         let room = 0.9 * 0.5 * self.skin - self.bound;
         let is_forced = self.every > 0 && step + steps > self.built + self.every;
@@ -781,6 +790,7 @@ impl<D: Dimension> System<D> {
         // How fast its grains are is not known yet.
         self.list.lasting = 1;
         self.list.bound = 0.0;
+        self.list.exceeded = None;
         self.list.travelled.clear();
         self.list.travelled.resize(self.bands.count(), 0.0);
         self.list.images_moved = 0.0;
@@ -945,6 +955,43 @@ mod tests {
     use super::*;
     use crate::dimension::Two;
     use crate::domain::Solo;
+    use bytemuck::Zeroable;
+
+    /// In a sweep only the last step looks at the grains: one that left and came back is noticed.
+    #[test]
+    fn a_list_is_unsound_if_a_grain_may_have_left_within_a_sweep() {
+        let grain = GrainState {
+            radius: 0.5,
+            position: [5.0, 5.0, 0.0],
+            ..GrainState::zeroed()
+        };
+        let mut grains = Grains::<Two>::default();
+        grains.replace(&[grain], &Masses::Equal(1.0), 1.0);
+        let motion = GrainMotion {
+            step: 1.0,
+            cell: Cell::between_walls([10.0, f64::INFINITY]),
+            streaming: None,
+            is_stressed: false,
+            walls: None,
+        };
+        // Half the skin is 0.5, and the grain is where it was.
+        for (ways, unsound) in [
+            (&[0.3, 0.1, 0.6][..], false),
+            (&[0.3, 0.3, 0.1, 0.3], false),
+            (&[0.3, 0.3, 0.1, 0.5], true),
+        ] {
+            let mut list = List {
+                skin: 1.0,
+                height: f64::INFINITY,
+                origin: vec![[5.0, 5.0, 0.0]],
+                ..List::default()
+            };
+            for (k, way) in ways.iter().enumerate() {
+                list.moved(*way, &motion, &grains, None, k + 1 == ways.len());
+            }
+            assert_eq!(list.unsound, unsound, "{ways:?}");
+        }
+    }
 
     /// The time since the last migration is what ranks share the work by.
     #[test]

@@ -22,16 +22,16 @@ pub(crate) struct StepUnderWay {
     pub outcome: PassOutcome,
     /// The forces on grains of walls.
     pub load: WallSums,
-    /// What failed, and that in words.
+    /// The failure, and its message.
     pub failure: Option<(Outside, String)>,
 }
 
 impl StepUnderWay {
-    /// Keeps what failed, if nothing of more weight has. It is described now, because bands before
-    /// this one may go on.
+    /// Keeps a failure unless one of lower precedence is known. Describes it at once, because bands
+    /// before this one may move on.
     pub fn fail(&mut self, outside: Outside, describe: impl FnOnce(Outside) -> String) {
         let known = self.failure.as_ref();
-        if known.is_none_or(|(known, _)| outside.rank() < known.rank()) {
+        if known.is_none_or(|(known, _)| outside.precedence() < known.precedence()) {
             self.failure = Some((outside, describe(outside)));
         }
     }

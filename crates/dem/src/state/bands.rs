@@ -171,8 +171,8 @@ impl BandSize {
         }
     }
 
-    /// For the last-level cache: where all grains fit into it bands would gain nothing, nor where
-    /// several bands do not, which steps that follow each other need. So many `ranks` share it.
+    /// For a last-level cache that so many `ranks` share. Bands gain nothing if all grains fit into
+    /// it, or if several bands do not fit.
     pub fn by_cache<D: Dimension>(ranks: usize) -> Self {
         let (cache, cores) = cache_and_its_cores();
         let grains = cache / ranks.clamp(1, cores) / bytes_of_a_grain::<D>();
@@ -198,17 +198,17 @@ const USUAL_CACHE: usize = 32 << 20;
 /// Bytes of the last-level cache of this processor, and how many of its virtual cores have it.
 fn cache_and_its_cores() -> (usize, usize) {
     static CACHE: OnceLock<(usize, usize)> = OnceLock::new();
-    let told = |name: &str| {
+    let read = |name: &str| {
         let path = format!("/sys/devices/system/cpu/cpu0/cache/index3/{name}");
         std::fs::read_to_string(path).ok()
     };
     let bytes = || -> Option<usize> {
-        let kibibytes = told("size")?.trim().strip_suffix('K')?.parse::<usize>();
+        let kibibytes = read("size")?.trim().strip_suffix('K')?.parse::<usize>();
         Some(kibibytes.ok()? << 10)
     };
     // A mask in hexadecimal digits, in groups of eight.
     let cores = || -> Option<usize> {
-        let mask = told("shared_cpu_map")?;
+        let mask = read("shared_cpu_map")?;
         let digits = mask.chars().filter_map(|digit| digit.to_digit(16));
         Some(digits.map(|digit| digit.count_ones() as usize).sum())
     };

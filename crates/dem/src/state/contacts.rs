@@ -115,8 +115,8 @@ pub struct LocalGrains<'a> {
     pub ghosts_move: f64,
 }
 
-/// Groups of a band beside the shares: between two of these, pairs of which this rank owns i, and
-/// j.
+/// Groups of a band besides the shares: pairs between two shares, pairs of which this rank owns
+/// only i, and pairs of which it owns only j.
 const OTHER_GROUPS: usize = 3;
 
 impl LocalGrains<'_> {

@@ -199,33 +199,36 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         run.terminal.warn(format!("{message}; removed"));
     }
 
-    /// Number of steps from this one on that may be taken at once: nothing is looked at between
+    /// Number of steps that may be taken at once: without output, checkpoints and checks between
     /// them.
-    fn unwatched_steps(&self, run: &Run<'_>) -> u64 {
+    fn steps_without_output(&self, run: &Run<'_>) -> u64 {
         let most = self.assembly.system.most_at_once();
-        if most == 1 {
-            return 1;
-        }
-        let (step, schedule) = (self.step, &self.schedule);
-        let begins_part = |step: u64| schedule.protocol.segment(step).first == step;
-        // The speeds of the last step say how far grains come, and which wall may leave.
-        if begins_part(step) || self.may_lose_top() {
+        // Before a part begins, the last step does not say how fast its walls are.
+        if most == 1 || self.begins_part(self.step) || self.may_lose_top() {
             return 1;
         }
         let before_stop = match (run.options.stop_at, self.count()) {
             (Some(last), Some(next)) => last.saturating_sub(next),
             _ => u64::MAX,
         };
-        let is_watched = |step: u64| {
-            step >= schedule.steps()
-                || begins_part(step)
-                || schedule.due(step + 1).any()
-                || schedule.checkpoint_due(step)
-                || schedule.progress_due(step)
-                || step.is_multiple_of(CHECKPOINT_INTERVAL)
-        };
-        let next = (1..most).find(|steps| is_watched(step + steps));
+        let next = (1..most).find(|steps| self.ends_sweep(self.step + steps));
         next.unwrap_or(most).min(before_stop).max(1)
+    }
+
+    /// Whether a part of the protocol begins after so many steps.
+    fn begins_part(&self, step: u64) -> bool {
+        self.schedule.protocol.segment(step).first == step
+    }
+
+    /// Whether something is due after so many steps, or measured in the next one.
+    fn ends_sweep(&self, step: u64) -> bool {
+        let schedule = &self.schedule;
+        step >= schedule.steps()
+            || self.begins_part(step)
+            || schedule.due(step + 1).any()
+            || schedule.checkpoint_due(step)
+            || schedule.progress_due(step)
+            || step.is_multiple_of(CHECKPOINT_INTERVAL)
     }
 
     /// Whether the top wall may leave the sample within some steps.
@@ -381,11 +384,12 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         }
         let sampled = self.schedule.due(self.step + 1).any();
         let stop = stop || run.asked_to_stop();
-        let most = self.unwatched_steps(run);
+        let most = self.steps_without_output(run);
         let drive = self.boundary.drive();
         let stop = if sampled {
+            let stop = self.assembly.advance(drive, true, stop)?;
             self.step += 1;
-            self.assembly.advance(drive, true, stop)?
+            stop
         } else {
             let advanced = self.assembly.sweep(drive, most, stop)?;
             self.step += advanced.steps;
