@@ -62,7 +62,11 @@ impl Clock {
 
     /// Adds the time since the last call to `phase`.
     pub fn end(&mut self, phase: StepPhase) {
-        let now = Instant::now();
+        self.end_at(phase, Instant::now());
+    }
+
+    /// Adds the time from the last call to `now` to `phase`.
+    pub(crate) fn end_at(&mut self, phase: StepPhase, now: Instant) {
         self.seconds[phase as usize] += (now - self.since).as_secs_f64();
         self.since = now;
     }

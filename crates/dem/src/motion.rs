@@ -1,12 +1,12 @@
 //! The motion of the grains in a step, and the forces that no contact makes: weight and drag.
 
-use std::ops::Range;
+use std::time::Instant;
 
 use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
 use crate::drive::{FlowSum, Streaming, WallGrains, WallMotion};
-use crate::simd::{Lanes, Work};
+use crate::simd::{Isa, Lanes, Work};
 use crate::state::{Cell, Grains, Units, body};
 use crate::threads::OwnedPart;
 
@@ -14,19 +14,20 @@ use crate::threads::OwnedPart;
 /// Returns the greatest speed (m/s), or NaN if one is NaN, and the flow of momentum where grains
 /// stream. `SECOND_KICK_DEFERRED`: gives the deferred second kick of the last step first.
 /// `STREAMS`: grains do what [`Drive::streaming`] says.
-pub(crate) struct HalfKickAndDrift<
-    'a,
-    D: Dimension,
-    const SECOND_KICK_DEFERRED: bool,
-    const STREAMS: bool,
-> {
-    pub part: OwnedPart<'a, D>,
-    pub motion: GrainMotion,
+struct HalfKickAndDrift<'a, D: Dimension, const SECOND_KICK_DEFERRED: bool, const STREAMS: bool> {
+    part: OwnedPart<'a, D>,
+    motion: GrainMotion,
 }
 
 /// What moves the grains in a step beside the forces.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GrainMotion {
+    /// The instruction set.
+    pub isa: Isa,
+    /// The units to which forces are rounded.
+    pub units: Units,
+    /// g (m/s²) along x, and against the last axis.
+    pub gravity: [f64; 2],
     /// Δt (s).
     pub step: f64,
     /// The cell.
@@ -39,7 +40,53 @@ pub(crate) struct GrainMotion {
     pub walls: Option<WallMotion>,
 }
 
+/// What the motion of some grains found.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moved {
+    /// The greatest speed (m/s), or NaN if one is NaN.
+    pub fastest: f64,
+    /// The flow of momentum where grains stream.
+    pub flow: FlowSum,
+    /// When it ended.
+    pub ended: Instant,
+}
+
 impl GrainMotion {
+    /// Moves some grains, which then have no force but their weight. `second_kick_deferred`: gives
+    /// the second kick of the last step first.
+    pub(crate) fn advance<D: Dimension>(
+        &self,
+        second_kick_deferred: bool,
+        mut part: OwnedPart<'_, D>,
+    ) -> Moved {
+        let (motion, isa) = (*self, self.isa);
+        let moved = part.reborrow();
+        let (fastest, flow) = match (second_kick_deferred, motion.streaming.is_some()) {
+            (true, false) => isa.run(HalfKickAndDrift::<_, true, false> {
+                part: moved,
+                motion,
+            }),
+            (false, false) => isa.run(HalfKickAndDrift::<_, false, false> {
+                part: moved,
+                motion,
+            }),
+            (true, true) => isa.run(HalfKickAndDrift::<_, true, true> {
+                part: moved,
+                motion,
+            }),
+            (false, true) => isa.run(HalfKickAndDrift::<_, false, true> {
+                part: moved,
+                motion,
+            }),
+        };
+        weigh::<D>(part.force, part.mass, part.body, self.units, self.gravity);
+        Moved {
+            fastest,
+            flow,
+            ended: Instant::now(),
+        }
+    }
+
     /// Gives grains of walls the velocities with which they move, also as those of the half step,
     /// from which the deferred second kick starts.
     pub(crate) fn give_first<D: Dimension>(
@@ -192,19 +239,23 @@ pub(crate) fn greater_or_nan(a: f64, b: f64) -> f64 {
     if b > a || b.is_nan() { b } else { a }
 }
 
-/// Adds the weights to these free grains, rounded like the contact forces.
+/// Gives free grains without any other force their weights, rounded like the contact forces.
 pub(crate) fn weigh<D: Dimension>(
-    grains: &mut Grains<D>,
-    weighed: Range<usize>,
+    force: &mut [D::Force],
+    mass: &[f64],
+    body: &[u32],
+    units: Units,
     gravity: [f64; 2],
 ) {
+    if gravity == [0.0; 2] {
+        return;
+    }
     let [along, down] = gravity;
-    let shift = Units::shift(grains.units.force);
-    for g in weighed {
-        if grains.body[g] == body::FREE {
-            let mass = grains.mass[g];
-            grains.force[g][0] = (shift + mass * along) - shift;
-            grains.force[g][D::UP] = (shift - mass * down) - shift;
+    let shift = Units::shift(units.force);
+    for ((force, mass), belongs_to) in force.iter_mut().zip(mass).zip(body) {
+        if *belongs_to == body::FREE {
+            force[0] = (shift + mass * along) - shift;
+            force[D::UP] = (shift - mass * down) - shift;
         }
     }
 }

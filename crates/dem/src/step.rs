@@ -18,10 +18,10 @@ use crate::domain::{Accumulator, Exchange, LIMBS};
 use crate::drive::{Drive, Felt, FlowSum, MomentumFlow, WallForces, WallSteps, WallSums};
 use crate::failure::{Outside, Result};
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
-use crate::motion::{GrainMotion, HalfKickAndDrift, greater_or_nan, slow_down, weigh};
+use crate::motion::{GrainMotion, Moved, greater_or_nan, slow_down, weigh};
 use crate::state::{Grains, Sheared};
 use crate::system::System;
-use crate::threads::BandForces;
+use crate::threads::{BandForces, MovedGrains, OwnedPart};
 use crate::under_way::StepUnderWay;
 
 /// Options of a step, or of several.
@@ -221,6 +221,9 @@ impl<D: Dimension> Sweep<'_, D> {
         }
         let is_stressed = drive.needs_stress(self.request.samples.is_some());
         let motion = GrainMotion {
+            isa: system.tuning.passes().isa,
+            units: system.grains.units,
+            gravity: system.gravity,
             step: time_step,
             cell: system.cell,
             streaming: drive.streaming(),
@@ -241,6 +244,7 @@ impl<D: Dimension> Sweep<'_, D> {
             way: 0.0,
             flow: FlowSum::default(),
             outcome: PassOutcome::default(),
+            within_shares: None,
             load: WallSums::default(),
             failure: None,
         });
@@ -258,37 +262,63 @@ impl<D: Dimension> Sweep<'_, D> {
         motion.give_predicted::<D>(feet, 0, &mut system.grains.record);
     }
 
-    /// Moves the grains of a band, which then have no force but their weight.
+    /// Moves the grains of a band, which then have no force but their weight. The forces of the
+    /// pairs within shares follow at once where nothing is sent in between.
     fn move_band(&mut self, step: usize, band: usize) {
         let Self { system, drive, .. } = self;
         let under_way = &mut self.steps[step];
         let motion = under_way.motion;
-        let isa = under_way.input.settings.isa;
-        let grains = system.bands.grains(band);
-        let walls = drive.wall_grains().within(grains.clone());
         let second_kick_deferred = self.second_kick_deferred || step > 0;
+        let System {
+            bands,
+            pool,
+            grains,
+            contacts,
+            list,
+            clock,
+            ..
+        } = &mut **system;
         let mut fastest = drive.speed();
-        system.pool.over_owned(
-            &mut system.grains,
-            grains.clone(),
-            walls,
-            |part| match (second_kick_deferred, motion.streaming.is_some()) {
-                (true, false) => isa.run(HalfKickAndDrift::<_, true, false> { part, motion }),
-                (false, false) => isa.run(HalfKickAndDrift::<_, false, false> { part, motion }),
-                (true, true) => isa.run(HalfKickAndDrift::<_, true, true> { part, motion }),
-                (false, true) => isa.run(HalfKickAndDrift::<_, false, true> { part, motion }),
-            },
-            |(speed, flow)| {
-                fastest = greater_or_nan(fastest, speed);
-                under_way.flow.merge(flow);
-            },
-        );
-        if system.gravity != [0.0; 2] {
-            weigh(&mut system.grains, grains, system.gravity);
+        let (time_step, cell, slowest) = (motion.step, motion.cell, fastest);
+        let mut ended = None;
+        let note = |moved: Moved| {
+            fastest = greater_or_nan(fastest, moved.fastest);
+            under_way.flow.merge(moved.flow);
+            ended.get_or_insert(moved.ended);
+        };
+        if self.exchange.size() == 1 && bands.count() == 1 {
+            let forces = BandForces {
+                law: self.law,
+                band,
+                input: under_way.input,
+            };
+            let moved = MovedGrains {
+                grains,
+                walls: drive.wall_grains(),
+                contacts,
+                samples: self.request.samples.as_deref_mut(),
+            };
+            let work = |part: OwnedPart<'_, D>| {
+                let moved = motion.advance(second_kick_deferred, part);
+                let fastest = greater_or_nan(slowest, moved.fastest);
+                let way = list.way(fastest, time_step, &cell);
+                (moved, list.travelled_after(band, way))
+            };
+            let outcome = pool.move_and_add_forces(&forces, moved, work, note);
+            under_way.within_shares = Some(outcome);
+            if let Some(ended) = ended {
+                clock.end_at(StepPhase::Motion, ended);
+            }
+            clock.end(StepPhase::Contacts);
+        } else {
+            let owned = bands.grains(band);
+            let walls = drive.wall_grains().within(owned.clone());
+            let work = |part: OwnedPart<'_, D>| motion.advance(second_kick_deferred, part);
+            pool.over_owned(grains, owned, walls, work, note);
         }
-        let way = system.list.way(fastest, motion.step, &motion.cell);
+        let way = list.way(fastest, time_step, &cell);
         // A pair may be with a grain of the band before.
-        system.list.travel(band, greater_or_nan(way, under_way.way));
+        list.travel(band, greater_or_nan(way, under_way.way));
         under_way.way = way;
         under_way.fastest = greater_or_nan(under_way.fastest, fastest);
         if fastest.is_nan() {
@@ -336,14 +366,15 @@ impl<D: Dimension> Sweep<'_, D> {
             band,
             input,
         };
-        let outcome = forces_of_band(self.exchange, system, &forces, samples);
+        let within_shares = under_way.within_shares.take();
+        let outcome = forces_of_band(self.exchange, system, &forces, samples, within_shares);
         under_way.outcome = under_way.outcome.merge(outcome);
         for outside in outcome.failures() {
             under_way.fail(outside, |outside| system.describe(outside));
         }
     }
 
-    /// The forces of contacts on a band are complete: sums those on grains of walls.
+    /// Completes the forces of contacts on a band, and sums those on grains of walls.
     fn complete(&mut self, step: usize, band: usize) {
         let Self { system, drive, .. } = self;
         let load = &mut self.steps[step].load;
@@ -355,10 +386,20 @@ impl<D: Dimension> Sweep<'_, D> {
         } else {
             walls = walls.split_off(grains.start);
         }
-        let (grains, fixed) = (&system.grains, &system.fixed);
-        system.pool.over_walls(walls, load, |walls, sums| {
-            drive.load_on_grains(grains, fixed, walls, sums);
-        });
+        let System {
+            pool,
+            grains,
+            fixed,
+            ..
+        } = &mut **system;
+        pool.complete(
+            &mut grains.force,
+            walls,
+            load,
+            |first, force, walls, sums| {
+                drive.load_on_grains(first, force, fixed, walls, sums);
+            },
+        );
     }
 
     /// Sums over all grains, and gives the walls their second kick.
@@ -425,12 +466,8 @@ pub fn initial_forces<D: Dimension>(
     let outside = forces(exchange, system, law, drive, 0.0, samples);
     system.add_flow(MomentumFlow::over(&system.cell, &system.grains));
     let mut load = WallSums::default();
-    let (grains, fixed) = (&system.grains, &system.fixed);
-    system
-        .pool
-        .over_walls(drive.wall_grains(), &mut load, |walls, sums| {
-            drive.load_on_grains(grains, fixed, walls, sums);
-        });
+    let (force, fixed) = (&system.grains.force, &system.fixed);
+    drive.load_on_grains(0, force, fixed, drive.wall_grains(), &mut load);
     let failure = outside.map(|outside| system.describe(outside));
     let (load, []) = sum_over_ranks(exchange, system, drive, load, failure, [], |_| ())?;
     if let Some(budget) = &mut system.budget {
@@ -519,16 +556,29 @@ pub fn forces<D: Dimension>(
     system.contacts.wake();
     let is_stressed = drive.needs_stress(samples.is_some());
     let input = begin_forces(system, step, is_stressed, samples.as_deref_mut());
-    if system.gravity != [0.0; 2] {
-        weigh(&mut system.grains, 0..owned, system.gravity);
-    }
+    let Grains {
+        force,
+        mass,
+        body,
+        units,
+        ..
+    } = &mut system.grains;
+    weigh::<D>(
+        &mut force[..owned],
+        &mass[..owned],
+        &body[..owned],
+        *units,
+        system.gravity,
+    );
     let at_plane = drive.forces(input.settings, input.cell, step, &mut system.grains);
     let mut outcome = PassOutcome::default();
     for band in 0..system.bands.count() {
         let samples = samples.as_deref_mut();
         let forces = BandForces { law, band, input };
-        outcome = outcome.merge(forces_of_band(exchange, system, &forces, samples));
+        let of_band = forces_of_band(exchange, system, &forces, samples, None);
+        outcome = outcome.merge(of_band);
     }
+    system.pool.gather(&mut system.grains.force);
     system.count(&outcome, is_stressed);
     let unsound = system.list.unsound.then_some(Outside::Number);
     let of_pairs = outcome.failures().next();
@@ -579,12 +629,14 @@ fn begin_forces<D: Dimension>(
 }
 
 /// Adds the forces of the pairs of a band, those of inner contacts during the exchange of the
-/// ghosts' records.
+/// ghosts' records. `within_shares`: what those found that have been added before. Those of other
+/// threads are complete after [`ThreadPool::complete`](crate::threads::ThreadPool::complete).
 fn forces_of_band<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
     forces: &BandForces<'_, D>,
     mut samples: Option<&mut ContactForces>,
+    within_shares: Option<PassOutcome>,
 ) -> PassOutcome {
     let System {
         grains,
@@ -595,16 +647,17 @@ fn forces_of_band<D: Dimension>(
         ..
     } = system;
     let (record, force) = (&mut grains.record, &mut grains.force);
-    let mut outcome = PassOutcome::default();
+    let mut outcome = within_shares;
     slabs.exchange(exchange, forces.band, record, grains.owned, |owned| {
         clock.end(StepPhase::Exchange);
         let samples = samples.as_deref_mut();
-        outcome = pool.forces_within_shares(forces, owned, force, contacts, samples);
+        outcome.get_or_insert_with(|| {
+            pool.forces_within_shares(forces, owned, force, contacts, samples)
+        });
         clock.end(StepPhase::Contacts);
     });
     clock.end(StepPhase::Exchange);
-    outcome = outcome.merge(pool.other_forces(forces, record, force, contacts, samples));
-    pool.gather(&mut grains.force);
+    let others = pool.other_forces(forces, record, force, contacts, samples);
     clock.end(StepPhase::Contacts);
-    outcome
+    outcome.map_or(others, |within| within.merge(others))
 }

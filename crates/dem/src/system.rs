@@ -196,7 +196,12 @@ impl List {
 
     /// The grains of the pairs of a band moved by up to `way` (m) in a step.
     pub(crate) fn travel(&mut self, band: usize, way: f64) {
-        self.travelled[band] += way + self.rounding;
+        self.travelled[band] = self.travelled_after(band, way);
+    }
+
+    /// How far they have travelled if they move by up to `way` (m) in a step.
+    pub(crate) fn travelled_after(&self, band: usize, way: f64) -> f64 {
+        self.travelled[band] + (way + self.rounding)
     }
 
     /// All grains moved by up to `way` (m) in a step. Returns whether the list must be rebuilt.
@@ -968,6 +973,9 @@ mod tests {
         let mut grains = Grains::<Two>::default();
         grains.replace(&[grain], &Masses::Equal(1.0), 1.0);
         let motion = GrainMotion {
+            isa: Isa::Portable,
+            units: Units::new(1.0, 1.0),
+            gravity: [0.0; 2],
             step: 1.0,
             cell: Cell::between_walls([10.0, f64::INFINITY]),
             streaming: None,

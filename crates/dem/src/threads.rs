@@ -10,12 +10,12 @@ use bytemuck::Zeroable;
 use crate::dimension::Dimension;
 use crate::drive::{WallGrains, WallSums};
 use crate::failure::Result;
-use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Scratch};
-use crate::state::{BandBlocks, CandidatePair, Contacts, Grains, Image};
+use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Samples, Scratch};
+use crate::state::{BandBlocks, BlockRange, CandidatePair, Contacts, Grains, Image, Share};
 use crate::workers::{self, Workers, tail, tail_mut};
 
 /// Number of grains whose forces a thread clears and adds together.
-const PAGE: usize = 256;
+const PAGE: usize = 64;
 
 /// Cost of a pair in a step over that of a grain.
 const PAIR_COST: usize = 6;
@@ -131,26 +131,62 @@ impl<D: Dimension> ThreadPool<D> {
     ) -> PassOutcome {
         let BandForces { law, band, input } = *forces;
         let shares = std::mem::take(&mut contacts.bands[band].shares);
-        let blocks = shares[0].blocks.start..shares[shares.len() - 1].blocks.end;
-        let first_block = blocks.start;
-        let mut samples = samples.map(|s| s.part(blocks.clone()));
-        let mut part = contacts.part(blocks);
+        let scratches = scratches(&mut self.scratch, &mut self.partial);
         let mut rest = force;
-        let others = self.partial.iter_mut().map(|partial| &mut partial.scratch);
-        let scratches: Vec<_> = std::iter::once(&mut self.scratch).chain(others).collect();
-        let mut passes = Vec::with_capacity(scratches.len());
-        for (share, scratch) in shares.iter().zip(scratches).rev() {
-            let begin = share.blocks.start;
+        let mut passes = Vec::with_capacity(shares.len());
+        let pairs = pairs_within(&shares, contacts, samples, scratches);
+        for (share, pairs) in shares.iter().zip(pairs).rev() {
             let force = tail_mut(&mut rest, share.grains.start);
             let (record, force) = (
                 &record[share.grains.clone()],
                 &mut force[..share.grains.len()],
             );
-            let pass = Pass::new(input, record, force, part.split_off(begin));
-            let samples = samples.as_mut().map(|s| s.split_off(begin - first_block));
-            passes.push((pass.sampled(samples), &mut **scratch));
+            passes.push(pairs.pass(input, record, force));
         }
         let outcome = compute(self.workers.as_ref(), law, passes);
+        contacts.bands[band].shares = shares;
+        outcome
+    }
+
+    /// Moves each share by `work`, and adds the forces of the pairs within it, for which no grain
+    /// of another share is needed: in one region. `work` says how far the grains of its part have
+    /// travelled since the list was made (m), and `each` is called with what else it found.
+    pub(crate) fn move_and_add_forces<R: Send>(
+        &mut self,
+        forces: &BandForces<'_, D>,
+        MovedGrains {
+            grains,
+            walls,
+            contacts,
+            samples,
+        }: MovedGrains<'_, D>,
+        work: impl Fn(OwnedPart<'_, D>) -> (R, f64) + Sync,
+        mut each: impl FnMut(R),
+    ) -> PassOutcome {
+        let BandForces { law, band, input } = *forces;
+        let shares = std::mem::take(&mut contacts.bands[band].shares);
+        let scratches = scratches(&mut self.scratch, &mut self.partial);
+        let pairs = pairs_within(&shares, contacts, samples, scratches);
+        let owned = 0..grains.owned;
+        let parts = OwnedPart::of(grains, owned, walls).split(&self.shares);
+        let jobs = parts.into_iter().zip(pairs);
+        let mut jobs: Vec<_> = jobs.map(|job| (Some(job), None)).collect();
+        workers::each(self.workers.as_ref(), &mut jobs, |_, (job, found)| {
+            if let Some((mut part, pairs)) = job.take() {
+                let (result, travelled) = work(part.reborrow());
+                let input = PassInput {
+                    travelled: Some(travelled),
+                    ..input
+                };
+                let (pass, scratch) = pairs.pass(input, part.record, part.force);
+                *found = Some((result, law.pass(pass, scratch)));
+            }
+        });
+        let mut outcome = PassOutcome::default();
+        for (result, of_share) in jobs.into_iter().filter_map(|(_, found)| found) {
+            outcome = outcome.merge(of_share);
+            each(result);
+        }
         contacts.bands[band].shares = shares;
         outcome
     }
@@ -171,6 +207,11 @@ impl<D: Dimension> ThreadPool<D> {
             return PassOutcome::default();
         }
         let threads = self.threads();
+        let input = PassInput {
+            // Another core has moved many of the grains.
+            is_cold: input.is_cold || threads > 1,
+            ..input
+        };
         let mut samples = samples.map(|s| s.part(group.clone()));
         let mut part = contacts.part(group.clone());
         let others = self.partial.iter_mut();
@@ -187,11 +228,25 @@ impl<D: Dimension> ThreadPool<D> {
         compute(self.workers.as_ref(), law, passes)
     }
 
-    /// Adds the partial forces to the forces on the grains, and clears them. Each thread adds those
-    /// on its share, whose forces stay in the cache of its core; the last one those on ghosts, too.
+    /// Adds the partial forces to the forces on the grains, and clears them.
     pub fn gather(&mut self, force: &mut [D::Force]) {
+        let nowhere = &mut WallSums::default();
+        self.complete(force, WallGrains::default(), nowhere, |_, _, _, _| ());
+    }
+
+    /// Adds the partial forces to the forces on the grains, and clears them; then adds what `work`
+    /// finds of the grains of walls. Each thread does so for its share, whose forces stay in the
+    /// cache of its core; the last one also for ghosts and feet. `work` gets the local index of the
+    /// first grain of a share, and the forces on its grains.
+    pub(crate) fn complete(
+        &mut self,
+        force: &mut [D::Force],
+        mut walls: WallGrains<'_>,
+        sums: &mut WallSums,
+        work: impl Fn(usize, &[D::Force], WallGrains<'_>, &mut WallSums) + Sync,
+    ) {
         if self.workers.is_none() {
-            return;
+            return work(0, force, walls, sums);
         }
         let mut partial: Vec<PartialSums<'_, D>> = Vec::new();
         for of_thread in &mut self.partial {
@@ -205,43 +260,31 @@ impl<D: Dimension> ThreadPool<D> {
         for share in self.shares.iter().rev() {
             let first = share.start;
             let partial = partial.iter_mut().map(|sums| sums.split_off(first));
-            parts.push(GatheredPart {
+            let part = GatheredPart {
                 first,
                 partial: partial.collect(),
                 force: tail_mut(&mut rest, first),
-            });
+            };
+            parts.push((part, walls.split_off(first), WallSums::default()));
         }
         // The calling thread has the first share.
         parts.reverse();
-        workers::each(self.workers.as_ref(), &mut parts, |_, part| part.add());
-    }
-
-    /// Adds what `work` finds of the grains of walls in each share; feet are with the last.
-    pub(crate) fn over_walls(
-        &self,
-        mut walls: WallGrains<'_>,
-        sums: &mut WallSums,
-        work: impl Fn(WallGrains<'_>, &mut WallSums) + Sync,
-    ) {
-        if self.workers.is_none() || walls.is_empty() {
-            return work(walls, sums);
-        }
-        let mut parts = Vec::new();
-        for share in self.shares.iter().rev() {
-            parts.push((walls.split_off(share.start), WallSums::default()));
-        }
-        parts.reverse();
-        workers::each(self.workers.as_ref(), &mut parts, |_, (walls, sums)| {
-            work(*walls, sums);
-        });
-        for (_, of_share) in parts {
+        workers::each(
+            self.workers.as_ref(),
+            &mut parts,
+            |_, (part, walls, sums)| {
+                part.add();
+                work(part.first, part.force, *walls, sums);
+            },
+        );
+        for (_, _, of_share) in parts {
             sums.merge(of_share);
         }
     }
 
     /// Runs `work` on the part of each thread of these owned grains, which with several threads are
     /// all, and calls `each` with every result. Each part has its own grains of `walls`.
-    pub(crate) fn over_owned<R: Send + Default>(
+    pub(crate) fn over_owned<R: Send>(
         &self,
         grains: &mut Grains<D>,
         owned: Range<usize>,
@@ -249,38 +292,17 @@ impl<D: Dimension> ThreadPool<D> {
         work: impl Fn(OwnedPart<'_, D>) -> R + Sync,
         mut each: impl FnMut(R),
     ) {
-        let mut rest = OwnedPart {
-            record: &mut grains.record[owned.clone()],
-            force: &mut grains.force[owned.clone()],
-            half_kick: &grains.half_kick[owned.clone()],
-            image: &mut grains.image[owned.clone()],
-            mass: &grains.mass[owned.clone()],
-            first: owned.start,
-            walls,
-        };
-        let Some(workers) = &self.workers else {
-            return each(work(rest));
-        };
-        let mut results: Vec<R> = self.shares.iter().map(|_| R::default()).collect();
-        workers.region(|region| {
-            let work = &work;
-            let (first, others) = results.split_at_mut(1);
-            // From the last share to the first, which this thread computes.
-            for (share, result) in self.shares[1..].iter().zip(others).rev() {
-                let part = OwnedPart {
-                    record: tail_mut(&mut rest.record, share.start),
-                    force: tail_mut(&mut rest.force, share.start),
-                    half_kick: tail(&mut rest.half_kick, share.start),
-                    image: tail_mut(&mut rest.image, share.start),
-                    mass: tail(&mut rest.mass, share.start),
-                    first: share.start,
-                    walls: rest.walls.split_off(share.start),
-                };
-                region.spawn(move || *result = work(part));
-            }
-            first[0] = work(rest);
+        let all = OwnedPart::of(grains, owned, walls);
+        if self.workers.is_none() {
+            return each(work(all));
+        }
+        let parts = all.split(&self.shares).into_iter();
+        let mut parts: Vec<_> = parts.map(|part| (Some(part), None)).collect();
+        workers::each(self.workers.as_ref(), &mut parts, |_, (part, result)| {
+            *result = part.take().map(&work);
         });
-        results.into_iter().for_each(each);
+        let results = parts.into_iter().filter_map(|(_, result)| result);
+        results.for_each(each);
     }
 
     /// Heap in use (bytes).
@@ -301,6 +323,75 @@ pub(crate) struct BandForces<'a, D: Dimension> {
     pub band: usize,
     /// What all passes of a step share.
     pub input: PassInput,
+}
+
+/// What moves, and what its forces are computed with.
+pub(crate) struct MovedGrains<'a, D: Dimension> {
+    /// The grains; the owned ones move.
+    pub grains: &'a mut Grains<D>,
+    /// Those that belong to walls.
+    pub walls: WallGrains<'a>,
+    /// The contacts.
+    pub contacts: &'a mut Contacts,
+    /// Receives the contact forces.
+    pub samples: Option<&'a mut ContactForces>,
+}
+
+/// The pairs within a share, and what their pass needs besides the grains.
+struct SharePairs<'a, D: Dimension> {
+    part: BlockRange<'a>,
+    samples: Option<Samples<'a>>,
+    scratch: &'a mut Scratch<D>,
+}
+
+impl<'a, D: Dimension> SharePairs<'a, D> {
+    /// Their pass with the records of the share and the forces on it, and its scratch.
+    fn pass<'b>(
+        self,
+        input: PassInput,
+        record: &'b [D::Record],
+        force: &'b mut [D::Force],
+    ) -> (Pass<'b, D>, &'b mut Scratch<D>)
+    where
+        'a: 'b,
+    {
+        let pass = Pass::new(input, record, force, self.part);
+        (pass.sampled(self.samples), self.scratch)
+    }
+}
+
+/// The scratch of each thread.
+fn scratches<'a, D: Dimension>(
+    of_first: &'a mut Scratch<D>,
+    of_others: &'a mut [PartialForces<D>],
+) -> Vec<&'a mut Scratch<D>> {
+    let others = of_others.iter_mut().map(|partial| &mut *partial.scratch);
+    std::iter::once(of_first).chain(others).collect()
+}
+
+/// The pairs within each of these shares, from the first one on.
+fn pairs_within<'a, D: Dimension>(
+    shares: &[Share],
+    contacts: &'a mut Contacts,
+    samples: Option<&'a mut ContactForces>,
+    scratches: Vec<&'a mut Scratch<D>>,
+) -> Vec<SharePairs<'a, D>> {
+    let blocks = shares[0].blocks.start..shares[shares.len() - 1].blocks.end;
+    let first_block = blocks.start;
+    let mut samples = samples.map(|samples| samples.part(blocks.clone()));
+    let mut part = contacts.part(blocks);
+    let mut pairs = Vec::with_capacity(shares.len());
+    for (share, scratch) in shares.iter().zip(scratches).rev() {
+        let begin = share.blocks.start;
+        let samples = samples.as_mut();
+        pairs.push(SharePairs {
+            part: part.split_off(begin),
+            samples: samples.map(|samples| samples.split_off(begin - first_block)),
+            scratch,
+        });
+    }
+    pairs.reverse();
+    pairs
 }
 
 /// Computes all parts of a pass, from the last to the first, which the calling thread computes.
@@ -384,8 +475,60 @@ pub(crate) struct OwnedPart<'a, D: Dimension> {
     pub image: &'a mut [Image],
     /// Their masses (kg).
     pub mass: &'a [f64],
+    /// Their bodies; see [`body`](crate::state::body).
+    pub body: &'a [u32],
     /// The local index of the first of them.
     pub first: usize,
     /// Those that belong to walls.
     pub walls: WallGrains<'a>,
+}
+
+impl<'a, D: Dimension> OwnedPart<'a, D> {
+    /// Some owned grains, and those of them that belong to walls.
+    fn of(grains: &'a mut Grains<D>, owned: Range<usize>, walls: WallGrains<'a>) -> Self {
+        Self {
+            record: &mut grains.record[owned.clone()],
+            force: &mut grains.force[owned.clone()],
+            half_kick: &grains.half_kick[owned.clone()],
+            image: &mut grains.image[owned.clone()],
+            mass: &grains.mass[owned.clone()],
+            body: &grains.body[owned.clone()],
+            first: owned.start,
+            walls,
+        }
+    }
+
+    /// The part of each thread.
+    fn split(mut self, shares: &[Range<usize>]) -> Vec<Self> {
+        let mut parts = Vec::with_capacity(shares.len());
+        for share in shares.iter().rev() {
+            let at = share.start - self.first;
+            parts.push(Self {
+                record: tail_mut(&mut self.record, at),
+                force: tail_mut(&mut self.force, at),
+                half_kick: tail(&mut self.half_kick, at),
+                image: tail_mut(&mut self.image, at),
+                mass: tail(&mut self.mass, at),
+                body: tail(&mut self.body, at),
+                first: share.start,
+                walls: self.walls.split_off(share.start),
+            });
+        }
+        parts.reverse();
+        parts
+    }
+
+    /// The same part for a while.
+    pub fn reborrow(&mut self) -> OwnedPart<'_, D> {
+        OwnedPart {
+            record: self.record,
+            force: self.force,
+            half_kick: self.half_kick,
+            image: self.image,
+            mass: self.mass,
+            body: self.body,
+            first: self.first,
+            walls: self.walls,
+        }
+    }
 }

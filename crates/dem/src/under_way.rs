@@ -20,6 +20,8 @@ pub(crate) struct StepUnderWay {
     pub flow: FlowSum,
     /// What the passes found.
     pub outcome: PassOutcome,
+    /// What that of the pairs within the shares found, where it followed the motion at once.
+    pub within_shares: Option<PassOutcome>,
     /// The forces on grains of walls.
     pub load: WallSums,
     /// The failure, and its message.

@@ -19,14 +19,20 @@ pub struct Workers {
 /// What the threads tell each other.
 #[derive(Debug, Default)]
 struct Shared {
-    /// Number of regions of parallel work that have begun.
-    regions: AtomicU64,
+    /// Number of times that a region of parallel work has begun or ended: odd within a region.
+    begun_and_ended: AtomicU64,
     /// Number of pieces of work of the present region that other threads were given and that are
     /// not done.
     pending: AtomicUsize,
+    /// Number of threads that watch for regions, or have been asked to.
+    watching: AtomicUsize,
     /// Number of regions that are to come in which no thread yields its core: other processes want
     /// it.
     crowded: AtomicU64,
+    /// Logarithm to base 2 of the number of regions that the next long yield makes crowded.
+    severity: AtomicU64,
+    /// Number of regions since the last crowded one, modulo [`UNDISTURBED`].
+    undisturbed: AtomicU64,
 }
 
 thread_local! {
@@ -46,8 +52,12 @@ const POLLS_CROWDED: usize = 128;
 
 /// A yield that takes so long has given the core to another process.
 const LONG_YIELD: Duration = Duration::from_micros(200);
-/// Number of regions without yields after a long one, so that it costs little a region.
-const WITHOUT_YIELDS: u64 = 5000;
+/// Logarithms to base 2 of the least and greatest number of regions without yields after a long
+/// one: twice as many after each that follows such regions soon, so that a process that wants the
+/// core for a moment costs little, and one that goes on costs a long yield in thousands of regions.
+const SEVERITY: [u64; 2] = [5, 13];
+/// Number of regions with yields after which a long one is less severe.
+const UNDISTURBED: u64 = 1000;
 
 impl Workers {
     /// Starts so many threads, the calling one included; `None`: it is the only one.
@@ -79,11 +89,13 @@ impl Workers {
     /// Runs `work`, which may spawn, and waits for what it spawned.
     pub fn region<'scope>(&'scope self, work: impl FnOnce(&Region<'scope, '_>)) {
         let shared = &self.shared;
-        let here = 1 + shared.regions.fetch_add(1, Ordering::Release);
-        let crowded = shared.crowded.load(Ordering::Relaxed);
-        shared
-            .crowded
-            .store(crowded.saturating_sub(1), Ordering::Relaxed);
+        shared.begin_region();
+        shared.begun_and_ended.fetch_add(1, Ordering::Release);
+        while shared.watching.load(Ordering::Acquire) + 1 < self.threads {
+            shared.watching.fetch_add(1, Ordering::Relaxed);
+            let shared = Arc::clone(shared);
+            self.pool.spawn(move || shared.watch());
+        }
         self.pool.in_place_scope(|scope| {
             work(&Region {
                 shared,
@@ -91,45 +103,97 @@ impl Workers {
                 scope,
             });
             // What no thread has begun: they have no core.
-            while rayon::yield_local() == Some(rayon::Yield::Executed) {}
             let is_pending = || shared.pending.load(Ordering::Acquire) > 0;
-            shared.wait_while(is_pending);
+            while is_pending() && rayon::yield_local() == Some(rayon::Yield::Executed) {}
+            let mut patience = Patience::new(shared);
+            while is_pending() && patience.waits() {}
             // The pool would have this thread yield its core.
             while is_pending() {
                 std::thread::park();
             }
         });
-        for _ in 1..self.threads {
-            let shared = Arc::clone(shared);
-            self.pool.spawn(move || {
-                shared.wait_while(|| shared.regions.load(Ordering::Acquire) == here);
-            });
-        }
+        shared.begun_and_ended.fetch_add(1, Ordering::Release);
     }
 }
 
 impl Shared {
-    /// Waits while this holds, but not longer than [`AWAKE`]: by polls, and yielding the core while
-    /// only fellow threads want it.
-    fn wait_while(&self, holds: impl Fn() -> bool) {
-        let end = Instant::now() + AWAKE;
-        loop {
-            let is_crowded = self.crowded.load(Ordering::Relaxed) > 0;
-            for _ in 0..if is_crowded { POLLS_CROWDED } else { POLLS } {
-                if !holds() {
-                    return;
+    /// Counts a region, crowded or not.
+    fn begin_region(&self) {
+        let crowded = self.crowded.load(Ordering::Relaxed);
+        if crowded > 0 {
+            self.crowded.store(crowded - 1, Ordering::Relaxed);
+            self.undisturbed.store(0, Ordering::Relaxed);
+            return;
+        }
+        let undisturbed = 1 + self.undisturbed.load(Ordering::Relaxed);
+        self.undisturbed
+            .store(undisturbed % UNDISTURBED, Ordering::Relaxed);
+        if undisturbed == UNDISTURBED {
+            let severity = self.severity.load(Ordering::Relaxed).saturating_sub(1);
+            self.severity.store(severity, Ordering::Relaxed);
+        }
+    }
+
+    /// Makes the next regions crowded, after a long yield.
+    fn crowd(&self) {
+        let [least, most] = SEVERITY;
+        let severity = self.severity.load(Ordering::Relaxed).clamp(least, most);
+        self.severity.store(severity + 1, Ordering::Relaxed);
+        self.crowded.store(1 << severity, Ordering::Relaxed);
+    }
+
+    /// Takes the pieces of this thread from one region to the next, until none begins for a while.
+    /// A thread that slept between two regions would be woken too late for most of them.
+    fn watch(&self) {
+        // The first thread of the pool calls regions.
+        if rayon::current_thread_index() != Some(0) {
+            let mut patience = Patience::new(self);
+            while patience.waits() {
+                let is_within = self.begun_and_ended.load(Ordering::Acquire) % 2 == 1;
+                if is_within && rayon::yield_now() == Some(rayon::Yield::Executed) {
+                    patience = Patience::new(self);
                 }
-                std::hint::spin_loop();
-            }
-            let before = Instant::now();
-            if is_crowded || before >= end {
-                return;
-            }
-            std::thread::yield_now();
-            if before.elapsed() >= LONG_YIELD {
-                self.crowded.store(WITHOUT_YIELDS, Ordering::Relaxed);
             }
         }
+        self.watching.fetch_sub(1, Ordering::Release);
+    }
+}
+
+/// How long a thread goes on waiting awake: [`AWAKE`], by polls, and yielding the core while only
+/// fellow threads want it.
+struct Patience<'a> {
+    shared: &'a Shared,
+    polls: usize,
+    end: Instant,
+}
+
+impl<'a> Patience<'a> {
+    fn new(shared: &'a Shared) -> Self {
+        Self {
+            shared,
+            polls: 0,
+            end: Instant::now() + AWAKE,
+        }
+    }
+
+    /// Waits a moment. Returns whether to wait on.
+    fn waits(&mut self) -> bool {
+        std::hint::spin_loop();
+        self.polls += 1;
+        let is_crowded = self.shared.crowded.load(Ordering::Relaxed) > 0;
+        if self.polls < if is_crowded { POLLS_CROWDED } else { POLLS } {
+            return true;
+        }
+        self.polls = 0;
+        let before = Instant::now();
+        if is_crowded || before >= self.end {
+            return false;
+        }
+        std::thread::yield_now();
+        if before.elapsed() >= LONG_YIELD {
+            self.shared.crowd();
+        }
+        true
     }
 }
 

@@ -123,21 +123,22 @@ impl<D: Dimension> Drive<D> for GrainWalls {
 
     fn load_on_grains(
         &self,
-        grains: &Grains<D>,
+        first: usize,
+        force: &[D::Force],
         fixed: &FixedPoint,
         walls: WallGrains<'_>,
         sums: &mut WallSums,
     ) {
         for &g in walls.top {
-            fixed.add(&mut sums.up, grains.force[g as usize][D::UP]);
+            fixed.add(&mut sums.up, force[g as usize - first][D::UP]);
         }
         if self.motion.along {
             for &g in walls.top {
-                fixed.add(&mut sums.along, grains.force[g as usize][0]);
+                fixed.add(&mut sums.along, force[g as usize - first][0]);
             }
         }
         for &g in walls.bottom {
-            fixed.add(&mut sums.bottom, grains.force[g as usize][D::UP]);
+            fixed.add(&mut sums.bottom, force[g as usize - first][D::UP]);
         }
     }
 

@@ -91,11 +91,6 @@ impl WallGrains<'_> {
         self.split_off(grains.start)
     }
 
-    /// Whether there are none.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.top.is_empty() && self.bottom.is_empty()
-    }
-
     /// Splits off those from an index on.
     pub(crate) fn split_off(&mut self, first: usize) -> Self {
         let top = self.top.partition_point(|&g| (g as usize) < first);
@@ -204,7 +199,15 @@ pub trait Drive<D: Dimension>: Sync {
         false
     }
     /// Adds the forces on these grains of [`Drive::wall_grains`].
-    fn load_on_grains(&self, _: &Grains<D>, _: &FixedPoint, _: WallGrains<'_>, _: &mut WallSums) {}
+    fn load_on_grains(
+        &self,
+        _first: usize,
+        _force: &[D::Force],
+        _fixed: &FixedPoint,
+        _walls: WallGrains<'_>,
+        _sums: &mut WallSums,
+    ) {
+    }
     /// Adds the forces on what else bounds the sample.
     fn load(&self, _: &Felt<'_, D>, _: &mut WallSums) {}
     /// Whether it needs the stress of the contacts; `sampled`: their forces are measured in this
