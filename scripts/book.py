@@ -2,8 +2,8 @@
 """Builds the book of docs/ with mdBook, with the API of the crates beside it, and checks its links.
 
     scripts/book.py build --mdbook PROGRAM --api target/doc    writes target/book
-    scripts/book.py pages [--check]                            writes docs/laws.md and
-                                                               docs/python-api.md
+    scripts/book.py pages [--check]                            writes docs/reference/laws.md and
+                                                               docs/reference/python-api.md
 
 The lists of docs/README.md are the table of contents. Pages outside docs/ that it names are pages
 of the book, too; other files of the repository that a page links are copied beside it. A link with
@@ -36,8 +36,8 @@ from environment import run_in
 
 CONTENTS = "docs/README.md"
 API_PAGE = "api.md"
-LAWS = "docs/laws.md"
-PYTHON = "docs/python-api.md"
+LAWS = "docs/reference/laws.md"
+PYTHON = "docs/reference/python-api.md"
 # Modules of the Python package whose names users import.
 MODULES = ("__init__", "analysis", "plots", "mdanalysis")
 # What laws have beside them: file and title; the adhesions follow the second.
@@ -386,10 +386,8 @@ Definition = ast.ClassDef | ast.FunctionDef
 def python_api(root: Path) -> str:
     """The page of the Python package, from the docstrings of its public names."""
     folder = root / "python/src/gshear"
-    text = (
-        "# Python API\n\nFrom the docstrings of `gshear`; the [Python package](../python/README.md)"
-    )
-    text += " has an overview.\n"
+    text = "# Python API\n\nFrom the docstrings of `gshear`; "
+    text += "the [Python package](../../python/README.md) has an overview.\n"
     for module in MODULES:
         tree = ast.parse((folder / f"{module}.py").read_text())
         name = "gshear" if module == "__init__" else f"gshear.{module}"

@@ -61,8 +61,8 @@ class Picture:
 PICTURES = [
     Picture("contents", "index.html", (1250,), 1540),
     Picture("tutorial", "tutorial/first-run.html", (1250,), 900),
-    Picture("reference", "config.html#keys", (1400,), 900),
-    Picture("theory", "scheme.html", (1150, 400), 900),
+    Picture("reference", "reference/config.html#keys", (1400,), 900),
+    Picture("theory", "explanation/scheme.html", (1150, 400), 900),
 ]
 GAP = 12
 

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""The model of docs/speed.md, section "Many ranks": a step on any number of ranks and threads.
+"""A step on any number of ranks and threads: the model of docs/validation/speed.md, "Many ranks".
 
-    scripts/scaling --model                     the tables of docs/speed.md
+    scripts/scaling --model                     the tables of docs/validation/speed.md
     scripts/scaling --model --cells             the same with the parts of every step
-    scripts/scaling --model --measured          beside the measurements of docs/scaling.csv
+    scripts/scaling --model --measured          beside the measurements of docs/figures/scaling.csv
 
 Nothing is measured here. Constants of one and two ranks are measured ones, each with its source;
 those of a network and of a node are assumptions, given as options.
@@ -20,12 +20,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 # Speeds of one rank and of two.
-MEASURED = ROOT / "docs" / "scaling.csv"
+MEASURED = ROOT / "docs" / "figures" / "scaling.csv"
 
-# The time of a border grain over that of a grain: 23 ns and 30 ns of disks on Z (docs/speed.md,
-# "Many ranks"); for spheres an assumption.
+# The time of a border grain over that of a grain: 23 ns and 30 ns of disks on Z
+# (docs/validation/speed.md, "Many ranks"); for spheres an assumption.
 BORDER = 23 / 30
-# A sum of two ranks on a node (s): docs/speed.md, "Many ranks", Z.
+# A sum of two ranks on a node (s): docs/validation/speed.md, "Many ranks", Z.
 SUM = 0.5e-6
 # A slab is at least so many diameters wide, more than twice the cutoff.
 NARROWEST = 4
@@ -33,20 +33,22 @@ NARROWEST = 4
 
 @dataclass(frozen=True)
 class Law:
-    """Constants of a scene of docs/scaling.csv."""
+    """Constants of a scene of docs/figures/scaling.csv."""
 
     name: str
-    # Bytes of a border grain in a message: docs/scaling.csv, bytes over grains of the border.
+    # Bytes of a border grain in a message: docs/figures/scaling.csv, bytes over grains of the
+    # border.
     record: int
     # Bytes that a step moves for a grain: docs/lab/speed.md, "A million grains" (disks), and
-    # docs/roofline.csv, contacts and motion (spheres).
+    # docs/figures/roofline.csv, contacts and motion (spheres).
     traffic: int
-    # Bytes of a grain in memory: docs/speed.md.
+    # Bytes of a grain in memory: docs/validation/speed.md.
     size: int
-    # Two threads over one with 100,000 grains: docs/speed.md, "Large packings and threads".
+    # Two threads over one with 100,000 grains: docs/validation/speed.md, "Large packings and
+    # threads".
     two_threads: float
     # Time of a grain (s) of large packings, without list and checkpoint: docs/lab/speed.md, "A
-    # million grains". Smaller ones: docs/scaling.csv, one rank.
+    # million grains". Smaller ones: docs/figures/scaling.csv, one rank.
     large: tuple[tuple[float, float], ...]
 
 

@@ -33,7 +33,7 @@ Exit codes: 0 done; 2 bad input; 3 the numbers failed; 75 stopped early at a che
 SIGTERM, SIGINT, SIGHUP, SIGUSR1, SIGUSR2 and SIGXCPU stop the run at a checkpoint.")]
 #[expect(clippy::struct_excessive_bools, reason = "flags of a command line")]
 pub struct CommandLine {
-    /// Scene; see docs/config.md
+    /// Scene; see docs/reference/config.md
     #[arg(value_name = "CONFIG.toml")]
     pub config: Option<PathBuf>,
     /// Folder of the results [default: out/NAME of the config, with --resume the checkpoint's

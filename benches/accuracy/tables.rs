@@ -1,5 +1,5 @@
 //! How far the program is from the law integrated independently, against Δt: the tables of
-//! `docs/accuracy.md`.
+//! `docs/validation/accuracy.md`.
 
 use crate::scenes::{self, Errors, FIELDS, Scene};
 

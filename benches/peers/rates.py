@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Speed of gshear-mpi over the faster LAMMPS, over the inertial number and the size, for docs/peers.md.
+"""Speed of gshear-mpi over the faster LAMMPS, over the inertial number and the size, for
+docs/validation/peers.md.
 
 rates.py PEERS.csv OUT.svg     (in the environment of scripts/python-env; of `make peers PEERS="--ranks 1 --inertial-numbers …"`)
 

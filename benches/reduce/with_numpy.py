@@ -1,4 +1,5 @@
-"""The scalars of a frame (docs/reduction.md) as a good user of NumPy and SciPy would compute them: no loop over grains."""
+"""The scalars of a frame (docs/explanation/reduction.md) as a good user of NumPy and SciPy would
+compute them: no loop over grains."""
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components

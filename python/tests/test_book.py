@@ -242,7 +242,7 @@ def test_the_package_is_that_of_the_tests(formulas: ModuleType) -> None:
 
 def test_the_page_of_laws_is_that_of_the_sources(book: ModuleType) -> None:
     text = book.laws(CHECKOUT)
-    assert (CHECKOUT / "docs" / "laws.md").read_text() == text
+    assert (CHECKOUT / "docs" / "reference" / "laws.md").read_text() == text
     assert text.count("\n## ") >= 5
 
 
@@ -252,11 +252,11 @@ def test_the_head_of_the_stress_tests_is_that_of_their_source() -> None:
     assert head.startswith("# Stress tests\n")
     # Written there as it is on the page, without escapes.
     assert "\\" not in head
-    assert (CHECKOUT / "docs" / "stress.md").read_text().startswith(f"{head}\n## ")
+    assert (CHECKOUT / "docs" / "validation" / "stress.md").read_text().startswith(f"{head}\n## ")
 
 
 def test_the_page_of_the_python_package_has_all_that_is_public(book: ModuleType) -> None:
-    text = (CHECKOUT / "docs" / "python-api.md").read_text()
+    text = (CHECKOUT / "docs" / "reference" / "python-api.md").read_text()
     assert text == book.python_api(CHECKOUT), "run make docs"
     headings = set(re.findall(r"^###+ (.*)$", text, re.M))
     named = {name: getattr(gshear, name) for name in gshear.__all__}

@@ -1,4 +1,5 @@
-"""The model of docs/speed.md: its tables are those of the script, its limits the measured ones."""
+"""The model of docs/validation/speed.md: its tables are those of the script, its limits the
+measured ones."""
 
 from __future__ import annotations
 
@@ -11,6 +12,7 @@ from types import ModuleType
 import pytest
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+PAGE = CHECKOUT / "docs" / "validation" / "speed.md"
 SCRIPT = CHECKOUT / "scripts" / "scaling_model.py"
 
 
@@ -29,9 +31,9 @@ def model() -> ModuleType:
 def test_the_tables_of_the_page_are_those_of_the_script(options: list[str]) -> None:
     command = ["bash", str(CHECKOUT / "scripts" / "scaling"), "--model", *options]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    page = (CHECKOUT / "docs" / "speed.md").read_text()
+    page = PAGE.read_text()
     for table in said.split("\n\n")[1::2]:
-        assert table.strip() in page, "docs/speed.md: copy the tables of scripts/scaling --model"
+        assert table.strip() in page, f"{PAGE}: copy the tables of scripts/scaling --model"
 
 
 def test_one_rank_and_two_threads_are_as_measured(model: ModuleType) -> None:

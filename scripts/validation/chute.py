@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Spheres on a slope beside LAMMPS, as its bench/in.chute, for docs/validation.md.
+"""Spheres on a slope beside LAMMPS, as its bench/in.chute, for docs/validation/physics.md.
 
 chute.py [--program gshear-mpi] [--reducer gshear-reduce]
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Attraction and materials beside LAMMPS, and attraction in plane shear, for docs/validation.md.
+"""Attraction, alone and in shear, and materials beside LAMMPS, for docs/validation/physics.md.
 
 contacts.py attraction          DMT and JKR spheres: errors of both programs from the limit of ours
 contacts.py materials           spheres of two materials between walls of a third, by both programs

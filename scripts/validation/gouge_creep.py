@@ -4,9 +4,10 @@
     gouge_creep.py OUT [NAME ...]
 
 Runs configs/gouge-holds-cheap.toml with three seeds into OUT, branches of it, and prints the tables
-of docs/gouge.md. NAME is one or more of impedance, holds, frequencies, loads, kicks, long_holds,
-large, reload, reslides, damping, steps, long_steps, collapse, figure (default: all). Runs that are
-there already are not made again. About five hours of a core, three of them the steps of 5 mm.
+of docs/validation/gouge.md. NAME is one or more of impedance, holds, frequencies, loads, kicks,
+long_holds, large, reload, reslides, damping, steps, long_steps, collapse, figure (default: all).
+Runs that are there already are not made again. About five hours of a core, three of them the steps
+of 5 mm.
 kicks needs xxhash of PyPI, for the checksum of a checkpoint that it changes.
 """
 

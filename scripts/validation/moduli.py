@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Shear and bulk moduli of packings, by the slope of a stress and by K; and sound.
 
-moduli.py RUN...     (boxes in simple shear or compression; docs/validation.md has the commands)
+moduli.py RUN...     (boxes in simple shear or compression; docs/validation/physics.md has the
+commands)
 
 The prediction is the linear response of the packing: the affine motion of a
 small strain leaves forces X on the grains, displacements inv(K) X remove them, and both change the

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Means and errors of mu(I) and Phi(I) over seeds, and their figure, for docs/validation.md.
+"""Means and errors of mu(I) and Phi(I) over seeds, drawn, for docs/validation/physics.md.
 
 mu_of_i.py OUT.svg --disks RUN... --spheres RUN...     (one run for each seed)
 """

@@ -1,7 +1,8 @@
 """Linear response of a packing: how forces and stresses change with small displacements.
 
-Formulas are those of docs/spectrum.md (K of a state). Vectors have three components; disks lie in
-the plane of x and y, and their rotations are about z. K itself is that of gshear-reduce.
+Formulas are those of docs/explanation/spectrum.md (K of a state). Vectors have three components;
+disks lie in the plane of x and y, and their rotations are about z. K itself is that of
+gshear-reduce.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Stress and fabric after a reversal of the shear, for docs/validation.md.
+"""Stress and fabric after a reversal of the shear, for docs/validation/physics.md.
 
 reversal.py OUT.svg FAST SLOW     (folders of the sweep of reversal-3d.toml at two rates)
 """

@@ -58,7 +58,7 @@ PROGRAMS = ["gshear-mpi", "LAMMPS"]
 # Phi and z without rattlers of equal hard spheres with mu_s = 0.3, compressed from a gas: Agnolin &
 # Roux, Phys. Rev. E 76, 061302 (2007), arXiv:0705.3194, abstract.
 AGNOLIN_ROUX = (0.593, 4.5)
-# Coefficients of Tsuji's damping (docs/laws.md).
+# Coefficients of Tsuji's damping (docs/reference/laws.md).
 TSUJI = [1.2728, -4.2783, 11.087, -22.348, 27.467, -18.022, 4.8218]
 
 
@@ -207,7 +207,7 @@ def tsuji(restitution: float) -> float:
 
 
 def lammps_variables(scene: Scene, coefficients: Coefficients) -> dict[str, float]:
-    """The law in the quantities of LAMMPS, whose units docs/laws.md explains."""
+    """The law in the quantities of LAMMPS, whose units docs/reference/laws.md explains."""
     contact = scene["contact"]
     arm = 0.25
     mass = scene["material.density"] * np.pi / 6.0

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Steady flows down slopes and their velocity profiles, for docs/validation.md.
+"""Steady flows down slopes and their velocity profiles, for docs/validation/physics.md.
 
 slope.py OUT.svg RUN...     (branches of a run of slope.toml, one for each angle)
 """

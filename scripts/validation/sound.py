@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Speed of sound in columns of spheres, against the moduli of their packings and effective media.
 
-sound.py BOX...     (of configs/moduli-friction-3d.toml; docs/validation.md has the commands)
+sound.py BOX...     (of configs/moduli-friction-3d.toml; docs/validation/physics.md has the
+commands)
 
 Beside each BOX are runs of the column of its copies: BOX-held, in which the walls rest, BOX-p with
 one cycle of the bottom wall along the column, and BOX-s with one of the top wall across it.

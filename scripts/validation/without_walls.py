@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Spheres in a sheared periodic cell beside LAMMPS, `fix deform`, for docs/validation.md.
+"""Spheres in a sheared periodic cell beside LAMMPS, `fix deform`, for docs/validation/physics.md.
 
 without_walls.py [--program gshear-mpi] [--reducer gshear-reduce]
 

@@ -200,7 +200,7 @@ fn seconds(text: &str) -> f64 {
 }
 
 /// A time is said for strain steps, without eigenvalues and with them, of spheres and of disks. How
-/// far it is from that which they take is in docs/running.md: a busy machine decides no test.
+/// far it is from that which they take is in docs/howto/running.md: a busy machine decides no test.
 #[test]
 fn a_time_is_said_for_strain_steps() {
     let disks = [
@@ -400,7 +400,11 @@ fn the_scenes_of_the_docs_pass() {
         folder.path().join("my.toml"),
     );
     let mut checked = 0;
-    for page in ["config.md", "howto/protocols.md", "tutorial/own-scene.md"] {
+    for page in [
+        "reference/config.md",
+        "howto/protocols.md",
+        "tutorial/own-scene.md",
+    ] {
         let page = std::fs::read_to_string(docs.join(page)).expect("a page");
         for block in page.split("```toml\n").skip(1) {
             let block = block.split("```").next().unwrap_or_default();

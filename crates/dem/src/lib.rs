@@ -119,7 +119,7 @@
 //!
 //! A number such as A9 or LH A9 is an equation of that paper. Without the name of a paper it is one
 //! of LH, except in the law [`laws::mindlin`] and in the code of spectra, where it is one of BO.
-//! `docs/glossary.md` lists the equations and all symbols.
+//! `docs/reference/glossary.md` lists the equations and all symbols.
 //!
 //! # Contracts
 //!

@@ -2,7 +2,7 @@
 //!
 //! Velocity Verlet: when the forces are computed, positions are at t+Δt and velocities at t+½Δt.
 //! Damping forces use the full-step velocity predicted from the last acceleration, so the scheme is
-//! of second order with damping, too (docs/scheme.md).
+//! of second order with damping, too (docs/explanation/scheme.md).
 //!
 //! A step goes through the bands of the grains ([`Bands`](crate::state::Bands)): a band moves, then
 //! the forces of its pairs are computed, which are complete with those of the next band. So a

@@ -210,7 +210,7 @@ fn line(name: &str, content: &str) -> String {
     format!("{name:<12}{content}\n")
 }
 
-/// Time of a step with the energy budget over that without (docs/speed.md).
+/// Time of a step with the energy budget over that without (docs/validation/speed.md).
 const BUDGET: f64 = 1.17;
 /// The same of a cell without walls, whose stress is counted.
 const WITHOUT_WALLS: f64 = 1.5;
@@ -286,7 +286,7 @@ fn checkpoint_bytes(scene: &Scene) -> f64 {
         + 6e3
 }
 
-/// Greatest resident size of a rank (bytes); docs/speed.md, "Memory".
+/// Greatest resident size of a rank (bytes); docs/validation/speed.md, "Memory".
 fn memory_of(scene: &Scene, ranks: usize, frame: f64) -> f64 {
     let part = 1.0 / ranks as f64;
     let grains = f64::from(scene.sample.grains) * part;

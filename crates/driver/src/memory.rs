@@ -11,7 +11,8 @@ use gshear_store::{memory, provenance};
 const LEAST_BYTES: u64 = 400;
 
 /// Greatest resident size of a process (bytes): of a run of few grains; for every grain of its
-/// rank, disks and spheres; copies of the frames that wait to be written (docs/speed.md, "Memory").
+/// rank, disks and spheres; copies of the frames that wait to be written (docs/validation/speed.md,
+/// "Memory").
 pub(crate) const PROCESS_BYTES: f64 = 30e6;
 pub(crate) const GRAIN_BYTES: [f64; 2] = [900.0, 1300.0];
 pub(crate) const FRAME_COPIES: f64 = 3.0;

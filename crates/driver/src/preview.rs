@@ -109,7 +109,8 @@ pub(crate) fn doubts(task: &Task) -> Vec<String> {
     doubts
 }
 
-/// Grains per rank from which threads are worth it (docs/speed.md, "Large packings and threads").
+/// Grains per rank from which threads are worth it (docs/validation/speed.md, "Large packings and
+/// threads").
 const THREADED: f64 = 50_000.0;
 
 fn warnings(
@@ -166,7 +167,7 @@ fn warnings(
 }
 
 /// Time that a rank takes for a border grain, and that all take for a step whatever they hold, over
-/// that for a grain of its own (docs/speed.md, "Many ranks").
+/// that for a grain of its own (docs/validation/speed.md, "Many ranks").
 const BORDER: f64 = 1.2;
 const STEP: f64 = 20.0;
 

@@ -32,7 +32,7 @@ const NARROW_SIZES: f64 = 2.0;
 /// which the smallest grain fits is closed by the grain that rests over it. The highest of these is
 /// one of R_max on two disks of R_max with just room for R_min between them: its centre is h =
 /// R_max √(4 - (1+q)²), q = R_min/R_max, above theirs, at R_max. Pores between spheres bend: those
-/// take half of h more (docs/scheme.md has what was measured).
+/// take half of h more (docs/explanation/scheme.md has what was measured).
 pub(crate) fn wall_layers(sample: &Sample) -> f64 {
     let (least, greatest) = (sample.radius_min, sample.radius_max);
     if greatest <= NARROW_SIZES * least {

@@ -1,5 +1,5 @@
 //! Holes in walls of grains through which free grains may leave, and the grains that close them
-//! (docs/scheme.md, "Holes in walls").
+//! (docs/explanation/scheme.md, "Holes in walls").
 //!
 //! A wall has a hole for a grain of radius r if a path for its centre leads through the wall,
 //! farther than `R_i` + r from every grain i of it. A hole that is bridged by a grain greater than

@@ -38,8 +38,8 @@ table! {
 table! {
     /// What the run computes of its frames.
     ANALYSIS: AnalysisKeys "analysis" Sheared Resume {
-        /// compute the scalars of frames during the run (docs/reduction.md), so that frames need
-        /// not be written; 2D only
+        /// compute the scalars of frames during the run (docs/explanation/reduction.md), so that
+        /// frames need not be written; 2D only
         scalars: Flag { default: "false" },
         /// Δγ between these frames
         strain: Number(POSITIVE) {

@@ -1,5 +1,5 @@
 //! The reference of the configuration, made from the declarations of its keys: the tables of
-//! docs/config.md and the JSON schema docs/scene.schema.json. `make docs` writes both.
+//! docs/reference/config.md and the JSON schema docs/scene.schema.json. `make docs` writes both.
 
 use std::ops::Bound;
 
@@ -18,7 +18,7 @@ use crate::units;
 use crate::value::{MAGNITUDES, Value as KeyValue};
 use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, list};
 
-/// Begins the generated part of docs/config.md.
+/// Begins the generated part of docs/reference/config.md.
 const BEGIN: &str = "<!-- keys: generated -->";
 /// Ends it.
 const END: &str = "<!-- end of keys -->";
@@ -92,7 +92,7 @@ fn doc(key: &Key) -> String {
 }
 
 /// The keys in Markdown, a section for each table, with their footnotes, between the markers of
-/// docs/config.md.
+/// docs/reference/config.md.
 pub fn key_tables() -> String {
     let mut page = format!("{BEGIN}\n");
     for table in tables() {
@@ -254,7 +254,7 @@ pub fn json_schema() -> String {
     let schema = json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Scene of gshear-mpi",
-        "description": "A configuration of gshear-mpi; docs/config.md describes it.",
+        "description": "A configuration of gshear-mpi; docs/reference/config.md describes it.",
         "type": "object",
         "properties": properties,
         "additionalProperties": unknown(),
@@ -265,7 +265,7 @@ pub fn json_schema() -> String {
 /// The schema of a key that is not known, which no value fits. Checkers underline the key: with
 /// `false` they underline its whole table (Taplo).
 fn unknown() -> Value {
-    json!({ "not": { "description": "unknown key; docs/config.md lists the keys" } })
+    json!({ "not": { "description": "unknown key; docs/reference/config.md lists the keys" } })
 }
 
 fn object(keys: &[&Key]) -> Map<String, Value> {
@@ -426,7 +426,7 @@ mod tests {
 
     /// The page with the present tables of keys between its markers.
     fn page() -> String {
-        let page = read("docs/config.md");
+        let page = read("docs/reference/config.md");
         let (before, rest) = page.split_once(BEGIN).expect("the first marker");
         let (_, after) = rest.split_once(END).expect("the last marker");
         format!("{before}{}{after}", key_tables())
@@ -435,17 +435,20 @@ mod tests {
     #[test]
     fn the_reference_is_up_to_date() {
         let stale = "is not what the declarations of the keys give; run `make docs`";
-        assert!(read("docs/config.md") == page(), "docs/config.md {stale}");
+        assert!(
+            read("docs/reference/config.md") == page(),
+            "docs/reference/config.md {stale}"
+        );
         let schema = read("docs/scene.schema.json");
         assert!(schema == json_schema(), "docs/scene.schema.json {stale}");
     }
 
     /// Called by `make docs`.
     #[test]
-    #[ignore = "writes docs/config.md and docs/scene.schema.json"]
+    #[ignore = "writes docs/reference/config.md and docs/scene.schema.json"]
     fn write_the_reference() {
         let write = |path: &str, text| std::fs::write(root().join(path), text).expect("written");
-        write("docs/config.md", page());
+        write("docs/reference/config.md", page());
         write("docs/scene.schema.json", json_schema());
     }
 

@@ -1,5 +1,5 @@
 //! Spectra of sparse generalised eigenvalue problems K v = λ M v with real nonsymmetric K and
-//! diagonal M, and linear systems with K (docs/spectrum.md).
+//! diagonal M, and linear systems with K (docs/explanation/spectrum.md).
 //!
 //! [`Problem`] brings K and M to the standard form A w = λ w. [`nearest`] finds the eigenvalues
 //! nearest a shift, [`scan()`] all eigenvalues of a rectangle, [`unstable()`] the fastest growing

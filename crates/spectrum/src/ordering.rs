@@ -31,7 +31,7 @@ pub(crate) fn symmetric_pattern(
 /// Unknowns with equal columns (those of one grain) are one node of the graph, which makes the
 /// graph about 36 times smaller. METIS itself gives 5 % less fill than the port used here, but is C
 /// behind an unsafe interface. COLAMD, which the LU of faer requires, orders for AᵀA and gives
-/// several times the fill (docs/spectrum.md).
+/// several times the fill (docs/explanation/spectrum.md).
 pub(crate) fn nested_dissection(pattern: SymbolicSparseColMatRef<'_, usize>) -> Vec<usize> {
     let n = pattern.ncols();
     let mut node_of_column: HashMap<&[usize], usize> = HashMap::new();

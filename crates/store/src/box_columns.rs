@@ -94,8 +94,14 @@ mod tests {
         ("AqsRow", &AqsRow::COLUMNS),
         ("NewtonianRow", &NewtonianRow::COLUMNS),
     ];
-    const FORMATS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/file-formats.md");
-    const GLOSSARY: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/glossary.md");
+    const FORMATS: &str = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../docs/reference/file-formats.md"
+    );
+    const GLOSSARY: &str = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../docs/reference/glossary.md"
+    );
 
     fn table(columns: &[Column]) -> String {
         let mut text = String::from("| column | unit | content |\n| --- | --- | --- |\n");
@@ -136,13 +142,13 @@ mod tests {
         let page = std::fs::read_to_string(FORMATS).unwrap();
         assert!(
             with_tables(&page) == page,
-            "docs/file-formats.md does not have the declared columns; write them with\n  \
+            "docs/reference/file-formats.md does not have the declared columns; write them with\n  \
              cargo test --release -p gshear-store --lib -- --ignored write_columns_to_docs"
         );
     }
 
     #[test]
-    #[ignore = "writes docs/file-formats.md"]
+    #[ignore = "writes docs/reference/file-formats.md"]
     fn write_columns_to_docs() {
         let page = std::fs::read_to_string(FORMATS).unwrap();
         std::fs::write(FORMATS, with_tables(&page)).unwrap();
@@ -156,7 +162,10 @@ mod tests {
             .map(|column| format!("`{column}`"))
             .filter(|name| !glossary.contains(name))
             .collect();
-        assert!(missing.is_empty(), "docs/glossary.md lacks {missing:#?}");
+        assert!(
+            missing.is_empty(),
+            "docs/reference/glossary.md lacks {missing:#?}"
+        );
     }
 
     #[test]

@@ -20,7 +20,8 @@
 //!
 //! Most files are written under a temporary name and renamed when complete ([`text_writer`]).
 //! `run.h5` and `log.csv` grow during a run; a resumed run truncates them to the rows and frames
-//! that its checkpoint counts. `docs/file-formats.md` describes the content of every file.
+//! that its checkpoint counts. `docs/reference/file-formats.md` describes the content of every
+//! file.
 //!
 //! # Example
 //! Print the stress ratio of a run and the number of contacts in its last frame:

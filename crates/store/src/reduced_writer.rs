@@ -1,4 +1,4 @@
-//! Writes `reduced.h5` (docs/file-formats.md).
+//! Writes `reduced.h5` (docs/reference/file-formats.md).
 
 use std::path::{Path, PathBuf};
 

@@ -7,8 +7,8 @@
         contacts = run.contacts(-1)
         print(contacts.normal_force.mean(), run.dmin(-1))
 
-Names of columns are those of the files (`docs/file-formats.md` of gshear-mpi), units are SI, in 2D
-per unit depth; runs in a periodic box have the units of their scene.
+Names of columns are those of the files (`docs/reference/file-formats.md` of gshear-mpi), units are
+SI, in 2D per unit depth; runs in a periodic box have the units of their scene.
 """
 
 from importlib.metadata import version

@@ -63,7 +63,7 @@ class ProgramFailedError(GshearError):
 
     Attributes:
         command: Program and arguments.
-        exit_code: See the table of exit codes in docs/running.md of gshear-mpi.
+        exit_code: See the table of exit codes in docs/howto/running.md of gshear-mpi.
         output: What the program wrote to standard output and standard error.
     """
 

@@ -22,7 +22,7 @@ class Columns(Mapping[str, Array]):
     """Arrays by name, each read from the file when it is first used.
 
     `columns["radius"]` and `columns.radius` are the same. The names are those of the file
-    (`docs/file-formats.md`).
+    (`docs/reference/file-formats.md`).
 
     Attributes:
         units: Units by name, as the file has them (H5MD: `kg m s-2`). Pure numbers have none, and
@@ -143,7 +143,7 @@ class Contacts(Columns):
     `rolling_history` and `rolling` (1 at the limit of rolling), [K] for disks; for spheres that
     resist rolling or twisting [K, 3] and [K], with `twisting_history` and `twisting`, [K]; `idle`
     (1 where the damper leaves the spring no force), [K], not in files of earlier versions. Forces
-    are in N, for disks in N/m. `docs/glossary.md` defines the quantities.
+    are in N, for disks in N/m. `docs/reference/glossary.md` defines the quantities.
 
     Attributes:
         frame: The frame with the grains.

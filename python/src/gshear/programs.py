@@ -181,7 +181,7 @@ def simulate(
     takes the place of the command.
 
     Args:
-        scene: Path of a scene, see `docs/config.md`.
+        scene: Path of a scene, see `docs/reference/config.md`.
         out: Folder of the results.
         ranks: Number of MPI ranks; with 1 the program runs without mpirun.
         values: Values of the scene to replace, as in `{"shear.strain": 0.02}` (`--set`): numbers,

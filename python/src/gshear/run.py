@@ -495,8 +495,8 @@ class Run:
     def phases(self) -> pd.DataFrame:
         """Returns the stick and slip phases of τ, one line per phase (`phases.csv`).
 
-        `docs/reduction.md` defines phases, `docs/file-formats.md` the columns. Rows are those of
-        `series`.
+        `docs/explanation/reduction.md` defines phases, `docs/reference/file-formats.md` the
+        columns. Rows are those of `series`.
         """
         return self._table("phases.csv", ["phases"], self._are_phases)
 
@@ -543,8 +543,9 @@ class Run:
     ) -> NDArray[np.float64]:
         """Returns D²min of the grains between an earlier frame and frame `index` (m²).
 
-        Lee & Hurley, equations B1 to B4 (Falk & Langer 1998); `docs/reduction.md` has the details.
-        NaN without an earlier frame, for rattlers of that frame, and where D²min is undefined.
+        Lee & Hurley, equations B1 to B4 (Falk & Langer 1998); `docs/explanation/reduction.md` has
+        the details. NaN without an earlier frame, for rattlers of that frame, and where D²min is
+        undefined.
 
         Args:
             index: Frame, or slice of frames.
@@ -614,9 +615,9 @@ class Run:
     def rate_state(self) -> dict[str, pd.DataFrame]:
         """Returns the tables of rate-and-state friction, by name of the file without its ending.
 
-        `docs/rate-state.md` describes fits and intervals, `docs/file-formats.md` the tables. If
-        `gshear-reduce rate-state` was given several realisations with this run as the first, these
-        are their tables.
+        `docs/explanation/rate-state.md` describes fits and intervals,
+        `docs/reference/file-formats.md` the tables. If `gshear-reduce rate-state` was given several
+        realisations with this run as the first, these are their tables.
         """
         folder = self.results / "rate-state"
 
@@ -631,9 +632,9 @@ class Run:
     def spectrum(self, frame: SupportsIndex = -1) -> pd.DataFrame:
         """Returns eigenvalues of K v = λ M v nearest to zero, one line each (`spectrum.csv`).
 
-        `docs/spectrum.md` describes the columns. The file of the last frame of a run between walls
-        is that of `gshear-reduce spectrum` without `--frame`, so that a spectrum computed with
-        other options is read.
+        `docs/explanation/spectrum.md` describes the columns. The file of the last frame of a run
+        between walls is that of `gshear-reduce spectrum` without `--frame`, so that a spectrum
+        computed with other options is read.
 
         Args:
             frame: Frame of the run.

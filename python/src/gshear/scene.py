@@ -17,8 +17,8 @@ else:
 class Scene(Mapping[str, Any]):
     """The checked scene of a run, as a mapping.
 
-    `scene["contact"]["friction"]` and `scene["contact.friction"]` are the same. `docs/config.md`
-    describes every key, with its unit.
+    `scene["contact"]["friction"]` and `scene["contact.friction"]` are the same.
+    `docs/reference/config.md` describes every key, with its unit.
 
     Attributes:
         text: The scene as TOML, with what follows from it as comments.

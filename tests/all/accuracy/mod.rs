@@ -1,6 +1,6 @@
 //! The program against the law integrated independently: orders of convergence, errors,
-//! restitution, energy, momentum. `docs/accuracy.md` has the measured tables; `make accuracy`
-//! prints them.
+//! restitution, energy, momentum. `docs/validation/accuracy.md` has the measured tables; `make
+//! accuracy` prints them.
 
 mod conservation;
 pub mod reference;

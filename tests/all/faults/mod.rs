@@ -1,7 +1,7 @@
 //! Faults of files and processes: system calls that fail, and kills, at every call that writes into
 //! the folder of a run, and kills at random times. Afterwards the run resumes to the same bits.
 //!
-//! `make faults` runs many of them; docs/faults.md has the results.
+//! `make faults` runs many of them; docs/validation/faults.md has the results.
 
 mod reducer;
 

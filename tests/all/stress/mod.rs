@@ -1,6 +1,6 @@
 //! Hard cases: what each test does, what it expects, and the result.
 //!
-//! `make stress` runs all of them, the long ones included, and writes `docs/stress.md`.
+//! `make stress` runs all of them, the long ones included, and writes `docs/validation/stress.md`.
 
 mod edges;
 mod extremes;
@@ -82,10 +82,10 @@ R: radius; δ: overlap; a: half-width of the contact; τ: √(m/k).
 ";
 
 #[test]
-#[ignore = "runs everything and writes docs/stress.md; make stress"]
+#[ignore = "runs everything and writes docs/validation/stress.md; make stress"]
 fn all_into_the_table() {
     let (tables, broken) = table::markdown(POINTS);
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/stress.md");
-    std::fs::write(path, format!("{HEAD}{tables}")).expect("docs/stress.md is written");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/validation/stress.md");
+    std::fs::write(path, format!("{HEAD}{tables}")).expect("docs/validation/stress.md is written");
     assert_eq!(broken, 0, "lines that do not hold are marked in {path}");
 }

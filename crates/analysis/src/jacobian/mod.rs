@@ -1,5 +1,5 @@
 //! The stiffness matrix K = -∂F̃/∂q of a state, F̃ being the elastic forces and torques on the
-//! grains and q their positions and rotations (docs/spectrum.md).
+//! grains and q their positions and rotations (docs/explanation/spectrum.md).
 //!
 //! K is the exact derivative of this code's own force routine, in which histories rotate with the
 //! contacts; [`paper_form`] gives J as BO's appendix B prints it. Modes solve K v = λ M v with M =

@@ -238,7 +238,7 @@ fn all_cases() -> impl Iterator<Item = Case> {
     two.into_iter().chain(three)
 }
 
-/// The table of docs/accuracy.md.
+/// The table of docs/validation/accuracy.md.
 fn table(sides: [usize; 2], steps: usize) -> (String, Vec<String>) {
     let mut text = String::from(
         "| law | D | damper | rolling | attraction | median | rms |\n| --- | ---: | --- | --- | --- | ---: | ---: |\n",
@@ -271,13 +271,16 @@ fn every_law_is_of_its_order() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// Writes the table into docs/accuracy.md: `make accuracy`.
+/// Writes the table into docs/validation/accuracy.md: `make accuracy`.
 #[test]
 #[ignore = "writes into docs/"]
 fn write_the_orders_of_every_law() {
     const MARKS: [&str; 2] = ["<!-- orders of every law -->\n", "<!-- end of orders -->"];
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/accuracy.md");
-    let page = std::fs::read_to_string(path).expect("docs/accuracy.md");
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../docs/validation/accuracy.md"
+    );
+    let page = std::fs::read_to_string(path).expect("docs/validation/accuracy.md");
     let (text, _) = table([24, 8], 300);
     let [from, to] = MARKS.map(|mark| page.find(mark).expect("the marks of the table"));
     let (before, after) = (&page[..from + MARKS[0].len()], &page[to..]);

@@ -32,8 +32,8 @@ const FARTHEST: f64 = 100.0;
 ///
 /// K is real and sparse, M diagonal. Without --dense, --all-pairs or --unstable: the
 /// eigenvalues nearest the shift, by shift-invert. Trust a pair only if its verdict is pair;
-/// doubtful pairs may be rounding errors (docs/spectrum.md). Writes spectrum.csv, spectrum.h5
-/// with the eigenvectors, and spectrum.svg.
+/// doubtful pairs may be rounding errors (docs/explanation/spectrum.md). Writes spectrum.csv,
+/// spectrum.h5 with the eigenvectors, and spectrum.svg.
 #[derive(Debug, clap::Args)]
 #[expect(clippy::struct_excessive_bools, reason = "flags of the command line")]
 pub struct Arguments {

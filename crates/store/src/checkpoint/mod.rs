@@ -594,7 +594,7 @@ mod tests {
 
     #[test]
     fn the_page_of_the_files_names_the_version() {
-        let page = include_str!("../../../../docs/file-formats.md");
+        let page = include_str!("../../../../docs/reference/file-formats.md");
         assert!(page.contains(&format!("`format_version` = {VERSION},")));
     }
 }

@@ -1,5 +1,5 @@
-//! Reads `run.h5` (docs/file-formats.md) serially, by blocks of frames, so that memory does not
-//! grow with the length of the run.
+//! Reads `run.h5` (docs/reference/file-formats.md) serially, by blocks of frames, so that memory
+//! does not grow with the length of the run.
 
 mod frames;
 mod open_file;

@@ -3,7 +3,7 @@
 *Oscillatory instabilities in three-dimensional frictional granular matter*, sections II to IV. Of
 one run figures 1 to 5 are drawn and the paper's numbers stand next to the run's; of several runs
 the study says what became of their growing pairs. gshear-reduce fits the growth and finds the
-eigenvalues (`docs/bonfanti.md`). Quantities are in the units of the scene.
+eigenvalues (`docs/validation/bonfanti.md`). Quantities are in the units of the scene.
 """
 
 from __future__ import annotations

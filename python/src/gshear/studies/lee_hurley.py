@@ -3,7 +3,7 @@
 *Microscopic dynamics of particle rearrangement and its correlation with stick-slip behavior in
 granular shear.* Figures 2 to 25 of the paper are drawn from the runs (figure 1 is a drawing of the
 set-up), and the paper's numbers stand next to theirs. gshear-reduce finds phases, correlations and
-the stages of the largest drop (`docs/reduction.md`).
+the stages of the largest drop (`docs/explanation/reduction.md`).
 """
 
 from __future__ import annotations
