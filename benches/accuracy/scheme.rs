@@ -79,12 +79,13 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
 
     fn load_on_grains(
         &self,
-        grains: &Grains<Two>,
+        first: usize,
+        force: &[<Two as Dimension>::Force],
         fixed: &FixedPoint,
         walls: WallGrains<'_>,
         sums: &mut WallSums,
     ) {
-        self.walls.load_on_grains(grains, fixed, walls, sums);
+        self.walls.load_on_grains(first, force, fixed, walls, sums);
     }
 
     fn kick(&mut self, step: f64, load: WallForces) -> Option<WallVelocities> {

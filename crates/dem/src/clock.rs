@@ -1,5 +1,7 @@
 //! The time spent in each phase of a step.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::domain::Exchange;
@@ -37,6 +39,12 @@ pub struct Clock {
     seconds: [f64; PHASES.len()],
     since: Instant,
     steps: u64,
+    /// Nanoseconds of all regions of parallel work until now, if there are several threads.
+    regions: Option<Arc<AtomicU64>>,
+    /// Their value when the last phase ended.
+    regions_since: u64,
+    /// Seconds spent in regions in each phase.
+    parallel: [f64; PHASES.len()],
 }
 
 impl Default for Clock {
@@ -45,14 +53,34 @@ impl Default for Clock {
             seconds: [0.0; PHASES.len()],
             since: Instant::now(),
             steps: 0,
+            regions: None,
+            regions_since: 0,
+            parallel: [0.0; PHASES.len()],
         }
     }
 }
 
 impl Clock {
+    /// A clock that also counts the time in regions of parallel work, of which `regions` has the
+    /// nanoseconds until now.
+    pub(crate) fn with_regions(regions: Option<Arc<AtomicU64>>) -> Self {
+        let mut clock = Self {
+            regions,
+            ..Self::default()
+        };
+        clock.regions_since = clock.nanoseconds_of_regions();
+        clock
+    }
+
+    fn nanoseconds_of_regions(&self) -> u64 {
+        let regions = self.regions.as_ref();
+        regions.map_or(0, |regions| regions.load(Ordering::Relaxed))
+    }
+
     /// Begins one or several steps: the time before this call belongs to no phase.
     pub fn start(&mut self) {
         self.since = Instant::now();
+        self.regions_since = self.nanoseconds_of_regions();
     }
 
     /// Counts a step.
@@ -62,13 +90,23 @@ impl Clock {
 
     /// Adds the time since the last call to `phase`.
     pub fn end(&mut self, phase: StepPhase) {
-        self.end_at(phase, Instant::now());
-    }
-
-    /// Adds the time from the last call to `now` to `phase`.
-    pub(crate) fn end_at(&mut self, phase: StepPhase, now: Instant) {
+        let now = Instant::now();
         self.seconds[phase as usize] += (now - self.since).as_secs_f64();
         self.since = now;
+        let regions = self.nanoseconds_of_regions();
+        let parallel = regions.saturating_sub(self.regions_since);
+        self.parallel[phase as usize] += 1e-9 * parallel as f64;
+        self.regions_since = regions;
+    }
+
+    /// Adds the time from the last call to `now` to `phase`, which ended within the region of
+    /// parallel work that has just ended.
+    pub(crate) fn end_within_region(&mut self, phase: StepPhase, now: Instant) {
+        let time = now - self.since;
+        self.seconds[phase as usize] += time.as_secs_f64();
+        self.since = now;
+        self.parallel[phase as usize] += time.as_secs_f64();
+        self.regions_since += time.as_nanos() as u64;
     }
 
     /// Seconds of computing, without waiting for other ranks.
@@ -84,6 +122,25 @@ impl Clock {
     /// Mean seconds per step in a phase on this rank.
     pub fn per_step(&self, phase: StepPhase) -> f64 {
         self.seconds(phase) / self.steps.max(1) as f64
+    }
+
+    /// The share of the time in which one thread works alone while the others wait, mean over the
+    /// ranks, in all and in each phase; `None` with one thread. Collective.
+    pub fn serial_shares(&self, exchange: &dyn Exchange) -> Option<(f64, [f64; PHASES.len()])> {
+        self.regions.as_ref()?;
+        let alone: [f64; PHASES.len()] =
+            std::array::from_fn(|k| (self.seconds[k] - self.parallel[k]).max(0.0));
+        let all: f64 = self.seconds.iter().sum();
+        let shares = alone.map(|alone| alone / all.max(f64::MIN_POSITIVE));
+        let gathered = exchange.gather(bytemuck::cast_slice(&shares));
+        let of_ranks: Vec<Vec<f64>> = gathered
+            .iter()
+            .map(|bytes| bytemuck::allocation::pod_collect_to_vec(bytes))
+            .collect();
+        let ranks = of_ranks.len() as f64;
+        let means: [f64; PHASES.len()] =
+            std::array::from_fn(|k| of_ranks.iter().map(|shares| shares[k]).sum::<f64>() / ranks);
+        Some((means.iter().sum(), means))
     }
 
     /// A table of the phases: least, mean and greatest seconds over the ranks, and the share of the

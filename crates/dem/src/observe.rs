@@ -1,6 +1,8 @@
 //! Measured quantities: rows of the time series, frames, the digest. None of them changes the
 //! trajectory.
 
+use std::ops::Range;
+
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::boundary::Boundary;
@@ -12,11 +14,13 @@ use crate::domain::{Accumulator, Exchange, FixedPoint, LIMBS};
 use crate::drive::{MovingBoundary, Top};
 use crate::failure::{Failure, Result};
 use crate::kernel::ContactForces;
+use crate::simd::{Lanes, Work};
 use crate::state::{
     Cell, ContactSample, FlowRow, GrainSample, Grains, ImposedRow, SeriesRow, StressRow, Touching,
     body,
 };
 use crate::system::System;
+use crate::workers;
 
 /// Numbers of the four sums of a row in its message.
 const SUMS: usize = 4 * (LIMBS + 1);
@@ -173,41 +177,100 @@ pub fn kinetic_energy<D: Dimension>(
     system: &mut System<D>,
     energy: &FixedPoint,
 ) -> f64 {
-    energy.total(exchange, [owned_kinetic_energy(system, energy)])[0]
+    let sums = OwnedSums::of(system, energy);
+    energy.total(exchange, [sums.kinetic])[0]
 }
 
-fn owned_kinetic_energy<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Accumulator {
-    let cell = system.cell;
-    let grains = system.grains();
-    let mut sum = Accumulator::default();
-    for g in 0..grains.owned {
-        if grains.body[g] == body::FREE {
-            let (r, m, radius) = (grains.fields(g), grains.mass[g], grains.radius[g]);
+/// Sums over the owned grains and the contacts of a rank, or those of one of its threads.
+#[derive(Debug, Clone, Copy, Default)]
+struct OwnedSums {
+    /// Kinetic energy of the free grains.
+    kinetic: Accumulator,
+    /// Potential energy of the free grains in gravity, from the height 0 and from where their
+    /// images along x are counted from.
+    potential: Accumulator,
+    /// Contacts, sliding contacts, and contacts of each free grain, summed.
+    counts: [i64; 3],
+}
+
+impl OwnedSums {
+    /// Those of a rank, to which each thread adds those of its share and of a part of the blocks.
+    fn of<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Self {
+        system.finish_step();
+        let blocks = system.contacts.blocks();
+        let shares = system.pool.shares();
+        let threads = shares.len();
+        let begin = |k: usize| blocks * k / threads;
+        let mut parts: Vec<(SummedPart<'_, D>, Self)> = Vec::with_capacity(threads);
+        for (k, share) in shares.iter().enumerate() {
+            let part = SummedPart {
+                system,
+                energy,
+                grains: share.clone(),
+                blocks: begin(k)..begin(k + 1),
+            };
+            parts.push((part, Self::default()));
+        }
+        workers::each(system.pool.workers(), &mut parts, |_, (part, sums)| {
+            *sums = system.isa.run(part.clone());
+        });
+        let all = parts.into_iter().map(|(_, sums)| sums);
+        all.fold(Self::default(), Self::merge)
+    }
+
+    fn merge(mut self, other: Self) -> Self {
+        self.kinetic.merge(other.kinetic);
+        self.potential.merge(other.potential);
+        for (sum, more) in self.counts.iter_mut().zip(other.counts) {
+            *sum += more;
+        }
+        self
+    }
+}
+
+/// The owned grains and the blocks over which a thread sums.
+#[derive(Debug, Clone)]
+struct SummedPart<'a, D: Dimension> {
+    system: &'a System<D>,
+    energy: &'a FixedPoint,
+    grains: Range<usize>,
+    blocks: Range<usize>,
+}
+
+impl<D: Dimension> Work for SummedPart<'_, D> {
+    type Output = OwnedSums;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, _: L::Token) -> OwnedSums {
+        let (system, energy) = (self.system, self.energy);
+        let (cell, grains, [along, down]) = (system.cell, &system.grains, system.gravity);
+        let mut sums = OwnedSums::default();
+        let is_free = |g: usize| grains.body[g] == body::FREE;
+        for g in self.grains.filter(|g| is_free(*g)) {
+            let (r, mass, radius) = (grains.fields(g), grains.mass[g], grains.radius[g]);
             let square = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>();
             let spin = D::INERTIA * radius * radius * square(&r[D::SPIN..D::SPIN + D::SPINS]);
             let velocity = cell.peculiar_velocity::<D>(r);
-            let energy_of = 0.5 * m * (square(&velocity[..D::AXES]) + spin);
-            energy.add(&mut sum, energy_of);
+            let energy_of = 0.5 * mass * (square(&velocity[..D::AXES]) + spin);
+            energy.add(&mut sums.kinetic, energy_of);
+            if system.gravity != [0.0; 2] {
+                energy.add(&mut sums.potential, mass * down * r[D::UP]);
+            }
+            if along != 0.0 {
+                let x = r[0] + grains.image[g][0] as f64 * cell.periods[0];
+                energy.add(&mut sums.potential, -(mass * along * x));
+            }
         }
-    }
-    sum
-}
-
-/// Potential energy of the free grains in gravity, from the height 0 and from where their images
-/// along x are counted from.
-fn owned_potential_energy<D: Dimension>(system: &System<D>, energy: &FixedPoint) -> Accumulator {
-    let (grains, [along, down]) = (&system.grains, system.gravity);
-    let mut sum = Accumulator::default();
-    let has_weight = |g: &usize| system.gravity != [0.0; 2] && grains.body[*g] == body::FREE;
-    for g in (0..grains.owned).filter(has_weight) {
-        let (r, mass) = (grains.fields(g), grains.mass[g]);
-        energy.add(&mut sum, mass * down * r[D::UP]);
-        if along != 0.0 {
-            let x = r[0] + grains.image[g][0] as f64 * system.cell.periods[0];
-            energy.add(&mut sum, -(mass * along * x));
+        let contacts = &system.contacts;
+        for at in contacts.touching_in(self.blocks) {
+            if at.i < grains.owned {
+                sums.counts[0] += 1;
+                sums.counts[1] += i64::from(contacts.limits[at.block][0] >> at.lane & 1);
+                sums.counts[2] += i64::from(is_free(at.i)) + i64::from(is_free(at.j));
+            }
         }
+        sums
     }
-    sum
 }
 
 /// The mean motion of the free grains, weighed by mass.
@@ -290,8 +353,11 @@ fn sums<D: Dimension>(
     constants: &SampleConstants,
     boundary: &Boundary,
 ) -> Sums {
-    let kinetic = owned_kinetic_energy(system, &constants.energy);
-    let potential = owned_potential_energy(system, &constants.energy);
+    let OwnedSums {
+        kinetic,
+        potential,
+        counts,
+    } = OwnedSums::of(system, &constants.energy);
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
     let wall = boundary.measured_body();
@@ -300,13 +366,6 @@ fn sums<D: Dimension>(
         let force = &grains.force[g as usize];
         system.fixed.add(&mut shear, -sign * force[0]);
         system.fixed.add(&mut normal, sign * force[D::UP]);
-    }
-    let mut counts = [0i64; 3];
-    for at in system.contacts.touching().filter(|at| at.i < grains.owned) {
-        let free = |g: usize| i64::from(grains.body[g] == body::FREE);
-        counts[0] += 1;
-        counts[1] += i64::from(system.contacts.limits[at.block][0] >> at.lane & 1);
-        counts[2] += free(at.i) + free(at.j);
     }
     let mut message = [0i64; SUMS + 3];
     let (sums, tail) = message.split_at_mut(SUMS);

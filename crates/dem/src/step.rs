@@ -307,7 +307,7 @@ impl<D: Dimension> Sweep<'_, D> {
             let outcome = pool.move_and_add_forces(&forces, moved, work, note);
             under_way.within_shares = Some(outcome);
             if let Some(ended) = ended {
-                clock.end_at(StepPhase::Motion, ended);
+                clock.end_within_region(StepPhase::Motion, ended);
             }
             clock.end(StepPhase::Contacts);
         } else {

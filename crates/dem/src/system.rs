@@ -452,6 +452,7 @@ impl<D: Dimension> System<D> {
     /// # Errors
     /// If the slabs would be too narrow, or the threads cannot be started.
     pub fn new(exchange: &dyn Exchange, setup: Setup) -> Result<Self> {
+        let pool = ThreadPool::new(setup.threads)?;
         Ok(Self {
             list: List::new(exchange, &setup)?,
             isa: setup.isa,
@@ -469,8 +470,8 @@ impl<D: Dimension> System<D> {
             second_kick_deferred: false,
             wall_velocities: None,
             under_way: Vec::new(),
-            clock: Clock::default(),
-            pool: ThreadPool::new(setup.threads)?,
+            clock: pool.clock(),
+            pool,
             tuning: Tuning::new(setup.tuning, setup.isa),
             budget: None,
             stress: None,
@@ -481,7 +482,7 @@ impl<D: Dimension> System<D> {
 
     /// Begins the clock anew.
     pub fn restart_clock(&mut self) {
-        self.clock = Clock::default();
+        self.clock = self.pool.clock();
         (self.list.worked, self.list.spent) = (0.0, 0.0);
         self.tuning.restart();
     }

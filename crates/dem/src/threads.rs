@@ -4,9 +4,11 @@
 //! of threads does not change a bit.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use bytemuck::Zeroable;
 
+use crate::clock::Clock;
 use crate::dimension::Dimension;
 use crate::drive::{WallGrains, WallSums};
 use crate::failure::Result;
@@ -61,6 +63,12 @@ impl<D: Dimension> ThreadPool<D> {
     /// Number of threads.
     pub fn threads(&self) -> usize {
         1 + self.partial.len()
+    }
+
+    /// A clock that begins now, and counts the time in which one thread works alone.
+    pub(crate) fn clock(&self) -> Clock {
+        let workers = self.workers.as_ref();
+        Clock::with_regions(workers.map(|workers| Arc::clone(workers.nanoseconds())))
     }
 
     /// The threads beside the first.

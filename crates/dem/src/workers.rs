@@ -14,6 +14,8 @@ pub struct Workers {
     threads: usize,
     pool: Arc<rayon::ThreadPool>,
     shared: Arc<Shared>,
+    /// Nanoseconds of all regions until now.
+    nanoseconds: Arc<AtomicU64>,
 }
 
 /// What the threads tell each other.
@@ -83,12 +85,19 @@ impl Workers {
             threads,
             pool,
             shared: Arc::default(),
+            nanoseconds: Arc::default(),
         }))
+    }
+
+    /// Nanoseconds of all regions until now.
+    pub fn nanoseconds(&self) -> &Arc<AtomicU64> {
+        &self.nanoseconds
     }
 
     /// Runs `work`, which may spawn, and waits for what it spawned.
     pub fn region<'scope>(&'scope self, work: impl FnOnce(&Region<'scope, '_>)) {
         let shared = &self.shared;
+        let begun = Instant::now();
         shared.begin_region();
         shared.begun_and_ended.fetch_add(1, Ordering::Release);
         while shared.watching.load(Ordering::Acquire) + 1 < self.threads {
@@ -113,6 +122,8 @@ impl Workers {
             }
         });
         shared.begun_and_ended.fetch_add(1, Ordering::Release);
+        let nanoseconds = begun.elapsed().as_nanos() as u64;
+        self.nanoseconds.fetch_add(nanoseconds, Ordering::Relaxed);
     }
 }
 

@@ -34,6 +34,7 @@ impl FixedPoint {
     }
 
     /// Adds a term.
+    #[inline(always)]
     pub fn add(&self, to: &mut Accumulator, term: f64) {
         let scaled = term * self.per_unit;
         if scaled.abs() < 2f64.powi(62) {

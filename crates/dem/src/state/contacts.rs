@@ -398,11 +398,17 @@ impl Contacts {
 
     /// The touching contacts with local indices, block by block.
     pub fn touching(&self) -> impl Iterator<Item = Touching> + '_ {
-        let mut blocks = self.touching.iter().copied().enumerate();
+        self.touching_in(0..self.blocks())
+    }
+
+    /// The touching contacts of some blocks with local indices, block by block.
+    pub fn touching_in(&self, blocks: Range<usize>) -> impl Iterator<Item = Touching> + '_ {
+        let mut blocks = blocks.into_iter();
         let (mut block, mut rest, mut grains) = (0, 0u16, Pairs::default());
         std::iter::from_fn(move || {
             while rest == 0 {
-                (block, rest) = blocks.next()?;
+                block = blocks.next()?;
+                rest = self.touching[block];
                 if rest != 0 {
                     grains = self.grains(block);
                 }

@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use crate::header::{Birth, Position, StrainProgress};
 use crate::options::Verbosity;
 use crate::say::{say, say_error, width};
-use gshear_dem::clock::StepPhase;
+use gshear_dem::clock::{PHASES, StepPhase};
 use gshear_dem::dimension::Dimension;
 use gshear_dem::drive::Piston;
 use gshear_dem::failure::on_one_line;
@@ -402,6 +402,10 @@ impl Terminal {
                 gshear_dem::step::MESSAGE_BYTES,
             ));
         }
+        let threads = system.pool.threads();
+        if let Some((alone, phases)) = system.clock.serial_shares(exchange) {
+            self.say(work_alone(threads, alone, phases));
+        }
         self.say(format!(
             "{rebuilds} list rebuilds; state {:.0} bytes per grain of a rank",
             memory / system.owned().max(1) as f64
@@ -419,6 +423,23 @@ impl Terminal {
     pub fn go_on(&self, out: &Path) {
         self.say(format!("next: gshear-reduce report {}", out.display()));
     }
+}
+
+/// How much of the time one of the threads works alone, and what that means for more of them.
+fn work_alone(threads: usize, alone: f64, phases: [f64; PHASES.len()]) -> String {
+    let named = PHASES.iter().zip(phases);
+    let named = named.filter(|(_, share)| *share >= 5e-4);
+    let named: Vec<String> = named
+        .map(|((_, name), share)| format!("{name} {:.1}", 100.0 * share))
+        .collect();
+    // Amdahl's law: the share in the time of one thread, which is longer.
+    let of_one = alone / (alone + (1.0 - alone) * threads as f64);
+    let most = 1.0 / (of_one + (1.0 - of_one) / 16.0);
+    format!(
+        "{threads} threads: one works alone for {:.1} % of the time ({}); 16 threads would be at most {most:.1} times as fast as one",
+        100.0 * alone,
+        named.join(", "),
+    )
 }
 
 /// The table of the phases, without the least and the greatest time if it is wider than this.
@@ -617,6 +638,15 @@ fn walls_of_file(shear: &PlaneShear) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A tenth of the time of two threads is a nineteenth of that of one.
+    #[test]
+    fn the_serial_share_is_that_of_one_thread_for_others() {
+        let said = work_alone(2, 0.1, [0.0, 0.0, 0.0, 0.02, 0.0, 0.08]);
+        // 1/(1/19 + (18/19)/16) = 8.94.
+        let expected = "2 threads: one works alone for 10.0 % of the time (walls, global sums 2.0, output 8.0); 16 threads would be at most 8.9 times as fast as one";
+        assert_eq!(said, expected);
+    }
 
     #[test]
     fn a_narrow_terminal_has_a_narrow_table() {
