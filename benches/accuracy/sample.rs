@@ -124,7 +124,6 @@ impl Sample {
             typical_force: self.load().normal_force,
             threads: 1,
             sweep: scene.bookkeeping.sweep,
-            tuning: gshear_dem::tuning::Plan::default(),
         };
         let mut system = System::new(&Solo, setup).expect("one rank is not too many");
         // At another Δt the same drive.

@@ -7,7 +7,6 @@ use gshear_dem::drive::{
 };
 use gshear_dem::simd::Isa;
 use gshear_dem::state::{Cell, Grains};
-use gshear_dem::tuning::PassSettings;
 
 /// The velocity that the dampers of a contact take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +58,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
 
     fn forces(
         &mut self,
-        settings: PassSettings,
+        isa: Isa,
         cell: Cell,
         step: f64,
         grains: &mut Grains<Two>,
@@ -74,7 +73,7 @@ impl<D: Drive<Two>> Drive<Two> for Damped<D> {
                 r.copy_within(Two::HALF_SPIN..=Two::HALF_SPIN, Two::SPIN);
             }
         }
-        self.walls.forces(settings, cell, step, grains)
+        self.walls.forces(isa, cell, step, grains)
     }
 
     fn load_on_grains(

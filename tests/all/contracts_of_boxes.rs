@@ -48,7 +48,7 @@ fn keeps_the_contracts(dimension: &'static str, sample: &'static str) {
         (
             2,
             &[
-                "--set=bookkeeping.tune_every=1",
+                "--set=bookkeeping.rebuild_every=1",
                 "--set=aqs.frame_every=1",
                 "--set=newtonian.rows=7",
                 "--set=newtonian.frames=0",

@@ -32,7 +32,7 @@ fn keeps_the_contracts(case: &Case) -> TempDir {
         gshear_mpi(ranks, &at(name), &arguments)
     };
     let skin = "--set=bookkeeping.skin=0.3";
-    let restless = "--set=bookkeeping.tune_every=1";
+    let restless = "--set=bookkeeping.rebuild_every=3";
     let others = [skin, restless, "--threads=2"];
     for (ranks, further) in [(2, &others[..1]), (3, &others)] {
         let name = format!("on-{ranks}");

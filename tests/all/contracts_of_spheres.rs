@@ -46,7 +46,6 @@ fn spheres_under_a_spring_keep_the_contracts() {
             2,
             &[
                 "--set=bookkeeping.rebuild_every=40",
-                "--set=bookkeeping.tune_every=1",
                 "--set=bookkeeping.band_grains=40",
                 "--set=output.frame_rows=500",
                 "--set=output.series_rows=1",
@@ -65,7 +64,7 @@ fn spheres_under_a_spring_keep_the_contracts() {
             1,
             &[
                 "--set=bookkeeping.band_grains=40",
-                "--set=bookkeeping.tune_every=1",
+                "--set=bookkeeping.steps_at_once=3",
             ],
         ),
     ] {
@@ -278,7 +277,7 @@ fn mixtures_keep_the_contracts() {
     let expected = run("one", 1, &[]).digest();
     let rebuilt = [
         "--set=bookkeeping.rebuild_every=7",
-        "--set=bookkeeping.tune_every=1",
+        "--set=bookkeeping.skin=0.3",
         "--threads=2",
     ];
     assert_eq!(run("three", 3, &rebuilt).digest(), expected);

@@ -51,7 +51,7 @@ fn keeps_the_contracts(folder: &Path, name: &str, sets: &[&str]) -> String {
         (1, &["bookkeeping.simd=portable"]),
         (
             1,
-            &["bookkeeping.tune_every=1", "bookkeeping.band_grains=20"],
+            &["bookkeeping.steps_at_once=5", "bookkeeping.band_grains=20"],
         ),
     ] {
         let other = folder.join(format!("{name}-other"));

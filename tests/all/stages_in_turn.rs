@@ -14,7 +14,6 @@ fn scene(dimension: usize, size: &str, friction: f64, stages: &str) -> String {
         material.density = 1.0
         contact = {{ law = 'hooke', normal_stiffness = 1.0, friction = {friction}, damping_ratio = 0.3 }}
         sample = {{ radius_min = 0.4, radius_max = 0.6, boundary = 'periodic', {size} }}
-        bookkeeping.tune_every = 1
         time.step = 0.02
         {stages}
         "

@@ -98,7 +98,6 @@
 //! | [`contact`] | the interfaces of a law and of an adhesion |
 //! | [`kernel`] | the loop over the contacts, sixteen at a time |
 //! | [`simd`], [`threads`] | instruction sets with the same bits, threads of a rank |
-//! | [`tuning`] | settings that are tried while a run goes on |
 //! | [`dimension`] | the differences between 2D and 3D |
 //! | [`state`], [`system`] | grains, contacts and the cell; their upkeep between two steps |
 //! | [`neighbour`] | cells and the half list of candidate pairs |
@@ -126,7 +125,7 @@
 //! The program keeps six contracts. None is traded for speed.
 //!
 //! 1. **Bookkeeping never reaches the numbers.** Ranks, slab cuts, bands, skin, list rebuilds,
-//!    threads, instruction set, steps at once and tuning do not change a bit.
+//!    threads, instruction set and steps at once do not change a bit.
 //! 2. **Output changes nothing.** More frames or rows, analysis on or off: the digest is the same.
 //! 3. **Exact restart.** A run stopped at any step and resumed, on any number of ranks, ends with
 //!    the
@@ -166,7 +165,6 @@ pub mod state;
 pub mod step;
 pub mod system;
 pub mod threads;
-pub mod tuning;
 mod under_way;
 pub mod wave;
 pub mod workers;

@@ -124,9 +124,6 @@ pub fn advance<D: Dimension>(
     system.under_way = steps;
     system.list.due = rebuild;
     system.second_kick_deferred = true;
-    system
-        .tuning
-        .end_steps(exchange, count as u64, system.clock.worked());
     Ok(Advanced {
         steps: count as u64,
         stop,
@@ -221,7 +218,7 @@ impl<D: Dimension> Sweep<'_, D> {
         }
         let is_stressed = drive.needs_stress(self.request.samples.is_some());
         let motion = GrainMotion {
-            isa: system.tuning.passes().isa,
+            isa: system.isa,
             units: system.grains.units,
             gravity: system.gravity,
             step: time_step,
@@ -286,6 +283,8 @@ impl<D: Dimension> Sweep<'_, D> {
             under_way.flow.merge(moved.flow);
             ended.get_or_insert(moved.ended);
         };
+        let owned = bands.grains(band);
+        let walls = drive.wall_grains().within(owned.clone());
         if self.exchange.size() == 1 && bands.count() == 1 {
             let forces = BandForces {
                 law: self.law,
@@ -294,7 +293,7 @@ impl<D: Dimension> Sweep<'_, D> {
             };
             let moved = MovedGrains {
                 grains,
-                walls: drive.wall_grains(),
+                walls,
                 contacts,
                 samples: self.request.samples.as_deref_mut(),
             };
@@ -311,8 +310,6 @@ impl<D: Dimension> Sweep<'_, D> {
             }
             clock.end(StepPhase::Contacts);
         } else {
-            let owned = bands.grains(band);
-            let walls = drive.wall_grains().within(owned.clone());
             let work = |part: OwnedPart<'_, D>| motion.advance(second_kick_deferred, part);
             pool.over_owned(grains, owned, walls, work, note);
         }
@@ -343,8 +340,8 @@ impl<D: Dimension> Sweep<'_, D> {
             .list
             .moved(way, motion, &system.grains, planes, looks);
         let unsound = system.list.unsound.then_some(Outside::Number);
-        let PassInput { settings, cell, .. } = under_way.input;
-        let at_plane = drive.forces(settings, cell, motion.step, &mut system.grains);
+        let PassInput { isa, cell, .. } = under_way.input;
+        let at_plane = drive.forces(isa, cell, motion.step, &mut system.grains);
         for outside in unsound.into_iter().chain(at_plane.map(Outside::Plane)) {
             under_way.fail(outside, |outside| system.describe(outside));
         }
@@ -570,7 +567,7 @@ pub fn forces<D: Dimension>(
         *units,
         system.gravity,
     );
-    let at_plane = drive.forces(input.settings, input.cell, step, &mut system.grains);
+    let at_plane = drive.forces(input.isa, input.cell, step, &mut system.grains);
     let mut outcome = PassOutcome::default();
     for band in 0..system.bands.count() {
         let samples = samples.as_deref_mut();
@@ -599,7 +596,7 @@ fn begin_forces<D: Dimension>(
         contacts,
         budget,
         step: full_step,
-        tuning,
+        isa,
         ..
     } = system;
     grains.force[grains.owned..].fill(Zeroable::zeroed());
@@ -611,7 +608,7 @@ fn begin_forces<D: Dimension>(
         samples.prepare(contacts.blocks());
     }
     PassInput {
-        settings: tuning.passes(),
+        isa: *isa,
         units: grains.units,
         cell: *cell,
         step,

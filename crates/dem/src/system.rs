@@ -1,7 +1,7 @@
 //! The state of a rank between two steps, and the upkeep of its lists.
 
 use crate::budget::EnergyBudget;
-use crate::clock::{Clock, StepPhase};
+use crate::clock::Clock;
 use crate::contact::model::PairModel;
 use crate::dimension::Dimension;
 use crate::domain::{Exchange, FixedPoint, Slabs, most_ranks};
@@ -16,7 +16,6 @@ use crate::state::{
     Ids, LocalGrains, Masses, Remembered, Units, body, length,
 };
 use crate::threads::{OwnedPart, ThreadPool};
-use crate::tuning::{self, Tuning};
 use crate::under_way::StepUnderWay;
 
 /// Bounds of an adaptive skin over d̄.
@@ -24,13 +23,15 @@ const THINNEST_SKIN: f64 = 0.002;
 /// The greatest adaptive skin over d̄.
 pub const THICKEST_SKIN: f64 = 0.4;
 const FIRST_SKIN: f64 = 0.02;
+/// Steps between rebuilds at which the skin aims: a rebuild costs about as much as ten steps.
+const LIFE: f64 = 600.0;
 /// By how much bands are thicker than the cutoff, over the greatest diameter.
 const SLACK: f64 = 0.25;
 
 /// The grains and contacts of this rank, and the bookkeeping for them.
 #[derive(Debug)]
 pub struct System<D: Dimension> {
-    /// The instruction set, but for passes and motion, for which `tuning` has one.
+    /// The instruction set.
     pub isa: Isa,
     /// The cell.
     pub cell: Cell,
@@ -71,8 +72,6 @@ pub struct System<D: Dimension> {
     pub clock: Clock,
     /// The threads of this rank.
     pub pool: ThreadPool<D>,
-    /// Settings of passes and lists, which are tried.
-    pub tuning: Tuning,
     /// The energy budget, if it is kept.
     pub budget: Option<EnergyBudget>,
     /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of the last step with its
@@ -110,8 +109,6 @@ pub struct List {
     way: f64,
     /// [`Clock::worked`] when the grains last migrated (s).
     worked: f64,
-    /// The seconds of computing and of lists, before the present one.
-    spent: f64,
     /// Mean distance in memory of the two grains of a pair, in grains: of this list, and of that
     /// for which the grains were last sorted.
     reach: f64,
@@ -335,11 +332,6 @@ impl List {
         self.rebuilds > 0 && self.every == 0
     }
 
-    /// Whether the skin could have been another one.
-    fn is_free(&self) -> bool {
-        self.adapts() && self.range[0] < self.skin && self.skin < self.range[1]
-    }
-
     /// Whether neighbours have drifted apart in memory since the grains were sorted.
     fn is_scattered(&self) -> bool {
         self.scattered || self.reach > 1.5 * self.reach_when_sorted
@@ -347,9 +339,9 @@ impl List {
 
     /// Adapts the skin to lists that last so many steps: with a thicker one pairs that do not
     /// touch cost more time, with a thinner one rebuilds.
-    fn adapt(&mut self, lasted: u64, life: f64) {
+    fn adapt(&mut self, lasted: u64) {
         if self.adapts() {
-            self.skin *= (life / lasted as f64).clamp(0.5, 2.0);
+            self.skin *= (LIFE / lasted as f64).clamp(0.5, 2.0);
             self.skin = self.skin.clamp(self.range[0], self.range[1]);
         }
     }
@@ -382,12 +374,23 @@ pub struct ListSettings {
 }
 
 /// How steps go through the bands. They change the speed of a run and not its numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SweepSettings {
     /// Grains of a band; `None`: few, and all of a packing that fits into the cache.
     pub band: Option<usize>,
-    /// Steps that follow each other through the bands, at most; `None`: as many as is fastest.
-    pub steps: Option<u64>,
+    /// Steps that follow each other through the bands, at most.
+    pub steps: u64,
+}
+
+impl Default for SweepSettings {
+    /// With four steps a packing that fills three caches is a tenth slower, with sixteen as fast
+    /// (docs/lab/speed.md).
+    fn default() -> Self {
+        Self {
+            band: None,
+            steps: 8,
+        }
+    }
 }
 
 /// Parameters of a [`System`]. SI units.
@@ -415,8 +418,6 @@ pub struct Setup {
     pub threads: usize,
     /// Bands, and steps that follow each other through them.
     pub sweep: SweepSettings,
-    /// Which settings are tried while the run goes on.
-    pub tuning: tuning::Plan,
 }
 
 impl Setup {
@@ -434,7 +435,6 @@ impl Setup {
             typical_force: 1.0,
             threads: 1,
             sweep: SweepSettings::default(),
-            tuning: tuning::Plan::default(),
         }
     }
 
@@ -472,7 +472,6 @@ impl<D: Dimension> System<D> {
             under_way: Vec::new(),
             clock: pool.clock(),
             pool,
-            tuning: Tuning::new(setup.tuning, setup.isa),
             budget: None,
             stress: None,
             ids: Ids::default(),
@@ -483,8 +482,7 @@ impl<D: Dimension> System<D> {
     /// Begins the clock anew.
     pub fn restart_clock(&mut self) {
         self.clock = self.pool.clock();
-        (self.list.worked, self.list.spent) = (0.0, 0.0);
-        self.tuning.restart();
+        self.list.worked = 0.0;
     }
 
     /// The grains of this rank at the full step.
@@ -560,13 +558,17 @@ impl<D: Dimension> System<D> {
         }
     }
 
+    /// Number of bands.
+    pub fn bands(&self) -> usize {
+        self.bands.count()
+    }
+
     /// Number of steps that may follow each other through the bands now, at most.
     pub fn most_at_once(&self) -> u64 {
         if self.bands.count() == 1 {
             return 1;
         }
-        let given = self.sweep.steps.unwrap_or(1);
-        self.tuning.passes().choice.steps.unwrap_or(given)
+        self.sweep.steps
     }
 
     /// Adds the flow of momentum to the stress, if that is counted.
@@ -634,13 +636,7 @@ impl<D: Dimension> System<D> {
         drive: &mut dyn Drive<D>,
     ) -> Result<()> {
         let lasted = self.steps - self.list.built;
-        let spent = self.clock.worked() + self.clock.seconds(StepPhase::Rebuild);
-        let per_step = (spent - self.list.spent) / lasted as f64;
-        self.list.spent = spent;
-        if self.list.is_free() {
-            self.tuning.end_list(exchange, per_step);
-        }
-        self.list.adapt(lasted, self.tuning.life());
+        self.list.adapt(lasted);
         if exchange.size() > 1 || self.list.is_scattered() {
             let (grains, contacts) = (self.grain_states(), self.contact_states(law));
             return self.replace(exchange, law, drive, grains, contacts);
@@ -684,8 +680,6 @@ impl<D: Dimension> System<D> {
         let by_bodies = self.pool.threads() == 1;
         neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff, by_bodies);
         self.bands = self.sort_into_bands(exchange, &mut owned, cutoff);
-        self.tuning
-            .set_bands(self.bands.count() > 1 && self.sweep.steps.is_none());
         self.grains.replace(&owned, &self.masses, self.step);
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
@@ -959,6 +953,7 @@ impl<D: Dimension> Work for SecondKick<'_, D> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::clock::StepPhase;
     use crate::dimension::Two;
     use crate::domain::Solo;
     use bytemuck::Zeroable;
@@ -1011,9 +1006,9 @@ mod tests {
         system.clock.end(StepPhase::Contacts);
         let worked = system.clock.worked();
         assert!(worked > 0.0);
-        (system.list.worked, system.list.spent) = (worked, worked);
+        system.list.worked = worked;
         system.restart_clock();
         let now = system.clock.worked();
-        assert!(now >= system.list.worked && now >= system.list.spent);
+        assert!(now >= system.list.worked);
     }
 }

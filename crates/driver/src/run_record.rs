@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use gshear_dem::tuning::Tuned;
 use gshear_scene::Scene;
 use gshear_scene::identity::{hash, identity};
 use gshear_store::h5::Attribute;
@@ -20,9 +19,9 @@ pub struct RunRecord {
     /// Every resume so far.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub resumed: Vec<Continuation>,
-    /// The settings that were the fastest, to begin with after a resume.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub tuned: Option<Tuned>,
+    /// Settings of speed that earlier builds tried and kept: not used.
+    #[serde(default, skip_serializing)]
+    tuned: Option<serde_json::Value>,
 }
 
 /// The checkpoint from which a branch begins.
@@ -81,7 +80,7 @@ impl RunRecord {
                 at,
             }),
             resumed: Vec::new(),
-            tuned: self.tuned,
+            tuned: None,
         }
     }
 

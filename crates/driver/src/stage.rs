@@ -7,7 +7,6 @@ use gshear_store::status::StageProgress;
 use crate::files::Files;
 use crate::options::Outcome;
 use crate::run::{Checkpoint, Run};
-use crate::stages::assembly::Assembly;
 
 /// Steps of Newton's equations after which a stage looks whether the last checkpoint is old.
 pub(crate) const CHECKPOINT_INTERVAL: u64 = 100;
@@ -57,9 +56,6 @@ pub(crate) trait Stage<'a, D: Dimension> {
     fn count(&self) -> Option<u64> {
         Some(self.completed() + 1)
     }
-
-    /// The grains.
-    fn assembly(&self) -> &Assembly<'a, D>;
 
     /// The files of frames and time series; `None` of a stage without them.
     fn files(&mut self) -> Option<&mut Files>;
@@ -175,8 +171,6 @@ impl Run<'_> {
                 return Ok(Outcome::Stopped);
             }
         }
-        // The next stage begins with them.
-        self.record.tuned = stage.assembly().system.tuning.tuned();
         self.terminal.clear();
         self.terminal.set(&stage.progress());
         Ok(Outcome::Done)
@@ -212,7 +206,6 @@ impl Run<'_> {
             Save::IfOld => self.last_checkpoint_is_old(),
         };
         if is_due {
-            self.record.tuned = stage.assembly().system.tuning.tuned();
             stage.check(self)?;
             if let Some(files) = stage.files() {
                 files.flush(self.exchange)?;

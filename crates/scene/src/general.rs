@@ -5,7 +5,6 @@ use gshear_dem::laws::keys::{
 };
 use gshear_dem::simd::Isa;
 use gshear_dem::system::{ListSettings, SweepSettings};
-use gshear_dem::tuning::Tune;
 
 use crate::checker::Checker;
 use crate::table::table;
@@ -46,13 +45,9 @@ table! {
         /// grains of a band, a layer along the last axis; changes speed, not results
         band_grains: Whole(FROM_ONE) { otherwise: "by the cache" },
         /// steps that follow each other through the bands, at most; changes speed, not results
-        steps_at_once: Whole(FROM_ONE) { otherwise: "as many as is fastest" },
+        steps_at_once: Whole(FROM_ONE) { default: "8" },
         /// instruction set of the kernel; changes speed, not results
         simd: Text(&SIMD_NAMES) { default: SIMD_NAMES[0] },
-        /// try other settings of speed while the run goes on, and keep the fastest
-        tune: Flag { default: "true" },
-        /// for tests of tuning: change settings every so many steps, whatever is faster; 0 is never
-        tune_every: Whole(FROM_ZERO) { default: "0" },
         /// a run ends if a rank has not answered for so long; 0 is never
         watchdog: Number(NOT_NEGATIVE) { unit: "s", default: "600.0" },
     }
@@ -67,8 +62,6 @@ pub struct Bookkeeping {
     pub sweep: SweepSettings,
     /// Instruction set of the kernel: one of `SIMD_NAMES`.
     pub simd: &'static str,
-    /// Whether settings are tried while the run goes on.
-    pub tune: Tune,
     /// Time after which a rank that does not answer ends the run (s); 0 is never.
     pub watchdog: f64,
 }
@@ -84,11 +77,9 @@ pub(crate) fn check_bookkeeping(c: &mut Checker<'_>) -> Bookkeeping {
         band: c
             .whole(&keys.band_grains)
             .map(|n| n.unsigned_abs() as usize),
-        steps: c.whole(&keys.steps_at_once).map(i64::unsigned_abs),
+        steps: c.count(&keys.steps_at_once),
     };
     let simd = c.choice(&keys.simd);
-    let tune = c.flag_or_default(&keys.tune);
-    let tune_every = c.count(&keys.tune_every);
     let watchdog = c.number_or_default(&keys.watchdog);
     if let Some(name) = simd.filter(|name| Isa::named(name).is_none()) {
         let what =
@@ -102,11 +93,6 @@ pub(crate) fn check_bookkeeping(c: &mut Checker<'_>) -> Bookkeeping {
         },
         sweep,
         simd: simd.unwrap_or("auto"),
-        tune: match tune_every {
-            _ if !tune => Tune::Never,
-            0 => Tune::InTurns,
-            steps => Tune::Every(steps),
-        },
         watchdog,
     }
 }

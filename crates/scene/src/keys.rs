@@ -184,6 +184,10 @@ pub(crate) fn check_known(tree: &DeTable<'_>, input: &Input<'_>) -> Result<()> {
     }
 }
 
+/// Keys of earlier versions that changed the speed alone. They have no effect; the scenes in
+/// checkpoints of those versions have them.
+const RETIRED: [(&str, &str); 2] = [("bookkeeping", "tune"), ("bookkeeping", "tune_every")];
+
 /// A key that is not known, or a value where a table belongs.
 pub(crate) struct KeyProblem {
     at: usize,
@@ -197,6 +201,9 @@ fn unknown_in_table(known: &Table, table: &DeTable<'_>, problems: &mut Vec<KeyPr
     for (key, value) in table {
         let name: &str = key.get_ref();
         let Some(declared) = known.key(name) else {
+            if RETIRED.contains(&(known.name, name)) {
+                continue;
+            }
             problems.push(KeyProblem {
                 at: key.span().start,
                 path: format!("{}.{name}", known.name),

@@ -13,7 +13,6 @@ use crate::dimension::Dimension;
 use crate::domain::{Accumulator, FixedPoint};
 use crate::simd::Isa;
 use crate::state::{Cell, Grains};
-use crate::tuning::PassSettings;
 use crate::workers::tail;
 
 pub use grain_walls::GrainWalls;
@@ -187,7 +186,7 @@ pub trait Drive<D: Dimension>: Sync {
     }
     /// Adds forces of the walls on the grains that are not contacts between grains. Returns a grain
     /// whose overlap is outside the law.
-    fn forces(&mut self, _: PassSettings, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
+    fn forces(&mut self, _: Isa, _: Cell, _step: f64, _: &mut Grains<D>) -> Option<usize> {
         None
     }
     /// The heights (m) of planes that grains touch, if there are some: of bottom and top.

@@ -8,7 +8,6 @@ use crate::domain::{Accumulator, FixedPoint};
 use crate::kernel::{PairForce, Pass, PassInput, Scratch};
 use crate::simd::Isa;
 use crate::state::{Bands, CandidatePair, Cell, Contacts, Grains, LocalGrains, Remembered};
-use crate::tuning::PassSettings;
 
 /// Smooth rigid planes at 0 and at the piston's height along the last axis, the upper one pressed
 /// by N.
@@ -78,13 +77,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         None
     }
 
-    fn forces(
-        &mut self,
-        settings: PassSettings,
-        cell: Cell,
-        step: f64,
-        grains: &mut Grains<D>,
-    ) -> Option<usize> {
+    fn forces(&mut self, isa: Isa, cell: Cell, step: f64, grains: &mut Grains<D>) -> Option<usize> {
         let up = D::UP;
         let velocity = self.piston.predicted(step);
         for (k, &(g, upper)) in self.candidates.iter().enumerate() {
@@ -106,7 +99,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
         let all = 0..self.contacts.blocks();
         let part = self.contacts.part(all);
         let input = PassInput {
-            settings,
+            isa,
             units: grains.units,
             cell,
             step,

@@ -91,7 +91,7 @@ pub(super) fn hold<C: ContactLaw, L: Lanes, const BUDGET: bool>(
         },
     };
     let held = &mut adhesive.held[..chunk.len()];
-    adhesion.hold(pass.input.settings.isa, &blocks, held);
+    adhesion.hold(pass.input.isa, &blocks, held);
     for (k, block) in chunk.enumerate() {
         let pairs = HeldPairs::<L>::new(token, adhesive, k, contacts.touching[block]);
         if pairs.before | pairs.overlaps == 0 {
@@ -295,7 +295,7 @@ pub(super) fn add_forces<D: Dimension, L: Lanes>(
         elastic_overlap: &adhesive.elastic,
     };
     let force = &mut adhesive.force[..chunk.len()];
-    adhesion.answer(pass.input.settings.isa, Question::Force, &asked, force);
+    adhesion.answer(pass.input.isa, Question::Force, &asked, force);
     let mut jumps = scratch.jumps.iter().peekable();
     for (k, block) in chunk.enumerate() {
         let touches = L::mask(token, contacts.touching[block]);

@@ -24,10 +24,9 @@ use crate::contact::{
 use crate::dimension::{Dimension, PairForces, Vector};
 use crate::failure::Outside;
 use crate::simd::{
-    LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
+    Isa, LANES, Lanes, Lanes16, Mask, Portable, PortableToken, Work, prefetch, prefetch_all,
 };
 use crate::state::{BlockRange, Cell, Units, length};
-use crate::tuning::PassSettings;
 use crate::workers::tail_mut;
 
 /// Contact forces for frames and time series, by block as in [`crate::state::Contacts`].
@@ -169,8 +168,8 @@ impl<'a, D: Dimension> Pass<'a, D> {
 /// What all parts of a pass share.
 #[derive(Debug, Clone, Copy)]
 pub struct PassInput {
-    /// How it works.
-    pub settings: PassSettings,
+    /// The instruction set.
+    pub isa: Isa,
     /// The units to which forces and torques are rounded.
     pub units: Units,
     /// The cell.
@@ -180,8 +179,7 @@ pub struct PassInput {
     /// How far the grains have travelled since the list was made (m): blocks that cannot touch yet
     /// are left out. `None`: unknown, and all blocks are looked at.
     pub travelled: Option<f64>,
-    /// Whether its data is probably in no cache, so that it prefetches the next chunks unless the
-    /// settings say otherwise.
+    /// Whether its data is probably in no cache, so that it prefetches the next chunks.
     pub is_cold: bool,
     /// Makes the pass count the dissipation for the energy budget, and the stress.
     pub counting: Option<Counting>,
@@ -248,7 +246,7 @@ pub trait PairForce<D: Dimension>: PairModel {
 impl<C: ContactLaw + Stiffness> PairForce<C::Space> for C {
     fn pass(&self, pass: Pass<'_, C::Space>, scratch: &mut Scratch<C::Space>) -> PassOutcome {
         let first = pass.part.first;
-        let isa = pass.input.settings.isa;
+        let isa = pass.input.isa;
         let has_budget = pass
             .input
             .counting
@@ -345,24 +343,20 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
         let mut outcome = PassOutcome::default();
         let holding = pass.holding();
         let PassInput {
-            settings,
-            travelled,
-            ..
+            travelled, is_cold, ..
         } = pass.input;
-        let prefetches = settings.choice.prefetch.unwrap_or(pass.input.is_cold);
-        let blocks = settings.choice.blocks.clamp(1, CHUNK);
-        let mut next = pass.part.awake(0, blocks, travelled);
+        let mut next = pass.part.awake(0, CHUNK, travelled);
         let mut prefetched = next.clone();
-        if prefetches {
+        if is_cold {
             for _ in 1..AHEAD {
-                prefetched = pass.part.awake(prefetched.end, blocks, travelled);
+                prefetched = pass.part.awake(prefetched.end, CHUNK, travelled);
             }
         }
         while !next.is_empty() {
             let chunk = next;
-            next = pass.part.awake(chunk.end, blocks, travelled);
-            if prefetches {
-                prefetched = pass.part.awake(prefetched.end, blocks, travelled);
+            next = pass.part.awake(chunk.end, CHUNK, travelled);
+            if is_cold {
+                prefetched = pass.part.awake(prefetched.end, CHUNK, travelled);
                 prefetch_blocks(pass, prefetched.clone());
             }
             load_differences::<C, L>(token, pass, chunk.clone(), scratch);

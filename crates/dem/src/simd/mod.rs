@@ -375,15 +375,6 @@ impl Isa {
         }
     }
 
-    /// AVX2 instead of AVX-512.
-    #[must_use]
-    pub fn narrower(self) -> Self {
-        match self {
-            Isa::Avx512(_) => Avx2Token::detect().map_or(self, Isa::Avx2),
-            other => other,
-        }
-    }
-
     /// Does the work with this instruction set.
     pub fn run<W: Work>(self, work: W) -> W::Output {
         let portable = |work: W| work.run::<Portable>(PortableToken);

@@ -12,9 +12,8 @@ use gshear_dem::state::{
 };
 use gshear_dem::step::{Advanced, StepRequest, advance, initial_forces};
 use gshear_dem::system::{Setup, System};
-use gshear_dem::tuning;
 use gshear_mpi_exchange::Parallel;
-use gshear_scene::{PlaneShear, SIMD_NAMES, Scene};
+use gshear_scene::{PlaneShear, Scene};
 
 use crate::run::Run;
 
@@ -157,11 +156,6 @@ pub(crate) fn system<D: Dimension>(run: &Run<'_>, scene: &Scene, cell: Cell) -> 
         gravity,
         typical_force,
         threads: run.options.threads,
-        tuning: tuning::Plan {
-            tune: scene.bookkeeping.tune,
-            isa_is_given: scene.bookkeeping.simd != SIMD_NAMES[0],
-            tuned: run.record.tuned,
-        },
     };
     let mut system = System::new(run.exchange, setup)?;
     if let Some(file) = scene.packing() {

@@ -157,10 +157,6 @@ impl<'a, D: Dimension> Stage<'a, D> for NewtonianStage<'a, D> {
         Some(self.before + self.progress.steps + self.step + 1)
     }
 
-    fn assembly(&self) -> &Assembly<'a, D> {
-        &self.assembly
-    }
-
     fn files(&mut self) -> Option<&mut Files> {
         Some(&mut self.files)
     }

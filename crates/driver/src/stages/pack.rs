@@ -206,10 +206,6 @@ impl<'a, D: Dimension> Stage<'a, D> for PackStage<'a, D> {
         self.step
     }
 
-    fn assembly(&self) -> &Assembly<'a, D> {
-        &self.assembly
-    }
-
     fn files(&mut self) -> Option<&mut Files> {
         None
     }

@@ -358,10 +358,6 @@ impl<'a, D: Dimension> Stage<'a, D> for ShearStage<'a, D> {
         Some(self.before + self.step + 1)
     }
 
-    fn assembly(&self) -> &Assembly<'a, D> {
-        &self.assembly
-    }
-
     fn files(&mut self) -> Option<&mut Files> {
         Some(&mut self.files)
     }

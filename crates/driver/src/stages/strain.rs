@@ -373,10 +373,6 @@ impl<'a, D: Dimension> Stage<'a, D> for Strain<'a, D> {
         self.progress.steps
     }
 
-    fn assembly(&self) -> &Assembly<'a, D> {
-        &self.assembly
-    }
-
     fn files(&mut self) -> Option<&mut Files> {
         Some(&mut self.files)
     }

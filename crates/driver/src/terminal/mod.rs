@@ -410,7 +410,7 @@ impl Terminal {
             "{rebuilds} list rebuilds; state {:.0} bytes per grain of a rank",
             memory / system.owned().max(1) as f64
         ));
-        self.say(system.tuning.to_string());
+        self.say(settings(system));
         self.say(format!(
             "speed {:.4} million grain-steps/s of {}",
             1e-6 * speed,
@@ -422,6 +422,18 @@ impl Terminal {
     /// Says what can be done with the results.
     pub fn go_on(&self, out: &Path) {
         self.say(format!("next: gshear-reduce report {}", out.display()));
+    }
+}
+
+/// The instruction set, and the bands if there are several.
+fn settings(system: &System<impl Dimension>) -> String {
+    let isa = system.isa.name();
+    match system.bands() {
+        1 => format!("instruction set {isa}"),
+        bands => format!(
+            "instruction set {isa}; {bands} bands, up to {} steps at once",
+            system.most_at_once(),
+        ),
     }
 }
 
