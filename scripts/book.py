@@ -389,13 +389,17 @@ def python_api(root: Path) -> str:
     text = "# Python API\n\nFrom the docstrings of `gshear`; "
     text += "the [Python package](../../python/README.md) has an overview.\n"
     for module in MODULES:
-        tree = ast.parse((folder / f"{module}.py").read_text())
+        path = folder / f"{module}.py"
+        if not path.is_file():
+            path = folder / module / "__init__.py"
+        tree = ast.parse(path.read_text())
         name = "gshear" if module == "__init__" else f"gshear.{module}"
         text += f"\n## {name}\n\n{markdown(tree)}"
         found = public(tree.body)
-        for line in tree.body if module == "__init__" else []:
+        for line in tree.body if path.name == "__init__.py" else []:
             if isinstance(line, ast.ImportFrom) and line.level:
-                inner = public(ast.parse((folder / f"{line.module}.py").read_text()).body)
+                source = path.parents[line.level - 1] / f"{line.module}.py"
+                inner = public(ast.parse(source.read_text()).body)
                 names = {alias.name for alias in line.names}
                 # What a class has from another one belongs to it.
                 classes = [i for i in inner if isinstance(i, ast.ClassDef) and i.name in names]

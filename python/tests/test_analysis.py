@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import signal
 
-from gshear import Box, Contacts, Frame, Run
+from gshear import Run
 from gshear.analysis import (
     autocorrelation,
     avalanches,
@@ -26,36 +24,7 @@ from gshear.analysis import (
     time_mean,
 )
 
-
-def planted(
-    dimension: int,
-    edges: list[float],
-    grains: dict[str, Any],
-    *,
-    walls: bool,
-    pairs: Sequence[tuple[int, int]] = (),
-    friction: float = 0.0,
-) -> Frame:
-    """A frame of planted grains, of which these touch with the normal force 7."""
-    box = Box(np.array(edges), (True, dimension == 3, False), dimension - 1)
-    if not walls:
-        box = Box(np.array(edges), (True, True, dimension == 3), dimension - 1)
-    i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
-    columns: dict[str, NDArray[Any]] = {"i": i, "j": j, "normal_force": np.full(len(i), 7.0)}
-    columns["tangential_force"] = np.zeros(len(i))
-    return Frame(
-        tuple(grains),
-        grains.__getitem__,
-        {},
-        index=0,
-        step=0,
-        time=0.0,
-        strain=0.0,
-        dimension=dimension,
-        friction=friction,
-        box=box,
-        contacts=lambda frame: Contacts(tuple(columns), columns.__getitem__, {}, frame, len(i)),
-    )
+from .planted import planted
 
 
 def test_a_sine_has_its_power_at_its_frequency() -> None:

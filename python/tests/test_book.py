@@ -262,7 +262,12 @@ def test_the_page_of_the_python_package_has_all_that_is_public(book: ModuleType)
     named = {name: getattr(gshear, name) for name in gshear.__all__}
     for module in (analysis, plots, mdanalysis):
         own = {n: item for n, item in vars(module).items() if callable(item) and n[0] != "_"}
-        named |= {n: i for n, i in own.items() if getattr(i, "__module__", "") == module.__name__}
+        listed = set(getattr(module, "__all__", own))
+        named |= {
+            name: item
+            for name, item in own.items()
+            if name in listed and getattr(item, "__module__", "").startswith("gshear.")
+        }
     members = {
         f"{name}.{member}"
         for name, item in named.items()

@@ -24,12 +24,18 @@ class Box:
         image_offset: Lees–Edwards offset: displacement along x of the image above, which is the
             next one along the axis `gradient`. 0 if the box is not sheared or that axis is not
             periodic.
+        offset_periods: Number of periods along x that `image_offset`, which stays within half of
+            one, lacks of the whole displacement since the first frame.
+        planes: Whether a rigid plane is at the lower and at the upper end of the axis `gradient`,
+            at 0 and at the height.
     """
 
     edges: Vectors
     periodic: tuple[bool, bool, bool]
     gradient: int
     image_offset: float = 0.0
+    offset_periods: int = 0
+    planes: tuple[bool, bool] = (False, False)
 
     @property
     def vectors(self) -> Vectors:

@@ -77,7 +77,8 @@ class Frame(Columns):
         time: Time (s); of a box that is strained the strain.
         strain: Shear strain γ.
         dimension: 2 for disks, 3 for spheres.
-        friction: The greatest coefficient of sliding friction of the scene.
+        pair_friction: [M, M], coefficients of sliding friction between the M materials.
+        attracts: Whether grains of the scene attract each other.
         box: The periodic cell.
         contacts: The contacts of this frame.
     """
@@ -95,7 +96,8 @@ class Frame(Columns):
         dimension: int,
         box: Box,
         contacts: Callable[[Frame], Contacts],
-        friction: float = 0.0,
+        pair_friction: NDArray[np.float64] | None = None,
+        attracts: bool = False,
     ) -> None:
         super().__init__(names, read, units)
         self.index = index
@@ -103,9 +105,15 @@ class Frame(Columns):
         self.time = time
         self.strain = strain
         self.dimension = dimension
-        self.friction = friction
+        self.pair_friction = np.zeros((1, 1)) if pair_friction is None else pair_friction
+        self.attracts = attracts
         self.box = box
         self.contacts = contacts(self)
+
+    @property
+    def friction(self) -> float:
+        """The greatest coefficient of sliding friction."""
+        return float(self.pair_friction.max())
 
     @property
     def unwrapped(self) -> NDArray[np.float64]:

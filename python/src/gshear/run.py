@@ -8,7 +8,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple, SupportsIndex, TypeVar, overload
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex, TypeVar, overload
 
 import h5py
 import numpy as np
@@ -17,12 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _hdf5, _status, programs
 from ._hdf5 import SharedFile
-from .analysis import TimeMean, durations, time_mean
 from .box import Box
 from .errors import RunError
 from .frames import Contacts, Frame
+from .means import TimeMean, durations, time_mean
 from .scene import Scene
 from .tables import complete_lines, read_csv, with_units
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 T = TypeVar("T")
 
@@ -30,6 +33,14 @@ T = TypeVar("T")
 FILE = "run.h5"
 # Ratios of two columns, either of which may pass zero: their means are ratios of means.
 RATIOS = {"stress_ratio": ("shear_force", "normal_force")}
+# Whether the lower and the upper end of a sample is a rigid plane, by its boundary.
+PLANES = {
+    "flat walls": (True, True),
+    "flat top": (False, True),
+    "free surface above a plane": (True, False),
+}
+# Of eigenvectors, as `spectrum.h5` numbers them.
+COMPONENTS = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
 GRAINS = "particles/trajectory"
 CONTACTS = "connectivity/contacts"
 
@@ -399,8 +410,9 @@ class Run:
             time=float(frames.time[index]),
             strain=float(frames.strain[index]),
             dimension=self.dimension,
-            friction=self._once("friction", lambda _: _friction(self.scene)),
-            box=self._box(stored, index),
+            pair_friction=self._once("friction", lambda _: _pair_friction(self.scene)),
+            attracts=self._once("attraction", lambda _: _attracts(self.scene)),
+            box=self._box(stored, index, frames),
             contacts=lambda frame: Contacts(names, read_contacts, units, frame, last - first),
         )
 
@@ -483,12 +495,37 @@ class Run:
         between: NDArray[np.float64] = np.interp(step, rows, strains)
         return np.where(step < rows[0], before, np.where(step > rows[-1], after, between))
 
-    def _box(self, stored: _Stored, index: int) -> Box:
+    def _box(self, stored: _Stored, index: int, frames: Frames) -> Box:
         edges, gradient, offset = stored.edges[index], self.dimension - 1, 0.0
         if edges.ndim == 2:
             # A tilted cell: the edge along the gradient leans along x.
             offset, edges = float(edges[gradient, 0]), np.diagonal(edges)
-        return Box(edges.copy(), stored.periodic, gradient, offset)
+        name = f"periods of {len(frames)} frames"
+        periods = self._once(name, lambda file: self._offset_periods(file, stored, frames))
+        planes = PLANES.get(self.boundary or "", (False, False))
+        return Box(edges.copy(), stored.periodic, gradient, offset, int(periods[index]), planes)
+
+    def _offset_periods(
+        self, file: h5py.Group, stored: _Stored, frames: Frames
+    ) -> NDArray[np.int64]:
+        """Returns how many periods Lees–Edwards offsets lack since the first frame, [T]."""
+        count = len(frames)
+        if stored.edges.ndim == 2 or count == 0:
+            return np.zeros(count, dtype=np.int64)
+        offset, period = (stored.edges[:count, self.dimension - 1, 0], stored.edges[:count, 0, 0])
+        if self.stage == "shear":
+            whole = frames.strain * float(file["parameters"].attrs["height_start"])
+            lacking = np.nan_to_num((whole - offset) / period[0])
+        elif self.stage == "aqs":
+            # Each strain step has a row, and adds less than half a period.
+            rows = self.series["image_offset"].to_numpy()
+            before = np.searchsorted(self.series["step"], frames.step)
+            jumps = np.append(0.0, np.cumsum(np.rint(-np.diff(rows) / period[0])))
+            lacking = jumps[np.minimum(before, len(jumps) - 1)]
+        else:
+            lacking = np.zeros(count)
+        periods: NDArray[np.int64] = np.rint(lacking - lacking[0]).astype(np.int64)
+        return periods
 
     # Results of gshear-reduce
 
@@ -639,15 +676,67 @@ class Run:
         Args:
             frame: Frame of the run.
         """
+        folder, command = self._spectrum_of(frame)
+        name = str((folder / "spectrum.csv").relative_to(self.results))
+        return self._table(name, command, folder=folder)
+
+    def modes(self, frame: SupportsIndex = -1) -> xr.Dataset:
+        """Returns the eigenvectors of `spectrum`, by grain, as they are in `spectrum.h5`.
+
+            modes = run.modes(-1)
+            analysis.participation_ratio(modes["vector"])
+
+        Args:
+            frame: Frame of the run.
+
+        Returns:
+            `vector` [mode, grain, component], complex, of unit length: displacements along `x`, `y`
+            and `z`, and rotations about them. It is NaN for grains that are no part of the problem,
+            such as those of walls, and 0 for components that are none. `eigenvalue` [mode],
+            complex, and `participation` [mode].
+
+        Raises:
+            RunError: The spectrum is damaged, or of another frame.
+        """
+        import xarray as xr
+
+        self.spectrum(frame)
+        folder, _ = self._spectrum_of(frame)
+        path = folder / "spectrum.h5"
+        grains = self._frame(_position(frame, len(self.frames), self.path), self.frames)
+        try:
+            with _hdf5.open_for_reading(path) as file:
+                if int(file.attrs["step"]) != grains.step:
+                    raise RunError(f"{path}: is of step {file.attrs['step']}, not {grains.step}")
+                row, component = (file[name][:].astype(int) for name in ("grain", "component"))
+                parts = _hdf5.numbers(file, "eigenvector", (3,))[:]
+                re, im, participation = (
+                    _hdf5.numbers(file, name, (1,))[:]
+                    for name in ("lambda_re", "lambda_im", "participation")
+                )
+            vector = np.full((len(parts), len(grains.radius), len(COMPONENTS)), np.nan, complex)
+            vector[:, np.unique(row)] = 0
+            vector[:, row, component] = parts[..., 0] + 1j * parts[..., 1]
+        except _hdf5.UNSOUND as error:
+            raise RunError(f"{path}: is damaged; remove it: {error}") from error
+        return xr.Dataset(
+            {
+                "vector": (("mode", "grain", "component"), vector),
+                "eigenvalue": ("mode", re + 1j * im),
+                "participation": ("mode", participation),
+            },
+            coords={"grain": grains["id"], "component": list(COMPONENTS)},
+        )
+
+    def _spectrum_of(self, frame: SupportsIndex) -> tuple[Path, list[str]]:
+        """Returns the folder of the spectrum of a frame, and the command that makes it."""
         frames = len(self.frames)
         index = _position(frame, frames, self.path)
         is_shear = self.stage == "shear"
         if index == frames - 1 and is_shear:
-            return self._table("spectrum.csv", ["spectrum"])
+            return self.results, ["spectrum"]
         stage = "" if is_shear else f"{self.stage}-"
-        folder = self.results / f"spectrum-{stage}{index}"
-        name = f"{folder.name}/spectrum.csv"
-        return self._table(name, ["spectrum", "--frame", str(index)], folder=folder)
+        return self.results / f"spectrum-{stage}{index}", ["spectrum", "--frame", str(index)]
 
     def _are_phases(self, table: pd.DataFrame) -> bool:
         """Whether every phase starts and ends at this run's steps, with this run's change of τ."""
@@ -906,21 +995,30 @@ def _read(dataset: h5py.Dataset, first: NDArray[np.int64], last: NDArray[np.int6
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def _friction(scene: Scene) -> float:
-    """Returns the greatest coefficient of sliding friction of a scene, of any materials."""
+def _pair_friction(scene: Scene) -> NDArray[np.float64]:
+    """Returns the coefficients of sliding friction between the materials of a scene, [M, M]."""
+    materials = scene.get("material")
+    named = materials if isinstance(materials, list) else [{}]
+    names = [material.get("name") for material in named]
+    given = {
+        frozenset(pair["materials"]): float(pair["friction"])
+        for pair in scene.get("contact.pair", [])
+        if "friction" in pair
+    }
+    like = [given.get(frozenset([name]), scene.get("contact.friction", 0.0)) for name in names]
+    return np.array(
+        [
+            [given.get(frozenset([a, b]), np.sqrt(x * y)) for b, y in zip(names, like, strict=True)]
+            for a, x in zip(names, like, strict=True)
+        ]
+    )
 
-    def found(value: Any) -> Iterator[float]:  # noqa: ANN401 - values of TOML
-        if isinstance(value, dict):
-            for name, inner in value.items():
-                if name == "friction" and isinstance(inner, int | float):
-                    yield float(inner)
-                else:
-                    yield from found(inner)
-        elif isinstance(value, list):
-            for inner in value:
-                yield from found(inner)
 
-    return max(found({name: scene.get(name) for name in ("contact", "material")}), default=0.0)
+def _attracts(scene: Scene) -> bool:
+    """Whether grains of any materials attract each other."""
+    contact = scene.get("contact", {})
+    tables = [contact, *contact.get("pair", [])]
+    return any(table.get(key, 0) for table in tables for key in ("attraction", "surface_energy"))
 
 
 def _python(value: Any) -> Any:  # noqa: ANN401 - attributes have any type
