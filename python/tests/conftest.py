@@ -33,6 +33,10 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
     flow |= {"output.series_rows": 60, "output.frame_rows": 4}
     flow |= {"shear.protocol": [{"velocity": 0.5, "time": 0.03, "pressure": p} for p in (1e3, 4e3)]}
     periodic: dict[str, object] = {"shear.strain": 0.3, "sample.grains": 250}
+    speeds: dict[str, object] = {"sample.grains": 150, "sample.length": "12 mm"}
+    speeds |= {"shear.inertial_number": None, "shear.strain": None, "output.series_strain": None}
+    speeds |= {"output.frame_strain": None, "output.series_rows": 150, "output.frame_rows": 5}
+    speeds["shear.protocol"] = [{"velocity": v, "distance": "6 mm"} for v in (0.3, 0.8, 2.0, 5.0)]
     thick: dict[str, object] = {"sample.length": "5 mm", "sample.width": "5 mm"}
     scenes: dict[str, tuple[str, int, dict[str, object]]] = {
         "disks": ("crossing.toml", 2, slow),
@@ -42,6 +46,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]
         "velocity steps": ("crossing-3d.toml", 1, {"shear.protocol": steps}),
         "box": ("periodic.toml", 1, {}),
         "flow": ("../../configs/mu-of-i-2d.toml", 1, flow),
+        "speeds": ("../../configs/flow-2d.toml", 1, speeds),
         "disks without walls": (
             "../../configs/flow-2d.toml",
             1,

@@ -63,6 +63,7 @@ def test_gouge_reads_a_run(
     [
         ("rheology", "flow", ["mu_error", "anisotropy"]),
         ("jamming", "jamming", ["phi_J", "rattlers"]),
+        ("analysis", "speeds", ["mu_s", "phi_c", "coordination", "exponent"]),
     ],
 )
 def test_notebooks_of_other_fields_read_a_run(

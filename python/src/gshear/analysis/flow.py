@@ -273,7 +273,7 @@ def _end_of_p(problem: _Problem, k: int, best: float, limit: float, sign: int) -
     if excess(best) >= 0:
         # Data without scatter.
         return best
-    step = 1e-9 * scatter
+    step = 1e-2 * scatter
     while excess(best + sign * step) < 0:
         step *= 4
         if step > UNBOUNDED * scatter:
