@@ -19,6 +19,8 @@ from gshear import Frame, Run, analysis
 from .planted import planted
 
 Array = NDArray[np.float64]
+# Threads that wait for each other take longer.
+freud.parallel.set_num_threads(1)
 SHEARED = ["disks without walls", "spheres without walls"]
 
 

@@ -718,7 +718,8 @@ class Run:
             vector[:, np.unique(row)] = 0
             vector[:, row, component] = parts[..., 0] + 1j * parts[..., 1]
         except _hdf5.UNSOUND as error:
-            raise RunError(f"{path}: is damaged; remove it: {error}") from error
+            again = "remove the spectrum.csv beside it, so that both are made anew"
+            raise RunError(f"{path}: is damaged or missing; {again}: {error}") from error
         return xr.Dataset(
             {
                 "vector": (("mode", "grain", "component"), vector),

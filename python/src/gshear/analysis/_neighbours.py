@@ -14,8 +14,8 @@ from ..frames import Frame
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-# Grains whose pairs are in memory at a time.
-BLOCK = 2000
+# About how many pairs are in memory at a time.
+PAIRS = 2_000_000
 
 
 class Pairs(NamedTuple):
@@ -96,8 +96,11 @@ def pairs_within(frame: Frame, included: NDArray[np.bool_], cutoff: float) -> It
     d = frame.dimension
     near = images(frame.position[rows], frame.box, cutoff)
     tree = KDTree(near.place[:, :d])
-    for first in range(0, len(rows), BLOCK):
-        last = min(first + BLOCK, len(rows))
+    ball = np.pi * cutoff**2 if d == 2 else 4 / 3 * np.pi * cutoff**3
+    expected = 1 + len(rows) * ball / frame.box.volume
+    block_length = max(1, int(PAIRS / expected))
+    for first in range(0, len(rows), block_length):
+        last = min(first + block_length, len(rows))
         block = KDTree(near.place[first:last, :d])
         found = block.sparse_distance_matrix(tree, cutoff, output_type="ndarray")
         i, image = found["i"] + first, found["j"]

@@ -127,9 +127,9 @@ def force_distributions(
 def mobilisation(contacts: Contacts, *, attraction: ArrayLike | None = None) -> xr.DataArray:
     """Returns how much of the friction of every contact is mobilised, |F_t|/(μ (F_n + F_c)), [K].
 
-    1 at Coulomb's limit (Staron, Vilotte & Radjai, Phys. Rev. Lett. 89, 204302, 2002, call it the
-    friction status). μ is that of the materials of the pair. Laws that cut the spring alone, such
-    as `lee-hurley`, add their damper below the limit, and may exceed it.
+    1 at Coulomb's limit (Staron, Vilotte & Radjai, Phys. Rev. Lett. 89, 204302, 2002). μ is that of
+    the materials of the pair. Laws that cut the spring alone, such as `lee-hurley`, add their
+    damper below the limit, and may exceed it.
 
     Args:
         contacts: Contacts of a frame.

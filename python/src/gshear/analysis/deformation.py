@@ -56,7 +56,7 @@ def non_affine_displacement(
     """Returns displacements less the mean deformation of the sample.
 
     In a periodic cell that is the deformation of the cell and the mean displacement (Tanguy et al.,
-    Phys. Rev. B 66, 174205, 2002, section III). Between walls it is the map u = a + b y that fits
+    Phys. Rev. B 66, 174205, 2002). Between walls it is the map u = a + b y that fits
     the displacements best (of spheres a + b z), as in `docs/reduction.md`.
 
     Args:
@@ -258,11 +258,10 @@ def _displacement(earlier: Frame, later: Frame) -> Array:
 def _coordinates(pairs: list[tuple[Frame, Frame]], *names: str, axes: int = 3) -> dict[str, object]:
     """Returns the coordinates of what is between frames."""
     first = pairs[0][0]
-    units = {"units": "s"} if "radius" in first.units else {}
     return {
         "frame": [later.index for _, later in pairs],
         "earlier": ("frame", [earlier.index for earlier, _ in pairs]),
-        "time": ("frame", [later.time for _, later in pairs], units),
+        "time": ("frame", [later.time for _, later in pairs]),
         "grain": grain_rows(first),
         **{name: list("xyz"[:axes]) for name in names},
     }

@@ -83,6 +83,8 @@ class PowerLaw(NamedTuple):
 
 # The fewest values to which a law is fitted.
 FEWEST = 10
+# Among how many of the values the least one of the law is searched.
+STARTS = 1000
 
 
 def power_law(values: ArrayLike, least: float | None = None, greatest: float = np.inf) -> PowerLaw:
@@ -90,10 +92,10 @@ def power_law(values: ArrayLike, least: float | None = None, greatest: float = n
 
     α = 1 + n/Σ ln(x/x_least) with the error (α - 1)/√n (Clauset, Shalizi & Newman, SIAM Rev. 51,
     661, 2009, equations 3.1 and 3.2). With `greatest` the law is cut off there, for samples whose
-    size bounds the events (Deluca & Corral, Acta Geophys. 61, 1351, 2013, equation 12); the error
-    is that of the Fisher information. Without `least` the one is taken that gives the least
-    Kolmogorov–Smirnov distance (Clauset et al., section 3.3); the error does not know of that
-    choice. Values are taken as independent and continuous: durations in rows are not.
+    size bounds the events (Deluca & Corral, Acta Geophys. 61, 1351, 2013); the error is that of the
+    Fisher information. Without `least` the one is taken that gives the least Kolmogorov–Smirnov
+    distance (Clauset et al., section 3.3); the error does not know of that choice. Values are taken
+    as independent and continuous: durations in rows are not.
 
         events = analysis.avalanches(run.series["stress_ratio"])
         tau, error, *_ = analysis.power_law(events["size"], least=1e-4)
@@ -112,12 +114,14 @@ def power_law(values: ArrayLike, least: float | None = None, greatest: float = n
     x = x[x <= greatest]
     if least is not None:
         return _power_law_from(x[x >= least], float(least), greatest)
+    if len(x) < FEWEST or x[0] == x[-1]:
+        raise ValueError(f"{len(x)} values have no power law; give ten or more that differ")
     # The distances of the last ones, few as they are, say nothing.
     starts = np.unique(x[: len(x) - FEWEST + 1])
-    if not len(starts) or starts[0] == x[-1]:
-        raise ValueError(f"{len(x)} values have no power law; give ten or more that differ")
+    starts = starts[np.unique(np.linspace(0, len(starts) - 1, STARTS).astype(int))]
     fits = [
-        _power_law_from(x[x >= start], float(start), greatest) for start in starts[starts < x[-1]]
+        _power_law_from(x[np.searchsorted(x, start) :], float(start), greatest)
+        for start in starts[starts < x[-1]]
     ]
     return min(fits, key=lambda fit: fit.distance)
 

@@ -69,8 +69,8 @@ def fit_mu_of_i(
 
     Intervals are those of the profile: a parameter is within it while the least sum of squares over
     the others rises by less than the quantile of F, times the variance (Bates & Watts, Nonlinear
-    Regression Analysis, 1988, section 6.1), or of χ² if errors are given. Where the data do not
-    bound a parameter, such as μ_2 far below I_0, the interval is infinite.
+    Regression Analysis, 1988, chapter 6), or of χ² if errors are given. Where the data do not bound
+    a parameter, such as μ_2 far below I_0, the interval is infinite.
 
         fit = analysis.fit_mu_of_i(flow["I"], flow["mu"], flow["mu_error"])
 

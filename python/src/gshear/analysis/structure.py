@@ -15,6 +15,9 @@ from ._neighbours import images, largest_cutoff, pairs_within
 
 Array = NDArray[np.float64]
 
+# Grains whose waves are in memory at a time.
+BLOCK = 2000
+
 
 def g_of_r(
     frames: Frame | Iterable[Frame],
@@ -26,12 +29,12 @@ def g_of_r(
     """Returns the radial distribution function g(r), mean over frames.
 
     g = V/n² Σ_{i≠j} ⟨δ(r - r_ij)⟩ over the circumference (2D) or surface (3D) at r (Allen &
-    Tildesley, Computer Simulation of Liquids, 2nd ed. 2017, equation 2.94), of n grains in the
-    volume V. It is 1 far away in a disordered sample. Images are those of the sheared cell. Between
-    walls V reaches from the lowest to the highest centre, and of every shell the part within V
-    counts, in the mean over V: 2πr (1 - 2r/(πh)) of disks and 4πr² (1 - r/(2h)) of spheres in a
-    layer of height h, the translation correction of Ohser (Math. Operationsforsch. Stat. Ser. Stat.
-    14, 63, 1983).
+    Tildesley, Computer Simulation of Liquids, 2nd ed. 2017, section 2.6), of n grains in the volume
+    V. It is 1 far away in a disordered sample. Images are those of the sheared cell. Between walls
+    V reaches from the lowest to the highest centre, and of every shell the part within V counts, in
+    the mean over V: 2πr (1 - 2r/(πh)) of disks and 4πr² (1 - r/(2h)) of spheres in a layer of
+    height h, the translation correction of Ohser (Math. Operationsforsch. Stat. Ser. Stat. 14, 63,
+    1983).
 
         analysis.g_of_r(run.frames[-20:]).plot()
 
@@ -96,12 +99,12 @@ def structure_factor(
 ) -> xr.DataArray:
     """Returns the static structure factor S(k), mean over frames and directions.
 
-    S = |Σ w exp(-i k·x)|²/Σ w² (Hansen & McDonald, Theory of Simple Liquids, 4th ed. 2013, equation
-    4.1.3, with w = 1) at all wave vectors of the cell: k·a is a multiple of 2π for every edge a of
+    S = |Σ w exp(-i k·x)|²/Σ w² (Hansen & McDonald, Theory of Simple Liquids, 4th ed. 2013, section
+    4.1, with w = 1) at all wave vectors of the cell: k·a is a multiple of 2π for every edge a of
     the sheared cell. Between walls these are along x, and along y of spheres; then S(k) is that of
-    the sample projected onto them. With volumes as weights S is the spectral density over its
-    value for grains at random, as Zachary, Jiao & Torquato (Phys. Rev. E 83, 051308, 2011) need it
-    for sizes that vary. The time goes with the number of grains times (k_max L)^d.
+    the sample projected onto them. With volumes as weights S is the spectral density over its value
+    for grains at random, as Zachary, Jiao & Torquato (Phys. Rev. E 83, 051308, 2011) need it for
+    sizes that vary. The time goes with the number of grains times (k_max L)^d.
 
         analysis.structure_factor(run.frames[-20:]).plot()
 
@@ -168,25 +171,29 @@ def _at_wave_vectors(
     place = frame.position[mask] @ np.linalg.pinv(vectors)
     most = [int(k_max * np.linalg.norm(vector) / (2 * np.pi)) for vector in vectors]
     orders = [np.arange(-m, m + 1) for m in most[:-1]]
-    waves = [
-        np.exp(-2j * np.pi * order[:, None] * x) for order, x in zip(orders, place.T, strict=False)
-    ]
     grid = np.array(list(itertools.product(*orders)))
-    ks, values, numbers = [], [], []
-    for n in range(most[-1] + 1):
-        last = weights * np.exp(-2j * np.pi * n * place[:, -1])
-        if len(waves) == 2:
-            amplitude = ((waves[0] * last) @ waves[1].T).ravel()
-        else:
-            amplitude = waves[0] @ last if waves else last.sum()[None]
-        order = np.concatenate([grid, np.full((len(grid), 1), n)], axis=1)
-        k = np.linalg.norm(order @ reciprocal, axis=1)
-        chosen = (k > 0) & (k <= k_max)
-        ks.append(k[chosen])
-        values.append(np.abs(amplitude[chosen]) ** 2 / (weights**2).sum())
-        # The plane of order 0 holds both k and -k.
-        numbers.append(np.full(chosen.sum(), 1.0 if n == 0 else 2.0))
-    return np.concatenate(ks), np.concatenate(values), np.concatenate(numbers)
+    # Of the last axis half of the orders: S(-k) = S(k).
+    amplitude = np.zeros((most[-1] + 1, len(grid)), dtype=np.complex128)
+    for first in range(0, len(place), BLOCK):
+        some = slice(first, first + BLOCK)
+        waves = [
+            np.exp(-2j * np.pi * order[:, None] * x)
+            for order, x in zip(orders, place[some].T, strict=False)
+        ]
+        for n in range(most[-1] + 1):
+            last = weights[some] * np.exp(-2j * np.pi * n * place[some, -1])
+            if len(waves) == 2:
+                amplitude[n] += ((waves[0] * last) @ waves[1].T).ravel()
+            else:
+                amplitude[n] += waves[0] @ last if waves else last.sum()
+    last_order = np.repeat(np.arange(most[-1] + 1), len(grid))
+    order = np.concatenate([np.tile(grid, (most[-1] + 1, 1)), last_order[:, None]], axis=1)
+    k = np.linalg.norm(order @ reciprocal, axis=1)
+    s = np.abs(amplitude.ravel()) ** 2 / (weights**2).sum()
+    # The plane of order 0 holds both k and -k.
+    number = np.where(last_order == 0, 1.0, 2.0)
+    chosen = (k > 0) & (k <= k_max)
+    return k[chosen], s[chosen], number[chosen]
 
 
 def spatial_correlation(
@@ -200,7 +207,7 @@ def spatial_correlation(
 
     C(r) = (⟨u(x)·u(x + r)⟩ - ⟨u⟩²)/(⟨u²⟩ - ⟨u⟩²) over the pairs of grains at the distance r, 1 for
     grains that move alike and 0 for independent ones (Chikkadi & Schall, Phys. Rev. E 85, 031402,
-    2012, equation 8, of the displacements that are not affine).
+    2012, of displacements that are not affine).
 
         u = analysis.non_affine_displacement(run.frames[-11:], lag=10)[0]
         analysis.spatial_correlation(run.frame(-11), u).plot()
