@@ -134,7 +134,7 @@ def mobilisation(contacts: Contacts, *, attraction: ArrayLike | None = None) -> 
     Args:
         contacts: Contacts of a frame.
         attraction: [K] or a number, F_c (N; N/m for disks), required where grains attract each
-            other: `docs/laws.md` has it for each adhesion.
+            other: `docs/reference/laws.md` has it for each adhesion.
 
     Returns:
         [contact], with the coordinates `i` and `j`, rows of the grains, and `sliding`. NaN where

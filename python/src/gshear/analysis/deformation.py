@@ -57,7 +57,7 @@ def non_affine_displacement(
 
     In a periodic cell that is the deformation of the cell and the mean displacement (Tanguy et al.,
     Phys. Rev. B 66, 174205, 2002). Between walls it is the map u = a + b y that fits
-    the displacements best (of spheres a + b z), as in `docs/reduction.md`.
+    the displacements best (of spheres a + b z), as in `docs/explanation/reduction.md`.
 
     Args:
         frames: Frames of one run, such as `run.frames`, or the two ends of a window.
