@@ -94,7 +94,7 @@ def non_affine_displacement(
         coords=_coordinates(pairs, "axis"),
         dims=("frame", "grain", "axis"),
         name="non_affine_displacement",
-        attrs=attributes("displacement that is not affine", units, lag=lag),
+        attrs=attributes("non-affine displacement", units, lag=lag),
     )
 
 

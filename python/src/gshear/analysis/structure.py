@@ -173,21 +173,22 @@ def _at_wave_vectors(
     orders = [np.arange(-m, m + 1) for m in most[:-1]]
     grid = np.array(list(itertools.product(*orders)))
     # Of the last axis half of the orders: S(-k) = S(k).
-    amplitude = np.zeros((most[-1] + 1, len(grid)), dtype=np.complex128)
+    last_orders = np.arange(most[-1] + 1)
+    amplitude = np.zeros((len(last_orders), len(grid)), dtype=np.complex128)
     for first in range(0, len(place), BLOCK):
         some = slice(first, first + BLOCK)
-        waves = [
+        *waves, last = (
             np.exp(-2j * np.pi * order[:, None] * x)
-            for order, x in zip(orders, place[some].T, strict=False)
-        ]
-        for n in range(most[-1] + 1):
-            last = weights[some] * np.exp(-2j * np.pi * n * place[some, -1])
-            if len(waves) == 2:
-                amplitude[n] += ((waves[0] * last) @ waves[1].T).ravel()
-            else:
-                amplitude[n] += waves[0] @ last if waves else last.sum()
-    last_order = np.repeat(np.arange(most[-1] + 1), len(grid))
-    order = np.concatenate([np.tile(grid, (most[-1] + 1, 1)), last_order[:, None]], axis=1)
+            for order, x in zip((*orders, last_orders), place[some].T, strict=True)
+        )
+        last *= weights[some]
+        if len(waves) == 2:
+            for n in last_orders:
+                amplitude[n] += ((waves[0] * last[n]) @ waves[1].T).ravel()
+        else:
+            amplitude += last @ waves[0].T if waves else last.sum(axis=1)[:, None]
+    last_order = np.repeat(last_orders, len(grid))
+    order = np.concatenate([np.tile(grid, (len(last_orders), 1)), last_order[:, None]], axis=1)
     k = np.linalg.norm(order @ reciprocal, axis=1)
     s = np.abs(amplitude.ravel()) ** 2 / (weights**2).sum()
     # The plane of order 0 holds both k and -k.
@@ -207,7 +208,7 @@ def spatial_correlation(
 
     C(r) = (⟨u(x)·u(x + r)⟩ - ⟨u⟩²)/(⟨u²⟩ - ⟨u⟩²) over the pairs of grains at the distance r, 1 for
     grains that move alike and 0 for independent ones (Chikkadi & Schall, Phys. Rev. E 85, 031402,
-    2012, of displacements that are not affine).
+    2012, of non-affine displacements).
 
         u = analysis.non_affine_displacement(run.frames[-11:], lag=10)[0]
         analysis.spatial_correlation(run.frame(-11), u).plot()
