@@ -99,6 +99,8 @@ def test_without_contacts_there_are_no_forces() -> None:
     )
     with pytest.raises(ValueError, match="no pressure: ⟨F_n⟩ is -1"):
         analysis.force_distributions(pulled)
+    with pytest.raises(ValueError, match="bins is 0; give one or more"):
+        analysis.force_distributions(touching(), bins=0)
     smooth = planted(2, [9.0, 9.0, 1.0], grains, walls=True, pairs=[(0, 1)])
     found = analysis.force_distributions(smooth)
     assert found.tangential.isnull().all()

@@ -104,20 +104,23 @@ def force_distributions(
             forces[name].append(force[free] / mean if mean > 0 else np.empty(0))
     values = {name: np.concatenate(parts) for name, parts in forces.items()}
     if np.ndim(bins) == 0:
+        count = int(np.asarray(bins))
+        if count < 1:
+            raise ValueError(f"bins is {count}; give one or more, or edges")
         joined = np.concatenate(list(values.values()))
-        edges = np.linspace(min(0.0, joined.min()), joined.max(), int(np.asarray(bins)) + 1)
+        edges = np.linspace(min(0.0, joined.min()), joined.max(), count + 1)
     else:
         edges = numbers(bins)
     units = product(listed[0].contacts.units, "normal_force", 1)
     found = {}
     for name, numbers_of in values.items():
-        count = np.histogram(numbers_of, edges)[0]
+        counts = np.histogram(numbers_of, edges)[0]
         with np.errstate(invalid="ignore"):
-            density = count / np.diff(edges) / len(numbers_of)
+            density = counts / np.diff(edges) / len(numbers_of)
         mean = float(np.mean(means[name]))
         named = attributes(f"density of {name} forces over their mean", mean=mean)
         found[name] = ("force", density, named | ({} if units is None else {"mean_units": units}))
-        found[f"{name}_count"] = ("force", count, attributes("number of contacts"))
+        found[f"{name}_count"] = ("force", counts, attributes("number of contacts"))
     middles = (edges[1:] + edges[:-1]) / 2
     return xr.Dataset(
         found, coords={"force": ("force", middles, attributes("force over its mean"))}

@@ -39,15 +39,8 @@ def displacement(frames: Frame | Iterable[Frame], *, lag: int = 1) -> xr.DataArr
         ValueError: There are no frames that are so far apart.
     """
     pairs = frame_pairs(frames, lag)
-    values = np.array([_displacement(earlier, later) for earlier, later in pairs])
-    units = product(pairs[0][0].units, "radius", 1)
-    return xr.DataArray(
-        values,
-        coords=_coordinates(pairs, "axis"),
-        dims=("frame", "grain", "axis"),
-        name="displacement",
-        attrs=attributes("displacement", units, lag=lag),
-    )
+    values = [_displacement(earlier, later) for earlier, later in pairs]
+    return _labelled(values, "displacement", pairs, lag)
 
 
 def non_affine_displacement(
@@ -56,8 +49,8 @@ def non_affine_displacement(
     """Returns displacements less the mean deformation of the sample.
 
     In a periodic cell that is the deformation of the cell and the mean displacement (Tanguy et al.,
-    Phys. Rev. B 66, 174205, 2002). Between walls it is the map u = a + b y that fits
-    the displacements best (of spheres a + b z), as in `docs/explanation/reduction.md`.
+    Phys. Rev. B 66, 174205, 2002). Between walls it is the map u = a + b y that fits the
+    displacements best (of spheres a + b z), as in `docs/explanation/reduction.md`.
 
     Args:
         frames: Frames of one run, such as `run.frames`, or the two ends of a window.
@@ -88,14 +81,7 @@ def non_affine_displacement(
             u = u - earlier.position @ (_cell_deformation(earlier, later).T - np.eye(3))
             u = u - u[fitted].mean(axis=0)
         found.append(u)
-    units = product(pairs[0][0].units, "radius", 1)
-    return xr.DataArray(
-        np.array(found),
-        coords=_coordinates(pairs, "axis"),
-        dims=("frame", "grain", "axis"),
-        name="non_affine_displacement",
-        attrs=attributes("non-affine displacement", units, lag=lag),
-    )
+    return _labelled(found, "non-affine displacement", pairs, lag)
 
 
 def local_strain(
@@ -253,6 +239,19 @@ def _displacement(earlier: Frame, later: Frame) -> Array:
     moved -= earlier.position
     moved[earlier.removed | later.removed] = np.nan
     return moved
+
+
+def _labelled(
+    vectors: list[Array], name: str, pairs: list[tuple[Frame, Frame]], lag: int
+) -> xr.DataArray:
+    """Returns vectors of the grains between frames, each [N, 3] (m), as a labelled array."""
+    return xr.DataArray(
+        np.array(vectors),
+        coords=_coordinates(pairs, "axis"),
+        dims=("frame", "grain", "axis"),
+        name=name.replace(" ", "_").replace("-", "_"),
+        attrs=attributes(name, product(pairs[0][0].units, "radius", 1), lag=lag),
+    )
 
 
 def _coordinates(pairs: list[tuple[Frame, Frame]], *names: str, axes: int = 3) -> dict[str, object]:
