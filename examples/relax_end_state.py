@@ -6,8 +6,8 @@
 Takes the last frame of Newton's equations of scenes like configs/bonfanti.toml (spheres, law
 mindlin) and follows overdamped dynamics at the same strain, with a drag on velocities and spins,
 until no force exceeds 3e-8. Prints shear stress and elastic energy, each over that at the start of
-Newton's equations. Forces, stress and energy are those of gshear-mpi; the history does not turn
-about n.
+Newton's equations. Forces, stress and energy are those of gshear-mpi; histories turn with their
+contacts, about n, too.
 """
 
 from __future__ import annotations
@@ -68,6 +68,9 @@ class State:
         turned = self.t - np.sum(self.t * n, axis=1)[:, None] * n
         after = np.linalg.norm(turned, axis=1)
         turned *= np.divide(before, after, out=np.zeros_like(after), where=after > 0)[:, None]
+        # Half of the rotation of both grains about n.
+        twist = 0.5 * dt * np.sum((self.spin[i] + self.spin[j]) * n, axis=1)[:, None]
+        turned = np.cos(twist) * turned + np.sin(twist) * np.cross(n, turned)
         rolling = self.radius[i, None] * self.spin[i] + self.radius[j, None] * self.spin[j]
         slip = self.v[i] - self.v[j] + np.cross(n, rolling)
         slip -= np.sum(slip * n, axis=1)[:, None] * n

@@ -102,3 +102,21 @@ def test_stress_and_energy_of_a_relaxation_are_those_of_the_program(
         assert moved > (1.0 + 1e-6) * energy
         assert state.relax(0.2, 0.4, 20000) < relaxation.AT_REST
         assert state.energy < moved - 0.9 * (moved - energy)
+
+
+def test_the_history_of_a_relaxation_turns_about_the_normal(
+    originals: Callable[[str], Path],
+) -> None:
+    """Two grains that spin as a rigid body about the line through both, by 1.2 rad."""
+    relaxation = example("relax_end_state")
+    with Run(originals("box") / "run.h5/newtonian", quiet=True) as run:
+        state = relaxation.State(run, 0)
+    radius, overlap, angle, steps = 0.5, 1e-3, 1.2, 60
+    state.radius, state.mass = np.full(2, radius), np.ones(2)
+    state.x = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0 * radius - overlap]])
+    state.v, state.spin = np.zeros((2, 3)), np.array([[0.0, 0.0, angle]] * 2)
+    state.find({(0, 1): np.array([1e-4, 0.0, 0.0])})
+    for _ in range(steps):
+        state.evaluate(1.0 / steps)
+    expected = 1e-4 * np.array([[np.cos(angle), np.sin(angle), 0.0]])
+    np.testing.assert_allclose(state.t, expected, atol=1e-15)
