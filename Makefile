@@ -34,7 +34,7 @@ help:
 	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
 	@echo "make bench     benchmarks"
 	@echo "make accuracy  against an independent integration, and error against run time: writes into docs/, minutes"
-	@echo "make stress    where it is hard: writes docs/validation/stress.md, minutes"
+	@echo "make stress    where it is hard: writes docs/figures/stress.csv, minutes"
 	@echo "make faults    1,000 failing calls, 1,000 kills, 1,000 damaged files (docs/validation/faults.md): hours"
 	@echo "make queues    job scripts on Slurm, Flux and stand-ins, ranks on two hosts; not a part of make test"
 	@echo "make peers     speed beside LAMMPS, LIGGGHTS and DIRT, which it installs"

@@ -10,7 +10,7 @@
 # Submit from the folder of the project. Options of flux batch take precedence over the lines below.
 # A slot is a rank, and its cores are the threads: flux batch -n 8 -c 4 --env=THREADS=4 ... In a
 # chain a run that stops early submits its own job again; a failure ends the chain.
-# docs/howto/running.md says more, common.sh lists more settings.
+# docs/howto/cluster.md says more, common.sh lists more settings.
 
 #flux: --job-name=gshear
 #flux: --output=gshear-{{id}}.log

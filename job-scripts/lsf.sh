@@ -10,7 +10,7 @@
 # Submit from the folder of the project. Options of bsub take precedence over the lines below. For 4
 # threads per rank: CONFIG=my.toml THREADS=4 bsub -n 8 -R "affinity[core(4)]" < job-scripts/lsf.sh.
 # With -Q 75 LSF puts a job whose run stops early back into the queue, as often as MAX_JOB_REQUEUE of
-# the queue allows; any other failure ends the chain. docs/howto/running.md says more, common.sh
+# the queue allows; any other failure ends the chain. docs/howto/cluster.md says more, common.sh
 # lists more settings.
 
 #BSUB -J gshear

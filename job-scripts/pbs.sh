@@ -10,7 +10,7 @@
 # Submit from the folder of the project. Options of qsub take precedence over the lines below. For 4
 # threads per rank: qsub -l select=2:ncpus=32:mpiprocs=8 -v CONFIG=my.toml,THREADS=4 ... In a chain
 # a run that stops early submits the next job, with the same resources; a failure ends the chain.
-# docs/howto/running.md says more, common.sh lists more settings.
+# docs/howto/cluster.md says more, common.sh lists more settings.
 
 #PBS -N gshear
 #PBS -j oe

@@ -10,7 +10,7 @@
 # Submit from the folder of the project. Options of sbatch take precedence over the lines below:
 # sbatch --ntasks=8 --cpus-per-task=4 --time=2-00:00:00 job-scripts/slurm.sh my.toml. A rank runs
 # --cpus-per-task threads. In a chain a run that stops early puts its job back into the queue; a
-# failure ends the chain. docs/howto/running.md says more, common.sh lists more settings.
+# failure ends the chain. docs/howto/cluster.md says more, common.sh lists more settings.
 
 #SBATCH --job-name=gshear
 #SBATCH --output=%x-%j.log

@@ -2,11 +2,11 @@
 """Builds the book of docs/ with mdBook, with the API of the crates beside it, and checks its links.
 
     scripts/book.py build --mdbook PROGRAM --api target/doc    writes target/book
-    scripts/book.py pages [--check]                            writes docs/reference/laws.md and
-                                                               docs/reference/python-api.md
+    scripts/book.py pages [--check]                            writes docs/reference/laws.md
 
 The lists of docs/README.md are the table of contents. Pages outside docs/ that it names are pages
-of the book, too; other files of the repository that a page links are copied beside it. A link with
+of the book, too; other files of the repository that a page links are copied beside it. The pages of
+the Rust and the Python API are made of their sources and belong to the book alone. A link with
 the name of a page's file as its text gets the title of the page. Warnings of
 mdBook and links that lead nowhere are errors, both in the book and in the Markdown files as a
 code-hosting site shows them. Formulas in LaTeX become MathML (formulas.py).
@@ -35,9 +35,10 @@ from formulas import CODE
 from environment import run_in
 
 CONTENTS = "docs/README.md"
-API_PAGE = "api.md"
+RUST_PAGE = "api.md"
+PYTHON_PAGE = "python-api.md"
 LAWS = "docs/reference/laws.md"
-PYTHON = "docs/reference/python-api.md"
+PACKAGE = "python/src/gshear"
 # Modules of the Python package whose names users import.
 MODULES = ("__init__", "analysis", "plots", "mdanalysis")
 # What laws have beside them: file and title; the adhesions follow the second.
@@ -182,7 +183,9 @@ class Source:
         shutil.copyfile(self.root / name, target)
 
     def write_api(self) -> None:
-        """A page that leads to rustdoc's."""
+        """The page of the Python package, and one that leads to rustdoc's."""
+        if (self.root / PACKAGE).is_dir():
+            (self.folder / PYTHON_PAGE).write_text(python_api(self.root))
         rows = []
         for file in sorted((self.root / "crates").glob("*/Cargo.toml")):
             package = dict(re.findall(r'^(name|description) = "(.*)"$', file.read_text(), re.M))
@@ -192,7 +195,7 @@ class Source:
         if rows:
             text = "# Rust API\n\nThe crates of the workspace, documented by rustdoc.\n\n"
             text += "| crate | content |\n| --- | --- |\n" + "\n".join(rows) + "\n"
-            (self.folder / API_PAGE).write_text(text)
+            (self.folder / RUST_PAGE).write_text(text)
 
     def write_summary(self) -> None:
         """Writes mdBook's table of contents."""
@@ -202,8 +205,12 @@ class Source:
             if entry.path:
                 lines.append(f"{'  ' * entry.depth}- [{entry.title}]({self.place(entry.path)})")
                 continue
-            if part == "Reference" and (self.folder / API_PAGE).exists():
-                lines.append(f"- [Rust API]({API_PAGE})")
+            pages = (
+                {"Python API": PYTHON_PAGE, "Rust API": RUST_PAGE} if part == "Reference" else {}
+            )
+            for title, page in pages.items():
+                if (self.folder / page).exists():
+                    lines.append(f"- [{title}]({page})")
             part = entry.title
             lines += ["", f"# {part}", ""] if part else []
         (self.folder / "SUMMARY.md").write_text("\n".join(lines) + "\n")
@@ -385,9 +392,9 @@ Definition = ast.ClassDef | ast.FunctionDef
 
 def python_api(root: Path) -> str:
     """The page of the Python package, from the docstrings of its public names."""
-    folder = root / "python/src/gshear"
+    folder = root / PACKAGE
     text = "# Python API\n\nFrom the docstrings of `gshear`; "
-    text += "the [Python package](../../python/README.md) has an overview.\n"
+    text += "the [Python package](repository/python/index.md) has an overview.\n"
     for module in MODULES:
         path = folder / f"{module}.py"
         if not path.is_file():
@@ -474,13 +481,12 @@ def markdown(item: ast.Module | Definition) -> str:
 
 
 def write_pages(root: Path, check: bool) -> None:
-    """Writes the pages that are made of the sources, or only looks whether they are due."""
-    for name, make in ((LAWS, laws), (PYTHON, python_api)):
-        page, text = root / name, make(root)
-        if not check:
-            page.write_text(text)
-        elif not page.is_file() or page.read_text() != text:
-            raise BookError(f"{name} is not what the sources say: run make docs")
+    """Writes the page of the laws, or only looks whether it is due."""
+    page, text = root / LAWS, laws(root)
+    if not check:
+        page.write_text(text)
+    elif not page.is_file() or page.read_text() != text:
+        raise BookError(f"{LAWS} is not what the sources say: run make docs")
 
 
 def main() -> int:
@@ -492,7 +498,7 @@ def main() -> int:
     builds.add_argument("--mdbook", default="mdbook")
     builds.add_argument("--api", type=Path, help="rustdoc's pages, which are copied into the book")
     builds.add_argument("--out", type=Path, help="folder of the book [target/book]")
-    writes = commands.add_parser("pages", help=f"write {LAWS} and {PYTHON}")
+    writes = commands.add_parser("pages", help=f"write {LAWS}")
     writes.add_argument("--check", action="store_true", help="only compare")
     arguments = parser.parse_args()
     try:

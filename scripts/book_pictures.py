@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Takes pictures of pages of the book, for CONTRIBUTING.md.
+"""Takes pictures of pages of the book, to look at after a change of docs/book.css.
 
     make book
-    scripts/book_pictures.py         writes docs/figures/book-*.png
+    scripts/book_pictures.py         writes target/book-pictures/book-*.png
 
 Needs Chromium: CHROMIUM in the environment, or one of the usual names in the path. Makes an
-environment for the package that reduces the colours in target/book-pictures.
+environment for the package that reduces the colours beside them.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from environment import run_in
 
 ROOT = Path(__file__).resolve().parents[1]
 BOOK = ROOT / "target/book"
-FIGURES = ROOT / "docs/figures"
-ENVIRONMENT = ROOT / "target/book-pictures"
+PICTURES = ROOT / "target/book-pictures"
+ENVIRONMENT = PICTURES / "environment"
 PACKAGES = ["pillow>=11,<13"]
 run_in(ENVIRONMENT, PACKAGES)
 
@@ -61,7 +61,7 @@ class Picture:
 PICTURES = [
     Picture("contents", "index.html", (1250,), 1540),
     Picture("tutorial", "tutorial/first-run.html", (1250,), 900),
-    Picture("reference", "reference/config.html#keys", (1400,), 900),
+    Picture("reference", "reference/keys.html", (1400,), 900),
     Picture("theory", "explanation/scheme.html", (1150, 400), 900),
 ]
 GAP = 12
@@ -114,7 +114,7 @@ def main() -> None:
         raise SystemExit("error: target/book holds no book; run make book")
     program = chromium()
     for picture in PICTURES:
-        take(program, picture, FIGURES / f"book-{picture.name}.png")
+        take(program, picture, PICTURES / f"book-{picture.name}.png")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """A step on any number of ranks and threads: the model of docs/validation/speed.md, "Many ranks".
 
-    scripts/scaling --model                     the tables of docs/validation/speed.md
+    scripts/scaling --model                     the tables of docs/figures/scaling-model.txt
     scripts/scaling --model --cells             the same with the parts of every step
     scripts/scaling --model --measured          beside the measurements of docs/figures/scaling.csv
 

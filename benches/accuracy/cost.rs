@@ -333,8 +333,7 @@ fn energy<C: ContactLaw<Space = Two> + Stiffness>(
     }
 }
 
-/// All points into `docs/figures/accuracy.csv`, a table of them into `docs/validation/accuracy.md`
-/// between its two marks.
+/// Writes all points into `docs/figures/accuracy.csv` and prints a table of them.
 pub fn write(curves: &[Curve]) {
     let mut csv = String::from("case,dampers,step_over_tau,ns_per_grain_and_tau,error\n");
     for c in curves {
@@ -355,23 +354,13 @@ pub fn write(curves: &[Curve]) {
             .expect("into a string");
         }
     }
-    let docs = concat!(env!("CARGO_MANIFEST_DIR"), "/docs");
-    std::fs::write(format!("{docs}/figures/accuracy.csv"), csv).expect("docs/figures/accuracy.csv");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/figures/accuracy.csv");
+    std::fs::write(path, csv).expect("docs/figures/accuracy.csv");
     let (pairs, samples): (Vec<_>, Vec<_>) = curves
         .iter()
         .partition(|c| ["impact", "oscillation"].contains(&c.case));
-    let table = format!("{}\n{}", table(&pairs), table(&samples));
-    println!("{table}");
-    let path = format!("{docs}/validation/accuracy.md");
-    let page = std::fs::read_to_string(&path).expect("docs/validation/accuracy.md");
-    let (before, rest) = page.split_once(BEGIN).expect("the first mark");
-    let (_, after) = rest.split_once(END).expect("the second mark");
-    let page = format!("{before}{BEGIN}\n{table}{END}{after}");
-    std::fs::write(&path, page).expect("docs/validation/accuracy.md");
+    println!("{}\n{}", table(&pairs), table(&samples));
 }
-
-const BEGIN: &str = "<!-- written by make accuracy -->";
-const END: &str = "<!-- end -->";
 
 /// Errors of every case and scheme, a line a Δt; orders below.
 fn table(curves: &[&Curve]) -> String {

@@ -1,8 +1,8 @@
 //! How accurate the program is, against Δt and against the time that it takes.
 //!
 //! Prints the tables of the law against its independent integration; measures errors against run
-//! time, writes them to `docs/figures/accuracy.csv` and `docs/figures/accuracy.svg`, and puts their
-//! table into `docs/validation/accuracy.md`.
+//! time, prints their table and writes them to `docs/figures/accuracy.csv` and
+//! `docs/figures/accuracy.svg`.
 
 mod cost;
 mod energy;

@@ -401,7 +401,7 @@ fn the_scenes_of_the_docs_pass() {
     );
     let mut checked = 0;
     for page in [
-        "reference/config.md",
+        "howto/scene.md",
         "howto/protocols.md",
         "tutorial/own-scene.md",
     ] {

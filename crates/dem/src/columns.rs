@@ -28,7 +28,7 @@ pub struct Column {
     pub name: &'static str,
     /// Unit in 3D, as the units module of H5MD writes it: `m s-1`; `1` for pure numbers.
     pub unit: &'static str,
-    /// What the column holds; also the text of docs/reference/file-formats.md.
+    /// What the column holds; also the text of docs/reference/columns.md.
     pub doc: &'static str,
 }
 

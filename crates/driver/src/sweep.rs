@@ -39,7 +39,7 @@ impl<'a> Sweep<'a> {
     pub fn new(source: &Source, set: &'a [String], out: PathBuf) -> Result<Self> {
         let Some(members) = gshear_scene::sweep::members(source)? else {
             return Err(Failure::input(format!(
-                "{}: has no [sweep]; leave out --sweep, or give lists of values, see docs/reference/config.md",
+                "{}: has no [sweep]; leave out --sweep, or give lists of values, see docs/howto/scene.md",
                 source.name()
             )));
         };

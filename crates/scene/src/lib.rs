@@ -30,7 +30,7 @@
 //! A table of the configuration has a file: the declarations of its keys (name, meaning, unit,
 //! range, default), their checks and the checked type. The keys of the contact laws are in
 //! [`gshear_dem::laws::keys`]. Reading, messages, `scene.toml`, the table of
-//! docs/reference/config.md and the JSON schema ([`mod@reference`]) use the declarations. The way
+//! docs/reference/keys.md and the JSON schema ([`mod@reference`]) use the declarations. The way
 //! of a configuration:
 //!
 //! | module | does |

@@ -18,7 +18,7 @@ use crate::units;
 use crate::value::{MAGNITUDES, Value as KeyValue};
 use crate::words::{EXTENDS, SWEEP, TAKE_AWAY, list};
 
-/// Begins the generated part of docs/reference/config.md.
+/// Begins the generated part of docs/reference/keys.md.
 const BEGIN: &str = "<!-- keys: generated -->";
 /// Ends it.
 const END: &str = "<!-- end of keys -->";
@@ -92,7 +92,7 @@ fn doc(key: &Key) -> String {
 }
 
 /// The keys in Markdown, a section for each table, with their footnotes, between the markers of
-/// docs/reference/config.md.
+/// docs/reference/keys.md.
 pub fn key_tables() -> String {
     let mut page = format!("{BEGIN}\n");
     for table in tables() {
@@ -101,13 +101,12 @@ pub fn key_tables() -> String {
             name => format!("`[{name}]`"),
         };
         page += &format!(
-            "\n### {heading}\n\n| key | meaning | unit | default | allowed | change |\n| --- | --- | --- | --- | --- | --- |\n"
+            "\n### {heading}\n\n| key | meaning (unit) | default | allowed | change |\n| --- | --- | --- | --- | --- |\n"
         );
         for key in table.keys() {
             let cells = [
                 format!("`{}`", key.path),
-                doc(key),
-                unit(key),
+                with_unit(doc(key), &unit(key)),
                 marked(default(key), key, TableColumn::Default),
                 marked(allowed(key), key, TableColumn::Allowed),
                 key.change.name().into(),
@@ -125,18 +124,26 @@ pub fn key_tables() -> String {
 /// The keys of a part of `shear.protocol` in Markdown.
 fn part_table() -> String {
     let mut table = String::from(
-        "\n### Keys of a part of `shear.protocol`\n\n| key | meaning | unit | allowed |\n| --- | --- | --- | --- |\n",
+        "\n### Keys of a part of `shear.protocol`\n\n| key | meaning (unit) | allowed |\n| --- | --- | --- |\n",
     );
     for key in PartKeys::TABLE.own {
         let cells = [
             format!("`{}`", key.path),
-            doc(key),
-            key.unit.into(),
+            with_unit(doc(key), key.unit),
             allowed(key),
         ];
         table += &row(&cells);
     }
     table
+}
+
+/// A meaning, and the unit if there is one.
+fn with_unit(meaning: String, unit: &str) -> String {
+    if unit.is_empty() {
+        meaning
+    } else {
+        format!("{meaning} ({unit})")
+    }
 }
 
 /// A row of a table.
@@ -265,7 +272,7 @@ pub fn json_schema() -> String {
 /// The schema of a key that is not known, which no value fits. Checkers underline the key: with
 /// `false` they underline its whole table (Taplo).
 fn unknown() -> Value {
-    json!({ "not": { "description": "unknown key; docs/reference/config.md lists the keys" } })
+    json!({ "not": { "description": "unknown key; docs/reference/keys.md lists the keys" } })
 }
 
 fn object(keys: &[&Key]) -> Map<String, Value> {
@@ -426,7 +433,7 @@ mod tests {
 
     /// The page with the present tables of keys between its markers.
     fn page() -> String {
-        let page = read("docs/reference/config.md");
+        let page = read("docs/reference/keys.md");
         let (before, rest) = page.split_once(BEGIN).expect("the first marker");
         let (_, after) = rest.split_once(END).expect("the last marker");
         format!("{before}{}{after}", key_tables())
@@ -436,8 +443,8 @@ mod tests {
     fn the_reference_is_up_to_date() {
         let stale = "is not what the declarations of the keys give; run `make docs`";
         assert!(
-            read("docs/reference/config.md") == page(),
-            "docs/reference/config.md {stale}"
+            read("docs/reference/keys.md") == page(),
+            "docs/reference/keys.md {stale}"
         );
         let schema = read("docs/scene.schema.json");
         assert!(schema == json_schema(), "docs/scene.schema.json {stale}");
@@ -445,10 +452,10 @@ mod tests {
 
     /// Called by `make docs`.
     #[test]
-    #[ignore = "writes docs/reference/config.md and docs/scene.schema.json"]
+    #[ignore = "writes docs/reference/keys.md and docs/scene.schema.json"]
     fn write_the_reference() {
         let write = |path: &str, text| std::fs::write(root().join(path), text).expect("written");
-        write("docs/reference/config.md", page());
+        write("docs/reference/keys.md", page());
         write("docs/scene.schema.json", json_schema());
     }
 

@@ -76,7 +76,7 @@ pub(crate) fn unit(key: &Key) -> String {
 
 /// Declares a table:
 /// `KEYS: Type "name" Scenes Change { key: Values { what is declared of it }, … }`. A key's comment
-/// is its meaning in docs/reference/config.md; the other fields are those of [`Key`], whose
+/// is its meaning in docs/reference/keys.md; the other fields are those of [`Key`], whose
 /// `change` is that of the table if it is not declared. Without a name the keys are those of the
 /// top, or of a part of a protocol.
 macro_rules! table {

@@ -94,13 +94,9 @@ mod tests {
         ("AqsRow", &AqsRow::COLUMNS),
         ("NewtonianRow", &NewtonianRow::COLUMNS),
     ];
-    const FORMATS: &str = concat!(
+    const PAGE: &str = concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../../docs/reference/file-formats.md"
-    );
-    const GLOSSARY: &str = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../docs/reference/glossary.md"
+        "/../../docs/reference/columns.md"
     );
 
     fn table(columns: &[Column]) -> String {
@@ -139,33 +135,19 @@ mod tests {
 
     #[test]
     fn docs_have_the_declared_columns() {
-        let page = std::fs::read_to_string(FORMATS).unwrap();
+        let page = std::fs::read_to_string(PAGE).unwrap();
         assert!(
             with_tables(&page) == page,
-            "docs/reference/file-formats.md does not have the declared columns; write them with\n  \
+            "docs/reference/columns.md does not have the declared columns; write them with\n  \
              cargo test --release -p gshear-store --lib -- --ignored write_columns_to_docs"
         );
     }
 
     #[test]
-    #[ignore = "writes docs/reference/file-formats.md"]
+    #[ignore = "writes docs/reference/columns.md"]
     fn write_columns_to_docs() {
-        let page = std::fs::read_to_string(FORMATS).unwrap();
-        std::fs::write(FORMATS, with_tables(&page)).unwrap();
-    }
-
-    #[test]
-    fn the_glossary_has_the_columns() {
-        let glossary = std::fs::read_to_string(GLOSSARY).unwrap();
-        let columns = TABLES.iter().flat_map(|(_, columns)| *columns);
-        let missing: Vec<_> = columns
-            .map(|column| format!("`{column}`"))
-            .filter(|name| !glossary.contains(name))
-            .collect();
-        assert!(
-            missing.is_empty(),
-            "docs/reference/glossary.md lacks {missing:#?}"
-        );
+        let page = std::fs::read_to_string(PAGE).unwrap();
+        std::fs::write(PAGE, with_tables(&page)).unwrap();
     }
 
     #[test]

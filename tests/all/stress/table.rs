@@ -43,27 +43,25 @@ pub fn check(lines: &[Line]) {
     assert!(broken.is_empty(), "{broken:#?}");
 }
 
-/// Computes all points, one after the other. Returns them as Markdown, and the number of lines that
-/// do not hold.
-pub fn markdown(points: &[Point]) -> (String, usize) {
-    let (mut out, mut broken) = (String::new(), 0);
+/// Computes all points, one after the other. Returns them as CSV, and the number of lines that do
+/// not hold.
+pub fn csv(points: &[Point]) -> (String, usize) {
+    let mut out = String::from("point,test,expected,result,holds\n");
+    let mut broken = 0;
     for (title, lines) in points {
         let start = Instant::now();
         let lines = lines();
         println!("{title}: {:.1} s", start.elapsed().as_secs_f64());
-        write!(
-            out,
-            "\n## {title}\n\n| test | expected | result |\n| --- | --- | --- |\n"
-        )
-        .expect("into a string");
         for l in lines {
             broken += usize::from(!l.holds);
-            let mark = if l.holds { "" } else { " **not as expected**" };
-            // An unescaped bar would end the cell.
-            let cells = [&l.done, &l.expected, &l.found].map(|cell| cell.replace('|', "\\|"));
-            writeln!(out, "| {} | {} | {}{mark} |", cells[0], cells[1], cells[2])
-                .expect("into a string");
+            let cells = [*title, &l.done, &l.expected, &l.found].map(quoted);
+            writeln!(out, "{},{}", cells.join(","), l.holds).expect("into a string");
         }
     }
     (out, broken)
+}
+
+/// A cell of a CSV file.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
 }

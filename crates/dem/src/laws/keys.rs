@@ -163,7 +163,7 @@ impl Change {
         matches!(self, Change::Never | Change::Branch)
     }
 
-    /// The word in docs/reference/config.md.
+    /// The word in docs/reference/keys.md.
     pub fn name(self) -> &'static str {
         match self {
             Change::Never => "never",
@@ -174,7 +174,7 @@ impl Change {
 }
 
 /// A key of the configuration. Checks, messages, `scene.toml`, the table of
-/// docs/reference/config.md and the JSON schema are made from its declaration.
+/// docs/reference/keys.md and the JSON schema are made from its declaration.
 #[derive(Debug, Clone, Copy)]
 pub struct Key {
     /// The table and the name: `material.young_modulus`.

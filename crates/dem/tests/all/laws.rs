@@ -238,11 +238,10 @@ fn all_cases() -> impl Iterator<Item = Case> {
     two.into_iter().chain(three)
 }
 
-/// The table of docs/validation/accuracy.md.
+/// The table docs/figures/orders.csv, and its rows that fall short of their order.
 fn table(sides: [usize; 2], steps: usize) -> (String, Vec<String>) {
-    let mut text = String::from(
-        "| law | D | damper | rolling | attraction | median | rms |\n| --- | ---: | --- | --- | --- | ---: | ---: |\n",
-    );
+    let mut text =
+        String::from("law,dimension,damper,rolling,attraction,median,root_mean_square\n");
     let mut failures = Vec::new();
     for case in all_cases() {
         let orders = orders_of(&case, sides, steps);
@@ -252,7 +251,7 @@ fn table(sides: [usize; 2], steps: usize) -> (String, Vec<String>) {
             Dimensions::Three => 3,
         };
         let line = format!(
-            "| `{law}` | {axes} | {damper} | {rolling} | {attraction} | {:.2} | {:.2} |",
+            "\"{law}\",{axes},\"{damper}\",\"{rolling}\",\"{attraction}\",{:.2},{:.2}",
             orders.median, orders.mean_square
         );
         writeln!(text, "{line}").expect("a text");
@@ -271,20 +270,13 @@ fn every_law_is_of_its_order() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// Writes the table into docs/validation/accuracy.md: `make accuracy`.
+/// Writes docs/figures/orders.csv: `make accuracy`.
 #[test]
 #[ignore = "writes into docs/"]
 fn write_the_orders_of_every_law() {
-    const MARKS: [&str; 2] = ["<!-- orders of every law -->\n", "<!-- end of orders -->"];
-    let path = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../../docs/validation/accuracy.md"
-    );
-    let page = std::fs::read_to_string(path).expect("docs/validation/accuracy.md");
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/figures/orders.csv");
     let (text, _) = table([24, 8], 300);
-    let [from, to] = MARKS.map(|mark| page.find(mark).expect("the marks of the table"));
-    let (before, after) = (&page[..from + MARKS[0].len()], &page[to..]);
-    std::fs::write(path, format!("{before}{text}{after}")).expect("written");
+    std::fs::write(path, text).expect("written");
 }
 
 /// Steps between looks at the energies, and how often.
