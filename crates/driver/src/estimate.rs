@@ -17,7 +17,7 @@ use gshear_store::trajectory::{self, FileContent, FrameFormat, waiting_bytes};
 use crate::header::Header;
 use crate::launch::Task;
 use crate::memory;
-use crate::output_schedule::{StrainSchedule, steps_of_newtonian};
+use crate::output_schedule::{StrainSchedule, dense_rows, steps_of_newtonian};
 use crate::stages::{PACK, PREPARE, prepare};
 use crate::terminal::progress::duration;
 use crate::terminal::ranks;
@@ -504,6 +504,7 @@ impl<'a> Parts<'a> {
         let share = steps as f64 / all.max(1) as f64;
         let [frames, rows] =
             [newtonian.frames, newtonian.rows].map(|count| (count as f64 * share) as u64);
+        let rows = rows + dense_rows(pair.as_ref(), scene.time_step.step, steps);
         let left = steps.saturating_sub(moved);
         self.stages.push(StageEstimate {
             output: (frames as f64 * frame_bytes(scene), rows),

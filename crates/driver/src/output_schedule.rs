@@ -144,7 +144,7 @@ fn interval(steps: u64, count: u64) -> u64 {
 impl NewtonianSchedule {
     pub(crate) fn new(newtonian: &Newtonian, pair: Option<&Pair>, step: f64) -> Self {
         let steps = steps_of_newtonian(newtonian, pair, step);
-        let dense = pair.map(|pair| Dense::new(pair, steps, step));
+        let dense = pair.map(|pair| Dense::new(pair, step));
         let frames = match (pair, interval(steps, newtonian.frames)) {
             (Some(pair), wanted) if wanted != u64::MAX => strobe(pair, wanted, step),
             (_, wanted) => wanted,
@@ -229,34 +229,108 @@ fn strobe(pair: &Pair, wanted: u64, step: f64) -> u64 {
     ((whole + 1.0 / 24.0) * period).round().max(1.0) as u64
 }
 
-/// Two intervals with rows dense enough to resolve the oscillation of the pair.
+/// Stretches of rows dense enough to resolve the oscillation of the pair: one at the start of each
+/// time 1/ω_i in which it grows by e, so that some lie in the growth whenever it ends.
+///
+/// They depend on the pair and on Δt only: a longer stage has the same ones.
 struct Dense {
-    begins: [u64; 2],
+    /// Steps between the starts of two stretches.
+    spacing: u64,
     length: u64,
     every: u64,
 }
 
 impl Dense {
-    /// Their starts as fractions of the stage; the number of periods of the mean square
-    /// displacement, π/ω_r, in each; rows per period.
-    const BEGINS: [f64; 2] = [0.5, 0.7];
+    /// Periods of the mean square displacement, π/ω_r, in a stretch, and rows per period.
     const PERIODS: f64 = 20.0;
     const ROWS: f64 = 16.0;
+    /// Times 1/ω_i with a stretch. From the rounding of positions, 1e-17 d̄, to the end of the
+    /// linear growth, 1e-5 d̄, a pair needs 28.
+    const GROWTH_TIMES: u64 = 40;
 
-    fn new(pair: &Pair, steps: u64, step: f64) -> Self {
+    fn new(pair: &Pair, step: f64) -> Self {
         let period = std::f64::consts::PI / pair.omega_r / step;
         let every = ((period / Self::ROWS) as u64).max(1);
+        let growth_time = (pair.omega_i * step).recip() as u64;
         Self {
-            begins: Self::BEGINS.map(|part| (part * steps as f64) as u64 / every * every),
+            spacing: (growth_time / every).max(1) * every,
             length: (Self::PERIODS * period) as u64,
             every,
         }
     }
 
     fn due(&self, step: u64) -> bool {
-        self.begins.iter().any(|begin| {
-            let since = step.checked_sub(*begin);
-            since.is_some_and(|since| since <= self.length && since % self.every == 0)
-        })
+        (1..=Self::GROWTH_TIMES).contains(&(step / self.spacing))
+            && step.is_multiple_of(self.every)
+            && step % self.spacing <= self.length
+    }
+
+    /// Number of dense rows up to a step, at most.
+    fn count(&self, step: u64) -> u64 {
+        let stretches = (step / self.spacing).min(Self::GROWTH_TIMES);
+        stretches * (self.length.min(self.spacing) / self.every + 1)
+    }
+}
+
+/// Number of rows of Newton's equations beside those at equal intervals, at most, up to a step.
+pub(crate) fn dense_rows(pair: Option<&Pair>, time_step: f64, step: u64) -> u64 {
+    pair.map_or(0, |pair| Dense::new(pair, time_step).count(step))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// However long the stage, the oscillation is resolved in each 1/ω_i until the growth must have
+    /// ended, by rows that no other row falls between.
+    #[test]
+    fn rows_are_dense_while_the_pair_grows() {
+        let pair = Pair {
+            lambda_r: 1.235,
+            lambda_i: 2e-3,
+            omega_r: 1.1113,
+            omega_i: 1e-3,
+        };
+        let time_step = 0.02;
+        let of_length = |growth_times: f64| {
+            let newtonian = Newtonian {
+                growth_times,
+                rows: 500,
+                frames: 0,
+                spectra: 0,
+            };
+            NewtonianSchedule::new(&newtonian, Some(&pair), time_step)
+        };
+        let period = std::f64::consts::PI / pair.omega_r / time_step;
+        let growth_time = (pair.omega_i * time_step).recip();
+        for growth_times in [22.0, 44.0, 100.0] {
+            let schedule = of_length(growth_times);
+            let rows: Vec<u64> = (0..=schedule.steps())
+                .filter(|k| schedule.row_due(*k))
+                .collect();
+            for n in 1..21 {
+                let [begin, end] = [n, n + 1].map(|n| (f64::from(n) * growth_time) as u64);
+                let within = rows.iter().filter(|row| (begin..end).contains(row));
+                let within: Vec<u64> = within.copied().collect();
+                let gaps = within.windows(2).map(|pair| (pair[1] - pair[0]) as f64);
+                let dense = gaps.clone().filter(|gap| *gap <= period / 15.9).count();
+                assert!(dense >= 300, "{growth_times}, {n}: {dense} dense rows");
+                let least = gaps.fold(f64::INFINITY, f64::min);
+                assert!(least > period / 20.0, "{growth_times}, {n}: {least}");
+            }
+            let regular = rows
+                .iter()
+                .filter(|row| row.is_multiple_of(schedule.rows))
+                .count();
+            let dense = rows.len() - regular - 1;
+            let estimate = dense_rows(Some(&pair), time_step, schedule.steps()) as usize;
+            assert!(
+                dense <= estimate && estimate < dense + 600,
+                "{dense} {estimate}"
+            );
+        }
+        let dense = |growth_times| of_length(growth_times).dense.expect("a pair");
+        let [short, long] = [22.0, 100.0].map(dense);
+        assert!((0..100_000).all(|step| short.due(step) == long.due(step)));
     }
 }

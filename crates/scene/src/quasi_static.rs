@@ -115,8 +115,8 @@ table! {
             example: "20",
             change: Change::End,
         },
-        /// rows of its time series at equal intervals, beside two stretches that resolve the
-        /// oscillation; 0 is none
+        /// rows of its time series at equal intervals, beside a stretch of 20 periods in each 1/ω_i
+        /// that resolves the oscillation, up to the fortieth; 0 is none
         rows: Whole(FROM_ZERO) { default: "20000" },
         /// frames of it; 0 is none
         frames: Whole(FROM_ZERO) { default: "200" },

@@ -60,23 +60,32 @@ impl Arguments {
             None => None,
         };
         let results = Results::of(self.out.as_deref(), folder_of(&self.run));
-        results.table("growth.csv", &of_run(&run, slip.as_ref()), printer)?;
+        let growth = fitted(&run);
+        results.table("growth.csv", &of_run(&run, growth, slip.as_ref()), printer)?;
+        if let Some(Err(why)) = growth.map(|growth| growth.omega_r) {
+            writeln!(printer, "omega_r of the growth is not resolved: {why}")?;
+        }
         results.table("growth-grains.csv", &of_grains(slip.as_ref()), printer)
     }
 }
 
-fn of_run(run: &RunFile, slip: Option<&[Vec<f64>; 2]>) -> String {
+fn fitted(run: &RunFile) -> Option<Growth> {
+    let series = run.series();
+    let diameter = run.number("mean_diameter").unwrap_or(1.0);
+    let linear = LINEAR * diameter * diameter;
+    growth::fit(
+        &series.time,
+        series.column("msd"),
+        linear,
+        run.number("omega_r"),
+    )
+}
+
+fn of_run(run: &RunFile, growth: Option<Growth>, slip: Option<&[Vec<f64>; 2]>) -> String {
     let series = run.series();
     let diameter = run.number("mean_diameter").unwrap_or(1.0);
     let msd = series.column("msd");
-    let growth = growth::fit(&series.time, msd, LINEAR * diameter * diameter);
-    let growth = growth.unwrap_or(Growth {
-        omega_i: f64::NAN,
-        omega_r: f64::NAN,
-        from: f64::NAN,
-        to: f64::NAN,
-        decades: f64::NAN,
-    });
+    let number = |value: fn(Growth) -> f64| growth.map_or(f64::NAN, value);
     let columns = BoxSeries {
         time: &series.time,
         msd,
@@ -96,11 +105,13 @@ fn of_run(run: &RunFile, slip: Option<&[Vec<f64>; 2]>) -> String {
     });
     let nan = [f64::NAN; BoxChange::COLUMNS.len()];
     Table::of([()])
-        .column("fitted_omega_i", |()| growth.omega_i)
-        .column("fitted_omega_r", |()| growth.omega_r)
-        .column("growth_from", |()| growth.from)
-        .column("growth_to", |()| growth.to)
-        .column("decades", |()| growth.decades)
+        .column("fitted_omega_i", |()| number(|growth| growth.omega_i))
+        .column("fitted_omega_r", |()| {
+            number(|growth| growth.omega_r.unwrap_or(f64::NAN))
+        })
+        .column("growth_from", |()| number(|growth| growth.from))
+        .column("growth_to", |()| number(|growth| growth.to))
+        .column("decades", |()| number(|growth| growth.decades))
         .columns(["overlap", "overlap_by_chance"], |()| overlap)
         .column("aftermath", |()| aftermath)
         .columns(BoxChange::COLUMNS.map(|column| column.name), |()| {
