@@ -46,7 +46,7 @@ fn with<D: LawSpace>(side: usize, band: usize, steps: u64) -> Setup {
     Setup {
         sweep: SweepSettings {
             band: Some(band),
-            steps: steps,
+            steps,
         },
         ..setup::<D>(side, 0.2, (0.1, 0))
     }
