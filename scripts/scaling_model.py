@@ -44,8 +44,7 @@ class Law:
     traffic: int
     # Bytes of a grain in memory: docs/validation/speed.md.
     size: int
-    # Two threads over one with 100,000 grains: docs/validation/speed.md, "Large packings and
-    # threads".
+    # Two threads over one with some 5,000 grains: docs/validation/speed.md, "Threads".
     two_threads: float
     # Time of a grain (s) of large packings, without list and checkpoint: docs/lab/speed.md, "A
     # million grains". Smaller ones: docs/figures/scaling.csv, one rank.
@@ -53,8 +52,8 @@ class Law:
 
 
 LAWS = {
-    "disks": Law("hooke", 64, 660, 500, 1.52, ((1e5, 18.0e-9), (1e6, 37.5e-9))),
-    "spheres": Law("hertz", 128, 863, 700, 1.50, ((96_300, 68.9e-9), (963_000, 112e-9))),
+    "disks": Law("hooke", 64, 660, 500, 1.73, ((1e5, 18.0e-9), (1e6, 37.5e-9))),
+    "spheres": Law("hertz", 128, 863, 700, 1.72, ((96_300, 68.9e-9), (963_000, 112e-9))),
 }
 
 
