@@ -49,8 +49,8 @@ const AWAKE: Duration = Duration::from_micros(500);
 
 /// Polls between two yields of a thread that waits: about a microsecond.
 const POLLS: usize = 32;
-/// Polls before it sleeps, where others want its core.
-const POLLS_CROWDED: usize = 128;
+/// Polls before it sleeps, where others want its core: longer than from one region to the next.
+const POLLS_CROWDED: usize = 1024;
 
 /// A yield that takes so long has given the core to another process.
 const LONG_YIELD: Duration = Duration::from_micros(200);
