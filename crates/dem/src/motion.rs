@@ -47,8 +47,8 @@ pub(crate) struct Moved {
     pub fastest: f64,
     /// The flow of momentum where grains stream.
     pub flow: FlowSum,
-    /// When it ended.
-    pub ended: Instant,
+    /// When it ended, if forces follow at once.
+    pub ended: Option<Instant>,
 }
 
 impl GrainMotion {
@@ -83,7 +83,7 @@ impl GrainMotion {
         Moved {
             fastest,
             flow,
-            ended: Instant::now(),
+            ended: None,
         }
     }
 

@@ -177,7 +177,7 @@ pub fn kinetic_energy<D: Dimension>(
     system: &mut System<D>,
     energy: &FixedPoint,
 ) -> f64 {
-    let sums = OwnedSums::of(system, energy);
+    let sums = OwnedSums::of(system, energy, 0);
     energy.total(exchange, [sums.kinetic])[0]
 }
 
@@ -194,10 +194,10 @@ struct OwnedSums {
 }
 
 impl OwnedSums {
-    /// Those of a rank, to which each thread adds those of its share and of a part of the blocks.
-    fn of<D: Dimension>(system: &mut System<D>, energy: &FixedPoint) -> Self {
+    /// Those of the owned grains and of the contacts in the first `blocks` of the list. Each thread
+    /// adds those of its share and of a part of the blocks.
+    fn of<D: Dimension>(system: &mut System<D>, energy: &FixedPoint, blocks: usize) -> Self {
         system.finish_step();
-        let blocks = system.contacts.blocks();
         let shares = system.pool.shares();
         let threads = shares.len();
         let begin = |k: usize| blocks * k / threads;
@@ -357,7 +357,7 @@ fn sums<D: Dimension>(
         kinetic,
         potential,
         counts,
-    } = OwnedSums::of(system, &constants.energy);
+    } = OwnedSums::of(system, &constants.energy, system.contacts.blocks());
     let grains = &system.grains;
     let (mut shear, mut normal) = (Accumulator::default(), Accumulator::default());
     let wall = boundary.measured_body();

@@ -9,6 +9,8 @@
 //! second step can follow a band behind the first one, and a third one behind that: a sweep of
 //! several steps, in which a band is in the cache for all of them. Small samples have one band.
 
+use std::time::Instant;
+
 use bytemuck::Zeroable;
 
 use crate::budget::EnergyBudget;
@@ -281,7 +283,7 @@ impl<D: Dimension> Sweep<'_, D> {
         let note = |moved: Moved| {
             fastest = greater_or_nan(fastest, moved.fastest);
             under_way.flow.merge(moved.flow);
-            ended.get_or_insert(moved.ended);
+            ended = ended.or(moved.ended);
         };
         let owned = bands.grains(band);
         let walls = drive.wall_grains().within(owned.clone());
@@ -298,7 +300,8 @@ impl<D: Dimension> Sweep<'_, D> {
                 samples: self.request.samples.as_deref_mut(),
             };
             let work = |part: OwnedPart<'_, D>| {
-                let moved = motion.advance(second_kick_deferred, part);
+                let mut moved = motion.advance(second_kick_deferred, part);
+                moved.ended = Some(Instant::now());
                 let fastest = greater_or_nan(slowest, moved.fastest);
                 let way = list.way(fastest, time_step, &cell);
                 (moved, list.travelled_after(band, way))

@@ -2,7 +2,7 @@
 
 use std::cell::OnceCell;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::thread::Thread;
 use std::time::{Duration, Instant};
 
@@ -21,8 +21,9 @@ pub struct Workers {
 /// What the threads tell each other.
 #[derive(Debug, Default)]
 struct Shared {
-    /// Number of times that a region of parallel work has begun or ended: odd within a region.
-    begun_and_ended: AtomicU64,
+    /// Whether a region of parallel work has begun and not ended. Stays true after a panic, until
+    /// the end of the next region.
+    is_within: AtomicBool,
     /// Number of pieces of work of the present region that other threads were given and that are
     /// not done.
     pending: AtomicUsize,
@@ -99,7 +100,7 @@ impl Workers {
         let shared = &self.shared;
         let begun = Instant::now();
         shared.begin_region();
-        shared.begun_and_ended.fetch_add(1, Ordering::Release);
+        shared.is_within.store(true, Ordering::Release);
         while shared.watching.load(Ordering::Acquire) + 1 < self.threads {
             shared.watching.fetch_add(1, Ordering::Relaxed);
             let shared = Arc::clone(shared);
@@ -121,7 +122,7 @@ impl Workers {
                 std::thread::park();
             }
         });
-        shared.begun_and_ended.fetch_add(1, Ordering::Release);
+        shared.is_within.store(false, Ordering::Release);
         let nanoseconds = begun.elapsed().as_nanos() as u64;
         self.nanoseconds.fetch_add(nanoseconds, Ordering::Relaxed);
     }
@@ -153,14 +154,14 @@ impl Shared {
         self.crowded.store(1 << severity, Ordering::Relaxed);
     }
 
-    /// Takes the pieces of this thread from one region to the next, until none begins for a while.
-    /// A thread that slept between two regions would be woken too late for most of them.
+    /// Runs pieces of one region after the other, until none begins for a while. A thread that slept
+    /// between two regions would be woken too late for most of them.
     fn watch(&self) {
         // The first thread of the pool calls regions.
         if rayon::current_thread_index() != Some(0) {
             let mut patience = Patience::new(self);
             while patience.waits() {
-                let is_within = self.begun_and_ended.load(Ordering::Acquire) % 2 == 1;
+                let is_within = self.is_within.load(Ordering::Acquire);
                 if is_within && rayon::yield_now() == Some(rayon::Yield::Executed) {
                     patience = Patience::new(self);
                 }

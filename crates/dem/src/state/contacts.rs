@@ -14,10 +14,10 @@ use super::{Bands, ContactState};
 ///
 /// The blocks of a [band](Bands) follow each other, in groups. First come inner pairs, of which
 /// this rank owns both grains: for each thread those between two grains of its
-/// [share](LocalGrains::shares), then those between grains of two threads. Then come pairs of which
-/// this rank owns i, then pairs of which it owns j. In a group the pairs are in the order of the
-/// cells. Within every run of 1,024 of them, those of the same two materials follow each other, in
-/// blocks of their own. Of these, contacts come first, those that slide before the others, followed
+/// [share](LocalGrains::shares), then those between grains of two threads. Then come pairs of an
+/// owned i and a ghost, then pairs of a ghost and an owned j. A group is in the order of the cells.
+/// Within every run of 1,024 pairs, those of the same two materials follow each other, in blocks of
+/// their own. Of these, contacts come first, those that slide before the others, followed
 /// by the other pairs in classes of their gaps, so that blocks in which nothing touches follow each
 /// other, and in most blocks nothing slides.
 ///
