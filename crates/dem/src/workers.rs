@@ -154,8 +154,8 @@ impl Shared {
         self.crowded.store(1 << severity, Ordering::Relaxed);
     }
 
-    /// Runs pieces of one region after the other, until none begins for a while. A thread that slept
-    /// between two regions would be woken too late for most of them.
+    /// Runs pieces of one region after the other, until none begins for a while. A thread that
+    /// slept between two regions would be woken too late for most of them.
     fn watch(&self) {
         // The first thread of the pool calls regions.
         if rayon::current_thread_index() != Some(0) {
