@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use gshear_dem::domain::{Exchange, Link, total};
+use gshear_dem::domain::{Exchange, HaloMessage, total};
 use gshear_mpi_exchange::{Parallel, World};
 
 /// `panic` and `abort` end it so, `time` measures, and without an argument it checks.
@@ -47,14 +47,12 @@ fn check(world: &World) {
         // None sleeps for ever, however the ranks meet.
         for _ in 0..30_000 {
             let mut one = [1];
-            world.sum_during(&mut one, &mut || ());
-            assert_eq!(one, [size as i64]);
+            world.begin_sum(&one);
             ring(world, 1);
+            world.end_sum(&mut one);
+            assert_eq!(one, [size as i64]);
         }
     }
-    let mut ran = false;
-    world.halo(&mut [], &mut || ran = true);
-    assert!(ran);
 
     let mut values: Vec<i64> = (0..150).map(|k| k * (rank as i64 + 1)).collect();
     world.sum(&mut values);
@@ -115,40 +113,27 @@ fn ring(world: &World, length: usize) {
     let records: Vec<f64> = (0..all).map(|k| record(rank, k)).collect();
     let to_left: Vec<u32> = (0..all / 2).rev().collect();
     let to_right: Vec<u32> = (all / 2..all).collect();
-    let mut buffers = [vec![0.0; length], vec![0.0; length]];
-    let [buffer_left, buffer_right] = &mut buffers;
-    let (mut from_left, mut from_right) = (vec![0.0; length], vec![0.0; length]);
-    // Each rank lists first what moves right, then what moves left: receives and sends must pair up
-    // rank by rank.
-    let mut links = [
-        Link {
-            rank: left,
-            width: 1,
-            records: &records,
-            chosen: &to_left,
-            buffer: buffer_left,
-            receive: &mut from_left,
-        },
-        Link {
-            rank: right,
-            width: 1,
-            records: &records,
-            chosen: &to_right,
-            buffer: buffer_right,
-            receive: &mut from_right,
-        },
-    ];
+    // Each rank begins first what moves right, then what moves left: sends and receives must pair
+    // up rank by rank.
+    let mut links = [(left, &to_left, &to_right), (right, &to_right, &to_left)];
     if size == 2 && rank == 1 {
         links.swap(0, 1);
     }
-    let mut ran = false;
-    world.halo(&mut links, &mut || ran = true);
-    assert!(ran);
-    let wanted = |from: usize, chosen: &[u32]| -> Vec<f64> {
-        chosen.iter().map(|&k| record(from, k)).collect()
-    };
-    assert_eq!(from_left, wanted(left, &to_right));
-    assert_eq!(from_right, wanted(right, &to_left));
+    for (rank, chosen, _) in links {
+        world.begin_halo(HaloMessage {
+            rank,
+            width: 1,
+            records: &records,
+            chosen,
+            expected: length,
+        });
+    }
+    for (from, _, sent) in links {
+        let wanted: Vec<f64> = sent.iter().map(|&k| record(from, k)).collect();
+        let mut came = Vec::new();
+        world.end_halo(from, &mut |numbers| came = numbers.to_vec());
+        assert_eq!(came, wanted);
+    }
 }
 
 /// Cost of the operations of a step.
@@ -156,33 +141,23 @@ fn time(world: &World) {
     let (rank, size) = (world.rank(), world.size());
     let n = 20_000;
     for length in [64, 512, 1024, 4096] {
-        let (records, mut buffer, mut receive) =
-            (vec![1.0; length], vec![0.0; length], vec![0.0; length]);
-        let chosen: Vec<u32> = (0..length as u32).collect();
+        let records = vec![1.0; length];
+        let chosen: Vec<u32> = (0..length as u32 / 2).collect();
+        let (left, right) = ((rank + size - 1) % size, (rank + 1) % size);
         let start = Instant::now();
         for _ in 0..n {
-            let (left, right) = ((rank + size - 1) % size, (rank + 1) % size);
-            let (a, b) = receive.split_at_mut(length / 2);
-            let (buffer_a, buffer_b) = buffer.split_at_mut(length / 2);
-            let mut links = [
-                Link {
-                    rank: left,
+            for rank in [left, right] {
+                world.begin_halo(HaloMessage {
+                    rank,
                     width: 1,
                     records: &records,
-                    chosen: &chosen[..length / 2],
-                    buffer: buffer_a,
-                    receive: a,
-                },
-                Link {
-                    rank: right,
-                    width: 1,
-                    records: &records,
-                    chosen: &chosen[length / 2..],
-                    buffer: buffer_b,
-                    receive: b,
-                },
-            ];
-            world.halo(&mut links, &mut || ());
+                    chosen: &chosen,
+                    expected: length / 2,
+                });
+            }
+            for rank in [left, right] {
+                world.end_halo(rank, &mut |_| ());
+            }
         }
         if rank == 0 {
             println!(

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::domain::Exchange;
 
@@ -83,6 +83,11 @@ impl Clock {
         self.regions_since = self.nanoseconds_of_regions();
     }
 
+    /// Number of steps since the clock began.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
     /// Counts a step.
     pub(crate) fn count_step(&mut self) {
         self.steps += 1;
@@ -99,14 +104,12 @@ impl Clock {
         self.regions_since = regions;
     }
 
-    /// Adds the time from the last call to `now` to `phase`, which ended within the region of
-    /// parallel work that has just ended.
-    pub(crate) fn end_within_region(&mut self, phase: StepPhase, now: Instant) {
-        let time = now - self.since;
-        self.seconds[phase as usize] += time.as_secs_f64();
-        self.since = now;
-        self.parallel[phase as usize] += time.as_secs_f64();
-        self.regions_since += time.as_nanos() as u64;
+    /// Gives a part of the time in a region of one phase to another one.
+    pub(crate) fn give(&mut self, from: StepPhase, to: StepPhase, time: Duration) {
+        for seconds in [&mut self.seconds, &mut self.parallel] {
+            seconds[from as usize] -= time.as_secs_f64();
+            seconds[to as usize] += time.as_secs_f64();
+        }
     }
 
     /// Seconds of computing, without waiting for other ranks.

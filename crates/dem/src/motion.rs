@@ -1,7 +1,5 @@
 //! The motion of the grains in a step, and the forces that no contact makes: weight and drag.
 
-use std::time::Instant;
-
 use bytemuck::Zeroable;
 
 use crate::dimension::Dimension;
@@ -47,8 +45,6 @@ pub(crate) struct Moved {
     pub fastest: f64,
     /// The flow of momentum where grains stream.
     pub flow: FlowSum,
-    /// When it ended, if forces follow at once.
-    pub ended: Option<Instant>,
 }
 
 impl GrainMotion {
@@ -80,11 +76,7 @@ impl GrainMotion {
             }),
         };
         weigh::<D>(part.force, part.mass, part.body, self.units, self.gravity);
-        Moved {
-            fastest,
-            flow,
-            ended: None,
-        }
+        Moved { fastest, flow }
     }
 
     /// Gives grains of walls the velocities with which they move, also as those of the half step,

@@ -233,20 +233,16 @@ impl<D: Dimension> Bins<D> {
 }
 
 /// Sorts grains by their cells, so that what lies near is near in memory; in a cell they keep their
-/// order. `by_bodies`: those of a wall come together, because every step reads them alone.
+/// order.
 pub(crate) fn sort_by_cells<D: Dimension>(
     grains: &mut Vec<GrainState>,
     cell: Cell,
     extent: LocalExtent,
     cutoff: f64,
-    by_bodies: bool,
 ) {
     let position: Vec<[f64; 3]> = grains.iter().map(|g| g.position).collect();
     let bins = Bins::<D>::new(cell, extent, cutoff, &position);
     *grains = bins.member.iter().map(|&g| grains[g as usize]).collect();
-    if by_bodies {
-        grains.sort_by_key(|g| g.body);
-    }
 }
 
 /// What the search for pairs reads of the grains, in the order of the cells: what lies near is near
@@ -523,14 +519,8 @@ mod tests {
             apart[pairs.len() - 21]
         };
         assert!(furthest(&states) > 500);
-        sort_by_cells::<Two>(&mut states, cell, extent, CUTOFF.greatest, false);
+        sort_by_cells::<Two>(&mut states, cell, extent, CUTOFF.greatest);
         assert!(furthest(&states) < 60);
-        // Grains of walls follow the free ones.
-        for grain in &mut states {
-            grain.body = grain.id % 3;
-        }
-        sort_by_cells::<Two>(&mut states, cell, extent, CUTOFF.greatest, true);
-        assert!(states.is_sorted_by_key(|grain| grain.body));
     }
 
     #[test]

@@ -198,15 +198,14 @@ impl OwnedSums {
     /// adds those of its share and of a part of the blocks.
     fn of<D: Dimension>(system: &mut System<D>, energy: &FixedPoint, blocks: usize) -> Self {
         system.finish_step();
-        let shares = system.pool.shares();
-        let threads = shares.len();
+        let threads = system.bands.shares();
         let begin = |k: usize| blocks * k / threads;
         let mut parts: Vec<(SummedPart<'_, D>, Self)> = Vec::with_capacity(threads);
-        for (k, share) in shares.iter().enumerate() {
+        for k in 0..threads {
             let part = SummedPart {
                 system,
                 energy,
-                grains: share.clone(),
+                grains: system.bands.share(k),
                 blocks: begin(k)..begin(k + 1),
             };
             parts.push((part, Self::default()));

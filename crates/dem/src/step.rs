@@ -6,10 +6,12 @@
 //!
 //! A step goes through the bands of the grains ([`Bands`](crate::state::Bands)): a band moves, then
 //! the forces of its pairs are computed, which are complete with those of the next band. So a
-//! second step can follow a band behind the first one, and a third one behind that: a sweep of
-//! several steps, in which a band is in the cache for all of them. Small samples have one band.
+//! second step can follow some bands behind the first one, and a third one behind that: a sweep of
+//! several steps, in which a band is in the cache for all of them. A stage is one band of each of
+//! these steps; threads meet, and ranks exchange messages, once a stage. Small samples have one
+//! band.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytemuck::Zeroable;
 
@@ -17,13 +19,15 @@ use crate::budget::EnergyBudget;
 use crate::clock::StepPhase;
 use crate::dimension::Dimension;
 use crate::domain::{Accumulator, Exchange, LIMBS};
-use crate::drive::{Drive, Felt, FlowSum, MomentumFlow, WallForces, WallSteps, WallSums};
+use crate::drive::{
+    Drive, Felt, FlowSum, MomentumFlow, WallForces, WallGrains, WallSteps, WallSums,
+};
 use crate::failure::{Outside, Result};
 use crate::kernel::{ContactForces, Counting, PairForce, PassInput, PassOutcome};
 use crate::motion::{GrainMotion, Moved, greater_or_nan, slow_down, weigh};
 use crate::state::{Grains, Sheared};
 use crate::system::System;
-use crate::threads::{BandForces, MovedGrains, OwnedPart};
+use crate::threads::{BandForces, ShareWork, SharesInput};
 use crate::under_way::StepUnderWay;
 
 /// Options of a step, or of several.
@@ -96,6 +100,7 @@ pub fn advance<D: Dimension>(
     system.wall_velocities = None;
     let mut sweep = Sweep {
         second_kick_deferred: std::mem::take(&mut system.second_kick_deferred),
+        pace: Pace::new(count, exchange.size(), system.pool.threads()),
         exchange,
         system,
         law,
@@ -103,20 +108,12 @@ pub fn advance<D: Dimension>(
         request,
         count,
         steps: under_way,
+        sum: None,
         drifts: 0,
         rebuild: false,
         stop: false,
     };
-    let bands = sweep.system.bands.count();
-    for position in 0..bands + count - 1 {
-        for step in 0..count {
-            if let Some(band) = position.checked_sub(step)
-                && band < bands
-            {
-                sweep.band_of_step(step, band)?;
-            }
-        }
-    }
+    sweep.run()?;
     let Sweep {
         steps,
         stop,
@@ -153,6 +150,57 @@ fn steps_at_once<D: Dimension>(
     most.min(system.list.lasting) as usize
 }
 
+/// How steps follow each other through the bands.
+#[derive(Debug, Clone, Copy)]
+struct Pace {
+    /// By how many bands a step is behind the one before.
+    lag: usize,
+    /// How many bands of a stage move before forces are computed.
+    together: usize,
+    /// For how many stages messages of ghosts are under way before they are needed.
+    delay: usize,
+}
+
+impl Pace {
+    /// A band is complete with the forces on the next one. A single thread of a single rank moves
+    /// it at once in the next step, so that as few bands as possible are in the cache. Threads and
+    /// ranks move all bands of a stage at once, which must not need each other. Messages between
+    /// ranks have a stage to arrive, if there are several steps.
+    fn new(steps: usize, ranks: usize, threads: usize) -> Self {
+        if ranks == 1 && threads == 1 {
+            return Self {
+                lag: 1,
+                together: 1,
+                delay: 0,
+            };
+        }
+        let delay = usize::from(ranks > 1 && steps > 1);
+        Self {
+            lag: 2 + delay,
+            together: steps,
+            delay,
+        }
+    }
+}
+
+/// A band of a step.
+#[derive(Debug, Clone, Copy)]
+struct BandOfStep {
+    step: usize,
+    band: usize,
+    /// Whether it is the last one of the step.
+    is_last: bool,
+}
+
+/// What threads found when they moved a band.
+struct MovedBand {
+    moved: Moved,
+    /// How long it took.
+    time: Duration,
+    /// What the passes of the pairs within the share found, if the forces followed at once.
+    within_share: PassOutcome,
+}
+
 /// Steps that follow each other through the bands.
 struct Sweep<'a, D: Dimension> {
     exchange: &'a dyn Exchange,
@@ -162,10 +210,13 @@ struct Sweep<'a, D: Dimension> {
     request: StepRequest<'a>,
     /// Number of steps.
     count: usize,
+    pace: Pace,
     /// Whether the first step begins with the second kick of the one before the sweep.
     second_kick_deferred: bool,
     /// The steps that have begun.
     steps: Vec<StepUnderWay>,
+    /// The step whose sum over the ranks is under way.
+    sum: Option<(usize, SumOverRanks)>,
     /// Number of steps in which the walls have drifted.
     drifts: usize,
     /// Whether the list must be rebuilt after the sweep.
@@ -175,37 +226,125 @@ struct Sweep<'a, D: Dimension> {
 }
 
 impl<D: Dimension> Sweep<'_, D> {
-    /// Moves a band, and computes the forces of its pairs.
-    fn band_of_step(&mut self, step: usize, band: usize) -> Result<()> {
-        // Skips the steps after one that failed; with several ranks the others wait for their
-        // messages.
-        let mut before = self.steps[..step.min(self.steps.len())].iter();
-        if self.exchange.size() == 1 && before.any(|step| step.failure.is_some()) {
+    fn run(&mut self) -> Result<()> {
+        let Pace {
+            lag,
+            together,
+            delay,
+        } = self.pace;
+        let moving = self.system.bands.count() + lag * (self.count - 1);
+        let mut under_way = Vec::new();
+        for stage in 0..moving + delay {
+            let bands = self.bands_of(stage);
+            if delay == 0 {
+                for bands in bands.chunks(together) {
+                    self.move_bands(bands, &[])?;
+                    self.complete_bands(bands);
+                }
+            } else {
+                self.move_bands(&bands, &under_way)?;
+                self.complete_bands(&under_way);
+                under_way = bands;
+            }
+        }
+        self.end_step()
+    }
+
+    /// The bands that move in a stage, the last one first, which is of the first step.
+    fn bands_of(&self, stage: usize) -> Vec<BandOfStep> {
+        let bands = self.system.bands.count();
+        let mut found = Vec::with_capacity(self.count);
+        for step in 0..self.count {
+            let Some(band) = stage.checked_sub(self.pace.lag * step) else {
+                break;
+            };
+            if band < bands {
+                found.push(BandOfStep {
+                    step,
+                    band,
+                    is_last: band + 1 == bands,
+                });
+            }
+            // Leaves out the steps after one that failed; with several ranks the others wait for
+            // their messages.
+            let failed = self.steps.get(step).is_some_and(|s| s.failure.is_some());
+            if failed && self.exchange.size() == 1 {
+                break;
+            }
+        }
+        found
+    }
+
+    /// Moves bands, and computes the forces of their pairs within shares. `before`: the bands
+    /// whose messages are under way.
+    fn move_bands(&mut self, bands: &[BandOfStep], before: &[BandOfStep]) -> Result<()> {
+        if bands.is_empty() {
             return Ok(());
         }
-        if band == 0 {
-            self.begin(step);
+        for BandOfStep {
+            step,
+            band,
+            is_last,
+        } in bands.iter().copied()
+        {
+            if is_last && step > 0 {
+                self.end_step().inspect_err(|_| self.drain(before))?;
+            }
+            if band == 0 {
+                self.begin(step);
+            }
+            if is_last {
+                self.move_walls(step);
+            }
         }
-        let is_last = band + 1 == self.system.bands.count();
-        if is_last {
-            self.move_walls(step);
-        }
-        self.move_band(step, band);
-        if is_last {
-            self.end_motion(step);
+        // Those who wait for the records have them first.
+        let sends_first = self.exchange.size() > 1 && self.pace.delay == 0;
+        self.over_shares(bands, true, !sends_first);
+        for band in bands.iter().filter(|band| band.is_last) {
+            self.end_motion(band.step);
         }
         self.system.clock.end(StepPhase::Motion);
-        self.add_forces(step, band);
-        if band > 0 {
-            self.complete(step, band - 1);
-        }
-        if is_last {
-            self.complete(step, band);
-            self.end(step)?;
-        } else {
-            self.system.clock.end(StepPhase::Walls);
+        let System { slabs, grains, .. } = &mut *self.system;
+        slabs.begin_exchange(
+            self.exchange,
+            bands.iter().map(|band| band.band),
+            &grains.record,
+        );
+        self.system.clock.end(StepPhase::Exchange);
+        if sends_first {
+            self.over_shares(bands, false, true);
         }
         Ok(())
+    }
+
+    /// Waits for the messages of bands that have moved, computes the forces that are left, and
+    /// completes those on the bands before.
+    fn complete_bands(&mut self, bands: &[BandOfStep]) {
+        if bands.is_empty() {
+            return;
+        }
+        self.drain(bands);
+        self.system.clock.end(StepPhase::Exchange);
+        self.add_other_forces(bands);
+        self.system.clock.end(StepPhase::Contacts);
+        self.complete(bands);
+        for band in bands.iter().filter(|band| band.is_last) {
+            self.sum(band.step);
+        }
+        self.system.clock.end(StepPhase::Walls);
+    }
+
+    /// Waits for the messages of bands that have moved.
+    fn drain(&mut self, bands: &[BandOfStep]) {
+        if bands.is_empty() {
+            return;
+        }
+        let System { slabs, grains, .. } = &mut *self.system;
+        slabs.end_exchange(
+            self.exchange,
+            bands.iter().map(|band| band.band),
+            &mut grains.record,
+        );
     }
 
     /// Moves the cell.
@@ -243,7 +382,6 @@ impl<D: Dimension> Sweep<'_, D> {
             way: 0.0,
             flow: FlowSum::default(),
             outcome: PassOutcome::default(),
-            within_shares: None,
             load: WallSums::default(),
             failure: None,
         });
@@ -261,69 +399,113 @@ impl<D: Dimension> Sweep<'_, D> {
         motion.give_predicted::<D>(feet, 0, &mut system.grains.record);
     }
 
-    /// Moves the grains of a band, which then have no force but their weight. The forces of the
-    /// pairs within shares follow at once where nothing is sent in between.
-    fn move_band(&mut self, step: usize, band: usize) {
-        let Self { system, drive, .. } = self;
-        let under_way = &mut self.steps[step];
-        let motion = under_way.motion;
-        let second_kick_deferred = self.second_kick_deferred || step > 0;
+    /// Moves the grains of bands, which then have no force but their weight, and adds the forces of
+    /// the pairs within shares, or does one of both.
+    fn over_shares(&mut self, bands: &[BandOfStep], moves: bool, adds_forces: bool) {
+        let Self {
+            system,
+            drive,
+            law,
+            steps,
+            request,
+            second_kick_deferred,
+            ..
+        } = self;
         let System {
-            bands,
+            bands: places,
             pool,
             grains,
             contacts,
             list,
-            clock,
             ..
         } = &mut **system;
-        let mut fastest = drive.speed();
-        let (time_step, cell, slowest) = (motion.step, motion.cell, fastest);
-        let mut ended = None;
-        let note = |moved: Moved| {
-            fastest = greater_or_nan(fastest, moved.fastest);
-            under_way.flow.merge(moved.flow);
-            ended = ended.or(moved.ended);
+        let slowest = drive.speed();
+        let input = SharesInput {
+            bands: places,
+            grains,
+            walls: drive.wall_grains(),
+            contacts,
+            samples: request.samples.as_deref_mut(),
         };
-        let owned = bands.grains(band);
-        let walls = drive.wall_grains().within(owned.clone());
-        if self.exchange.size() == 1 && bands.count() == 1 {
-            let forces = BandForces {
-                law: self.law,
-                band,
-                input: under_way.input,
-            };
-            let moved = MovedGrains {
-                grains,
-                walls,
-                contacts,
-                samples: self.request.samples.as_deref_mut(),
-            };
-            let work = |part: OwnedPart<'_, D>| {
-                let mut moved = motion.advance(second_kick_deferred, part);
-                moved.ended = Some(Instant::now());
-                let fastest = greater_or_nan(slowest, moved.fastest);
-                let way = list.way(fastest, time_step, &cell);
-                (moved, list.travelled_after(band, way))
-            };
-            let outcome = pool.move_and_add_forces(&forces, moved, work, note);
-            under_way.within_shares = Some(outcome);
-            if let Some(ended) = ended {
-                clock.end_within_region(StepPhase::Motion, ended);
+        let work = |share: &mut ShareWork<'_, D>| {
+            let mut found = Vec::with_capacity(bands.len());
+            for &BandOfStep { step, band, .. } in bands {
+                let under_way = &steps[step];
+                let motion = &under_way.motion;
+                let mut of_band = MovedBand {
+                    moved: Moved {
+                        fastest: slowest,
+                        flow: FlowSum::default(),
+                    },
+                    time: Duration::ZERO,
+                    within_share: PassOutcome::default(),
+                };
+                let mut travelled = list.travelled[band];
+                if moves {
+                    let begun = Instant::now();
+                    let is_kicked = *second_kick_deferred || step > 0;
+                    of_band.moved = motion.advance(is_kicked, share.grains_of(band));
+                    of_band.time = begun.elapsed();
+                    let fastest = greater_or_nan(slowest, of_band.moved.fastest);
+                    let way = list.way(fastest, motion.step, &motion.cell);
+                    travelled = list.travelled_after(band, greater_or_nan(way, under_way.way));
+                }
+                if adds_forces {
+                    of_band.within_share = share.add_forces(&BandForces {
+                        law: *law,
+                        band,
+                        input: under_way.input_of_band(travelled, step),
+                    });
+                }
+                found.push(of_band);
             }
-            clock.end(StepPhase::Contacts);
-        } else {
-            let work = |part: OwnedPart<'_, D>| motion.advance(second_kick_deferred, part);
-            pool.over_owned(grains, owned, walls, work, note);
+            found
+        };
+        let found = pool.over_shares(input, work);
+        for (k, &BandOfStep { step, band, .. }) in bands.iter().enumerate() {
+            let of_shares = || found.iter().map(|of_share| &of_share[k]);
+            if moves {
+                let mut fastest = slowest;
+                for MovedBand { moved, .. } in of_shares() {
+                    fastest = greater_or_nan(fastest, moved.fastest);
+                    self.steps[step].flow.merge(moved.flow);
+                }
+                self.end_motion_of_band(step, band, fastest);
+            }
+            for MovedBand { within_share, .. } in of_shares() {
+                self.found(step, *within_share);
+            }
         }
-        let way = list.way(fastest, time_step, &cell);
+        let clock = &mut self.system.clock;
+        if adds_forces {
+            clock.end(StepPhase::Contacts);
+            let of_first = found.first().into_iter().flatten();
+            let time = of_first.map(|band| band.time).sum();
+            clock.give(StepPhase::Contacts, StepPhase::Motion, time);
+        } else {
+            clock.end(StepPhase::Motion);
+        }
+    }
+
+    /// Notes how fast the grains of a band have moved.
+    fn end_motion_of_band(&mut self, step: usize, band: usize, fastest: f64) {
+        let Self { system, steps, .. } = self;
+        let under_way = &mut steps[step];
+        let motion = &under_way.motion;
+        let way = system.list.way(fastest, motion.step, &motion.cell);
         // A pair may be with a grain of the band before.
-        list.travel(band, greater_or_nan(way, under_way.way));
+        system.list.travel(band, greater_or_nan(way, under_way.way));
         under_way.way = way;
         under_way.fastest = greater_or_nan(under_way.fastest, fastest);
         if fastest.is_nan() {
             under_way.fail(Outside::Number, |outside| system.describe(outside));
         }
+    }
+
+    /// Adds what passes of a step found.
+    fn found(&mut self, step: usize, outcome: PassOutcome) {
+        let Self { system, steps, .. } = self;
+        steps[step].found(outcome, |outside| system.describe(outside));
     }
 
     /// Ends the motion of all grains.
@@ -350,85 +532,93 @@ impl<D: Dimension> Sweep<'_, D> {
         }
     }
 
-    /// Adds the forces of the pairs of a band.
-    fn add_forces(&mut self, step: usize, band: usize) {
-        let Self { system, .. } = self;
-        let under_way = &mut self.steps[step];
-        let input = PassInput {
-            travelled: Some(system.list.travelled[band]),
-            // The first step brings the band into the cache for those that follow.
-            is_cold: under_way.input.is_cold && step == 0,
-            ..under_way.input
-        };
-        let samples = self.request.samples.as_deref_mut();
-        let forces = BandForces {
-            law: self.law,
-            band,
-            input,
-        };
-        let within_shares = under_way.within_shares.take();
-        let outcome = forces_of_band(self.exchange, system, &forces, samples, within_shares);
-        under_way.outcome = under_way.outcome.merge(outcome);
-        for outside in outcome.failures() {
-            under_way.fail(outside, |outside| system.describe(outside));
+    /// Adds the forces of the pairs of bands that are within no share.
+    fn add_other_forces(&mut self, bands: &[BandOfStep]) {
+        let Self {
+            system,
+            law,
+            steps,
+            request,
+            ..
+        } = self;
+        let System {
+            pool,
+            grains,
+            contacts,
+            list,
+            ..
+        } = &mut **system;
+        let forces = bands
+            .iter()
+            .map(|&BandOfStep { step, band, .. }| BandForces {
+                law: *law,
+                band,
+                input: steps[step].input_of_band(list.travelled[band], step),
+            });
+        let forces: Vec<_> = forces.collect();
+        let samples = request.samples.as_deref_mut();
+        let outcomes = pool.add_other_forces(&forces, grains, contacts, samples);
+        for (band, outcome) in bands.iter().zip(outcomes) {
+            self.found(band.step, outcome);
         }
     }
 
-    /// Completes the forces of contacts on a band, and sums those on grains of walls.
-    fn complete(&mut self, step: usize, band: usize) {
+    /// Completes the forces of contacts on the bands before these, and on the last one of all, and
+    /// sums those on grains of walls.
+    fn complete(&mut self, bands: &[BandOfStep]) {
         let Self { system, drive, .. } = self;
-        let load = &mut self.steps[step].load;
-        let grains = system.bands.grains(band);
-        let mut walls = drive.wall_grains();
-        // The feet are with the last band.
-        if band + 1 < system.bands.count() {
-            walls = walls.within(grains.clone());
-        } else {
-            walls = walls.split_off(grains.start);
-        }
+        let completed = bands.iter().map(|&BandOfStep { band, is_last, .. }| {
+            let end = if is_last { band + 1 } else { band };
+            band.saturating_sub(1)..end
+        });
+        let completed: Vec<_> = completed.collect();
         let System {
+            bands: places,
             pool,
             grains,
             fixed,
             ..
         } = &mut **system;
-        pool.complete(
-            &mut grains.force,
-            walls,
-            load,
-            |first, force, walls, sums| {
-                drive.load_on_grains(first, force, fixed, walls, sums);
-            },
-        );
+        let load = |first: usize, force: &[D::Force]| {
+            let mut sums = WallSums::default();
+            let walls = drive.wall_grains().within(first..first + force.len());
+            drive.load_on_grains(first, force, fixed, walls, &mut sums);
+            sums
+        };
+        let sums = pool.complete(places, &completed, &mut grains.force, load);
+        for (band, sums) in bands.iter().zip(sums) {
+            self.steps[band.step].load.merge(sums);
+        }
     }
 
-    /// Sums over all grains, and gives the walls their second kick.
-    fn end(&mut self, step: usize) -> Result<()> {
+    /// Begins the sum over the ranks of a step.
+    fn sum(&mut self, step: usize) {
         let Self { system, drive, .. } = self;
         let under_way = &mut self.steps[step];
-        let motion = &under_way.motion;
-        system.count(&under_way.outcome, motion.is_stressed);
+        system.count(&under_way.outcome, under_way.motion.is_stressed);
         system.add_flow(under_way.flow);
         self.rebuild |= system.list.forced(system.steps);
         let [some, many] = LASTING.map(|steps| system.list.lasts(system.steps + 1, steps));
         let flags = [self.rebuild, self.request.stop, !some, !many];
         let load = std::mem::take(&mut under_way.load);
-        let failure = under_way.failure.take().map(|(_, message)| message);
-        let (load, [rebuild, stop, not_for_some, not_for_many]) = sum_over_ranks(
-            self.exchange,
-            system,
-            *drive,
-            load,
-            failure,
-            flags,
-            |grains| {
-                // Its forces are no whole multiples of a unit: after all others.
-                if let Some(drag) = drive.drag() {
-                    slow_down(grains, drag);
-                }
-            },
-        )?;
-        self.rebuild = rebuild;
+        // Kept, so that the steps after this one go no further.
+        let failure = under_way.failure.clone().map(|(_, message)| message);
+        let sum = SumOverRanks::begin(self.exchange, system, *drive, load, failure, flags);
+        self.sum = Some((step, sum));
+        // Its forces are no whole multiples of a unit: after all others.
+        if let Some(drag) = drive.drag() {
+            slow_down(&mut system.grains, drag);
+        }
+    }
+
+    /// Ends the step whose sum over the ranks is under way: gives the walls their second kick.
+    fn end_step(&mut self) -> Result<()> {
+        let Some((step, sum)) = self.sum.take() else {
+            return Ok(());
+        };
+        let Self { system, drive, .. } = self;
+        let (load, [rebuild, stop, not_for_some, not_for_many]) = sum.end(self.exchange, system)?;
+        self.rebuild |= rebuild;
         self.stop |= stop;
         system.list.lasting = match (not_for_some, not_for_many) {
             (true, _) => 1,
@@ -439,7 +629,7 @@ impl<D: Dimension> Sweep<'_, D> {
             budget.push(&load, drive.moved());
         }
         system.clock.end(StepPhase::Walls);
-        system.wall_velocities = drive.kick(motion.step, load);
+        system.wall_velocities = drive.kick(self.steps[step].motion.step, load);
         system.clock.end(StepPhase::Motion);
         system.clock.count_step();
         if step + 1 < self.count {
@@ -469,7 +659,8 @@ pub fn initial_forces<D: Dimension>(
     let (force, fixed) = (&system.grains.force, &system.fixed);
     drive.load_on_grains(0, force, fixed, drive.wall_grains(), &mut load);
     let failure = outside.map(|outside| system.describe(outside));
-    let (load, []) = sum_over_ranks(exchange, system, drive, load, failure, [], |_| ())?;
+    let sum = SumOverRanks::begin(exchange, system, drive, load, failure, [false; FLAGS]);
+    let (load, _) = sum.end(exchange, system)?;
     if let Some(budget) = &mut system.budget {
         let at_rest = WallSteps {
             along: 0.0,
@@ -489,58 +680,88 @@ const CACHED: usize = 3 << 20;
 /// In every step each rank says whether its list lasts for these numbers of steps.
 const LASTING: [u64; 2] = [4, 16];
 
-/// Room for four flags.
-const FORCES_AT: usize = 5;
+/// Number of flags in the message that the ranks sum.
+const FLAGS: usize = 4;
+const FORCES_AT: usize = 1 + FLAGS;
 const FORCE: usize = LIMBS + 1;
 const MESSAGE: usize = FORCES_AT + 3 * FORCE;
 /// Size of the message that the ranks sum in every step (bytes), without the force on the bottom.
 pub const MESSAGE_BYTES: usize = (MESSAGE - FORCE) * size_of::<i64>();
 
-/// Sums over the ranks in one message: whether something failed, K flags that are set if they are
-/// set on some rank, and the forces on the walls, which are `load` and what the drive adds. That on
-/// the bottom is last, and left out if the drive does not ask for it. Runs `meanwhile` during the
-/// sum.
-fn sum_over_ranks<D: Dimension, const K: usize>(
-    exchange: &dyn Exchange,
-    system: &mut System<D>,
-    drive: &dyn Drive<D>,
-    mut load: WallSums,
+/// A sum over the ranks in one message, under way: whether something failed, flags that are set if
+/// they are set on some rank, and the forces on the walls.
+struct SumOverRanks {
+    message: [i64; MESSAGE],
+    /// Its length: the force on the bottom is last, and left out if the drive does not ask for it.
+    length: usize,
     failure: Option<String>,
-    flags: [bool; K],
-    meanwhile: impl Fn(&mut Grains<D>),
-) -> Result<(WallForces, [bool; K])> {
-    let felt = Felt {
-        grains: &system.grains,
-        stress: system.stress,
-        fixed: &system.fixed,
-    };
-    drive.load(&felt, &mut load);
-    let mut message = [0i64; MESSAGE];
-    message[0] = i64::from(failure.is_some());
-    for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
-        *to = i64::from(flag);
-    }
-    let sums = [load.up, load.along, load.bottom];
-    for (sum, limbs) in sums.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
-        sum.write(limbs);
-    }
-    let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
-    let sent = &mut message[..MESSAGE - left_out];
-    exchange.sum_during(sent, &mut || meanwhile(&mut system.grains));
-    let force = |k: usize| {
-        let limbs = &message[FORCES_AT + k * FORCE..][..FORCE];
-        system.fixed.value(Accumulator::read(limbs))
-    };
-    let forces @ [up, along, bottom] = [0, 1, 2].map(force);
-    if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
-        return Err(system.fail(exchange, failure));
-    }
-    let flags = std::array::from_fn(|k| message[1 + k] > 0);
-    Ok((WallForces { up, along, bottom }, flags))
 }
 
-/// Computes all forces at the present positions, those of inner contacts during the exchange of the
-/// ghosts' records; advances the histories by `step` (s). Returns what was outside the law.
+impl SumOverRanks {
+    /// Begins it. The forces on the walls are `load` and what the drive adds.
+    fn begin<D: Dimension>(
+        exchange: &dyn Exchange,
+        system: &System<D>,
+        drive: &dyn Drive<D>,
+        mut load: WallSums,
+        failure: Option<String>,
+        flags: [bool; FLAGS],
+    ) -> Self {
+        let felt = Felt {
+            grains: &system.grains,
+            stress: system.stress,
+            fixed: &system.fixed,
+        };
+        drive.load(&felt, &mut load);
+        let mut message = [0i64; MESSAGE];
+        message[0] = i64::from(failure.is_some());
+        for (to, flag) in message[1..FORCES_AT].iter_mut().zip(flags) {
+            *to = i64::from(flag);
+        }
+        let sums = [load.up, load.along, load.bottom];
+        for (sum, limbs) in sums.iter().zip(message[FORCES_AT..].chunks_mut(FORCE)) {
+            sum.write(limbs);
+        }
+        let left_out = if drive.has_bottom_force() { 0 } else { FORCE };
+        let length = MESSAGE - left_out;
+        exchange.begin_sum(&message[..length]);
+        Self {
+            message,
+            length,
+            failure,
+        }
+    }
+
+    /// Waits for it. Collective.
+    ///
+    /// # Errors
+    /// The failure of the lowest rank that has one, or a force that is not finite.
+    fn end<D: Dimension>(
+        self,
+        exchange: &dyn Exchange,
+        system: &System<D>,
+    ) -> Result<(WallForces, [bool; FLAGS])> {
+        let Self {
+            mut message,
+            length,
+            failure,
+        } = self;
+        exchange.end_sum(&mut message[..length]);
+        let force = |k: usize| {
+            let limbs = &message[FORCES_AT + k * FORCE..][..FORCE];
+            system.fixed.value(Accumulator::read(limbs))
+        };
+        let forces @ [up, along, bottom] = [0, 1, 2].map(force);
+        if message[0] > 0 || forces.iter().any(|force| force.is_nan()) {
+            return Err(system.fail(exchange, failure));
+        }
+        let flags = std::array::from_fn(|k| message[1 + k] > 0);
+        Ok((WallForces { up, along, bottom }, flags))
+    }
+}
+
+/// Computes all forces at the present positions, where ghosts have their records; advances the
+/// histories by `step` (s). Returns what was outside the law.
 pub fn forces<D: Dimension>(
     exchange: &dyn Exchange,
     system: &mut System<D>,
@@ -571,14 +792,36 @@ pub fn forces<D: Dimension>(
         system.gravity,
     );
     let at_plane = drive.forces(input.isa, input.cell, step, &mut system.grains);
-    let mut outcome = PassOutcome::default();
-    for band in 0..system.bands.count() {
-        let samples = samples.as_deref_mut();
-        let forces = BandForces { law, band, input };
-        let of_band = forces_of_band(exchange, system, &forces, samples, None);
-        outcome = outcome.merge(of_band);
-    }
-    system.pool.gather(&mut system.grains.force);
+    let all = 0..system.bands.count();
+    let System {
+        bands,
+        grains,
+        contacts,
+        slabs,
+        pool,
+        ..
+    } = system;
+    slabs.begin_exchange(exchange, all.clone(), &grains.record);
+    slabs.end_exchange(exchange, all.clone(), &mut grains.record);
+    let forces: Vec<_> = all
+        .rev()
+        .map(|band| BandForces { law, band, input })
+        .collect();
+    let shares = SharesInput {
+        bands,
+        grains,
+        walls: WallGrains::default(),
+        contacts,
+        samples: samples.as_deref_mut(),
+    };
+    let within_shares = pool.over_shares(shares, |share| {
+        let of_bands = forces.iter().map(|forces| share.add_forces(forces));
+        of_bands.fold(PassOutcome::default(), PassOutcome::merge)
+    });
+    let others = pool.add_other_forces(&forces, grains, contacts, samples);
+    let outcomes = within_shares.into_iter().chain(others);
+    let outcome = outcomes.fold(PassOutcome::default(), PassOutcome::merge);
+    pool.gather(bands, &mut grains.force);
     system.count(&outcome, is_stressed);
     let unsound = system.list.unsound.then_some(Outside::Number);
     let of_pairs = outcome.failures().next();
@@ -626,38 +869,4 @@ fn begin_forces<D: Dimension>(
             },
         }),
     }
-}
-
-/// Adds the forces of the pairs of a band, those of inner contacts during the exchange of the
-/// ghosts' records. `within_shares`: what those found that have been added before. Those of other
-/// threads are complete after [`ThreadPool::complete`](crate::threads::ThreadPool::complete).
-fn forces_of_band<D: Dimension>(
-    exchange: &dyn Exchange,
-    system: &mut System<D>,
-    forces: &BandForces<'_, D>,
-    mut samples: Option<&mut ContactForces>,
-    within_shares: Option<PassOutcome>,
-) -> PassOutcome {
-    let System {
-        grains,
-        contacts,
-        slabs,
-        clock,
-        pool,
-        ..
-    } = system;
-    let (record, force) = (&mut grains.record, &mut grains.force);
-    let mut outcome = within_shares;
-    slabs.exchange(exchange, forces.band, record, grains.owned, |owned| {
-        clock.end(StepPhase::Exchange);
-        let samples = samples.as_deref_mut();
-        outcome.get_or_insert_with(|| {
-            pool.forces_within_shares(forces, owned, force, contacts, samples)
-        });
-        clock.end(StepPhase::Contacts);
-    });
-    clock.end(StepPhase::Exchange);
-    let others = pool.other_forces(forces, record, force, contacts, samples);
-    clock.end(StepPhase::Contacts);
-    outcome.map_or(others, |within| within.merge(others))
 }

@@ -520,7 +520,11 @@ impl<D: Dimension> System<D> {
             return;
         }
         let Self {
-            grains, pool, isa, ..
+            bands,
+            grains,
+            pool,
+            isa,
+            ..
         } = self;
         // First, because the second kick starts from the velocities of the half step.
         if let Some(velocities) = self.wall_velocities.take() {
@@ -540,13 +544,7 @@ impl<D: Dimension> System<D> {
                 &mut grains.record,
             );
         }
-        pool.over_owned(
-            grains,
-            0..grains.owned,
-            WallGrains::default(),
-            |part| isa.run(SecondKick(part)),
-            |()| (),
-        );
+        pool.over_owned(bands, grains, |part| isa.run(SecondKick(part)));
     }
 
     /// Adds what the passes of a step found to the energy budget, and keeps the stress if it is
@@ -676,14 +674,12 @@ impl<D: Dimension> System<D> {
         self.second_kick_deferred = false;
         self.wall_velocities = None;
         let extent = self.extent(exchange);
-        // A thread's share is contiguous, and should hold the walls beside its grains.
-        let by_bodies = self.pool.threads() == 1;
-        neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff, by_bodies);
+        neighbour::sort_by_cells::<D>(&mut owned, self.cell, extent, cutoff);
         self.bands = self.sort_into_bands(exchange, &mut owned, cutoff);
         self.grains.replace(&owned, &self.masses, self.step);
         self.grains.units = Units::new(law.largest_normal_force(largest), largest);
         self.slabs
-            .attach_ghosts(exchange, self.cell, &mut self.grains, cutoff);
+            .attach_ghosts(exchange, self.cell, &mut self.grains, &self.bands, cutoff);
         self.make_list(exchange, law, drive, |id| {
             Remembered::sorted(&contacts, law, id)
         });
@@ -691,29 +687,30 @@ impl<D: Dimension> System<D> {
         Ok(())
     }
 
-    /// Sorts the grains into bands, if that pays. `cutoff`: of the next list (m).
+    /// Sorts the grains into shares, and into several bands if that pays. `cutoff`: of the next
+    /// list (m).
     fn sort_into_bands(
         &self,
         exchange: &dyn Exchange,
-        owned: &mut [GrainState],
+        owned: &mut Vec<GrainState>,
         cutoff: f64,
     ) -> Bands {
+        let mut bounds = Vec::new();
         // Each foot is with the wall, not with its grain.
-        if self.pool.threads() > 1 || self.flat.is_some() {
-            return Bands::one(owned.len());
+        if self.flat.is_none() {
+            let size = match self.sweep.band {
+                Some(wanted) => BandSize::given(wanted),
+                None => BandSize::by_cache::<D>(exchange.size()),
+            };
+            // Grains may come nearer to the next band but one before they are sorted again.
+            let thickness = cutoff + SLACK * self.list.diameter;
+            let top = -exchange.maximum(-Bands::lowest_of_top::<D>(owned, &self.cell));
+            let here = Bands::bounds::<D>(owned, &self.cell, thickness, size, top);
+            // Those of the first rank, because all have to be the same.
+            let here = exchange.broadcast(bytemuck::cast_slice(&here).to_vec());
+            bounds = bytemuck::allocation::pod_collect_to_vec(&here);
         }
-        let size = match self.sweep.band {
-            Some(wanted) => BandSize::given(wanted),
-            None => BandSize::by_cache::<D>(exchange.size()),
-        };
-        // Grains may come nearer to the next band but one before they are sorted again.
-        let thickness = cutoff + SLACK * self.list.diameter;
-        let top = -exchange.maximum(-Bands::lowest_of_top::<D>(owned, &self.cell));
-        let bounds = Bands::bounds::<D>(owned, &self.cell, thickness, size, top);
-        // Those of the first rank, because all have to be the same.
-        let bounds = exchange.broadcast(bytemuck::cast_slice(&bounds).to_vec());
-        let bounds = bytemuck::allocation::pod_collect_to_vec(&bounds);
-        Bands::sort::<D>(owned, &self.cell, bounds)
+        Bands::sort::<D>(owned, &self.cell, bounds, self.pool.threads())
     }
 
     /// The part of the cell that holds the local grains.
@@ -760,12 +757,11 @@ impl<D: Dimension> System<D> {
             let is_scattered = u8::from(!self.bands.hold(pairs.map(|pair| pair.grains)));
             self.list.scattered = exchange.maximum(is_scattered.into()) > 0.0;
             if self.list.scattered {
-                self.bands = Bands::one(self.grains.owned);
+                self.bands.join();
             }
         }
         self.slabs.divide(&self.bands);
         let grains = &self.grains;
-        self.pool.divide(&candidates, grains.owned);
         self.contacts.replace(
             self.isa,
             self.pool.workers(),
@@ -778,7 +774,6 @@ impl<D: Dimension> System<D> {
                 material: &grains.material,
                 owned: grains.owned,
                 has_feet: !grains.feet.is_empty(),
-                shares: self.pool.shares(),
                 bands: &self.bands,
                 ghosts_move: 0.5 * self.list.skin,
             },

@@ -13,14 +13,11 @@ use crate::dimension::Dimension;
 use crate::drive::{WallGrains, WallSums};
 use crate::failure::Result;
 use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Samples, Scratch};
-use crate::state::{BandBlocks, BlockRange, CandidatePair, Contacts, Grains, Image, Share};
+use crate::state::{Bands, BlockRange, Contacts, Grains, Image, OtherBlocks, Share};
 use crate::workers::{self, Workers, tail, tail_mut};
 
 /// Number of grains whose forces a thread clears and adds together.
 const PAGE: usize = 64;
-
-/// Cost of a pair in a step over that of a grain.
-const PAIR_COST: usize = 6;
 
 /// The threads of a rank, and the partial forces of all but the first.
 ///
@@ -30,14 +27,12 @@ const PAIR_COST: usize = 6;
 pub struct ThreadPool<D: Dimension> {
     /// The other threads; `None` for a single thread.
     workers: Option<Workers>,
-    /// The owned grains of each thread, one range after the other.
-    shares: Vec<Range<usize>>,
     scratch: Box<Scratch<D>>,
     partial: Vec<PartialForces<D>>,
 }
 
 /// The forces on all local grains by those contacts of one thread that are not within its share;
-/// only some pages are used. They are 0 between two passes.
+/// only some pages are used. They are 0 between two steps.
 #[derive(Debug, Default)]
 struct PartialForces<D: Dimension> {
     force: Vec<D::Force>,
@@ -54,7 +49,6 @@ impl<D: Dimension> ThreadPool<D> {
     pub fn new(threads: usize) -> Result<Self> {
         Ok(Self {
             workers: Workers::start(threads)?,
-            shares: vec![0..0; threads.max(1)],
             scratch: Box::default(),
             partial: (1..threads).map(|_| PartialForces::default()).collect(),
         })
@@ -76,49 +70,17 @@ impl<D: Dimension> ThreadPool<D> {
         self.workers.as_ref()
     }
 
-    /// Divides the owned grains among the threads, so that all have as much to do. Must be called
-    /// for every new list.
-    pub fn divide(&mut self, candidates: &[CandidatePair], owned: usize) {
-        let threads = self.threads();
-        if threads == 1 {
-            self.shares[0] = 0..owned;
-            return;
-        }
-        let mut cost = vec![1; owned];
-        for pair in candidates {
-            if let Some(cost) = cost.get_mut(pair.grains[0] as usize) {
-                *cost += PAIR_COST;
-            }
-        }
-        let all: usize = cost.iter().sum();
-        let mut end = 0;
-        let mut before = 0;
-        for (k, share) in self.shares.iter_mut().enumerate() {
-            let start = end;
-            while end < owned && (k + 1 == threads || before < all * (k + 1) / threads) {
-                before += cost[end];
-                end += 1;
-            }
-            *share = start..end;
-        }
-    }
-
-    /// The owned grains of each thread, one range after the other.
-    pub fn shares(&self) -> &[Range<usize>] {
-        &self.shares
-    }
-
-    /// Divides the pairs of a new list that are within no share, and finds the pages that each part
-    /// uses. Must be called for every new list.
+    /// Finds the pages of forces that each thread uses for its part of the pairs of a new list that
+    /// are within no share. Must be called for every new list.
     pub(crate) fn assign(&mut self, contacts: &Contacts, local: usize) {
         let threads = self.threads();
-        // With several threads there is one band.
-        let others = contacts.bands.first().map_or(0..0, BandBlocks::others);
         for (k, partial) in self.partial.iter_mut().enumerate() {
             partial.used.clear();
             partial.used.resize(local.div_ceil(PAGE), false);
-            let begin = |part: usize| others.start + others.len() * part / threads;
-            for pairs in &contacts.pairs.blocks()[begin(k + 1)..begin(k + 2)] {
+            let of_bands = contacts.others.iter();
+            let part = |others: &OtherBlocks| part_of(&others.blocks(), k + 1, threads);
+            for block in of_bands.flat_map(part) {
+                let pairs = &contacts.pairs.blocks()[block];
                 for &g in pairs.i.iter().chain(&pairs.j) {
                     partial.used[g as usize / PAGE] = true;
                 }
@@ -128,134 +90,140 @@ impl<D: Dimension> ThreadPool<D> {
         }
     }
 
-    /// Adds the forces of the pairs of a band that are within the shares.
-    pub(crate) fn forces_within_shares(
+    /// Runs `work` on the share of each thread. Returns what it finds, from the first thread on.
+    pub(crate) fn over_shares<R: Send>(
         &mut self,
-        forces: &BandForces<'_, D>,
-        record: &[D::Record],
-        force: &mut [D::Force],
-        contacts: &mut Contacts,
-        samples: Option<&mut ContactForces>,
-    ) -> PassOutcome {
-        let BandForces { law, band, input } = *forces;
-        let shares = std::mem::take(&mut contacts.bands[band].shares);
-        let scratches = scratches(&mut self.scratch, &mut self.partial);
-        let mut rest = force;
-        let mut passes = Vec::with_capacity(shares.len());
-        let pairs = pairs_within(&shares, contacts, samples, scratches);
-        for (share, pairs) in shares.iter().zip(pairs).rev() {
-            let force = tail_mut(&mut rest, share.grains.start);
-            let (record, force) = (
-                &record[share.grains.clone()],
-                &mut force[..share.grains.len()],
-            );
-            passes.push(pairs.pass(input, record, force));
-        }
-        let outcome = compute(self.workers.as_ref(), law, passes);
-        contacts.bands[band].shares = shares;
-        outcome
-    }
-
-    /// Moves each share by `work`, and adds the forces of the pairs within it, for which no grain
-    /// of another share is needed: in one region. `work` says how far the grains of its part have
-    /// travelled since the list was made (m), and `each` is called with what else it found.
-    pub(crate) fn move_and_add_forces<R: Send>(
-        &mut self,
-        forces: &BandForces<'_, D>,
-        MovedGrains {
+        SharesInput {
+            bands,
             grains,
             walls,
             contacts,
             samples,
-        }: MovedGrains<'_, D>,
-        work: impl Fn(OwnedPart<'_, D>) -> (R, f64) + Sync,
-        mut each: impl FnMut(R),
-    ) -> PassOutcome {
-        let BandForces { law, band, input } = *forces;
-        let shares = std::mem::take(&mut contacts.bands[band].shares);
-        let scratches = scratches(&mut self.scratch, &mut self.partial);
-        let pairs = pairs_within(&shares, contacts, samples, scratches);
-        let owned = 0..grains.owned;
-        let parts = OwnedPart::of(grains, owned, walls).split(&self.shares);
-        let jobs = parts.into_iter().zip(pairs);
-        let mut jobs: Vec<_> = jobs.map(|job| (Some(job), None)).collect();
-        workers::each(self.workers.as_ref(), &mut jobs, |_, (job, found)| {
-            if let Some((mut part, pairs)) = job.take() {
-                let (result, travelled) = work(part.reborrow());
-                let input = PassInput {
-                    travelled: Some(travelled),
-                    ..input
-                };
-                let (pass, scratch) = pairs.pass(input, part.record, part.force);
-                *found = Some((result, law.pass(pass, scratch)));
-            }
-        });
-        let mut outcome = PassOutcome::default();
-        for (result, of_share) in jobs.into_iter().filter_map(|(_, found)| found) {
-            outcome = outcome.merge(of_share);
-            each(result);
+        }: SharesInput<'_, D>,
+        work: impl Fn(&mut ShareWork<'_, D>) -> R + Sync,
+    ) -> Vec<R> {
+        let mut samples = samples.map(ContactForces::all);
+        let mut parts = OwnedPart::split(grains, walls, bands);
+        let mut blocks = contacts.within_shares();
+        let first = std::iter::once(&mut self.scratch);
+        let others = self.partial.iter_mut().map(|partial| &mut partial.scratch);
+        let scratches: Vec<_> = first.chain(others).collect();
+        let mut jobs = Vec::with_capacity(scratches.len());
+        for (share, scratch) in scratches.into_iter().enumerate().rev() {
+            let (Some(grains), Some((of_share, blocks))) = (parts.pop(), blocks.pop()) else {
+                break;
+            };
+            let samples = samples.as_mut();
+            let job = ShareWork {
+                share,
+                bands,
+                samples: samples.map(|samples| samples.split_off(blocks.first)),
+                of_share,
+                grains,
+                blocks,
+                scratch,
+            };
+            jobs.push((job, None));
         }
-        contacts.bands[band].shares = shares;
-        outcome
+        jobs.reverse();
+        workers::each(self.workers.as_ref(), &mut jobs, |_, (job, found)| {
+            *found = Some(work(job));
+        });
+        jobs.into_iter().filter_map(|(_, found)| found).collect()
     }
 
-    /// Computes the forces of the pairs of a band that are within no share. The first thread adds
-    /// its part to `force`, each other thread to its partial forces.
-    pub(crate) fn other_forces(
+    /// Runs `work` on the owned grains of each thread.
+    pub(crate) fn over_owned(
+        &self,
+        bands: &Bands,
+        grains: &mut Grains<D>,
+        work: impl Fn(OwnedPart<'_, D>) + Sync,
+    ) {
+        let mut parts = OwnedPart::split(grains, WallGrains::default(), bands);
+        workers::each(self.workers.as_ref(), &mut parts, |_, part| {
+            work(part.reborrow());
+        });
+    }
+
+    /// Computes the forces of the pairs of some bands, the last one first, that are within no
+    /// share. The first thread adds its part to the forces on the grains, each other thread to its
+    /// partial forces. Returns what the passes of each band found.
+    pub(crate) fn add_other_forces(
         &mut self,
-        forces: &BandForces<'_, D>,
-        record: &[D::Record],
-        force: &mut [D::Force],
+        forces: &[BandForces<'_, D>],
+        grains: &mut Grains<D>,
         contacts: &mut Contacts,
         samples: Option<&mut ContactForces>,
-    ) -> PassOutcome {
-        let BandForces { law, band, input } = *forces;
-        let group = contacts.bands[band].others();
-        if group.is_empty() {
-            return PassOutcome::default();
+    ) -> Vec<PassOutcome> {
+        let mut outcomes = vec![PassOutcome::default(); forces.len()];
+        let blocks = contacts.others_of(forces.iter().map(|forces| forces.band));
+        if blocks.iter().all(|blocks| blocks.blocks() == 0) {
+            return outcomes;
         }
         let threads = self.threads();
-        let input = PassInput {
-            // Another core has moved many of the grains.
-            is_cold: input.is_cold || threads > 1,
-            ..input
-        };
-        let mut samples = samples.map(|s| s.part(group.clone()));
-        let mut part = contacts.part(group.clone());
+        let mut samples = samples.map(ContactForces::all);
+        let first = std::iter::once((&mut grains.force[..], &mut self.scratch));
         let others = self.partial.iter_mut();
         let others = others.map(|partial| (&mut partial.force[..], &mut partial.scratch));
-        let first = std::iter::once((force, &mut self.scratch));
-        let sums: Vec<_> = first.chain(others).collect();
-        let mut passes = Vec::with_capacity(threads);
-        for (k, (force, scratch)) in sums.into_iter().enumerate().rev() {
-            let begin = group.len() * k / threads;
-            let pass = Pass::new(input, record, force, part.split_off(group.start + begin));
-            let samples = samples.as_mut().map(|s| s.split_off(begin));
-            passes.push((pass.sampled(samples), &mut **scratch));
+        let mut jobs = Vec::with_capacity(threads);
+        for (force, scratch) in first.chain(others) {
+            jobs.push(OtherWork {
+                force,
+                scratch,
+                bands: Vec::with_capacity(forces.len()),
+                outcomes: Vec::with_capacity(forces.len()),
+            });
         }
-        compute(self.workers.as_ref(), law, passes)
+        for mut blocks in blocks {
+            let all = blocks.first..blocks.first + blocks.blocks();
+            if let Some(samples) = &mut samples {
+                samples.split_off(all.end);
+            }
+            for (k, job) in jobs.iter_mut().enumerate().rev() {
+                let begin = part_of(&all, k, threads).start;
+                let samples = samples.as_mut();
+                let samples = samples.map(|samples| samples.split_off(begin));
+                job.bands.push((blocks.split_off(begin), samples));
+            }
+        }
+        let record = &grains.record[..];
+        workers::each(self.workers.as_ref(), &mut jobs, |_, job| {
+            job.add(forces, record, threads > 1);
+        });
+        for job in jobs {
+            for (outcome, of_part) in outcomes.iter_mut().zip(job.outcomes) {
+                *outcome = outcome.merge(of_part);
+            }
+        }
+        outcomes
     }
 
     /// Adds the partial forces to the forces on the grains, and clears them.
-    pub fn gather(&mut self, force: &mut [D::Force]) {
-        let nowhere = &mut WallSums::default();
-        self.complete(force, WallGrains::default(), nowhere, |_, _, _, _| ());
+    pub fn gather(&mut self, bands: &Bands, force: &mut [D::Force]) {
+        let all = 0..bands.count();
+        self.complete(bands, &[all], force, |_, _| WallSums::default());
     }
 
-    /// Adds the partial forces to the forces on the grains, and clears them; then adds what `work`
-    /// finds of the grains of walls. Each thread does so for its share, whose forces stay in the
-    /// cache of its core; the last one also for ghosts and feet. `work` gets the local index of the
-    /// first grain of a share, and the forces on its grains.
+    /// Adds the partial forces to the forces on the grains of these bands, and clears them; then
+    /// calls `work` with the local index of the first grain of a share, and the forces on its
+    /// grains in these bands. Each thread does so for its share, whose forces stay in the cache of
+    /// its core; the last thread with the last band also for ghosts and feet. Returns the sums of
+    /// what it finds, for each range of bands.
     pub(crate) fn complete(
         &mut self,
+        bands: &Bands,
+        completed: &[Range<usize>],
         force: &mut [D::Force],
-        mut walls: WallGrains<'_>,
-        sums: &mut WallSums,
-        work: impl Fn(usize, &[D::Force], WallGrains<'_>, &mut WallSums) + Sync,
-    ) {
-        if self.workers.is_none() {
-            return work(0, force, walls, sums);
-        }
+        work: impl Fn(usize, &[D::Force]) -> WallSums + Sync,
+    ) -> Vec<WallSums> {
+        let local = force.len();
+        let grains_of = |share: usize, completed: &Range<usize>| {
+            let mut grains = bands.grains_of(share, completed.clone());
+            if share + 1 == bands.shares() && completed.end == bands.count() {
+                grains.end = local;
+            }
+            grains
+        };
         let mut partial: Vec<PartialSums<'_, D>> = Vec::new();
         for of_thread in &mut self.partial {
             partial.push(PartialSums {
@@ -265,52 +233,36 @@ impl<D: Dimension> ThreadPool<D> {
         }
         let mut rest = force;
         let mut parts = Vec::new();
-        for share in self.shares.iter().rev() {
-            let first = share.start;
+        for share in (0..bands.shares()).rev() {
+            let first = bands.share(share).start;
             let partial = partial.iter_mut().map(|sums| sums.split_off(first));
             let part = GatheredPart {
                 first,
                 partial: partial.collect(),
                 force: tail_mut(&mut rest, first),
             };
-            parts.push((part, walls.split_off(first), WallSums::default()));
+            parts.push((part, vec![WallSums::default(); completed.len()]));
         }
         // The calling thread has the first share.
         parts.reverse();
-        workers::each(
-            self.workers.as_ref(),
-            &mut parts,
-            |_, (part, walls, sums)| {
-                part.add();
-                work(part.first, part.force, *walls, sums);
-            },
-        );
-        for (_, _, of_share) in parts {
-            sums.merge(of_share);
-        }
-    }
-
-    /// Runs `work` on the part of each thread of these owned grains, which with several threads are
-    /// all, and calls `each` with every result. Each part has its own grains of `walls`.
-    pub(crate) fn over_owned<R: Send>(
-        &self,
-        grains: &mut Grains<D>,
-        owned: Range<usize>,
-        walls: WallGrains<'_>,
-        work: impl Fn(OwnedPart<'_, D>) -> R + Sync,
-        mut each: impl FnMut(R),
-    ) {
-        let all = OwnedPart::of(grains, owned, walls);
-        if self.workers.is_none() {
-            return each(work(all));
-        }
-        let parts = all.split(&self.shares).into_iter();
-        let mut parts: Vec<_> = parts.map(|part| (Some(part), None)).collect();
-        workers::each(self.workers.as_ref(), &mut parts, |_, (part, result)| {
-            *result = part.take().map(&work);
+        workers::each(self.workers.as_ref(), &mut parts, |share, (part, sums)| {
+            for (completed, sums) in completed.iter().zip(sums) {
+                if completed.is_empty() {
+                    continue;
+                }
+                let grains = grains_of(share, completed);
+                part.add(grains.clone());
+                let force = &part.force[grains.start - part.first..grains.end - part.first];
+                *sums = work(grains.start, force);
+            }
         });
-        let results = parts.into_iter().filter_map(|(_, result)| result);
-        results.for_each(each);
+        let mut all = vec![WallSums::default(); completed.len()];
+        for (_, sums) in parts {
+            for (all, sums) in all.iter_mut().zip(sums) {
+                all.merge(sums);
+            }
+        }
+        all
     }
 
     /// Heap in use (bytes).
@@ -329,13 +281,15 @@ pub(crate) struct BandForces<'a, D: Dimension> {
     pub law: &'a dyn PairForce<D>,
     /// The band.
     pub band: usize,
-    /// What all passes of a step share.
+    /// What the passes of a step share.
     pub input: PassInput,
 }
 
-/// What moves, and what its forces are computed with.
-pub(crate) struct MovedGrains<'a, D: Dimension> {
-    /// The grains; the owned ones move.
+/// What the shares are parts of.
+pub(crate) struct SharesInput<'a, D: Dimension> {
+    /// The shares, and their bands.
+    pub bands: &'a Bands,
+    /// The grains.
     pub grains: &'a mut Grains<D>,
     /// Those that belong to walls.
     pub walls: WallGrains<'a>,
@@ -345,82 +299,66 @@ pub(crate) struct MovedGrains<'a, D: Dimension> {
     pub samples: Option<&'a mut ContactForces>,
 }
 
-/// The pairs within a share, and what their pass needs besides the grains.
-struct SharePairs<'a, D: Dimension> {
-    part: BlockRange<'a>,
+/// The share of a thread: its grains, and the pairs within it.
+pub(crate) struct ShareWork<'a, D: Dimension> {
+    share: usize,
+    bands: &'a Bands,
+    of_share: &'a Share,
+    grains: OwnedPart<'a, D>,
+    blocks: BlockRange<'a>,
     samples: Option<Samples<'a>>,
     scratch: &'a mut Scratch<D>,
 }
 
-impl<'a, D: Dimension> SharePairs<'a, D> {
-    /// Their pass with the records of the share and the forces on it, and its scratch.
-    fn pass<'b>(
-        self,
-        input: PassInput,
-        record: &'b [D::Record],
-        force: &'b mut [D::Force],
-    ) -> (Pass<'b, D>, &'b mut Scratch<D>)
-    where
-        'a: 'b,
-    {
-        let pass = Pass::new(input, record, force, self.part);
-        (pass.sampled(self.samples), self.scratch)
+impl<D: Dimension> ShareWork<'_, D> {
+    /// The grains of a band.
+    pub fn grains_of(&mut self, band: usize) -> OwnedPart<'_, D> {
+        self.grains.within(self.bands.grains(self.share, band))
+    }
+
+    /// Adds the forces of the pairs of a band.
+    pub fn add_forces(&mut self, forces: &BandForces<'_, D>) -> PassOutcome {
+        let pairs = &self.of_share.bands[forces.band];
+        let first = self.blocks.first;
+        let samples = self
+            .samples
+            .as_mut()
+            .map(|samples| samples.within(pairs.blocks.start - first..pairs.blocks.end - first));
+        let grains = self.grains.within(pairs.grains.clone());
+        let blocks = self.blocks.within(pairs.blocks.clone());
+        let pass = Pass::new(forces.input, grains.record, grains.force, blocks);
+        forces.law.pass(pass.sampled(samples), self.scratch)
     }
 }
 
-/// The scratch of each thread.
-fn scratches<'a, D: Dimension>(
-    of_first: &'a mut Scratch<D>,
-    of_others: &'a mut [PartialForces<D>],
-) -> Vec<&'a mut Scratch<D>> {
-    let others = of_others.iter_mut().map(|partial| &mut *partial.scratch);
-    std::iter::once(of_first).chain(others).collect()
+/// A thread's part of the pairs of some bands that are within no share, and the forces to which it
+/// adds theirs.
+struct OtherWork<'a, D: Dimension> {
+    force: &'a mut [D::Force],
+    scratch: &'a mut Scratch<D>,
+    bands: Vec<(BlockRange<'a>, Option<Samples<'a>>)>,
+    outcomes: Vec<PassOutcome>,
 }
 
-/// The pairs within each of these shares, from the first one on.
-fn pairs_within<'a, D: Dimension>(
-    shares: &[Share],
-    contacts: &'a mut Contacts,
-    samples: Option<&'a mut ContactForces>,
-    scratches: Vec<&'a mut Scratch<D>>,
-) -> Vec<SharePairs<'a, D>> {
-    let blocks = shares[0].blocks.start..shares[shares.len() - 1].blocks.end;
-    let first_block = blocks.start;
-    let mut samples = samples.map(|samples| samples.part(blocks.clone()));
-    let mut part = contacts.part(blocks);
-    let mut pairs = Vec::with_capacity(shares.len());
-    for (share, scratch) in shares.iter().zip(scratches).rev() {
-        let begin = share.blocks.start;
-        let samples = samples.as_mut();
-        pairs.push(SharePairs {
-            part: part.split_off(begin),
-            samples: samples.map(|samples| samples.split_off(begin - first_block)),
-            scratch,
-        });
-    }
-    pairs.reverse();
-    pairs
-}
-
-/// Computes all parts of a pass, from the last to the first, which the calling thread computes.
-fn compute<D: Dimension>(
-    workers: Option<&Workers>,
-    law: &dyn PairForce<D>,
-    mut parts: Vec<(Pass<'_, D>, &mut Scratch<D>)>,
-) -> PassOutcome {
-    let (first, scratch_of_first) = parts.pop().expect("every thread has a part");
-    let Some(workers) = workers else {
-        return law.pass(first, scratch_of_first);
-    };
-    let mut outcomes = vec![PassOutcome::default(); parts.len()];
-    let mut outcome = PassOutcome::default();
-    workers.region(|region| {
-        for ((part, scratch), outcome) in parts.into_iter().zip(&mut outcomes) {
-            region.spawn(move || *outcome = law.pass(part, scratch));
+impl<D: Dimension> OtherWork<'_, D> {
+    /// Adds the forces of the pairs of these bands. `were_elsewhere`: other cores have moved many
+    /// of the grains.
+    fn add(&mut self, forces: &[BandForces<'_, D>], record: &[D::Record], were_elsewhere: bool) {
+        for (forces, (blocks, samples)) in forces.iter().zip(self.bands.drain(..)) {
+            let input = PassInput {
+                is_cold: forces.input.is_cold || were_elsewhere,
+                ..forces.input
+            };
+            let pass = Pass::new(input, record, self.force, blocks).sampled(samples);
+            self.outcomes.push(forces.law.pass(pass, self.scratch));
         }
-        outcome = law.pass(first, scratch_of_first);
-    });
-    outcomes.into_iter().rev().fold(outcome, PassOutcome::merge)
+    }
+}
+
+/// A part of some blocks, of so many parts.
+fn part_of(blocks: &Range<usize>, part: usize, parts: usize) -> Range<usize> {
+    let begin = |part: usize| blocks.start + blocks.len() * part / parts;
+    begin(part)..begin(part + 1)
 }
 
 /// The partial forces of a thread on the grains of some shares.
@@ -449,16 +387,15 @@ struct GatheredPart<'a, D: Dimension> {
 }
 
 impl<D: Dimension> GatheredPart<'_, D> {
-    /// Adds the partial forces, and clears them.
-    fn add(&mut self) {
-        let (first, end) = (self.first, self.first + self.force.len());
+    /// Adds the partial forces on these grains, and clears them.
+    fn add(&mut self, grains: Range<usize>) {
         for partial in &mut self.partial {
-            for page in first / PAGE..end.div_ceil(PAGE) {
+            for page in grains.start / PAGE..grains.end.div_ceil(PAGE) {
                 if !partial.used[page] {
                     continue;
                 }
-                let grains = (page * PAGE).max(first)..((page + 1) * PAGE).min(end);
-                let place = grains.start - first..grains.end - first;
+                let here = (page * PAGE).max(grains.start)..((page + 1) * PAGE).min(grains.end);
+                let place = here.start - self.first..here.end - self.first;
                 let sums = &mut self.force[place.clone()];
                 for (sum, more) in sums.iter_mut().zip(&mut partial.force[place]) {
                     for (sum, more) in sum.iter_mut().zip(&more[..]) {
@@ -492,51 +429,54 @@ pub(crate) struct OwnedPart<'a, D: Dimension> {
 }
 
 impl<'a, D: Dimension> OwnedPart<'a, D> {
-    /// Some owned grains, and those of them that belong to walls.
-    fn of(grains: &'a mut Grains<D>, owned: Range<usize>, walls: WallGrains<'a>) -> Self {
-        Self {
+    /// The share of each thread.
+    fn split(grains: &'a mut Grains<D>, walls: WallGrains<'a>, bands: &Bands) -> Vec<Self> {
+        let owned = 0..grains.owned;
+        let mut all = Self {
             record: &mut grains.record[owned.clone()],
             force: &mut grains.force[owned.clone()],
             half_kick: &grains.half_kick[owned.clone()],
             image: &mut grains.image[owned.clone()],
             mass: &grains.mass[owned.clone()],
             body: &grains.body[owned.clone()],
-            first: owned.start,
-            walls,
-        }
-    }
-
-    /// The part of each thread.
-    fn split(mut self, shares: &[Range<usize>]) -> Vec<Self> {
-        let mut parts = Vec::with_capacity(shares.len());
-        for share in shares.iter().rev() {
-            let at = share.start - self.first;
+            first: 0,
+            walls: walls.within(owned),
+        };
+        let mut parts = Vec::with_capacity(bands.shares());
+        for share in (0..bands.shares()).rev() {
+            let at = bands.share(share).start;
             parts.push(Self {
-                record: tail_mut(&mut self.record, at),
-                force: tail_mut(&mut self.force, at),
-                half_kick: tail(&mut self.half_kick, at),
-                image: tail_mut(&mut self.image, at),
-                mass: tail(&mut self.mass, at),
-                body: tail(&mut self.body, at),
-                first: share.start,
-                walls: self.walls.split_off(share.start),
+                record: tail_mut(&mut all.record, at),
+                force: tail_mut(&mut all.force, at),
+                half_kick: tail(&mut all.half_kick, at),
+                image: tail_mut(&mut all.image, at),
+                mass: tail(&mut all.mass, at),
+                body: tail(&mut all.body, at),
+                first: at,
+                walls: all.walls.split_off(at),
             });
         }
         parts.reverse();
         parts
     }
 
-    /// The same part for a while.
-    pub fn reborrow(&mut self) -> OwnedPart<'_, D> {
+    /// Some of them, by their local indices, for a while.
+    pub fn within(&mut self, grains: Range<usize>) -> OwnedPart<'_, D> {
+        let here = grains.start - self.first..grains.end - self.first;
         OwnedPart {
-            record: self.record,
-            force: self.force,
-            half_kick: self.half_kick,
-            image: self.image,
-            mass: self.mass,
-            body: self.body,
-            first: self.first,
-            walls: self.walls,
+            record: &mut self.record[here.clone()],
+            force: &mut self.force[here.clone()],
+            half_kick: &self.half_kick[here.clone()],
+            image: &mut self.image[here.clone()],
+            mass: &self.mass[here.clone()],
+            body: &self.body[here],
+            first: grains.start,
+            walls: self.walls.within(grains),
         }
+    }
+
+    /// All of them for a while.
+    pub fn reborrow(&mut self) -> OwnedPart<'_, D> {
+        self.within(self.first..self.first + self.record.len())
     }
 }

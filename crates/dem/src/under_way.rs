@@ -20,8 +20,6 @@ pub(crate) struct StepUnderWay {
     pub flow: FlowSum,
     /// What the passes found.
     pub outcome: PassOutcome,
-    /// What that of the pairs within the shares found, where it followed the motion at once.
-    pub within_shares: Option<PassOutcome>,
     /// The forces on grains of walls.
     pub load: WallSums,
     /// The failure, and its message.
@@ -29,6 +27,25 @@ pub(crate) struct StepUnderWay {
 }
 
 impl StepUnderWay {
+    /// What the passes of a band share, whose grains have travelled so far since the list was made
+    /// (m); `step`: the number of the step in its sweep.
+    pub fn input_of_band(&self, travelled: f64, step: usize) -> PassInput {
+        PassInput {
+            travelled: Some(travelled),
+            // The first step brings the band into the cache for those that follow.
+            is_cold: self.input.is_cold && step == 0,
+            ..self.input
+        }
+    }
+
+    /// Adds what passes found, and what was outside the law.
+    pub fn found(&mut self, outcome: PassOutcome, describe: impl Fn(Outside) -> String) {
+        self.outcome = self.outcome.merge(outcome);
+        for outside in outcome.failures() {
+            self.fail(outside, &describe);
+        }
+    }
+
     /// Keeps a failure unless one of lower precedence is known. Describes it at once, because bands
     /// before this one may move on.
     pub fn fail(&mut self, outside: Outside, describe: impl FnOnce(Outside) -> String) {

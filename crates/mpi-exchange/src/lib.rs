@@ -39,6 +39,7 @@
 mod hints;
 mod node;
 mod parallel;
+mod posted;
 mod watchdog;
 mod world;
 

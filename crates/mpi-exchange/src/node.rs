@@ -4,8 +4,8 @@
 //! it takes a few.
 
 use std::cell::Cell;
-use std::ptr::{copy_nonoverlapping, null_mut};
-use std::slice::from_raw_parts_mut;
+use std::ptr::null_mut;
+use std::slice::{from_raw_parts, from_raw_parts_mut};
 use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
@@ -355,13 +355,13 @@ impl Node {
         }
     }
 
-    /// Reads a message from a neighbour's mailbox.
+    /// Waits for a message of `numbers` in a neighbour's mailbox, and lets `read` read it.
     ///
     /// # Panics
     /// If [`Node::connects`] is false.
-    pub fn receive(&self, from: usize, message: &mut [f64]) {
+    pub fn receive(&self, from: usize, numbers: usize, read: &mut dyn FnMut(&[f64])) {
         let direction = self.direction(from, self.rank).expect("a neighbour");
-        assert!(message.len() <= MOST_NUMBERS, "a message that fits");
+        assert!(numbers <= MOST_NUMBERS, "a message that fits");
         let number = self.received[direction].get() + 1;
         self.received[direction].set(number);
         // SAFETY: the slot lives as long as the window. The neighbour has written the message
@@ -370,40 +370,44 @@ impl Node {
             let slot = self.slots[from];
             let mailbox = &raw mut (*slot).mailboxes[direction][number as usize % 2];
             (*mailbox).sent.wait_for(number, &self.patience);
-            copy_nonoverlapping(
-                (&raw const (*mailbox).message).cast(),
-                message.as_mut_ptr(),
-                message.len(),
-            );
+            let message = (&raw const (*mailbox).message).cast::<f64>();
+            read(from_raw_parts(message, numbers));
             (*mailbox).taken.raise(number);
         }
     }
 
-    /// Element-wise sum over the ranks, wrapping, in place; runs `meanwhile` once.
+    /// The terms of the present sum of a rank of this node.
+    fn terms(&self, rank: usize) -> &Terms {
+        let slot = self.slots[rank];
+        assert!(!slot.is_null(), "all ranks are here");
+        // SAFETY: the slot lives as long as the window, and terms are atomic.
+        unsafe { &(*slot).terms[self.sums.get() as usize % 2] }
+    }
+
+    /// Begins an element-wise sum over the ranks. [`Node::end_sum`] must follow before the next.
     ///
     /// # Panics
-    /// If there are more than [`MOST_TERMS`] values, or not all ranks are on this node.
-    pub fn sum_during(&self, values: &mut [i64], meanwhile: impl FnOnce()) {
+    /// If there are more than [`MOST_TERMS`] values.
+    pub fn begin_sum(&self, values: &[i64]) {
         assert!(values.len() <= MOST_TERMS, "few terms");
-        let number = self.sums.get() + 1;
-        self.sums.set(number);
-        let terms = |rank: usize| {
-            let slot = self.slots[rank];
-            assert!(!slot.is_null(), "all ranks are here");
-            // SAFETY: the slot lives as long as the window, and terms are atomic.
-            unsafe { &(*slot).terms[number as usize % 2] }
-        };
+        self.sums.set(self.sums.get() + 1);
         // Every rank has read the terms of the sum before the last, because it did so before it
         // wrote its terms of the last sum.
-        let local = terms(self.rank);
-        for (to, value) in local.term.iter().zip(&*values) {
+        let local = self.terms(self.rank);
+        for (to, value) in local.term.iter().zip(values) {
             to.store(*value, Ordering::Relaxed);
         }
-        local.count.raise(number);
-        meanwhile();
+        local.count.raise(self.sums.get());
+    }
+
+    /// Waits for the sum over the ranks, wrapping, of these values.
+    ///
+    /// # Panics
+    /// If not all ranks are on this node.
+    pub fn end_sum(&self, values: &mut [i64]) {
         for rank in (0..self.slots.len()).filter(|&r| r != self.rank) {
-            let other = terms(rank);
-            other.count.wait_for(number, &self.patience);
+            let other = self.terms(rank);
+            other.count.wait_for(self.sums.get(), &self.patience);
             for (sum, term) in values.iter_mut().zip(&other.term) {
                 *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
             }

@@ -3,11 +3,13 @@
 use crate::hints::Hints;
 use crate::node::Node;
 use crate::parallel::Parallel;
+use crate::posted::{PostedHalo, PostedSum};
 use crate::watchdog::{LoneFailure, Progress, Ranks, Waiting, Watchdog};
 use bytemuck::cast_slice_mut;
-use gshear_dem::domain::{Exchange, Link};
+use gshear_dem::domain::{Exchange, HaloMessage};
 use gshear_dem::failure::{Failure, Result, printable};
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::io::Write;
 use std::time::Duration;
 
@@ -16,9 +18,7 @@ use mpi::collective::SystemOperation;
 use mpi::datatype::{Partition, PartitionMut};
 use mpi::environment::Universe;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::{
-    AsRaw, Communicator, CommunicatorCollectives, Destination, Equivalence, Root, Source,
-};
+use mpi::traits::{AsRaw, Communicator, CommunicatorCollectives, Root};
 
 /// All ranks of the job.
 ///
@@ -35,8 +35,26 @@ pub struct World {
     /// Shared memory with the ranks on this node, if it is used.
     node: Option<Node>,
     hints: Option<Hints>,
+    /// Halo messages that are under way, the first one first.
+    halos: RefCell<VecDeque<Halo>>,
+    /// The sum that is under way through the library.
+    posted_sum: RefCell<Option<PostedSum>>,
     // Dropped last: ends MPI.
     _universe: Universe,
+}
+
+/// A halo message under way to a neighbour, and one from it.
+struct Halo {
+    rank: usize,
+    way: Way,
+}
+
+/// The way of a halo message.
+enum Way {
+    /// Shared memory, for so many numbers from the neighbour.
+    SharedMemory(usize),
+    /// The library.
+    Library(PostedHalo),
 }
 
 /// Name and version of the MPI library, in one line.
@@ -105,6 +123,8 @@ impl World {
             failure: LoneFailure::default(),
             node: shares.then(|| Node::new(&communicator)).flatten(),
             hints: Hints::new(),
+            halos: RefCell::default(),
+            posted_sum: RefCell::default(),
             rank,
             size,
             communicator,
@@ -285,80 +305,56 @@ impl Exchange for World {
         received
     }
 
-    /// Several links with one rank are matched in order: the n-th link with rank r here with the
-    /// n-th link with this rank there.
-    fn halo(&self, links: &mut [Link<'_>], meanwhile: &mut dyn FnMut()) {
-        let _waiting = self.waiting();
-        // A mailbox holds one message, so several links with one rank go through the library.
-        let single = links
-            .iter()
-            .enumerate()
-            .all(|(k, a)| links[k + 1..].iter().all(|b| a.rank != b.rank));
-        let shared_memory = |link: &Link<'_>| {
-            if !single {
-                return None;
+    fn begin_halo(&self, message: HaloMessage<'_>) {
+        let HaloMessage {
+            rank,
+            width,
+            records,
+            chosen,
+            expected,
+        } = message;
+        let numbers = expected.max(chosen.len() * width);
+        let node = self.node.as_ref();
+        let way = match node.filter(|node| node.connects(rank, numbers)) {
+            Some(node) => {
+                // A mailbox may have to be emptied first.
+                let _waiting = self.waiting();
+                node.send(rank, records, width, chosen);
+                Way::SharedMemory(expected)
             }
-            let node = self.node.as_ref()?;
-            let numbers = (link.chosen.len() * link.width).max(link.receive.len());
-            node.connects(link.rank, numbers).then_some(node)
+            None => Way::Library(PostedHalo::new(&self.communicator, message)),
         };
-        for link in &*links {
-            if let Some(node) = shared_memory(link) {
-                node.send(link.rank, link.records, link.width, link.chosen);
-            }
-        }
-        if links.iter().all(|link| shared_memory(link).is_some()) {
-            meanwhile();
-        } else {
-            mpi::request::scope(|scope| {
-                let (mut receives, mut sends) = (Vec::new(), Vec::new());
-                for link in links.iter_mut() {
-                    if shared_memory(link).is_some() {
-                        continue;
-                    }
-                    crate::node::copy_chosen(link.records, link.width, link.chosen, link.buffer);
-                    let neighbour = self.communicator.process_at_rank(link.rank as i32);
-                    let receive = &mut *link.receive;
-                    let expected = receive.len();
-                    receives.push((expected, neighbour.immediate_receive_into(scope, receive)));
-                    sends.push(neighbour.immediate_send(scope, &*link.buffer));
-                }
-                meanwhile();
-                for (expected, receive) in receives {
-                    let came = receive.wait().count(f64::equivalent_datatype());
-                    assert_eq!(came as usize, expected, "length of a neighbour's message");
-                }
-                for send in sends {
-                    send.wait();
-                }
-            });
-        }
-        for link in links {
-            if let Some(node) = shared_memory(link) {
-                node.receive(link.rank, link.receive);
-            }
+        self.halos.borrow_mut().push_back(Halo { rank, way });
+    }
+
+    fn end_halo(&self, rank: usize, read: &mut dyn FnMut(&[f64])) {
+        let _waiting = self.waiting();
+        let mut halos = self.halos.borrow_mut();
+        let first = halos.iter().position(|halo| halo.rank == rank);
+        let halo = first.and_then(|place| halos.remove(place));
+        match (halo.map(|halo| halo.way), &self.node) {
+            (Some(Way::SharedMemory(expected)), Some(node)) => node.receive(rank, expected, read),
+            (Some(Way::Library(posted)), _) => read(&posted.end()),
+            _ => panic!("no message is under way from rank {rank}"),
         }
     }
 
-    fn sum_during(&self, values: &mut [i64], meanwhile: &mut dyn FnMut()) {
+    fn begin_sum(&self, values: &[i64]) {
+        if let Some(node) = self.node.as_ref().filter(|n| n.holds_all()) {
+            node.begin_sum(values);
+        } else if self.size > 1 {
+            let posted = PostedSum::new(&self.communicator, values);
+            *self.posted_sum.borrow_mut() = Some(posted);
+        }
+    }
+
+    fn end_sum(&self, values: &mut [i64]) {
         let _waiting = self.waiting();
         if let Some(node) = self.node.as_ref().filter(|n| n.holds_all()) {
-            return node.sum_during(values, meanwhile);
+            node.end_sum(values);
+        } else if let Some(posted) = self.posted_sum.borrow_mut().take() {
+            values.copy_from_slice(&posted.end());
         }
-        if self.size == 1 {
-            return meanwhile();
-        }
-        let copy: Vec<u64> = values.iter().map(|&v| v as u64).collect();
-        mpi::request::scope(|scope| {
-            let sum = self.communicator.immediate_all_reduce_into(
-                scope,
-                &copy[..],
-                cast_slice_mut::<i64, u64>(values),
-                SystemOperation::sum(),
-            );
-            meanwhile();
-            sum.wait();
-        });
     }
 
     fn sum(&self, values: &mut [i64]) {

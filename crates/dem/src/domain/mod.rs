@@ -11,9 +11,10 @@ pub use slabs::Slabs;
 pub(crate) use slabs::most_ranks;
 pub use solo::Solo;
 
-/// The halo messages of a step with one neighbour: the records to send, and room for those to
-/// receive. Records are `width` numbers each.
-pub struct Link<'a> {
+/// A halo message to a neighbour, for which one of its own comes back. Records are `width` numbers
+/// each.
+#[derive(Debug, Clone, Copy)]
+pub struct HaloMessage<'a> {
     /// The neighbour.
     pub rank: usize,
     /// Numbers in a record.
@@ -22,10 +23,8 @@ pub struct Link<'a> {
     pub records: &'a [f64],
     /// Indices of the records to send.
     pub chosen: &'a [u32],
-    /// Room for a copy of the chosen records.
-    pub buffer: &'a mut [f64],
-    /// Receives the neighbour's records.
-    pub receive: &'a mut [f64],
+    /// How many numbers come back.
+    pub expected: usize,
 }
 
 /// Collective and point-to-point operations of a set of ranks. Calls are collective unless they say
@@ -38,13 +37,19 @@ pub trait Exchange {
     /// Sends `send[r]` to rank `r`, and returns the messages received, by rank.
     /// `send.len() == size()`.
     fn all_to_all(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
-    /// Exchanges records with the given neighbours, point to point; runs `meanwhile` once during
-    /// the exchange.
-    fn halo(&self, links: &mut [Link<'_>], meanwhile: &mut dyn FnMut());
+    /// Sends a copy of records to a neighbour, point to point. [`Exchange::end_halo`] must follow.
+    /// Two messages may be under way with each neighbour, and two with one that is both.
+    fn begin_halo(&self, message: HaloMessage<'_>);
+    /// Waits for the neighbour's message that belongs to the first under way to it, and calls
+    /// `read` once with its numbers.
+    fn end_halo(&self, rank: usize, read: &mut dyn FnMut(&[f64]));
     /// Element-wise sum over the ranks, wrapping, in place.
     fn sum(&self, values: &mut [i64]);
-    /// [`Exchange::sum`] of a few values; runs `meanwhile` once during the sum.
-    fn sum_during(&self, values: &mut [i64], meanwhile: &mut dyn FnMut());
+    /// Begins an [`Exchange::sum`] of a few values, at most one at a time, and only halo messages
+    /// until [`Exchange::end_sum`].
+    fn begin_sum(&self, values: &[i64]);
+    /// Waits for the sum of these values.
+    fn end_sum(&self, values: &mut [i64]);
     /// Sum over the ranks below this one.
     fn sum_below(&self, value: u64) -> u64;
     /// Greatest over the ranks.

@@ -1,10 +1,11 @@
 //! Slabs along x: owners of grains, ghosts, migration and halo exchange.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 
-use bytemuck::{Zeroable, allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
+use bytemuck::{allocation::pod_collect_to_vec, cast_slice, cast_slice_mut};
 
-use super::{Exchange, Link};
+use super::{Exchange, HaloMessage};
 use crate::dimension::Dimension;
 use crate::failure::{Failure, Result};
 use crate::neighbour::LocalExtent;
@@ -27,16 +28,20 @@ pub struct Slabs<D: Dimension> {
     pub cuts: Vec<f64>,
     /// The part of the work that each rank is to have; see [`Slabs::balance`].
     shares: Vec<f64>,
-    links: Vec<Neighbour<D>>,
+    links: Vec<Neighbour>,
+    /// Number of halo messages until now.
+    messages: u64,
+    dimension: PhantomData<D>,
 }
 
 /// The halo exchange with one neighbouring rank.
 #[derive(Debug)]
-struct Neighbour<D: Dimension> {
+struct Neighbour {
     rank: usize,
-    /// Owned grains that are its ghosts.
+    /// Owned grains that are its ghosts, band by band.
     send: Vec<u32>,
-    buffer: Vec<D::Record>,
+    /// Those of the present message.
+    chosen: Vec<u32>,
     /// Local indices of the ghosts that it owns.
     ghosts: Range<usize>,
     /// Of each band the grains in `send`, and the ghosts, counted from the first of these.
@@ -64,6 +69,8 @@ impl<D: Dimension> Slabs<D> {
                 .collect(),
             shares: vec![1.0 / size as f64; size],
             links: Vec::new(),
+            messages: 0,
+            dimension: PhantomData,
         }
     }
 
@@ -212,12 +219,13 @@ impl<D: Dimension> Slabs<D> {
     }
 
     /// Finds the owned grains within `cutoff` (m) of a neighbour's slab, and adds those of the
-    /// neighbours as ghosts.
+    /// neighbours as ghosts. `bands`: of the owned grains.
     pub(crate) fn attach_ghosts(
         &mut self,
         exchange: &dyn Exchange,
         cell: Cell,
         grains: &mut Grains<D>,
+        bands: &Bands,
         cutoff: f64,
     ) {
         let cutoff = cell.cutoff_along_x(cutoff);
@@ -236,13 +244,14 @@ impl<D: Dimension> Slabs<D> {
         let mut ranks = vec![left, right];
         ranks.dedup();
         for rank in ranks {
-            let send: Vec<u32> = (0..grains.owned as u32)
+            let mut send: Vec<u32> = (0..grains.owned as u32)
                 .filter(|g| is_border(g, rank))
                 .collect();
+            send.sort_by_key(|&g| bands.of(g as usize));
             states[rank] = send.iter().map(|&g| grains.state(g as usize)).collect();
             self.links.push(Neighbour {
                 rank,
-                buffer: vec![D::Record::zeroed(); send.len()],
+                chosen: Vec::with_capacity(send.len()),
                 send,
                 ghosts: 0..0,
                 bands: Vec::new(),
@@ -289,7 +298,6 @@ impl<D: Dimension> Slabs<D> {
         for link in &mut self.links {
             let mut kept = received[link.rank].iter();
             link.send.retain(|_| kept.next() == Some(&1));
-            link.buffer.truncate(link.send.len());
             let ghosts = needed[link.ghosts.clone()].iter().filter(|kept| **kept);
             let end = begin + ghosts.count();
             link.ghosts = begin..end;
@@ -310,36 +318,54 @@ impl<D: Dimension> Slabs<D> {
         }
     }
 
-    /// Sends the records of the border grains of a band and receives those of its ghosts; runs
-    /// `meanwhile` with the records of the owned grains, the first `owned` of `record`, during the
-    /// exchange.
-    pub fn exchange(
+    /// Begins to send the records of the border grains of some bands, and to receive those of their
+    /// ghosts. [`Slabs::end_exchange`] of the same bands must follow.
+    pub(crate) fn begin_exchange(
         &mut self,
         exchange: &dyn Exchange,
-        band: usize,
-        record: &mut [D::Record],
-        owned: usize,
-        mut meanwhile: impl FnMut(&[D::Record]),
+        bands: impl Iterator<Item = usize> + Clone,
+        record: &[D::Record],
     ) {
-        let (owned_records, mut ghosts) = record.split_at_mut(owned);
-        if self.links.is_empty() {
-            return meanwhile(owned_records);
-        }
-        let mut messages = Vec::with_capacity(2);
+        let width = size_of::<D::Record>() / size_of::<f64>();
         for link in &mut self.links {
-            let (receive, rest) = ghosts.split_at_mut(link.ghosts.len());
-            ghosts = rest;
-            let [sent, received] = link.bands[band].clone();
-            messages.push(Link {
+            link.chosen.clear();
+            let mut ghosts = 0;
+            for band in bands.clone() {
+                let [sent, received] = &link.bands[band];
+                link.chosen.extend_from_slice(&link.send[sent.clone()]);
+                ghosts += received.len();
+            }
+            self.messages += 1;
+            exchange.begin_halo(HaloMessage {
                 rank: link.rank,
-                width: size_of::<D::Record>() / size_of::<f64>(),
-                records: cast_slice(owned_records),
-                chosen: &link.send[sent.clone()],
-                buffer: cast_slice_mut(&mut link.buffer[sent]),
-                receive: cast_slice_mut(&mut receive[received]),
+                width,
+                records: cast_slice(record),
+                chosen: &link.chosen,
+                expected: ghosts * width,
             });
         }
-        exchange.halo(&mut messages, &mut || meanwhile(owned_records));
+    }
+
+    /// Waits for the records of the ghosts of some bands.
+    pub(crate) fn end_exchange(
+        &mut self,
+        exchange: &dyn Exchange,
+        bands: impl Iterator<Item = usize> + Clone,
+        record: &mut [D::Record],
+    ) {
+        for link in &self.links {
+            let ghosts = &mut record[link.ghosts.clone()];
+            exchange.end_halo(link.rank, &mut |numbers| {
+                let mut rest = numbers;
+                for band in bands.clone() {
+                    let [_, received] = &link.bands[band];
+                    let ghosts = cast_slice_mut(&mut ghosts[received.clone()]);
+                    let (of_band, after) = rest.split_at(ghosts.len());
+                    ghosts.copy_from_slice(of_band);
+                    rest = after;
+                }
+            });
+        }
     }
 
     /// The part of the cell that holds this rank's grains and ghosts.
@@ -357,11 +383,15 @@ impl<D: Dimension> Slabs<D> {
         }
     }
 
-    /// Bytes and messages that this rank sends per step.
-    pub fn traffic(&self) -> (usize, usize) {
+    /// Bytes that this rank sends per step.
+    pub fn bytes_per_step(&self) -> usize {
         let records: usize = self.links.iter().map(|l| l.send.len()).sum();
-        let messages = self.links.iter().map(|link| link.bands.len());
-        (records * size_of::<D::Record>(), messages.sum())
+        records * size_of::<D::Record>()
+    }
+
+    /// Number of halo messages that this rank has sent.
+    pub fn messages(&self) -> u64 {
+        self.messages
     }
 }
 

@@ -1,6 +1,6 @@
 //! One rank, without messages.
 
-use super::{Exchange, Link};
+use super::{Exchange, HaloMessage};
 
 /// A single rank.
 pub struct Solo;
@@ -18,16 +18,19 @@ impl Exchange for Solo {
         send
     }
 
-    fn halo(&self, links: &mut [Link<'_>], meanwhile: &mut dyn FnMut()) {
-        debug_assert!(links.is_empty(), "a single rank has no neighbours");
-        meanwhile();
+    fn begin_halo(&self, message: HaloMessage<'_>) {
+        unreachable!("a single rank has no neighbour {}", message.rank);
+    }
+
+    fn end_halo(&self, rank: usize, _read: &mut dyn FnMut(&[f64])) {
+        unreachable!("a single rank has no neighbour {rank}");
     }
 
     fn sum(&self, _values: &mut [i64]) {}
 
-    fn sum_during(&self, _values: &mut [i64], meanwhile: &mut dyn FnMut()) {
-        meanwhile();
-    }
+    fn begin_sum(&self, _values: &[i64]) {}
+
+    fn end_sum(&self, _values: &mut [i64]) {}
 
     fn sum_below(&self, _value: u64) -> u64 {
         0

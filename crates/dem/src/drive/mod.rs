@@ -34,7 +34,7 @@ pub struct WallForces {
 }
 
 /// The exact sums of the [`WallForces`].
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct WallSums {
     /// On the top upwards, along the last axis.
     pub up: Accumulator,

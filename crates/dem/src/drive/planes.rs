@@ -96,8 +96,7 @@ impl<D: Dimension> Drive<D> for Planes<D> {
             self.record[2 * k + 1] = image;
         }
         self.force.fill(Zeroable::zeroed());
-        let all = 0..self.contacts.blocks();
-        let part = self.contacts.part(all);
+        let part = self.contacts.of_one_share();
         let input = PassInput {
             isa,
             units: grains.units,
@@ -163,7 +162,6 @@ impl<D: Dimension> Drive<D> for Planes<D> {
                 material: &material,
                 owned: radius.len(),
                 has_feet: false,
-                shares: std::slice::from_ref(&(0..radius.len())),
                 bands: &Bands::one(radius.len()),
                 ghosts_move: 0.0,
             },

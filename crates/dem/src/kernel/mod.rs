@@ -70,12 +70,12 @@ impl ContactForces {
         }
     }
 
-    /// Borrows the room for some blocks.
-    pub fn part(&mut self, blocks: Range<usize>) -> Samples<'_> {
+    /// Borrows the room for all blocks.
+    pub fn all(&mut self) -> Samples<'_> {
         Samples {
-            normal: &mut self.normal[blocks.clone()],
-            tangential: &mut self.tangential[blocks.clone()],
-            overlap: &mut self.overlap[blocks],
+            normal: &mut self.normal,
+            tangential: &mut self.tangential,
+            overlap: &mut self.overlap,
         }
     }
 }
@@ -88,6 +88,15 @@ pub struct Samples<'a> {
 }
 
 impl<'a> Samples<'a> {
+    /// The room for some of the blocks, numbered from the first of them, for a while.
+    pub(crate) fn within(&mut self, blocks: Range<usize>) -> Samples<'_> {
+        Samples {
+            normal: &mut self.normal[blocks.clone()],
+            tangential: &mut self.tangential[blocks.clone()],
+            overlap: &mut self.overlap[blocks],
+        }
+    }
+
     /// Splits off the blocks from `at` on.
     pub(crate) fn split_off(&mut self, at: usize) -> Samples<'a> {
         Samples {

@@ -1,6 +1,7 @@
-//! Bands: layers of a rank's grains along the last axis, each of which touches only the next ones.
-//! A step goes from band to band, so that the forces of a band are computed while its grains are
-//! still in the cache from their motion, and several steps can follow each other through the bands.
+//! Shares and bands of a rank's grains. Every thread has a share: the grains of a range along x.
+//! Bands are layers along the last axis, each of which touches only the next ones. A step goes from
+//! band to band, so that the forces of a band are computed while its grains are still in the cache
+//! from their motion, and several steps can follow each other through the bands.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -9,11 +10,14 @@ use crate::dimension::Dimension;
 
 use super::{Cell, GrainState, body};
 
-/// The owned grains of each band, one range after the other. Every pair of the list is within a
-/// band, or between one and the next.
-#[derive(Debug, Clone, Default)]
+/// The owned grains of each share and band: one share after the other, and in it one band after the
+/// other. Every pair of the list is within a band, or between one and the next.
+#[derive(Debug, Clone)]
 pub struct Bands {
+    /// The end of each band of each share.
     ends: Vec<usize>,
+    /// Number of bands.
+    count: usize,
     /// The lowest heights of the bands but the first (m), the same on all ranks.
     bounds: Vec<f64>,
     /// The bands of the ghosts.
@@ -21,36 +25,79 @@ pub struct Bands {
 }
 
 impl Bands {
-    /// A single band of so many grains.
+    /// A single share with a single band of so many grains.
     pub fn one(grains: usize) -> Self {
         Self {
             ends: vec![grains],
-            ..Self::default()
+            count: 1,
+            bounds: Vec::new(),
+            ghosts: Vec::new(),
         }
+    }
+
+    /// Makes all bands of each share one.
+    pub(crate) fn join(&mut self) {
+        let ends = (0..self.shares()).map(|share| self.share(share).end);
+        *self = Self {
+            ends: ends.collect(),
+            ..Self::one(0)
+        };
     }
 
     /// Number of bands.
     pub fn count(&self) -> usize {
-        self.ends.len()
+        self.count
     }
 
-    /// The grains of a band.
-    pub fn grains(&self, band: usize) -> Range<usize> {
-        let start = band.checked_sub(1).map_or(0, |before| self.ends[before]);
-        start..self.ends[band]
+    /// Number of shares.
+    pub fn shares(&self) -> usize {
+        self.ends.len() / self.count
     }
 
-    /// The owned grains of a band and of the one before it, which is all that its pairs have: a
+    /// Number of owned grains.
+    fn owned(&self) -> usize {
+        self.ends[self.ends.len() - 1]
+    }
+
+    /// The grains of a share.
+    pub fn share(&self, share: usize) -> Range<usize> {
+        self.grains_of(share, 0..self.count)
+    }
+
+    /// The grains of a band of a share.
+    pub fn grains(&self, share: usize, band: usize) -> Range<usize> {
+        self.grains_of(share, band..band + 1)
+    }
+
+    /// The grains of some bands of a share.
+    pub(crate) fn grains_of(&self, share: usize, bands: Range<usize>) -> Range<usize> {
+        let [start, end] = [bands.start, bands.end].map(|band| {
+            let before = (share * self.count + band).checked_sub(1);
+            before.map_or(0, |before| self.ends[before])
+        });
+        start..end
+    }
+
+    /// The grains of a band of a share and of the band before, which is all that its pairs have: a
     /// pair of two bands is a pair of the later one.
-    pub fn grains_of_pairs(&self, band: usize) -> Range<usize> {
-        self.grains(band.saturating_sub(1)).start..self.ends[band]
+    pub fn grains_of_pairs(&self, share: usize, band: usize) -> Range<usize> {
+        self.grains_of(share, band.saturating_sub(1)..band + 1)
+    }
+
+    /// The place of an owned grain in `ends`.
+    fn place(&self, grain: usize) -> usize {
+        self.ends.partition_point(|&end| end <= grain)
+    }
+
+    /// The share of an owned grain.
+    pub(crate) fn share_of(&self, grain: usize) -> usize {
+        self.place(grain) / self.count
     }
 
     /// The band of a local grain.
     pub(crate) fn of(&self, grain: usize) -> usize {
-        let owned = self.ends.last().copied().unwrap_or_default();
-        match grain.checked_sub(owned) {
-            None => self.ends.partition_point(|&end| end <= grain),
+        match grain.checked_sub(self.owned()) {
+            None => self.place(grain) % self.count,
             // With feet there is one band.
             Some(ghost) => self.ghosts.get(ghost).copied().unwrap_or_default(),
         }
@@ -79,31 +126,45 @@ impl Bands {
         })
     }
 
-    /// Sorts grains into bands with these bounds (m); in a band they keep their order.
+    /// Sorts grains that are in the order of their cells into bands with these bounds (m), each of
+    /// which is cut along x into `shares` of as many grains. Of a band of a share those of a wall
+    /// come together, because every step reads them alone; else grains keep their order.
     pub(crate) fn sort<D: Dimension>(
-        grains: &mut [GrainState],
+        grains: &mut Vec<GrainState>,
         cell: &Cell,
         bounds: Vec<f64>,
+        shares: usize,
     ) -> Self {
+        let count = bounds.len() + 1;
         let mut bands = Self {
-            ends: vec![0; bounds.len() + 1],
+            ends: vec![0; shares * count],
+            count,
             bounds,
             ghosts: Vec::new(),
         };
         let band_of = |grain: &GrainState| bands.of_height(height::<D>(cell, &grain.position));
-        let mut ends = bands.ends.clone();
-        for grain in &*grains {
-            ends[band_of(grain)] += 1;
+        let band_of_grain: Vec<usize> = grains.iter().map(band_of).collect();
+        let mut sizes = vec![0; count];
+        for band in &band_of_grain {
+            sizes[*band] += 1;
+        }
+        let mut before = vec![0; count];
+        let mut order: Vec<(usize, u32, u32)> = Vec::with_capacity(grains.len());
+        for (grain, band) in band_of_grain.into_iter().enumerate() {
+            let share = before[band] * shares / sizes[band];
+            before[band] += 1;
+            let place = share * count + band;
+            bands.ends[place] += 1;
+            order.push((place, grains[grain].body, grain as u32));
         }
         let mut end = 0;
-        for count in &mut ends {
+        for count in &mut bands.ends {
             end += *count;
             *count = end;
         }
-        if ends.len() > 1 {
-            grains.sort_by_key(band_of);
-        }
-        bands.ends = ends;
+        order.sort_unstable();
+        let sorted = order.iter().map(|&(_, _, grain)| grains[grain as usize]);
+        *grains = sorted.collect();
         bands
     }
 
@@ -250,13 +311,18 @@ mod tests {
         (0..count).map(grain).rev().collect()
     }
 
-    fn sorted(cell: Cell, thickness: f64, wanted: usize) -> (Vec<GrainState>, Bands) {
+    fn sorted(
+        cell: Cell,
+        thickness: f64,
+        wanted: usize,
+        shares: usize,
+    ) -> (Vec<GrainState>, Bands) {
         let mut grains = column(20);
         let top = Bands::lowest_of_top::<Two>(&grains, &cell);
         let size = BandSize::given(wanted);
         let bounds = Bands::bounds::<Two>(&grains, &cell, thickness, size, top);
-        let bands = Bands::sort::<Two>(&mut grains, &cell, bounds);
-        assert_eq!(bands.ends.last(), Some(&20));
+        let bands = Bands::sort::<Two>(&mut grains, &cell, bounds, shares);
+        assert_eq!((bands.owned(), bands.shares()), (20, shares));
         (grains, bands)
     }
 
@@ -278,17 +344,51 @@ mod tests {
     fn bands_are_thick_enough_and_the_last_has_the_top() {
         let cell = Cell::between_walls([1.0, f64::INFINITY]);
         for (thickness, wanted, count) in [(2.5, 1, 7), (1.0, 4, 5), (1.0, 20, 1), (9.0, 2, 2)] {
-            let (grains, bands) = sorted(cell, thickness, wanted);
+            let (grains, bands) = sorted(cell, thickness, wanted, 1);
             assert_eq!(bands.count(), count, "{thickness} {wanted}");
             check(&grains, &bands, &cell, thickness);
-            let last = bands.grains(count - 1);
+            let last = bands.grains(0, count - 1);
             let top = (0..20).filter(|&g| grains[g].body == body::TOP);
             assert!(top.into_iter().all(|g| last.contains(&g)));
             let of = (0..20).map(|g| bands.of(g));
             assert!(of.is_sorted());
         }
-        let (_, bands) = sorted(cell, 1.0, 5);
+        let (_, bands) = sorted(cell, 1.0, 5, 1);
         assert!(!bands.hold([[0, 19]].into_iter()));
+    }
+
+    /// Every share has as many grains of each band, in it the walls come last, and each grain knows
+    /// its share and its band.
+    #[test]
+    fn every_share_has_its_part_of_every_band() {
+        let cell = Cell::between_walls([1.0, f64::INFINITY]);
+        for shares in [1, 2, 3] {
+            let (grains, mut bands) = sorted(cell, 1.0, 6, shares);
+            assert_eq!(bands.count(), 3);
+            check(&grains, &bands, &cell, 1.0);
+            let mut end = 0;
+            for share in 0..shares {
+                assert_eq!(bands.share(share).start, end);
+                for band in 0..bands.count() {
+                    let here = bands.grains(share, band);
+                    assert_eq!(here.start, end);
+                    end = here.end;
+                    let of_band: usize = (0..shares).map(|k| bands.grains(k, band).len()).sum();
+                    assert!(here.len().abs_diff(of_band / shares) <= 1, "{here:?}");
+                    assert!(grains[here.clone()].is_sorted_by_key(|grain| grain.body));
+                    for g in here {
+                        assert_eq!((bands.share_of(g), bands.of(g)), (share, band));
+                    }
+                }
+                assert_eq!(bands.share(share).end, end);
+            }
+            let of_shares: Vec<_> = (0..shares).map(|share| bands.share(share)).collect();
+            bands.join();
+            assert_eq!((bands.count(), bands.shares()), (1, shares));
+            for (share, grains) in of_shares.into_iter().enumerate() {
+                assert_eq!(bands.share(share), grains);
+            }
+        }
     }
 
     #[test]
@@ -300,7 +400,7 @@ mod tests {
         grains.iter_mut().for_each(|grain| grain.body = body::FREE);
         let size = BandSize::given(4);
         let bounds = Bands::bounds::<Two>(&grains, &cell, 2.0, size, f64::INFINITY);
-        let bands = Bands::sort::<Two>(&mut grains, &cell, bounds);
+        let bands = Bands::sort::<Two>(&mut grains, &cell, bounds, 1);
         assert!(bands.count() > 1);
         check(&grains, &bands, &cell, 2.0);
     }

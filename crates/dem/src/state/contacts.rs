@@ -12,11 +12,10 @@ use super::{Bands, ContactState};
 
 /// Candidate pairs of local grains, each once, with the lower id as i.
 ///
-/// The blocks of a [band](Bands) follow each other, in groups. First come inner pairs, of which
-/// this rank owns both grains: for each thread those between two grains of its
-/// [share](LocalGrains::shares), then those between grains of two threads. Then come pairs of an
-/// owned i and a ghost, then pairs of a ghost and an owned j. A group is in the order of the cells.
-/// Within every run of 1,024 pairs, those of the same two materials follow each other, in blocks of
+/// Their blocks are in groups. First come, for each thread, the pairs between two grains of its
+/// [share](Bands), band by band. Then come, for each band, the others: inner pairs, of which this
+/// rank owns both grains, of two shares; pairs of an owned i and a ghost; and pairs of a ghost and
+/// an owned j. A group is in the order of the cells. Within every run of 1,024 pairs, those of the same two materials follow each other, in blocks of
 /// their own. Of these, contacts come first, those that slide before the others, followed
 /// by the other pairs in classes of their gaps, so that blocks in which nothing touches follow each
 /// other, and in most blocks nothing slides.
@@ -26,8 +25,10 @@ use super::{Bands, ContactState};
 /// that do not touch add nothing.
 #[derive(Debug, Default)]
 pub struct Contacts {
-    /// The blocks of each band.
-    pub bands: Vec<BandBlocks>,
+    /// The pairs within the share of each thread.
+    pub shares: Vec<Share>,
+    /// Of each band the pairs that are within no share.
+    pub others: Vec<OtherBlocks>,
     /// The pairs. Those of a share count its grains from its first one, so that no more than its
     /// own records and forces are needed; others are local indices. See [`Contacts::grains`].
     pub pairs: PairList,
@@ -57,41 +58,55 @@ pub struct Contacts {
     pub asleep_until: Vec<f64>,
 }
 
-/// The blocks of a band, one group after the other.
+/// The pairs between two grains of one thread.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct BandBlocks {
-    /// The pairs within the share of each thread, which come first.
-    pub shares: Vec<Share>,
+pub struct Share {
+    /// Those of each band.
+    pub bands: Vec<ShareBand>,
+}
+
+impl Share {
+    /// The blocks of all bands.
+    pub fn blocks(&self) -> Range<usize> {
+        match (self.bands.first(), self.bands.last()) {
+            (Some(first), Some(last)) => first.blocks.start..last.blocks.end,
+            _ => 0..0,
+        }
+    }
+
+    /// The band of a block.
+    fn band_of(&self, block: usize) -> &ShareBand {
+        &self.bands[self.bands.partition_point(|band| band.blocks.end <= block)]
+    }
+}
+
+/// The pairs of a band within a share.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ShareBand {
+    /// Their blocks.
+    pub blocks: Range<usize>,
+    /// The owned grains of the share among which they are.
+    pub grains: Range<usize>,
+}
+
+/// The blocks of the pairs of a band that are within no share, one group after the other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OtherBlocks {
+    /// Their start.
+    pub start: usize,
     /// The end of the inner pairs.
     pub inner: usize,
     /// The end of the pairs of which this rank owns i.
     pub owned: usize,
-    /// The end of the band.
+    /// Their end.
     pub end: usize,
 }
 
-impl BandBlocks {
-    /// The blocks of the shares.
-    pub fn within_shares(&self) -> Range<usize> {
-        match (self.shares.first(), self.shares.last()) {
-            (Some(first), Some(last)) => first.blocks.start..last.blocks.end,
-            _ => self.end..self.end,
-        }
+impl OtherBlocks {
+    /// All of them.
+    pub fn blocks(&self) -> Range<usize> {
+        self.start..self.end
     }
-
-    /// The blocks that are within no share.
-    pub fn others(&self) -> Range<usize> {
-        self.within_shares().end..self.end
-    }
-}
-
-/// The pairs between two grains of one thread.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Share {
-    /// Its blocks.
-    pub blocks: Range<usize>,
-    /// The owned grains of its pairs.
-    pub grains: Range<usize>,
 }
 
 /// What a list needs to know of the local grains.
@@ -107,9 +122,7 @@ pub struct LocalGrains<'a> {
     pub owned: usize,
     /// Whether the last of them are feet.
     pub has_feet: bool,
-    /// The owned grains of each thread, one range after the other.
-    pub shares: &'a [Range<usize>],
-    /// Their bands; a single one with several threads.
+    /// Their shares and bands.
     pub bands: &'a Bands,
     /// Until the next list no ghost is further from its place than this (m).
     pub ghosts_move: f64,
@@ -120,35 +133,45 @@ pub struct LocalGrains<'a> {
 const OTHER_GROUPS: usize = 3;
 
 impl LocalGrains<'_> {
-    /// Number of groups of a band.
-    fn groups_of_a_band(&self) -> usize {
-        self.shares.len() + OTHER_GROUPS
+    /// Number of groups of pairs within shares.
+    fn groups_within_shares(&self) -> usize {
+        self.bands.shares() * self.bands.count()
     }
 
-    /// The grains of the pairs of a share in a band.
-    fn grains_of_pairs(&self, band: usize, share: usize) -> Range<usize> {
-        if self.shares.len() == 1 {
-            self.bands.grains_of_pairs(band)
-        } else {
-            self.shares[share].clone()
-        }
+    /// Number of groups.
+    fn groups(&self) -> usize {
+        self.groups_within_shares() + OTHER_GROUPS * self.bands.count()
+    }
+
+    /// The grains among which the pairs of a group are; `None`: all.
+    fn grains_of_group(&self, group: usize) -> Option<Range<usize>> {
+        let (share, band) = (group / self.bands.count(), group % self.bands.count());
+        let is_within = group < self.groups_within_shares();
+        is_within.then(|| self.bands.grains_of_pairs(share, band))
+    }
+
+    /// Whether this rank owns both grains of the pairs of a group.
+    fn is_inner(&self, group: usize) -> bool {
+        let within = self.groups_within_shares();
+        group < within || (group - within).is_multiple_of(OTHER_GROUPS)
     }
 
     /// The group of a pair.
     fn group(&self, pair: &CandidatePair) -> usize {
         let [i, j] = pair.grains.map(|g| g as usize);
-        let share_of = |g: usize| self.shares.partition_point(|share| share.end <= g);
-        let shares = self.shares.len();
-        let group = match (i < self.owned, j < self.owned) {
-            (true, true) => {
-                let [of_i, of_j] = [i, j].map(share_of);
-                if of_i == of_j { of_i } else { shares }
-            }
-            (true, false) => shares + 1,
-            (false, _) => shares + 2,
-        };
         let band = self.bands.of(i).max(self.bands.of(j));
-        band * self.groups_of_a_band() + group
+        let other = match (i < self.owned, j < self.owned) {
+            (true, true) => {
+                let [of_i, of_j] = [i, j].map(|g| self.bands.share_of(g));
+                if of_i == of_j {
+                    return of_i * self.bands.count() + band;
+                }
+                0
+            }
+            (true, false) => 1,
+            (false, _) => 2,
+        };
+        self.groups_within_shares() + OTHER_GROUPS * band + other
     }
 }
 
@@ -209,30 +232,41 @@ impl Contacts {
         let mut parts = parts.into_iter().map(|(part, _)| part);
         *self = parts.next().unwrap_or_default();
         parts.for_each(|part| self.append(part));
-        let (shares, per_band) = (grains.shares.len(), grains.groups_of_a_band());
-        self.bands.clear();
-        let mut begin = 0;
-        for (band, ends) in ends.chunks(per_band).enumerate() {
-            let starts = std::iter::once(&begin).chain(ends);
-            let share = |(k, (start, end)): (usize, (&usize, &usize))| Share {
-                blocks: *start..*end,
-                grains: grains.grains_of_pairs(band, k),
-            };
-            let of_shares = starts.zip(&ends[..shares]).enumerate().map(share);
-            let blocks = BandBlocks {
-                shares: of_shares.collect(),
-                inner: ends[shares],
-                owned: ends[shares + 1],
-                end: ends[shares + 2],
-            };
-            begin = blocks.end;
-            self.bands.push(blocks);
-        }
+        self.set_groups(&ends, grains);
         let blocks = self.geometry.len();
         clear_for(&mut self.parameters, blocks * self.parameter_lanes);
         self.parameters
             .resize(blocks * self.parameter_lanes, Lanes16::ZERO);
         law.set_parameters(isa, &self.geometry, &self.kinds, &mut self.parameters);
+    }
+
+    /// Finds the blocks of the shares and bands; `ends`: of the groups.
+    fn set_groups(&mut self, ends: &[usize], grains: LocalGrains<'_>) {
+        let bands = grains.bands;
+        let start = |group: usize| group.checked_sub(1).map_or(0, |before| ends[before]);
+        self.shares.clear();
+        for share in 0..bands.shares() {
+            let band = |band: usize| {
+                let group = share * bands.count() + band;
+                ShareBand {
+                    blocks: start(group)..ends[group],
+                    grains: bands.grains_of_pairs(share, band),
+                }
+            };
+            self.shares.push(Share {
+                bands: (0..bands.count()).map(band).collect(),
+            });
+        }
+        self.others.clear();
+        for band in 0..bands.count() {
+            let group = grains.groups_within_shares() + OTHER_GROUPS * band;
+            self.others.push(OtherBlocks {
+                start: start(group),
+                inner: ends[group],
+                owned: ends[group + 1],
+                end: ends[group + 2],
+            });
+        }
     }
 
     /// Removes all blocks, and makes room for so many.
@@ -272,7 +306,6 @@ impl Contacts {
             ghosts_move,
             ..
         } = grains;
-        let (shares, per_band) = (grains.shares.len(), grains.groups_of_a_band());
         // Those of the first material alone are of kind 0.
         let several = material.iter().any(|k| *k != 0);
         let kind = |pair: &Listed| {
@@ -282,13 +315,9 @@ impl Contacts {
         let mut ordered = Ordered::default();
         let mut push_run = |run: &Run<'_>| {
             let before = self.geometry.len();
-            let (band, group) = (run.group / per_band, run.group % per_band);
-            let first_grain = if group < shares {
-                grains.grains_of_pairs(band, group).start as u32
-            } else {
-                0
-            };
-            let inner = group <= shares;
+            let of_group = grains.grains_of_group(run.group);
+            let first_grain = of_group.map_or(0, |grains| grains.start as u32);
+            let inner = grains.is_inner(run.group);
             let pairs = ordered.contacts_first(run.pairs, remembered, id);
             if several {
                 pairs.sort_by_key(kind);
@@ -339,46 +368,82 @@ impl Contacts {
         self.limits.push(limits);
     }
 
-    /// Borrows some blocks of a band, for the kernel.
-    pub fn part(&mut self, blocks: Range<usize>) -> BlockRange<'_> {
-        let lanes = |per_block: usize| blocks.start * per_block..blocks.end * per_block;
-        let band = self.band_of(blocks.start);
-        let [inner, owned_blocks] = band.map_or([0; 2], |band| [band.inner, band.owned]);
-        BlockRange {
-            first: blocks.start,
-            owned_blocks,
+    /// The end of the blocks of the shares.
+    fn end_of_shares(&self) -> usize {
+        let first = self.others.first();
+        first.map_or(self.blocks(), |others| others.start)
+    }
+
+    /// Borrows the blocks of each share.
+    pub(crate) fn within_shares(&mut self) -> Vec<(&Share, BlockRange<'_>)> {
+        let (shares, _, mut blocks) = self.split();
+        if let Some(last) = shares.last() {
+            blocks.split_off(last.blocks().end);
+        }
+        let shares = shares.iter().rev();
+        let of_share = |share| (share, blocks.split_off(Share::blocks(share).start));
+        let mut parts: Vec<_> = shares.map(of_share).collect();
+        parts.reverse();
+        parts
+    }
+
+    /// Borrows the blocks of these bands, the last one first, that are within no share.
+    pub(crate) fn others_of(&mut self, bands: impl Iterator<Item = usize>) -> Vec<BlockRange<'_>> {
+        let (_, others, mut blocks) = self.split();
+        let of_band = |band: usize| {
+            let others = &others[band];
+            blocks.split_off(others.end);
+            BlockRange {
+                inner: others.inner,
+                owned_blocks: others.owned,
+                ..blocks.split_off(others.start)
+            }
+        };
+        bands.map(of_band).collect()
+    }
+
+    /// Borrows all blocks, for the kernel, where there is a single share.
+    pub fn of_one_share(&mut self) -> BlockRange<'_> {
+        self.split().2
+    }
+
+    /// Borrows the places of the groups, and all blocks.
+    fn split(&mut self) -> (&[Share], &[OtherBlocks], BlockRange<'_>) {
+        let end_of_shares = self.end_of_shares();
+        let blocks = BlockRange {
+            first: 0,
+            owned_blocks: end_of_shares,
             parameter_lanes: self.parameter_lanes,
             history_lanes: self.history_lanes,
             pairs: &self.pairs,
-            geometry: &self.geometry[blocks.clone()],
-            kinds: &self.kinds[blocks.clone()],
-            parameters: &self.parameters[lanes(self.parameter_lanes)],
-            history: &mut self.history[lanes(self.history_lanes)],
-            touching: &mut self.touching[blocks.clone()],
-            limits: &mut self.limits[blocks.clone()],
-            asleep_until: &mut self.asleep_until[blocks.clone()],
-            inner,
+            geometry: &self.geometry,
+            kinds: &self.kinds,
+            parameters: &self.parameters,
+            history: &mut self.history,
+            touching: &mut self.touching,
+            limits: &mut self.limits,
+            asleep_until: &mut self.asleep_until,
+            inner: end_of_shares,
             has_feet: self.has_feet,
-        }
+        };
+        (&self.shares, &self.others, blocks)
     }
 
     /// The blocks of pairs of which this rank owns i.
     pub fn owned_blocks(&self) -> impl Iterator<Item = usize> + '_ {
-        let owned = |band: &BandBlocks| band.within_shares().start..band.owned;
-        self.bands.iter().flat_map(owned)
-    }
-
-    /// The band of a block.
-    fn band_of(&self, block: usize) -> Option<&BandBlocks> {
-        let band = self.bands.partition_point(|band| band.end <= block);
-        self.bands.get(band)
+        let others = self.others.iter();
+        let of_bands = others.flat_map(|others| others.start..others.owned);
+        (0..self.end_of_shares()).chain(of_bands)
     }
 
     /// The local indices of the grains of a block.
     pub fn grains(&self, block: usize) -> Pairs {
-        let shares = self.band_of(block).map_or(&[][..], |band| &band.shares);
-        let share = shares.iter().find(|share| block < share.blocks.end);
-        let first = share.map_or(0, |share| share.grains.start as u32);
+        let mut first = 0;
+        if block < self.end_of_shares() {
+            let shares = &self.shares;
+            let share = &shares[shares.partition_point(|share| share.blocks().end <= block)];
+            first = share.band_of(block).grains.start as u32;
+        }
         let mut pairs = self.pairs.blocks()[block];
         for g in pairs.i.iter_mut().chain(&mut pairs.j) {
             *g += first;
@@ -616,9 +681,8 @@ fn grouped<'a>(
     candidates: &'a [CandidatePair],
     grains: LocalGrains<'_>,
 ) -> Vec<Cow<'a, [CandidatePair]>> {
-    let count = grains.bands.count() * grains.groups_of_a_band();
-    let mut groups = vec![Cow::default(); count];
-    if count == 1 + OTHER_GROUPS && grains.id.len() == grains.owned {
+    let mut groups = vec![Cow::default(); grains.groups()];
+    if grains.groups_within_shares() == 1 && grains.id.len() == grains.owned {
         groups[0] = candidates.into();
         return groups;
     }
@@ -693,7 +757,7 @@ pub(crate) fn way_to_touch(gap: f64) -> f64 {
 pub struct BlockRange<'a> {
     /// The first of them in the list.
     pub first: usize,
-    /// [`BandBlocks::owned`].
+    /// [`OtherBlocks::owned`]; the end of the blocks of a share.
     pub owned_blocks: usize,
     /// [`Contacts::parameter_lanes`].
     pub parameter_lanes: usize,
@@ -715,7 +779,7 @@ pub struct BlockRange<'a> {
     pub limits: &'a mut [[u16; 4]],
     /// [`Contacts::asleep_until`] of these blocks.
     pub asleep_until: &'a mut [f64],
-    /// [`BandBlocks::inner`].
+    /// [`OtherBlocks::inner`]; the end of the blocks of a share.
     pub inner: usize,
     /// [`Contacts::has_feet`].
     pub has_feet: bool,
@@ -746,6 +810,23 @@ impl<'a> BlockRange<'a> {
         let first = from + rest.iter().take_while(|until| asleep(until)).count();
         let rest = self.asleep_until[first..].iter().take(most);
         first..first + rest.take_while(|until| !asleep(until)).count()
+    }
+
+    /// Some of the blocks, numbered as in the list, for a while.
+    pub(crate) fn within(&mut self, blocks: Range<usize>) -> BlockRange<'_> {
+        let here = blocks.start - self.first..blocks.end - self.first;
+        let lanes = |per_block: usize| here.start * per_block..here.end * per_block;
+        BlockRange {
+            first: blocks.start,
+            geometry: &self.geometry[here.clone()],
+            kinds: &self.kinds[here.clone()],
+            parameters: &self.parameters[lanes(self.parameter_lanes)],
+            history: &mut self.history[lanes(self.history_lanes)],
+            touching: &mut self.touching[here.clone()],
+            limits: &mut self.limits[here.clone()],
+            asleep_until: &mut self.asleep_until[here],
+            ..*self
+        }
     }
 
     /// Splits off the blocks from block `from` of the list on.

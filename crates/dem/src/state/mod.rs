@@ -30,7 +30,8 @@ pub(crate) use bands::BandSize;
 pub use bands::Bands;
 pub use cell::{BoxEdges, Cell, Image, Sheared, Stretching, length, nearest_image};
 pub use contacts::{
-    BandBlocks, BlockRange, CandidatePair, Contacts, LocalGrains, Remembered, Share, Touching,
+    BlockRange, CandidatePair, Contacts, LocalGrains, OtherBlocks, Remembered, Share, ShareBand,
+    Touching,
 };
 pub(crate) use contacts::{FILLER, way_to_touch};
 pub use frame::{Frame, GrainConstants};

@@ -5,7 +5,7 @@ use bytemuck::Zeroable;
 use gshear_dem::budget::{EnergyBalance, SampleState};
 use gshear_dem::contact::{Blocks, CARRY, ContactLaw, PairMotion, Response, dissipation};
 use gshear_dem::dimension::Dimension;
-use gshear_dem::domain::Solo;
+use gshear_dem::domain::{Exchange, Solo};
 use gshear_dem::drive::{Drive, NoWalls, Piston};
 use gshear_dem::kernel::{ContactForces, PairForce};
 use gshear_dem::laws::hertz::Spheres;
@@ -215,15 +215,26 @@ impl<D: Dimension, W: Drive<D>> Rig<D, W> {
     pub fn new(
         setup: Setup,
         law: Box<dyn PairForce<D>>,
+        walls: W,
+        state: (Vec<GrainState>, Vec<ContactState>),
+    ) -> Self {
+        Self::on(&Solo, setup, law, walls, state)
+    }
+
+    /// The part of a rank.
+    pub fn on(
+        exchange: &dyn Exchange,
+        setup: Setup,
+        law: Box<dyn PairForce<D>>,
         mut walls: W,
         (grains, contacts): (Vec<GrainState>, Vec<ContactState>),
     ) -> Self {
-        let mut system = System::new(&Solo, setup).expect("one rank");
+        let mut system = System::new(exchange, setup).expect("wide slabs");
         let (force, drive) = (law.as_ref(), &mut walls);
-        let made = system.replace(&Solo, force, drive, grains, contacts);
+        let made = system.replace(exchange, force, drive, grains, contacts);
         made.expect("a list");
         let mut samples = ContactForces::default();
-        initial_forces(&Solo, &mut system, force, drive, Some(&mut samples)).expect("sound");
+        initial_forces(exchange, &mut system, force, drive, Some(&mut samples)).expect("sound");
         Self {
             system,
             law,

@@ -14,6 +14,7 @@ mod mindlin;
 mod mixture;
 mod planes;
 mod protocols;
+mod ranks;
 mod registered;
 mod shares;
 mod sleeping_blocks;

@@ -4,13 +4,18 @@ use crate::common::{Rig, gas, gas_law, setup};
 use gshear_dem::dimension::{Dimension, Three, Two};
 use gshear_dem::drive::NoWalls;
 use gshear_dem::laws::LawSpace;
-use gshear_dem::system::{Setup, System};
+use gshear_dem::system::{Setup, SweepSettings, System};
 
 const STEPS: u64 = 1500;
 
-fn run<D: LawSpace>(side: usize, threads: usize) -> String {
+/// Runs [`STEPS`] with bands of so many grains, and returns the digest.
+fn run<D: LawSpace>(side: usize, threads: usize, band: usize) -> String {
     let setup = Setup {
         threads,
+        sweep: SweepSettings {
+            band: Some(band),
+            ..SweepSettings::default()
+        },
         ..setup::<D>(side, 0.2, (0.1, 0))
     };
     let grains = (gas::<D>(side, 0.5, 5), Vec::new());
@@ -20,6 +25,7 @@ fn run<D: LawSpace>(side: usize, threads: usize) -> String {
         rig.step();
         if rig.system.list.rebuilds > looked_at {
             looked_at = rig.system.list.rebuilds;
+            assert_eq!(rig.system.bands() > 1, band < usize::MAX);
             check_shares(&rig.system, threads);
         }
     }
@@ -27,34 +33,39 @@ fn run<D: LawSpace>(side: usize, threads: usize) -> String {
     rig.digest(&[])
 }
 
-/// Fails unless the shares hold every grain once and have about the same work, and every pair of a
-/// share is between two of its grains.
+/// Fails unless the shares hold every grain once and have about the same number of them, and every
+/// pair of a share is between two of its grains.
 fn check_shares<D: Dimension>(system: &System<D>, threads: usize) {
     let (contacts, owned) = (&system.contacts, system.owned());
-    assert_eq!(contacts.bands.len(), 1);
-    let band = &contacts.bands[0];
-    assert_eq!(band.shares.len(), threads);
-    let mut end = 0;
-    for share in &band.shares {
-        assert_eq!(share.grains.start, end, "{:?}", band.shares);
-        end = share.grains.end;
-        let few = 0.5 * owned as f64 / threads as f64;
-        assert!(share.grains.len() as f64 > few, "{:?}", band.shares);
-        for block in share.blocks.clone() {
-            let pairs = contacts.grains(block);
-            for g in pairs.i.iter().chain(&pairs.j) {
-                assert!(share.grains.contains(&(*g as usize)), "grain {g}");
+    assert_eq!(contacts.shares.len(), threads);
+    let mut begin = 0;
+    for share in &contacts.shares {
+        let last = share.bands.last().expect("a band");
+        let grains = begin..last.grains.end;
+        begin = grains.end;
+        let few = 0.8 * owned as f64 / threads as f64;
+        assert!(grains.len() as f64 > few, "{:?}", contacts.shares);
+        for band in &share.bands {
+            for block in band.blocks.clone() {
+                let pairs = contacts.grains(block);
+                for g in pairs.i.iter().chain(&pairs.j).map(|g| *g as usize) {
+                    assert!(grains.contains(&g) && band.grains.contains(&g), "grain {g}");
+                }
             }
         }
     }
-    assert_eq!(end, owned);
-    assert_eq!(band.others().is_empty(), threads == 1);
+    assert_eq!(begin, owned);
+    let others: usize = contacts.others.iter().map(|o| o.blocks().len()).sum();
+    assert_eq!(others == 0, threads == 1);
 }
 
 fn any_number_gives_the_bits_of_one<D: LawSpace>(side: usize, numbers: &[usize]) {
-    let expected = run::<D>(side, 1);
+    let expected = run::<D>(side, 1, usize::MAX);
     for &threads in numbers {
-        assert_eq!(run::<D>(side, threads), expected, "{threads} threads");
+        for band in [usize::MAX, 20] {
+            let digest = run::<D>(side, threads, band);
+            assert_eq!(digest, expected, "{threads} threads, bands of {band}");
+        }
     }
 }
 

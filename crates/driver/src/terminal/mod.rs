@@ -390,15 +390,16 @@ impl Terminal {
         let phases = system.clock.table(exchange);
         let memory = exchange.maximum(system.memory() as f64);
         let rebuilds = system.list.rebuilds;
-        let (bytes, messages) = system.slabs.traffic();
         self.say(format!("results in {}", out.display()));
         let room = width(&Term::stdout()).unwrap_or(usize::MAX);
         self.say(phases_within(&phases, room).trim_end());
         if exchange.size() > 1 {
+            let messages = system.slabs.messages() as f64 / system.clock.steps().max(1) as f64;
             let [exchange, sums] = [StepPhase::Exchange, StepPhase::Walls]
                 .map(|phase| 1e6 * system.clock.per_step(phase));
             self.say(format!(
-                "per step from rank 0: {messages} messages of {bytes} bytes in all and 1 sum of {} bytes; with what they wait for, {exchange:.1} and {sums:.1} us",
+                "per step from rank 0: {messages:.1} messages of {} bytes in all and 1 sum of {} bytes; with what they wait for, {exchange:.1} and {sums:.1} us",
+                system.slabs.bytes_per_step(),
                 gshear_dem::step::MESSAGE_BYTES,
             ));
         }
