@@ -100,7 +100,7 @@ pub fn advance<D: Dimension>(
     system.wall_velocities = None;
     let mut sweep = Sweep {
         second_kick_deferred: std::mem::take(&mut system.second_kick_deferred),
-        pace: Pace::new(count, exchange.size(), system.pool.threads()),
+        pace: Pace::new(count, exchange, system.pool.threads()),
         exchange,
         system,
         law,
@@ -157,28 +157,22 @@ struct Pace {
     lag: usize,
     /// How many bands of a stage move before forces are computed.
     together: usize,
-    /// For how many stages messages of ghosts are under way before they are needed.
-    delay: usize,
 }
 
 impl Pace {
-    /// A band is complete with the forces on the next one. A single thread of a single rank moves
-    /// it at once in the next step, so that as few bands as possible are in the cache. Threads and
-    /// ranks move all bands of a stage at once, which must not need each other. Messages between
-    /// ranks have a stage to arrive, if there are several steps.
-    fn new(steps: usize, ranks: usize, threads: usize) -> Self {
-        if ranks == 1 && threads == 1 {
+    /// A band is complete with the forces on the next one. A thread alone moves it at once in the
+    /// next step, so that as few bands as possible are in the cache. Where threads must meet, or
+    /// messages take long, all bands of a stage move together, which must not need each other.
+    fn new(steps: usize, exchange: &dyn Exchange, threads: usize) -> Self {
+        if threads == 1 && exchange.is_near() {
             return Self {
                 lag: 1,
                 together: 1,
-                delay: 0,
             };
         }
-        let delay = usize::from(ranks > 1 && steps > 1);
         Self {
-            lag: 2 + delay,
+            lag: 2,
             together: steps,
-            delay,
         }
     }
 }
@@ -227,24 +221,11 @@ struct Sweep<'a, D: Dimension> {
 
 impl<D: Dimension> Sweep<'_, D> {
     fn run(&mut self) -> Result<()> {
-        let Pace {
-            lag,
-            together,
-            delay,
-        } = self.pace;
-        let moving = self.system.bands.count() + lag * (self.count - 1);
-        let mut under_way = Vec::new();
-        for stage in 0..moving + delay {
-            let bands = self.bands_of(stage);
-            if delay == 0 {
-                for bands in bands.chunks(together) {
-                    self.move_bands(bands, &[])?;
-                    self.complete_bands(bands);
-                }
-            } else {
-                self.move_bands(&bands, &under_way)?;
-                self.complete_bands(&under_way);
-                under_way = bands;
+        let Pace { lag, together } = self.pace;
+        for stage in 0..self.system.bands.count() + lag * (self.count - 1) {
+            for bands in self.bands_of(stage).chunks(together) {
+                self.move_bands(bands)?;
+                self.complete_bands(bands);
             }
         }
         self.end_step()
@@ -253,7 +234,7 @@ impl<D: Dimension> Sweep<'_, D> {
     /// The bands that move in a stage, the last one first, which is of the first step.
     fn bands_of(&self, stage: usize) -> Vec<BandOfStep> {
         let bands = self.system.bands.count();
-        let mut found = Vec::with_capacity(self.count);
+        let mut found = Vec::new();
         for step in 0..self.count {
             let Some(band) = stage.checked_sub(self.pace.lag * step) else {
                 break;
@@ -275,12 +256,9 @@ impl<D: Dimension> Sweep<'_, D> {
         found
     }
 
-    /// Moves bands, and computes the forces of their pairs within shares. `before`: the bands
-    /// whose messages are under way.
-    fn move_bands(&mut self, bands: &[BandOfStep], before: &[BandOfStep]) -> Result<()> {
-        if bands.is_empty() {
-            return Ok(());
-        }
+    /// Moves bands, and computes the forces of their pairs within shares while the records of their
+    /// ghosts are under way.
+    fn move_bands(&mut self, bands: &[BandOfStep]) -> Result<()> {
         for BandOfStep {
             step,
             band,
@@ -288,7 +266,7 @@ impl<D: Dimension> Sweep<'_, D> {
         } in bands.iter().copied()
         {
             if is_last && step > 0 {
-                self.end_step().inspect_err(|_| self.drain(before))?;
+                self.end_step()?;
             }
             if band == 0 {
                 self.begin(step);
@@ -297,33 +275,28 @@ impl<D: Dimension> Sweep<'_, D> {
                 self.move_walls(step);
             }
         }
-        // Those who wait for the records have them first.
-        let sends_first = self.exchange.size() > 1 && self.pace.delay == 0;
-        self.over_shares(bands, true, !sends_first);
+        let is_alone = self.exchange.size() == 1;
+        self.over_shares(bands, true, is_alone);
         for band in bands.iter().filter(|band| band.is_last) {
             self.end_motion(band.step);
         }
         self.system.clock.end(StepPhase::Motion);
-        let System { slabs, grains, .. } = &mut *self.system;
-        slabs.begin_exchange(
-            self.exchange,
-            bands.iter().map(|band| band.band),
-            &grains.record,
-        );
-        self.system.clock.end(StepPhase::Exchange);
-        if sends_first {
+        if !is_alone {
+            let System { slabs, grains, .. } = &mut *self.system;
+            let numbers = bands.iter().map(|band| band.band);
+            slabs.begin_exchange(self.exchange, numbers, &grains.record);
+            self.system.clock.end(StepPhase::Exchange);
             self.over_shares(bands, false, true);
         }
         Ok(())
     }
 
-    /// Waits for the messages of bands that have moved, computes the forces that are left, and
+    /// Waits for the ghosts of bands that have moved, computes the forces that are left, and
     /// completes those on the bands before.
     fn complete_bands(&mut self, bands: &[BandOfStep]) {
-        if bands.is_empty() {
-            return;
-        }
-        self.drain(bands);
+        let System { slabs, grains, .. } = &mut *self.system;
+        let numbers = bands.iter().map(|band| band.band);
+        slabs.end_exchange(self.exchange, numbers, &mut grains.record);
         self.system.clock.end(StepPhase::Exchange);
         self.add_other_forces(bands);
         self.system.clock.end(StepPhase::Contacts);
@@ -332,19 +305,6 @@ impl<D: Dimension> Sweep<'_, D> {
             self.sum(band.step);
         }
         self.system.clock.end(StepPhase::Walls);
-    }
-
-    /// Waits for the messages of bands that have moved.
-    fn drain(&mut self, bands: &[BandOfStep]) {
-        if bands.is_empty() {
-            return;
-        }
-        let System { slabs, grains, .. } = &mut *self.system;
-        slabs.end_exchange(
-            self.exchange,
-            bands.iter().map(|band| band.band),
-            &mut grains.record,
-        );
     }
 
     /// Moves the cell.
@@ -428,7 +388,7 @@ impl<D: Dimension> Sweep<'_, D> {
             samples: request.samples.as_deref_mut(),
         };
         let work = |share: &mut ShareWork<'_, D>| {
-            let mut found = Vec::with_capacity(bands.len());
+            let mut found: Vec<MovedBand> = Vec::new();
             for &BandOfStep { step, band, .. } in bands {
                 let under_way = &steps[step];
                 let motion = &under_way.motion;

@@ -108,7 +108,7 @@ impl<D: Dimension> ThreadPool<D> {
         let first = std::iter::once(&mut self.scratch);
         let others = self.partial.iter_mut().map(|partial| &mut partial.scratch);
         let scratches: Vec<_> = first.chain(others).collect();
-        let mut jobs = Vec::with_capacity(scratches.len());
+        let mut jobs = Vec::new();
         for (share, scratch) in scratches.into_iter().enumerate().rev() {
             let (Some(grains), Some((of_share, blocks))) = (parts.pop(), blocks.pop()) else {
                 break;
@@ -147,7 +147,7 @@ impl<D: Dimension> ThreadPool<D> {
 
     /// Computes the forces of the pairs of some bands, the last one first, that are within no
     /// share. The first thread adds its part to the forces on the grains, each other thread to its
-    /// partial forces. Returns what the passes of each band found.
+    /// partial forces. Returns what the passes of each band found; nothing if there are no pairs.
     pub(crate) fn add_other_forces(
         &mut self,
         forces: &[BandForces<'_, D>],
@@ -155,23 +155,25 @@ impl<D: Dimension> ThreadPool<D> {
         contacts: &mut Contacts,
         samples: Option<&mut ContactForces>,
     ) -> Vec<PassOutcome> {
-        let mut outcomes = vec![PassOutcome::default(); forces.len()];
-        let blocks = contacts.others_of(forces.iter().map(|forces| forces.band));
-        if blocks.iter().all(|blocks| blocks.blocks() == 0) {
-            return outcomes;
+        let bands = forces.iter().map(|forces| forces.band);
+        let has_others = |band: usize| !contacts.others[band].blocks().is_empty();
+        if !bands.clone().any(has_others) {
+            return Vec::new();
         }
+        let blocks = contacts.others_of(bands);
+        let mut outcomes = vec![PassOutcome::default(); forces.len()];
         let threads = self.threads();
         let mut samples = samples.map(ContactForces::all);
         let first = std::iter::once((&mut grains.force[..], &mut self.scratch));
         let others = self.partial.iter_mut();
         let others = others.map(|partial| (&mut partial.force[..], &mut partial.scratch));
-        let mut jobs = Vec::with_capacity(threads);
+        let mut jobs = Vec::new();
         for (force, scratch) in first.chain(others) {
             jobs.push(OtherWork {
                 force,
                 scratch,
-                bands: Vec::with_capacity(forces.len()),
-                outcomes: Vec::with_capacity(forces.len()),
+                bands: Vec::new(),
+                outcomes: Vec::new(),
             });
         }
         for mut blocks in blocks {
@@ -224,6 +226,14 @@ impl<D: Dimension> ThreadPool<D> {
             }
             grains
         };
+        if self.workers.is_none() {
+            // Without partial forces, all are complete.
+            let work = |completed: &Range<usize>| {
+                let grains = grains_of(0, completed);
+                work(grains.start, &force[grains])
+            };
+            return completed.iter().map(work).collect();
+        }
         let mut partial: Vec<PartialSums<'_, D>> = Vec::new();
         for of_thread in &mut self.partial {
             partial.push(PartialSums {
@@ -241,7 +251,8 @@ impl<D: Dimension> ThreadPool<D> {
                 partial: partial.collect(),
                 force: tail_mut(&mut rest, first),
             };
-            parts.push((part, vec![WallSums::default(); completed.len()]));
+            let sums: Vec<_> = vec![WallSums::default(); completed.len()];
+            parts.push((part, sums));
         }
         // The calling thread has the first share.
         parts.reverse();
@@ -256,7 +267,7 @@ impl<D: Dimension> ThreadPool<D> {
                 *sums = work(grains.start, force);
             }
         });
-        let mut all = vec![WallSums::default(); completed.len()];
+        let mut all: Vec<_> = vec![WallSums::default(); completed.len()];
         for (_, sums) in parts {
             for (all, sums) in all.iter_mut().zip(sums) {
                 all.merge(sums);
@@ -442,7 +453,7 @@ impl<'a, D: Dimension> OwnedPart<'a, D> {
             first: 0,
             walls: walls.within(owned),
         };
-        let mut parts = Vec::with_capacity(bands.shares());
+        let mut parts = Vec::new();
         for share in (0..bands.shares()).rev() {
             let at = bands.share(share).start;
             parts.push(Self {

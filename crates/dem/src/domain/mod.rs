@@ -34,11 +34,15 @@ pub trait Exchange {
     fn rank(&self) -> usize;
     /// The number of ranks. Not collective.
     fn size(&self) -> usize;
+    /// Whether a message between neighbours takes about a microsecond: sent band by band, it is
+    /// hidden by the forces of a band. Others are sent for several bands together. The same on all
+    /// ranks. Not collective.
+    fn is_near(&self) -> bool;
     /// Sends `send[r]` to rank `r`, and returns the messages received, by rank.
     /// `send.len() == size()`.
     fn all_to_all(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>>;
-    /// Sends a copy of records to a neighbour, point to point. [`Exchange::end_halo`] must follow.
-    /// Two messages may be under way with each neighbour, and two with one that is both.
+    /// Sends a copy of records to a neighbour, point to point. [`Exchange::end_halo`] must follow
+    /// before the next; two messages may be under way with a rank that is both neighbours.
     fn begin_halo(&self, message: HaloMessage<'_>);
     /// Waits for the neighbour's message that belongs to the first under way to it, and calls
     /// `read` once with its numbers.

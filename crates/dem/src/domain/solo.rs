@@ -14,6 +14,10 @@ impl Exchange for Solo {
         1
     }
 
+    fn is_near(&self) -> bool {
+        true
+    }
+
     fn all_to_all(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
         send
     }

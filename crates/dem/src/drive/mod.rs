@@ -86,6 +86,11 @@ pub struct WallGrains<'a> {
 impl WallGrains<'_> {
     /// Those of some indices.
     pub(crate) fn within(mut self, grains: Range<usize>) -> Self {
+        let ends = [self.top, self.bottom].map(|walls| [walls.first(), walls.last()]);
+        let mut ends = ends.into_iter().flatten().flatten();
+        if ends.all(|&g| grains.contains(&(g as usize))) {
+            return self;
+        }
         self.split_off(grains.end);
         self.split_off(grains.start)
     }

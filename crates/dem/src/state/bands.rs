@@ -20,8 +20,8 @@ pub struct Bands {
     count: usize,
     /// The lowest heights of the bands but the first (m), the same on all ranks.
     bounds: Vec<f64>,
-    /// The bands of the ghosts.
-    ghosts: Vec<usize>,
+    /// The band of each owned grain and ghost, if there are several bands.
+    of: Vec<u32>,
 }
 
 impl Bands {
@@ -31,7 +31,7 @@ impl Bands {
             ends: vec![grains],
             count: 1,
             bounds: Vec::new(),
-            ghosts: Vec::new(),
+            of: Vec::new(),
         }
     }
 
@@ -84,23 +84,17 @@ impl Bands {
         self.grains_of(share, band.saturating_sub(1)..band + 1)
     }
 
-    /// The place of an owned grain in `ends`.
-    fn place(&self, grain: usize) -> usize {
-        self.ends.partition_point(|&end| end <= grain)
-    }
-
     /// The share of an owned grain.
     pub(crate) fn share_of(&self, grain: usize) -> usize {
-        self.place(grain) / self.count
+        let ends = self.ends.chunks_exact(self.count);
+        ends.take_while(|of_share| of_share[self.count - 1] <= grain)
+            .count()
     }
 
     /// The band of a local grain.
     pub(crate) fn of(&self, grain: usize) -> usize {
-        match grain.checked_sub(self.owned()) {
-            None => self.place(grain) % self.count,
-            // With feet there is one band.
-            Some(ghost) => self.ghosts.get(ghost).copied().unwrap_or_default(),
-        }
+        // With feet there is one band.
+        self.of.get(grain).map_or(0, |&band| band as usize)
     }
 
     /// Finds the bands of the ghosts, which have these positions (m), and which their owners have
@@ -110,8 +104,11 @@ impl Bands {
         cell: &Cell,
         ghosts: impl Iterator<Item = [f64; 3]>,
     ) {
-        let band = |place: [f64; 3]| self.of_height(height::<D>(cell, &place));
-        self.ghosts = ghosts.map(band).collect();
+        self.of.truncate(self.owned());
+        for place in ghosts {
+            let band = self.of_height(height::<D>(cell, &place));
+            self.of.push(band as u32);
+        }
     }
 
     fn of_height(&self, height: f64) -> usize {
@@ -140,7 +137,7 @@ impl Bands {
             ends: vec![0; shares * count],
             count,
             bounds,
-            ghosts: Vec::new(),
+            of: Vec::new(),
         };
         let band_of = |grain: &GrainState| bands.of_height(height::<D>(cell, &grain.position));
         let band_of_grain: Vec<usize> = grains.iter().map(band_of).collect();
@@ -158,9 +155,12 @@ impl Bands {
             order.push((place, grains[grain].body, grain as u32));
         }
         let mut end = 0;
-        for count in &mut bands.ends {
-            end += *count;
-            *count = end;
+        for (place, size) in bands.ends.iter_mut().enumerate() {
+            end += *size;
+            *size = end;
+            if count > 1 {
+                bands.of.resize(end, (place % count) as u32);
+            }
         }
         order.sort_unstable();
         let sorted = order.iter().map(|&(_, _, grain)| grains[grain as usize]);

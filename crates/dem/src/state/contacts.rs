@@ -196,19 +196,19 @@ impl Contacts {
         remembered: &Remembered,
         grains: LocalGrains<'_>,
     ) {
-        let groups = grouped(candidates, grains);
+        let groups = grouped(workers, candidates, grains);
         let layout = law.layout();
         self.has_feet = grains.has_feet;
         self.parameter_lanes = layout.parameters;
         self.history_lanes = layout.history.len();
         self.limits_are_known = remembered.limits_are_known();
-        let of_group = |(group, pairs)| {
-            let runs = <[CandidatePair]>::chunks(pairs, SORTED_TOGETHER);
-            runs.map(move |pairs| Run { group, pairs })
-        };
-        let runs: Vec<Run> = (groups.iter().map(|pairs| &**pairs).enumerate())
-            .flat_map(of_group)
-            .collect();
+        let mut runs: Vec<Run<'_>> = Vec::new();
+        for group in 0..grains.groups() {
+            for of_part in &groups {
+                let of_group = of_part[group].chunks(SORTED_TOGETHER);
+                runs.extend(of_group.map(|pairs| Run { group, pairs }));
+            }
+        }
         // A part for every thread.
         let (threads, history_lanes) = (workers::count(workers), self.history_lanes);
         let mut parts: Vec<(Self, Vec<usize>)> = Vec::new();
@@ -221,7 +221,7 @@ impl Contacts {
             part.history_lanes = history_lanes;
             *blocks = part.push_runs(&runs[begin(k)..begin(k + 1)], law, remembered, grains);
         });
-        let mut ends = vec![0; groups.len()];
+        let mut ends = vec![0; grains.groups()];
         let of_parts = parts.iter().flat_map(|(_, blocks)| blocks);
         for (run, blocks) in runs.iter().zip(of_parts) {
             ends[run.group] += blocks;
@@ -676,20 +676,27 @@ struct Run<'a> {
 /// enough that their data stay in the cache.
 const SORTED_TOGETHER: usize = 64 * LANES;
 
-/// The pairs of each group, in the order of the list.
+/// The pairs of each group, in the order of the list; each thread groups a part of the list.
 fn grouped<'a>(
+    workers: Option<&Workers>,
     candidates: &'a [CandidatePair],
     grains: LocalGrains<'_>,
-) -> Vec<Cow<'a, [CandidatePair]>> {
-    let mut groups = vec![Cow::default(); grains.groups()];
+) -> Vec<Vec<Cow<'a, [CandidatePair]>>> {
     if grains.groups_within_shares() == 1 && grains.id.len() == grains.owned {
+        let mut groups = vec![Cow::default(); grains.groups()];
         groups[0] = candidates.into();
-        return groups;
+        return vec![groups];
     }
-    for pair in candidates {
-        groups[grains.group(pair)].to_mut().push(*pair);
-    }
-    groups
+    let threads = workers::count(workers);
+    let begin = |part: usize| candidates.len() * part / threads;
+    let mut parts: Vec<Vec<Cow<'a, [CandidatePair]>>> = vec![Vec::new(); threads];
+    workers::each(workers, &mut parts, |k, groups| {
+        groups.resize(grains.groups(), Cow::default());
+        for pair in &candidates[begin(k)..begin(k + 1)] {
+            groups[grains.group(pair)].to_mut().push(*pair);
+        }
+    });
+    parts
 }
 
 /// Classes of the pairs of a run: contacts that slide, other contacts, and others by their gaps.

@@ -188,28 +188,26 @@ fn steps_that_follow_each_other_give_the_bits_of_single_ones() {
 }
 
 /// Messages of ghosts, and sums, that arrive late change no bit. Where several steps follow each
-/// other, the bands that follow are on their way before those of a stage are needed.
+/// other, bands go on while a sum is under way.
 #[test]
 fn ranks_whose_messages_take_time_give_the_bits_of_one() {
     let (expected, ..) = run_between_walls::<Two>(&Solo, 24, Way::PLAIN);
-    for (ranks, way, microseconds) in [
-        (2, Way::PLAIN, 0),
-        (2, Way::new(40, 4, 1), 0),
-        (2, Way::new(40, 8, 1), 30),
-        (3, Way::new(1, 3, 1), 0),
-        (2, Way::new(40, 4, 2), 0),
+    let job = |ranks, microseconds| Job::new(ranks, Duration::from_micros(microseconds));
+    for (job, way) in [
+        (job(2, 0), Way::PLAIN),
+        (job(2, 0), Way::new(40, 4, 1)),
+        (job(2, 30).far(), Way::new(40, 8, 1)),
+        (job(3, 0).far(), Way::new(1, 3, 1)),
+        (job(2, 0), Way::new(40, 4, 2)),
     ] {
-        let job = Job::new(ranks, Duration::from_micros(microseconds));
         let outcomes = job.run(|rank| {
             let outcome = run_between_walls::<Two>(rank, 24, way);
-            (outcome, rank.most_under_way())
+            (outcome, rank.sent_during_sums())
         });
-        for ((digest, bands, at_once), under_way) in outcomes {
-            assert_eq!(digest, expected, "{ranks} ranks, {way:?}");
+        for ((digest, bands, at_once), sent_during_sums) in outcomes {
+            assert_eq!(digest, expected, "{way:?}");
             assert_eq!((bands > 1, at_once), (way.steps > 1, way.steps));
-            let neighbours = if ranks == 2 { 1 } else { 2 };
-            let stages = if way.steps > 1 { 2 } else { 1 };
-            assert_eq!(under_way, stages * neighbours);
+            assert_eq!(sent_during_sums > 0, way.steps > 1, "{way:?}");
         }
     }
 }
@@ -220,12 +218,22 @@ fn ranks_whose_messages_take_time_give_the_bits_of_one() {
 #[ignore = "times"]
 fn latency_of_messages_is_hidden() {
     let side = 316;
-    for (way, name) in [
-        (Way::new(1000, 8, 1), "8 steps at once"),
-        (Way::new(usize::MAX, 1, 1), "1 step at once"),
+    for (way, is_near, name) in [
+        (
+            Way::new(1000, 8, 1),
+            false,
+            "8 steps at once, messages of 8 bands",
+        ),
+        (
+            Way::new(1000, 8, 1),
+            true,
+            "8 steps at once, messages of a band",
+        ),
+        (Way::new(usize::MAX, 1, 1), true, "1 step at once"),
     ] {
         for microseconds in [0, 10, 30, 100, 300, 1000] {
             let job = Job::new(2, Duration::from_micros(microseconds));
+            let job = if is_near { job } else { job.far() };
             let times = job.run(|rank| {
                 let mut rig = between_walls::<Two>(rank, side, way);
                 let begun = Instant::now();

@@ -20,6 +20,7 @@ pub struct Job {
     sent: Condvar,
     /// How long a message is under way.
     latency: Duration,
+    is_near: bool,
 }
 
 /// The channels of [`Job::under_way`].
@@ -36,6 +37,15 @@ impl Job {
             under_way: [channel(), channel()],
             sent: Condvar::new(),
             latency,
+            is_near: true,
+        }
+    }
+
+    /// The same, whose ranks say that messages take long.
+    pub fn far(self) -> Self {
+        Self {
+            is_near: false,
+            ..self
         }
     }
 
@@ -48,8 +58,8 @@ impl Job {
                     work(&Rank {
                         job: self,
                         rank,
-                        under_way: Cell::default(),
-                        most_under_way: Cell::default(),
+                        is_summing: Cell::default(),
+                        sent_during_sums: Cell::default(),
                         terms: RefCell::default(),
                     })
                 })
@@ -65,17 +75,17 @@ impl Job {
 pub struct Rank<'a> {
     job: &'a Job,
     rank: usize,
-    /// Number of halo messages to neighbours that have not been answered, now and at most.
-    under_way: Cell<usize>,
-    most_under_way: Cell<usize>,
+    is_summing: Cell<bool>,
+    /// Number of halo messages that were sent while a sum was under way.
+    sent_during_sums: Cell<u64>,
     /// Those of the sum under way.
     terms: RefCell<Vec<i64>>,
 }
 
 impl Rank<'_> {
-    /// The greatest number of halo messages to neighbours that had not been answered.
-    pub fn most_under_way(&self) -> usize {
-        self.most_under_way.get()
+    /// Number of halo messages that were sent while a sum was under way.
+    pub fn sent_during_sums(&self) -> u64 {
+        self.sent_during_sums.get()
     }
 
     fn post(&self, channel: usize, to: usize, message: Vec<u8>) {
@@ -120,6 +130,10 @@ impl Exchange for Rank<'_> {
         self.job.size
     }
 
+    fn is_near(&self) -> bool {
+        self.job.is_near
+    }
+
     fn all_to_all(&self, send: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
         self.job.messages.lock().expect("no panic")[self.rank] = send;
         self.job.barrier.wait();
@@ -145,13 +159,12 @@ impl Exchange for Rank<'_> {
             bytes.extend_from_slice(cast_slice::<f64, u8>(record));
         }
         self.post(HALO, rank, bytes);
-        self.under_way.set(self.under_way.get() + 1);
-        let most = self.most_under_way.get().max(self.under_way.get());
-        self.most_under_way.set(most);
+        let more = u64::from(self.is_summing.get());
+        self.sent_during_sums
+            .set(self.sent_during_sums.get() + more);
     }
 
     fn end_halo(&self, rank: usize, read: &mut dyn FnMut(&[f64])) {
-        self.under_way.set(self.under_way.get() - 1);
         read(&pod_collect_to_vec::<u8, f64>(&self.wait(HALO, rank)));
     }
 
@@ -163,6 +176,7 @@ impl Exchange for Rank<'_> {
     }
 
     fn begin_sum(&self, values: &[i64]) {
+        assert!(!self.is_summing.replace(true), "one sum at a time");
         *self.terms.borrow_mut() = values.to_vec();
         for to in (0..self.job.size).filter(|to| *to != self.rank) {
             self.post(TERMS, to, cast_slice(values).to_vec());
@@ -170,6 +184,7 @@ impl Exchange for Rank<'_> {
     }
 
     fn end_sum(&self, values: &mut [i64]) {
+        assert!(self.is_summing.replace(false));
         assert_eq!(values, &self.terms.borrow()[..], "those of the beginning");
         for from in (0..self.job.size).filter(|from| *from != self.rank) {
             let terms: Vec<i64> = pod_collect_to_vec(&self.wait(TERMS, from));
