@@ -31,7 +31,7 @@ help:
 	@echo "make book      the book of docs/ and the API into target/book, without warnings, every link checked"
 	@echo "make docs      write the tables of keys and columns in docs/ and docs/scene.schema.json"
 	@echo "make build     build target/release/gshear-mpi and gshear-reduce"
-	@echo "make scaling   speed on 1 rank and on 2, and whether their digests are equal"
+	@echo "make scaling   pairs, ghosts, messages and bytes on ranks and threads against counts by geometry; speeds"
 	@echo "make bench     benchmarks"
 	@echo "make accuracy  against an independent integration, and error against run time: writes into docs/, minutes"
 	@echo "make stress    where it is hard: writes docs/figures/stress.csv, minutes"

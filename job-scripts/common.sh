@@ -11,6 +11,8 @@
 #   GSHEAR=PATH   the program, if it is neither target/release/gshear-mpi beside job-scripts/ nor
 #                 gshear-mpi in the path
 #   LAUNCH=CMD    starts the ranks, instead of what is usual for the batch system
+#   BIND=core     on whole nodes, with Open MPI's mpirun (PBS, LSF): each rank keeps to as many cores
+#                 as it has threads, and so to the memory beside them
 #   JOB_SCRIPTS=DIR   this folder, if the job is not submitted from the folder of the project
 
 scripts=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
@@ -49,6 +51,17 @@ read_arguments() {
     [[ ${THREADS:-1} =~ ^[1-9][0-9]*$ ]] ||
         fail "THREADS=$THREADS: must be a number of threads for each rank, from 1 on"
     arguments=("$@")
+}
+
+# place_ranks THREADS: sets `place` to the options of Open MPI's mpirun that say where ranks of so
+# many threads run. Other jobs of a shared node may have the same cores, so ranks are bound only if
+# that is asked for.
+place_ranks() {
+    case ${BIND:-none} in
+    none) place=(--bind-to none) ;;
+    core) place=(--map-by "slot:PE=$1" --bind-to core) ;;
+    *) fail "BIND=$BIND: must be core or none" ;;
+    esac
 }
 
 # Prints a time such as 1-02:03:04, 02:03:04 or 03:04 in seconds; nothing for any other text.

@@ -50,6 +50,7 @@ left=${left%% [A-Z]*}
 left=$(seconds "${left:+$left:00}")
 
 # Jobs that share a node would bind their ranks to the same cores.
-run "$index" "$left" "${THREADS:-1}" mpirun --bind-to none -n "$LSB_DJOB_NUMPROC"
+place_ranks "${THREADS:-1}"
+run "$index" "$left" "${THREADS:-1}" mpirun "${place[@]}" -n "$LSB_DJOB_NUMPROC"
 ((code != 75)) || echo "stopped early; goes on if the job was submitted with -Q 75"
 exit "$code"

@@ -46,8 +46,9 @@ left=$(seconds "$walltime")
 ranks=$(wc -l <"$PBS_NODEFILE")
 
 # Jobs that share a node would bind their ranks to the same cores.
+place_ranks "$threads"
 run "$index" "${left:+$((left - SECONDS))}" "$threads" \
-    mpirun --bind-to none --hostfile "$PBS_NODEFILE" -n "$ranks"
+    mpirun "${place[@]}" --hostfile "$PBS_NODEFILE" -n "$ranks"
 
 if goes_on 1; then
     export CHAIN=$((CHAIN - 1)) INDEX=$index

@@ -85,6 +85,10 @@ pub struct CommandLine {
     /// Threads per rank, worth it from about 5,000 grains per rank
     #[arg(long, value_name = "THREADS", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: u16,
+    /// Print at the end of a shear what every rank did: a row of CSV each with grains, pairs,
+    /// messages, bytes and processor times. Takes some microseconds a step
+    #[arg(long)]
+    pub profile: bool,
     /// Stop at a checkpoint after this step; those of a shear, of strain steps and of Newton's
     /// equations are counted one after the other
     #[arg(long, value_name = "STEP")]

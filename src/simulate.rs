@@ -80,6 +80,7 @@ fn go(world: &World, arguments: &CommandLine) -> Result<Outcome> {
         threads: arguments.threads.into(),
         overwrite: arguments.overwrite,
         break_lock: arguments.break_lock,
+        profile: arguments.profile,
         verbosity: match (arguments.quiet, arguments.verbose) {
             (true, _) => Verbosity::Quiet,
             (_, true) => Verbosity::Verbose,

@@ -124,6 +124,7 @@ impl Sample {
             typical_force: self.load().normal_force,
             threads: 1,
             sweep: scene.bookkeeping.sweep,
+            thread_clock: None,
         };
         let mut system = System::new(&Solo, setup).expect("one rank is not too many");
         // At another Δt the same drive.

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::domain::Exchange;
+use crate::processor::{PieceTimes, ThreadClock};
 
 /// Phases of a step, in the order of `step::advance`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +34,46 @@ pub const PHASES: [(StepPhase, &str); 6] = [
     (StepPhase::Output, "output"),
 ];
 
+/// Processor time (s) of a phase on a rank.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PhaseWork {
+    /// Of the first thread, while it works alone or waits for other ranks.
+    pub alone: f64,
+    /// Of all threads in regions of parallel work.
+    pub parallel: f64,
+    /// Of the longest piece of each region: the least time that the regions take.
+    pub longest: f64,
+}
+
+/// The processor time spent in each phase.
+#[derive(Debug)]
+struct ProcessorTime {
+    clock: ThreadClock,
+    pieces: Option<Arc<PieceTimes>>,
+    /// Of the first thread, and [`PieceTimes::until_now`], when the last phase ended.
+    since: (u64, [u64; 3]),
+    phases: [PhaseWork; PHASES.len()],
+}
+
+impl ProcessorTime {
+    fn now(&self) -> (u64, [u64; 3]) {
+        let pieces = self.pieces.as_ref();
+        let pieces = pieces.map_or([0; 3], |pieces| pieces.until_now());
+        ((self.clock)(), pieces)
+    }
+
+    fn end(&mut self, phase: StepPhase) {
+        let now = self.now();
+        let (first, pieces) = self.since;
+        let [all, longest, caller] = std::array::from_fn(|k| (now.1[k] - pieces[k]) as f64);
+        let work = &mut self.phases[phase as usize];
+        work.alone += 1e-9 * ((now.0 - first) as f64 - caller);
+        work.parallel += 1e-9 * all;
+        work.longest += 1e-9 * longest;
+        self.since = now;
+    }
+}
+
 /// Seconds spent in each phase on this rank.
 #[derive(Debug)]
 pub struct Clock {
@@ -45,6 +86,8 @@ pub struct Clock {
     regions_since: u64,
     /// Seconds spent in regions in each phase.
     parallel: [f64; PHASES.len()],
+    /// If it is counted.
+    processor: Option<ProcessorTime>,
 }
 
 impl Default for Clock {
@@ -56,6 +99,7 @@ impl Default for Clock {
             regions: None,
             regions_since: 0,
             parallel: [0.0; PHASES.len()],
+            processor: None,
         }
     }
 }
@@ -72,6 +116,28 @@ impl Clock {
         clock
     }
 
+    /// A clock that also counts processor time, if it has a clock of that.
+    pub(crate) fn counting_processor_time(
+        mut self,
+        clock: Option<ThreadClock>,
+        pieces: Option<Arc<PieceTimes>>,
+    ) -> Self {
+        self.processor = clock.map(|clock| ProcessorTime {
+            clock,
+            pieces,
+            since: (0, [0; 3]),
+            phases: Default::default(),
+        });
+        self.begin_processor_time();
+        self
+    }
+
+    fn begin_processor_time(&mut self) {
+        if let Some(processor) = &mut self.processor {
+            processor.since = processor.now();
+        }
+    }
+
     fn nanoseconds_of_regions(&self) -> u64 {
         let regions = self.regions.as_ref();
         regions.map_or(0, |regions| regions.load(Ordering::Relaxed))
@@ -81,6 +147,7 @@ impl Clock {
     pub fn start(&mut self) {
         self.since = Instant::now();
         self.regions_since = self.nanoseconds_of_regions();
+        self.begin_processor_time();
     }
 
     /// Number of steps since the clock began.
@@ -102,6 +169,9 @@ impl Clock {
         let parallel = regions.saturating_sub(self.regions_since);
         self.parallel[phase as usize] += 1e-9 * parallel as f64;
         self.regions_since = regions;
+        if let Some(processor) = &mut self.processor {
+            processor.end(phase);
+        }
     }
 
     /// Gives a part of the time in a region of one phase to another one.
@@ -110,6 +180,12 @@ impl Clock {
             seconds[from as usize] -= time.as_secs_f64();
             seconds[to as usize] += time.as_secs_f64();
         }
+    }
+
+    /// Processor time in each phase on this rank, if it is counted. That of a region belongs to the
+    /// phase that ends with it.
+    pub fn work(&self) -> Option<[PhaseWork; PHASES.len()]> {
+        self.processor.as_ref().map(|processor| processor.phases)
     }
 
     /// Seconds of computing, without waiting for other ranks.

@@ -159,6 +159,8 @@ pub mod laws;
 mod motion;
 pub mod neighbour;
 pub mod observe;
+pub mod processor;
+pub mod profile;
 pub mod protocol;
 pub mod simd;
 pub mod state;

@@ -10,6 +10,7 @@ use crate::failure::{Failure, Outside, Result};
 use crate::kernel::{PairForce, PassOutcome};
 use crate::motion::GrainMotion;
 use crate::neighbour::{self, LocalExtent};
+use crate::processor::ThreadClock;
 use crate::simd::{Isa, Lanes, Work};
 use crate::state::{
     BandSize, Bands, CandidatePair, Cell, ContactState, Contacts, FlatWalls, GrainState, Grains,
@@ -77,6 +78,10 @@ pub struct System<D: Dimension> {
     /// [`PassOutcome::stress`](crate::kernel::PassOutcome::stress) of the last step with its
     /// kinetic part, if it was counted.
     pub(crate) stress: Option<[i128; 2]>,
+    /// Counts processor time, if it is given.
+    thread_clock: Option<ThreadClock>,
+    /// Number of blocks of pairs that all steps have evaluated.
+    blocks: u64,
 }
 
 /// How long the list of pairs remains complete.
@@ -325,7 +330,12 @@ impl List {
     }
 
     fn cutoff(&self) -> f64 {
-        self.diameter + self.gap + self.skin
+        self.diameter + self.listed_gap()
+    }
+
+    /// The greatest gap of a listed pair (m).
+    pub fn listed_gap(&self) -> f64 {
+        self.gap + self.skin
     }
 
     fn adapts(&self) -> bool {
@@ -418,6 +428,8 @@ pub struct Setup {
     pub threads: usize,
     /// Bands, and steps that follow each other through them.
     pub sweep: SweepSettings,
+    /// Counts processor time, if it is given.
+    pub thread_clock: Option<ThreadClock>,
 }
 
 impl Setup {
@@ -435,6 +447,7 @@ impl Setup {
             typical_force: 1.0,
             threads: 1,
             sweep: SweepSettings::default(),
+            thread_clock: None,
         }
     }
 
@@ -452,7 +465,7 @@ impl<D: Dimension> System<D> {
     /// # Errors
     /// If the slabs would be too narrow, or the threads cannot be started.
     pub fn new(exchange: &dyn Exchange, setup: Setup) -> Result<Self> {
-        let pool = ThreadPool::new(setup.threads)?;
+        let mut pool = ThreadPool::new(setup.threads)?;
         Ok(Self {
             list: List::new(exchange, &setup)?,
             isa: setup.isa,
@@ -470,8 +483,10 @@ impl<D: Dimension> System<D> {
             second_kick_deferred: false,
             wall_velocities: None,
             under_way: Vec::new(),
-            clock: pool.clock(),
+            clock: pool.clock(setup.thread_clock),
             pool,
+            thread_clock: setup.thread_clock,
+            blocks: 0,
             budget: None,
             stress: None,
             ids: Ids::default(),
@@ -481,7 +496,7 @@ impl<D: Dimension> System<D> {
 
     /// Begins the clock anew.
     pub fn restart_clock(&mut self) {
-        self.clock = self.pool.clock();
+        self.clock = self.pool.clock(self.thread_clock);
         self.list.worked = 0.0;
     }
 
@@ -551,9 +566,15 @@ impl<D: Dimension> System<D> {
     /// counted.
     pub(crate) fn count(&mut self, outcome: &PassOutcome, is_stressed: bool) {
         self.stress = is_stressed.then_some(outcome.stress);
+        self.blocks += outcome.blocks;
         if let Some(budget) = &mut self.budget {
             budget.step(outcome.dissipated, outcome.uncounted);
         }
+    }
+
+    /// Number of blocks of pairs that all steps have evaluated.
+    pub fn evaluated_blocks(&self) -> u64 {
+        self.blocks
     }
 
     /// Number of bands.
@@ -730,7 +751,7 @@ impl<D: Dimension> System<D> {
     ) {
         let cutoff = neighbour::Cutoff {
             greatest: self.list.cutoff(),
-            skin: self.list.gap + self.list.skin,
+            skin: self.list.listed_gap(),
         };
         let extent = self.extent(exchange);
         self.grains.lift_feet();

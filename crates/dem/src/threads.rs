@@ -13,6 +13,7 @@ use crate::dimension::Dimension;
 use crate::drive::{WallGrains, WallSums};
 use crate::failure::Result;
 use crate::kernel::{ContactForces, PairForce, Pass, PassInput, PassOutcome, Samples, Scratch};
+use crate::processor::ThreadClock;
 use crate::state::{Bands, BlockRange, Contacts, Grains, Image, OtherBlocks, Share};
 use crate::workers::{self, Workers, tail, tail_mut};
 
@@ -59,10 +60,16 @@ impl<D: Dimension> ThreadPool<D> {
         1 + self.partial.len()
     }
 
-    /// A clock that begins now, and counts the time in which one thread works alone.
-    pub(crate) fn clock(&self) -> Clock {
+    /// A clock that begins now, and counts the time in which one thread works alone; with
+    /// `thread_clock` also the processor time.
+    pub(crate) fn clock(&mut self, thread_clock: Option<ThreadClock>) -> Clock {
+        if let (Some(workers), Some(clock)) = (&mut self.workers, thread_clock) {
+            workers.count_times(clock);
+        }
         let workers = self.workers.as_ref();
-        Clock::with_regions(workers.map(|workers| Arc::clone(workers.nanoseconds())))
+        let clock = Clock::with_regions(workers.map(|workers| Arc::clone(workers.nanoseconds())));
+        let times = workers.and_then(Workers::times).map(Arc::clone);
+        clock.counting_processor_time(thread_clock, times)
     }
 
     /// The threads beside the first.

@@ -7,6 +7,7 @@ use std::thread::Thread;
 use std::time::{Duration, Instant};
 
 use crate::failure::{Failure, Result};
+use crate::processor::{PieceTimes, ThreadClock};
 
 /// The threads of a rank, the calling one included.
 #[derive(Debug)]
@@ -16,6 +17,8 @@ pub struct Workers {
     shared: Arc<Shared>,
     /// Nanoseconds of all regions until now.
     nanoseconds: Arc<AtomicU64>,
+    /// The processor time of their pieces, if it is counted.
+    times: Option<Arc<PieceTimes>>,
 }
 
 /// What the threads tell each other.
@@ -87,7 +90,18 @@ impl Workers {
             pool,
             shared: Arc::default(),
             nanoseconds: Arc::default(),
+            times: None,
         }))
+    }
+
+    /// Counts the processor time of the pieces of work by this clock.
+    pub(crate) fn count_times(&mut self, clock: ThreadClock) {
+        self.times = Some(Arc::new(PieceTimes::new(clock)));
+    }
+
+    /// The processor time of the pieces of work, if it is counted.
+    pub(crate) fn times(&self) -> Option<&Arc<PieceTimes>> {
+        self.times.as_ref()
     }
 
     /// Nanoseconds of all regions until now.
@@ -99,6 +113,8 @@ impl Workers {
     pub fn region<'scope>(&'scope self, work: impl FnOnce(&Region<'scope, '_>)) {
         let shared = &self.shared;
         let begun = Instant::now();
+        let times = self.times.as_deref();
+        let region_of_times = times.map(PieceTimes::region);
         shared.begin_region();
         shared.is_within.store(true, Ordering::Release);
         while shared.watching.load(Ordering::Acquire) + 1 < self.threads {
@@ -107,11 +123,13 @@ impl Workers {
             self.pool.spawn(move || shared.watch());
         }
         self.pool.in_place_scope(|scope| {
-            work(&Region {
+            let region = Region {
                 shared,
                 caller: std::thread::current(),
+                times,
                 scope,
-            });
+            };
+            PieceTimes::piece(times, || work(&region));
             // What no thread has begun: they have no core.
             let is_pending = || shared.pending.load(Ordering::Acquire) > 0;
             while is_pending() && rayon::yield_local() == Some(rayon::Yield::Executed) {}
@@ -123,6 +141,7 @@ impl Workers {
             }
         });
         shared.is_within.store(false, Ordering::Release);
+        drop(region_of_times);
         let nanoseconds = begun.elapsed().as_nanos() as u64;
         self.nanoseconds.fetch_add(nanoseconds, Ordering::Relaxed);
     }
@@ -214,6 +233,7 @@ pub struct Region<'scope, 'pool> {
     shared: &'scope Shared,
     /// The thread that waits for its end.
     caller: Thread,
+    times: Option<&'scope PieceTimes>,
     scope: &'pool rayon::Scope<'scope>,
 }
 
@@ -225,9 +245,10 @@ impl<'scope> Region<'scope, '_> {
             pending: &self.shared.pending,
             caller: self.caller.clone(),
         };
+        let times = self.times;
         self.scope.spawn(move |_| {
             let _piece = piece;
-            work();
+            PieceTimes::piece(times, work);
         });
     }
 }

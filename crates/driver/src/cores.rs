@@ -57,15 +57,42 @@ impl Cores {
                 allowed(&status.ok()?)
             })
             .collect();
-        let online = fs::read_to_string("/sys/devices/system/cpu/online");
-        let online = online.ok().and_then(|list| cpus(list.trim()));
         let place = RankCores {
             ranks: self.ranks,
             allowed: masks.unwrap_or_default(),
-            online: online.map_or(0, |list| list.len()),
+            online: online(),
         };
         place.advice(waited)
     }
+}
+
+/// Number of processors that this rank may run on; 0 if the system does not say.
+pub(crate) fn of_this_rank() -> usize {
+    let status = fs::read_to_string("/proc/self/status").ok();
+    let list = status.and_then(|status| allowed(&status));
+    list.map_or(0, |list| list.len())
+}
+
+/// What to say if a rank of so many `threads` may run on these few processors of this machine.
+pub(crate) fn too_few(threads: usize, processors: usize) -> Option<String> {
+    bound_to_few(threads, processors, online())
+}
+
+/// [`too_few`] of a machine with so many processors.
+fn bound_to_few(threads: usize, processors: usize, online: usize) -> Option<String> {
+    let is_bound = processors > 0 && processors < online;
+    (is_bound && processors < threads).then(|| {
+        format!(
+            "{threads} threads of a rank are bound to {processors} of {online} processors and wait for each other; start the ranks with mpirun --map-by slot:PE={threads} --bind-to core (Slurm: --cpus-per-task={threads}), or with --bind-to none"
+        )
+    })
+}
+
+/// Number of processors of this machine; 0 if the system does not say.
+fn online() -> usize {
+    let list = fs::read_to_string("/sys/devices/system/cpu/online").ok();
+    let list = list.and_then(|list| cpus(list.trim()));
+    list.map_or(0, |list| list.len())
 }
 
 /// Where ranks may run.
@@ -185,6 +212,23 @@ mod tests {
                 format!("{start} waited 63 % of the time for a core: {wanted}")
             );
         }
+    }
+
+    #[test]
+    fn threads_that_share_processors_are_noticed() {
+        for enough in [(1, 1, 8), (4, 4, 8), (4, 8, 8), (16, 8, 8), (4, 0, 0)] {
+            let (threads, processors, online) = enough;
+            assert_eq!(
+                bound_to_few(threads, processors, online),
+                None,
+                "{enough:?}"
+            );
+        }
+        let said = bound_to_few(4, 1, 8).expect("too few");
+        assert!(
+            said.starts_with("4 threads of a rank are bound to 1 of 8 processors"),
+            "{said}"
+        );
     }
 
     #[test]

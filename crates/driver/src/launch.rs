@@ -25,7 +25,7 @@ use crate::stages::sequence;
 use crate::stored_run::{Ends, StoredRun};
 pub use crate::task::Task;
 use crate::task::{Entry, Start};
-use crate::{ends, memory};
+use crate::{cores, ends, memory};
 
 impl Task {
     /// A window of a run from one of its checkpoints, for [`Options::replay`]. `set`: overrides.
@@ -65,6 +65,10 @@ impl Task {
             run.saved_at = Some(saved.header.position());
         }
         run.terminal.header(exchange, scene, run.isa);
+        let fewest = -exchange.maximum(-(run.processors as f64)) as usize;
+        if let Some(warning) = cores::too_few(options.threads, fewest) {
+            run.terminal.warn(warning);
+        }
         if let Some(note) = self.counts_anew() {
             run.terminal.warn(note);
         }

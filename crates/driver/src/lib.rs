@@ -37,6 +37,7 @@ pub mod folder;
 mod frame_analysis;
 pub mod header;
 pub mod launch;
+mod layout;
 mod lock;
 mod memory;
 pub mod options;

@@ -32,6 +32,8 @@ pub struct Options {
     pub overwrite: bool,
     /// Take the folder over from another process that holds its lock.
     pub break_lock: bool,
+    /// Print what every rank did, and count processor time for it.
+    pub profile: bool,
     /// How much is printed.
     pub verbosity: Verbosity,
     /// Compute only the steps from the checkpoint to the end of this window, without terminal

@@ -7,6 +7,7 @@ use gshear_scene::{Dimensions, Scene, unlikely};
 use crate::estimate::{Estimate, bytes, cores, dense_height, height_between};
 use crate::folder::{self, free};
 use crate::launch::{Task, resume_if_begun};
+use crate::layout::{self, Layout, SampleSize};
 use crate::options::{Options, Verbosity};
 use crate::say::{self, say_error};
 use crate::terminal::ranks as in_words;
@@ -109,9 +110,8 @@ pub(crate) fn doubts(task: &Task) -> Vec<String> {
     doubts
 }
 
-/// Grains per rank from which threads are worth it (docs/validation/speed.md, "Large packings and
-/// threads").
-const THREADED: f64 = 50_000.0;
+/// Grains per rank from which threads are worth it (docs/validation/speed.md, "Threads").
+const THREADED: f64 = 5_000.0;
 
 fn warnings(
     task: &Task,
@@ -128,6 +128,10 @@ fn warnings(
         warnings.push(format!(
             "{ranks} ranks are more than make sense: slabs are so narrow that ranks mostly exchange the grains at their borders; run it on {sensible}"
         ));
+    }
+    if ranks <= sensible {
+        let given = Layout { ranks, threads };
+        warnings.extend(layout::advice(&SampleSize::of(scene), given));
     }
     let per_rank = f64::from(scene.sample.grains) / ranks as f64;
     if threads > 1 && per_rank < THREADED {

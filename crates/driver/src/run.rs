@@ -11,6 +11,7 @@ use gshear_scene::Scene;
 use gshear_store::checkpoint;
 use gshear_store::collective::on_root;
 
+use crate::cores;
 use crate::folder::RunFolder;
 use crate::header::{Header, Position, PrepareHeader};
 use crate::options::Options;
@@ -37,6 +38,8 @@ pub(crate) struct Run<'a> {
     /// The folder of the results; `None` for a replay.
     pub(crate) folder: Option<RunFolder>,
     pub(crate) terminal: Terminal,
+    /// Number of processors that this rank may run on; 0 if the system does not say.
+    pub(crate) processors: usize,
     signals: Signals,
     started: Instant,
     saved: Instant,
@@ -69,6 +72,9 @@ impl<'a> Run<'a> {
             0.0 => Duration::MAX,
             seconds => Duration::from_secs_f64(seconds.clamp(1.0, 1e9)),
         });
+        if options.profile {
+            exchange.count_waits();
+        }
         let now = Instant::now();
         Ok(Self {
             exchange,
@@ -81,6 +87,7 @@ impl<'a> Run<'a> {
                 exchange.rank() == 0 && options.replay.is_none(),
                 options.verbosity,
             ),
+            processors: cores::of_this_rank(),
             signals: Signals::catch()?,
             started: now,
             saved: now,

@@ -40,9 +40,11 @@ mod hints;
 mod node;
 mod parallel;
 mod posted;
+mod processor;
 mod watchdog;
 mod world;
 
 pub use parallel::Parallel;
+pub use processor::processor_time;
 pub use watchdog::{LoneFailure, Waiting};
 pub use world::{World, end_process, library_version};

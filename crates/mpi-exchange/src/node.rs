@@ -4,11 +4,13 @@
 //! it takes a few.
 
 use std::cell::Cell;
+use std::ops::Range;
 use std::ptr::null_mut;
 use std::slice::{from_raw_parts, from_raw_parts_mut};
 use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::processor_time;
 use crate::watchdog::{Progress, Ranks};
 use mpi::ffi;
 use mpi::topology::SimpleCommunicator;
@@ -40,9 +42,19 @@ impl Counter {
         }
     }
 
+    /// [`Counter::wait`], whose processor time is counted if it is to be.
+    fn wait_for(&self, number: u64, patience: &Patience) {
+        let Some(before) = patience.waits.get() else {
+            return self.wait(number, patience);
+        };
+        let begun = processor_time();
+        self.wait(number, patience);
+        patience.waits.set(Some(before + processor_time() - begun));
+    }
+
     /// Waits until the number has been raised to this one: by polls, then yielding the core, and
     /// asleep if others want it or it takes long.
-    fn wait_for(&self, number: u64, patience: &Patience) {
+    fn wait(&self, number: u64, patience: &Patience) {
         let is_raised = |to: u32| to.wrapping_sub(number as u32) as i32 >= 0;
         let sleeps = patience.sleeps_next();
         let polls = if sleeps {
@@ -96,6 +108,8 @@ struct Patience {
     at_once: Cell<u32>,
     /// Where this rank runs; `None` if that may not be changed.
     binding: Option<Binding>,
+    /// Processor time of all waits (ns), if it is counted.
+    waits: Cell<Option<u64>>,
 }
 
 impl Patience {
@@ -267,11 +281,22 @@ impl Node {
                 polls,
                 at_once: Cell::new(0),
                 binding: Binding::new(&allowed, communicator.rank() as usize),
+                waits: Cell::new(None),
             },
             processes,
             window,
             _communicator: communicator,
         })
+    }
+
+    /// From now on counts the processor time of waits.
+    pub fn count_waits(&self) {
+        self.patience.waits.set(Some(0));
+    }
+
+    /// Processor time of all waits (ns), if it is counted.
+    pub fn waits(&self) -> u64 {
+        self.patience.waits.get().unwrap_or_default()
     }
 
     /// The processes of the ranks on this node.
@@ -386,18 +411,17 @@ impl Node {
 
     /// Begins an element-wise sum over the ranks. [`Node::end_sum`] must follow before the next.
     ///
+    /// A few ranks read each other's terms. Of more, each adds those of [`BRANCHES`] others to its
+    /// own, so that a tree comes together at rank 0, whose sum all of them read.
+    ///
     /// # Panics
     /// If there are more than [`MOST_TERMS`] values.
     pub fn begin_sum(&self, values: &[i64]) {
         assert!(values.len() <= MOST_TERMS, "few terms");
         self.sums.set(self.sums.get() + 1);
-        // Every rank has read the terms of the sum before the last, because it did so before it
-        // wrote its terms of the last sum.
-        let local = self.terms(self.rank);
-        for (to, value) in local.term.iter().zip(values) {
-            to.store(*value, Ordering::Relaxed);
+        if self.branches().is_none_or(|branches| branches.is_empty()) {
+            self.write_terms(values);
         }
-        local.count.raise(self.sums.get());
     }
 
     /// Waits for the sum over the ranks, wrapping, of these values.
@@ -405,12 +429,46 @@ impl Node {
     /// # Panics
     /// If not all ranks are on this node.
     pub fn end_sum(&self, values: &mut [i64]) {
-        for rank in (0..self.slots.len()).filter(|&r| r != self.rank) {
-            let other = self.terms(rank);
-            other.count.wait_for(self.sums.get(), &self.patience);
-            for (sum, term) in values.iter_mut().zip(&other.term) {
-                *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
+        let Some(branches) = self.branches() else {
+            for rank in (0..self.slots.len()).filter(|&r| r != self.rank) {
+                self.add_terms(rank, values);
             }
+            return;
+        };
+        if !branches.is_empty() {
+            for rank in branches {
+                self.add_terms(rank, values);
+            }
+            self.write_terms(values);
+        }
+        if self.rank != 0 {
+            values.fill(0);
+            self.add_terms(0, values);
+        }
+    }
+
+    /// The ranks whose sums this one adds to its terms; `None` if all read each other's.
+    fn branches(&self) -> Option<Range<usize>> {
+        let size = self.slots.len();
+        (size > BRANCHES).then(|| branches(self.rank, size))
+    }
+
+    /// Writes this rank's terms of the present sum. All ranks have read those of the sum before the
+    /// last, because they did so before they wrote their terms of the last one.
+    fn write_terms(&self, values: &[i64]) {
+        let local = self.terms(self.rank);
+        for (to, value) in local.term.iter().zip(values) {
+            to.store(*value, Ordering::Relaxed);
+        }
+        local.count.raise(self.sums.get());
+    }
+
+    /// Adds the terms of another rank, when it has written them.
+    fn add_terms(&self, rank: usize, values: &mut [i64]) {
+        let other = self.terms(rank);
+        other.count.wait_for(self.sums.get(), &self.patience);
+        for (sum, term) in values.iter_mut().zip(&other.term) {
+            *sum = sum.wrapping_add(term.load(Ordering::Relaxed));
         }
     }
 }
@@ -422,6 +480,15 @@ impl Drop for Node {
             ffi::MPI_Win_free(&raw mut self.window);
         }
     }
+}
+
+/// Ranks whose terms another one adds to its own, in a sum of more ranks.
+const BRANCHES: usize = 8;
+
+/// The ranks whose sums a rank of so many adds to its terms.
+fn branches(rank: usize, size: usize) -> Range<usize> {
+    let first = BRANCHES * rank + 1;
+    first.min(size)..(first + BRANCHES).min(size)
 }
 
 /// Polls before a rank yields its core, if there are more ranks than cores: about two microseconds.
@@ -524,6 +591,16 @@ mod tests {
         assert_eq!((cpus("what"), parse_cpus("Name:\tx")), (None, None));
     }
 
+    #[test]
+    fn every_rank_but_the_first_is_a_branch_of_one_before_it() {
+        for size in [9, 10, 64, 73, 74, 200] {
+            let all = (0..size).flat_map(|rank| branches(rank, size));
+            assert!(all.eq(1..size), "{size}");
+            let is_before = |rank| branches(rank, size).all(|branch| rank < branch);
+            assert!((0..size).all(is_before), "{size}");
+        }
+    }
+
     /// Two ranks, each bound to one of the processors of this test: one whose yield took long runs
     /// on both for the waits that sleep, then on its own again.
     #[test]
@@ -545,6 +622,7 @@ mod tests {
             polls: 1,
             at_once: Cell::new(0),
             binding: Binding::new(&ranks, 1),
+            waits: Cell::new(None),
         };
         assert!(!patience.sleeps_next());
         assert_eq!(thread_cpus(), cpu_set(&one(second)));

@@ -33,6 +33,9 @@ pub trait Parallel: Exchange {
         vec![std::process::id()]
     }
 
+    /// From now on, counts the processor time of waits ([`Exchange::traffic`]). Not collective.
+    fn count_waits(&self) {}
+
     /// From now on, ends the job with a message that names the rank if a rank has waited so long
     /// and no rank of its node computes. On several nodes ten times as long, since the ranks of
     /// other nodes are not seen. A few seconds after a [`LoneFailure`] with that message. Not

@@ -4,11 +4,12 @@ use crate::hints::Hints;
 use crate::node::Node;
 use crate::parallel::Parallel;
 use crate::posted::{PostedHalo, PostedSum};
+use crate::processor_time;
 use crate::watchdog::{LoneFailure, Progress, Ranks, Waiting, Watchdog};
 use bytemuck::cast_slice_mut;
-use gshear_dem::domain::{Exchange, HaloMessage};
+use gshear_dem::domain::{Exchange, HaloMessage, Traffic};
 use gshear_dem::failure::{Failure, Result, printable};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::io::Write;
 use std::time::Duration;
@@ -39,6 +40,9 @@ pub struct World {
     halos: RefCell<VecDeque<Halo>>,
     /// The sum that is under way through the library.
     posted_sum: RefCell<Option<PostedSum>>,
+    traffic: Cell<Traffic>,
+    /// Whether the processor time of waits is counted.
+    counts_waits: Cell<bool>,
     // Dropped last: ends MPI.
     _universe: Universe,
 }
@@ -125,6 +129,8 @@ impl World {
             hints: Hints::new(),
             halos: RefCell::default(),
             posted_sum: RefCell::default(),
+            traffic: Cell::default(),
+            counts_waits: Cell::new(false),
             rank,
             size,
             communicator,
@@ -159,6 +165,32 @@ impl World {
         }
     }
 
+    /// Begins an operation of all ranks other than the halo and the sum of a step.
+    fn operation(&self) -> Operation<'_> {
+        Operation {
+            _waiting: self.waiting(),
+            wait: self.wait(OTHERS),
+        }
+    }
+
+    /// Begins to wait.
+    fn wait(&self, kind: usize) -> Wait<'_> {
+        Wait {
+            traffic: &self.traffic,
+            kind,
+            begun: self.counts_waits.get().then(processor_time),
+        }
+    }
+
+    /// Runs an operation through shared memory, and counts its waits as of this kind.
+    fn on_node(&self, node: &Node, kind: usize, operation: impl FnOnce()) {
+        let before = node.waits();
+        operation();
+        let mut traffic = self.traffic.get();
+        traffic.waits[kind] += node.waits() - before;
+        self.traffic.set(traffic);
+    }
+
     fn progress(&self) -> &Progress {
         self.node.as_ref().map_or(self.alone, Node::progress)
     }
@@ -183,6 +215,43 @@ impl World {
         pieces
             .map(|(&s, &c)| bytes[s as usize..][..c as usize].to_vec())
             .collect()
+    }
+}
+
+/// Places in [`Traffic::waits`].
+const MESSAGES: usize = 0;
+const SUMS: usize = 1;
+const OTHERS: usize = 2;
+
+/// A wait, until it is dropped.
+struct Wait<'a> {
+    traffic: &'a Cell<Traffic>,
+    kind: usize,
+    /// The processor time then (ns), if it is counted.
+    begun: Option<u64>,
+}
+
+impl Drop for Wait<'_> {
+    fn drop(&mut self) {
+        if let Some(begun) = self.begun {
+            let mut traffic = self.traffic.get();
+            traffic.waits[self.kind] += processor_time() - begun;
+            self.traffic.set(traffic);
+        }
+    }
+}
+
+/// An operation of all ranks, until it is dropped.
+struct Operation<'a> {
+    _waiting: Waiting<'a>,
+    wait: Wait<'a>,
+}
+
+impl Drop for Operation<'_> {
+    fn drop(&mut self) {
+        let mut traffic = self.wait.traffic.get();
+        traffic.others += 1;
+        self.wait.traffic.set(traffic);
     }
 }
 
@@ -271,6 +340,13 @@ impl Parallel for World {
     fn hints(&self) -> Option<mpi::ffi::MPI_Info> {
         self.hints.as_ref().map(Hints::as_raw)
     }
+
+    fn count_waits(&self) {
+        self.counts_waits.set(true);
+        if let Some(node) = &self.node {
+            node.count_waits();
+        }
+    }
 }
 
 impl Exchange for World {
@@ -287,7 +363,7 @@ impl Exchange for World {
     }
 
     fn all_to_all(&self, mut send: Vec<Vec<u8>>) -> Vec<Vec<u8>> {
-        let _waiting = self.waiting();
+        let _operation = self.operation();
         assert_eq!(send.len(), self.size, "a message for every rank");
         if self.size == 1 {
             return send;
@@ -318,12 +394,16 @@ impl Exchange for World {
             expected,
         } = message;
         let numbers = expected.max(chosen.len() * width);
+        let mut traffic = self.traffic.get();
+        traffic.messages[0] += 1;
+        traffic.messages[1] += (size_of::<f64>() * width * chosen.len()) as u64;
+        self.traffic.set(traffic);
         let node = self.node.as_ref();
         let way = match node.filter(|node| node.connects(rank, numbers)) {
             Some(node) => {
                 // A mailbox may have to be emptied first.
                 let _waiting = self.waiting();
-                node.send(rank, records, width, chosen);
+                self.on_node(node, MESSAGES, || node.send(rank, records, width, chosen));
                 Way::SharedMemory(expected)
             }
             None => Way::Library(PostedHalo::new(&self.communicator, message)),
@@ -337,13 +417,26 @@ impl Exchange for World {
         let first = halos.iter().position(|halo| halo.rank == rank);
         let halo = first.and_then(|place| halos.remove(place));
         match (halo.map(|halo| halo.way), &self.node) {
-            (Some(Way::SharedMemory(expected)), Some(node)) => node.receive(rank, expected, read),
-            (Some(Way::Library(posted)), _) => read(&posted.end()),
+            (Some(Way::SharedMemory(expected)), Some(node)) => {
+                self.on_node(node, MESSAGES, || node.receive(rank, expected, read));
+            }
+            (Some(Way::Library(posted)), _) => {
+                let wait = self.wait(MESSAGES);
+                let received = posted.end();
+                drop(wait);
+                read(&received);
+            }
             _ => panic!("no message is under way from rank {rank}"),
         }
     }
 
     fn begin_sum(&self, values: &[i64]) {
+        if self.size > 1 {
+            let mut traffic = self.traffic.get();
+            traffic.sums[0] += 1;
+            traffic.sums[1] += size_of_val(values) as u64;
+            self.traffic.set(traffic);
+        }
         if let Some(node) = self.node.as_ref().filter(|n| n.holds_all()) {
             node.begin_sum(values);
         } else if self.size > 1 {
@@ -355,14 +448,15 @@ impl Exchange for World {
     fn end_sum(&self, values: &mut [i64]) {
         let _waiting = self.waiting();
         if let Some(node) = self.node.as_ref().filter(|n| n.holds_all()) {
-            node.end_sum(values);
+            self.on_node(node, SUMS, || node.end_sum(values));
         } else if let Some(posted) = self.posted_sum.borrow_mut().take() {
+            let _wait = self.wait(SUMS);
             values.copy_from_slice(&posted.end());
         }
     }
 
     fn sum(&self, values: &mut [i64]) {
-        let _waiting = self.waiting();
+        let _operation = self.operation();
         if self.size == 1 {
             return;
         }
@@ -377,7 +471,7 @@ impl Exchange for World {
     }
 
     fn sum_below(&self, value: u64) -> u64 {
-        let _waiting = self.waiting();
+        let _operation = self.operation();
         let mut below = 0u64;
         self.communicator
             .exclusive_scan_into(&value, &mut below, SystemOperation::sum());
@@ -387,7 +481,7 @@ impl Exchange for World {
 
     /// NaN if the value of any rank is NaN, which MPI's own maximum does not guarantee.
     fn maximum(&self, value: f64) -> f64 {
-        let _waiting = self.waiting();
+        let _operation = self.operation();
         if self.size == 1 {
             return value;
         }
@@ -403,7 +497,7 @@ impl Exchange for World {
     }
 
     fn gather(&self, bytes: &[u8]) -> Vec<Vec<u8>> {
-        let _waiting = self.waiting();
+        let _operation = self.operation();
         let mut lengths = vec![0u64; self.size];
         self.communicator
             .all_gather_into(&(bytes.len() as u64), &mut lengths[..]);
@@ -417,7 +511,7 @@ impl Exchange for World {
     }
 
     fn broadcast(&self, mut bytes: Vec<u8>) -> Vec<u8> {
-        let _waiting = self.waiting();
+        let _operation = self.operation();
         if self.size == 1 {
             return bytes;
         }
@@ -432,8 +526,12 @@ impl Exchange for World {
     }
 
     fn barrier(&self) {
-        let _waiting = self.waiting();
+        let _operation = self.operation();
         self.communicator.barrier();
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.traffic.get()
     }
 }
 

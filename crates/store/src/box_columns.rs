@@ -81,11 +81,12 @@ mod tests {
     use super::*;
     use gshear_analysis::frame_scalars::FrameScalars;
     use gshear_dem::columns::Column;
+    use gshear_dem::profile::RankProfile;
     use gshear_dem::state::{FlowRow, ImposedRow, SeriesRow, StressRow};
     use std::collections::BTreeSet;
     use std::fmt::Write as _;
 
-    const TABLES: [(&str, &[Column]); 7] = [
+    const TABLES: [(&str, &[Column]); 8] = [
         ("SeriesRow", &SeriesRow::COLUMNS),
         ("ImposedRow", &ImposedRow::COLUMNS),
         ("StressRow", &StressRow::COLUMNS),
@@ -93,6 +94,7 @@ mod tests {
         ("FrameScalars", &FrameScalars::COLUMNS),
         ("AqsRow", &AqsRow::COLUMNS),
         ("NewtonianRow", &NewtonianRow::COLUMNS),
+        ("RankProfile", &RankProfile::COLUMNS),
     ];
     const PAGE: &str = concat!(
         env!("CARGO_MANIFEST_DIR"),

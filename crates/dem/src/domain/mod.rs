@@ -27,6 +27,34 @@ pub struct HaloMessage<'a> {
     pub expected: usize,
 }
 
+/// What a rank has sent, and how long it has waited for others.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Messages of records to neighbours, and their bytes.
+    pub messages: [u64; 2],
+    /// Sums of a step, and the bytes of this rank's terms.
+    pub sums: [u64; 2],
+    /// Other collective operations.
+    pub others: u64,
+    /// Processor time (ns) of waits for messages, for sums, and in other operations; 0 if it is not
+    /// counted.
+    pub waits: [u64; 3],
+}
+
+impl Traffic {
+    /// What was sent since then.
+    #[must_use]
+    pub fn since(&self, then: &Self) -> Self {
+        let less = |now: [u64; 2], then: [u64; 2]| [now[0] - then[0], now[1] - then[1]];
+        Self {
+            messages: less(self.messages, then.messages),
+            sums: less(self.sums, then.sums),
+            others: self.others - then.others,
+            waits: std::array::from_fn(|k| self.waits[k] - then.waits[k]),
+        }
+    }
+}
+
 /// Collective and point-to-point operations of a set of ranks. Calls are collective unless they say
 /// otherwise.
 pub trait Exchange {
@@ -64,6 +92,10 @@ pub trait Exchange {
     fn broadcast(&self, bytes: Vec<u8>) -> Vec<u8>;
     /// Waits for all ranks.
     fn barrier(&self);
+    /// What this rank has sent until now; nothing where it is not counted. Not collective.
+    fn traffic(&self) -> Traffic {
+        Traffic::default()
+    }
 }
 
 /// The sum of a count over the ranks.

@@ -383,6 +383,11 @@ impl<D: Dimension> Slabs<D> {
         }
     }
 
+    /// Number of ghosts.
+    pub fn ghosts(&self) -> usize {
+        self.links.iter().map(|link| link.ghosts.len()).sum()
+    }
+
     /// Bytes that this rank sends per step.
     pub fn bytes_per_step(&self) -> usize {
         let records: usize = self.links.iter().map(|l| l.send.len()).sum();

@@ -219,6 +219,8 @@ pub struct PassOutcome {
     /// Σ F r_z/h along the last axis and along x of these contacts, in units of the forces, if it
     /// is counted; h is the height of the cell.
     pub stress: [i128; 2],
+    /// Number of blocks that were awake.
+    pub blocks: u64,
 }
 
 impl PassOutcome {
@@ -241,6 +243,7 @@ impl PassOutcome {
         for (sum, more) in self.stress.iter_mut().zip(other.stress) {
             *sum += more;
         }
+        self.blocks += other.blocks;
         self
     }
 }
@@ -371,6 +374,7 @@ impl<C: ContactLaw, const BUDGET: bool> Work for PassWork<'_, C, BUDGET> {
                 prefetched = pass.part.awake(prefetched.end, blocks, travelled);
                 prefetch_blocks(pass, prefetched.clone());
             }
+            outcome.blocks += chunk.len() as u64;
             load_differences::<C, L>(token, pass, chunk.clone(), scratch);
             let active = relative_motion::<C, L, BUDGET>(token, pass, chunk.clone(), scratch);
             // In later blocks nothing touches or touched a step ago: their histories are zero

@@ -12,7 +12,7 @@ use gshear_dem::state::{
 };
 use gshear_dem::step::{Advanced, StepRequest, advance, initial_forces};
 use gshear_dem::system::{Setup, System};
-use gshear_mpi_exchange::Parallel;
+use gshear_mpi_exchange::{Parallel, processor_time};
 use gshear_scene::{PlaneShear, Scene};
 
 use crate::run::Run;
@@ -156,6 +156,7 @@ pub(crate) fn system<D: Dimension>(run: &Run<'_>, scene: &Scene, cell: Cell) -> 
         gravity,
         typical_force,
         threads: run.options.threads,
+        thread_clock: run.options.profile.then_some(processor_time),
     };
     let mut system = System::new(run.exchange, setup)?;
     if let Some(file) = scene.packing() {

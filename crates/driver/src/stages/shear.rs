@@ -6,11 +6,12 @@ use std::time::Instant;
 use gshear_dem::budget::{EnergyBudget, SavedBudget};
 use gshear_dem::clock::StepPhase;
 use gshear_dem::dimension::Dimension;
-use gshear_dem::domain::Exchange;
+use gshear_dem::domain::{Exchange, Traffic};
 use gshear_dem::drive::{MovingBoundary, Slider, Top};
 use gshear_dem::failure::{Failure, Result};
 use gshear_dem::kernel::PairForce;
 use gshear_dem::observe::{self, RowInput, SampleConstants};
+use gshear_dem::profile::RankProfile;
 use gshear_dem::state::{GrainState, SeriesRow, Snapshot, body};
 use gshear_mpi_exchange::Parallel;
 use gshear_scene::schedule::{Schedule, definition_of_inertial_number};
@@ -52,6 +53,8 @@ pub(super) struct ShearStage<'a, D: Dimension> {
     /// From where the time counts.
     origin: TimeOrigin,
     started: Instant,
+    /// What this rank had sent before.
+    traffic: Traffic,
     /// The last row of the time series.
     latest: Option<SeriesRow>,
 }
@@ -79,6 +82,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         }
         let mut assembly = Assembly::new(run, scene, from.cell(&scene.sample), law)?;
         assembly.system.steps = from.step;
+        let traffic = exchange.traffic();
         let spring = plane_shear.shear.spring;
         if spring.is_none() {
             // A wall that begins to move at its full speed is not to leave the list in a step.
@@ -142,6 +146,7 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
             left_in: from.left_in,
             origin: from.origin,
             started: Instant::now(),
+            traffic,
             latest: None,
         })
     }
@@ -150,6 +155,11 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
     pub fn finish(mut self, run: &Run<'_>, outcome: Result<Outcome>) -> Result<Sheared<'a, D>> {
         let exchange = run.exchange;
         let images = self.images();
+        let profile = run.options.profile.then(|| {
+            let system = &self.assembly.system;
+            let traffic = exchange.traffic().since(&self.traffic);
+            RankProfile::of(exchange, system, traffic, run.processors)
+        });
         let (files, outcome) = self.files.unless_failed(exchange, outcome)?;
         let seconds = exchange.maximum(self.started.elapsed().as_secs_f64());
         let done = f64::from(self.scene.sample.grains) * (self.step - self.first) as f64;
@@ -167,6 +177,9 @@ impl<'a, D: Dimension> ShearStage<'a, D> {
         let out = &run.options.out;
         run.terminal
             .end(exchange, system, done / seconds, &digest, out);
+        if let Some(profile) = profile {
+            run.terminal.say(profile.table(exchange));
+        }
         Ok(Sheared {
             assembly: self.assembly,
             steps: self.step,

@@ -88,7 +88,7 @@ impl Terminal {
         }
     }
 
-    fn say(&self, line: impl AsRef<str>) {
+    pub(crate) fn say(&self, line: impl AsRef<str>) {
         match (&self.screen, self.verbosity) {
             (_, Verbosity::Quiet) => {}
             (None, _) => say(line.as_ref()),
