@@ -20,8 +20,8 @@ pub struct Bands {
     count: usize,
     /// The lowest heights of the bands but the first (m), the same on all ranks.
     bounds: Vec<f64>,
-    /// The band of each owned grain and ghost, if there are several bands.
-    of: Vec<u32>,
+    /// The number of the band of each owned grain and ghost, if there are several bands.
+    numbers: Vec<u32>,
 }
 
 impl Bands {
@@ -31,7 +31,7 @@ impl Bands {
             ends: vec![grains],
             count: 1,
             bounds: Vec::new(),
-            of: Vec::new(),
+            numbers: Vec::new(),
         }
     }
 
@@ -94,7 +94,7 @@ impl Bands {
     /// The band of a local grain.
     pub(crate) fn of(&self, grain: usize) -> usize {
         // With feet there is one band.
-        self.of.get(grain).map_or(0, |&band| band as usize)
+        self.numbers.get(grain).map_or(0, |&band| band as usize)
     }
 
     /// Finds the bands of the ghosts, which have these positions (m), and which their owners have
@@ -104,10 +104,10 @@ impl Bands {
         cell: &Cell,
         ghosts: impl Iterator<Item = [f64; 3]>,
     ) {
-        self.of.truncate(self.owned());
+        self.numbers.truncate(self.owned());
         for place in ghosts {
             let band = self.of_height(height::<D>(cell, &place));
-            self.of.push(band as u32);
+            self.numbers.push(band as u32);
         }
     }
 
@@ -137,7 +137,7 @@ impl Bands {
             ends: vec![0; shares * count],
             count,
             bounds,
-            of: Vec::new(),
+            numbers: Vec::new(),
         };
         let band_of = |grain: &GrainState| bands.of_height(height::<D>(cell, &grain.position));
         let band_of_grain: Vec<usize> = grains.iter().map(band_of).collect();
@@ -159,7 +159,7 @@ impl Bands {
             end += *size;
             *size = end;
             if count > 1 {
-                bands.of.resize(end, (place % count) as u32);
+                bands.numbers.resize(end, (place % count) as u32);
             }
         }
         order.sort_unstable();

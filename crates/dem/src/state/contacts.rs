@@ -15,10 +15,10 @@ use super::{Bands, ContactState};
 /// Their blocks are in groups. First come, for each thread, the pairs between two grains of its
 /// [share](Bands), band by band. Then come, for each band, the others: inner pairs, of which this
 /// rank owns both grains, of two shares; pairs of an owned i and a ghost; and pairs of a ghost and
-/// an owned j. A group is in the order of the cells. Within every run of 1,024 pairs, those of the same two materials follow each other, in blocks of
-/// their own. Of these, contacts come first, those that slide before the others, followed
-/// by the other pairs in classes of their gaps, so that blocks in which nothing touches follow each
-/// other, and in most blocks nothing slides.
+/// an owned j. A group is in the order of the cells. Within every run of 1,024 pairs, those of the
+/// same two materials follow each other, in blocks of their own. Of these, contacts come first,
+/// those that slide before the others, followed by the other pairs in classes of their gaps, so
+/// that blocks in which nothing touches follow each other, and in most blocks nothing slides.
 ///
 /// The last block of a group is filled up with pairs of a grain and itself, which never touch. The
 /// order and the extent of the list do not change the numbers: sums of forces are exact, and pairs
@@ -202,13 +202,13 @@ impl Contacts {
         self.parameter_lanes = layout.parameters;
         self.history_lanes = layout.history.len();
         self.limits_are_known = remembered.limits_are_known();
-        let mut runs: Vec<Run<'_>> = Vec::new();
-        for group in 0..grains.groups() {
-            for of_part in &groups {
-                let of_group = of_part[group].chunks(SORTED_TOGETHER);
-                runs.extend(of_group.map(|pairs| Run { group, pairs }));
-            }
-        }
+        let of_group = |(group, pairs)| {
+            let runs = <[CandidatePair]>::chunks(pairs, SORTED_TOGETHER);
+            runs.map(move |pairs| Run { group, pairs })
+        };
+        let runs: Vec<Run<'_>> = (groups.iter().map(|pairs| &**pairs).enumerate())
+            .flat_map(of_group)
+            .collect();
         // A part for every thread.
         let (threads, history_lanes) = (workers::count(workers), self.history_lanes);
         let mut parts: Vec<(Self, Vec<usize>)> = Vec::new();
@@ -676,27 +676,38 @@ struct Run<'a> {
 /// enough that their data stay in the cache.
 const SORTED_TOGETHER: usize = 64 * LANES;
 
-/// The pairs of each group, in the order of the list; each thread groups a part of the list.
+/// The pairs of each group; each thread groups a part of the list, in which most pairs are of one
+/// share.
 fn grouped<'a>(
     workers: Option<&Workers>,
     candidates: &'a [CandidatePair],
     grains: LocalGrains<'_>,
-) -> Vec<Vec<Cow<'a, [CandidatePair]>>> {
+) -> Vec<Cow<'a, [CandidatePair]>> {
     if grains.groups_within_shares() == 1 && grains.id.len() == grains.owned {
         let mut groups = vec![Cow::default(); grains.groups()];
         groups[0] = candidates.into();
-        return vec![groups];
+        return groups;
     }
     let threads = workers::count(workers);
     let begin = |part: usize| candidates.len() * part / threads;
-    let mut parts: Vec<Vec<Cow<'a, [CandidatePair]>>> = vec![Vec::new(); threads];
+    let mut parts: Vec<Vec<Vec<CandidatePair>>> = vec![Vec::new(); threads];
     workers::each(workers, &mut parts, |k, groups| {
-        groups.resize(grains.groups(), Cow::default());
+        groups.resize(grains.groups(), Vec::new());
         for pair in &candidates[begin(k)..begin(k + 1)] {
-            groups[grains.group(pair)].to_mut().push(*pair);
+            groups[grains.group(pair)].push(*pair);
         }
     });
-    parts
+    let joined = parts.into_iter().reduce(|mut groups, of_part| {
+        for (group, mut more) in groups.iter_mut().zip(of_part) {
+            if more.len() > group.len() {
+                std::mem::swap(group, &mut more);
+            }
+            group.append(&mut more);
+        }
+        groups
+    });
+    let joined = joined.unwrap_or_default().into_iter();
+    joined.map(Cow::Owned).collect()
 }
 
 /// Classes of the pairs of a run: contacts that slide, other contacts, and others by their gaps.

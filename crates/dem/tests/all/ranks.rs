@@ -8,15 +8,17 @@ use std::time::{Duration, Instant};
 use bytemuck::{cast_slice, pod_collect_to_vec};
 use gshear_dem::domain::{Exchange, HaloMessage};
 
+/// Messages that are under way, by sender and receiver, and when each may be read.
+type Queues = Vec<VecDeque<(Instant, Vec<u8>)>>;
+
 /// What the ranks of a job have in common.
 pub struct Job {
     size: usize,
     barrier: Barrier,
     /// The present collective messages, by sender and receiver.
     messages: Mutex<Vec<Vec<Vec<u8>>>>,
-    /// Halo messages and terms of sums that are under way, by sender and receiver, and when each
-    /// may be read.
-    under_way: [Mutex<Vec<VecDeque<(Instant, Vec<u8>)>>>; 2],
+    /// Halo messages, and terms of sums.
+    under_way: [Mutex<Queues>; 2],
     sent: Condvar,
     /// How long a message is under way.
     latency: Duration,
@@ -50,16 +52,16 @@ impl Job {
     }
 
     /// Runs `work` on every rank, and returns what it gives on each.
-    pub fn run<R: Send>(&self, work: impl Fn(&Rank<'_>) -> R + Sync) -> Vec<R> {
+    pub fn run<R: Send>(&self, work: impl Fn(&LocalRank<'_>) -> R + Sync) -> Vec<R> {
         std::thread::scope(|scope| {
             let start = |rank: usize| {
                 let work = &work;
                 scope.spawn(move || {
-                    work(&Rank {
+                    work(&LocalRank {
                         job: self,
                         rank,
                         is_summing: Cell::default(),
-                        sent_during_sums: Cell::default(),
+                        meanwhile: Cell::default(),
                         terms: RefCell::default(),
                     })
                 })
@@ -72,20 +74,20 @@ impl Job {
 }
 
 /// A rank of a job.
-pub struct Rank<'a> {
+pub struct LocalRank<'a> {
     job: &'a Job,
     rank: usize,
     is_summing: Cell<bool>,
     /// Number of halo messages that were sent while a sum was under way.
-    sent_during_sums: Cell<u64>,
+    meanwhile: Cell<u64>,
     /// Those of the sum under way.
     terms: RefCell<Vec<i64>>,
 }
 
-impl Rank<'_> {
+impl LocalRank<'_> {
     /// Number of halo messages that were sent while a sum was under way.
     pub fn sent_during_sums(&self) -> u64 {
-        self.sent_during_sums.get()
+        self.meanwhile.get()
     }
 
     fn post(&self, channel: usize, to: usize, message: Vec<u8>) {
@@ -121,7 +123,7 @@ impl Rank<'_> {
     }
 }
 
-impl Exchange for Rank<'_> {
+impl Exchange for LocalRank<'_> {
     fn rank(&self) -> usize {
         self.rank
     }
@@ -160,8 +162,7 @@ impl Exchange for Rank<'_> {
         }
         self.post(HALO, rank, bytes);
         let more = u64::from(self.is_summing.get());
-        self.sent_during_sums
-            .set(self.sent_during_sums.get() + more);
+        self.meanwhile.set(self.meanwhile.get() + more);
     }
 
     fn end_halo(&self, rank: usize, read: &mut dyn FnMut(&[f64])) {
