@@ -56,6 +56,8 @@ def test_a_scene_of_the_tests_fits_the_schema(scene: Path) -> None:
         "shear.protocol = [{ velocity = '1 mm/s', time = '.5 h' }]",
         "sample.replicate = [2]\nshear.protocol = [{ velocity = 0.0, time = 1 }]",
         "sweep.seed = [1, 2]",
+        "[sweep]\nseeds = 3\n[sweep.zip]\n'load.pressure' = [1, 2]\ntitle = ['a', 'b']",
+        "[[sweep.zip]]\nseed = [1, 2]\n[[sweep.zip]]\ncontact.friction = [0.1, 0.2]",
     ],
 )
 def test_units_none_and_lists_are_taken(right: str) -> None:
@@ -105,6 +107,8 @@ def test_a_mistake_is_found(wrong: str, right: str) -> None:
         "sample.radii = ['big']",
         "time.force = 'yes'",
         "load = 'heavy'",
+        "sweep.seeds = 0",
+        "sweep.zip = 3",
     ],
 )
 def test_what_the_program_refuses_is_refused(wrong: str) -> None:

@@ -250,6 +250,19 @@ pub fn json_schema() -> String {
         "description": "lists of values for keys; every combination is a run",
         "type": ["object", "string"],
         "pattern": none(),
+        "properties": {
+            "seeds": {
+                "description": "number of seeds: 3 stands for seed = [1, 2, 3]",
+                "type": "integer",
+                "minimum": 1,
+            },
+            "zip": {
+                "description": "lists of the same length whose values belong together; several such tables as [[sweep.zip]]",
+                "type": ["object", "array"],
+                "items": { "type": "object" },
+                "additionalProperties": { "type": ["array", "object"] },
+            },
+        },
         "additionalProperties": { "type": ["array", "object"] },
     });
     properties.insert(SWEEP.into(), sweep);
